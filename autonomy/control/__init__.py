@@ -1,0 +1,1 @@
+"""Controllers that track a reference trajectory."""

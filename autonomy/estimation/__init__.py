@@ -1,0 +1,1 @@
+"""Filters that tell where the robot is, and how well it knows."""

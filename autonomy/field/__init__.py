@@ -1,0 +1,1 @@
+"""Maps of unknown scalar fields by Gaussian processes."""

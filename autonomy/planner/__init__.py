@@ -1,0 +1,1 @@
+"""The informative planner: primitives, energy, and the search for the best trajectory."""

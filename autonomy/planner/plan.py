@@ -1,0 +1,84 @@
+"""A plan as a value: legs that a robot can fly, and the points that a planner promises."""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+from autonomy.arrays import FloatArray
+
+PositionNed = tuple[float, float, float]
+"""North, east, down in the site's frame, m; down is depth and never negative."""
+
+
+class PrimitiveKind(StrEnum):
+    """The four motion primitives (thesis Table 5.1)."""
+
+    GLIDE = "glide"
+    SPIRAL = "spiral"
+    DIVE = "dive"
+    SWIM = "swim"
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One motion primitive, from a point to a point, both in the site's NED frame.
+
+    ``speed_m_s`` is the vertical speed (a magnitude) of a glide, spiral or dive, and the speed
+    over ground of a swim. A spiral turns by ``turn_rad`` (positive to starboard, seen from above
+    clockwise) on a circle of ``radius_m``, entered at ``heading_rad``; both are 0 for the others.
+    """
+
+    kind: PrimitiveKind
+    start_ned: PositionNed
+    end_ned: PositionNed
+    speed_m_s: float
+    duration_s: float
+    energy: float
+    """Energy units of thesis section 5.5.2: a dive 1, a glide or spiral 1.5, and time."""
+    heading_rad: float = 0.0
+    radius_m: float = 0.0
+    turn_rad: float = 0.0
+
+
+class PlanStatus(StrEnum):
+    """How a planning run ended; a person reads ``PlanResult.message``."""
+
+    FOUND = "found"
+    NOTHING_FEASIBLE = "nothing_feasible"
+    CANCELLED = "cancelled"
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectivePoint:
+    """The best objective known after some planning time, for the curve the operator watches."""
+
+    elapsed_s: float
+    objective: float
+    candidates: int
+
+
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """One trajectory that the planner could offer."""
+
+    legs: tuple[Leg, ...]
+    points: FloatArray
+    """Shape ``(n, 5)``: time from the start s, north m, east m, down m, position std m."""
+    objective: float
+    energy: float
+    duration_s: float
+    worst_std_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlanResult:
+    """What a planning run leaves: best candidate, runners-up, and how it went."""
+
+    status: PlanStatus
+    message: str
+    best: Candidate | None
+    runners_up: tuple[Candidate, ...]
+    history: tuple[ObjectivePoint, ...]
+    candidates: int
+    """Budget-feasible candidates whose objective was known or bounded."""
+    reservoir_full: bool
+    """Whether some node met the cap on its paths, so that not every path was kept."""

@@ -1,0 +1,1 @@
+"""Dynamics of the glider: parameters, equations of motion, steady glides."""

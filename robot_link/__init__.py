@@ -1,0 +1,1 @@
+"""Talking to robots: transports, protocols, sessions, mission transfer."""

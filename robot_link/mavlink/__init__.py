@@ -1,0 +1,1 @@
+"""MAVLink 2 with the grace dialect: codec and services."""

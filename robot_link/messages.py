@@ -1,0 +1,203 @@
+"""What travels between a robot and the station, once decoded: frozen values, SI, radians, NED.
+
+``measured_at`` is the robot's clock, ``received_at`` the station's; both are aware UTC. Nothing
+here knows a wire, a database key or a screen.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime
+from enum import IntEnum, StrEnum
+from typing import NewType
+
+RobotId = NewType("RobotId", str)
+"""Operator's name of a robot, such as ``mini-1``: lower case letters, digits and dashes."""
+SystemId = NewType("SystemId", int)
+"""MAVLink system id of a robot, 1..249; the station is 255."""
+LogId = NewType("LogId", int)
+"""Names one sample log on board; sample numbers count from 0 within it."""
+CommandNumber = NewType("CommandNumber", int)
+"""Station's number of a command, 1..2**24-1, echoed by the robot's acknowledgement."""
+PlanHash = NewType("PlanHash", str)
+"""SHA-256 of a mission's canonical bytes, 64 lower-case hexadecimal digits."""
+
+PositionNed = tuple[float, float, float]
+
+
+class RobotMode(IntEnum):
+    """What the robot says it is doing; the number is the wire's."""
+
+    IDLE = 0
+    """At the surface without a mission to fly."""
+    DIVING = 1
+    GLIDING = 2
+    SPIRALLING = 3
+    SWIMMING = 4
+    TURNING = 5
+    """At the surface, swimming towards the heading of the next leg."""
+    SURFACED = 6
+    """At the surface between legs: taking a fix and talking."""
+    ABORTING = 7
+    """On its way up because it was told to, or because a limit was met."""
+    HOLDING = 8
+    """At the surface, mission suspended by command."""
+
+
+class OnboardPlanState(IntEnum):
+    """State of the plan that the robot holds, as the robot itself says it."""
+
+    NONE = 0
+    RECEIVING = 1
+    ON_BOARD = 2
+    RUNNING = 3
+    DONE = 4
+    FAILED = 5
+    REFUSED = 6
+
+
+class CommandKind(StrEnum):
+    """What an operator can tell a robot in one short message; each is idempotent."""
+
+    SURFACE = "surface"
+    """Abort the mission, come up, stay there."""
+    HOLD = "hold"
+    """Suspend at the next surfacing."""
+    RESUME = "resume"
+    """Continue a suspended mission."""
+    START = "start"
+    """Fly the plan on board, if its hash begins with the given digits."""
+
+
+class CommandLevel(StrEnum):
+    """How far a command is proved to have come; never shown before it is proved."""
+
+    QUEUED = "queued"
+    RADIO = "radio"
+    APPLIED = "applied"
+    REFUSED = "refused"
+    EXPIRED = "expired"
+
+
+@dataclass(frozen=True, slots=True)
+class StateReport:
+    """The robot's own estimate of itself at one moment."""
+
+    robot: RobotId
+    measured_at: datetime
+    received_at: datetime
+    position_ned: PositionNed
+    position_std_m: float
+    """Standard deviation of the horizontal position (larger axis), m."""
+    velocity_ned: tuple[float, float, float]
+    roll_rad: float
+    pitch_rad: float
+    heading_rad: float
+    """0 north, positive to starboard, in -pi..pi."""
+    net_buoyancy_kg: float
+    """Excess mass m0; positive sinks."""
+    mass_position_m: float
+    tail_rad: float
+    battery_fraction: float
+    battery_v: float
+    mode: RobotMode
+    has_fix: bool
+    """Whether the position was fixed from outside (GPS, cameras) at this moment."""
+    energy_used: float
+    """Energy units spent since the mission began, by the plan's own account."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sample:
+    """One measurement of a field, where the robot believes that it took it."""
+
+    robot: RobotId
+    log: LogId
+    sequence: int
+    variable: str
+    value: float
+    position_ned: PositionNed
+    position_std_m: float
+    measured_at: datetime
+    received_at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class PlanReport:
+    """What the robot says of the plan on board."""
+
+    robot: RobotId
+    sha256: PlanHash | None
+    state: OnboardPlanState
+    leg: int
+    legs: int
+    energy_used: float
+    reason: str
+    """One sentence where the state is FAILED or REFUSED, else empty."""
+    measured_at: datetime
+    received_at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class CommandReport:
+    """A level of one command, proved at ``at`` by ``carrier``."""
+
+    robot: RobotId
+    number: CommandNumber
+    level: CommandLevel
+    at: datetime
+    carrier: str
+    """The link that proved it, such as ``xbee``."""
+    reason: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class UploadReport:
+    """Progress of one mission upload as far as it is proved."""
+
+    robot: RobotId
+    sha256: PlanHash
+    items_sent: int
+    items: int
+    state: OnboardPlanState
+    """RECEIVING while under way; ON_BOARD only after the robot echoed the hash."""
+    reason: str
+    at: datetime
+
+
+class LinkState(StrEnum):
+    """What is known of the road to one robot."""
+
+    NEVER_HEARD = "never_heard"
+    LIVE = "live"
+    STALE = "stale"
+    """No byte for longer than the link's limit."""
+    SUBMERGED = "submerged"
+    """Silent because it said it would dive; not lost."""
+    PORT_CLOSED = "port_closed"
+
+
+@dataclass(frozen=True, slots=True)
+class LinkReport:
+    """Health of the link to one robot."""
+
+    robot: RobotId
+    carrier: str
+    state: LinkState
+    heard_at: datetime | None
+    rssi_dbm: float | None
+    frames_received: int
+    frames_bad: int
+    """Frames dropped for a bad checksum or a foreign sender since the link opened."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawFrame:
+    """Bytes of one packet as they crossed a link, for the journal."""
+
+    robot: RobotId | None
+    carrier: str
+    outgoing: bool
+    data: bytes
+    at: datetime
+
+
+LinkEvent = StateReport | Sample | PlanReport | CommandReport | UploadReport | LinkReport | RawFrame

@@ -1,0 +1,160 @@
+"""The mission document: what a plan becomes when it travels, and the hash that names it.
+
+Both ends build the same canonical bytes (RFC 8949 deterministic CBOR of positional integers:
+millimetres, milliseconds, milliradians), so the hash that a robot echoes proves that it holds
+exactly this plan. MAVLink mission items carry the same integers, each exact in a float32.
+"""
+
+import hashlib
+import math
+from dataclasses import dataclass
+from typing import Self
+
+import cbor2
+
+from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
+from robot_link.messages import PlanHash
+
+FORMAT_VERSION = 1
+_KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
+_FLOAT32_EXACT = 2**24
+SETTINGS_FIELDS = 5
+"""Integers of the settings in the canonical form."""
+ITEM_FIELDS = 10
+"""Integers in one leg of the canonical form."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionSettings:
+    """What the robot must know beside the legs."""
+
+    sample_period_s: float
+    """Time between two field samples."""
+    max_uncertainty_m: float
+    """The robot comes up when its horizontal position std exceeds this."""
+    timeout_s: float
+    """The robot comes up and ends the mission after this time."""
+    start_x_m: float
+    """Northing where the first leg begins."""
+    start_y_m: float
+    """Easting where the first leg begins."""
+
+
+@dataclass(frozen=True, slots=True)
+class Mission:
+    """Settings and legs, quantized to what the wire can carry exactly.
+
+    Build it with ``from_legs`` so that equality and hash hold on both sides of a link.
+    """
+
+    settings: MissionSettings
+    legs: tuple[Leg, ...]
+
+    @classmethod
+    def from_legs(cls, settings: MissionSettings, legs: tuple[Leg, ...]) -> Self:
+        """Quantize a plan's legs.
+
+        Raises:
+            ValueError: If a number does not fit the wire; the message names it.
+        """
+        return cls.from_integers(
+            _settings_integers(settings), tuple(leg_integers(leg) for leg in legs)
+        )
+
+    @classmethod
+    def from_integers(cls, settings: tuple[int, ...], legs: tuple[tuple[int, ...], ...]) -> Self:
+        """Rebuild a mission from its wire integers (see ``leg_integers``)."""
+        if len(settings) != SETTINGS_FIELDS:
+            raise ValueError(
+                f"mission settings have {SETTINGS_FIELDS} numbers, not {len(settings)}"
+            )
+        sample_ms, uncertainty_mm, timeout_s, x_mm, y_mm = settings
+        start: PositionNed = (x_mm / 1e3, y_mm / 1e3, 0.0)
+        rebuilt: list[Leg] = []
+        for integers in legs:
+            rebuilt.append(_leg(start, integers))
+            start = rebuilt[-1].end_ned
+        return cls(
+            settings=MissionSettings(
+                sample_ms / 1e3, uncertainty_mm / 1e3, float(timeout_s), x_mm / 1e3, y_mm / 1e3
+            ),
+            legs=tuple(rebuilt),
+        )
+
+    def settings_integers(self) -> tuple[int, ...]:
+        """Wire integers of the settings: ms, mm, s, mm, mm."""
+        return _settings_integers(self.settings)
+
+    def leg_integers(self) -> tuple[tuple[int, ...], ...]:
+        """Wire integers of every leg, ``ITEM_FIELDS`` each."""
+        return tuple(leg_integers(leg) for leg in self.legs)
+
+    def canonical_bytes(self) -> bytes:
+        """Return the bytes that the hash covers."""
+        content = [
+            FORMAT_VERSION,
+            list(self.settings_integers()),
+            [list(leg) for leg in self.leg_integers()],
+        ]
+        return cbor2.dumps(content, canonical=True)
+
+    def sha256(self) -> PlanHash:
+        """Return the name of this mission: SHA-256 of its canonical bytes."""
+        return PlanHash(hashlib.sha256(self.canonical_bytes()).hexdigest())
+
+
+def leg_integers(leg: Leg) -> tuple[int, ...]:
+    """Quantize one leg: kind, start (end of the previous leg is not assumed), end, motion.
+
+    Returns:
+        ``(kind, x_mm, y_mm, z_mm, speed_mm_s, duration_ds, energy_milli, heading_mrad,
+        radius_mm, turn_mrad)`` where x, y, z are the end of the leg; it starts where the
+        previous one ended, so the start does not travel.
+
+    Raises:
+        ValueError: If a number is not finite or exceeds what a float32 holds exactly.
+    """
+    named = {
+        "x": leg.end_ned[0] * 1e3,
+        "y": leg.end_ned[1] * 1e3,
+        "z": leg.end_ned[2] * 1e3,
+        "speed": leg.speed_m_s * 1e3,
+        "duration": leg.duration_s * 10,
+        "energy": leg.energy * 1e3,
+        "heading": leg.heading_rad * 1e3,
+        "radius": leg.radius_m * 1e3,
+        "turn": leg.turn_rad * 1e3,
+    }
+    for name, value in named.items():
+        if not math.isfinite(value) or abs(value) >= _FLOAT32_EXACT:
+            raise ValueError(f"{name} of a {leg.kind} leg is out of the wire's range")
+    return (_KINDS.index(leg.kind), *(round(value) for value in named.values()))
+
+
+def _settings_integers(settings: MissionSettings) -> tuple[int, ...]:
+    return (
+        round(settings.sample_period_s * 1e3),
+        round(settings.max_uncertainty_m * 1e3),
+        round(settings.timeout_s),
+        round(settings.start_x_m * 1e3),
+        round(settings.start_y_m * 1e3),
+    )
+
+
+def _leg(start: PositionNed, integers: tuple[int, ...]) -> Leg:
+    if len(integers) != ITEM_FIELDS:
+        raise ValueError(f"a leg has {ITEM_FIELDS} numbers, not {len(integers)}")
+    kind, x, y, z, speed, duration, energy, heading, radius, turn = integers
+    if not 0 <= kind < len(_KINDS):
+        raise ValueError(f"kind {kind} of a leg is unknown")
+    return Leg(
+        kind=_KINDS[kind],
+        start_ned=start,
+        end_ned=(x / 1e3, y / 1e3, z / 1e3),
+        speed_m_s=speed / 1e3,
+        duration_s=duration / 10,
+        energy=energy / 1e3,
+        heading_rad=heading / 1e3,
+        radius_m=radius / 1e3,
+        turn_rad=turn / 1e3,
+    )

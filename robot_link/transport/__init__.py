@@ -1,0 +1,1 @@
+"""Roads that carry bytes or datagrams, chosen by URI."""

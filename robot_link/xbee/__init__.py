@@ -1,0 +1,1 @@
+"""XBee API frames, without input or output."""

@@ -1,0 +1,1 @@
+"""The station: web application, services and command line."""

@@ -1,0 +1,1 @@
+"""REST resources and live streams, one module a resource."""

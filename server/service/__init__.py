@@ -1,0 +1,1 @@
+"""What the station does between requests, one module a duty."""

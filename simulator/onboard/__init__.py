@@ -1,0 +1,1 @@
+"""The program that flies on the robot: estimator, controller, mission executive."""

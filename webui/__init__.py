@@ -1,0 +1,1 @@
+"""What a browser shows: the viser scene and the operator app."""
