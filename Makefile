@@ -1,0 +1,59 @@
+# make demo: the station with two simulated robots.   make test: everything that can be tested here.
+PYTHON ?= python3
+VENV := .venv
+BIN := $(VENV)/bin
+
+.PHONY: help demo test check bench setup setup-dev app coverage clean
+
+help:
+	@echo "make demo    start the station with two simulated robots and print its address"
+	@echo "make test    run every test that this machine can run"
+	@echo "make check   format, lint, types, import directions, and the operator app's checks"
+	@echo "make bench   measure against the bars and beside peers; writes build/bench.json"
+	@echo "make setup   only prepare: environment, operator app, MAVLink dialect, compiled kernels"
+
+demo: setup
+	@$(BIN)/grace demo $(DEMO)
+
+test: setup-dev
+	$(BIN)/python -m pytest $(TESTS)
+
+check: setup-dev
+	$(BIN)/ruff format --check .
+	$(BIN)/ruff check .
+	$(BIN)/basedpyright
+	$(BIN)/lint-imports
+	$(BIN)/python -m webui.build check
+
+bench: setup-dev
+	$(BIN)/python -m benchmarks.run $(AREAS)
+
+coverage: setup-dev
+	$(BIN)/python -m pytest --cov --cov-report=term-missing:skip-covered $(TESTS)
+
+setup: $(VENV)/runtime.stamp
+	@$(BIN)/python -m robot_link.mavlink.build
+	@$(BIN)/python -m webui.build
+	@$(BIN)/grace compile
+
+setup-dev: $(VENV)/dev.stamp
+	@$(BIN)/python -m robot_link.mavlink.build
+	@$(BIN)/python -m webui.build
+	@$(BIN)/grace compile
+
+$(VENV)/runtime.stamp: requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed; say make PYTHON=python3.12")'
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	@echo "Installing the pinned packages"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	@touch $@
+
+$(VENV)/dev.stamp: $(VENV)/runtime.stamp requirements-dev.lock
+	@echo "Installing the pinned packages for tests and checks"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	@touch $@
+
+clean:
+	rm -rf $(VENV) build webui/dist webui/app/node_modules robot_link/mavlink/dialect
+	find . -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -1,0 +1,48 @@
+"""Runs every benchmark, prints one table and writes ``build/bench.json``.
+
+``python -m benchmarks.run [area ...]`` runs only the named areas. A row whose peer or compiler is
+absent is kept, with ``met`` null and the reason in its unit.
+"""
+
+import importlib
+import json
+import sys
+from pathlib import Path
+
+from rich.console import Console
+from rich.table import Table
+
+AREAS = ("vehicle", "field", "planner", "telemetry")
+OUTPUT = Path("build/bench.json")
+
+
+def main(areas: list[str]) -> int:
+    unknown = sorted(set(areas) - set(AREAS))
+    if unknown:
+        print(f"unknown area {', '.join(unknown)}; there are {', '.join(AREAS)}")
+        return 2
+    rows: list[dict] = []
+    for area in areas or AREAS:
+        print(f"measuring {area}", flush=True)
+        rows += importlib.import_module(f"benchmarks.{area}").measure()
+    OUTPUT.parent.mkdir(exist_ok=True)
+    OUTPUT.write_text(json.dumps(rows, indent=1) + "\n")
+    Console().print(table(rows))
+    print(f"written to {OUTPUT}")
+    return 0
+
+
+def table(rows: list[dict]) -> Table:
+    shown = Table(title="Measured against the bars")
+    for column in ("area", "what", "value", "unit", "bar", "met"):
+        shown.add_column(column, justify="right" if column in {"value", "bar"} else "left")
+    for row in rows:
+        met = {True: "yes", False: "NO", None: "-"}[row["met"]]
+        bar = "" if row["bar"] is None else str(row["bar"])
+        value = "-" if row["value"] is None else f"{row['value']:.4g}"
+        shown.add_row(row["area"], row["name"], value, row["unit"], bar, met)
+    return shown
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,119 @@
+"""Flies a whole adaptive survey by REST alone: plan, upload, wait, print the final scores.
+
+    grace token create --role pilot --data DIR       # prints a token
+    python examples/adaptive_survey.py --url http://127.0.0.1:8000 --token TOKEN --robot mini-1
+
+Needs only httpx. Nothing is sent to the robot unless --send is given.
+"""
+
+import argparse
+import sys
+import time
+import uuid
+
+import httpx
+
+
+def main() -> int:
+    """Run the survey named on the command line."""
+    arguments = parse()
+    headers = {"Authorization": f"Bearer {arguments.token}"}
+    with httpx.Client(base_url=arguments.url, headers=headers, timeout=30.0) as station:
+        mission = create_mission(station, arguments)
+        plan = wait_for_draft(station, mission)
+        account = plan["account"]
+        print(
+            f"{plan['id']}: {len(plan['legs'])} legs, {account['energy']:.1f} energy units, "
+            f"{account['duration_s']:.0f} s, worst expected uncertainty "
+            f"{account['worst_std_m']:.2f} m"
+        )
+        if not arguments.send:
+            print("nothing was sent; add --send to fly it")
+            return 0
+        post(station, f"/api/missions/{mission}/start")
+        return report(follow(station, mission, arguments.timeout_s))
+
+
+def parse() -> argparse.Namespace:
+    """Read the command line."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--url", default="http://127.0.0.1:8000")
+    parser.add_argument("--token", required=True)
+    parser.add_argument("--robot", default="mini-1")
+    parser.add_argument("--objective", choices=["information_gain", "ergodic"])
+    parser.add_argument("--total-budget", type=float)
+    parser.add_argument("--planning-time-s", type=float)
+    parser.add_argument("--timeout-s", type=float, default=7200.0)
+    parser.add_argument("--send", action="store_true", help="really fly it")
+    return parser.parse_args()
+
+
+def post(station: httpx.Client, path: str, body: dict | None = None) -> dict:
+    """Post once, whatever the network does: the key makes a repetition harmless."""
+    key = {"Idempotency-Key": str(uuid.uuid4())}
+    answer = station.post(path, json=body or {}, headers=key)
+    if answer.is_error:
+        sys.exit(f"{path}: {answer.json().get('detail', answer.text)}")
+    return answer.json()
+
+
+def create_mission(station: httpx.Client, arguments: argparse.Namespace) -> str:
+    """Ask for an adaptive survey with the robot's own defaults where nothing is said."""
+    config = {
+        "objective": arguments.objective,
+        "total_budget": arguments.total_budget,
+        "planning_time_s": arguments.planning_time_s,
+    }
+    body = {
+        "kind": "adaptive_survey",
+        "config": {name: value for name, value in config.items() if value is not None},
+    }
+    return post(station, f"/api/robots/{arguments.robot}/missions", body)["id"]
+
+
+def wait_for_draft(station: httpx.Client, mission: str) -> dict:
+    """Wait until the first round's plan is there to be looked at."""
+    while True:
+        state = station.get(f"/api/missions/{mission}").raise_for_status().json()
+        if state["state"] == "ready":
+            return station.get(f"/api/plans/{state['plan_id']}").raise_for_status().json()
+        if state["state"] in {"failed", "stopped"}:
+            sys.exit(f"{mission}: {state['message']}")
+        time.sleep(0.5)
+
+
+def follow(station: httpx.Client, mission: str, timeout_s: float) -> dict:
+    """Print every change of the mission until it ends."""
+    shown = ""
+    give_up = time.monotonic() + timeout_s
+    while time.monotonic() < give_up:
+        state = station.get(f"/api/missions/{mission}").raise_for_status().json()
+        budget = state["budget"]
+        line = (
+            f"{state['state']}: round {len(state['rounds'])}, "
+            f"{budget['spent']:.0f} of {budget['total']:.0f} energy units spent"
+        )
+        if line != shown:
+            print(line, flush=True)
+            shown = line
+        if state["state"] in {"done", "failed", "stopped"}:
+            return state
+        time.sleep(1.0)
+    sys.exit(f"{mission} is still {shown} after {timeout_s:.0f} s")
+
+
+def report(mission: dict) -> int:
+    """Print the final scores of the map against the simulated truth."""
+    if mission["state"] != "done":
+        print(mission["message"])
+        return 1
+    for score in mission["scores"] or []:
+        print(
+            f"{score['title']}: RMSE {score['rmse']:.3f}, NLPD {score['nlpd']:.3f}, "
+            f"WMSE {score['wmse']:.3f}, 90 % coverage {score['coverage_90']:.2f}"
+        )
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,114 @@
+"""Builds the operator app into ``webui/dist`` with node from the machine or from the lock file.
+
+``python -m webui.build`` builds when a source changed; ``python -m webui.build check`` runs the
+app's type checker, linter and unit tests.
+"""
+
+import hashlib
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+HERE = Path(__file__).parent
+APP = HERE / "app"
+DIST = HERE / "dist"
+STAMP = DIST / "source.sha256"
+NODE_LOCK = HERE.parent / "requirements-node.lock"
+SMALLEST_NODE = 20
+NOT_SOURCES = {"node_modules", "dist", "mock"}
+
+
+class BuildError(Exception):
+    """The app cannot be built; the message is for the person at the terminal."""
+
+
+def main(arguments: list[str]) -> int:
+    """Build or check the app; returns the exit status."""
+    if arguments not in ([], ["check"]):
+        sys.stderr.write("usage: python -m webui.build [check]\n")
+        return 2
+    try:
+        if arguments:
+            _install_packages()
+            for script in ("check", "test"):
+                _npm("run", script)
+        else:
+            _build_if_stale()
+    except BuildError as error:
+        sys.stderr.write(f"webui.build: {error}\n")
+        return 1
+    return 0
+
+
+def _build_if_stale() -> None:
+    digest = _source_digest()
+    if STAMP.exists() and STAMP.read_text() == digest:
+        return
+    sys.stdout.write("Building the operator app\n")
+    _install_packages()
+    _npm("run", "build")
+    if not (DIST / "index.html").exists():
+        raise BuildError("the build ended without webui/dist/index.html")
+    STAMP.write_text(digest)
+
+
+def _source_digest() -> str:
+    digest = hashlib.sha256()
+    for path in sorted(APP.rglob("*")):
+        inside = path.relative_to(APP)
+        if path.is_file() and not NOT_SOURCES.intersection(inside.parts):
+            digest.update(str(inside).encode() + b"\0" + path.read_bytes())
+    return digest.hexdigest()
+
+
+def _install_packages() -> None:
+    lock = APP / "package-lock.json"
+    stamp = APP / "node_modules" / ".lock.sha256"
+    digest = hashlib.sha256(lock.read_bytes()).hexdigest()
+    if stamp.exists() and stamp.read_text() == digest:
+        return
+    _npm("ci", "--no-audit", "--no-fund")
+    stamp.write_text(digest)
+
+
+def _npm(*arguments: str) -> None:
+    command = [_npm_path(), "--loglevel=error", *arguments]
+    done = subprocess.run(
+        command, cwd=APP, capture_output=True, text=True, check=False, env=_environment()
+    )
+    if done.returncode != 0:
+        raise BuildError(f"npm {' '.join(arguments)} failed:\n{done.stdout}{done.stderr}")
+
+
+def _environment() -> dict[str, str]:
+    return {**os.environ, "PATH": f"{Path(_npm_path()).parent}:{os.environ.get('PATH', '')}"}
+
+
+def _npm_path() -> str:
+    """Find npm beside a node of at least version 20; install the wheel when there is none."""
+    for node in (shutil.which("node"), str(Path(sys.executable).parent / "node")):
+        if node and Path(node).exists() and _node_version(node) >= SMALLEST_NODE:
+            npm = Path(node).with_name("npm")
+            if npm.exists():
+                return str(npm)
+    sys.stdout.write("Installing node, which this machine lacks, from its wheel\n")
+    pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check",
+           "--require-hashes", "-r", str(NODE_LOCK)]  # fmt: skip
+    if subprocess.run(pip, check=False).returncode != 0:
+        raise BuildError("node 20 or newer is neither on this machine nor installable")
+    return str(Path(sys.executable).with_name("npm"))
+
+
+def _node_version(node: str) -> int:
+    said = subprocess.run(
+        [node, "--version"], capture_output=True, text=True, check=False
+    ).stdout
+    found = re.match(r"v(\d+)\.", said)
+    return int(found[1]) if found else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main(sys.argv[1:]))
