@@ -1,0 +1,132 @@
+"""What the 3D scene may draw of one robot, as values behind one small interface.
+
+The station implements ``SceneSource``; the scene polls it at its own rate and never sees a
+database, a link or a lock. Every value is an immutable snapshot, so a source may be read from any
+thread. Positions are in the site's NED frame, m; the scene converts to its own frame at its edge.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Protocol
+
+from autonomy.arrays import FloatArray, IntArray
+from autonomy.field.variable import Variable
+from autonomy.planner.plan import Leg, PositionNed
+from autonomy.site import Site
+from robot_link.messages import RobotId, RobotMode
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """The robot's newest estimate of itself."""
+
+    measured_at: datetime
+    position_ned: PositionNed
+    position_std_m: float
+    """Standard deviation of the horizontal position (larger axis)."""
+    roll_rad: float
+    pitch_rad: float
+    heading_rad: float
+    tail_rad: float
+    mode: RobotMode
+    is_old: bool
+    """Whether the estimate is older than its limit, so that it must not look alive."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackPiece:
+    """Track points in the order they were flown, from a cursor on."""
+
+    cursor: int
+    """Hand it to the next ``track_since``."""
+    restarted: bool
+    """Everything drawn before is void (the track was thinned or replaced): draw this piece alone."""
+    position_ned: FloatArray
+    """Shape ``(n, 3)``."""
+    position_std_m: FloatArray
+    """Shape ``(n,)``."""
+    fidelity: IntArray
+    """Fidelity level of each point, shape ``(n,)``, ``0 .. levels - 1``; the highest is the best."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanView:
+    """The plan that concerns the operator now: running, on board, sent or newest draft."""
+
+    plan_id: str
+    state: str
+    """As in the REST interface: ``draft``, ``sent``, ``on_board``, ``running``, ``done``."""
+    legs: tuple[Leg, ...]
+    points: FloatArray
+    """Promised trajectory, shape ``(n, 5)``: time s, north, east, down m, position std m."""
+    leg_now: int | None
+    """Index of the leg being flown, where the robot says so."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapView:
+    """One field map on a regular grid."""
+
+    variable: Variable
+    model: str
+    x_m: FloatArray
+    y_m: FloatArray
+    z_m: FloatArray
+    mean: FloatArray
+    """Shape ``(nx, ny, nz)``, in the scale of ``variable`` (natural logarithm for ``log``)."""
+    std: FloatArray
+    """Standard deviation of ``mean``, same shape and scale."""
+    samples_per_level: tuple[int, ...]
+    """Samples behind the map by fidelity level, worst level first."""
+    version: int
+    """Changes whenever the arrays do."""
+    updated_at: datetime | None
+
+
+class SceneSource(Protocol):
+    """Everything the scene shows of one robot; cheap enough to be polled at 10 Hz."""
+
+    @property
+    def robot(self) -> RobotId:
+        """Return the robot's id."""
+        ...
+
+    @property
+    def title(self) -> str:
+        """Return the robot's display name."""
+        ...
+
+    @property
+    def vehicle(self) -> str:
+        """Return the vehicle's key in ``autonomy.vehicle.config.VEHICLES``."""
+        ...
+
+    @property
+    def site(self) -> Site:
+        """Return the water that the robot works in."""
+        ...
+
+    @property
+    def fidelity_levels(self) -> int:
+        """Return how many fidelity levels ``TrackPiece.fidelity`` counts."""
+        ...
+
+    def pose(self) -> Pose | None:
+        """Return the newest pose, ``None`` before the first report and for a recorded deployment."""
+        ...
+
+    def track_since(self, cursor: int) -> TrackPiece:
+        """Return the track from ``cursor`` on; 0 asks for all of it."""
+        ...
+
+    def plan(self) -> PlanView | None:
+        """Return the plan to draw; the same object as long as nothing about it changed."""
+        ...
+
+    def maps(self) -> tuple[str, ...]:
+        """Return the models that ``map_view`` knows, the default first."""
+        ...
+
+    def map_view(self, model: str) -> MapView | None:
+        """Return the newest map; the same object as long as its version is the same."""
+        ...
