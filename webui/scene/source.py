@@ -40,13 +40,13 @@ class TrackPiece:
     cursor: int
     """Hand it to the next ``track_since``."""
     restarted: bool
-    """Everything drawn before is void (the track was thinned or replaced): draw this piece alone."""
+    """Everything drawn before is void (the track was thinned or replaced)."""
     position_ned: FloatArray
     """Shape ``(n, 3)``."""
     position_std_m: FloatArray
     """Shape ``(n,)``."""
     fidelity: IntArray
-    """Fidelity level of each point, shape ``(n,)``, ``0 .. levels - 1``; the highest is the best."""
+    """Fidelity level of each point, shape ``(n,)``; the highest is the best located."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,7 +112,7 @@ class SceneSource(Protocol):
         ...
 
     def pose(self) -> Pose | None:
-        """Return the newest pose, ``None`` before the first report and for a recorded deployment."""
+        """Return the newest pose, ``None`` where the robot never reported one."""
         ...
 
     def track_since(self, cursor: int) -> TrackPiece:
