@@ -1,0 +1,146 @@
+"""Settings of a field map: model, kernel of each fidelity level, grid; presets per variable."""
+
+from itertools import pairwise
+from typing import Literal, Self
+
+from pydantic import Field, model_validator
+
+from autonomy.configuration import Configuration, quantity
+from autonomy.field.variable import VARIABLES
+
+
+class KernelParameters(Configuration):
+    """Matern-3/2 kernel with one length scale per axis, and the noise of the measurements."""
+
+    signal_variance: float = quantity(5.27, title="Signal variance", gt=0.0, le=1e6)
+    """Prior variance of the field about its mean, in the model's scale squared."""
+    length_x_m: float = quantity(2.41, "m", title="Length scale north", gt=0.0, le=1e6)
+    """Distance north over which the field stays alike."""
+    length_y_m: float = quantity(2.46, "m", title="Length scale east", gt=0.0, le=1e6)
+    """Distance east over which the field stays alike."""
+    length_z_m: float = quantity(2.40, "m", title="Length scale in depth", gt=0.0, le=1e6)
+    """Distance in depth over which the field stays alike."""
+    noise_variance: float = quantity(0.0025, title="Noise variance", gt=0.0, le=1e6)
+    """Variance of one measurement about the field, in the model's scale squared."""
+
+    def length_scales_m(self) -> tuple[float, float, float]:
+        """Return the length scales north, east, down, m."""
+        return (self.length_x_m, self.length_y_m, self.length_z_m)
+
+
+class GridShape(Configuration):
+    """Number of grid points along each axis of a map."""
+
+    x: int = quantity(24, title="Points north", ge=2, le=200)
+    """Grid points from the south edge to the north edge."""
+    y: int = quantity(14, title="Points east", ge=2, le=200)
+    """Grid points from the west edge to the east edge."""
+    z: int = quantity(8, title="Points in depth", ge=2, le=100)
+    """Grid points from the surface to the deepest level."""
+
+
+class FieldConfig(Configuration):
+    """How the map of one variable is made."""
+
+    variable: str = quantity("blue_light", title="Variable")
+    """The mapped quantity, a key of ``autonomy.field.variable``."""
+    model: Literal["single", "recursive"] = quantity("recursive", title="Model")
+    """The thesis's recursive model has one Gaussian process per level of position uncertainty; the
+    single model takes every position for exact."""
+    prior_mean: float = quantity(0.0, title="Prior mean", ge=-1e6, le=1e6, advanced=True)
+    """Value of the field where nothing was measured, in the model's scale."""
+    single: KernelParameters = quantity(KernelParameters(), title="Single model")
+    """Kernel of the single-fidelity model."""
+    levels: tuple[KernelParameters, ...] = Field(
+        default=(KernelParameters(), KernelParameters(), KernelParameters()),
+        title="Fidelity levels",
+        min_length=1,
+        max_length=5,
+    )
+    """Kernel of each fidelity level, worst located first; level i models what the levels below
+    leave unexplained."""
+    fidelity_thresholds_m: tuple[float, ...] = Field(
+        default=(0.05, 0.12),
+        title="Fidelity thresholds",
+        max_length=4,
+        json_schema_extra={"unit": "m"},
+    )
+    """Position standard deviations that separate the levels, ascending; one fewer than levels."""
+    grid: GridShape = quantity(GridShape(), title="Grid")
+    """Points at which the map is kept up to date."""
+    max_samples: int = quantity(2000, title="Most samples kept", ge=50, le=20_000, advanced=True)
+    """When a map holds more samples than this it keeps an evenly spread part of them, so that
+    memory (8 bytes x samples x grid points) and time stay bounded."""
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if self.variable not in VARIABLES:
+            raise ValueError(f"variable must be one of {', '.join(VARIABLES)}")
+        thresholds = self.fidelity_thresholds_m
+        if len(thresholds) != len(self.levels) - 1:
+            raise ValueError("fidelity_thresholds_m needs one number fewer than levels")
+        if any(threshold <= 0 for threshold in thresholds):
+            raise ValueError("fidelity_thresholds_m must be positive")
+        if any(b <= a for a, b in pairwise(thresholds)):
+            raise ValueError("fidelity_thresholds_m must ascend")
+        return self
+
+    def with_thresholds(self, fidelity_thresholds_m: tuple[float, ...]) -> "FieldConfig":
+        """Return the same settings with the thresholds of one mission.
+
+        Raises:
+            pydantic.ValidationError: If the thresholds do not ascend or do not fit the levels.
+        """
+        return FieldConfig.model_validate(
+            self.model_dump() | {"fidelity_thresholds_m": fidelity_thresholds_m}
+        )
+
+
+FIELD_PRESETS: dict[str, FieldConfig] = {
+    "blue_light": FieldConfig(
+        variable="blue_light",
+        single=KernelParameters(),
+        levels=(
+            KernelParameters(),
+            KernelParameters(signal_variance=0.05, length_x_m=0.5, length_y_m=0.5, length_z_m=0.5),
+            KernelParameters(signal_variance=0.05, length_x_m=0.5, length_y_m=0.5, length_z_m=0.5),
+        ),
+        fidelity_thresholds_m=(0.05, 0.12),
+    ),
+    "chlorophyll": FieldConfig(
+        variable="chlorophyll",
+        single=KernelParameters(
+            signal_variance=6.04,
+            length_x_m=202.0,
+            length_y_m=293.0,
+            length_z_m=6.3,
+            noise_variance=0.09,
+        ),
+        levels=(
+            KernelParameters(
+                signal_variance=6.04,
+                length_x_m=202.0,
+                length_y_m=293.0,
+                length_z_m=6.3,
+                noise_variance=0.09,
+            ),
+            KernelParameters(
+                signal_variance=0.1,
+                length_x_m=80.0,
+                length_y_m=80.0,
+                length_z_m=4.0,
+                noise_variance=0.09,
+            ),
+            KernelParameters(
+                signal_variance=0.1,
+                length_x_m=80.0,
+                length_y_m=80.0,
+                length_z_m=4.0,
+                noise_variance=0.09,
+            ),
+        ),
+        fidelity_thresholds_m=(3.0, 8.0),
+        grid=GridShape(x=24, y=24, z=10),
+    ),
+}
+"""Settings by variable."""
