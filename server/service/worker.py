@@ -1,0 +1,190 @@
+"""Heavy work in processes of its own: cancellable, reporting progress, reused while warm.
+
+A worker that dies takes nothing with it: the caller gets ``WorkerEndedError``, whatever it wanted
+to change is as it was, and the next task starts a new process.
+"""
+
+import asyncio
+import contextlib
+import logging
+import pickle
+import sys
+from collections.abc import Callable
+from typing import Any, TypeVar
+
+from server.service import worker_process as wire
+
+log = logging.getLogger(__name__)
+
+CANCEL_GRACE_S = 3.0
+"""How long a task may take to notice that it was cancelled before its process is ended."""
+_ENDED = "The working process ended unexpectedly; nothing was changed."
+T = TypeVar("T")
+
+
+class WorkerTaskError(Exception):
+    """The task raised; the message is its own. Do not repeat it unchanged."""
+
+
+class WorkerEndedError(Exception):
+    """The process ended in the middle of a task; nothing was changed. It may be tried again."""
+
+
+class _Process:
+    """One running worker process, doing at most one task at a time."""
+
+    def __init__(self, process: asyncio.subprocess.Process) -> None:
+        self.process = process
+        self._received: asyncio.Queue[tuple[Any, ...] | None] = asyncio.Queue()
+        self._reader = asyncio.create_task(self._read(), name="worker reader")
+
+    @classmethod
+    async def start(cls) -> "_Process":
+        process = await asyncio.create_subprocess_exec(
+            sys.executable,
+            "-m",
+            wire.__name__,
+            stdin=asyncio.subprocess.PIPE,
+            stdout=asyncio.subprocess.PIPE,
+        )
+        worker = cls(process)
+        await worker.receive()
+        return worker
+
+    @property
+    def is_alive(self) -> bool:
+        return self.process.returncode is None
+
+    async def send(self, *message: object) -> None:
+        stdin = _pipe(self.process.stdin)
+        try:
+            stdin.write(wire.frame(message))
+            await stdin.drain()
+        except (BrokenPipeError, ConnectionResetError) as error:
+            raise WorkerEndedError(_ENDED) from error
+
+    async def receive(self) -> tuple[Any, ...]:
+        message = await self._received.get()
+        if message is None:
+            self._received.put_nowait(None)
+            raise WorkerEndedError(_ENDED)
+        return message
+
+    async def kill(self) -> None:
+        with contextlib.suppress(ProcessLookupError):
+            self.process.kill()
+        await self._reader
+
+    async def stop(self) -> None:
+        """Close the input, which ends the process; end it by force if that does not."""
+        _pipe(self.process.stdin).close()
+        try:
+            async with asyncio.timeout(CANCEL_GRACE_S):
+                await asyncio.shield(self._reader)
+        except TimeoutError:
+            await self.kill()
+
+    async def _read(self) -> None:
+        stdout = _pipe(self.process.stdout)
+        with contextlib.suppress(asyncio.IncompleteReadError):
+            while True:
+                head = await stdout.readexactly(wire.LENGTH.size)
+                body = await stdout.readexactly(wire.LENGTH.unpack(head)[0])
+                self._received.put_nowait(pickle.loads(body))
+        await self.process.wait()
+        self._received.put_nowait(None)
+
+
+def _pipe(end: T | None) -> T:
+    if end is None:
+        raise WorkerEndedError(_ENDED)
+    return end
+
+
+class WorkerPool:
+    """Runs tasks in up to ``size`` processes and keeps them warm in between.
+
+    A task is named ``"module:function"`` so that its module is imported in the worker only; the
+    function takes ``(payload, report, is_cancelled)``. Belongs to one event loop.
+    """
+
+    def __init__(self, size: int = 1) -> None:
+        self._places = asyncio.Semaphore(size)
+        self._idle: list[_Process] = []
+        self._busy: set[_Process] = set()
+
+    async def warm(self, task: str, payload: object = None) -> None:
+        """Start a process and let it load what ``task`` needs, so that nobody waits later."""
+        await self.run(task, payload)
+
+    async def run(
+        self,
+        task: str,
+        payload: object,
+        *,
+        on_progress: Callable[[Any], None] | None = None,
+    ) -> Any:  # noqa: ANN401 - the task's own result
+        """Run one task and return its result.
+
+        Cancelling the awaiting asyncio task cancels the work: the task is asked to stop and its
+        process is ended if it does not within ``CANCEL_GRACE_S``.
+
+        Raises:
+            WorkerTaskError: The task raised.
+            WorkerEndedError: The process died.
+        """
+        async with self._places:
+            worker = await self._acquire()
+            self._busy.add(worker)
+            try:
+                await worker.send(wire.CALL, task, payload)
+                return await self._follow(worker, on_progress)
+            except asyncio.CancelledError:
+                await asyncio.shield(asyncio.ensure_future(self._withdraw(worker)))
+                raise
+            finally:
+                self._busy.discard(worker)
+                await self._release(worker)
+
+    async def stop(self) -> None:
+        """End every process; tasks under way raise ``WorkerEndedError``."""
+        workers = [*self._idle, *self._busy]
+        self._idle.clear()
+        await asyncio.gather(*(worker.stop() for worker in workers))
+
+    def process_ids(self) -> tuple[int, ...]:
+        """Return the processes that exist now, for the health page and for tests."""
+        return tuple(worker.process.pid for worker in (*self._idle, *self._busy))
+
+    async def _acquire(self) -> _Process:
+        while self._idle:
+            worker = self._idle.pop()
+            if worker.is_alive:
+                return worker
+        return await _Process.start()
+
+    async def _release(self, worker: _Process) -> None:
+        if worker.is_alive:
+            self._idle.append(worker)
+
+    async def _follow(self, worker: _Process, on_progress: Callable[[Any], None] | None) -> Any:  # noqa: ANN401 - the task's own result
+        while True:
+            kind, *values = await worker.receive()
+            if kind == wire.PROGRESS and on_progress is not None:
+                on_progress(values[0])
+            elif kind == wire.RESULT:
+                return values[0]
+            elif kind == wire.FAILURE:
+                raise WorkerTaskError(values[0])
+
+    async def _withdraw(self, worker: _Process) -> None:
+        """Let a cancelled task end by itself, else end its process."""
+        try:
+            await worker.send(wire.CANCEL)
+            async with asyncio.timeout(CANCEL_GRACE_S):
+                await self._follow(worker, None)
+        except TimeoutError:
+            await worker.kill()
+            log.warning("A worker did not stop when asked to and was ended")
+        except (WorkerTaskError, WorkerEndedError):
+            return

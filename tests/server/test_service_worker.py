@@ -1,0 +1,90 @@
+import asyncio
+import os
+import signal
+import time
+from collections.abc import AsyncIterator, Callable
+
+import pytest
+import pytest_asyncio
+
+from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+
+HERE = __name__
+
+
+def double(payload: int, report: Callable[[int], None], _: Callable[[], bool]) -> int:
+    print("printing in a task does not disturb the pipe")  # noqa: T201
+    report(1)
+    report(2)
+    return 2 * payload
+
+
+def fail(payload: str, _: Callable[[int], None], __: Callable[[], bool]) -> None:
+    raise ValueError(payload)
+
+
+def wait_for_cancel(_: None, report: Callable[[int], None], cancelled: Callable[[], bool]) -> str:
+    report(os.getpid())
+    while not cancelled():
+        time.sleep(0.01)
+    return "noticed"
+
+
+@pytest_asyncio.fixture
+async def pool() -> AsyncIterator[WorkerPool]:
+    pool = WorkerPool()
+    yield pool
+    await pool.stop()
+
+
+async def test_task_returns_its_result_and_reports_progress_in_order(pool: WorkerPool) -> None:
+    seen: list[int] = []
+    assert await pool.run(f"{HERE}:double", 21, on_progress=seen.append) == 42
+    assert seen == [1, 2]
+
+
+async def test_second_task_reuses_the_warm_process(pool: WorkerPool) -> None:
+    await pool.run(f"{HERE}:double", 1)
+    first = pool.process_ids()
+    await pool.run(f"{HERE}:double", 1)
+    assert pool.process_ids() == first
+
+
+async def test_error_in_a_task_reaches_the_caller_and_spares_the_process(pool: WorkerPool) -> None:
+    with pytest.raises(WorkerTaskError, match="ValueError: no such box"):
+        await pool.run(f"{HERE}:fail", "no such box")
+    assert await pool.run(f"{HERE}:double", 1) == 2
+
+
+async def test_killed_process_is_told_and_the_next_task_gets_a_new_one(pool: WorkerPool) -> None:
+    started: asyncio.Queue[int] = asyncio.Queue()
+    task = asyncio.create_task(
+        pool.run(f"{HERE}:wait_for_cancel", None, on_progress=started.put_nowait)
+    )
+    pid = await started.get()
+    os.kill(pid, signal.SIGKILL)
+    with pytest.raises(WorkerEndedError, match="nothing was changed"):
+        await task
+    assert await pool.run(f"{HERE}:double", 4) == 8
+    assert pid not in pool.process_ids()
+
+
+async def test_cancelled_task_stops_and_leaves_its_process_warm(pool: WorkerPool) -> None:
+    started: asyncio.Queue[int] = asyncio.Queue()
+    task = asyncio.create_task(
+        pool.run(f"{HERE}:wait_for_cancel", None, on_progress=started.put_nowait)
+    )
+    pid = await started.get()
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert await pool.run(f"{HERE}:double", 4) == 8
+    assert pool.process_ids() == (pid,)
+
+
+async def test_worker_ends_when_the_station_closes_its_pipe(pool: WorkerPool) -> None:
+    await pool.run(f"{HERE}:double", 1)
+    (pid,) = pool.process_ids()
+    await pool.stop()
+    with pytest.raises(ProcessLookupError):
+        os.kill(pid, 0)
