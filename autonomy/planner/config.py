@@ -1,0 +1,278 @@
+"""Settings of the informative planner, and presets that the two vehicles can really fly."""
+
+import itertools
+import math
+from typing import Literal, Self
+
+from pydantic import model_validator
+
+from autonomy.configuration import Configuration, quantity
+from autonomy.site import LAKE, TANK, Box
+
+
+class PrimitiveConfig(Configuration):
+    """Which motion primitives may be combined, and how fast they are flown (thesis Table 5.1)."""
+
+    glide_speed_m_s: float = quantity(0.05, "m/s", title="Glide vertical speed", gt=0.0)
+    """Vertical speed held on every straight glide, up and down."""
+    glide_angle_min_rad: float = quantity(
+        math.radians(20.0),
+        "rad",
+        title="Shallowest glide",
+        gt=0.0,
+        lt=math.pi / 2,
+        display_unit="deg",
+    )
+    """Smallest angle of a glide path below or above the horizon. The vehicle's best ratio of lift
+    to drag sets it: 33 degrees down and 39 degrees up for the identified Miniglider."""
+    glide_angle_max_rad: float = quantity(
+        math.radians(60.0),
+        "rad",
+        title="Steepest glide",
+        gt=0.0,
+        lt=math.pi / 2,
+        display_unit="deg",
+    )
+    """Greatest angle of a glide path below or above the horizon."""
+    spiral_speed_m_s: float = quantity(0.05, "m/s", title="Spiral vertical speed", gt=0.0)
+    """Vertical speed held on every spiral."""
+    spiral_radius_min_m: float = quantity(0.15, "m", title="Tightest spiral", gt=0.0)
+    """Smallest radius of a spiral; full tail sets it."""
+    spiral_radius_max_m: float = quantity(0.35, "m", title="Widest spiral", gt=0.0)
+    """Greatest radius of a spiral."""
+    spiral_rise_min_m_rad: float = quantity(0.04, "m/rad", title="Flattest spiral", gt=0.0)
+    """Smallest change of depth for each radian that a spiral turns."""
+    spiral_rise_max_m_rad: float = quantity(0.12, "m/rad", title="Steepest spiral", gt=0.0)
+    """Greatest change of depth for each radian that a spiral turns."""
+    dive_speed_m_s: float = quantity(0.06, "m/s", title="Flat dive speed", gt=0.0)
+    """Vertical speed of a dive with level hull, straight down or up."""
+    swim_speed_m_s: float = quantity(0.10, "m/s", title="Swimming speed", gt=0.0)
+    """Speed over ground while the tail drives the robot at constant depth."""
+    swim_length_min_m: float = quantity(0.2, "m", title="Shortest swim", gt=0.0, advanced=True)
+    """Shortest swim that is proposed at random; the swim that ends an edge may be shorter."""
+    swim_length_max_m: float = quantity(0.6, "m", title="Longest swim", gt=0.0)
+    """Longest swim, both proposed at random and as the end of an edge."""
+    swims_under_water: bool = quantity(True, title="Swim under water", advanced=True)
+    """Whether the robot may swim at depth, which needs neutral trim; else only at the surface."""
+    depth_change_min_m: float = quantity(0.1, "m", title="Smallest depth change", gt=0.0)
+    """Glides, spirals and dives change depth by at least this much, so that buoyancy and mass
+    actuators can finish their travel well before the end of the leg."""
+    primitives_max: int = quantity(4, title="Primitives per edge", ge=1, le=8, advanced=True)
+    """Most primitives drawn at random between two surfacings, before those that close the edge."""
+    bearing_noise_rad: float = quantity(
+        0.6,
+        "rad",
+        title="Spread of bearings",
+        ge=0.0,
+        le=math.pi,
+        display_unit="deg",
+        advanced=True,
+    )
+    """Standard deviation of a primitive's bearing about the bearing of the next surfacing."""
+    point_interval_s: float = quantity(2.0, "s", title="Planned sampling interval", gt=0.0)
+    """Time between two planned samples; the points at which information is counted."""
+
+    @model_validator(mode="after")
+    def _ranges_are_not_empty(self) -> Self:
+        for low, high in (
+            ("glide_angle_min_rad", "glide_angle_max_rad"),
+            ("spiral_radius_min_m", "spiral_radius_max_m"),
+            ("spiral_rise_min_m_rad", "spiral_rise_max_m_rad"),
+            ("swim_length_min_m", "swim_length_max_m"),
+        ):
+            if getattr(self, high) < getattr(self, low):
+                raise ValueError(f"{high} must not be less than {low}")
+        return self
+
+
+class EnergyConfig(Configuration):
+    """What each primitive costs, in energy units (thesis section 5.5.2)."""
+
+    dive: float = quantity(1.0, title="Cost of a dive", ge=0.0)
+    """Energy of the actuators for one flat dive."""
+    glide: float = quantity(1.5, title="Cost of a glide", ge=0.0)
+    """Energy of the actuators for one straight glide."""
+    spiral: float = quantity(1.5, title="Cost of a spiral", ge=0.0)
+    """Energy of the actuators for one spiral."""
+    swim_factor: float = quantity(0.2, title="Cost of tail work", ge=0.0)
+    """Multiplies the integral of the squared tail rate while swimming. The thesis inflates it in
+    the tank so that plans look like those of a large field, where swimming drains the battery."""
+    time_factor: float = quantity(0.005, "1/s", title="Cost of time", ge=0.0)
+    """Energy that the electronics draw each second."""
+    tail_amplitude_rad: float = quantity(
+        0.35, "rad", title="Tail amplitude", gt=0.0, display_unit="deg", advanced=True
+    )
+    """Amplitude of the tail beat while swimming."""
+    tail_frequency_hz: float = quantity(1.0, "Hz", title="Tail frequency", gt=0.0, advanced=True)
+    """Frequency of the tail beat while swimming."""
+
+
+class UncertaintyConfig(Configuration):
+    """How the position's standard deviation grows under water (thesis section 5.4.2)."""
+
+    drift_m_sqrt_s: float = quantity(0.02, "m/s^0.5", title="Drift under water", gt=0.0)
+    """Growth of the position's standard deviation: after t seconds without a fix it is about this
+    times the square root of t."""
+    fix_noise_m: float = quantity(0.01, "m", title="Noise of a fix", gt=0.0)
+    """Standard deviation of a position fix at the surface (cameras, GPS)."""
+    surface_depth_m: float = quantity(0.05, "m", title="Depth with a fix", ge=0.0)
+    """The position is fixed from outside while the robot is not deeper than this."""
+    acceleration_noise_m2_s3: float = quantity(
+        1e-5, "m2/s3", title="Acceleration noise", gt=0.0, advanced=True
+    )
+    """Intensity of the white acceleration in the position filter."""
+
+
+class ErgodicConfig(Configuration):
+    """Objective that spends time where the field is high or unknown (thesis Appendix D)."""
+
+    exploitation: float = quantity(0.2, title="Exploitation", ge=0.0, le=1.0)
+    """Weight of the map's mean against its standard deviation: 0 looks only for what is unknown,
+    1 only for high values."""
+    reach_north_m: float = quantity(0.25, "m", title="Reach to the north", gt=0.0, advanced=True)
+    """Standard deviation, northward, of the region that one sample stands for."""
+    reach_east_m: float = quantity(0.25, "m", title="Reach to the east", gt=0.0, advanced=True)
+    """Standard deviation, eastward, of the region that one sample stands for."""
+    reach_depth_m: float = quantity(0.15, "m", title="Reach in depth", gt=0.0, advanced=True)
+    """Standard deviation, in depth, of the region that one sample stands for."""
+
+
+class SearchConfig(Configuration):
+    """How the graph of surfacings grows (thesis Algorithm 1), and what it may take."""
+
+    step_m: float = quantity(1.4, "m", title="Longest distance between surfacings", gt=0.0)
+    """Two successive surfacings are at most this far apart (Delta of Algorithm 1)."""
+    near_radius_m: float = quantity(0.9, "m", title="Near radius", gt=0.0, advanced=True)
+    """A new surfacing is also reached from every other one within this radius (R_near)."""
+    nearest_radius_m: float = quantity(1.0, "m", title="Preferred distance", ge=0.0, advanced=True)
+    """The graph grows from the surfacing whose distance is closest to this (R_d)."""
+    edges_per_call: int = quantity(3, title="Edges per pair", ge=1, le=50, advanced=True)
+    """Trajectories tried each time two surfacings are joined."""
+    min_budget_fraction: float = quantity(
+        0.9, title="Least budget spent", ge=0.0, lt=1.0, advanced=True
+    )
+    """Only trajectories that spend more than this part of the budget are compared; the best
+    shorter one is offered when none does."""
+    paths_per_node: int = quantity(60, title="Paths kept per surfacing", ge=1, advanced=True)
+    """Trajectories remembered at each surfacing for extension; their number grows exponentially
+    otherwise. A result says when the limit was met."""
+    iterations_max: int = quantity(0, title="Most iterations", ge=0, advanced=True)
+    """Ends the search after this many new surfacings, which makes it repeatable whatever the speed
+    of the machine; 0 lets the planning time decide alone."""
+    memory_mb: int = quantity(300, "MB", title="Memory", ge=32, le=4000, advanced=True)
+    """Most memory that the tables of the search may grow to; the search ends when they are full."""
+    past_samples_max: int = quantity(256, title="Past samples", ge=1, advanced=True)
+    """Runs of successive past samples are averaged until no more than this many remain, while
+    trajectories are compared; offered trajectories are scored with all of them."""
+    runners_up: int = quantity(3, title="Alternatives", ge=0, le=10, advanced=True)
+    """Distinct trajectories shown beside the best one."""
+
+
+class PlannerConfig(Configuration):
+    """Everything that a survey's planner can be told."""
+
+    domain: Box = quantity(Box(), title="Domain")
+    """The part of the water to explore; no planned point leaves it."""
+    total_budget: float = quantity(80.0, title="Total energy budget", gt=0.0)
+    """Energy units for the whole survey: a glide or spiral costs 1.5, a dive 1, and time."""
+    round_budget: float = quantity(20.0, title="Energy budget of a round", gt=0.0)
+    """Energy units for one round, after which the map is updated and the next round planned."""
+    objective: Literal["information_gain", "ergodic"] = quantity(
+        "information_gain", title="Objective"
+    )
+    """information_gain removes as much uncertainty from the map as possible; ergodic spends time
+    where the map is high or uncertain."""
+    max_uncertainty_m: float = quantity(0.25, "m", title="Maximum position uncertainty", gt=0.0)
+    """Greatest standard deviation of the horizontal position that a plan may reach before the
+    robot surfaces for a fix."""
+    planning_time_s: float = quantity(5.0, "s", title="Planning time", gt=0.0, le=600.0)
+    """How long the planner may search; it can be stopped earlier and then offers its best."""
+    fidelity_thresholds_m: tuple[float, ...] = quantity((0.05, 0.12), "m", title="Fidelity levels")
+    """Position uncertainties that part the levels of fidelity, best level first: samples below the
+    first threshold are the most trusted."""
+    position_error_counts: bool = quantity(True, title="Trust well-located samples more")
+    """Whether a planned sample brings less information the less certain its position will be."""
+    seed: int = quantity(0, title="Random seed", ge=0, advanced=True)
+    """Starting point of the random search; the same seed repeats it."""
+    primitives: PrimitiveConfig = quantity(PrimitiveConfig(), title="Motion", advanced=True)
+    """Primitives that the robot can fly."""
+    energy: EnergyConfig = quantity(EnergyConfig(), title="Energy", advanced=True)
+    """Costs of the primitives."""
+    uncertainty: UncertaintyConfig = quantity(
+        UncertaintyConfig(), title="Position uncertainty", advanced=True
+    )
+    """Growth of the position's uncertainty."""
+    ergodic: ErgodicConfig = quantity(ErgodicConfig(), title="Ergodic objective", advanced=True)
+    """Settings of the ergodic objective."""
+    search: SearchConfig = quantity(SearchConfig(), title="Search", advanced=True)
+    """Settings of the search itself."""
+
+    @model_validator(mode="after")
+    def _is_consistent(self) -> Self:
+        if self.round_budget > self.total_budget:
+            raise ValueError("round_budget must not exceed total_budget")
+        levels = (0.0, *self.fidelity_thresholds_m)
+        if any(low >= high for low, high in itertools.pairwise(levels)):
+            raise ValueError("fidelity_thresholds_m must be positive and ascend strictly")
+        if self.primitives.depth_change_min_m > self.domain.depth_max_m:
+            raise ValueError(
+                "primitives.depth_change_min_m must not exceed the domain's depth_max_m"
+            )
+        return self
+
+
+MINIGLIDER = PlannerConfig(
+    domain=TANK.domain,
+    primitives=PrimitiveConfig(
+        glide_speed_m_s=0.02,
+        glide_angle_min_rad=math.radians(40.0),
+        glide_angle_max_rad=math.radians(60.0),
+        spiral_speed_m_s=0.02,
+        spiral_radius_min_m=0.2,
+        spiral_radius_max_m=0.5,
+        spiral_rise_min_m_rad=0.5,
+        spiral_rise_max_m_rad=0.8,
+        dive_speed_m_s=0.015,
+        swim_speed_m_s=0.05,
+        swim_length_min_m=0.15,
+        swim_length_max_m=0.6,
+        swims_under_water=False,
+        depth_change_min_m=0.25,
+        bearing_noise_rad=0.4,
+    ),
+    energy=EnergyConfig(tail_frequency_hz=0.45),
+)
+"""Miniglider in the tank's exploration domain."""
+
+GRACE3 = PlannerConfig(
+    domain=LAKE.domain,
+    max_uncertainty_m=15.0,
+    fidelity_thresholds_m=(4.0, 8.0),
+    primitives=PrimitiveConfig(
+        glide_speed_m_s=0.10,
+        glide_angle_min_rad=math.radians(40.0),
+        glide_angle_max_rad=math.radians(60.0),
+        spiral_speed_m_s=0.08,
+        spiral_radius_min_m=0.6,
+        spiral_radius_max_m=1.5,
+        spiral_rise_min_m_rad=1.5,
+        spiral_rise_max_m_rad=2.4,
+        dive_speed_m_s=0.04,
+        swim_speed_m_s=0.10,
+        swim_length_min_m=5.0,
+        swim_length_max_m=30.0,
+        swims_under_water=False,
+        depth_change_min_m=4.0,
+        primitives_max=5,
+        bearing_noise_rad=0.3,
+        point_interval_s=10.0,
+    ),
+    energy=EnergyConfig(swim_factor=0.02, tail_frequency_hz=0.45),
+    uncertainty=UncertaintyConfig(drift_m_sqrt_s=0.5, fix_noise_m=2.5, surface_depth_m=0.5),
+    ergodic=ErgodicConfig(reach_north_m=40.0, reach_east_m=40.0, reach_depth_m=2.0),
+    search=SearchConfig(step_m=120.0, near_radius_m=80.0, nearest_radius_m=80.0),
+)
+"""GRACE 3 in the lake's exploration domain."""
+
+PLANNER_PRESETS: dict[str, PlannerConfig] = {"miniglider": MINIGLIDER, "grace3": GRACE3}
+"""Default of each vehicle, by the vehicle's key."""
