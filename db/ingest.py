@@ -1,0 +1,113 @@
+"""Decoded telemetry as it enters the tables, many rows a statement."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from sqlalchemy import Table, select
+from sqlalchemy.dialects import postgresql, sqlite
+from sqlalchemy.orm import Session
+
+from db.fault import UnknownIdError
+from db.tables import Base, PlanReportRow, RawFrameRow, Robot, SampleRow, StateRow
+from robot_link.messages import PlanReport, RawFrame, Sample, StateReport
+
+Telemetry = StateReport | Sample | PlanReport | RawFrame
+"""What the writer takes in batches."""
+
+
+def append_telemetry(session: Session, values: Sequence[Telemetry]) -> None:
+    """Insert decoded values; a value that is already there (sent twice) changes nothing.
+
+    Raises:
+        UnknownIdError: If a value names a robot that the station does not know.
+    """
+    keys = {row.id: row.key for row in session.execute(select(Robot.id, Robot.key))}
+    rows: dict[type[Base], list[dict[str, Any]]] = {}
+    for value in values:
+        table, row = _row(value)
+        if value.robot is not None:
+            if value.robot not in keys:
+                raise UnknownIdError("robot", value.robot)
+            row["robot_key"] = keys[value.robot]
+        rows.setdefault(table, []).append(row)
+    for table, batch in rows.items():
+        insert_new(session, table, batch)
+
+
+def insert_new(session: Session, table: type[Base], rows: list[dict[str, Any]]) -> None:
+    """Insert rows and skip those whose key is taken."""
+    dialect = sqlite if session.get_bind().dialect.name == "sqlite" else postgresql
+    target = table.__table__
+    if not isinstance(target, Table):
+        raise TypeError(f"{table.__name__} is not a plain table")
+    session.execute(dialect.insert(target).on_conflict_do_nothing(), rows)
+
+
+def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:
+    match value:
+        case StateReport():
+            return StateRow, _state_row(value)
+        case Sample():
+            return SampleRow, _sample_row(value)
+        case PlanReport():
+            return PlanReportRow, {
+                "measured_at": value.measured_at,
+                "received_at": value.received_at,
+                "sha256": value.sha256,
+                "state": int(value.state),
+                "leg": value.leg,
+                "legs": value.legs,
+                "energy_used": value.energy_used,
+                "reason": value.reason,
+            }
+        case RawFrame():
+            return RawFrameRow, {
+                "robot_key": None,
+                "at": value.at,
+                "carrier": value.carrier,
+                "outgoing": value.outgoing,
+                "data": value.data,
+            }
+
+
+def _state_row(report: StateReport) -> dict[str, Any]:
+    north_m, east_m, depth_m = report.position_ned
+    velocity_north_m_s, velocity_east_m_s, velocity_down_m_s = report.velocity_ned
+    return {
+        "measured_at": report.measured_at,
+        "received_at": report.received_at,
+        "north_m": north_m,
+        "east_m": east_m,
+        "depth_m": depth_m,
+        "position_std_m": report.position_std_m,
+        "has_fix": report.has_fix,
+        "velocity_north_m_s": velocity_north_m_s,
+        "velocity_east_m_s": velocity_east_m_s,
+        "velocity_down_m_s": velocity_down_m_s,
+        "roll_rad": report.roll_rad,
+        "pitch_rad": report.pitch_rad,
+        "heading_rad": report.heading_rad,
+        "net_buoyancy_kg": report.net_buoyancy_kg,
+        "mass_position_m": report.mass_position_m,
+        "tail_rad": report.tail_rad,
+        "battery_fraction": report.battery_fraction,
+        "battery_v": report.battery_v,
+        "energy_used": report.energy_used,
+        "mode": int(report.mode),
+    }
+
+
+def _sample_row(sample: Sample) -> dict[str, Any]:
+    north_m, east_m, depth_m = sample.position_ned
+    return {
+        "log": sample.log,
+        "sequence": sample.sequence,
+        "variable": sample.variable,
+        "measured_at": sample.measured_at,
+        "received_at": sample.received_at,
+        "value": sample.value,
+        "north_m": north_m,
+        "east_m": east_m,
+        "depth_m": depth_m,
+        "position_std_m": sample.position_std_m,
+    }

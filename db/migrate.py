@@ -1,0 +1,41 @@
+"""Brings a database to the schema that this version of the station knows."""
+
+from importlib.resources import files
+
+from alembic import command
+from alembic.config import Config
+from alembic.runtime.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import Connection, Engine
+
+
+class NewerSchemaError(Exception):
+    """The database was written by a later version of the station."""
+
+
+def configuration(connection: Connection | None = None) -> Config:
+    """Return Alembic's configuration; a connection given here is the one it will use."""
+    config = Config()
+    config.set_main_option("script_location", str(files("db") / "migrations"))
+    config.attributes["connection"] = connection
+    return config
+
+
+def migrate(engine: Engine) -> None:
+    """Apply every migration that the database lacks, all in one transaction.
+
+    Raises:
+        NewerSchemaError: If the database is of a version that this station does not know.
+    """
+    with engine.begin() as connection:
+        config = configuration(connection)
+        scripts = ScriptDirectory.from_config(config)
+        present = MigrationContext.configure(connection).get_current_revision()
+        known = {script.revision for script in scripts.walk_revisions()}
+        if present is not None and present not in known:
+            raise NewerSchemaError(
+                f"The database has schema {present}, which this version does not know; "
+                "start the newer version of the station, or use another data folder."
+            )
+        if present != scripts.get_current_head():
+            command.upgrade(config, "head")

@@ -1,0 +1,171 @@
+"""Commands and the levels that each was proved to have reached."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from db.fault import UnknownIdError
+from db.identity import key_of, public_id
+from db.query.robots import robot_key
+from db.tables import Command, CommandLevelRow, Robot
+from robot_link.messages import CommandKind, CommandLevel, CommandNumber
+
+WAITING = "waiting"
+"""Level of a command that no link has taken yet."""
+_RANK = {WAITING: 0, "queued": 1, "radio": 2, "applied": 3, "refused": 3, "expired": 3}
+_NUMBERS = 2**24 - 1
+
+
+@dataclass(frozen=True, slots=True)
+class ProvedLevel:
+    """A level with the moment and the link that proved it."""
+
+    level: CommandLevel
+    at: datetime
+    carrier: str
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRecord:
+    """A command as the database keeps it."""
+
+    id: str
+    number: CommandNumber
+    robot: str
+    kind: CommandKind
+    plan_sha256: str | None
+    level: str
+    """The highest proved level, or ``waiting`` before the first."""
+    levels: tuple[ProvedLevel, ...]
+    created_at: datetime
+    created_by: str
+    expires_at: datetime
+
+
+def add_command(
+    session: Session,
+    robot: str,
+    kind: CommandKind,
+    *,
+    at: datetime,
+    expires_at: datetime,
+    by: str,
+    plan_sha256: str | None = None,
+) -> CommandRecord:
+    """Add a command before its first byte leaves.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    row = Command(
+        robot_key=robot_key(session, robot),
+        kind=kind.value,
+        plan_sha256=plan_sha256,
+        level=WAITING,
+        created_at=at,
+        created_by=by,
+        expires_at=expires_at,
+    )
+    session.add(row)
+    session.flush()
+    return _record(session, row, robot)
+
+
+def add_level(
+    session: Session,
+    command: str,
+    level: CommandLevel,
+    *,
+    at: datetime,
+    carrier: str,
+    reason: str = "",
+) -> CommandRecord:
+    """Note a proved level once; a final level (applied, refused, expired) is never overruled.
+
+    Raises:
+        UnknownIdError: If there is no such command.
+    """
+    row = session.get(Command, key_of("command", command))
+    if row is None:
+        raise UnknownIdError("command", command)
+    robot = session.scalars(select(Robot.id).where(Robot.key == row.robot_key)).one()
+    if _RANK[level.value] > _RANK[row.level]:
+        row.level = level.value
+        session.add(
+            CommandLevelRow(
+                command_key=row.key, level=level.value, at=at, carrier=carrier, reason=reason
+            )
+        )
+        session.flush()
+    return _record(session, row, robot)
+
+
+def get_command(session: Session, command: str) -> CommandRecord:
+    """Return one command.
+
+    Raises:
+        UnknownIdError: If there is none of this id.
+    """
+    found = session.execute(
+        select(Command, Robot.id)
+        .join(Robot, Command.robot_key == Robot.key)
+        .where(Command.key == key_of("command", command))
+    ).one_or_none()
+    if found is None:
+        raise UnknownIdError("command", command)
+    return _record(session, *found)
+
+
+def list_commands(
+    session: Session, *, robot: str | None = None, open_only: bool = False, limit: int = 100
+) -> list[CommandRecord]:
+    """Return commands, the newest first; ``open_only`` leaves out those that are settled."""
+    statement = (
+        select(Command, Robot.id)
+        .join(Robot, Command.robot_key == Robot.key)
+        .order_by(Command.key.desc())
+        .limit(limit)
+    )
+    if robot is not None:
+        statement = statement.where(Command.robot_key == robot_key(session, robot))
+    if open_only:
+        statement = statement.where(Command.level.in_([WAITING, "queued", "radio"]))
+    return [_record(session, row, name) for row, name in session.execute(statement).all()]
+
+
+def command_of_number(session: Session, robot: str, number: CommandNumber) -> CommandRecord | None:
+    """Return the newest command of a robot that carries this number on the wire."""
+    found = session.execute(
+        select(Command, Robot.id)
+        .join(Robot, Command.robot_key == Robot.key)
+        .where(Robot.id == robot, (Command.key - 1) % _NUMBERS == number - 1)
+        .order_by(Command.key.desc())
+        .limit(1)
+    ).one_or_none()
+    return None if found is None else _record(session, *found)
+
+
+def _record(session: Session, row: Command, robot: str) -> CommandRecord:
+    levels = session.scalars(
+        select(CommandLevelRow)
+        .where(CommandLevelRow.command_key == row.key)
+        .order_by(CommandLevelRow.key)
+    )
+    return CommandRecord(
+        id=public_id("command", row.key),
+        number=CommandNumber((row.key - 1) % _NUMBERS + 1),
+        robot=robot,
+        kind=CommandKind(row.kind),
+        plan_sha256=row.plan_sha256,
+        level=row.level,
+        levels=tuple(
+            ProvedLevel(CommandLevel(level.level), level.at, level.carrier, level.reason)
+            for level in levels
+        ),
+        created_at=row.created_at,
+        created_by=row.created_by,
+        expires_at=row.expires_at,
+    )

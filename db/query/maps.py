@@ -1,0 +1,84 @@
+"""Snapshots of field maps."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from db.query.robots import robot_key
+from db.tables import MapSnapshot
+
+
+@dataclass(frozen=True, slots=True)
+class MapRecord:
+    """A field map as it was after some samples."""
+
+    robot: str
+    variable: str
+    model: str
+    at: datetime
+    samples: int
+    document: Mapping[str, Any]
+    """Axes, scale, scores, samples per fidelity."""
+    grid: bytes
+    """The arrays, packed by whoever made the map."""
+
+
+def add_map(session: Session, record: MapRecord) -> None:
+    """Keep a snapshot.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    session.add(
+        MapSnapshot(
+            robot_key=robot_key(session, record.robot),
+            variable=record.variable,
+            model=record.model,
+            at=record.at,
+            samples=record.samples,
+            document=dict(record.document),
+            grid=record.grid,
+        )
+    )
+
+
+def newest_map(session: Session, robot: str, variable: str, model: str) -> MapRecord | None:
+    """Return the newest snapshot of one map.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    row = session.scalar(
+        select(MapSnapshot)
+        .where(
+            MapSnapshot.robot_key == robot_key(session, robot),
+            MapSnapshot.variable == variable,
+            MapSnapshot.model == model,
+        )
+        .order_by(MapSnapshot.key.desc())
+        .limit(1)
+    )
+    return None if row is None else _record(row, robot)
+
+
+def newest_maps(session: Session, robot: str) -> list[MapRecord]:
+    """Return the newest snapshot of every map of a robot.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    newest = (
+        select(func.max(MapSnapshot.key))
+        .where(MapSnapshot.robot_key == robot_key(session, robot))
+        .group_by(MapSnapshot.variable, MapSnapshot.model)
+    )
+    rows = session.scalars(select(MapSnapshot).where(MapSnapshot.key.in_(newest)))
+    return [_record(row, robot) for row in rows]
+
+
+def _record(row: MapSnapshot, robot: str) -> MapRecord:
+    return MapRecord(robot, row.variable, row.model, row.at, row.samples, row.document, row.grid)

@@ -1,0 +1,203 @@
+"""Plans and their life cycle; the legs and figures of a plan are one document."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from db.fault import StoreError, UnknownIdError
+from db.identity import key_of, public_id
+from db.query.robots import robot_key
+from db.tables import Plan, Robot
+
+ENDED_STATES = ("done", "failed", "superseded", "cancelled")
+"""States that a plan never leaves."""
+_LADDER = {
+    "draft": "draft_at",
+    "sent": "sent_at",
+    "on_board": "on_board_at",
+    "running": "running_at",
+    **dict.fromkeys(ENDED_STATES, "ended_at"),
+}
+
+
+class PlanStateError(StoreError):
+    """The plan is not in a state from which this step leads on."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanRecord:
+    """A plan as the database keeps it."""
+
+    id: str
+    robot: str
+    kind: str
+    mission: str | None
+    round: int
+    state: str
+    """``planning, draft, sent, on_board, running, done, failed, superseded, cancelled``."""
+    sha256: str | None
+    config: Mapping[str, Any]
+    """The full configuration that the plan was made with."""
+    document: Mapping[str, Any]
+    """Legs, points, account, violations, history, message: what the planner left."""
+    created_at: datetime
+    created_by: str
+    draft_at: datetime | None
+    sent_at: datetime | None
+    on_board_at: datetime | None
+    running_at: datetime | None
+    ended_at: datetime | None
+
+
+def add_plan(
+    session: Session,
+    robot: str,
+    kind: str,
+    *,
+    config: Mapping[str, Any],
+    at: datetime,
+    by: str,
+    mission: str | None = None,
+    round_number: int = 1,
+) -> str:
+    """Add a plan in the state ``planning`` and return its id.
+
+    Raises:
+        UnknownIdError: If there is no such robot or mission.
+    """
+    row = Plan(
+        robot_key=robot_key(session, robot),
+        mission_key=None if mission is None else key_of("mission", mission),
+        round=round_number,
+        kind=kind,
+        state="planning",
+        config=dict(config),
+        document={},
+        created_at=at,
+        created_by=by,
+    )
+    session.add(row)
+    session.flush()
+    return public_id("plan", row.key)
+
+
+def change_plan(
+    session: Session,
+    plan: str,
+    *,
+    at: datetime,
+    state: str | None = None,
+    only_from: tuple[str, ...] | None = None,
+    sha256: str | None = None,
+    document: Mapping[str, Any] | None = None,
+) -> PlanRecord:
+    """Change what is given; a new state notes its moment, keys of ``document`` replace old ones.
+
+    Args:
+        session: A session of a change.
+        plan: Id of the plan.
+        at: Moment of the change.
+        state: State that the plan enters.
+        only_from: States that the plan may be in.
+        sha256: Hash of the plan's canonical bytes.
+        document: Parts of the document that are new.
+
+    Raises:
+        UnknownIdError: If there is no such plan.
+        PlanStateError: If the plan is in a state that is not in ``only_from``.
+    """
+    row = session.get(Plan, key_of("plan", plan))
+    if row is None:
+        raise UnknownIdError("plan", plan)
+    if only_from is not None and row.state not in only_from:
+        raise PlanStateError(f"{plan} is {row.state.replace('_', ' ')}.")
+    if state is not None and state != row.state:
+        row.state = state
+        if state in _LADDER:
+            setattr(row, _LADDER[state], at)
+    if sha256 is not None:
+        row.sha256 = sha256
+    if document is not None:
+        row.document = {**row.document, **document}
+    session.flush()
+    return get_plan(session, plan)
+
+
+def get_plan(session: Session, plan: str) -> PlanRecord:
+    """Return one plan.
+
+    Raises:
+        UnknownIdError: If there is none of this id.
+    """
+    found = session.execute(
+        select(Plan, Robot.id)
+        .join(Robot, Plan.robot_key == Robot.key)
+        .where(Plan.key == key_of("plan", plan))
+    ).one_or_none()
+    if found is None:
+        raise UnknownIdError("plan", plan)
+    return _record(*found)
+
+
+def plan_by_hash(session: Session, robot: str, sha256: str) -> PlanRecord | None:
+    """Return the newest plan of a robot whose bytes have this hash (or begin of a hash)."""
+    found = session.execute(
+        select(Plan, Robot.id)
+        .join(Robot, Plan.robot_key == Robot.key)
+        .where(Robot.id == robot, Plan.sha256.startswith(sha256, autoescape=True))
+        .order_by(Plan.key.desc())
+        .limit(1)
+    ).one_or_none()
+    return None if found is None else _record(*found)
+
+
+def list_plans(
+    session: Session,
+    *,
+    robot: str | None = None,
+    mission: str | None = None,
+    states: tuple[str, ...] | None = None,
+    before: str | None = None,
+    limit: int = 100,
+) -> list[PlanRecord]:
+    """Return plans, the newest first; ``before`` continues a list after its last id."""
+    statement = (
+        select(Plan, Robot.id)
+        .join(Robot, Plan.robot_key == Robot.key)
+        .order_by(Plan.key.desc())
+        .limit(limit)
+    )
+    if robot is not None:
+        statement = statement.where(Plan.robot_key == robot_key(session, robot))
+    if mission is not None:
+        statement = statement.where(Plan.mission_key == key_of("mission", mission))
+    if states is not None:
+        statement = statement.where(Plan.state.in_(states))
+    if before is not None:
+        statement = statement.where(Plan.key < key_of("plan", before))
+    return [_record(row, name) for row, name in session.execute(statement)]
+
+
+def _record(row: Plan, robot: str) -> PlanRecord:
+    return PlanRecord(
+        id=public_id("plan", row.key),
+        robot=robot,
+        kind=row.kind,
+        mission=None if row.mission_key is None else public_id("mission", row.mission_key),
+        round=row.round,
+        state=row.state,
+        sha256=row.sha256,
+        config=row.config,
+        document=row.document,
+        created_at=row.created_at,
+        created_by=row.created_by,
+        draft_at=row.draft_at,
+        sent_at=row.sent_at,
+        on_board_at=row.on_board_at,
+        running_at=row.running_at,
+        ended_at=row.ended_at,
+    )

@@ -1,0 +1,97 @@
+"""Measurements of fields."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from autonomy.arrays import FloatArray, IntArray
+from db.column import microseconds
+from db.query.robots import robot_key
+from db.tables import SampleRow
+
+
+@dataclass(frozen=True, slots=True)
+class SampleColumns:
+    """Measurements of one variable as arrays, in the order in which they were taken."""
+
+    position_ned: FloatArray
+    """Shape ``(n, 3)``, m."""
+    position_std_m: FloatArray
+    """Shape ``(n,)``."""
+    value: FloatArray
+    """Shape ``(n,)``, in the variable's unit."""
+    measured_at_us: IntArray
+    """Shape ``(n,)``, microseconds from the epoch."""
+    log: IntArray
+    """Shape ``(n,)``."""
+    sequence: IntArray
+    """Shape ``(n,)``; unique within its log."""
+
+    def __len__(self) -> int:
+        return len(self.value)
+
+
+def sample_columns(
+    session: Session,
+    robot: str,
+    variable: str,
+    start: datetime | None = None,
+    end: datetime | None = None,
+    log: int | None = None,
+) -> SampleColumns:
+    """Return a robot's measurements of one variable, both ends of the time range included.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    key = robot_key(session, robot)
+    statement = (
+        select(
+            SampleRow.north_m,
+            SampleRow.east_m,
+            SampleRow.depth_m,
+            SampleRow.position_std_m,
+            SampleRow.value,
+            SampleRow.measured_at,
+            SampleRow.log,
+            SampleRow.sequence,
+        )
+        .where(SampleRow.robot_key == key, SampleRow.variable == variable)
+        .order_by(SampleRow.measured_at, SampleRow.log, SampleRow.sequence)
+    )
+    if start is not None:
+        statement = statement.where(SampleRow.measured_at >= start)
+    if end is not None:
+        statement = statement.where(SampleRow.measured_at <= end)
+    if log is not None:
+        statement = statement.where(SampleRow.log == log)
+    rows = session.execute(statement).all()
+    numbers = np.array([row[:5] for row in rows], dtype=np.float64).reshape(-1, 5)
+    names = np.array(
+        [(microseconds(row[5]), row[6], row[7]) for row in rows], dtype=np.int64
+    ).reshape(-1, 3)
+    return SampleColumns(
+        position_ned=numbers[:, :3],
+        position_std_m=numbers[:, 3],
+        value=numbers[:, 4],
+        measured_at_us=names[:, 0],
+        log=names[:, 1],
+        sequence=names[:, 2],
+    )
+
+
+def sampled_variables(session: Session, robot: str) -> dict[str, int]:
+    """Return how many measurements of each variable a robot has.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    statement = (
+        select(SampleRow.variable, func.count())
+        .where(SampleRow.robot_key == robot_key(session, robot))
+        .group_by(SampleRow.variable)
+    )
+    return {row[0]: row[1] for row in session.execute(statement)}

@@ -1,0 +1,120 @@
+"""Attempts to bring a plan on board."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from db.fault import UnknownIdError
+from db.identity import key_of, public_id
+from db.query.robots import robot_key
+from db.tables import Robot, Transfer
+
+
+@dataclass(frozen=True, slots=True)
+class TransferRecord:
+    """One attempt to bring a plan on board."""
+
+    id: str
+    robot: str
+    plan: str
+    state: str
+    """``waiting, sending, on_board, failed``."""
+    level: str
+    """The proved level: ``queued, radio, applied, refused, expired``."""
+    items: int
+    items_sent: int
+    bytes: int
+    start: bool
+    """Whether the plan is to be started as soon as it is on board."""
+    started_at: datetime
+    ended_at: datetime | None
+    reason: str
+
+
+def add_transfer(
+    session: Session, plan: str, robot: str, *, items: int, size: int, start: bool, at: datetime
+) -> str:
+    """Add a transfer that is still waiting and return its id.
+
+    Raises:
+        UnknownIdError: If there is no such robot or plan.
+    """
+    row = Transfer(
+        robot_key=robot_key(session, robot),
+        plan_key=key_of("plan", plan),
+        state="waiting",
+        level="queued",
+        items=items,
+        items_sent=0,
+        bytes=size,
+        start=start,
+        started_at=at,
+        reason="",
+    )
+    session.add(row)
+    session.flush()
+    return public_id("transfer", row.key)
+
+
+def change_transfer(session: Session, transfer: str, **changes: Any) -> TransferRecord:  # noqa: ANN401 - the fields differ in type
+    """Change ``state, level, items_sent, ended_at`` or ``reason``.
+
+    Raises:
+        UnknownIdError: If there is no such transfer.
+    """
+    row = session.get(Transfer, key_of("transfer", transfer))
+    if row is None:
+        raise UnknownIdError("transfer", transfer)
+    for field, value in changes.items():
+        if field not in {"state", "level", "items_sent", "ended_at", "reason"}:
+            raise ValueError(f"{field} of a transfer cannot be changed")
+        setattr(row, field, value)
+    session.flush()
+    return get_transfer(session, transfer)
+
+
+def get_transfer(session: Session, transfer: str) -> TransferRecord:
+    """Return one transfer.
+
+    Raises:
+        UnknownIdError: If there is none of this id.
+    """
+    found = session.execute(
+        select(Transfer, Robot.id)
+        .join(Robot, Transfer.robot_key == Robot.key)
+        .where(Transfer.key == key_of("transfer", transfer))
+    ).one_or_none()
+    if found is None:
+        raise UnknownIdError("transfer", transfer)
+    return _record(*found)
+
+
+def open_transfers(session: Session) -> list[TransferRecord]:
+    """Return the transfers that have not ended, the oldest first."""
+    statement = (
+        select(Transfer, Robot.id)
+        .join(Robot, Transfer.robot_key == Robot.key)
+        .where(Transfer.ended_at.is_(None))
+        .order_by(Transfer.key)
+    )
+    return [_record(row, name) for row, name in session.execute(statement)]
+
+
+def _record(row: Transfer, robot: str) -> TransferRecord:
+    return TransferRecord(
+        id=public_id("transfer", row.key),
+        robot=robot,
+        plan=public_id("plan", row.plan_key),
+        state=row.state,
+        level=row.level,
+        items=row.items,
+        items_sent=row.items_sent,
+        bytes=row.bytes,
+        start=row.start,
+        started_at=row.started_at,
+        ended_at=row.ended_at,
+        reason=row.reason,
+    )

@@ -1,0 +1,139 @@
+"""The station's memory: one writer, many readers, and a plain word when storage fails."""
+
+import asyncio
+from collections.abc import Callable, Generator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
+from typing import Self, TypeVar
+
+from sqlalchemy import Engine
+from sqlalchemy.exc import DBAPIError
+from sqlalchemy.orm import Session
+
+from db.engine import READERS, check_url, fault_sentence, is_storage_fault, read_engine
+from db.engine import write_engine as open_write_engine
+from db.fault import StoreUnavailableError
+from db.ingest import Telemetry, append_telemetry
+from db.migrate import migrate
+from db.writer import FaultListener, Writer
+
+T = TypeVar("T")
+CLOSE_TIMEOUT_S = 10.0
+
+
+class Store:
+    """Owns the database of one station.
+
+    Every method may be called from any thread; the ``async`` ones from any event loop. A listener
+    for faults is called on the writer's thread with a sentence, and with ``None`` when storage
+    works again.
+    """
+
+    def __init__(self, write_engine: Engine, read_engine: Engine) -> None:
+        self._write_engine = write_engine
+        self._read_engine = read_engine
+        self._listeners: list[FaultListener] = []
+        self._writer = Writer(write_engine, append_telemetry, self._tell)
+        self._readers = ThreadPoolExecutor(READERS, thread_name_prefix="db-reader")
+
+    @classmethod
+    def open(cls, url: str, on_fault: FaultListener | None = None) -> Self:
+        """Bring the schema up to date and start the writer.
+
+        Args:
+            url: SQLAlchemy URL of a SQLite file or a PostgreSQL database.
+            on_fault: Called with each change of ``fault``.
+
+        Raises:
+            ValueError: If the URL names a database that cannot keep what it is given.
+            StoreUnavailableError: If the database cannot be opened or brought up to date.
+        """
+        check_url(url)
+        engine = open_write_engine(url)
+        try:
+            migrate(engine)
+        except DBAPIError as error:
+            engine.dispose()
+            if not is_storage_fault(error):
+                raise
+            raise StoreUnavailableError(fault_sentence(error)) from error
+        store = cls(engine, read_engine(url))
+        if on_fault is not None:
+            store.add_fault_listener(on_fault)
+        return store
+
+    @property
+    def fault(self) -> str | None:
+        """What is wrong with the storage, or ``None``."""
+        return self._writer.fault
+
+    @property
+    def commits(self) -> int:
+        """Count of committed transactions: as long as it stands still, no reader sees news."""
+        return self._writer.commits
+
+    @property
+    def waiting_rows(self) -> int:
+        """Appended rows that are not committed yet."""
+        return self._writer.waiting_rows
+
+    def add_fault_listener(self, listener: FaultListener) -> None:
+        """Call ``listener`` on the writer's thread with each change of ``fault``."""
+        self._listeners.append(listener)
+
+    def change(self, function: Callable[[Session], T]) -> "Future[T]":
+        """Run ``function`` in a transaction of its own; the future resolves after the commit.
+
+        The future fails with ``StoreUnavailableError`` when storage fails, and with whatever
+        ``function`` raised; nothing is kept then.
+        """
+        return self._writer.change(function)
+
+    async def write(self, function: Callable[[Session], T]) -> T:
+        """Await ``change``."""
+        return await asyncio.wrap_future(self._writer.change(function))
+
+    def append(self, values: Sequence[Telemetry]) -> "Future[None]":
+        """Take telemetry for the next batch, at most 50 ms later.
+
+        The future resolves once the rows are committed: only then may a robot be told to forget
+        them. While storage fails the rows wait and are tried again; it fails with
+        ``BufferFullError`` when too many wait already, and with ``UnknownIdError`` for a robot
+        that the station does not know.
+        """
+        return self._writer.append(values)
+
+    @contextmanager
+    def read(self) -> Generator[Session]:
+        """Open a session that sees one unchanging moment and cannot change anything.
+
+        Raises:
+            StoreUnavailableError: If the storage fails while the session is used.
+        """
+        try:
+            with Session(self._read_engine, expire_on_commit=False) as session:
+                yield session
+        except DBAPIError as error:
+            if not is_storage_fault(error):
+                raise
+            raise StoreUnavailableError(fault_sentence(error)) from error
+
+    async def query(self, function: Callable[[Session], T]) -> T:
+        """Run ``function`` with a reading session in a thread of its own."""
+
+        def run() -> T:
+            with self.read() as session:
+                return function(session)
+
+        return await asyncio.get_running_loop().run_in_executor(self._readers, run)
+
+    def close(self) -> None:
+        """Write what is queued and let go of the database; closing twice is harmless."""
+        self._writer.close(CLOSE_TIMEOUT_S)
+        self._readers.shutdown()
+        self._read_engine.dispose()
+        self._write_engine.dispose()
+
+    def _tell(self, fault: str | None) -> None:
+        for listener in list(self._listeners):
+            listener(fault)

@@ -1,0 +1,420 @@
+"""Every table of the station's memory.
+
+Integer keys stay inside ``db``; what leaves carries a public id such as ``plan-14``
+(``db.identity``). Times are aware UTC. JSON columns hold documents that no query looks into.
+"""
+
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import (
+    JSON,
+    BigInteger,
+    ForeignKey,
+    Index,
+    Integer,
+    LargeBinary,
+    MetaData,
+    UniqueConstraint,
+)
+from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+
+from db.column import Utc
+
+Document = dict[str, Any]
+"""A JSON object that the database keeps but does not read."""
+
+Key = BigInteger().with_variant(Integer, "sqlite")
+"""Counting key: SQLite counts by itself only in a column of type INTEGER."""
+
+APPENDED_ONLY = {"sqlite_autoincrement": True}
+"""A key is never given twice, even when the newest row was deleted."""
+
+CLUSTERED = {"sqlite_with_rowid": False}
+"""Rows lie in the order of their primary key, so a range of time is one sequential read."""
+
+
+class Base(DeclarativeBase):
+    """Parent of every table."""
+
+    metadata = MetaData(
+        naming_convention={
+            "ix": "ix_%(table_name)s_%(column_0_N_name)s",
+            "uq": "uq_%(table_name)s_%(column_0_N_name)s",
+            "fk": "fk_%(table_name)s_%(column_0_N_name)s",
+            "pk": "pk_%(table_name)s",
+        }
+    )
+    type_annotation_map = {  # noqa: RUF012 - the form that SQLAlchemy asks for
+        datetime: Utc,
+        Document: JSON,
+        list[str]: JSON,
+        bytes: LargeBinary,
+    }
+
+
+class Robot(Base):
+    """A robot that the station knows: real, simulated, or a recording."""
+
+    __tablename__ = "robot"
+    __table_args__ = APPENDED_ONLY
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    id: Mapped[str] = mapped_column(unique=True)
+    name: Mapped[str]
+    model: Mapped[str]
+    kind: Mapped[str]
+    system_id: Mapped[int | None] = mapped_column(unique=True)
+    links: Mapped[list[str]]
+    site: Mapped[Document]
+    created_at: Mapped[datetime]
+
+
+class StateRow(Base):
+    """One state report; the columns that a recording cannot know are NULL in its rows."""
+
+    __tablename__ = "state_report"
+    __table_args__ = CLUSTERED
+
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
+    measured_at: Mapped[datetime] = mapped_column(primary_key=True)
+    received_at: Mapped[datetime]
+    north_m: Mapped[float]
+    east_m: Mapped[float]
+    depth_m: Mapped[float]
+    position_std_m: Mapped[float]
+    has_fix: Mapped[bool]
+    velocity_north_m_s: Mapped[float | None]
+    velocity_east_m_s: Mapped[float | None]
+    velocity_down_m_s: Mapped[float | None]
+    roll_rad: Mapped[float | None]
+    pitch_rad: Mapped[float | None]
+    heading_rad: Mapped[float | None]
+    net_buoyancy_kg: Mapped[float | None]
+    mass_position_m: Mapped[float | None]
+    tail_rad: Mapped[float | None]
+    battery_fraction: Mapped[float | None]
+    battery_v: Mapped[float | None]
+    energy_used: Mapped[float | None]
+    mode: Mapped[int | None]
+
+
+class SampleRow(Base):
+    """One measurement of a field; the robot's log and sequence name it for ever."""
+
+    __tablename__ = "field_sample"
+    __table_args__ = (
+        # Covering: a chart of one variable reads the index alone.
+        Index(None, "robot_key", "variable", "measured_at", "value"),
+        CLUSTERED,
+    )
+
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
+    log: Mapped[int] = mapped_column(BigInteger, primary_key=True)
+    sequence: Mapped[int] = mapped_column(BigInteger, primary_key=True)
+    variable: Mapped[str]
+    measured_at: Mapped[datetime]
+    received_at: Mapped[datetime]
+    value: Mapped[float]
+    north_m: Mapped[float]
+    east_m: Mapped[float]
+    depth_m: Mapped[float]
+    position_std_m: Mapped[float]
+
+
+class RawFrameRow(Base):
+    """Bytes of one packet as they crossed a link."""
+
+    __tablename__ = "raw_frame"
+    __table_args__ = APPENDED_ONLY
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    robot_key: Mapped[int | None] = mapped_column(ForeignKey("robot.key"))
+    at: Mapped[datetime]
+    carrier: Mapped[str]
+    outgoing: Mapped[bool]
+    data: Mapped[bytes]
+
+
+class PlanReportRow(Base):
+    """What a robot said of the plan that it holds."""
+
+    __tablename__ = "plan_report"
+    __table_args__ = CLUSTERED
+
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
+    measured_at: Mapped[datetime] = mapped_column(primary_key=True)
+    received_at: Mapped[datetime]
+    sha256: Mapped[str | None]
+    state: Mapped[int]
+    leg: Mapped[int]
+    legs: Mapped[int]
+    energy_used: Mapped[float]
+    reason: Mapped[str]
+
+
+class Configuration(Base):
+    """One version of one tunable model; rows are never changed."""
+
+    __tablename__ = "configuration"
+    __table_args__ = (Index(None, "kind", "robot_key", "key"), APPENDED_ONLY)
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    kind: Mapped[str]
+    robot_key: Mapped[int | None] = mapped_column(ForeignKey("robot.key"))
+    value: Mapped[Document]
+    changed_at: Mapped[datetime]
+    changed_by: Mapped[str]
+
+
+class Mission(Base):
+    """What an operator asked of a robot; an adaptive survey owns its rounds."""
+
+    __tablename__ = "mission"
+    __table_args__ = (Index(None, "robot_key", "key"), APPENDED_ONLY)
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"))
+    kind: Mapped[str]
+    state: Mapped[str] = mapped_column(index=True)
+    automation: Mapped[bool]
+    config: Mapped[Document]
+    document: Mapped[Document]
+    created_at: Mapped[datetime]
+    created_by: Mapped[str]
+
+
+class Plan(Base):
+    """A trajectory with its life cycle; a row exists before the planner starts."""
+
+    __tablename__ = "plan"
+    __table_args__ = (
+        Index(None, "robot_key", "key"),
+        Index(None, "robot_key", "sha256"),
+        Index(None, "mission_key"),
+        APPENDED_ONLY,
+    )
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"))
+    mission_key: Mapped[int | None] = mapped_column(ForeignKey("mission.key"))
+    round: Mapped[int]
+    kind: Mapped[str]
+    state: Mapped[str] = mapped_column(index=True)
+    sha256: Mapped[str | None]
+    config: Mapped[Document]
+    document: Mapped[Document]
+    created_at: Mapped[datetime]
+    created_by: Mapped[str]
+    draft_at: Mapped[datetime | None]
+    sent_at: Mapped[datetime | None]
+    on_board_at: Mapped[datetime | None]
+    running_at: Mapped[datetime | None]
+    ended_at: Mapped[datetime | None]
+
+
+class Transfer(Base):
+    """One attempt to bring a plan on board."""
+
+    __tablename__ = "transfer"
+    __table_args__ = (Index(None, "robot_key", "key"), APPENDED_ONLY)
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"))
+    plan_key: Mapped[int] = mapped_column(ForeignKey("plan.key"))
+    state: Mapped[str]
+    level: Mapped[str]
+    items: Mapped[int]
+    items_sent: Mapped[int]
+    bytes: Mapped[int]
+    start: Mapped[bool]
+    started_at: Mapped[datetime]
+    ended_at: Mapped[datetime | None]
+    reason: Mapped[str]
+
+
+class Command(Base):
+    """One command; the row exists before its first byte leaves."""
+
+    __tablename__ = "command"
+    __table_args__ = (Index(None, "robot_key", "key"), APPENDED_ONLY)
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"))
+    kind: Mapped[str]
+    plan_sha256: Mapped[str | None]
+    level: Mapped[str] = mapped_column(index=True)
+    created_at: Mapped[datetime]
+    created_by: Mapped[str]
+    expires_at: Mapped[datetime]
+
+
+class CommandLevelRow(Base):
+    """A level that a command was proved to have reached."""
+
+    __tablename__ = "command_level"
+    __table_args__ = (Index(None, "command_key"), APPENDED_ONLY)
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    command_key: Mapped[int] = mapped_column(ForeignKey("command.key"))
+    level: Mapped[str]
+    at: Mapped[datetime]
+    carrier: Mapped[str]
+    reason: Mapped[str]
+
+
+class Event(Base):
+    """Something that happened; the key is the cursor by which readers continue."""
+
+    __tablename__ = "event"
+    __table_args__ = (Index(None, "robot_key", "cursor"), APPENDED_ONLY)
+
+    cursor: Mapped[int] = mapped_column(Key, primary_key=True)
+    at: Mapped[datetime]
+    kind: Mapped[str]
+    level: Mapped[str]
+    robot_key: Mapped[int | None] = mapped_column(ForeignKey("robot.key"))
+    text: Mapped[str]
+    data: Mapped[Document]
+
+
+class Alarm(Base):
+    """An alarm and where it stands in its life cycle (ISA-18.2)."""
+
+    __tablename__ = "alarm"
+    __table_args__ = APPENDED_ONLY
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    cause: Mapped[str]
+    robot_key: Mapped[int | None] = mapped_column(ForeignKey("robot.key"))
+    level: Mapped[str]
+    text: Mapped[str]
+    state: Mapped[str] = mapped_column(index=True)
+    raised_at: Mapped[datetime]
+    acknowledged_at: Mapped[datetime | None]
+    acknowledged_by: Mapped[str | None]
+    cleared_at: Mapped[datetime | None]
+
+
+class Job(Base):
+    """Long work that an operator asked for."""
+
+    __tablename__ = "job"
+    __table_args__ = APPENDED_ONLY
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    kind: Mapped[str]
+    state: Mapped[str] = mapped_column(index=True)
+    progress: Mapped[float]
+    message: Mapped[str]
+    result: Mapped[Document | None]
+    created_at: Mapped[datetime]
+    created_by: Mapped[str]
+    ended_at: Mapped[datetime | None]
+
+
+class Person(Base):
+    """Someone who may sign in."""
+
+    __tablename__ = "person"
+    __table_args__ = APPENDED_ONLY
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    name: Mapped[str] = mapped_column(unique=True)
+    role: Mapped[str]
+    password_hash: Mapped[str | None]
+    created_at: Mapped[datetime]
+    disabled_at: Mapped[datetime | None]
+
+
+class Session(Base):
+    """A browser that signed in; the secret itself is known to the browser alone."""
+
+    __tablename__ = "session"
+    __table_args__ = APPENDED_ONLY
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    secret_hash: Mapped[str] = mapped_column(unique=True)
+    csrf_token: Mapped[str]
+    person_key: Mapped[int] = mapped_column(ForeignKey("person.key"), index=True)
+    created_at: Mapped[datetime]
+    expires_at: Mapped[datetime]
+
+
+class Token(Base):
+    """A bearer token of a script, or a one-time sign-in."""
+
+    __tablename__ = "token"
+    __table_args__ = APPENDED_ONLY
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    secret_hash: Mapped[str] = mapped_column(unique=True)
+    name: Mapped[str]
+    role: Mapped[str]
+    person_key: Mapped[int | None] = mapped_column(ForeignKey("person.key"), index=True)
+    one_time: Mapped[bool]
+    created_at: Mapped[datetime]
+    expires_at: Mapped[datetime]
+    used_at: Mapped[datetime | None]
+    revoked_at: Mapped[datetime | None]
+
+
+class Deployment(Base):
+    """A stretch of time that a robot spent in the water, or one imported recording."""
+
+    __tablename__ = "deployment"
+    __table_args__ = (
+        UniqueConstraint("robot_key", "log"),
+        Index(None, "robot_key", "key"),
+        APPENDED_ONLY,
+    )
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"))
+    kind: Mapped[str]
+    title: Mapped[str]
+    log: Mapped[int | None] = mapped_column(BigInteger)
+    started_at: Mapped[datetime]
+    ended_at: Mapped[datetime | None]
+    rows: Mapped[int]
+    variables: Mapped[list[str]]
+    document: Mapped[Document]
+
+
+class MapSnapshot(Base):
+    """A field map as it was after some samples, for the time slider and for a restart."""
+
+    __tablename__ = "map_snapshot"
+    __table_args__ = (Index(None, "robot_key", "variable", "model", "key"), APPENDED_ONLY)
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"))
+    variable: Mapped[str]
+    model: Mapped[str]
+    at: Mapped[datetime]
+    samples: Mapped[int]
+    document: Mapped[Document]
+    grid: Mapped[bytes]
+
+
+class Idempotency(Base):
+    """The answer that was given to a request with an idempotency key."""
+
+    __tablename__ = "idempotency"
+    __table_args__ = CLUSTERED
+
+    caller: Mapped[str] = mapped_column(primary_key=True)
+    request_key: Mapped[str] = mapped_column(primary_key=True)
+    fingerprint: Mapped[str]
+    status: Mapped[int | None]
+    body: Mapped[bytes | None]
+    at: Mapped[datetime]
+
+
+class Setting(Base):
+    """A value that the station keeps about itself."""
+
+    __tablename__ = "setting"
+
+    name: Mapped[str] = mapped_column(primary_key=True)
+    value: Mapped[Document]
