@@ -1,0 +1,389 @@
+"""Compiled dynamics of the glider; ``autonomy.vehicle.dynamics`` is the readable reference.
+
+Arrays are packed as ``Vehicle.packed`` makes them: the parameters and then the limits, each in
+their order of declaration; the names below are the indices.
+"""
+
+import math
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.compiled import kernel
+
+# fmt: off
+(
+    MASS_1, MASS_2, MASS_3, INERTIA_1, INERTIA_2, INERTIA_3,
+    SLIDING_MASS, OFFSET_MASS, OFFSET_MASS_DEPTH, GRAVITY, WATER_DENSITY, AREA,
+    DRAG_0, DRAG_ALPHA, DRAG_DELTA, SIDE_BETA, SIDE_DELTA, LIFT_0, LIFT_ALPHA,
+    ROLL_BETA, ROLL_DAMPING, PITCH_0, PITCH_ALPHA, PITCH_DAMPING,
+    YAW_BETA, YAW_DAMPING, YAW_DELTA,
+    TAIL_RESPONSE, TAIL_AREA, TAIL_WATER_LENGTH, TAIL_CENTRE, TAIL_ARM,
+    CROSSFLOW_1, CROSSFLOW_2, CROSSFLOW_3,
+    CONTACT_STIFFNESS, CONTACT_DAMPING, SURFACE_DAMPING,
+    M0_MIN, M0_MAX, M0_RATE, RP1_MIN, RP1_MAX, RP1_RATE, DELTA_MAX, DELTA_RATE,
+) = range(46)
+# fmt: on
+"""Index of each number in a packed vehicle."""
+
+COS_PITCH_FLOOR = 0.02
+"""Smallest cosine of pitch in the Euler rates, which are singular at 90 degrees."""
+
+Six = tuple[float, float, float, float, float, float]
+"""Three components along the body axes and three about them."""
+
+
+@kernel
+def hydrodynamic_wrench(
+    v1: float,
+    v2: float,
+    v3: float,
+    w1: float,
+    w2: float,
+    w3: float,
+    delta: float,
+    p: FloatArray,
+    extended: bool,
+) -> Six:
+    """Force N and moment N m of the water in body axes (thesis Eq. 3.4, or 5.18 if extended).
+
+    ``R_bv`` needs no trigonometry: its sines and cosines are ratios of the velocities.
+    """
+    across = math.sqrt(v1 * v1 + v3 * v3)
+    speed = math.sqrt(v1 * v1 + v2 * v2 + v3 * v3)
+    if speed == 0.0:
+        return 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    ca, sa = (v1 / across, v3 / across) if across > 0.0 else (1.0, 0.0)
+    cb, sb = across / speed, v2 / speed
+    alpha = math.atan2(v3, v1)
+    beta = math.atan2(v2, across)
+    q = 0.5 * p[WATER_DENSITY] * speed * speed * p[AREA]
+    drag = q * (p[DRAG_0] + p[DRAG_ALPHA] * alpha * alpha + p[DRAG_DELTA] * delta * delta)
+    side = q * (p[SIDE_BETA] * beta + p[SIDE_DELTA] * delta)
+    lift = q * (p[LIFT_0] + p[LIFT_ALPHA] * alpha)
+    pitch_alpha = alpha
+    if extended:
+        lift *= ca
+        pitch_alpha = sa * ca
+    roll = q * (p[ROLL_BETA] * beta + p[ROLL_DAMPING] * w1)
+    pitch = q * (p[PITCH_0] + p[PITCH_ALPHA] * pitch_alpha + p[PITCH_DAMPING] * w2)
+    yaw = q * (p[YAW_BETA] * beta + p[YAW_DAMPING] * w3 + p[YAW_DELTA] * delta)
+    return (
+        -ca * cb * drag - ca * sb * side + sa * lift,
+        -sb * drag + cb * side,
+        -sa * cb * drag - sa * sb * side - ca * lift,
+        ca * cb * roll - ca * sb * pitch - sa * yaw,
+        sb * roll + cb * pitch,
+        sa * cb * roll - sa * sb * pitch + ca * yaw,
+    )
+
+
+@kernel
+def _rigid_body(
+    x: FloatArray, m0: float, rp1: float, wrench: Six, p: FloatArray, out: FloatArray
+) -> None:
+    """Write the 12 rates of a body under ``wrench``, gravity and net buoyancy into ``out``."""
+    sf, cf = math.sin(x[3]), math.cos(x[3])
+    st, ct = math.sin(x[4]), math.cos(x[4])
+    sp, cp = math.sin(x[5]), math.cos(x[5])
+    v1, v2, v3, w1, w2, w3 = x[6], x[7], x[8], x[9], x[10], x[11]
+    m1, m2, m3 = p[MASS_1], p[MASS_2], p[MASS_3]
+    j1, j2, j3 = p[INERTIA_1], p[INERTIA_2], p[INERTIA_3]
+    g = p[GRAVITY]
+    out[0] = ct * cp * v1 + (cp * st * sf - cf * sp) * v2 + (sf * sp + cf * cp * st) * v3
+    out[1] = ct * sp * v1 + (cf * cp + st * sf * sp) * v2 + (cf * st * sp - cp * sf) * v3
+    out[2] = -st * v1 + ct * sf * v2 + ct * cf * v3
+    safe = ct if abs(ct) >= COS_PITCH_FLOOR else math.copysign(COS_PITCH_FLOOR, ct)
+    turn = (sf * w2 + cf * w3) / safe
+    out[3] = w1 + st * turn
+    out[4] = cf * w2 - sf * w3
+    out[5] = turn
+    weight = m0 * g
+    out[6] = (m2 * v2 * w3 - m3 * v3 * w2 - weight * st + wrench[0]) / m1
+    out[7] = (m3 * v3 * w1 - m1 * v1 * w3 + weight * ct * sf + wrench[1]) / m2
+    out[8] = (m1 * v1 * w2 - m2 * v2 * w1 + weight * ct * cf + wrench[2]) / m3
+    hang = p[OFFSET_MASS] * g * p[OFFSET_MASS_DEPTH]
+    tilt = p[SLIDING_MASS] * g * rp1
+    out[9] = ((j2 - j3) * w2 * w3 + (m2 - m3) * v2 * v3 + wrench[3] - hang * ct * sf) / j1
+    out[10] = (
+        (j3 - j1) * w3 * w1 + (m3 - m1) * v3 * v1 + wrench[4] - hang * st - tilt * ct * cf
+    ) / j2
+    out[11] = ((j1 - j2) * w1 * w2 + (m1 - m2) * v1 * v2 + wrench[5] + tilt * ct * sf) / j3
+
+
+@kernel
+def derivative_into(
+    x: FloatArray, m0: float, rp1: float, delta: float, p: FloatArray, out: FloatArray
+) -> None:
+    """Write the rates of the 12-state model of thesis Eq. 3.2 into ``out``, shape ``(12,)``."""
+    wrench = hydrodynamic_wrench(x[6], x[7], x[8], x[9], x[10], x[11], delta, p, False)
+    _rigid_body(x, m0, rp1, wrench, p, out)
+
+
+@kernel
+def state_derivative(state: FloatArray, inputs: FloatArray, packed: FloatArray) -> FloatArray:
+    """Rates of the 12-state model, shape ``(12,)``; ``inputs`` is net mass, sliding mass, tail."""
+    out = np.empty(12)
+    derivative_into(state, inputs[0], inputs[1], inputs[2], packed, out)
+    return out
+
+
+@kernel
+def rk4_into(
+    x: FloatArray,
+    m0: float,
+    rp1: float,
+    delta: float,
+    p: FloatArray,
+    dt_s: float,
+    work: FloatArray,
+) -> None:
+    """Advance ``x`` in place by one Runge-Kutta step; ``work`` has shape ``(3, 12)``."""
+    slope, total, probe = work[0], work[1], work[2]
+    derivative_into(x, m0, rp1, delta, p, total)
+    for i in range(12):
+        probe[i] = x[i] + 0.5 * dt_s * total[i]
+    derivative_into(probe, m0, rp1, delta, p, slope)
+    for i in range(12):
+        total[i] += 2.0 * slope[i]
+        probe[i] = x[i] + 0.5 * dt_s * slope[i]
+    derivative_into(probe, m0, rp1, delta, p, slope)
+    for i in range(12):
+        total[i] += 2.0 * slope[i]
+        probe[i] = x[i] + dt_s * slope[i]
+    derivative_into(probe, m0, rp1, delta, p, slope)
+    for i in range(12):
+        x[i] += dt_s / 6.0 * (total[i] + slope[i])
+
+
+@kernel
+def rk4_step(
+    state: FloatArray, inputs: FloatArray, packed: FloatArray, dt_s: float, steps: int
+) -> FloatArray:
+    """Return the 12 states after ``steps`` Runge-Kutta steps with constant inputs."""
+    x = state.copy()
+    work = np.empty((3, 12))
+    for _ in range(steps):
+        rk4_into(x, inputs[0], inputs[1], inputs[2], packed, dt_s, work)
+    return x
+
+
+@kernel
+def contact_force(
+    x: FloatArray, rate: FloatArray, surroundings: FloatArray, p: FloatArray
+) -> tuple[float, float, float]:
+    """Force N of surface, floor and walls on the robot in NED; they push and never pull.
+
+    Args:
+        x: State; its first three are the position.
+        rate: Velocity over ground in NED in the first three, m/s.
+        surroundings: As in ``advance``.
+        p: Packed vehicle.
+    """
+    k, c = p[CONTACT_STIFFNESS], p[CONTACT_DAMPING]
+    north, east, down = 0.0, 0.0, 0.0
+    if x[2] < 0.0:
+        down = max(0.0, -k * x[2] - c * rate[2])
+    elif x[2] > surroundings[7]:
+        down = -max(0.0, k * (x[2] - surroundings[7]) + c * rate[2])
+    if surroundings[8] > 0.0:
+        if x[0] < surroundings[3]:
+            north = max(0.0, k * (surroundings[3] - x[0]) - c * rate[0])
+        elif x[0] > surroundings[4]:
+            north = -max(0.0, k * (x[0] - surroundings[4]) + c * rate[0])
+        if x[1] < surroundings[5]:
+            east = max(0.0, k * (surroundings[5] - x[1]) - c * rate[1])
+        elif x[1] > surroundings[6]:
+            east = -max(0.0, k * (x[1] - surroundings[6]) + c * rate[1])
+    return north, east, down
+
+
+@kernel
+def _apply_contact(x: FloatArray, surroundings: FloatArray, p: FloatArray, out: FloatArray) -> None:
+    """Add what surface, floor and walls do to the rates in ``out``."""
+    north, east, down = contact_force(x, out, surroundings, p)
+    if north != 0.0 or east != 0.0 or down != 0.0:
+        sf, cf = math.sin(x[3]), math.cos(x[3])
+        st, ct = math.sin(x[4]), math.cos(x[4])
+        sp, cp = math.sin(x[5]), math.cos(x[5])
+        out[6] += (ct * cp * north + ct * sp * east - st * down) / p[MASS_1]
+        out[7] += (
+            (cp * st * sf - cf * sp) * north + (cf * cp + st * sf * sp) * east + ct * sf * down
+        ) / p[MASS_2]
+        out[8] += (
+            (sf * sp + cf * cp * st) * north + (cf * st * sp - cp * sf) * east + ct * cf * down
+        ) / p[MASS_3]
+    if x[2] < 0.0:
+        out[9] -= p[SURFACE_DAMPING] * x[9]
+        out[10] -= p[SURFACE_DAMPING] * x[10]
+
+
+@kernel
+def tail_motion(
+    delta: float, target: float, target_rate: float, p: FloatArray
+) -> tuple[float, float]:
+    """Rate rad/s and acceleration rad/s2 of a tail that follows its reference within its limits."""
+    wanted = p[TAIL_RESPONSE] * (target - delta)
+    if abs(wanted) >= p[DELTA_RATE]:
+        return math.copysign(p[DELTA_RATE], wanted), 0.0
+    return wanted, p[TAIL_RESPONSE] * (target_rate - wanted)
+
+
+@kernel
+def extended_derivative_into(
+    x: FloatArray,
+    m0_rate: float,
+    rp1_rate: float,
+    tail_target: float,
+    tail_target_rate: float,
+    p: FloatArray,
+    surroundings: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write the rates of the 15-state model of thesis Eq. 5.17 into ``out``, shape ``(15,)``.
+
+    The tail's force is ``-(Ct / k_delta^2) delta''``, the reaction of the water that it
+    accelerates; the printed force has no mean over a flap. Velocities are through the water.
+    """
+    delta = x[14]
+    f1, f2, f3, t1, t2, t3 = hydrodynamic_wrench(
+        x[6], x[7], x[8], x[9], x[10], x[11], delta, p, True
+    )
+    out[12] = m0_rate
+    out[13] = rp1_rate
+    out[14], tail_acceleration = tail_motion(delta, tail_target, tail_target_rate, p)
+    water_kg = p[WATER_DENSITY] * p[TAIL_AREA] * p[TAIL_WATER_LENGTH]
+    thrust = -water_kg * p[TAIL_CENTRE] * tail_acceleration
+    f1 += thrust * math.sin(delta)
+    t1 -= p[CROSSFLOW_1] * abs(x[9]) * x[9]
+    t2 -= p[CROSSFLOW_2] * abs(x[10]) * x[10]
+    t3 += p[TAIL_ARM] * thrust * math.cos(delta) - p[CROSSFLOW_3] * abs(x[11]) * x[11]
+    _rigid_body(x, x[12], x[13], (f1, f2, f3, t1, t2, t3), p, out)
+    out[0] += surroundings[0]
+    out[1] += surroundings[1]
+    out[2] += surroundings[2]
+    _apply_contact(x, surroundings, p, out)
+
+
+@kernel
+def extended_state_derivative(
+    state: FloatArray,
+    actuator: FloatArray,
+    packed: FloatArray,
+    surroundings: FloatArray,
+) -> FloatArray:
+    """Rates of the 15-state model, shape ``(15,)``.
+
+    Args:
+        state: Shape ``(15,)``: the 12 states, net mass kg, sliding mass m, tail rad.
+        actuator: Rate of the net mass kg/s, of the sliding mass m/s, reference of the tail rad,
+            rate of that reference rad/s.
+        packed: ``Vehicle.packed()``.
+        surroundings: As in ``advance``.
+    """
+    out = np.empty(15)
+    extended_derivative_into(
+        state, actuator[0], actuator[1], actuator[2], actuator[3], packed, surroundings, out
+    )
+    return out
+
+
+@kernel
+def _tail_reference(command: FloatArray, time_s: float, p: FloatArray) -> tuple[float, float]:
+    """Reference of the tail and its rate: bias and flap, cut at the end stops."""
+    w = 2.0 * math.pi * command[4]
+    target = command[2] + command[3] * math.sin(w * time_s)
+    if abs(target) >= p[DELTA_MAX]:
+        return math.copysign(p[DELTA_MAX], target), 0.0
+    return target, command[3] * w * math.cos(w * time_s)
+
+
+@kernel
+def _ramp(value: float, target: float, low: float, high: float, rate: float, dt_s: float) -> float:
+    """Rate with which an actuator nears its target, inside end stops and greatest rate."""
+    wanted = (min(max(target, low), high) - value) / dt_s
+    return min(max(wanted, -rate), rate)
+
+
+@kernel
+def wrap_angle(angle: float) -> float:
+    """Return the same direction in ``[-pi, pi)``."""
+    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+
+
+@kernel
+def _name_attitude(x: FloatArray) -> None:
+    """Rewrite the Euler angles of the same attitude so that pitch stays within 90 degrees."""
+    x[4] = wrap_angle(x[4])
+    if abs(x[4]) > 0.5 * math.pi:
+        x[4] = math.copysign(math.pi, x[4]) - x[4]
+        x[3] += math.pi
+        x[5] += math.pi
+    x[3] = wrap_angle(x[3])
+    x[5] = wrap_angle(x[5])
+
+
+@kernel
+def advance(
+    state: FloatArray,
+    command: FloatArray,
+    packed: FloatArray,
+    surroundings: FloatArray,
+    time_s: float,
+    dt_s: float,
+    steps: int,
+) -> FloatArray:
+    """Return the robot's 15 states after ``steps`` Runge-Kutta steps under one command.
+
+    A buoyant robot comes to rest at depth 0; floor and walls hold it back; the tail's thrust
+    lets it swim, and a bias of the tail turns it.
+
+    Args:
+        state: Shape ``(15,)``: position NED m, Euler angles rad, velocity through the water in
+            body axes m/s, angular velocity rad/s, net mass kg, sliding mass m, tail angle rad.
+        command: Shape ``(5,)``: net mass kg, sliding mass m, tail bias rad, tail amplitude rad,
+            tail frequency Hz.
+        packed: ``Vehicle.packed()``.
+        surroundings: Shape ``(9,)``: current NED m/s, x_min, x_max, y_min, y_max m, floor m,
+            and whether there are walls (0 or 1).
+        time_s: Time at the start, for the phase of the flap.
+        dt_s: Length of one step; 0.02 is accurate to micrometres, 0.1 to be stable at contact.
+        steps: Number of steps.
+    """
+    p = packed
+    x = state.copy()
+    slope, total, probe = np.empty(15), np.empty(15), np.empty(15)
+    for step in range(steps):
+        t = time_s + step * dt_s
+        u1 = _ramp(x[12], command[0], p[M0_MIN], p[M0_MAX], p[M0_RATE], dt_s)
+        u2 = _ramp(x[13], command[1], p[RP1_MIN], p[RP1_MAX], p[RP1_RATE], dt_s)
+        r0, d0 = _tail_reference(command, t, p)
+        r1, d1 = _tail_reference(command, t + 0.5 * dt_s, p)
+        r2, d2 = _tail_reference(command, t + dt_s, p)
+        extended_derivative_into(x, u1, u2, r0, d0, p, surroundings, total)
+        for i in range(15):
+            probe[i] = x[i] + 0.5 * dt_s * total[i]
+        extended_derivative_into(probe, u1, u2, r1, d1, p, surroundings, slope)
+        for i in range(15):
+            total[i] += 2.0 * slope[i]
+            probe[i] = x[i] + 0.5 * dt_s * slope[i]
+        extended_derivative_into(probe, u1, u2, r1, d1, p, surroundings, slope)
+        for i in range(15):
+            total[i] += 2.0 * slope[i]
+            probe[i] = x[i] + dt_s * slope[i]
+        extended_derivative_into(probe, u1, u2, r2, d2, p, surroundings, slope)
+        for i in range(15):
+            x[i] += dt_s / 6.0 * (total[i] + slope[i])
+        _name_attitude(x)
+    return x
+
+
+def warm_up() -> None:
+    """Compile every kernel of this module with the argument types of real use."""
+    packed = np.ones(DELTA_RATE + 1)
+    state, inputs = np.zeros(12), np.zeros(3)
+    state_derivative(state, inputs, packed)
+    rk4_step(state, inputs, packed, 0.01, 1)
+    surroundings = np.zeros(9)
+    extended_state_derivative(np.zeros(15), np.zeros(4), packed, surroundings)
+    advance(np.zeros(15), np.zeros(5), packed, surroundings, 0.0, 0.01, 1)
