@@ -1,0 +1,81 @@
+"""Factors of covariance matrices, and products with what they have whitened.
+
+Everything large goes through scipy's BLAS: numpy carries a second one with threads of its own, and
+on a small machine the two wait for each other longer than they compute.
+"""
+
+import numpy as np
+from scipy.linalg import LinAlgError, get_blas_funcs, get_lapack_funcs
+from scipy.linalg import cholesky as scipy_cholesky
+
+from autonomy.arrays import FloatArray
+
+(_trtrs,) = get_lapack_funcs(("trtrs",), dtype=np.float64)
+_gemv, _gemm = get_blas_funcs(("gemv", "gemm"), dtype=np.float64)
+
+_FIRST_JITTER = 1e-10
+_LAST_JITTER = 1e-2
+
+
+def cholesky(matrix: FloatArray) -> FloatArray:
+    """Factorize a covariance matrix as ``L L^T``.
+
+    A matrix that rounding left without a factor (two samples at one place and hardly any noise)
+    gets a jitter on its diagonal, from 1e-10 of its mean diagonal, ten times more at each failure.
+
+    Args:
+        matrix: Symmetric and positive semi-definite up to rounding, shape ``(n, n)``.
+
+    Returns:
+        Lower triangular factor, shape ``(n, n)``, Fortran order.
+
+    Raises:
+        ValueError: If the matrix is not a covariance matrix, even with 1 % on its diagonal.
+    """
+    scale = max(float(np.mean(np.abs(np.diagonal(matrix)))), np.finfo(np.float64).tiny)
+    jitter = 0.0
+    while jitter <= _LAST_JITTER:
+        try:
+            jittered = matrix + jitter * scale * np.eye(len(matrix)) if jitter else matrix
+            return scipy_cholesky(jittered, lower=True, check_finite=False)
+        except LinAlgError:
+            jitter = 10.0 * jitter or _FIRST_JITTER
+    raise ValueError("the matrix to factorize is not a covariance matrix")
+
+
+def solve_lower(factor: FloatArray, right: FloatArray) -> FloatArray:
+    """Return ``L^-1 right`` for a lower triangular factor.
+
+    Args:
+        factor: Shape ``(n, n)``; not copied when in Fortran order.
+        right: Shape ``(n,)`` or ``(n, m)``.
+
+    Returns:
+        Shape of ``right``.
+    """
+    solution, _ = _trtrs(factor, right, lower=1)
+    return solution
+
+
+def solve_lower_transposed(factor: FloatArray, right: FloatArray) -> FloatArray:
+    """Return ``L^-T right`` for a lower triangular factor; shapes as in ``solve_lower``."""
+    solution, _ = _trtrs(factor, right, lower=1, trans=1)
+    return solution
+
+
+def weighted_rows(weights: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return ``weights^T rows``.
+
+    Args:
+        weights: Shape ``(n,)`` or ``(n, m)``.
+        rows: Shape ``(n, q)``; not copied when in C order.
+
+    Returns:
+        Shape ``(q,)`` or ``(m, q)``.
+    """
+    if not len(rows):
+        return np.zeros((*weights.shape[1:], rows.shape[1]))
+    if weights.ndim == 1 or weights.shape[1] == 1:
+        product = _gemv(1.0, rows.T, weights.reshape(len(rows)))
+        return product.reshape(*weights.shape[1:], rows.shape[1])
+    return _gemm(1.0, rows.T, weights).T
