@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.field.config import KernelParameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +31,17 @@ class FieldBelief:
     """Standard deviation at the test points, shape ``(q,)``."""
     sample_position_std: FloatArray | None = None
     """Standard deviation of each sample's horizontal position, shape ``(n,)``, m; None for 0."""
+
+    def kernel(self) -> KernelParameters:
+        """Return the kernel as the field package takes it."""
+        north, east, down = self.length_scales_m
+        return KernelParameters(
+            signal_variance=self.signal_variance,
+            length_x_m=north,
+            length_y_m=east,
+            length_z_m=down,
+            noise_variance=self.noise_variance,
+        )
 
     def position_noise_factor(self) -> float:
         """Return the variance that 1 m² of horizontal position variance adds to a measurement.

@@ -7,6 +7,7 @@ from typing import Literal, Self
 from pydantic import model_validator
 
 from autonomy.configuration import Configuration, quantity
+from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
 from autonomy.site import LAKE, TANK, Box
 
 
@@ -107,22 +108,6 @@ class EnergyConfig(Configuration):
     """Frequency of the tail beat while swimming."""
 
 
-class UncertaintyConfig(Configuration):
-    """How the position's standard deviation grows under water (thesis section 5.4.2)."""
-
-    drift_m_sqrt_s: float = quantity(0.02, "m/s^0.5", title="Drift under water", gt=0.0)
-    """Growth of the position's standard deviation: after t seconds without a fix it is about this
-    times the square root of t."""
-    fix_noise_m: float = quantity(0.01, "m", title="Noise of a fix", gt=0.0)
-    """Standard deviation of a position fix at the surface (cameras, GPS)."""
-    surface_depth_m: float = quantity(0.05, "m", title="Depth with a fix", ge=0.0)
-    """The position is fixed from outside while the robot is not deeper than this."""
-    acceleration_noise_m2_s3: float = quantity(
-        1e-5, "m2/s3", title="Acceleration noise", gt=0.0, advanced=True
-    )
-    """Intensity of the white acceleration in the position filter."""
-
-
 class ErgodicConfig(Configuration):
     """Objective that spends time where the field is high or unknown (thesis Appendix D)."""
 
@@ -198,10 +183,10 @@ class PlannerConfig(Configuration):
     """Primitives that the robot can fly."""
     energy: EnergyConfig = quantity(EnergyConfig(), title="Energy", advanced=True)
     """Costs of the primitives."""
-    uncertainty: UncertaintyConfig = quantity(
-        UncertaintyConfig(), title="Position uncertainty", advanced=True
+    position_filter: EstimatorConfig = quantity(
+        EstimatorConfig(), title="Position filter", advanced=True
     )
-    """Growth of the position's uncertainty."""
+    """What the robot's position filter assumes: how uncertain its position will be along a plan."""
     ergodic: ErgodicConfig = quantity(ErgodicConfig(), title="Ergodic objective", advanced=True)
     """Settings of the ergodic objective."""
     search: SearchConfig = quantity(SearchConfig(), title="Search", advanced=True)
@@ -241,13 +226,14 @@ MINIGLIDER = PlannerConfig(
         bearing_noise_rad=0.4,
     ),
     energy=EnergyConfig(tail_frequency_hz=0.45),
+    position_filter=ESTIMATOR_PRESETS["miniglider"],
 )
 """Miniglider in the tank's exploration domain."""
 
 GRACE3 = PlannerConfig(
     domain=LAKE.domain,
-    max_uncertainty_m=15.0,
-    fidelity_thresholds_m=(4.0, 8.0),
+    max_uncertainty_m=8.0,
+    fidelity_thresholds_m=(3.0, 8.0),
     primitives=PrimitiveConfig(
         glide_speed_m_s=0.10,
         glide_angle_min_rad=math.radians(40.0),
@@ -268,7 +254,7 @@ GRACE3 = PlannerConfig(
         point_interval_s=10.0,
     ),
     energy=EnergyConfig(swim_factor=0.02, tail_frequency_hz=0.45),
-    uncertainty=UncertaintyConfig(drift_m_sqrt_s=0.5, fix_noise_m=2.5, surface_depth_m=0.5),
+    position_filter=ESTIMATOR_PRESETS["grace3"],
     ergodic=ErgodicConfig(reach_north_m=40.0, reach_east_m=40.0, reach_depth_m=2.0),
     search=SearchConfig(step_m=120.0, near_radius_m=80.0, nearest_radius_m=80.0),
 )

@@ -1,0 +1,147 @@
+"""Geometry, duration and energy of the four motion primitives (thesis Table 5.1, Figure 5.2)."""
+
+import math
+
+from autonomy.planner.config import EnergyConfig, PlannerConfig
+from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
+from autonomy.site import Box
+
+
+def energy(kind: PrimitiveKind, duration_s: float, config: EnergyConfig) -> float:
+    r"""Return the energy units of one primitive.
+
+    Glides, spirals and dives cost a constant, since their actuators move at their beginning only.
+    Swimming costs :math:`\int \dot\delta^2 dt = \frac12 \pi \delta_a^2 f (\sin 4 \pi f T + 4 \pi
+    f T)`. Time costs the same for all (thesis sections 5.4.2 and 5.5.2).
+    """
+    constant = {
+        PrimitiveKind.GLIDE: config.glide,
+        PrimitiveKind.SPIRAL: config.spiral,
+        PrimitiveKind.DIVE: config.dive,
+    }
+    work = constant.get(kind)
+    if work is None:
+        f = config.tail_frequency_hz
+        phase = 4.0 * math.pi * f * duration_s
+        work = config.swim_factor * (
+            0.5 * math.pi * config.tail_amplitude_rad**2 * f * (math.sin(phase) + phase)
+        )
+    return work + config.time_factor * duration_s
+
+
+def glide(config: PlannerConfig, start: PositionNed, end: PositionNed) -> Leg:
+    """Return the straight glide from ``start`` to ``end``; its angle is the caller's business."""
+    speed = config.primitives.glide_speed_m_s
+    duration = abs(end[2] - start[2]) / speed
+    return Leg(
+        PrimitiveKind.GLIDE,
+        start,
+        end,
+        speed,
+        duration,
+        energy(PrimitiveKind.GLIDE, duration, config.energy),
+        heading_rad=bearing(start, end),
+    )
+
+
+def spiral(
+    config: PlannerConfig,
+    start: PositionNed,
+    heading_rad: float,
+    radius_m: float,
+    turn_rad: float,
+    depth_m: float,
+) -> Leg:
+    """Return the helix that leaves ``start`` at a heading and turns until it meets a depth."""
+    speed = config.primitives.spiral_speed_m_s
+    duration = abs(depth_m - start[2]) / speed
+    x, y = on_circle(start, heading_rad, radius_m, turn_rad)
+    return Leg(
+        PrimitiveKind.SPIRAL,
+        start,
+        (x, y, depth_m),
+        speed,
+        duration,
+        energy(PrimitiveKind.SPIRAL, duration, config.energy),
+        heading_rad,
+        radius_m,
+        turn_rad,
+    )
+
+
+def dive(config: PlannerConfig, start: PositionNed, depth_m: float) -> Leg:
+    """Return the dive with level hull, straight down or up to a depth."""
+    speed = config.primitives.dive_speed_m_s
+    duration = abs(depth_m - start[2]) / speed
+    return Leg(
+        PrimitiveKind.DIVE,
+        start,
+        (start[0], start[1], depth_m),
+        speed,
+        duration,
+        energy(PrimitiveKind.DIVE, duration, config.energy),
+    )
+
+
+def swim(config: PlannerConfig, start: PositionNed, end: PositionNed) -> Leg:
+    """Return the straight swim from ``start`` to ``end``, which has the same depth."""
+    speed = config.primitives.swim_speed_m_s
+    duration = math.hypot(end[0] - start[0], end[1] - start[1]) / speed
+    return Leg(
+        PrimitiveKind.SWIM,
+        start,
+        end,
+        speed,
+        duration,
+        energy(PrimitiveKind.SWIM, duration, config.energy),
+        heading_rad=bearing(start, end),
+    )
+
+
+def bearing(start: PositionNed, end: PositionNed) -> float:
+    """Return the course from one point to another, rad from north to starboard."""
+    return math.atan2(end[1] - start[1], end[0] - start[0])
+
+
+def on_circle(
+    start: PositionNed, heading_rad: float, radius_m: float, turn_rad: float
+) -> tuple[float, float]:
+    """Return north and east after a turn of ``turn_rad`` (positive to starboard)."""
+    side = math.copysign(radius_m, turn_rad)
+    later = heading_rad + turn_rad
+    return (
+        start[0] + side * (math.sin(later) - math.sin(heading_rad)),
+        start[1] - side * (math.cos(later) - math.cos(heading_rad)),
+    )
+
+
+def position_at(leg: Leg, fraction: float) -> PositionNed:
+    """Return where the robot is after this part (0..1) of a leg's duration."""
+    x0, y0, z0 = leg.start_ned
+    x1, y1, z1 = leg.end_ned
+    z = z0 + fraction * (z1 - z0)
+    if leg.kind is PrimitiveKind.SPIRAL:
+        return (
+            *on_circle(leg.start_ned, leg.heading_rad, leg.radius_m, fraction * leg.turn_rad),
+            z,
+        )
+    return (x0 + fraction * (x1 - x0), y0 + fraction * (y1 - y0), z)
+
+
+def bounds(leg: Leg) -> tuple[PositionNed, PositionNed]:
+    """Return the smallest and the greatest coordinates that a leg reaches."""
+    reached = [leg.start_ned, leg.end_ned]
+    if leg.kind is PrimitiveKind.SPIRAL:
+        quarter = math.pi / 2.0
+        low, high = sorted((leg.heading_rad, leg.heading_rad + leg.turn_rad))
+        reached += [
+            position_at(leg, (k * quarter - leg.heading_rad) / leg.turn_rad)
+            for k in range(math.ceil(low / quarter), math.floor(high / quarter) + 1)
+        ]
+    north, east, down = zip(*reached, strict=True)
+    return (min(north), min(east), min(down)), (max(north), max(east), max(down))
+
+
+def is_inside(leg: Leg, domain: Box) -> bool:
+    """Tell whether no point of a leg leaves the domain."""
+    return all(domain.contains(*corner, margin_m=1e-9) for corner in bounds(leg))
