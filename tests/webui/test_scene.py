@@ -1,0 +1,150 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from autonomy.site import LAKE, TANK
+from tests.webui.fake_source import FakeSource
+from webui.scene.colour import fidelity_colours, mapped
+from webui.scene.projection import VIEW_WIDTH, Projection, body_to_view, enu
+from webui.scene.server import RobotScene
+from webui.scene.track import CHUNK_POINTS
+
+angle = st.floats(-3.1, 3.1)
+
+
+@pytest.fixture
+def source():
+    return FakeSource()
+
+
+@pytest.fixture
+def scene(source):
+    scene = RobotScene(source)
+    yield scene
+    scene.stop()
+
+
+def turned(wxyz, vector):
+    w, q = wxyz[0], np.array(wxyz[1:])
+    return vector + 2 * w * np.cross(q, vector) + 2 * np.cross(q, np.cross(q, vector))
+
+
+@given(angle, st.floats(-1.5, 1.5), angle)
+def test_the_bow_points_where_heading_and_pitch_say(roll, pitch, heading):
+    bow = turned(body_to_view(roll, pitch, heading), np.array([1.0, 0.0, 0.0]))
+    north, east, down = (
+        np.cos(pitch) * np.cos(heading),
+        np.cos(pitch) * np.sin(heading),
+        -np.sin(pitch),
+    )
+    assert bow == pytest.approx([east, north, -down], abs=1e-9)
+
+
+@given(angle, st.floats(-1.5, 1.5), angle)
+def test_the_keel_of_an_unrolled_robot_never_points_up(roll, pitch, heading):
+    keel = turned(body_to_view(0.0, pitch, heading), np.array([0.0, 0.0, 1.0]))
+    assert keel[2] <= 1e-9
+
+
+@pytest.mark.parametrize("site", [TANK, LAKE], ids=["tank", "lake"])
+def test_every_site_fills_the_view(site):
+    projection = Projection.of_site(site)
+    water = site.water
+    corners = np.array(
+        [[water.x_min_m, water.y_min_m, 0.0], [water.x_max_m, water.y_max_m, water.depth_max_m]]
+    )
+    placed = projection.point(corners, 1.0)
+    assert np.abs(placed[:, :2]).max() == pytest.approx(VIEW_WIDTH / 2)
+
+
+def test_a_shallow_lake_is_stretched_and_a_tank_is_not():
+    assert Projection.of_site(TANK).default_exaggeration == 1.0
+    assert Projection.of_site(LAKE).default_exaggeration > 4.0
+
+
+def test_depth_goes_down_in_the_view():
+    assert enu(np.array([1.0, 2.0, 3.0])) == pytest.approx([2.0, 1.0, -3.0])
+
+
+def test_a_constant_map_has_one_colour_and_no_division_by_zero():
+    colours = mapped(np.full((4, 3), 2.5), 2.5, 2.5, "viridis")
+    assert len(np.unique(colours.reshape(-1, 3), axis=0)) == 1
+
+
+def test_the_best_located_samples_are_the_brightest():
+    shades = fidelity_colours(np.array([0, 1, 2]), 3).sum(axis=1)
+    assert list(shades) == sorted(shades)
+
+
+def test_the_robot_is_drawn_where_it_says_it_is(scene, source):
+    scene.update()
+    projection = Projection.of_site(source.site)
+    wanted = projection.point(np.array(source.pose().position_ned), 1.0)
+    assert scene._robot._body.position == pytest.approx(wanted, abs=1e-6)
+    assert scene._robot._body.visible
+
+
+def test_an_old_pose_turns_grey(scene, source):
+    scene.update()
+    alive = tuple(scene._robot._parts[0].color)
+    pose = replace(source.pose(), is_old=True)
+    scene._robot.show(pose, 1.0)
+    assert tuple(scene._robot._parts[0].color) != alive
+
+
+def test_a_long_track_is_sent_in_chunks_and_only_the_tail_again(scene, source):
+    source.track_ned = np.repeat(source.track_ned, 10, axis=0)
+    source.std_m = np.repeat(source.std_m, 10)
+    scene.update()
+    chunks = list(scene._track._chunks)
+    assert len(chunks) == len(source.track_ned) // CHUNK_POINTS
+    source.track_ned = np.concatenate([source.track_ned, source.track_ned[-5:]])
+    source.std_m = np.concatenate([source.std_m, source.std_m[-5:]])
+    scene.update()
+    assert scene._track._chunks == chunks
+    assert len(scene._track._points) < CHUNK_POINTS + 6
+
+
+def test_a_restarted_track_replaces_what_was_drawn(scene, source):
+    scene.update()
+    source.restarted = True
+    source.track_ned = source.track_ned[:10]
+    source.std_m = source.std_m[:10]
+    scene._track._cursor = 0
+    scene.update()
+    assert len(scene._track._points) == 10
+
+
+def test_a_new_version_of_the_map_changes_colours_in_place(scene, source):
+    scene.update()
+    cells = scene._map._cells
+    before = np.array(cells.batched_colors)
+    source.map = replace(source.map, mean=-source.map.mean, version=2)
+    scene.update()
+    assert scene._map._cells is cells
+    assert not np.array_equal(before, cells.batched_colors)
+
+
+def test_a_slice_shows_one_layer_only(scene, source):
+    scene._panel._form.value = "slice"
+    scene.update()
+    opacity = np.array(scene._map._cells.batched_opacities).reshape(source.map.mean.shape)
+    assert (opacity.max(axis=(0, 1)) > 0).sum() == 1
+
+
+def test_exaggeration_moves_robot_and_surroundings_together(scene, source):
+    scene.update()
+    scene._panel._exaggeration.value = 4.0
+    scene.update()
+    depth = -scene._robot._body.position[2]
+    projection = Projection.of_site(source.site)
+    assert depth == pytest.approx(source.pose().position_ned[2] * projection.view_per_m * 4.0)
+    assert scene._map._cells.scale[2] == pytest.approx(projection.view_per_m * 4.0)
+
+
+def test_a_log_map_names_its_ends_in_the_unit_of_the_variable(scene):
+    scene.update()
+    assert "counts" in scene._map.legend

@@ -1,0 +1,66 @@
+"""Colours of the 3D scene: perceptually uniform maps and the fixed colours of meanings.
+
+The map anchors are ten equally spaced colours of matplotlib's viridis and magma (both CC0).
+"""
+
+import numpy as np
+import numpy.typing as npt
+
+from autonomy.arrays import FloatArray
+
+ColourArray = npt.NDArray[np.uint8]
+Colour = tuple[int, int, int]
+
+_ANCHORS = {
+    "viridis": "440154 482878 3e4989 31688e 26828e 1f9e89 35b779 6dcd59 b4de2c fde725",
+    "magma": "000004 180f3e 451077 721f81 9f2f7f cd4071 f1605d fd9567 fec98d fcfdbf",
+}
+
+FIDELITY: tuple[Colour, ...] = ((124, 108, 214), (86, 160, 230), (160, 240, 225))
+"""Worst located, in between, best located; more levels share the outer two."""
+PRIMITIVE: dict[str, Colour] = {
+    "glide": (74, 163, 255),
+    "spiral": (196, 140, 255),
+    "dive": (255, 176, 92),
+    "swim": (120, 220, 160),
+}
+DOMAIN: Colour = (88, 166, 255)
+WATER: Colour = (58, 138, 190)
+EDGE: Colour = (160, 182, 205)
+FLOOR: Colour = (16, 24, 32)
+ROBOT: Colour = (250, 204, 60)
+ROBOT_OLD: Colour = (128, 134, 140)
+UNCERTAINTY: Colour = (160, 205, 255)
+
+
+def mapped(values: FloatArray, low: float, high: float, name: str) -> ColourArray:
+    """Colour values between ``low`` and ``high``; what lies outside takes the end colours.
+
+    Args:
+        values: Any shape; NaN is drawn as the lowest colour.
+        low: Value of the first colour.
+        high: Value of the last colour; equal to ``low`` gives the middle colour everywhere.
+        name: ``viridis`` or ``magma``.
+
+    Returns:
+        Colours 0..255, shape ``(*values.shape, 3)``.
+    """
+    span = high - low
+    share = np.full(values.shape, 0.5) if span <= 0 else (values - low) / span
+    share = np.clip(np.nan_to_num(share), 0.0, 1.0)
+    anchors = np.array([[int(a[i : i + 2], 16) for i in (0, 2, 4)] for a in _ANCHORS[name].split()])
+    stops = np.linspace(0.0, 1.0, len(anchors))
+    return np.stack([np.interp(share, stops, anchors[:, c]) for c in range(3)], axis=-1).astype(
+        np.uint8
+    )
+
+
+def fidelity_colours(levels: npt.NDArray[np.int64], count: int) -> ColourArray:
+    """Colour fidelity levels ``0 .. count - 1``, the best located brightest; shape ``(n, 3)``."""
+    place = np.rint(levels / max(count - 1, 1) * (len(FIDELITY) - 1)).astype(int)
+    return np.array(FIDELITY, dtype=np.uint8)[np.clip(place, 0, len(FIDELITY) - 1)]
+
+
+def linear(colours: ColourArray | Colour) -> ColourArray:
+    """Undo the screen's gamma: viser hands colours of lines and instances on as linear light."""
+    return np.rint(255.0 * (np.asarray(colours) / 255.0) ** 2.2).astype(np.uint8)

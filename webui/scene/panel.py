@@ -1,0 +1,50 @@
+"""Layer switches of the view; everybody who looks at a robot shares them."""
+
+import viser
+
+from webui.scene.field_map import FORMS, QUANTITIES, FieldMap
+from webui.scene.plan import PlannedTrajectory
+from webui.scene.track import Track
+
+_MODEL_TITLES = {"recursive": "three fidelities", "single": "one fidelity"}
+
+
+class Panel:
+    """viser's own panel, folded away until somebody wants it."""
+
+    def __init__(
+        self, gui: viser.GuiApi, field_map: FieldMap, track: Track, plan: PlannedTrajectory,
+        exaggeration: float,
+    ) -> None:  # fmt: skip
+        gui.set_panel_label("Layers")
+        self._map = field_map
+        layers = (("Map", field_map), ("Track", track), ("Plan", plan))
+        for label, layer in layers:
+            box = gui.add_checkbox(label, True)
+            box.on_update(lambda event, layer=layer: layer.show(event.target.value))
+        self._quantity = gui.add_dropdown("Quantity", QUANTITIES)
+        self._form = gui.add_dropdown("Form", FORMS)
+        self._model = gui.add_dropdown("Model", tuple(_MODEL_TITLES.values()))
+        self._slice = gui.add_slider("Slice depth", 0.0, 1.0, 0.02, field_map.slice_share)
+        self._opacity = gui.add_slider("Opacity", 0.02, 1.0, 0.02, field_map.opacity)
+        self._exaggeration = gui.add_slider(
+            "Vertical x", 1.0, max(40.0, 2 * exaggeration), 0.5, exaggeration
+        )
+        self._legend = gui.add_markdown("")
+        gui.main_panel.minimize()
+
+    @property
+    def exaggeration(self) -> float:
+        """Return the vertical exaggeration asked for."""
+        return float(self._exaggeration.value)
+
+    def apply(self) -> None:
+        """Hand what is chosen to the map, and show its legend."""
+        self._map.quantity = self._quantity.value
+        self._map.form = self._form.value
+        titles = {title: model for model, title in _MODEL_TITLES.items()}
+        self._map.model = titles[self._model.value]
+        self._map.slice_share = float(self._slice.value)
+        self._map.opacity = float(self._opacity.value)
+        if self._legend.content != self._map.legend:
+            self._legend.content = self._map.legend

@@ -1,0 +1,133 @@
+"""The robot itself: hull, wings and tail at its newest pose, and how well that pose is known."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import viser
+
+from webui.scene.colour import ROBOT, ROBOT_OLD, UNCERTAINTY, Colour
+from webui.scene.projection import VIEW_WIDTH, Projection, body_to_view, enu
+from webui.scene.source import Pose
+
+_SHORTEST = 0.055 * VIEW_WIDTH
+"""A robot is never drawn shorter than this, whatever its size in the water."""
+_TWO_DIMENSIONAL_95 = 2.4477
+"""Semi-axis of the 95 % ellipse of a two-dimensional Gaussian, in standard deviations."""
+_THINNEST = 0.006 * VIEW_WIDTH
+
+
+@dataclass(frozen=True, slots=True)
+class Hull:
+    """Size of a vehicle, m."""
+
+    length_m: float
+    span_m: float
+
+
+HULLS = {"miniglider": Hull(0.57, 0.37), "grace3": Hull(1.70, 0.85)}
+"""Tail to nose and wing span (thesis section 2.1, table of robots)."""
+
+
+class RobotModel:
+    """A small glider of plain shapes; positions are set, nothing is rebuilt."""
+
+    def __init__(self, scene: viser.SceneApi, projection: Projection, vehicle: str) -> None:
+        self._projection = projection
+        hull = HULLS.get(vehicle, HULLS["miniglider"])
+        drawn = max(hull.length_m * projection.view_per_m, _SHORTEST)
+        self.drawn_larger_by = drawn / (hull.length_m * projection.view_per_m)
+        self._body = scene.add_frame("/robot", show_axes=False, visible=False)
+        self._parts = _parts(scene, drawn, drawn * hull.span_m / hull.length_m)
+        self._tail = scene.add_frame(
+            "/robot/tail", show_axes=False, position=(-0.34 * drawn, 0.0, 0.0)
+        )
+        self._parts.append(_plate(scene, "/robot/tail/fin", _tail_fin(drawn), ROBOT))
+        self._ellipsoid = scene.add_icosphere(
+            "/uncertainty", radius=1.0, color=UNCERTAINTY, opacity=0.22, visible=False,
+            cast_shadow=False, receive_shadow=False,
+        )  # fmt: skip
+        self._drop = scene.add_line_segments(
+            "/drop", np.zeros((1, 2, 3), np.float32), colors=UNCERTAINTY, thickness=1.0,
+            thickness_units="screen", visible=False,
+        )  # fmt: skip
+        self._scene = scene
+        self._shown: tuple[Pose, float] | None = None
+        self._is_old = False
+
+    def show(self, pose: Pose | None, exaggeration: float) -> None:
+        """Move to a pose; does nothing when it is the one already shown."""
+        if pose is None or self._shown == (pose, exaggeration):
+            return
+        self._shown = (pose, exaggeration)
+        position_ned = np.array(pose.position_ned)
+        position = self._projection.point(position_ned, exaggeration)
+        self._body.position = tuple(position)
+        self._body.wxyz = tuple(body_to_view(pose.roll_rad, pose.pitch_rad, pose.heading_rad))
+        self._tail.wxyz = (np.cos(pose.tail_rad / 2), 0.0, 0.0, np.sin(pose.tail_rad / 2))
+        self._body.visible = True
+        self._show_uncertainty(pose, position)
+        self._show_drop(position_ned, exaggeration)
+        if pose.is_old != self._is_old:
+            self._is_old = pose.is_old
+            for part in self._parts:
+                part.color = ROBOT_OLD if pose.is_old else ROBOT
+
+    def _show_uncertainty(self, pose: Pose, position: np.ndarray) -> None:
+        semi_axis = _TWO_DIMENSIONAL_95 * pose.position_std_m * self._projection.view_per_m
+        self._ellipsoid.position = tuple(position)
+        self._ellipsoid.scale = (semi_axis, semi_axis, max(0.25 * semi_axis, _THINNEST))
+        self._ellipsoid.visible = semi_axis > 0.0
+
+    def _show_drop(self, position_ned: np.ndarray, exaggeration: float) -> None:
+        """Draw the line from the robot up to the surface, which makes depth readable."""
+        above = np.array([position_ned[0], position_ned[1], 0.0])
+        ends = [self._projection.point(end, exaggeration) for end in (position_ned, above)]
+        self._drop.points = np.array([ends], dtype=np.float32)
+        self._drop.visible = position_ned[2] * self._projection.view_per_m > _THINNEST / 4
+
+
+def _parts(scene: viser.SceneApi, length: float, span: float) -> list:
+    """Draw hull and wings in the body frame (x forward, y starboard, z down)."""
+    hull = scene.add_icosphere(
+        "/robot/hull", radius=1.0, color=ROBOT, scale=(0.36 * length, 0.1 * length, 0.1 * length),
+        position=(0.02 * length, 0.0, 0.0), cast_shadow=False, receive_shadow=False,
+    )  # fmt: skip
+    root, tip = 0.1 * length, 0.02 * length
+    wing = np.array(
+        [
+            [root, 0.06 * length, 0.0], [-root, 0.06 * length, 0.0],
+            [-0.1 * length, span / 2, 0.0], [tip - 0.06 * length, span / 2, 0.0],
+        ]
+    )  # fmt: skip
+    port = wing * np.array([1.0, -1.0, 1.0])
+    return [
+        hull,
+        _plate(scene, "/robot/starboard_wing", wing, ROBOT),
+        _plate(scene, "/robot/port_wing", port, ROBOT),
+    ]
+
+
+def _tail_fin(length: float) -> np.ndarray:
+    return np.array(
+        [
+            [0.06 * length, 0.0, -0.02 * length], [-0.16 * length, 0.0, -0.11 * length],
+            [-0.16 * length, 0.0, 0.11 * length], [0.06 * length, 0.0, 0.02 * length],
+        ]
+    )  # fmt: skip
+
+
+def _plate(
+    scene: viser.SceneApi, name: str, corners: np.ndarray, colour: Colour
+) -> viser.MeshHandle:
+    return scene.add_mesh_simple(
+        name, corners.astype(np.float32), np.array([[0, 1, 2], [0, 2, 3]]), color=colour,
+        side="double", flat_shading=True, cast_shadow=False, receive_shadow=False,
+    )  # fmt: skip
+
+
+def ring_enu(centre_ned: np.ndarray, radius_m: float, points: int = 48) -> np.ndarray:
+    """Return a horizontal circle in ENU metres, shape ``(points, 2, 3)`` as segments."""
+    angle = np.linspace(0.0, 2 * np.pi, points + 1)
+    circle = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1) * radius_m
+    ring = enu(centre_ned + circle)
+    return np.stack([ring[:-1], ring[1:]], axis=1)

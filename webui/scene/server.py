@@ -1,0 +1,79 @@
+"""One robot's 3D scene: a viser server on loopback that is kept up to date by ``update``."""
+
+import numpy as np
+import viser
+
+from webui.scene.field_map import FieldMap
+from webui.scene.panel import Panel
+from webui.scene.plan import PlannedTrajectory
+from webui.scene.projection import VIEW_WIDTH, Projection
+from webui.scene.robot import RobotModel
+from webui.scene.source import SceneSource
+from webui.scene.stage import Stage
+from webui.scene.surroundings import draw_surroundings
+from webui.scene.track import Track
+
+_SKY = ((22, 31, 41), (9, 13, 18))
+
+
+class RobotScene:
+    """Draws one ``SceneSource``.
+
+    viser runs its own thread; ``update`` may be called from any one thread, about 10 times a
+    second. The port is the operating system's choice and open to loopback only: whoever publishes
+    it checks who asks.
+    """
+
+    def __init__(self, source: SceneSource) -> None:
+        self._source = source
+        self._server = viser.ViserServer(
+            host="127.0.0.1", port=0, label=source.title, verbose=False
+        )
+        projection = Projection.of_site(source.site)
+        self._server.gui.configure_theme(
+            dark_mode=True, show_logo=False, show_share_button=False, brand_color=(74, 163, 255)
+        )
+        self._set_stage()
+        scene = self._server.scene
+        self._stage = Stage(scene, projection)
+        draw_surroundings(self._stage, source.site)
+        self._robot = RobotModel(scene, projection, source.vehicle)
+        self._track = Track(self._stage, source)
+        self._plan = PlannedTrajectory(self._stage, source)
+        self._map = FieldMap(self._stage, source)
+        self._panel = Panel(
+            self._server.gui, self._map, self._track, self._plan, self._stage.exaggeration
+        )
+
+    @property
+    def port(self) -> int:
+        """Return the loopback port that viser listens on."""
+        return self._server.get_port()
+
+    def update(self) -> None:
+        """Bring the scene up to the source; unchanged things cost nothing."""
+        self._panel.apply()
+        with self._server.atomic():
+            if self._panel.exaggeration != self._stage.exaggeration:
+                self._stage.exaggerate(self._panel.exaggeration)
+            self._robot.show(self._source.pose(), self._stage.exaggeration)
+            self._track.update()
+            self._plan.update()
+            self._map.update()
+
+    def stop(self) -> None:
+        """Close the port and end viser's thread."""
+        self._server.stop()
+
+    def _set_stage(self) -> None:
+        scene = self._server.scene
+        scene.set_up_direction("+z")
+        scene.configure_default_lights(enabled=True, cast_shadow=False)
+        shade = np.linspace(0.0, 1.0, 64)[:, None, None]
+        sky = (1 - shade) * np.array(_SKY[0]) + shade * np.array(_SKY[1])
+        scene.set_background_image(np.repeat(sky, 2, axis=1).astype(np.uint8))
+        camera = self._server.initial_camera
+        camera.position = (0.55 * VIEW_WIDTH, -1.35 * VIEW_WIDTH, 0.8 * VIEW_WIDTH)
+        camera.look_at = (0.0, 0.0, -0.16 * VIEW_WIDTH)
+        camera.up = (0.0, 0.0, 1.0)
+        camera.fov = 0.7
