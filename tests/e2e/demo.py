@@ -1,0 +1,132 @@
+"""A real demo as a user starts it: supervisor, station and simulator as processes."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import httpx
+
+ROOT = Path(__file__).parents[2]
+START_LIMIT_S = 90.0
+STOP_LIMIT_S = 20.0
+
+
+class Demo:
+    """Starts ``grace demo`` in a data folder and talks to it."""
+
+    def __init__(self, data: Path, *options: str) -> None:
+        self.data = data
+        self._lines: list[str] = []
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "server.command", "demo", "--data", str(data), "--port", "0",
+             "--no-browser", *options],
+            cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            start_new_session=True,
+        )  # fmt: skip
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+        self.sign_in_url = self._wait_for_url()
+        self.url = self.sign_in_url.split("/sign-in")[0]
+        self.client = httpx.Client(base_url=self.url, timeout=20.0, follow_redirects=True)
+
+    def _read(self) -> None:
+        for line in self._process.stdout:
+            self._lines.append(line)
+
+    def _wait_for_url(self) -> str:
+        give_up = time.monotonic() + START_LIMIT_S
+        while time.monotonic() < give_up and self._process.poll() is None:
+            found = re.search(r"http://\S+/sign-in\?token=\S+", "".join(self._lines))
+            if found:
+                return found[0]
+            time.sleep(0.05)
+        self.stop()
+        raise AssertionError(f"the demo printed no address:\n{self.output}")
+
+    @property
+    def output(self) -> str:
+        return "".join(self._lines)
+
+    def sign_in(self) -> None:
+        self.client.get(self.sign_in_url).raise_for_status()
+        session = self.client.get("/api/session").raise_for_status().json()
+        self.client.headers["X-CSRF-Token"] = session["csrf_token"]
+
+    def get(self, path: str, **query: object) -> dict:
+        return self.client.get(path, params=query).raise_for_status().json()
+
+    def post(self, path: str, body: dict | None = None) -> dict:
+        answer = self.client.post(path, json=body or {})
+        assert answer.is_success, f"{path}: {answer.status_code} {answer.text}"
+        return answer.json()
+
+    def wait(self, what: str, condition, limit_s: float):
+        """Ask until ``condition()`` gives something true; a station that restarts is waited for."""
+        give_up = time.monotonic() + limit_s
+        last: object = None
+        while time.monotonic() < give_up:
+            try:
+                last = condition()
+            except (httpx.HTTPError, httpx.TransportError) as error:
+                last = error
+            else:
+                if last:
+                    return last
+            time.sleep(0.25)
+        raise AssertionError(f"{what} did not happen within {limit_s} s; last: {last}\n{self.tail}")
+
+    @property
+    def tail(self) -> str:
+        return "".join(self._lines[-40:])
+
+    def children(self) -> dict[str, int]:
+        """Process ids of the supervisor's children by the verb they run."""
+        found = {}
+        for entry in Path("/proc").iterdir():
+            if not entry.name.isdigit():
+                continue
+            try:
+                words = (entry / "cmdline").read_bytes().decode().split("\0")
+                parent = int((entry / "stat").read_text().rsplit(")", 1)[1].split()[1])
+            except (OSError, ValueError):
+                continue
+            if parent == self._process.pid:
+                for verb in ("serve", "simulate"):
+                    if verb in words:
+                        found[verb] = int(entry.name)
+        return found
+
+    def kill_station(self) -> int:
+        """Kill the station as a power cut would, and return its process id."""
+        pid = self.children()["serve"]
+        os.kill(pid, signal.SIGKILL)
+        return pid
+
+    def stop(self) -> int:
+        """Press Ctrl-C as a terminal does: the whole foreground group gets it."""
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGINT)
+            try:
+                self._process.wait(STOP_LIMIT_S)
+            except subprocess.TimeoutExpired:
+                os.killpg(self._process.pid, signal.SIGKILL)
+                self._process.wait()
+                raise AssertionError(f"the demo did not end after Ctrl-C:\n{self.tail}") from None
+        self._reader.join(5.0)
+        self._process.stdout.close()
+        if hasattr(self, "client"):
+            self.client.close()
+        return self._process.returncode
+
+
+def alive(pid: int) -> bool:
+    try:
+        state = (Path("/proc") / str(pid) / "stat").read_text().rsplit(")", 1)[1].split()[0]
+    except OSError:
+        return False
+    return state != "Z"

@@ -1,0 +1,154 @@
+"""The product as a person meets it: one command, two robots, a survey, a killed station."""
+
+import socket
+import subprocess
+import sys
+import time
+from urllib.parse import urlsplit
+
+import pytest
+
+from tests.e2e.demo import ROOT, Demo, alive
+
+pytestmark = pytest.mark.process
+FAST = ("--speed", "20")
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    demo = Demo(tmp_path_factory.mktemp("demo"), *FAST)
+    demo.sign_in()
+    yield demo
+    demo.stop()
+
+
+def test_two_robots_report_within_seconds(demo):
+    def both_live():
+        robots = demo.get("/api/robots")["robots"]
+        live = {robot["id"] for robot in robots if robot["link"]["state"] == "live"}
+        return live == {"mini-1", "grace-1"}
+
+    demo.wait("both robots being heard", both_live, 20.0)
+    state = demo.get("/api/robots/mini-1/state")
+    assert state["channels"]["depth_m"]["age_s"] < 20 * 5
+    assert state["position"]["std_m"] > 0.0
+
+
+def test_everything_is_marked_as_simulation(demo):
+    assert demo.get("/api/health")["simulation"] is True
+    assert all(robot["simulated"] for robot in demo.get("/api/robots")["robots"])
+
+
+def test_the_openapi_pages_are_there(demo):
+    assert demo.client.get("/docs").status_code == 200
+    assert "/api/robots" in demo.client.get("/openapi.json").json()["paths"]
+
+
+def test_bad_input_names_its_field(demo):
+    answer = demo.client.post(
+        "/api/robots/mini-1/missions",
+        json={"kind": "adaptive_survey", "config": {"max_uncertainty_m": -1}},
+    )
+    assert answer.status_code == 422
+    assert any("max_uncertainty_m" in error["loc"] for error in answer.json()["errors"])
+    assert demo.client.get("/api/robots/nobody/state").status_code == 404
+
+
+@pytest.mark.timeout(420)
+def test_a_survey_by_rest_survives_the_death_of_the_station(demo):
+    """Plan, fly, kill the station in mid-survey: no acknowledged sample is lost, and it goes on."""
+    config = {"total_budget": 24.0, "round_budget": 12.0, "planning_time_s": 1.0, "seed": 3}
+    mission = demo.post(
+        "/api/robots/mini-1/missions", {"kind": "adaptive_survey", "config": config}
+    )["id"]
+
+    def state():
+        return demo.get(f"/api/missions/{mission}")
+
+    demo.wait("the first draft", lambda: state()["state"] == "ready", 60.0)
+    draft = demo.get(f"/api/plans/{state()['plan_id']}")
+    assert draft["state"] == "draft"
+    assert draft["account"]["energy"] <= 12.0
+    demo.post(f"/api/missions/{mission}/start")
+    demo.wait("samples in the map", lambda: samples(demo) >= 20, 120.0)
+    first = demo.get(f"/api/plans/{draft['id']}")
+    assert first["ladder"]["sent_at"] <= first["ladder"]["on_board_at"]
+
+    before = samples(demo)
+    old = demo.kill_station()
+    demo.wait("a new station", lambda: demo.children().get("serve", old) != old, 30.0)
+    demo.wait("its health", lambda: demo.get("/api/health")["ready"], 30.0)
+    assert samples(demo) >= before
+
+    ended = demo.wait(
+        "the end of the survey", lambda: state()["state"] in {"done", "failed", "stopped"}, 300.0
+    )
+    assert ended
+    mission_at_end = state()
+    assert mission_at_end["state"] == "done", mission_at_end["message"]
+    assert len(mission_at_end["rounds"]) >= 2
+    scores = {score["model"]: score for score in mission_at_end["scores"]}
+    assert set(scores) == {"single", "recursive"}
+    assert all(score["rmse"] > 0.0 for score in scores.values())
+
+
+def samples(demo):
+    history = demo.get("/api/robots/mini-1/samples", channel="blue_light", max_points=100000)
+    return len(history["value"])
+
+
+def test_the_example_script_plans_and_sends_nothing_by_default(demo):
+    token = subprocess.run(
+        [sys.executable, "-m", "server.command", "token", "create", "--role", "pilot", "--data",
+         str(demo.data)],
+        cwd=ROOT, capture_output=True, text=True, check=True, timeout=60,
+    ).stdout.split()[-1]  # fmt: skip
+    done = subprocess.run(
+        [sys.executable, "examples/adaptive_survey.py", "--url", demo.url, "--token", token,
+         "--robot", "mini-1", "--planning-time-s", "1"],
+        cwd=ROOT, capture_output=True, text=True, check=False, timeout=90,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "nothing was sent" in done.stdout
+
+
+@pytest.mark.timeout(120)
+def test_surface_now_brings_a_diving_robot_up(demo):
+    """Each level is shown in its turn, and the robot really comes up."""
+    depth_m = 0.3
+    legs = [
+        {"kind": "dive", "start_ned": [0.7, 0.7, 0.0], "end_ned": [0.7, 0.7, depth_m],
+         "speed_m_s": 0.015, "duration_s": 20.0, "energy": 1.0},
+        {"kind": "dive", "start_ned": [0.7, 0.7, depth_m], "end_ned": [0.7, 0.7, 0.0],
+         "speed_m_s": 0.015, "duration_s": 20.0, "energy": 1.0},
+    ] * 3  # fmt: skip
+    plan = demo.post("/api/robots/mini-1/plans", {"kind": "primitives", "legs": legs})["id"]
+    demo.wait("draft", lambda: demo.get(f"/api/plans/{plan}")["state"] == "draft", 20.0)
+    demo.post(f"/api/plans/{plan}/upload", {"start": True})
+    demo.wait("running", lambda: demo.get(f"/api/plans/{plan}")["state"] == "running", 30.0)
+    command = demo.post("/api/robots/mini-1/commands", {"kind": "surface"})["id"]
+    done = demo.wait(
+        "the robot's word",
+        lambda: (c := demo.get(f"/api/commands/{command}"))["level"] == "applied" and c,
+        30.0,
+    )
+    assert [level["level"] for level in done["levels"]] == ["queued", "radio", "applied"]
+
+    def at_surface():
+        depth = demo.get("/api/robots/mini-1/state")["channels"]["depth_m"]
+        return depth["value"] < 0.06
+
+    demo.wait("the robot at the surface", at_surface, 40.0)
+
+
+@pytest.mark.timeout(120)
+def test_ctrl_c_leaves_no_process_and_no_port(tmp_path):
+    demo = Demo(tmp_path / "data", *FAST)
+    children = demo.children()
+    assert set(children) == {"serve", "simulate"}
+    port = urlsplit(demo.url).port
+    assert demo.stop() == 0
+    time.sleep(0.2)
+    assert not any(alive(pid) for pid in children.values())
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", port))
