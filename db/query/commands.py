@@ -12,9 +12,9 @@ from db.query.robots import robot_key
 from db.tables import Command, CommandLevelRow, Robot
 from robot_link.messages import CommandKind, CommandLevel, CommandNumber
 
-WAITING = "waiting"
+CREATED = "created"
 """Level of a command that no link has taken yet."""
-_RANK = {WAITING: 0, "queued": 1, "radio": 2, "applied": 3, "refused": 3, "expired": 3}
+_RANK = {CREATED: 0, "queued": 1, "radio": 2, "applied": 3, "refused": 3, "expired": 3}
 _NUMBERS = 2**24 - 1
 
 
@@ -38,7 +38,7 @@ class CommandRecord:
     kind: CommandKind
     plan_sha256: str | None
     level: str
-    """The highest proved level, or ``waiting`` before the first."""
+    """The highest proved level, or ``created`` before the first."""
     levels: tuple[ProvedLevel, ...]
     created_at: datetime
     created_by: str
@@ -64,7 +64,7 @@ def add_command(
         robot_key=robot_key(session, robot),
         kind=kind.value,
         plan_sha256=plan_sha256,
-        level=WAITING,
+        level=CREATED,
         created_at=at,
         created_by=by,
         expires_at=expires_at,
@@ -132,7 +132,7 @@ def list_commands(
     if robot is not None:
         statement = statement.where(Command.robot_key == robot_key(session, robot))
     if open_only:
-        statement = statement.where(Command.level.in_([WAITING, "queued", "radio"]))
+        statement = statement.where(Command.level.in_([CREATED, "queued", "radio"]))
     return [_record(session, row, name) for row, name in session.execute(statement).all()]
 
 

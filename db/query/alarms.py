@@ -1,0 +1,96 @@
+"""Alarms as the database keeps them; their life cycle is ``server.alarm``'s."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from db.identity import key_of, public_id
+from db.query.robots import robot_key
+from db.tables import Alarm, Robot
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmRecord:
+    """One alarm and where it stands in its life cycle (ISA-18.2)."""
+
+    id: str
+    cause: str
+    """What raised it, such as ``storage``; at most one open alarm for each robot and cause."""
+    robot: str | None
+    level: str
+    """``watch``, ``warning`` or ``critical``."""
+    text: str
+    state: str
+    """``unacknowledged``; ``acknowledged``: still so, but seen; ``returned``: normal again, but
+    not seen; ``closed``: normal again and seen."""
+    raised_at: datetime
+    acknowledged_at: datetime | None = None
+    acknowledged_by: str | None = None
+    cleared_at: datetime | None = None
+
+
+def save_alarm(session: Session, alarm: AlarmRecord) -> None:
+    """Insert or replace an alarm; its id was given by its owner.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    session.merge(
+        Alarm(
+            key=key_of("alarm", alarm.id),
+            cause=alarm.cause,
+            robot_key=None if alarm.robot is None else robot_key(session, alarm.robot),
+            level=alarm.level,
+            text=alarm.text,
+            state=alarm.state,
+            raised_at=alarm.raised_at,
+            acknowledged_at=alarm.acknowledged_at,
+            acknowledged_by=alarm.acknowledged_by,
+            cleared_at=alarm.cleared_at,
+        )
+    )
+
+
+def open_alarms(session: Session) -> list[AlarmRecord]:
+    """Return every alarm that is not closed, the oldest first."""
+    statement = (
+        select(Alarm, Robot.id)
+        .outerjoin(Robot, Alarm.robot_key == Robot.key)
+        .where(Alarm.state != "closed")
+        .order_by(Alarm.key)
+    )
+    return [_record(row, robot) for row, robot in session.execute(statement)]
+
+
+def closed_alarms(session: Session, limit: int) -> list[AlarmRecord]:
+    """Return the last closed alarms, the newest first."""
+    statement = (
+        select(Alarm, Robot.id)
+        .outerjoin(Robot, Alarm.robot_key == Robot.key)
+        .where(Alarm.state == "closed")
+        .order_by(Alarm.key.desc())
+        .limit(limit)
+    )
+    return [_record(row, robot) for row, robot in session.execute(statement)]
+
+
+def last_alarm_number(session: Session) -> int:
+    """Return the number in the newest alarm's id, 0 before the first."""
+    return session.scalar(select(func.max(Alarm.key))) or 0
+
+
+def _record(row: Alarm, robot: str | None) -> AlarmRecord:
+    return AlarmRecord(
+        id=public_id("alarm", row.key),
+        cause=row.cause,
+        robot=robot,
+        level=row.level,
+        text=row.text,
+        state=row.state,
+        raised_at=row.raised_at,
+        acknowledged_at=row.acknowledged_at,
+        acknowledged_by=row.acknowledged_by,
+        cleared_at=row.cleared_at,
+    )

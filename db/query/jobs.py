@@ -1,0 +1,107 @@
+"""Long work that was asked for, as the database keeps it."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy import select, update
+from sqlalchemy.orm import Session
+
+from db.fault import UnknownIdError
+from db.identity import key_of, public_id
+from db.tables import Job
+
+OPEN_STATES = ("queued", "running")
+
+
+@dataclass(frozen=True, slots=True)
+class JobRecord:
+    """One piece of long work."""
+
+    id: str
+    kind: str
+    state: str
+    """``queued, running, done, failed, cancelled``."""
+    progress: float
+    """0 .. 1."""
+    message: str
+    result: Mapping[str, Any] | None
+    created_at: datetime
+    created_by: str
+    ended_at: datetime | None
+
+
+def add_job(session: Session, kind: str, *, at: datetime, by: str) -> JobRecord:
+    """Add a queued job."""
+    row = Job(
+        kind=kind,
+        state="queued",
+        progress=0.0,
+        message="",
+        result=None,
+        created_at=at,
+        created_by=by,
+    )
+    session.add(row)
+    session.flush()
+    return _record(row)
+
+
+def save_job(session: Session, job: JobRecord) -> None:
+    """Write state, progress, message, result and end of a job.
+
+    Raises:
+        UnknownIdError: If there is no such job.
+    """
+    row = session.get(Job, key_of("job", job.id))
+    if row is None:
+        raise UnknownIdError("job", job.id)
+    row.state = job.state
+    row.progress = job.progress
+    row.message = job.message
+    row.result = None if job.result is None else dict(job.result)
+    row.ended_at = job.ended_at
+
+
+def get_job(session: Session, job: str) -> JobRecord:
+    """Return one job.
+
+    Raises:
+        UnknownIdError: If there is none of this id.
+    """
+    row = session.get(Job, key_of("job", job))
+    if row is None:
+        raise UnknownIdError("job", job)
+    return _record(row)
+
+
+def list_jobs(session: Session, *, before: str | None = None, limit: int = 100) -> list[JobRecord]:
+    """Return jobs, the newest first; ``before`` continues a list after its last id."""
+    statement = select(Job).order_by(Job.key.desc()).limit(limit)
+    if before is not None:
+        statement = statement.where(Job.key < key_of("job", before))
+    return [_record(row) for row in session.scalars(statement)]
+
+
+def fail_open_jobs(session: Session, at: datetime, message: str) -> None:
+    """Close the jobs that a station left behind when it stopped in the middle of them."""
+    session.execute(
+        update(Job)
+        .where(Job.state.in_(OPEN_STATES))
+        .values(state="failed", message=message, ended_at=at)
+    )
+
+
+def _record(row: Job) -> JobRecord:
+    return JobRecord(
+        id=public_id("job", row.key),
+        kind=row.kind,
+        state=row.state,
+        progress=row.progress,
+        message=row.message,
+        result=row.result,
+        created_at=row.created_at,
+        created_by=row.created_by,
+        ended_at=row.ended_at,
+    )

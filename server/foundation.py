@@ -1,0 +1,27 @@
+"""What every service and route of one station stands on."""
+
+from dataclasses import dataclass
+
+from db.store import Store
+from robot_link.clock import Clock
+from server.alarm import AlarmBoard
+from server.configuration import ConfigurationBook
+from server.job import JobBoard
+from server.security.access import Access
+from server.security.guard import Guard
+from server.settings import Settings
+
+
+@dataclass(frozen=True, slots=True)
+class Foundation:
+    """The shared parts of one station, opened in this order and closed in reverse."""
+
+    settings: Settings
+    clock: Clock
+    """Time of the robots: events, plans and measurements. A demo's runs faster than the wall."""
+    store: Store
+    access: Access
+    guard: Guard
+    alarms: AlarmBoard
+    jobs: JobBoard
+    configurations: ConfigurationBook

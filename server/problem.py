@@ -1,0 +1,165 @@
+"""Errors as problem details (RFC 9457), the one shape of every refusal."""
+
+import logging
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from http import HTTPStatus
+from typing import Any
+
+from fastapi import FastAPI, Request, Response
+from fastapi.exceptions import RequestValidationError
+from fastapi.responses import JSONResponse
+from pydantic import BaseModel, ValidationError
+from starlette.exceptions import HTTPException
+
+from db.fault import StoreUnavailableError, UnknownIdError
+
+MEDIA_TYPE = "application/problem+json"
+logger = logging.getLogger(__name__)
+
+
+class FieldError(BaseModel):
+    """What is wrong with one field."""
+
+    loc: list[str | int]
+    """Path of the field from the top of the body or the query."""
+    msg: str
+
+
+class ProblemDetails(BaseModel):
+    """Body of every answer that is an error."""
+
+    type: str = "about:blank"
+    title: str
+    status: int
+    detail: str
+    errors: list[FieldError] | None = None
+
+
+class Problem(Exception):  # noqa: N818 - the standard's own word
+    """Raise it anywhere under a route to answer with problem details.
+
+    Args:
+        status: HTTP status.
+        detail: One sentence that says what to do.
+        errors: Fields that are wrong, for 422, or violations, for 409.
+        headers: Headers of the answer.
+    """
+
+    def __init__(
+        self,
+        status: int,
+        detail: str,
+        *,
+        errors: Sequence[FieldError] | None = None,
+        headers: Mapping[str, str] | None = None,
+    ) -> None:
+        super().__init__(detail)
+        self.status = status
+        self.detail = detail
+        self.errors = None if errors is None else list(errors)
+        self.headers = headers
+
+
+def not_found(detail: str) -> Problem:
+    """Return a 404: what was asked for does not exist."""
+    return Problem(HTTPStatus.NOT_FOUND, detail)
+
+
+def conflict(detail: str, errors: Sequence[FieldError] | None = None) -> Problem:
+    """Return a 409: the thing is not in a state that allows this."""
+    return Problem(HTTPStatus.CONFLICT, detail, errors=errors)
+
+
+def unprocessable(detail: str, errors: Sequence[FieldError]) -> Problem:
+    """Return a 422: fields are wrong."""
+    return Problem(HTTPStatus.UNPROCESSABLE_ENTITY, detail, errors=errors)
+
+
+def invalid(error: ValidationError, prefix: Sequence[str | int] = ()) -> Problem:
+    """Return the 422 of a model's own validation, each path preceded by ``prefix``."""
+    return unprocessable(_count(len(error.errors())), _field_errors(error.errors(), prefix))
+
+
+def problem_response(
+    status: int,
+    detail: str,
+    errors: Sequence[FieldError] | None = None,
+    headers: Mapping[str, str] | None = None,
+) -> Response:
+    """Return the answer itself, for code that stands outside of the routes."""
+    body = ProblemDetails(
+        title=HTTPStatus(status).phrase,
+        status=status,
+        detail=detail,
+        errors=None if errors is None else list(errors),
+    )
+    return JSONResponse(
+        body.model_dump(mode="json", exclude_none=True),
+        status_code=status,
+        media_type=MEDIA_TYPE,
+        headers=None if headers is None else dict(headers),
+    )
+
+
+def install_problem_handlers(app: FastAPI) -> None:
+    """Make every error of the application a problem."""
+    handlers: dict[type[Exception], Callable[[Request, Any], Awaitable[Response]]] = {
+        Problem: _on_problem,
+        RequestValidationError: _on_invalid_request,
+        HTTPException: _on_http_exception,
+        UnknownIdError: _on_unknown_id,
+        StoreUnavailableError: _on_store_unavailable,
+        Exception: _on_failure,
+    }
+    for error, handler in handlers.items():
+        app.add_exception_handler(error, handler)
+
+
+async def _on_problem(request: Request, error: Problem) -> Response:
+    del request
+    return problem_response(error.status, error.detail, error.errors, error.headers)
+
+
+async def _on_invalid_request(request: Request, error: RequestValidationError) -> Response:
+    del request
+    details = error.errors()
+    return problem_response(422, _count(len(details)), _field_errors(details))
+
+
+async def _on_http_exception(request: Request, error: HTTPException) -> Response:
+    detail = error.detail
+    if error.status_code == HTTPStatus.NOT_FOUND and detail == HTTPStatus.NOT_FOUND.phrase:
+        detail = f"There is nothing at {request.url.path}."
+    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        detail = f"{request.url.path} does not take {request.method}."
+    return problem_response(error.status_code, detail, headers=error.headers)
+
+
+async def _on_unknown_id(request: Request, error: UnknownIdError) -> Response:
+    del request
+    return problem_response(404, str(error))
+
+
+async def _on_store_unavailable(request: Request, error: StoreUnavailableError) -> Response:
+    del request
+    return problem_response(
+        503, f"{error} Nothing was changed; try again when it works.", headers={"Retry-After": "5"}
+    )
+
+
+async def _on_failure(request: Request, error: Exception) -> Response:
+    logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
+    return problem_response(500, "The station failed at this; its log says why.")
+
+
+def _field_errors(details: Sequence[Any], prefix: Sequence[str | int] = ()) -> list[FieldError]:
+    errors: list[FieldError] = []
+    for detail in details:
+        path = [part for part in detail["loc"] if part != "body"]
+        message = str(detail["msg"]).removeprefix("Value error, ")
+        errors.append(FieldError(loc=[*prefix, *path], msg=message))
+    return errors
+
+
+def _count(number: int) -> str:
+    return "1 field is wrong." if number == 1 else f"{number} fields are wrong."

@@ -1,0 +1,172 @@
+"""Signing in, and finding out who asks."""
+
+import asyncio
+import secrets
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from sqlalchemy.orm import Session
+
+from db.query import people as query
+from db.query.events import add_event
+from db.query.people import PersonRecord
+from db.store import Store
+from robot_link.clock import Clock
+from server.problem import FieldError, Problem, conflict, unprocessable
+from server.security.role import Role
+from server.security.secret import hash_password, new_code, new_secret, password_fits, secret_hash
+from server.security.throttle import Throttle
+
+_WRONG = "Name or password is wrong."
+
+
+@dataclass(frozen=True, slots=True)
+class Caller:
+    """Who asks, once it is proved."""
+
+    name: str
+    role: Role
+    expires_at: datetime
+    csrf_token: str | None
+    """The token that a browser's changes must carry; a script with a bearer token has none."""
+
+
+@dataclass(frozen=True, slots=True)
+class SignedIn:
+    """A new session: its secret for the cookie, and who it stands for."""
+
+    secret: str
+    caller: Caller
+
+
+class Access:
+    """The door of one station.
+
+    Tokens and sessions run out by the wall's clock, which a demo's scaled clock does not change.
+    """
+
+    def __init__(self, store: Store, clock: Clock, wall: Clock, session_hours: float) -> None:
+        self._store = store
+        self._clock = clock
+        self._wall = wall
+        self._session_length = timedelta(hours=session_hours)
+        self._throttle = Throttle()
+        self._first_code: str | None = None
+
+    async def prepare(self) -> str | None:
+        """Return the code that creates the first admin, or ``None`` when there are people."""
+        if await self._store.query(query.count_people) == 0:
+            self._first_code = new_code()
+        return self._first_code
+
+    @property
+    def needs_first_admin(self) -> bool:
+        """Whether nobody can sign in yet."""
+        return self._first_code is not None
+
+    async def create_first_admin(self, name: str, password: str, code: str) -> SignedIn:
+        """Create the first person, with the code that the station printed, and sign in.
+
+        Raises:
+            Problem: 409 when there is someone already, 403 for a wrong code, 429 after too many.
+        """
+        if self._first_code is None:
+            raise conflict("The station has an administrator already; sign in instead.")
+        self._throttle.check("first start")
+        if not secrets.compare_digest(code.strip().upper(), self._first_code):
+            self._throttle.failed("first start")
+            raise Problem(403, "The code is not the one that the station printed at its start.")
+        password_hash = await self._hash(password)
+        at = self._clock.now()
+
+        def create(session: Session) -> PersonRecord:
+            if query.count_people(session) > 0:
+                raise conflict("The station has an administrator already; sign in instead.")
+            add_event(session, at, "person.created", f"{name} set up the station as administrator.")
+            return query.add_person(session, name, Role.ADMIN, password_hash, at)
+
+        person = await self._store.write(create)
+        self._first_code = None
+        return await self._sign_in(person)
+
+    async def sign_in(self, name: str, password: str) -> SignedIn:
+        """Sign a person in by name and password.
+
+        Raises:
+            Problem: 401 if they do not fit, 429 after too many failures.
+        """
+        self._throttle.check(name)
+        person = await self._store.query(lambda session: query.find_person(session, name))
+        known = None if person is None or person.disabled_at else person
+        fits = await asyncio.to_thread(
+            password_fits, password, None if known is None else known.password_hash
+        )
+        if known is None or not fits:
+            self._throttle.failed(name)
+            raise Problem(401, _WRONG)
+        self._throttle.succeeded(name)
+        return await self._sign_in(known)
+
+    async def sign_in_once(self, secret: str) -> SignedIn:
+        """Use a one-time sign-in up.
+
+        Raises:
+            Problem: 401 if it was used, has expired or never existed.
+        """
+        at = self._wall.now()
+        digest = secret_hash(secret)
+        person = await self._store.write(
+            lambda session: query.use_one_time_token(session, digest, at)
+        )
+        if person is None:
+            raise Problem(401, "This sign-in link was used or has expired; ask for a new one.")
+        return await self._sign_in(person)
+
+    async def sign_out(self, secret: str) -> None:
+        """End the session of a cookie."""
+        await self._store.write(lambda session: query.end_session(session, secret_hash(secret)))
+
+    async def caller_of_cookie(self, secret: str) -> Caller | None:
+        """Return whose cookie this is, or ``None`` when it is nobody's any more."""
+        digest, at = secret_hash(secret), self._wall.now()
+        found = await self._store.query(lambda session: query.find_session(session, digest, at))
+        if found is None:
+            return None
+        return Caller(
+            found.person.name, Role(found.person.role), found.expires_at, found.csrf_token
+        )
+
+    async def caller_of_token(self, secret: str) -> Caller | None:
+        """Return whose bearer token this is, or ``None`` when it is nobody's any more."""
+        digest, at = secret_hash(secret), self._wall.now()
+        found = await self._store.query(lambda session: query.find_token(session, digest, at))
+        if found is None:
+            return None
+        return Caller(found.name, Role(found.role), found.expires_at, None)
+
+    async def _sign_in(self, person: PersonRecord) -> SignedIn:
+        secret, csrf_token = new_secret(), new_secret()
+        wall, at = self._wall.now(), self._clock.now()
+        expires_at = wall + self._session_length
+
+        def add(session: Session) -> None:
+            query.add_session(
+                session,
+                person.name,
+                secret_hash=secret_hash(secret),
+                csrf_token=csrf_token,
+                at=wall,
+                expires_at=expires_at,
+            )
+            add_event(session, at, "person.signed_in", f"{person.name} signed in.")
+
+        await self._store.write(add)
+        return SignedIn(secret, Caller(person.name, Role(person.role), expires_at, csrf_token))
+
+    async def _hash(self, password: str) -> str:
+        try:
+            return await asyncio.to_thread(hash_password, password)
+        except ValueError as error:
+            raise unprocessable(
+                "1 field is wrong.", [FieldError(loc=["password"], msg=str(error))]
+            ) from error

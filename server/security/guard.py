@@ -1,0 +1,116 @@
+"""What a request must prove before a route sees it."""
+
+from typing import Final
+from urllib.parse import urlsplit
+
+from fastapi import Request, WebSocket, WebSocketException, status
+from starlette.requests import HTTPConnection
+
+from server.problem import Problem
+from server.security.access import Access, Caller
+from server.security.role import Right
+from server.settings import Settings
+
+CSRF_HEADER: Final = "X-CSRF-Token"
+SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+_LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "::1"})
+
+
+class Guard:
+    """Checks cookies, bearer tokens, origins and host names for one station."""
+
+    def __init__(self, access: Access, settings: Settings) -> None:
+        self._access = access
+        self._settings = settings
+
+    def cookie_name(self, connection: HTTPConnection) -> str:
+        """Return the session cookie's name; it holds the port, which cookies do not."""
+        return f"grace_session_{connection.url.port or 'default'}"
+
+    def host_is_ours(self, connection: HTTPConnection) -> bool:
+        """Tell whether the request names a host of this station.
+
+        A loopback station answers to loopback names alone: a foreign site whose name was bent
+        to 127.0.0.1 would otherwise pass for the same origin.
+        """
+        if not self._settings.is_loopback:
+            return True
+        name = connection.url.hostname
+        public = {urlsplit(origin).hostname for origin in self._settings.public_origins}
+        return name in _LOOPBACK_NAMES or name in public
+
+    def origin_is_ours(self, connection: HTTPConnection) -> bool:
+        """Tell whether the page that asks came from this station."""
+        origin = connection.headers.get("origin")
+        if origin is None:
+            return False
+        host = connection.headers.get("host", "")
+        return origin in self._settings.public_origins or urlsplit(origin).netloc == host
+
+    async def caller(self, request: Request, right: Right) -> Caller:
+        """Return who asks, once it is proved that they may.
+
+        Raises:
+            Problem: 401 without a valid cookie or token, 403 without the right, or when a
+                browser's change lacks the CSRF token or comes from a foreign page.
+        """
+        found = await self._bearer(request)
+        if found is None:
+            found = await self._cookie(request)
+            if found is not None and request.method not in SAFE_METHODS:
+                self._check_browser(request, found)
+        if found is None:
+            raise Problem(
+                401,
+                "Sign in first, or send a bearer token.",
+                headers={"WWW-Authenticate": "Bearer"},
+            )
+        if right not in found.role.rights:
+            raise Problem(403, f"{found.name} is a {found.role} and may not do this.")
+        return found
+
+    async def websocket_caller(self, websocket: WebSocket, right: Right = Right.VIEW) -> Caller:
+        """Return who opens a WebSocket; call it before ``accept``.
+
+        Scripts may send the bearer token as ``?token=`` where headers cannot be set.
+
+        Raises:
+            WebSocketException: The handshake is refused.
+        """
+        refused = WebSocketException(status.WS_1008_POLICY_VIOLATION)
+        if not self.host_is_ours(websocket):
+            raise refused
+        found = await self._bearer(websocket)
+        token = websocket.query_params.get("token")
+        if found is None and token is not None:
+            found = await self._access.caller_of_token(token)
+        if found is None and self.origin_is_ours(websocket):
+            found = await self._cookie(websocket)
+        if found is None or right not in found.role.rights:
+            raise refused
+        return found
+
+    async def _bearer(self, connection: HTTPConnection) -> Caller | None:
+        scheme, _, token = connection.headers.get("authorization", "").partition(" ")
+        if scheme.lower() != "bearer":
+            return None
+        found = await self._access.caller_of_token(token.strip())
+        if found is None and connection.scope["type"] == "http":
+            raise Problem(
+                401,
+                "The bearer token is unknown, has expired or was revoked.",
+                headers={"WWW-Authenticate": 'Bearer error="invalid_token"'},
+            )
+        return found
+
+    async def _cookie(self, connection: HTTPConnection) -> Caller | None:
+        secret = connection.cookies.get(self.cookie_name(connection))
+        return None if secret is None else await self._access.caller_of_cookie(secret)
+
+    def _check_browser(self, request: Request, caller: Caller) -> None:
+        if "origin" in request.headers and not self.origin_is_ours(request):
+            raise Problem(403, "This change came from a page that is not the station's.")
+        if request.headers.get(CSRF_HEADER) != caller.csrf_token:
+            raise Problem(
+                403, f"A change from a browser needs the header {CSRF_HEADER} (GET /api/session)."
+            )

@@ -1,0 +1,53 @@
+"""Secrets: made here, shown once, kept as hashes."""
+
+import hashlib
+import secrets
+
+from argon2 import PasswordHasher
+from argon2.exceptions import InvalidHashError, VerificationError
+
+PASSWORD_LENGTH_MIN = 10
+TOKEN_PREFIX = "grace_"
+
+
+def new_secret() -> str:
+    """Return a fresh secret of 256 bits that is safe in a URL."""
+    return TOKEN_PREFIX + secrets.token_urlsafe(32)
+
+
+def new_code() -> str:
+    """Return a code that a person can type: 40 bits in two groups of five."""
+    alphabet = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
+    letters = "".join(secrets.choice(alphabet) for _ in range(10))
+    return f"{letters[:5]}-{letters[5:]}"
+
+
+def secret_hash(secret: str) -> str:
+    """Return the hash by which the database knows a secret.
+
+    A plain SHA-256 is enough because the secret is random; passwords use ``hash_password``.
+    """
+    return hashlib.sha256(secret.encode()).hexdigest()
+
+
+def hash_password(password: str) -> str:
+    """Return the argon2id hash of a password; slow on purpose, so run it in a thread.
+
+    Raises:
+        ValueError: If the password is too short.
+    """
+    if len(password) < PASSWORD_LENGTH_MIN:
+        raise ValueError(f"a password has at least {PASSWORD_LENGTH_MIN} characters")
+    return PasswordHasher().hash(password)
+
+
+def password_fits(password: str, password_hash: str | None) -> bool:
+    """Tell whether a password fits a hash; without a hash it takes as long and says no."""
+    hasher = PasswordHasher()
+    try:
+        return hasher.verify(password_hash or _NO_PASSWORD, password) and password_hash is not None
+    except (VerificationError, InvalidHashError):
+        return False
+
+
+_NO_PASSWORD = PasswordHasher().hash(secrets.token_urlsafe(32))

@@ -1,0 +1,81 @@
+"""What a station process is told from outside: command line, environment, ``.env``."""
+
+from functools import cached_property
+from ipaddress import ip_address
+from pathlib import Path
+from typing import Self
+
+import platformdirs
+from pydantic import Field, model_validator
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+class Settings(BaseSettings):
+    """Settings of one station; every field is also an environment variable ``GRACE_<FIELD>``."""
+
+    model_config = SettingsConfigDict(
+        env_prefix="GRACE_", extra="ignore", frozen=True, use_attribute_docstrings=True
+    )
+
+    data_dir: Path = Field(default_factory=lambda: Path(platformdirs.user_data_dir("grace")))
+    """Folder of the database, the log files and the demo's clock."""
+    database_url: str | None = None
+    """SQLAlchemy URL of the database; by default a SQLite file in the data folder."""
+    host: str = "127.0.0.1"
+    """Address to listen on; anything but loopback needs TLS or ``behind_proxy``."""
+    port: int = Field(default=8000, ge=0, le=65535)
+    """Port to listen on; 0 takes a free one."""
+    tls_certificate: Path | None = None
+    """PEM file of the certificate chain."""
+    tls_key: Path | None = None
+    """PEM file of the certificate's key."""
+    behind_proxy: bool = False
+    """A reverse proxy on this host or network speaks TLS to the browsers."""
+    public_origins: tuple[str, ...] = ()
+    """Origins that browsers see, such as ``https://station.example.org``, where they differ."""
+    simulation: bool = False
+    """The robots do not exist: every page and file is marked SIMULATION."""
+    clock_file: Path | None = None
+    """Anchors of a scaled clock that station and simulator share; none means real time."""
+    session_hours: float = Field(default=12.0, gt=0)
+    """How long a browser stays signed in."""
+    worker_processes: int = Field(default=2, ge=1, le=64)
+    """How many planning runs and map fits may run at once."""
+
+    @model_validator(mode="after")
+    def _is_safe_to_reach(self) -> Self:
+        if (self.tls_certificate is None) != (self.tls_key is None):
+            raise ValueError("tls_certificate and tls_key go together")
+        if not self.is_loopback and not self.has_tls and not self.behind_proxy:
+            raise ValueError(
+                f"{self.host} can be reached from other machines: give tls_certificate and "
+                "tls_key, or behind_proxy when a proxy speaks TLS, or listen on 127.0.0.1"
+            )
+        return self
+
+    @property
+    def has_tls(self) -> bool:
+        """Whether the station itself speaks TLS."""
+        return self.tls_certificate is not None
+
+    @property
+    def is_loopback(self) -> bool:
+        """Whether only this machine can reach the station."""
+        if self.host == "localhost":
+            return True
+        try:
+            return ip_address(self.host).is_loopback
+        except ValueError:
+            return False
+
+    @property
+    def secure_cookie(self) -> bool:
+        """Whether browsers reach the station by TLS, so that the cookie may demand it."""
+        return self.has_tls or self.behind_proxy
+
+    @cached_property
+    def resolved_database_url(self) -> str:
+        """URL of the database, with the default filled in."""
+        if self.database_url is not None:
+            return self.database_url
+        return f"sqlite:///{(self.data_dir / 'station.sqlite3').resolve()}"
