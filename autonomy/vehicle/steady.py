@@ -1,0 +1,217 @@
+"""Motions that a glider holds by itself: straight glides and spirals, and the inputs for them."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import OptimizeResult, brentq, root
+
+from autonomy.arrays import FloatArray
+from autonomy.vehicle.config import ActuatorLimits, Vehicle, VehicleParameters
+from autonomy.vehicle.dynamics import hydrodynamic_wrench, rigid_body_rates
+from autonomy.vehicle.kernel import rk4_step
+
+_SETTLING_S = 300.0
+_STEP_S = 0.05
+_STEEPEST_FLOW_RAD = math.radians(60.0)
+
+
+class NoSteadyGlideError(ValueError):
+    """The vehicle has no steady motion as asked; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class SteadyGlide:
+    """A motion with constant rates; a spiral if it turns."""
+
+    pitch_rad: float
+    roll_rad: float
+    velocity_m_s: tuple[float, float, float]
+    """Through the water in body axes."""
+    turn_rate_rad_s: float
+    """Rate of the heading, positive to starboard."""
+
+    @property
+    def alpha_rad(self) -> float:
+        """Angle of attack."""
+        return math.atan2(self.velocity_m_s[2], self.velocity_m_s[0])
+
+    @property
+    def glide_angle_rad(self) -> float:
+        """Inclination of the path, positive up (thesis: pitch minus angle of attack)."""
+        return math.atan2(-self.vertical_speed_m_s, self.horizontal_speed_m_s)
+
+    @property
+    def speed_m_s(self) -> float:
+        """Speed through the water."""
+        return math.hypot(*self.velocity_m_s)
+
+    @property
+    def vertical_speed_m_s(self) -> float:
+        """Rate of depth, positive down."""
+        v1, v2, v3 = self.velocity_m_s
+        across = math.sin(self.roll_rad) * v2 + math.cos(self.roll_rad) * v3
+        return -math.sin(self.pitch_rad) * v1 + math.cos(self.pitch_rad) * across
+
+    @property
+    def horizontal_speed_m_s(self) -> float:
+        """Speed over the horizontal plane."""
+        return math.sqrt(max(self.speed_m_s**2 - self.vertical_speed_m_s**2, 0.0))
+
+    @property
+    def turn_radius_m(self) -> float:
+        """Radius of the spiral, infinite for a straight glide."""
+        if self.turn_rate_rad_s == 0.0:
+            return math.inf
+        return self.horizontal_speed_m_s / abs(self.turn_rate_rad_s)
+
+
+def steady_glide(
+    parameters: VehicleParameters,
+    m0_kg: float,
+    rp1_m: float,
+    delta_rad: float = 0.0,
+    *,
+    extended: bool = False,
+) -> SteadyGlide:
+    """Find the motion that a vehicle settles into with constant inputs.
+
+    The 12-state model is run until it has settled, and a root finder makes that exact.
+
+    Args:
+        parameters: The vehicle's model.
+        m0_kg: Net mass, not 0.
+        rp1_m: Position of the sliding mass.
+        delta_rad: Tail angle.
+        extended: Whether to use lift and pitch moment of thesis Eq. 5.18 instead of Eq. 3.4.
+
+    Raises:
+        NoSteadyGlideError: If there is none.
+    """
+    if m0_kg == 0.0:
+        raise NoSteadyGlideError("a neutrally buoyant vehicle does not glide")
+    inputs = np.array([m0_kg, rp1_m, delta_rad])
+    guess = _settled(parameters, inputs)
+    found = root(_imbalance, guess, args=(inputs, parameters, extended), tol=1e-14)
+    if _scale(found, inputs, parameters, extended) > 1e-9:
+        raise NoSteadyGlideError(
+            f"no steady motion at net mass {m0_kg * 1e3:.1f} g, sliding mass {rp1_m * 1e3:.1f} mm,"
+            f" tail {math.degrees(delta_rad):.0f} deg"
+        )
+    v1, v2, v3, roll, pitch, turn_rate = (float(value) for value in found.x)
+    if delta_rad == 0.0:
+        v2 = roll = turn_rate = 0.0
+    return SteadyGlide(pitch, roll, (v1, v2, v3), turn_rate)
+
+
+def _settled(parameters: VehicleParameters, inputs: FloatArray) -> FloatArray:
+    """Return forward, side and down speed, roll, pitch and turn rate after a while."""
+    state = np.zeros(12)
+    # the pendulum's rest pitch: near enough to start from at any sign of the buoyancy
+    p = parameters
+    state[4] = -math.atan2(p.sliding_mass_kg * inputs[1], p.offset_mass_kg * p.offset_mass_depth_m)
+    state[6] = 0.05
+    steps = round(_SETTLING_S / _STEP_S)
+    x = rk4_step(state, inputs, parameters.packed(), _STEP_S, steps)
+    turn_rate = (math.sin(x[3]) * x[10] + math.cos(x[3]) * x[11]) / math.cos(x[4])
+    return np.array([*x[6:9], math.remainder(x[3], 2.0 * math.pi), x[4], turn_rate])
+
+
+def _imbalance(
+    unknown: FloatArray, inputs: FloatArray, p: VehicleParameters, extended: bool
+) -> FloatArray:
+    """Return linear and angular accelerations of a steadily turning body, shape ``(6,)``."""
+    v1, v2, v3, roll, pitch, turn_rate = unknown
+    w = turn_rate * np.array(
+        [
+            -math.sin(pitch),
+            math.sin(roll) * math.cos(pitch),
+            math.cos(roll) * math.cos(pitch),
+        ]
+    )
+    state = np.array([0.0, 0.0, 0.0, roll, pitch, 0.0, v1, v2, v3, *w])
+    force, moment = hydrodynamic_wrench(state[6:9], w, inputs[2], p, extended=extended)
+    return rigid_body_rates(state, inputs[0], inputs[1], force, moment, p)[6:]
+
+
+def _scale(
+    found: OptimizeResult, inputs: FloatArray, p: VehicleParameters, extended: bool
+) -> float:
+    """Return the greatest leftover acceleration relative to what buoyancy alone would give."""
+    left = _imbalance(found.x, inputs, p, extended)
+    return float(np.max(np.abs(left)) / (abs(inputs[0]) * p.gravity_m_s2 / p.mass_1_kg))
+
+
+def angle_of_attack(parameters: VehicleParameters, glide_angle_rad: float) -> float:
+    """Angle of attack of a straight glide along a path; the speed does not matter.
+
+    Along and across the path, lift to drag is minus the cotangent of the glide angle. Lift and
+    drag are those of the extended model.
+
+    Args:
+        parameters: The vehicle's model.
+        glide_angle_rad: Inclination of the path, negative down, not 0.
+
+    Raises:
+        NoSteadyGlideError: If the path is flatter than the vehicle can glide.
+    """
+    p = parameters
+    cot = 1.0 / math.tan(glide_angle_rad)
+
+    def unbalance(alpha: float) -> float:
+        lift = (p.lift_0 + p.lift_alpha * alpha) * math.cos(alpha)
+        return lift + cot * (p.drag_0 + p.drag_alpha * alpha**2)
+
+    without_lift = -p.lift_0 / p.lift_alpha
+    at_start = unbalance(without_lift)
+    if at_start == 0.0:
+        return without_lift
+    # gentle flow is the stable branch: search away from zero lift, up to the first change of sign
+    for alpha in np.linspace(without_lift, -math.copysign(_STEEPEST_FLOW_RAD, cot), 200)[1:]:
+        if unbalance(float(alpha)) * at_start <= 0.0:
+            return float(brentq(unbalance, without_lift, float(alpha), xtol=1e-15))
+    raise NoSteadyGlideError(
+        f"a path of {math.degrees(glide_angle_rad):.0f} deg is flatter than this vehicle glides"
+    )
+
+
+def glide_inputs(
+    vehicle: Vehicle, glide_angle_rad: float, vertical_speed_m_s: float
+) -> tuple[float, float]:
+    """Find net mass kg and sliding mass m for a straight glide.
+
+    Args:
+        vehicle: The robot.
+        glide_angle_rad: Inclination of the path, negative down, not 0.
+        vertical_speed_m_s: Speed of depth, a magnitude.
+
+    Raises:
+        NoSteadyGlideError: If the path is too flat or an actuator's range does not allow it.
+    """
+    p = vehicle.parameters
+    alpha = angle_of_attack(p, glide_angle_rad)
+    pitch = glide_angle_rad + alpha
+    speed = vertical_speed_m_s / abs(math.sin(glide_angle_rad))
+    velocity = speed * np.array([math.cos(alpha), 0.0, math.sin(alpha)])
+    force, moment = hydrodynamic_wrench(velocity, np.zeros(3), 0.0, p, extended=True)
+    # weight balances the force along the path; the moments about the starboard axis vanish
+    along = force @ velocity / speed
+    m0 = along / (p.gravity_m_s2 * math.sin(glide_angle_rad))
+    munk = (p.mass_3_kg - p.mass_1_kg) * velocity[0] * velocity[2]
+    hang = p.offset_mass_kg * p.offset_mass_depth_m * p.gravity_m_s2 * math.sin(pitch)
+    rp1 = (munk + moment[1] - hang) / (p.sliding_mass_kg * p.gravity_m_s2 * math.cos(pitch))
+    _check_range(float(m0), float(rp1), vehicle.limits)
+    return float(m0), float(rp1)
+
+
+def _check_range(m0: float, rp1: float, limits: ActuatorLimits) -> None:
+    if not limits.m0_min_kg <= m0 <= limits.m0_max_kg:
+        raise NoSteadyGlideError(
+            f"the glide needs a net mass of {m0 * 1e3:.1f} g; the pump reaches"
+            f" {limits.m0_min_kg * 1e3:.1f} to {limits.m0_max_kg * 1e3:.1f} g"
+        )
+    if not limits.rp1_min_m <= rp1 <= limits.rp1_max_m:
+        raise NoSteadyGlideError(
+            f"the glide needs the sliding mass at {rp1 * 1e3:.1f} mm; it reaches"
+            f" {limits.rp1_min_m * 1e3:.1f} to {limits.rp1_max_m * 1e3:.1f} mm"
+        )
