@@ -1,1 +1,1 @@
-"""MAVLink 2 with the grace dialect: codec and services."""
+"""MAVLink 2 with the project's own dialect: build step, framing, values, mission transfer."""

@@ -1,0 +1,79 @@
+"""MAVLink 2 frames in datagrams: bytes in, messages out, and back; no input or output.
+
+Every datagram carries whole frames, so nothing is kept from one to the next: a frame that is cut
+off or corrupt costs itself alone.
+"""
+
+from typing import NamedTuple
+
+from robot_link.mavlink.wire import grace
+from robot_link.messages import SystemId
+
+STATION_SYSTEM = SystemId(255)
+ROBOT_COMPONENT = grace.MAV_COMP_ID_AUTOPILOT1
+STATION_COMPONENT = grace.MAV_COMP_ID_MISSIONPLANNER
+
+_MAGIC = 0xFD
+_HEADER_BYTES = 10
+_CHECKSUM_BYTES = 2
+_SIGNATURE_BYTES = 13
+_SIGNED = 0x01
+
+WireMessage = grace.MAVLink_message
+
+
+class Unpacked(NamedTuple):
+    """What one datagram held."""
+
+    messages: list[WireMessage]
+    bad: int
+    """Stretches of bytes that were no valid frame of the dialect."""
+
+
+class Codec:
+    """Frames of one sender and, in the other direction, of anyone."""
+
+    def __init__(self, system: SystemId, component: int) -> None:
+        self._mavlink = grace.MAVLink(None, srcSystem=system, srcComponent=component)
+
+    def pack(self, message: WireMessage) -> bytes:
+        """Return the frame of a message; frames of one codec are numbered modulo 256."""
+        frame = message.pack(self._mavlink)
+        self._mavlink.seq = (self._mavlink.seq + 1) % 256
+        return frame
+
+    def unpack(self, datagram: bytes) -> Unpacked:
+        """Decode every frame of a datagram; what is not a frame is counted, never raised."""
+        messages: list[WireMessage] = []
+        bad = 0
+        offset = 0
+        while offset < len(datagram):
+            end = _frame_end(datagram, offset)
+            message = None if end is None else self._decode(datagram[offset:end])
+            if end is None or message is None:
+                bad += 1
+                found = datagram.find(_MAGIC, offset + 1)
+                offset = len(datagram) if found < 0 else found
+            else:
+                messages.append(message)
+                offset = end
+        return Unpacked(messages, bad)
+
+    def _decode(self, frame: bytes) -> WireMessage | None:
+        try:
+            message = self._mavlink.decode(bytearray(frame))
+        except grace.MAVError:
+            return None
+        return None if isinstance(message, grace.MAVLink_unknown) else message
+
+
+def _frame_end(datagram: bytes, offset: int) -> int | None:
+    if datagram[offset] != _MAGIC or len(datagram) - offset < _HEADER_BYTES + _CHECKSUM_BYTES:
+        return None
+    flags = datagram[offset + 2]
+    if flags & ~_SIGNED:
+        return None
+    size = _HEADER_BYTES + datagram[offset + 1] + _CHECKSUM_BYTES
+    if flags & _SIGNED:
+        size += _SIGNATURE_BYTES
+    return offset + size if offset + size <= len(datagram) else None

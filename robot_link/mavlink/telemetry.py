@@ -1,0 +1,257 @@
+"""States, samples and plan reports between the dialect's messages and the project's values."""
+
+import math
+from collections.abc import Iterable, Sequence
+from datetime import UTC, datetime, timedelta
+
+from autonomy.field.variable import VARIABLES
+from robot_link.mavlink.wire import grace
+from robot_link.messages import (
+    LogId,
+    OnboardPlanState,
+    PlanHash,
+    PlanReport,
+    PositionNed,
+    RobotId,
+    RobotMode,
+    Sample,
+    StateReport,
+    SystemId,
+)
+
+ACKNOWLEDGED_AT_ONCE = 256
+"""Samples that one acknowledgement can speak of."""
+
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+_MICROSECOND = timedelta(microseconds=1)
+_REASON_BYTES = 100
+_KEY_OF_WIRE_INDEX = {variable.wire_index: variable.key for variable in VARIABLES.values()}
+
+
+def state_message(state: StateReport) -> grace.MAVLink_grace_state_message:
+    """Encode a state; angles are rounded to 0.1 mrad, velocities to 1 mm/s."""
+    north, east, down = state.position_ned
+    return grace.MAVLink_grace_state_message(
+        time_utc_us=_microseconds(state.measured_at),
+        x=north,
+        y=east,
+        z=down,
+        position_std=state.position_std_m,
+        net_buoyancy=state.net_buoyancy_kg,
+        mass_position=state.mass_position_m,
+        energy_used=state.energy_used,
+        vx=_int16(state.velocity_ned[0] * 1e3),
+        vy=_int16(state.velocity_ned[1] * 1e3),
+        vz=_int16(state.velocity_ned[2] * 1e3),
+        roll=_int16(state.roll_rad * 1e4),
+        pitch=_int16(state.pitch_rad * 1e4),
+        heading=_int16(state.heading_rad * 1e4),
+        tail=_int16(state.tail_rad * 1e4),
+        battery_voltage=_uint16(state.battery_v * 1e3),
+        battery_remaining=_uint16(state.battery_fraction * 1e4),
+        mode=int(state.mode),
+        flags=grace.GRACE_STATE_FLAGS_HAS_FIX if state.has_fix else 0,
+    )
+
+
+def state_report(
+    message: grace.MAVLink_grace_state_message, robot: RobotId, received_at: datetime
+) -> StateReport:
+    """Decode a state.
+
+    Raises:
+        ValueError: If a number is not finite, or the mode or the time is impossible.
+    """
+    _check_finite(
+        (
+            message.x,
+            message.y,
+            message.z,
+            message.position_std,
+            message.net_buoyancy,
+            message.mass_position,
+            message.energy_used,
+        )
+    )
+    return StateReport(
+        robot=robot,
+        measured_at=_moment(message.time_utc_us),
+        received_at=received_at,
+        position_ned=(message.x, message.y, message.z),
+        position_std_m=message.position_std,
+        velocity_ned=(message.vx / 1e3, message.vy / 1e3, message.vz / 1e3),
+        roll_rad=message.roll / 1e4,
+        pitch_rad=message.pitch / 1e4,
+        heading_rad=message.heading / 1e4,
+        net_buoyancy_kg=message.net_buoyancy,
+        mass_position_m=message.mass_position,
+        tail_rad=message.tail / 1e4,
+        battery_fraction=message.battery_remaining / 1e4,
+        battery_v=message.battery_voltage / 1e3,
+        mode=RobotMode(message.mode),
+        has_fix=bool(message.flags & grace.GRACE_STATE_FLAGS_HAS_FIX),
+        energy_used=message.energy_used,
+    )
+
+
+def sample_message(
+    log: LogId,
+    sequence: int,
+    *,
+    variable: str,
+    value: float,
+    position_ned: PositionNed,
+    position_std_m: float,
+    measured_at: datetime,
+) -> grace.MAVLink_grace_sample_message:
+    """Encode a sample.
+
+    Raises:
+        ValueError: If a number is not finite: the far side could only drop it, again and again.
+        KeyError: If no such variable is declared.
+    """
+    north, east, down = position_ned
+    _check_finite((value, north, east, down, position_std_m))
+    return grace.MAVLink_grace_sample_message(
+        time_utc_us=_microseconds(measured_at),
+        log=log,
+        sequence=sequence,
+        x=north,
+        y=east,
+        z=down,
+        position_std=position_std_m,
+        value=value,
+        variable=VARIABLES[variable].wire_index,
+    )
+
+
+def sample(
+    message: grace.MAVLink_grace_sample_message, robot: RobotId, received_at: datetime
+) -> Sample:
+    """Decode a sample.
+
+    Raises:
+        ValueError: If a number is not finite, the time impossible, or the variable unknown.
+    """
+    _check_finite((message.value, message.x, message.y, message.z, message.position_std))
+    variable = _KEY_OF_WIRE_INDEX.get(message.variable)
+    if variable is None:
+        raise ValueError(f"variable {message.variable} of a sample is not declared")
+    return Sample(
+        robot=robot,
+        log=LogId(message.log),
+        sequence=message.sequence,
+        variable=variable,
+        value=message.value,
+        position_ned=(message.x, message.y, message.z),
+        position_std_m=message.position_std,
+        measured_at=_moment(message.time_utc_us),
+        received_at=received_at,
+    )
+
+
+def acknowledgements(
+    system: SystemId, log: LogId, sequences: Iterable[int]
+) -> list[grace.MAVLink_grace_sample_ack_message]:
+    """Say that these samples are stored, in as few messages as their spread allows."""
+    bitmaps: list[tuple[int, bytearray]] = []
+    for sequence in sorted(sequences):
+        if not bitmaps or sequence - bitmaps[-1][0] >= ACKNOWLEDGED_AT_ONCE:
+            bitmaps.append((sequence, bytearray(ACKNOWLEDGED_AT_ONCE // 8)))
+        base, bitmap = bitmaps[-1]
+        byte, bit = divmod(sequence - base, 8)
+        bitmap[byte] |= 1 << bit
+    return [
+        grace.MAVLink_grace_sample_ack_message(
+            log=log, base=base, target_system=system, stored=bitmap
+        )
+        for base, bitmap in bitmaps
+    ]
+
+
+def acknowledged_sequences(message: grace.MAVLink_grace_sample_ack_message) -> list[int]:
+    """Return the samples that an acknowledgement speaks of, ascending."""
+    return [
+        message.base + 8 * byte + bit
+        for byte, octet in enumerate(message.stored)
+        for bit in range(8)
+        if octet >> bit & 1
+    ]
+
+
+def plan_report_message(
+    *,
+    measured_at: datetime,
+    sha256: PlanHash | None,
+    state: OnboardPlanState,
+    leg: int = 0,
+    legs: int = 0,
+    energy_used: float = 0.0,
+    reason: str = "",
+) -> grace.MAVLink_grace_plan_report_message:
+    """Encode what the robot says of a plan; a reason is ASCII on the wire, and cut where long."""
+    return grace.MAVLink_grace_plan_report_message(
+        time_utc_us=_microseconds(measured_at),
+        energy_used=energy_used,
+        leg=leg,
+        legs=legs,
+        sha256=hash_octets(sha256),
+        state=int(state),
+        reason=reason.encode("ascii", errors="replace")[:_REASON_BYTES],
+    )
+
+
+def plan_report(
+    message: grace.MAVLink_grace_plan_report_message, robot: RobotId, received_at: datetime
+) -> PlanReport:
+    """Decode a plan report.
+
+    Raises:
+        ValueError: If the energy is not finite, or the state or the time is impossible.
+    """
+    _check_finite((message.energy_used,))
+    return PlanReport(
+        robot=robot,
+        sha256=plan_hash(message.sha256),
+        state=OnboardPlanState(message.state),
+        leg=message.leg,
+        legs=message.legs,
+        energy_used=message.energy_used,
+        reason=message.reason,
+        measured_at=_moment(message.time_utc_us),
+        received_at=received_at,
+    )
+
+
+def hash_octets(sha256: PlanHash | None) -> Sequence[int]:
+    """Return the 32 octets of a hash; all zero stands for none."""
+    return bytes(32) if sha256 is None else bytes.fromhex(sha256)
+
+
+def plan_hash(octets: Sequence[int]) -> PlanHash | None:
+    """Return the hash that 32 octets spell, or None where all are zero."""
+    return PlanHash(bytes(octets).hex()) if any(octets) else None
+
+
+def _check_finite(numbers: Iterable[float]) -> None:
+    if not all(math.isfinite(number) for number in numbers):
+        raise ValueError("a number is not finite")
+
+
+def _microseconds(moment: datetime) -> int:
+    return (moment - _EPOCH) // _MICROSECOND
+
+
+def _moment(microseconds: int) -> datetime:
+    try:
+        return _EPOCH + timedelta(microseconds=microseconds)
+    except OverflowError as error:
+        raise ValueError("the time is impossible") from error
+
+
+def _int16(value: float) -> int:
+    return max(-(2**15), min(2**15 - 1, round(value)))
+
+
+def _uint16(value: float) -> int:
+    return max(0, min(2**16 - 1, round(value)))

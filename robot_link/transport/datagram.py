@@ -1,0 +1,107 @@
+"""What every radio offers to the sessions above it: datagrams to an address, and their fate."""
+
+import asyncio
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Final, NewType, Protocol
+
+Address = NewType("Address", int)
+"""64-bit address of a radio."""
+BROADCAST: Final = Address(0xFFFF)
+"""Everyone in reach; never confirmed by a receiver."""
+
+
+class Fate(StrEnum):
+    """What became of a datagram, as far as the radio can know."""
+
+    DELIVERED = "delivered"
+    """The far radio confirmed it (of a broadcast: it was sent)."""
+    NOT_ACKNOWLEDGED = "not_acknowledged"
+    """No confirmation; the far side may have it nevertheless."""
+    TOO_LARGE = "too_large"
+    REFUSED = "refused"
+    """The radio itself could not send it."""
+    UNKNOWN = "unknown"
+    """The port closed, or the radio never said."""
+
+
+@dataclass(frozen=True, slots=True)
+class Delivery:
+    """The radio's word on one datagram."""
+
+    fate: Fate
+    retries: int = 0
+    detail: str = ""
+    """What the radio said where it refused, for a person."""
+
+
+class PortClosedError(Exception):
+    """There is no open port to the radio at the moment; it is being opened again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """One datagram from the air."""
+
+    address: Address
+    """The sender."""
+    data: bytes
+    rssi_dbm: float | None
+    """Strength last measured for this sender, None until known."""
+
+
+@dataclass(frozen=True, slots=True)
+class PortChanged:
+    """The road to the radio opened or closed."""
+
+    is_open: bool
+    reason: str
+    """Why it closed or could not be opened, for a person; empty when open."""
+
+
+@dataclass(frozen=True, slots=True)
+class Garbled:
+    """Bytes that the port brought and that were no valid frame."""
+
+    frames: int
+
+
+TransportEvent = Received | PortChanged | Garbled
+
+
+class DatagramTransport(Protocol):
+    """One radio, owned by one event loop.
+
+    It decodes nothing above its own frames and sends nothing twice: acknowledgement is the
+    session's work.
+    """
+
+    @property
+    def carrier(self) -> str:
+        """Kind of link for reports, such as ``xbee``."""
+        ...
+
+    @property
+    def max_payload(self) -> int:
+        """Bytes that fit one datagram, as the radio itself says; 0 while it is closed."""
+        ...
+
+    async def run(self) -> None:
+        """Open, serve and open again until cancelled."""
+        ...
+
+    async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
+        """Hand a datagram to the radio, waiting while too many are under way.
+
+        Returns:
+            A future of what becomes of it; it never fails and need not be awaited.
+
+        Raises:
+            PortClosedError: If no port is open.
+        """
+        ...
+
+    def events(self) -> AsyncIterator[TransportEvent]:
+        """Yield what the radio brings, in order, until cancelled; for one reader."""
+        ...

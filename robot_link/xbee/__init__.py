@@ -1,1 +1,0 @@
-"""XBee API frames, without input or output."""
