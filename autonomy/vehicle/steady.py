@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 from scipy.optimize import OptimizeResult, brentq, root
@@ -169,7 +170,7 @@ def angle_of_attack(parameters: VehicleParameters, glide_angle_rad: float) -> fl
     # gentle flow is the stable branch: search away from zero lift, up to the first change of sign
     for alpha in np.linspace(without_lift, -math.copysign(_STEEPEST_FLOW_RAD, cot), 200)[1:]:
         if unbalance(float(alpha)) * at_start <= 0.0:
-            return float(brentq(unbalance, without_lift, float(alpha), xtol=1e-15))
+            return cast("float", brentq(unbalance, without_lift, float(alpha), xtol=1e-15))
     raise NoSteadyGlideError(
         f"a path of {math.degrees(glide_angle_rad):.0f} deg is flatter than this vehicle glides"
     )
