@@ -96,51 +96,51 @@ class FieldConfig(Configuration):
         )
 
 
+def _kernel(
+    signal_variance: float, length_m: tuple[float, float, float], noise_variance: float
+) -> KernelParameters:
+    x, y, z = length_m
+    return KernelParameters(
+        signal_variance=signal_variance,
+        length_x_m=x,
+        length_y_m=y,
+        length_z_m=z,
+        noise_variance=noise_variance,
+    )
+
+
 FIELD_PRESETS: dict[str, FieldConfig] = {
     "blue_light": FieldConfig(
         variable="blue_light",
-        single=KernelParameters(),
+        model="recursive",
+        prior_mean=5.06,
+        single=_kernel(4.57, (2.15, 2.26, 2.05), 0.00224),
         levels=(
-            KernelParameters(),
-            KernelParameters(signal_variance=0.05, length_x_m=0.5, length_y_m=0.5, length_z_m=0.5),
-            KernelParameters(signal_variance=0.05, length_x_m=0.5, length_y_m=0.5, length_z_m=0.5),
+            _kernel(0.477, (0.531, 0.368, 0.371), 0.00831),
+            _kernel(0.156, (0.477, 0.224, 0.255), 0.0225),
+            _kernel(0.0398, (0.424, 0.218, 0.241), 0.00471),
         ),
         fidelity_thresholds_m=(0.05, 0.12),
     ),
     "chlorophyll": FieldConfig(
         variable="chlorophyll",
-        single=KernelParameters(
-            signal_variance=6.04,
-            length_x_m=202.0,
-            length_y_m=293.0,
-            length_z_m=6.3,
-            noise_variance=0.09,
-        ),
+        model="single",
+        prior_mean=3.74,
+        single=_kernel(17.6, (254.0, 384.0, 9.89), 0.0824),
         levels=(
-            KernelParameters(
-                signal_variance=6.04,
-                length_x_m=202.0,
-                length_y_m=293.0,
-                length_z_m=6.3,
-                noise_variance=0.09,
-            ),
-            KernelParameters(
-                signal_variance=0.1,
-                length_x_m=80.0,
-                length_y_m=80.0,
-                length_z_m=4.0,
-                noise_variance=0.09,
-            ),
-            KernelParameters(
-                signal_variance=0.1,
-                length_x_m=80.0,
-                length_y_m=80.0,
-                length_z_m=4.0,
-                noise_variance=0.09,
-            ),
+            _kernel(21.6, (287.0, 443.0, 10.5), 0.0949),
+            _kernel(0.124, (133.0, 58.7, 2.58), 0.087),
+            _kernel(0.328, (80.4, 77.8, 1.97), 0.0771),
         ),
-        fidelity_thresholds_m=(3.0, 8.0),
+        fidelity_thresholds_m=(2.0, 4.0),
         grid=GridShape(x=24, y=24, z=10),
     ),
 }
-"""Settings by variable."""
+"""Settings by variable, derived from simulated manual surveys by
+``autonomy.field.manual_survey.derived_preset`` with a generator seeded 0.
+
+The default model is the one whose stated uncertainty agrees better with the truth on other
+simulated surveys of 600 samples (negative log predictive density per point, recursive against
+single): blue light 0.6 against 3.7 to 4.5, because in a tank a drift of 0.1 m crosses half a length
+scale; chlorophyll 1.4 to 1.6 against 1.2 to 1.3, because on a lake it does not.
+"""

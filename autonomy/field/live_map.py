@@ -29,9 +29,9 @@ class Prediction:
 class LiveMap:
     """Mean and standard deviation of a field on a grid, updated in place with each sample.
 
-    Both models are one here: the single-fidelity model is the recursive one with one level. Every
-    level is a growing Gaussian process whose targets are the grid and the samples of the levels
-    above, so that their residuals follow when a level below learns something.
+    Both models are one here: the single model is the recursive one with one level. Every level of
+    the model is a growing Gaussian process whose targets are the grid and the samples of the
+    levels above, so that their residuals follow when a level below learns something.
 
     Samples beyond ``config.max_samples`` make the map keep an evenly spread three quarters of
     that number and begin anew from them; ``samples_dropped`` counts those left out.
@@ -74,13 +74,14 @@ class LiveMap:
 
     @property
     def sample_levels(self) -> IntArray:
-        """Fidelity level of each kept sample, shape ``(n,)``; all 0 in a single model."""
-        return np.repeat(np.arange(len(self._processes)), self.samples_per_level)
+        """Fidelity level of each kept sample, shape ``(n,)``, in both models."""
+        return np.concatenate(self._fidelity)
 
     @property
     def samples_per_level(self) -> tuple[int, ...]:
-        """Number of kept samples of each level, worst located first."""
-        return tuple(len(values) for values in self._values)
+        """Number of kept samples of each fidelity level, worst located first, in both models."""
+        levels = len(self.config.fidelity_thresholds_m) + 1
+        return tuple(np.bincount(self.sample_levels, minlength=levels).tolist())
 
     def append(self, points: FloatArray, values: FloatArray, position_std: FloatArray) -> None:
         """Take in samples: all of them, or none if one cannot be used.
@@ -98,11 +99,11 @@ class LiveMap:
         if not len(values):
             return
         seen = to_model(self.config.variable, values)
-        levels = fidelity_level(position_std, self._thresholds)
-        if sum(self.samples_per_level) + len(values) > self.config.max_samples:
-            points, seen, levels = self._thinned(points, seen, levels)
+        fidelity = fidelity_level(position_std, self.config.fidelity_thresholds_m)
+        if len(self.values) + len(values) > self.config.max_samples:
+            points, seen, fidelity = self._thinned(points, seen, fidelity)
             self._begin()
-        self._take_in(points, seen, levels)
+        self._take_in(points, seen, fidelity)
 
     def predict(self, targets: FloatArray) -> Prediction:
         """Return mean and full covariance of the field at any points, shape ``(q, 3)``, m.
@@ -110,7 +111,8 @@ class LiveMap:
         It conditions anew in ``O(n^3)``: meant for scores and plans, not for each sample.
         """
         residuals = self.values - self.config.prior_mean
-        model = RecursiveGaussianProcess(self._levels, self.points, residuals, self.sample_levels)
+        levels = np.repeat(np.arange(len(self._values)), [len(values) for values in self._values])
+        model = RecursiveGaussianProcess(self._levels, self.points, residuals, levels)
         mean = self.config.prior_mean + model.mean(targets)
         return Prediction(mean, model.covariance(targets))
 
@@ -118,32 +120,32 @@ class LiveMap:
     def _levels(self) -> tuple[KernelParameters, ...]:
         return (self.config.single,) if self.config.model == "single" else self.config.levels
 
-    @property
-    def _thresholds(self) -> tuple[float, ...]:
-        return () if self.config.model == "single" else self.config.fidelity_thresholds_m
-
     def _begin(self) -> None:
         grid = self.grid.points
         self._processes = [GrowingGaussianProcess(level, grid) for level in self._levels]
         self._points = [np.empty((0, 3)) for _ in self._levels]
         self._values = [np.empty(0) for _ in self._levels]
+        self._fidelity = [np.empty(0, dtype=np.int64) for _ in self._levels]
         self._targets = [np.empty((len(self._levels), 0), dtype=np.int64) for _ in self._levels]
         """Which targets of each level below (first axis) the samples of a level are."""
 
-    def _take_in(self, points: FloatArray, values: FloatArray, levels: IntArray) -> None:
+    def _take_in(self, points: FloatArray, values: FloatArray, fidelity: IntArray) -> None:
+        levels = np.minimum(fidelity, len(self._processes) - 1)
         moved = False
         for level, process in enumerate(self._processes):
             mine = levels == level
             known = len(self._values[level])
             if mine.any():
-                self._remember(level, points[mine], values[mine])
+                self._remember(level, points[mine], values[mine], fidelity[mine])
             residuals = self._residuals(level)
             if moved and known:
                 process.replace_values(residuals[:known])
             process.append(self._points[level][known:], residuals[known:])
             moved = moved or bool(mine.any())
 
-    def _remember(self, level: int, points: FloatArray, values: FloatArray) -> None:
+    def _remember(
+        self, level: int, points: FloatArray, values: FloatArray, fidelity: IntArray
+    ) -> None:
         """Store samples of a level and make them targets of the levels below."""
         numbers = np.zeros((len(self._processes), len(values)), dtype=np.int64)
         for below, process in enumerate(self._processes[:level]):
@@ -152,6 +154,7 @@ class LiveMap:
             numbers[below] = np.arange(first, first + len(values))
         self._points[level] = np.concatenate([self._points[level], points])
         self._values[level] = np.concatenate([self._values[level], values])
+        self._fidelity[level] = np.concatenate([self._fidelity[level], fidelity])
         self._targets[level] = np.concatenate([self._targets[level], numbers], axis=1)
 
     def _residuals(self, level: int) -> FloatArray:
@@ -162,15 +165,15 @@ class LiveMap:
         return residuals
 
     def _thinned(
-        self, points: FloatArray, values: FloatArray, levels: IntArray
+        self, points: FloatArray, values: FloatArray, fidelity: IntArray
     ) -> tuple[FloatArray, FloatArray, IntArray]:
         all_points = np.concatenate([self.points, points])
         count = int(_KEPT_WHEN_FULL * self.config.max_samples)
         kept = space_filling(all_points, count, self.config.single.length_scales_m())
         self.samples_dropped += len(all_points) - len(kept)
         all_values = np.concatenate([self.values, values])
-        all_levels = np.concatenate([self.sample_levels, levels])
-        return all_points[kept], all_values[kept], all_levels[kept]
+        all_fidelity = np.concatenate([self.sample_levels, fidelity])
+        return all_points[kept], all_values[kept], all_fidelity[kept]
 
 
 def _checked(
