@@ -1,0 +1,53 @@
+"""Three PID loops, readable; ``autonomy.control.kernel`` is the fast twin."""
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.control.config import PidConfig
+from autonomy.control.error import tracking_error
+from autonomy.control.reference import Reference
+
+
+def pid_inputs(
+    state: FloatArray,
+    reference: Reference,
+    integrals: FloatArray,
+    config: PidConfig,
+    dt_s: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Net mass kg, sliding mass m and tail angle rad of three loops, not yet limited.
+
+    The sliding mass moves aft to raise the nose, so its loop has the opposite sign.
+
+    Args:
+        state: The 12 states or their estimate.
+        reference: Where the vehicle should be.
+        integrals: Of the depth, pitch and direction errors so far, shape ``(3,)``.
+        config: Gains.
+        dt_s: Time since the last call.
+
+    Returns:
+        The inputs and the new integrals, shape ``(3,)`` each.
+
+    Source:
+        Thesis section 3.3; the direction error is heading minus direction to the target.
+    """
+    error = tracking_error(
+        state,
+        reference,
+        pitch_trade_rad=0.0,
+        near_m=config.near_m,
+        near_offset_m=config.near_offset_m,
+    )
+    now = np.array([error.depth, error.pitch, error.direction])
+    rate = np.array([error.depth_rate, error.pitch_rate, error.direction_rate])
+    integrals = integrals + now * dt_s
+    k = config
+    gains = np.array(
+        [
+            [k.z_proportional, k.z_integral, k.z_derivative],
+            [-k.pitch_proportional, -k.pitch_integral, -k.pitch_derivative],
+            [k.heading_proportional, k.heading_integral, k.heading_derivative],
+        ]
+    )
+    return np.sum(gains * np.stack([now, integrals, rate], axis=1), axis=1), integrals
