@@ -98,3 +98,27 @@ PID_SIMULATION = PidConfig(
     pitch_derivative=2.0,
 )
 """Gains of thesis section 3.3."""
+
+BACKSTEPPING_PRESETS: dict[str, BacksteppingConfig] = {
+    "miniglider": BACKSTEPPING_EXPERIMENT,
+    "grace3": BACKSTEPPING_EXPERIMENT,
+}
+"""Gains a robot starts with, by vehicle; the law is model based, so one set serves both."""
+
+_LENGTH, _BUOYANCY = 100.0 / 40.0, 420.0 / 50.0
+_TIME = math.sqrt(_LENGTH)
+PID_PRESETS: dict[str, PidConfig] = {
+    "miniglider": PID_EXPERIMENT,
+    "grace3": PidConfig(
+        z_proportional=0.08 * _BUOYANCY / _LENGTH,
+        z_derivative=0.1 * _BUOYANCY / _LENGTH * _TIME,
+        pitch_proportional=0.08 * _LENGTH,
+        pitch_integral=0.05 * _LENGTH / _TIME,
+        pitch_derivative=0.0375 * _LENGTH * _TIME,
+        heading_integral=0.001 / _TIME,
+        heading_derivative=_TIME,
+        near_m=0.05 * _LENGTH,
+        near_offset_m=0.15 * _LENGTH,
+    ),
+}
+"""Gains a robot starts with, by vehicle; GRACE 3's are the Miniglider's in Froude's scale."""

@@ -51,7 +51,7 @@ class BacksteppingController:
         self,
         estimate: FloatArray,
         reference: Reference,
-        dt_s: float,  # noqa: ARG002 - a law without memory does not ask for the time
+        dt_s: float,
     ) -> ActuatorCommand:
         """Return the setpoints; the time since the last call does not matter."""
         inputs = kernel.backstepping(estimate, reference.packed(), self._gains, self._packed)

@@ -140,15 +140,11 @@ def contact_force(
     return np.where(position < low, too_low, 0.0) - np.where(position > high, too_high, 0.0)
 
 
-def tail_motion(
-    delta: float, target: float, target_rate: float, vehicle: Vehicle
-) -> tuple[float, float]:
-    """Rate and acceleration of the tail: first order (Eq. 5.17) within the servo's rate."""
-    k, greatest = vehicle.parameters.tail_response_per_s, vehicle.limits.delta_rate_rad_s
-    wanted = k * (target - delta)
-    if abs(wanted) >= greatest:
-        return math.copysign(greatest, wanted), 0.0
-    return wanted, k * (target_rate - wanted)
+def tail_rate(delta: float, target: float, vehicle: Vehicle) -> float:
+    """Rate of the tail: first order (Eq. 5.17) within the servo's greatest rate."""
+    greatest = vehicle.limits.delta_rate_rad_s
+    wanted = vehicle.parameters.tail_response_per_s * (target - delta)
+    return min(max(wanted, -greatest), greatest)
 
 
 def extended_state_derivative(
@@ -159,20 +155,21 @@ def extended_state_derivative(
     Args:
         state: Shape ``(15,)``.
         actuator: Rate of the net mass kg/s, of the sliding mass m/s, reference of the tail rad,
-            rate of that reference rad/s.
+            acceleration of the tail's flap rad/s2.
         vehicle: The robot.
         surroundings: Current and borders.
 
     Source:
-        Thesis Eq. 5.17 and 5.18, with ``F_tail = -(Ct / k_delta^2) delta''``. Cross-flow drag of
-        turning at rest, contact and current are additions.
+        Thesis Eq. 5.17 and 5.18, with ``F_tail = -(Ct / k_delta^2) delta''`` of the flap alone:
+        a tail without mass jumps to a new rate when its reference steps, so the impulse of a
+        steering step is not in ``delta''``, and half of it would push the wrong way. Cross-flow
+        drag of turning at rest, contact and current are additions.
     """
     p = vehicle.parameters
     m0, rp1, delta = state[12:15]
     w = state[9:12]
-    delta_rate, delta_acceleration = tail_motion(delta, actuator[2], actuator[3], vehicle)
     water = p.water_density_kg_m3 * p.tail_area_m2 * p.tail_water_length_m
-    thrust = -water * p.tail_centre_m * delta_acceleration
+    thrust = -water * p.tail_centre_m * actuator[3]
     force, moment = hydrodynamic_wrench(state[6:9], w, delta, p, extended=True)
     crossflow = np.array([p.crossflow_1_n_m_s2, p.crossflow_2_n_m_s2, p.crossflow_3_n_m_s2])
     moment = moment - crossflow * np.abs(w) * w
@@ -185,4 +182,6 @@ def extended_state_derivative(
     rates[:3] = velocity_ned
     if state[2] < 0.0:
         rates[9:11] -= p.surface_damping_per_s * w[:2]
-    return np.concatenate([rates, [actuator[0], actuator[1], delta_rate]])
+    return np.concatenate(
+        [rates, [actuator[0], actuator[1], tail_rate(delta, actuator[2], vehicle)]]
+    )

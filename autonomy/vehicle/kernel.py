@@ -219,41 +219,27 @@ def _apply_contact(x: FloatArray, surroundings: FloatArray, p: FloatArray, out: 
 
 
 @kernel
-def tail_motion(
-    delta: float, target: float, target_rate: float, p: FloatArray
-) -> tuple[float, float]:
-    """Rate rad/s and acceleration rad/s2 of a tail that follows its reference within its limits."""
-    wanted = p[TAIL_RESPONSE] * (target - delta)
-    if abs(wanted) >= p[DELTA_RATE]:
-        return math.copysign(p[DELTA_RATE], wanted), 0.0
-    return wanted, p[TAIL_RESPONSE] * (target_rate - wanted)
-
-
-@kernel
 def extended_derivative_into(
     x: FloatArray,
     m0_rate: float,
     rp1_rate: float,
     tail_target: float,
-    tail_target_rate: float,
+    flap_acceleration: float,
     p: FloatArray,
     surroundings: FloatArray,
     out: FloatArray,
 ) -> None:
-    """Write the rates of the 15-state model of thesis Eq. 5.17 into ``out``, shape ``(15,)``.
-
-    The tail's force is ``-(Ct / k_delta^2) delta''``, the reaction of the water that it
-    accelerates; the printed force has no mean over a flap. Velocities are through the water.
-    """
+    """Write the rates of the 15-state model of thesis Eq. 5.17 into ``out``, shape ``(15,)``."""
     delta = x[14]
     f1, f2, f3, t1, t2, t3 = hydrodynamic_wrench(
         x[6], x[7], x[8], x[9], x[10], x[11], delta, p, True
     )
     out[12] = m0_rate
     out[13] = rp1_rate
-    out[14], tail_acceleration = tail_motion(delta, tail_target, tail_target_rate, p)
+    wanted = p[TAIL_RESPONSE] * (tail_target - delta)
+    out[14] = min(max(wanted, -p[DELTA_RATE]), p[DELTA_RATE])
     water_kg = p[WATER_DENSITY] * p[TAIL_AREA] * p[TAIL_WATER_LENGTH]
-    thrust = -water_kg * p[TAIL_CENTRE] * tail_acceleration
+    thrust = -water_kg * p[TAIL_CENTRE] * flap_acceleration
     f1 += thrust * math.sin(delta)
     t1 -= p[CROSSFLOW_1] * abs(x[9]) * x[9]
     t2 -= p[CROSSFLOW_2] * abs(x[10]) * x[10]
@@ -277,7 +263,7 @@ def extended_state_derivative(
     Args:
         state: Shape ``(15,)``: the 12 states, net mass kg, sliding mass m, tail rad.
         actuator: Rate of the net mass kg/s, of the sliding mass m/s, reference of the tail rad,
-            rate of that reference rad/s.
+            acceleration of the tail's flap rad/s2.
         packed: ``Vehicle.packed()``.
         surroundings: As in ``advance``.
     """
@@ -289,13 +275,21 @@ def extended_state_derivative(
 
 
 @kernel
-def _tail_reference(command: FloatArray, time_s: float, p: FloatArray) -> tuple[float, float]:
-    """Reference of the tail and its rate: bias and flap, cut at the end stops."""
-    w = 2.0 * math.pi * command[4]
-    target = command[2] + command[3] * math.sin(w * time_s)
+def tail_reference(command: FloatArray, time_s: float, p: FloatArray) -> tuple[float, float]:
+    """Reference of the tail, cut at the end stops, and acceleration of its flap rad/s2.
+
+    The acceleration is that of the servo's settled answer to the flap, as far as its rate allows.
+    """
+    bias, amplitude, w = command[2], command[3], 2.0 * math.pi * command[4]
+    s, c = math.sin(w * time_s), math.cos(w * time_s)
+    target = bias + amplitude * s
     if abs(target) >= p[DELTA_MAX]:
         return math.copysign(p[DELTA_MAX], target), 0.0
-    return target, command[3] * w * math.cos(w * time_s)
+    k = p[TAIL_RESPONSE]
+    gain = k / math.sqrt(k * k + w * w)
+    if gain * amplitude * w > p[DELTA_RATE]:
+        amplitude = p[DELTA_RATE] / (gain * w)
+    return target, -w * w * amplitude * gain * gain * (s - w / k * c)
 
 
 @kernel
@@ -357,21 +351,21 @@ def advance(
         t = time_s + step * dt_s
         u1 = _ramp(x[12], command[0], p[M0_MIN], p[M0_MAX], p[M0_RATE], dt_s)
         u2 = _ramp(x[13], command[1], p[RP1_MIN], p[RP1_MAX], p[RP1_RATE], dt_s)
-        r0, d0 = _tail_reference(command, t, p)
-        r1, d1 = _tail_reference(command, t + 0.5 * dt_s, p)
-        r2, d2 = _tail_reference(command, t + dt_s, p)
-        extended_derivative_into(x, u1, u2, r0, d0, p, surroundings, total)
+        r0, a0 = tail_reference(command, t, p)
+        r1, a1 = tail_reference(command, t + 0.5 * dt_s, p)
+        r2, a2 = tail_reference(command, t + dt_s, p)
+        extended_derivative_into(x, u1, u2, r0, a0, p, surroundings, total)
         for i in range(15):
             probe[i] = x[i] + 0.5 * dt_s * total[i]
-        extended_derivative_into(probe, u1, u2, r1, d1, p, surroundings, slope)
+        extended_derivative_into(probe, u1, u2, r1, a1, p, surroundings, slope)
         for i in range(15):
             total[i] += 2.0 * slope[i]
             probe[i] = x[i] + 0.5 * dt_s * slope[i]
-        extended_derivative_into(probe, u1, u2, r1, d1, p, surroundings, slope)
+        extended_derivative_into(probe, u1, u2, r1, a1, p, surroundings, slope)
         for i in range(15):
             total[i] += 2.0 * slope[i]
             probe[i] = x[i] + dt_s * slope[i]
-        extended_derivative_into(probe, u1, u2, r2, d2, p, surroundings, slope)
+        extended_derivative_into(probe, u1, u2, r2, a2, p, surroundings, slope)
         for i in range(15):
             x[i] += dt_s / 6.0 * (total[i] + slope[i])
         _name_attitude(x)
