@@ -1,0 +1,127 @@
+"""Byte streams to a radio: a serial line or pseudo-terminal, and a TCP connection.
+
+A port is opened once, used from one event loop and never blocks it; when it fails it raises
+``OSError`` and is thrown away.
+"""
+
+import asyncio
+import os
+import socket
+from collections.abc import Callable
+from typing import Protocol
+
+import serial
+
+_CHUNK_BYTES = 65536
+
+
+class Port(Protocol):
+    """One open byte stream."""
+
+    async def read(self) -> bytes:
+        """Return the next bytes; none means that the far side hung up."""
+        ...
+
+    async def write(self, data: bytes) -> None:
+        """Write all of ``data``; one writer at a time."""
+        ...
+
+    def close(self) -> None:
+        """Give the stream up; reads and writes under way must have been cancelled."""
+        ...
+
+
+class SerialPort:
+    """A serial line, real or pseudo-terminal, locked against a second program."""
+
+    def __init__(self, line: serial.Serial) -> None:
+        self._line = line
+        self._descriptor = line.fileno()
+
+    @classmethod
+    async def open(cls, path: str, *, baud: int, flow_control: bool) -> "SerialPort":
+        """Open the line; the driver may block, so a worker thread does it.
+
+        Raises:
+            OSError: If there is no such line, another program has it, or it refuses the speed.
+        """
+
+        def opened() -> serial.Serial:
+            try:
+                return serial.Serial(path, baud, timeout=0, rtscts=flow_control, exclusive=True)
+            except ValueError as error:
+                raise OSError(f"{path}: {error}") from error
+
+        return cls(await asyncio.to_thread(opened))
+
+    async def read(self) -> bytes:
+        """Return the next bytes; none means that the line is gone."""
+        loop = asyncio.get_running_loop()
+        await _ready(self._descriptor, loop.add_reader, loop.remove_reader)
+        return os.read(self._descriptor, _CHUNK_BYTES)
+
+    async def write(self, data: bytes) -> None:
+        """Write all of ``data``."""
+        loop = asyncio.get_running_loop()
+        rest = memoryview(data)
+        while rest:
+            try:
+                rest = rest[os.write(self._descriptor, rest) :]
+            except BlockingIOError:
+                await _ready(self._descriptor, loop.add_writer, loop.remove_writer)
+
+    def close(self) -> None:
+        """Release the line."""
+        self._line.close()
+
+
+class TcpPort:
+    """A TCP connection to a radio behind a serial server, or to an emulated one."""
+
+    def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        self._reader = reader
+        self._writer = writer
+
+    @classmethod
+    async def open(cls, host: str, port: int) -> "TcpPort":
+        """Connect.
+
+        Raises:
+            OSError: If nobody answers.
+        """
+        reader, writer = await asyncio.open_connection(host, port)
+        connection: socket.socket = writer.get_extra_info("socket")
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return cls(reader, writer)
+
+    async def read(self) -> bytes:
+        """Return the next bytes; none means that the far side closed."""
+        return await self._reader.read(_CHUNK_BYTES)
+
+    async def write(self, data: bytes) -> None:
+        """Write all of ``data``."""
+        self._writer.write(data)
+        await self._writer.drain()
+
+    def close(self) -> None:
+        """Close the connection."""
+        self._writer.close()
+
+
+async def _ready(
+    descriptor: int,
+    watch: Callable[[int, Callable[[], None]], None],
+    unwatch: Callable[[int], bool],
+) -> None:
+    """Wait until the descriptor can be read or written, or has failed."""
+    ready = asyncio.get_running_loop().create_future()
+
+    def signal() -> None:
+        if not ready.done():
+            ready.set_result(None)
+
+    watch(descriptor, signal)
+    try:
+        await ready
+    finally:
+        unwatch(descriptor)

@@ -1,0 +1,262 @@
+"""An XBee radio in API mode as a datagram transport."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import dataclass
+from typing import Final
+
+from robot_link.transport.datagram import (
+    Address,
+    Delivery,
+    Fate,
+    Garbled,
+    PortChanged,
+    PortClosedError,
+    Received,
+    TransportEvent,
+)
+from robot_link.transport.port import Port
+from robot_link.transport.xbee_frame import (
+    ApiMode,
+    AtCommand,
+    AtReply,
+    AtStatus,
+    Frame,
+    FrameReader,
+    ReceivePacket,
+    TransmitCode,
+    TransmitRequest,
+    TransmitStatus,
+    encode,
+    parse_content,
+)
+
+_FATES: Final[dict[int, Fate]] = {
+    TransmitCode.SUCCESS: Fate.DELIVERED,
+    TransmitCode.MAC_ACK_FAILURE: Fate.NOT_ACKNOWLEDGED,
+    TransmitCode.NETWORK_ACK_FAILURE: Fate.NOT_ACKNOWLEDGED,
+    TransmitCode.ROUTE_NOT_FOUND: Fate.NOT_ACKNOWLEDGED,
+    TransmitCode.PAYLOAD_TOO_LARGE: Fate.TOO_LARGE,
+}
+_UNANSWERED_QUESTIONS = 3
+"""After so many in a row the radio counts as gone."""
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class XBeeTiming:
+    """Wall seconds and counts of one radio."""
+
+    window: int = 4
+    """Datagrams handed to the radio and not yet answered; its own buffers hold few."""
+    status_timeout_s: float = 10.0
+    """Longest wait for a transmit status (a 10 kb/s radio retries for seconds)."""
+    question_timeout_s: float = 1.0
+    """Longest wait for an answer to an AT command."""
+    signal_period_s: float = 1.0
+    """Time between two questions for the signal strength, which prove that the radio lives."""
+    reopen_s: float = 0.5
+    """Time between two attempts to open the port."""
+
+
+class XBeeTransport:
+    """Carries datagrams to the radios of one XBee network through one port.
+
+    Belongs to one event loop. A port that fails, hangs up or falls silent is opened again until
+    ``run`` is cancelled. What the radio may carry at once (NP) is read when it opens.
+    """
+
+    carrier = "xbee"
+
+    def __init__(
+        self,
+        open_port: Callable[[], Awaitable[Port]],
+        mode: ApiMode = 1,
+        timing: XBeeTiming | None = None,
+    ) -> None:
+        self._open_port = open_port
+        self._mode: ApiMode = mode
+        self._timing = timing or XBeeTiming()
+        self._port: Port | None = None
+        self._events: asyncio.Queue[TransportEvent] = asyncio.Queue()
+        self._writing = asyncio.Lock()
+        self._window = asyncio.Semaphore(self._timing.window)
+        self._sent: dict[int, tuple[asyncio.Future[Delivery], asyncio.TimerHandle]] = {}
+        self._asked: dict[int, asyncio.Future[AtReply]] = {}
+        self._last_id = 0
+        self._last_sender: Address | None = None
+        self._rssi_dbm: dict[Address, float] = {}
+        self.max_payload = 0
+        """The radio's NP parameter; 0 while the port is closed."""
+        self.address: Address | None = None
+        """The radio's own address, once read."""
+
+    async def run(self) -> None:
+        """Open, serve and open again until cancelled."""
+        told = None
+        while True:
+            reason = await self._serve()
+            if reason != told:
+                _log.warning("XBee port closed: %s", reason)
+                self._events.put_nowait(PortChanged(is_open=False, reason=reason))
+                told = reason
+            if self.address is not None:
+                told, self.address = None, None
+            await asyncio.sleep(self._timing.reopen_s)
+
+    async def events(self) -> AsyncIterator[TransportEvent]:
+        """Yield what the radio brings, in order, until cancelled; for one reader."""
+        while True:
+            yield await self._events.get()
+
+    async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
+        """Hand a datagram to the radio; see ``DatagramTransport.send``."""
+        fate: asyncio.Future[Delivery] = asyncio.get_running_loop().create_future()
+        if self.max_payload and len(data) > self.max_payload:
+            detail = f"{len(data)} bytes do not fit the radio's {self.max_payload}"
+            fate.set_result(Delivery(Fate.TOO_LARGE, detail=detail))
+            return fate
+        await self._window.acquire()
+        if not self.max_payload:
+            self._window.release()
+            raise PortClosedError
+        frame_id = self._next_id()
+        timer = asyncio.get_running_loop().call_later(
+            self._timing.status_timeout_s,
+            self._settle,
+            frame_id,
+            Delivery(Fate.UNKNOWN, detail="the radio did not say"),
+        )
+        self._sent[frame_id] = (fate, timer)
+        try:
+            await self._write(TransmitRequest(frame_id, address, data))
+        except BaseException:
+            self._settle(frame_id, Delivery(Fate.UNKNOWN, detail="the port closed"))
+            raise
+        return fate
+
+    async def _serve(self) -> str:
+        """Serve one opening of the port; return why it ended."""
+        try:
+            self._port = await self._open_port()
+        except OSError as error:
+            return str(error)
+        reading = asyncio.create_task(self._read(self._port), name="XBee read")
+        watching = asyncio.create_task(self._watch(), name="XBee watch")
+        try:
+            done, _ = await asyncio.wait((reading, watching), return_when=asyncio.FIRST_COMPLETED)
+            return done.pop().result()
+        finally:
+            reading.cancel()
+            watching.cancel()
+            await asyncio.gather(reading, watching, return_exceptions=True)
+            self._close()
+
+    def _close(self) -> None:
+        self.max_payload = 0
+        if self._port is not None:
+            self._port.close()
+            self._port = None
+        for frame_id in list(self._sent):
+            self._settle(frame_id, Delivery(Fate.UNKNOWN, detail="the port closed"))
+
+    async def _read(self, port: Port) -> str:
+        reader = FrameReader(self._mode)
+        garbled = 0
+        try:
+            while data := await port.read():
+                for content in reader.feed(data):
+                    self._handle(parse_content(content))
+                if reader.bad > garbled:
+                    self._events.put_nowait(Garbled(reader.bad - garbled))
+                    garbled = reader.bad
+        except OSError as error:
+            return str(error)
+        return "the port hung up"
+
+    def _handle(self, frame: Frame | None) -> None:
+        match frame:
+            case ReceivePacket(address, data):
+                self._last_sender = address
+                self._events.put_nowait(Received(address, data, self._rssi_dbm.get(address)))
+            case TransmitStatus(frame_id, retries, status):
+                fate = _FATES.get(status, Fate.REFUSED)
+                detail = f"status 0x{status:02X} from the radio" if fate is Fate.REFUSED else ""
+                self._settle(frame_id, Delivery(fate, retries, detail))
+            case AtReply(frame_id):
+                asked = self._asked.get(frame_id)
+                if asked is not None and not asked.done():
+                    asked.set_result(frame)
+            case _:
+                pass
+
+    def _settle(self, frame_id: int, delivery: Delivery) -> None:
+        entry = self._sent.pop(frame_id, None)
+        if entry is None:
+            return
+        fate, timer = entry
+        timer.cancel()
+        if not fate.done():
+            fate.set_result(delivery)
+        self._window.release()
+
+    async def _watch(self) -> str:
+        """Learn who the radio is, then ask for its signal strength; return why that ended."""
+        try:
+            limit = await self._ask(b"NP")
+            high, low = await self._ask(b"SH"), await self._ask(b"SL")
+            self.address = Address(int.from_bytes(high + low.rjust(4, b"\0"), "big"))
+            self.max_payload = int.from_bytes(limit, "big")
+            self._events.put_nowait(PortChanged(is_open=True, reason=""))
+            while True:
+                await asyncio.sleep(self._timing.signal_period_s)
+                self._note_strength(await self._ask(b"DB"))
+        except TimeoutError:
+            return f"no XBee in API mode {self._mode} answers"
+        except (OSError, PortClosedError) as error:
+            return str(error) or "the port closed"
+
+    def _note_strength(self, answer: bytes) -> None:
+        """Keep the strength of the last packet; it is the sender's whose packet came last."""
+        if answer and self._last_sender is not None:
+            self._rssi_dbm[self._last_sender] = -float(answer[-1])
+            self._last_sender = None
+
+    async def _ask(self, command: bytes) -> bytes:
+        """Return the value of a parameter, empty where the radio does not know it.
+
+        Raises:
+            TimeoutError: If the radio stays silent.
+        """
+        for _ in range(_UNANSWERED_QUESTIONS):
+            frame_id = self._next_id()
+            self._asked[frame_id] = asyncio.get_running_loop().create_future()
+            try:
+                async with asyncio.timeout(self._timing.question_timeout_s):
+                    await self._write(AtCommand(frame_id, command))
+                    reply = await self._asked[frame_id]
+            except TimeoutError:
+                continue
+            else:
+                return reply.value if reply.status == AtStatus.OK else b""
+            finally:
+                del self._asked[frame_id]
+        raise TimeoutError
+
+    async def _write(self, frame: Frame) -> None:
+        async with self._writing:
+            if self._port is None:
+                raise PortClosedError
+            try:
+                await self._port.write(encode(frame.content(), self._mode))
+            except OSError as error:
+                raise PortClosedError(str(error)) from error
+
+    def _next_id(self) -> int:
+        """Return a frame number of 1..255 that nothing waits for."""
+        while True:
+            self._last_id = self._last_id % 255 + 1
+            if self._last_id not in self._sent and self._last_id not in self._asked:
+                return self._last_id
