@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from db.store import Store
 from robot_link.clock import Clock
 from server.alarm import AlarmBoard
+from server.background import Background
 from server.configuration import ConfigurationBook
 from server.job import JobBoard
 from server.security.access import Access
@@ -22,6 +23,7 @@ class Foundation:
     store: Store
     access: Access
     guard: Guard
+    background: Background
     alarms: AlarmBoard
     jobs: JobBoard
     configurations: ConfigurationBook

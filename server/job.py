@@ -17,7 +17,11 @@ logger = logging.getLogger(__name__)
 
 
 class JobError(Exception):
-    """The work failed for a reason that the message tells a person."""
+    """The work failed for a reason that the message tells a person; ``result`` has details."""
+
+    def __init__(self, message: str, result: Mapping[str, Any] | None = None) -> None:
+        super().__init__(message)
+        self.result = result
 
 
 class JobProgress:
@@ -108,7 +112,7 @@ class JobBoard:
             await self._end(job, state="cancelled", message="Cancelled.")
             raise
         except JobError as error:
-            await self._end(job, state="failed", message=str(error))
+            await self._end(job, state="failed", message=str(error), result=error.result)
         except StoreError as error:
             await self._end(job, state="failed", message=str(error))
         except Exception:

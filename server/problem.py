@@ -11,7 +11,7 @@ from fastapi.responses import JSONResponse
 from pydantic import BaseModel, ValidationError
 from starlette.exceptions import HTTPException
 
-from db.fault import StoreUnavailableError, UnknownIdError
+from db.fault import StoreClosedError, StoreUnavailableError, UnknownIdError
 
 MEDIA_TYPE = "application/problem+json"
 logger = logging.getLogger(__name__)
@@ -109,6 +109,7 @@ def install_problem_handlers(app: FastAPI) -> None:
         HTTPException: _on_http_exception,
         UnknownIdError: _on_unknown_id,
         StoreUnavailableError: _on_store_unavailable,
+        StoreClosedError: _on_store_unavailable,
         Exception: _on_failure,
     }
     for error, handler in handlers.items():
@@ -140,7 +141,9 @@ async def _on_unknown_id(request: Request, error: UnknownIdError) -> Response:
     return problem_response(404, str(error))
 
 
-async def _on_store_unavailable(request: Request, error: StoreUnavailableError) -> Response:
+async def _on_store_unavailable(
+    request: Request, error: StoreUnavailableError | StoreClosedError
+) -> Response:
     del request
     return problem_response(
         503, f"{error} Nothing was changed; try again when it works.", headers={"Retry-After": "5"}

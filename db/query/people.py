@@ -92,7 +92,8 @@ def change_person(
     *,
     role: str | None = None,
     password_hash: str | None = None,
-    disabled_at: datetime | None = None,
+    disabled: bool | None = None,
+    at: datetime,
 ) -> PersonRecord:
     """Change what is given; every session of the person ends, so that the change holds at once.
 
@@ -106,8 +107,8 @@ def change_person(
         row.role = role
     if password_hash is not None:
         row.password_hash = password_hash
-    if disabled_at is not None:
-        row.disabled_at = disabled_at
+    if disabled is not None:
+        row.disabled_at = at if disabled else None
     session.execute(delete(tables.Session).where(tables.Session.person_key == row.key))
     session.flush()
     return _person(row)

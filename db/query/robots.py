@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.site import Site
 from db.fault import StoreError, UnknownIdError
-from db.tables import Robot
+from db.tables import Deployment, Robot
 from robot_link.messages import RobotId, SystemId
 
 
@@ -41,7 +41,7 @@ class RobotRecord:
 
 
 def add_robot(session: Session, robot: RobotRecord) -> None:
-    """Add a robot.
+    """Add a robot; one that is not a recording is deployed from now on.
 
     Raises:
         RobotExistsError: If its id or its system id is taken; the sentence says which.
@@ -53,19 +53,31 @@ def add_robot(session: Session, robot: RobotRecord) -> None:
         other = session.scalar(select(Robot.id).where(Robot.system_id == robot.system_id))
         if other is not None:
             raise RobotExistsError(f"System id {robot.system_id} belongs to {other!r} already.")
-    session.add(
-        Robot(
-            id=robot.id,
-            name=robot.name,
-            model=robot.model,
-            kind=robot.kind,
-            system_id=robot.system_id,
-            links=list(robot.links),
-            site=robot.site.model_dump(mode="json"),
-            created_at=robot.created_at,
-        )
+    row = Robot(
+        id=robot.id,
+        name=robot.name,
+        model=robot.model,
+        kind=robot.kind,
+        system_id=robot.system_id,
+        links=list(robot.links),
+        site=robot.site.model_dump(mode="json"),
+        created_at=robot.created_at,
     )
+    session.add(row)
     session.flush()
+    if robot.kind != "recorded":
+        session.add(
+            Deployment(
+                robot_key=row.key,
+                kind="live",
+                title=f"{robot.name}, from {robot.created_at:%Y-%m-%d}",
+                started_at=robot.created_at,
+                rows=0,
+                variables=[],
+                document={},
+            )
+        )
+        session.flush()
 
 
 def list_robots(session: Session) -> list[RobotRecord]:

@@ -1,5 +1,6 @@
 """Measurements of fields."""
 
+from collections.abc import Generator
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -81,6 +82,47 @@ def sample_columns(
         log=names[:, 1],
         sequence=names[:, 2],
     )
+
+
+@dataclass(frozen=True, slots=True)
+class SampleRecord:
+    """One measurement as it was kept."""
+
+    measured_at: datetime
+    variable: str
+    value: float
+    position_ned: tuple[float, float, float]
+    position_std_m: float
+
+
+def iterate_samples(
+    session: Session,
+    robot: str,
+    *,
+    start: datetime | None = None,
+    end: datetime | None = None,
+    log: int | None = None,
+) -> Generator[SampleRecord]:
+    """Yield the measurements of all variables in order of time, without holding them all.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    statement = (
+        select(SampleRow)
+        .where(SampleRow.robot_key == robot_key(session, robot))
+        .order_by(SampleRow.measured_at, SampleRow.log, SampleRow.sequence)
+        .execution_options(yield_per=1000)
+    )
+    if start is not None:
+        statement = statement.where(SampleRow.measured_at >= start)
+    if end is not None:
+        statement = statement.where(SampleRow.measured_at <= end)
+    if log is not None:
+        statement = statement.where(SampleRow.log == log)
+    for row in session.scalars(statement):
+        position = (row.north_m, row.east_m, row.depth_m)
+        yield SampleRecord(row.measured_at, row.variable, row.value, position, row.position_std_m)
 
 
 def sampled_variables(session: Session, robot: str) -> dict[str, int]:

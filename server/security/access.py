@@ -76,7 +76,7 @@ class Access:
         if not secrets.compare_digest(code.strip().upper(), self._first_code):
             self._throttle.failed("first start")
             raise Problem(403, "The code is not the one that the station printed at its start.")
-        password_hash = await self._hash(password)
+        password_hash = await password_hash_of(password)
         at = self._clock.now()
 
         def create(session: Session) -> PersonRecord:
@@ -163,10 +163,16 @@ class Access:
         await self._store.write(add)
         return SignedIn(secret, Caller(person.name, Role(person.role), expires_at, csrf_token))
 
-    async def _hash(self, password: str) -> str:
-        try:
-            return await asyncio.to_thread(hash_password, password)
-        except ValueError as error:
-            raise unprocessable(
-                "1 field is wrong.", [FieldError(loc=["password"], msg=str(error))]
-            ) from error
+
+async def password_hash_of(password: str) -> str:
+    """Hash a password in a thread.
+
+    Raises:
+        Problem: 422 if it is too short.
+    """
+    try:
+        return await asyncio.to_thread(hash_password, password)
+    except ValueError as error:
+        raise unprocessable(
+            "1 field is wrong.", [FieldError(loc=["password"], msg=str(error))]
+        ) from error

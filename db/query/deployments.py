@@ -1,0 +1,218 @@
+"""Deployments: stretches of time in the water, and imported recordings."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import islice
+from typing import Any
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from db.fault import StoreError, UnknownIdError
+from db.identity import key_of, public_id
+from db.ingest import insert_new
+from db.query.robots import robot_key
+from db.tables import Deployment, Robot, SampleRow, StateRow
+
+BATCH_ROWS = 5_000
+
+
+class DeploymentExistsError(StoreError):
+    """This very recording is there already; the sentence names it."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeploymentRecord:
+    """A stretch of time that a robot spent in the water, or one imported recording."""
+
+    id: str
+    robot: str
+    kind: str
+    """``live`` or ``recorded``."""
+    title: str
+    log: int | None
+    """Sample log of an imported recording."""
+    started_at: datetime
+    ended_at: datetime | None
+    rows: int
+    variables: tuple[str, ...]
+    document: Mapping[str, Any]
+    """What else is known: the file's name, rows that were skipped, scores of its maps."""
+
+
+@dataclass(frozen=True, slots=True)
+class RecordedRow:
+    """One row of a recording in the robot's local frame."""
+
+    measured_at: datetime
+    position_ned: tuple[float, float, float]
+    values: Sequence[float]
+    """In the order of the deployment's variables."""
+
+
+def add_recording(
+    session: Session,
+    robot: str,
+    rows: Iterable[RecordedRow],
+    *,
+    title: str,
+    log: int,
+    variables: Sequence[str],
+    document: Mapping[str, Any],
+    at: datetime,
+) -> DeploymentRecord:
+    """Add a recorded deployment with all of its rows, in the transaction of the caller.
+
+    Rows of a moment of which the robot has a state already add their samples only.
+
+    Args:
+        session: A session of a change.
+        robot: Whose recording it is.
+        rows: In order of time; taken one after another.
+        title: What operators call it.
+        log: Names the recording among the robot's sample logs.
+        variables: Keys of the variables of each row.
+        document: What else is known of it.
+        at: When it arrived.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+        DeploymentExistsError: If the robot has this log already.
+        ValueError: If there is no row.
+    """
+    key = robot_key(session, robot)
+    present = session.scalar(
+        select(Deployment.key).where(Deployment.robot_key == key, Deployment.log == log)
+    )
+    if present is not None:
+        raise DeploymentExistsError(
+            f"This recording is there already, as {public_id('deployment', present)} of {robot}."
+        )
+    count, first, last = 0, None, None
+    remaining = iter(rows)
+    while batch := list(islice(remaining, BATCH_ROWS)):
+        first, last = first or batch[0].measured_at, batch[-1].measured_at
+        insert_new(session, StateRow, [_state(key, row, at) for row in batch])
+        insert_new(session, SampleRow, _samples(key, log, variables, batch, count, at))
+        count += len(batch)
+    if first is None:
+        raise ValueError("a recording needs a row")
+    deployment = Deployment(
+        robot_key=key,
+        kind="recorded",
+        title=title,
+        log=log,
+        started_at=first,
+        ended_at=last,
+        rows=count,
+        variables=list(variables),
+        document=dict(document),
+    )
+    session.add(deployment)
+    session.flush()
+    return _record(deployment, robot)
+
+
+def note_on_deployment(session: Session, deployment: str, document: Mapping[str, Any]) -> None:
+    """Add to what is known of a deployment; keys that are there are replaced.
+
+    Raises:
+        UnknownIdError: If there is no such deployment.
+    """
+    row = session.get(Deployment, key_of("deployment", deployment))
+    if row is None:
+        raise UnknownIdError("deployment", deployment)
+    row.document = {**row.document, **document}
+
+
+def get_deployment(session: Session, deployment: str) -> DeploymentRecord:
+    """Return one deployment.
+
+    Raises:
+        UnknownIdError: If there is none of this id.
+    """
+    found = session.execute(
+        select(Deployment, Robot.id)
+        .join(Robot, Deployment.robot_key == Robot.key)
+        .where(Deployment.key == key_of("deployment", deployment))
+    ).one_or_none()
+    if found is None:
+        raise UnknownIdError("deployment", deployment)
+    return _record(*found)
+
+
+def list_deployments(
+    session: Session, *, robot: str | None = None, before: str | None = None, limit: int = 100
+) -> list[DeploymentRecord]:
+    """Return deployments, the newest first; ``before`` continues a list after its last id."""
+    statement = (
+        select(Deployment, Robot.id)
+        .join(Robot, Deployment.robot_key == Robot.key)
+        .order_by(Deployment.key.desc())
+        .limit(limit)
+    )
+    if robot is not None:
+        statement = statement.where(Deployment.robot_key == robot_key(session, robot))
+    if before is not None:
+        statement = statement.where(Deployment.key < key_of("deployment", before))
+    return [_record(row, name) for row, name in session.execute(statement)]
+
+
+def _state(key: int, row: RecordedRow, received_at: datetime) -> dict[str, Any]:
+    north_m, east_m, depth_m = row.position_ned
+    return {
+        "robot_key": key,
+        "measured_at": row.measured_at,
+        "received_at": received_at,
+        "north_m": north_m,
+        "east_m": east_m,
+        "depth_m": depth_m,
+        "position_std_m": 0.0,
+        "has_fix": False,
+    }
+
+
+def _samples(
+    key: int,
+    log: int,
+    variables: Sequence[str],
+    batch: Sequence[RecordedRow],
+    offset: int,
+    received_at: datetime,
+) -> list[dict[str, Any]]:
+    samples: list[dict[str, Any]] = []
+    for index, row in enumerate(batch, start=offset):
+        north_m, east_m, depth_m = row.position_ned
+        samples.extend(
+            {
+                "robot_key": key,
+                "log": log,
+                "sequence": index * len(variables) + column,
+                "variable": variable,
+                "measured_at": row.measured_at,
+                "received_at": received_at,
+                "value": value,
+                "north_m": north_m,
+                "east_m": east_m,
+                "depth_m": depth_m,
+                "position_std_m": 0.0,
+            }
+            for column, (variable, value) in enumerate(zip(variables, row.values, strict=True))
+        )
+    return samples
+
+
+def _record(row: Deployment, robot: str) -> DeploymentRecord:
+    return DeploymentRecord(
+        id=public_id("deployment", row.key),
+        robot=robot,
+        kind=row.kind,
+        title=row.title,
+        log=row.log,
+        started_at=row.started_at,
+        ended_at=row.ended_at,
+        rows=row.rows,
+        variables=tuple(row.variables),
+        document=row.document,
+    )

@@ -1,0 +1,52 @@
+"""Answers that were given to requests with an idempotency key."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy import delete
+from sqlalchemy.orm import Session
+
+from db.tables import Idempotency
+
+
+@dataclass(frozen=True, slots=True)
+class GivenAnswer:
+    """What is known of a request that came before."""
+
+    fingerprint: str
+    """Names method, path and body, so that one key cannot stand for two requests."""
+    status: int | None
+    """Status of the answer, or ``None`` while it is still being worked on."""
+    body: bytes
+
+
+def claim(
+    session: Session, caller: str, request_key: str, fingerprint: str, at: datetime
+) -> GivenAnswer | None:
+    """Claim a key for a new request, or return what is known of the one that has it."""
+    row = session.get(Idempotency, (caller, request_key))
+    if row is not None:
+        return GivenAnswer(row.fingerprint, row.status, row.body or b"")
+    session.add(Idempotency(caller=caller, request_key=request_key, fingerprint=fingerprint, at=at))
+    return None
+
+
+def settle(session: Session, caller: str, request_key: str, status: int, body: bytes) -> None:
+    """Keep the answer to the request that has claimed the key."""
+    row = session.get_one(Idempotency, (caller, request_key))
+    row.status = status
+    row.body = body
+
+
+def release(session: Session, caller: str, request_key: str) -> None:
+    """Give a key back whose request changed nothing, so that it may be tried again."""
+    session.execute(
+        delete(Idempotency).where(
+            Idempotency.caller == caller, Idempotency.request_key == request_key
+        )
+    )
+
+
+def forget_before(session: Session, at: datetime) -> None:
+    """Forget the answers given before a moment."""
+    session.execute(delete(Idempotency).where(Idempotency.at < at))

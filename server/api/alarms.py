@@ -1,0 +1,71 @@
+"""Alarms and their acknowledgement (ISA-18.2)."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+
+from db.query.alarms import AlarmRecord, closed_alarms
+from server.api.dependency import FoundationDep, Pilot, Viewer
+from server.service.view.base import View
+
+router = APIRouter(prefix="/api/alarms", tags=["alarms"])
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmView(View):
+    """One alarm and where it stands in its life cycle."""
+
+    id: str
+    robot: str | None
+    level: str
+    text: str
+    state: str
+    """``unacknowledged``, ``acknowledged``, ``returned`` (normal again, unseen) or ``closed``."""
+    raised_at: datetime
+    acknowledged_at: datetime | None
+    acknowledged_by: str | None
+    cleared_at: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmsView(View):
+    """Alarms, the open ones the oldest first, closed ones the newest first."""
+
+    alarms: list[AlarmView]
+
+
+@router.get("")
+async def list_alarms(
+    caller: Viewer,
+    foundation: FoundationDep,
+    state: Annotated[Literal["open", "closed"], Query()] = "open",
+    limit: Annotated[int, Query(ge=1, le=1000)] = 200,
+) -> AlarmsView:
+    """Return the open alarms or the closed ones."""
+    del caller
+    if state == "open":
+        return AlarmsView([_view(alarm) for alarm in foundation.alarms.open][:limit])
+    closed = await foundation.store.query(lambda session: closed_alarms(session, limit))
+    return AlarmsView([_view(alarm) for alarm in closed])
+
+
+@router.post("/{alarm}/ack")
+async def acknowledge(caller: Pilot, alarm: str, foundation: FoundationDep) -> AlarmView:
+    """Say that one has seen an alarm; doing so twice changes nothing."""
+    return _view(await foundation.alarms.acknowledge(alarm, caller.name))
+
+
+def _view(alarm: AlarmRecord) -> AlarmView:
+    return AlarmView(
+        id=alarm.id,
+        robot=alarm.robot,
+        level=alarm.level,
+        text=alarm.text,
+        state=alarm.state,
+        raised_at=alarm.raised_at,
+        acknowledged_at=alarm.acknowledged_at,
+        acknowledged_by=alarm.acknowledged_by,
+        cleared_at=alarm.cleared_at,
+    )

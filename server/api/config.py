@@ -1,0 +1,148 @@
+"""Every tunable model: its value, its schema, its versions."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Header, Query, Response
+
+from db.query.configurations import configuration_history, get_configuration
+from db.query.robots import list_robots
+from server.api.dependency import FoundationDep, Pilot, StoreDep, Viewer
+from server.configuration import KINDS, CurrentConfiguration, find_kind
+from server.service.view.base import View
+
+router = APIRouter(prefix="/api/config", tags=["config"])
+RobotQuery = Annotated[
+    str | None, Query(description="Robot that it is for; without one, all without their own.")
+]
+
+
+@dataclass(frozen=True, slots=True)
+class KindView(View):
+    """One tunable model."""
+
+    kind: str
+    title: str
+    robots: list[str]
+    """Robots that it can be set for."""
+
+
+@dataclass(frozen=True, slots=True)
+class ConfigurationView(View):
+    """The value of one model that holds now."""
+
+    kind: str
+    robot: str | None
+    id: str | None
+    """Id of the version; null while the preset holds."""
+    value: dict[str, Any]
+    preset: dict[str, Any]
+    """What a field returns to when it is set to null."""
+    changed_at: datetime | None
+    changed_by: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class VersionView(View):
+    """One version of one model, as it was saved."""
+
+    kind: str
+    robot: str | None
+    id: str
+    value: dict[str, Any]
+    changed_at: datetime
+    changed_by: str
+
+
+@router.get("")
+async def list_kinds(caller: Viewer, store: StoreDep) -> list[KindView]:
+    """Return which models there are."""
+    del caller
+    robots = [str(robot.id) for robot in await store.query(list_robots) if robot.kind != "recorded"]
+    return [KindView(kind.key, kind.title, robots) for kind in KINDS.values()]
+
+
+@router.get("/versions/{version}")
+async def get_version(caller: Viewer, version: str, store: StoreDep) -> VersionView:
+    """Return one version, however old: a plan cites the one that it used."""
+    del caller
+    record = await store.query(lambda session: get_configuration(session, version))
+    return VersionView(
+        record.kind,
+        record.robot,
+        record.id,
+        dict(record.value),
+        record.changed_at,
+        record.changed_by,
+    )
+
+
+@router.get("/{kind}")
+async def get_config(
+    caller: Viewer,
+    kind: str,
+    foundation: FoundationDep,
+    response: Response,
+    robot: RobotQuery = None,
+) -> ConfigurationView:
+    """Return the value that holds; its version is the ``ETag``."""
+    del caller
+    found = await foundation.configurations.current(kind, robot)
+    response.headers["ETag"] = found.etag
+    return _view(found)
+
+
+@router.get("/{kind}/schema")
+async def get_schema(caller: Viewer, kind: str) -> dict[str, Any]:
+    """Return the JSON Schema with title, unit, bounds and help of every field."""
+    del caller
+    return find_kind(kind).model.model_json_schema()
+
+
+@router.get("/{kind}/history")
+async def get_history(
+    caller: Viewer,
+    kind: str,
+    store: StoreDep,
+    robot: RobotQuery = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> list[VersionView]:
+    """Return the versions that were saved, the newest first."""
+    del caller
+    find_kind(kind)
+    records = await store.query(lambda session: configuration_history(session, kind, robot, limit))
+    return [
+        VersionView(r.kind, r.robot, r.id, dict(r.value), r.changed_at, r.changed_by)
+        for r in records
+    ]
+
+
+@router.patch("/{kind}")
+async def patch_config(
+    caller: Pilot,
+    kind: str,
+    patch: dict[str, Any],
+    foundation: FoundationDep,
+    response: Response,
+    robot: RobotQuery = None,
+    if_match: Annotated[str | None, Header()] = None,
+) -> ConfigurationView:
+    """Change some fields and save the whole as a new version; null returns one to its preset."""
+    changed = await foundation.configurations.patch(
+        kind, robot, patch, by=caller.name, if_match=if_match
+    )
+    response.headers["ETag"] = changed.etag
+    return _view(changed)
+
+
+def _view(found: CurrentConfiguration) -> ConfigurationView:
+    return ConfigurationView(
+        kind=found.kind,
+        robot=found.robot,
+        id=found.id,
+        value=found.value.model_dump(mode="json"),
+        preset=found.preset.model_dump(mode="json"),
+        changed_at=found.changed_at,
+        changed_by=found.changed_by,
+    )

@@ -1,0 +1,131 @@
+"""Deployments, and the files that they can be taken away as."""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query, Response
+from fastapi.responses import StreamingResponse
+
+from db.query.deployments import DeploymentRecord, get_deployment
+from db.query.deployments import list_deployments as query_deployments
+from db.query.robots import get_robot
+from db.query.samples import sampled_variables
+from db.store import Store
+from server.api.dependency import StoreDep, Viewer
+from server.recording.export import csv_blocks, geojson, kml
+from server.service.view.base import View
+
+router = APIRouter(prefix="/api/deployments", tags=["data"])
+Format = Literal["csv", "geojson", "kml"]
+_MEDIA_TYPES: dict[Format, str] = {
+    "csv": "text/csv; charset=utf-8",
+    "geojson": "application/geo+json",
+    "kml": "application/vnd.google-earth.kml+xml",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class DeploymentView(View):
+    """A stretch of time that a robot spent in the water, or one imported recording."""
+
+    id: str
+    name: str
+    robot: str
+    kind: str
+    """``live`` or ``recorded``."""
+    started_at: datetime
+    ended_at: datetime | None
+    """Null while it lasts."""
+    variables: list[str]
+    samples: int
+    source: str
+    """Name of the imported file; empty for a live one."""
+    skipped_rows: int
+    """Rows of the file that were broken and left out."""
+    scores: list[dict[str, Any]]
+    """How well the maps of a recording predict samples that were held out."""
+
+
+@dataclass(frozen=True, slots=True)
+class DeploymentsView(View):
+    """Deployments, the newest first."""
+
+    deployments: list[DeploymentView]
+
+
+@router.get("")
+async def list_deployments(
+    caller: Viewer,
+    store: StoreDep,
+    robot: Annotated[str | None, Query()] = None,
+    before: Annotated[str | None, Query(description="Id to go on before.")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> DeploymentsView:
+    """Return deployments, the newest first."""
+    del caller
+    records = await store.query(
+        lambda session: query_deployments(session, robot=robot, before=before, limit=limit)
+    )
+    return DeploymentsView([await _view(store, record) for record in records])
+
+
+@router.get("/{deployment}")
+async def get_one(caller: Viewer, deployment: str, store: StoreDep) -> DeploymentView:
+    """Return one deployment."""
+    del caller
+    return await _view(store, await store.query(lambda s: get_deployment(s, deployment)))
+
+
+@router.get(
+    "/{deployment}/export",
+    response_class=Response,
+    responses={200: {"content": {name: {} for name in _MEDIA_TYPES.values()}}},
+)
+async def export(
+    caller: Viewer,
+    deployment: str,
+    store: StoreDep,
+    format: Annotated[Format, Query()] = "csv",
+) -> Response:
+    """Return the samples as CSV, or the track as GeoJSON or KML; simulated data says so."""
+    del caller
+    record = await store.query(lambda session: get_deployment(session, deployment))
+    robot = await store.query(lambda session: get_robot(session, record.robot))
+    mark = "SIMULATION_" if robot.simulated else ""
+    headers = {
+        "Content-Disposition": f'attachment; filename="{mark}{robot.id}_{record.id}.{format}"'
+    }
+    media_type = _MEDIA_TYPES[format]
+    if format == "csv":
+
+        def blocks() -> Generator[str]:
+            with store.read() as session:
+                yield from csv_blocks(session, record, robot)
+
+        return StreamingResponse(blocks(), media_type=media_type, headers=headers)
+    write = geojson if format == "geojson" else kml
+    content = await store.query(lambda session: write(session, record, robot))
+    return Response(content, media_type=media_type, headers=headers)
+
+
+async def _view(store: Store, record: DeploymentRecord) -> DeploymentView:
+    samples = record.rows * len(record.variables)
+    variables = list(record.variables)
+    if record.kind == "live":
+        counts = await store.query(lambda session: sampled_variables(session, record.robot))
+        samples, variables = sum(counts.values()), sorted(counts)
+    return DeploymentView(
+        id=record.id,
+        name=record.title,
+        robot=record.robot,
+        kind=record.kind,
+        started_at=record.started_at,
+        ended_at=record.ended_at,
+        variables=variables,
+        samples=samples,
+        source=str(record.document.get("source", "")),
+        skipped_rows=int(record.document.get("skipped_rows", 0)),
+        scores=list(record.document.get("scores", [])),
+    )

@@ -1,0 +1,66 @@
+"""Everything that happened, in order."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query
+
+from db.query.events import EventRecord, events_after, newest_events
+from server.api.dependency import StoreDep, Viewer
+from server.service.view.base import View
+
+router = APIRouter(prefix="/api/events", tags=["events"])
+
+
+@dataclass(frozen=True, slots=True)
+class EventView(View):
+    """One thing that happened."""
+
+    cursor: int
+    at: datetime
+    kind: str
+    level: str
+    robot: str | None
+    text: str
+    data: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class EventsView(View):
+    """A page of events, the oldest first."""
+
+    events: list[EventView]
+    next: int
+    """Send it as ``after`` to go on; it stays valid when the station restarts."""
+
+
+@router.get("")
+async def list_events(
+    caller: Viewer,
+    store: StoreDep,
+    after: Annotated[int | None, Query(ge=0, description="Cursor to go on after.")] = None,
+    robot: Annotated[str | None, Query(description="Events of this robot only.")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 200,
+) -> EventsView:
+    """Return the events after a cursor, or the newest ones where no cursor is given."""
+    del caller
+    if after is None:
+        records = await store.query(lambda s: newest_events(s, robot=robot, limit=limit))
+    else:
+        records = await store.query(lambda s: events_after(s, after, robot=robot, limit=limit))
+    last = records[-1].cursor if records else (after or 0)
+    return EventsView([event_view(record) for record in records], last)
+
+
+def event_view(record: EventRecord) -> EventView:
+    """Return an event as it is shown."""
+    return EventView(
+        record.cursor,
+        record.at,
+        record.kind,
+        record.level,
+        record.robot,
+        record.text,
+        dict(record.data),
+    )

@@ -1,0 +1,75 @@
+"""Is the station there, and can it work? The one resource that needs no sign-in."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from importlib.metadata import version
+
+from fastapi import APIRouter
+
+from db.fault import StoreUnavailableError
+from db.query.robots import list_robots
+from server.api.dependency import FoundationDep
+from server.service.view.base import View
+
+router = APIRouter(prefix="/api/health", tags=["station"])
+
+
+@dataclass(frozen=True, slots=True)
+class StorageView(View):
+    """Whether the station's memory works."""
+
+    ok: bool
+    message: str
+    """What is wrong, in one sentence; empty while nothing is."""
+    waiting_rows: int
+    """Telemetry that waits to be written."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockView(View):
+    """The robots' time."""
+
+    now: datetime
+    speed: float
+    """Seconds of this clock per second of the wall."""
+
+
+@dataclass(frozen=True, slots=True)
+class HealthView(View):
+    """How the station is."""
+
+    status: str
+    """``ok``, or ``degraded`` when something fails that the station can live with."""
+    ready: bool
+    """Whether the station can take work now."""
+    first_start: bool
+    """Whether nobody can sign in yet: show the form that creates the first administrator."""
+    simulation: bool
+    version: str
+    storage: StorageView
+    robots: int
+    clock: ClockView
+    unacknowledged_alarms: int
+
+
+@router.get("")
+async def get_health(foundation: FoundationDep) -> HealthView:
+    """Return whether the station works."""
+    store = foundation.store
+    fault = store.fault
+    robots = 0
+    try:
+        robots = len(await store.query(list_robots))
+    except StoreUnavailableError as error:
+        fault = str(error)
+    return HealthView(
+        status="ok" if fault is None else "degraded",
+        ready=fault is None,
+        first_start=foundation.access.needs_first_admin,
+        simulation=foundation.settings.simulation,
+        version=version("grace-ground-station"),
+        storage=StorageView(fault is None, fault or "", store.waiting_rows),
+        robots=robots,
+        clock=ClockView(foundation.clock.now(), foundation.clock.speed),
+        unacknowledged_alarms=foundation.alarms.unacknowledged,
+    )

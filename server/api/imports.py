@@ -1,0 +1,69 @@
+"""Recorded deployments come in."""
+
+import asyncio
+import os
+import shutil
+import tempfile
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import IO, Annotated, Any
+
+from fastapi import APIRouter, Form, UploadFile
+
+from server.api.dependency import FoundationDep, Pilot
+from server.job import JobProgress
+from server.recording.intake import ImportOrder, run_import
+from server.recording.table import Policy
+from server.service.view.base import View
+
+router = APIRouter(prefix="/api/imports", tags=["data"])
+ROBOT_ID = r"^[a-z0-9][a-z0-9-]{0,39}$"
+
+
+@dataclass(frozen=True, slots=True)
+class ImportView(View):
+    """Where to ask how far the import is."""
+
+    id: str
+    """Id of the job."""
+
+
+@router.post("", status_code=202)
+async def start_import(
+    caller: Pilot,
+    file: UploadFile,
+    robot: Annotated[str, Form(pattern=ROBOT_ID)],
+    foundation: FoundationDep,
+    policy: Annotated[Policy, Form()] = Policy.REFUSE,
+) -> ImportView:
+    """Import a CSV file as a recorded deployment of a robot, which is created if not known.
+
+    With ``policy=skip`` broken rows are left out and named in the job's result; with
+    ``policy=refuse`` one broken row refuses the whole file. Nothing is ever imported by half.
+    """
+    kept = await asyncio.to_thread(_copied, file.file)
+    order = ImportOrder(
+        file=kept,
+        size=os.fstat(kept.fileno()).st_size,
+        title=file.filename or "recording.csv",
+        robot=robot,
+        policy=policy,
+        by=caller.name,
+    )
+    store, clock = foundation.store, foundation.clock
+
+    async def work(progress: JobProgress) -> Mapping[str, Any]:
+        with kept:
+            return await run_import(order, store, clock, progress)
+
+    job = await foundation.jobs.start("import", work, by=caller.name)
+    return ImportView(job.id)
+
+
+def _copied(source: IO[bytes]) -> IO[bytes]:
+    """Copy an upload into a nameless file: the request's own is gone before the job has read it."""
+    kept = tempfile.TemporaryFile()  # noqa: SIM115 - closed by the job
+    source.seek(0)
+    shutil.copyfileobj(source, kept)
+    kept.seek(0)
+    return kept

@@ -1,0 +1,145 @@
+"""Signing in and out, and finding out who one is."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request, Response
+from fastapi.responses import RedirectResponse
+from pydantic import Field, SecretStr
+
+from server.api.body import Body
+from server.api.dependency import FoundationDep, Viewer
+from server.foundation import Foundation
+from server.problem import FieldError, Problem, unprocessable
+from server.security.access import Caller, SignedIn
+from server.service.view.base import View
+
+router = APIRouter(tags=["session"])
+
+
+class SignInBody(Body):
+    """Name and password, or the token of a one-time sign-in."""
+
+    name: str | None = Field(default=None, max_length=100)
+    password: SecretStr | None = None
+    token: SecretStr | None = None
+
+
+class FirstAdminBody(Body):
+    """Who sets the station up."""
+
+    name: str = Field(min_length=1, max_length=100)
+    password: SecretStr
+    """At least ten characters."""
+    code: str
+    """The code that the station printed at its start."""
+
+
+@dataclass(frozen=True, slots=True)
+class SessionView(View):
+    """Who is signed in."""
+
+    name: str
+    role: str
+    rights: list[str]
+    csrf_token: str | None
+    """Send it as ``X-CSRF-Token`` with every change; null for a bearer token, which needs none."""
+    expires_at: datetime
+
+
+@router.get("/api/session")
+async def get_session(caller: Viewer) -> SessionView:
+    """Return who asks and what they may do."""
+    return _view(caller)
+
+
+@router.post("/api/session")
+async def sign_in(
+    body: SignInBody, request: Request, response: Response, foundation: FoundationDep
+) -> SessionView:
+    """Sign in by name and password, or by a one-time token; the answer sets the cookie."""
+    _refuse_foreign_page(request, foundation)
+    if body.token is not None:
+        signed_in = await foundation.access.sign_in_once(body.token.get_secret_value())
+    elif body.name is not None and body.password is not None:
+        password = body.password.get_secret_value()
+        signed_in = await foundation.access.sign_in(body.name, password)
+    else:
+        missing = "password" if body.name is not None else "name"
+        raise unprocessable("1 field is wrong.", [FieldError(loc=[missing], msg="Field required")])
+    _set_cookie(request, response, foundation, signed_in)
+    return _view(signed_in.caller)
+
+
+@router.post("/api/session/first", status_code=201)
+async def create_first_admin(
+    body: FirstAdminBody, request: Request, response: Response, foundation: FoundationDep
+) -> SessionView:
+    """Create the first administrator with the code that the station printed, and sign in."""
+    _refuse_foreign_page(request, foundation)
+    signed_in = await foundation.access.create_first_admin(
+        body.name, body.password.get_secret_value(), body.code
+    )
+    _set_cookie(request, response, foundation, signed_in)
+    return _view(signed_in.caller)
+
+
+@router.delete("/api/session", status_code=204)
+async def sign_out(
+    caller: Viewer, request: Request, response: Response, foundation: FoundationDep
+) -> None:
+    """End this browser's session."""
+    del caller
+    name = foundation.guard.cookie_name(request)
+    secret = request.cookies.get(name)
+    if secret is not None:
+        await foundation.access.sign_out(secret)
+    response.delete_cookie(name, path="/")
+
+
+@router.get("/sign-in", include_in_schema=False)
+async def sign_in_by_link(
+    request: Request, foundation: FoundationDep, token: Annotated[str, Query(max_length=200)]
+) -> Response:
+    """Use a one-time sign-in up and go on to the operator app; a used link leads there too."""
+    response = RedirectResponse("/", status_code=303)
+    try:
+        signed_in = await foundation.access.sign_in_once(token)
+    except Problem as problem:
+        if problem.status != 401:
+            raise
+        return response
+    _set_cookie(request, response, foundation, signed_in)
+    return response
+
+
+def _refuse_foreign_page(request: Request, foundation: Foundation) -> None:
+    """Keep other sites from signing a browser in behind its person's back."""
+    if "origin" in request.headers and not foundation.guard.origin_is_ours(request):
+        raise Problem(403, "This sign-in came from a page that is not the station's.")
+
+
+def _set_cookie(
+    request: Request, response: Response, foundation: Foundation, signed_in: SignedIn
+) -> None:
+    settings = foundation.settings
+    response.set_cookie(
+        foundation.guard.cookie_name(request),
+        signed_in.secret,
+        max_age=int(settings.session_hours * 3600),
+        path="/",
+        httponly=True,
+        samesite="lax",
+        secure=settings.secure_cookie,
+    )
+
+
+def _view(caller: Caller) -> SessionView:
+    return SessionView(
+        name=caller.name,
+        role=caller.role,
+        rights=[right.value for right in caller.role.rights],
+        csrf_token=caller.csrf_token,
+        expires_at=caller.expires_at,
+    )

@@ -1,0 +1,93 @@
+"""Puts a station together: what is opened, in which order, and closed in reverse."""
+
+import asyncio
+from collections.abc import AsyncGenerator
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+
+from db.store import Store
+from robot_link.clock import SystemClock
+from server.alarm import AlarmBoard
+from server.background import Background
+from server.clock_file import read_clock
+from server.configuration import ConfigurationBook
+from server.foundation import Foundation
+from server.job import JobBoard
+from server.security.access import Access
+from server.security.guard import Guard
+from server.settings import Settings
+from server.storage_watch import watch_storage
+
+_ALARM_TASK = "alarm about"
+
+try:
+    from server.service.station import Station
+except ModuleNotFoundError:
+
+    class Station:  # interim, until server/service/station.py is there
+        def __init__(self, foundation: Foundation) -> None: ...
+        async def start(self) -> None: ...
+        async def stop(self) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class RunningStation:
+    """A station that is open for work."""
+
+    foundation: Foundation
+    station: Station
+    first_code: str | None
+    """Code that creates the first admin, while nobody can sign in."""
+
+
+@asynccontextmanager
+async def run_station(settings: Settings) -> AsyncGenerator[RunningStation]:
+    """Open a station, and close it in reverse order when the block ends.
+
+    Raises:
+        StoreUnavailableError: If the database cannot be opened.
+        NewerSchemaError: If a later version of the station wrote it.
+    """
+    async with AsyncExitStack() as stack:
+        foundation = await _open_foundation(settings, stack)
+        first_code = await foundation.access.prepare()
+        station = Station(foundation)
+        stack.push_async_callback(station.stop)
+        await station.start()
+        yield RunningStation(foundation, station, first_code)
+
+
+async def _open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundation:
+    settings.data_dir.mkdir(parents=True, exist_ok=True)
+    clock = read_clock(settings.clock_file)
+    store = await asyncio.to_thread(Store.open, settings.resolved_database_url)
+    stack.push_async_callback(asyncio.to_thread, store.close)
+    alarms = AlarmBoard(store, clock)
+    background = Background(lambda name, error: _part_failed(background, alarms, name, error))
+    stack.push_async_callback(background.stop)
+    jobs = JobBoard(store, clock)
+    stack.push_async_callback(jobs.stop)
+    access = Access(store, clock, SystemClock(), settings.session_hours)
+    await alarms.load()
+    await jobs.load()
+    background.start("storage watch", watch_storage(store, alarms, clock))
+    return Foundation(
+        settings=settings,
+        clock=clock,
+        store=store,
+        access=access,
+        guard=Guard(access, settings),
+        background=background,
+        alarms=alarms,
+        jobs=jobs,
+        configurations=ConfigurationBook(store, clock),
+    )
+
+
+def _part_failed(
+    background: Background, alarms: AlarmBoard, name: str, error: BaseException
+) -> None:
+    if name.startswith(_ALARM_TASK):
+        return
+    text = f"A part of the station stopped ({name}: {type(error).__name__}); restart the station."
+    background.start(f"{_ALARM_TASK} {name}", alarms.raise_(f"part:{name}", text, level="critical"))

@@ -1,0 +1,1 @@
+"""Recorded deployments: read from a file, kept, mapped, written to files again."""

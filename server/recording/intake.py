@@ -1,0 +1,183 @@
+"""Imports a recording step by step: read, keep, map. Steps are plain functions of their input.
+
+The station runs them as a job, with the map in a worker process; the command line runs them one
+after another on a data folder that no station uses.
+"""
+
+import asyncio
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from typing import IO, Any
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from db.query.deployments import (
+    DeploymentExistsError,
+    DeploymentRecord,
+    note_on_deployment,
+)
+from db.query.maps import MapRecord, add_map
+from db.query.robots import get_robot
+from db.store import Store
+from robot_link.clock import Clock
+from server.job import JobError, JobProgress
+from server.recording.keep import keep_recording, positions_ned, recording_log
+from server.recording.map_fit import TASK, FitFailure, FitProblem, FittedMap
+from server.recording.table import (
+    Policy,
+    Progress,
+    Recording,
+    RecordingError,
+    RowFault,
+    read_recording,
+)
+from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+
+SHOWN_FAULTS = 100
+"""So many broken rows are named in an answer; their number is always told."""
+_READ_SHARE, _KEPT_SHARE = 0.3, 0.5
+Outcomes = Sequence[FittedMap | FitFailure]
+
+
+@dataclass(frozen=True, slots=True)
+class ImportOrder:
+    """What is to be imported."""
+
+    file: IO[bytes]
+    size: int
+    title: str
+    """Name of the file."""
+    robot: str
+    policy: Policy
+    by: str
+
+
+async def run_import(
+    order: ImportOrder, store: Store, clock: Clock, progress: JobProgress
+) -> Mapping[str, Any]:
+    """Import a recording into a running station.
+
+    Raises:
+        JobError: If the file was refused; the result names each broken row.
+    """
+    loop = asyncio.get_running_loop()
+
+    def told(share: float) -> None:
+        loop.call_soon_threadsafe(progress.report, share * _READ_SHARE, "Reading the file")
+
+    recording, log = await asyncio.to_thread(read_order, order, told)
+    progress.report(_READ_SHARE, f"Keeping {len(recording.time_s)} rows")
+    at = clock.now()
+    try:
+        deployment = await store.write(lambda s: keep_order(s, order, recording, log, at))
+    except DeploymentExistsError as error:
+        raise JobError(str(error)) from error
+    progress.report(_KEPT_SHARE, "Learning the maps")
+    problem = await store.query(lambda session: fit_problem(session, order.robot, recording))
+    outcomes = await _fit_in_worker(problem, progress)
+    at = clock.now()
+    await store.write(lambda s: keep_maps(s, order.robot, deployment.id, outcomes, at))
+    left_out = len(recording.skipped)
+    progress.report(1.0, f"Imported {deployment.rows} rows as {deployment.id}; {left_out} left out")
+    return import_result(deployment, recording, outcomes)
+
+
+def read_order(order: ImportOrder, on_progress: Progress) -> tuple[Recording, int]:
+    """Read the file and return its rows and the number that names its content.
+
+    Raises:
+        JobError: If the file was refused; the result names each broken row.
+    """
+    try:
+        log = recording_log(order.file)
+        return read_recording(order.file, order.size, order.policy, on_progress), log
+    except RecordingError as error:
+        raise JobError(str(error), {"errors": fault_documents(error.faults)}) from error
+
+
+def keep_order(
+    session: Session, order: ImportOrder, recording: Recording, log: int, at: datetime
+) -> DeploymentRecord:
+    """Keep the rows, all of them or none.
+
+    Raises:
+        DeploymentExistsError: If this very file is there already.
+    """
+    return keep_recording(
+        session, order.robot, recording, title=order.title, log=log, at=at, by=order.by
+    )
+
+
+def fit_problem(session: Session, robot: str, recording: Recording) -> FitProblem:
+    """Return what the map's fit needs of a recording that is kept."""
+    points = positions_ned(get_robot(session, robot).site, recording)
+    return FitProblem(np.ascontiguousarray(points), dict(recording.values))
+
+
+def keep_maps(
+    session: Session, robot: str, deployment: str, outcomes: Outcomes, at: datetime
+) -> None:
+    """Keep the maps and their scores."""
+    for fitted in outcomes:
+        if isinstance(fitted, FittedMap):
+            add_map(
+                session,
+                MapRecord(
+                    robot=robot,
+                    variable=fitted.variable,
+                    model=fitted.document["scores"]["model"],
+                    at=at,
+                    samples=fitted.samples,
+                    document=fitted.document,
+                    grid=fitted.grid,
+                ),
+            )
+    note_on_deployment(session, deployment, {"scores": _scores(outcomes)})
+
+
+def import_result(
+    deployment: DeploymentRecord, recording: Recording, outcomes: Outcomes
+) -> dict[str, Any]:
+    """Return what came of an import, as JSON."""
+    return {
+        "deployment": deployment.id,
+        "robot": deployment.robot,
+        "rows": deployment.rows,
+        "skipped": fault_documents(recording.skipped),
+        "skipped_rows": len(recording.skipped),
+        "scores": _scores(outcomes),
+        "without_map": [
+            {"variable": failure.variable, "reason": failure.reason}
+            for failure in outcomes
+            if isinstance(failure, FitFailure)
+        ],
+    }
+
+
+def fault_documents(faults: Sequence[RowFault]) -> list[dict[str, Any]]:
+    """Return the first broken rows as JSON."""
+    return [{"line": fault.line, "reason": fault.reason} for fault in faults[:SHOWN_FAULTS]]
+
+
+def _scores(outcomes: Outcomes) -> list[dict[str, Any]]:
+    return [
+        {"variable": fitted.variable, **fitted.document["scores"]}
+        for fitted in outcomes
+        if isinstance(fitted, FittedMap)
+    ]
+
+
+async def _fit_in_worker(problem: FitProblem, progress: JobProgress) -> Outcomes:
+    def told(news: tuple[float, str]) -> None:
+        share, message = news
+        progress.report(_KEPT_SHARE + share * (1.0 - _KEPT_SHARE), message)
+
+    pool = WorkerPool()
+    try:
+        return await pool.run(TASK, problem, on_progress=told)
+    except (WorkerTaskError, WorkerEndedError) as error:
+        return [FitFailure(variable, str(error)) for variable in problem.values]
+    finally:
+        await pool.stop()

@@ -1,0 +1,218 @@
+"""Reads a recorded deployment from CSV, strictly: every row is right, or named with its line."""
+
+import math
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import IO
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.field.variable import VARIABLES
+
+POSITION_COLUMNS = ("time", "latitude", "longitude", "depth")
+DEPTH_MAX_M = 11_000.0
+TIME_MIN_S = 0.0
+TIME_MAX_S = 4_102_444_800.0
+"""The beginning of the year 2100: what lies beyond is a wrong unit."""
+COMMENT = "#"
+_LINE_LENGTH_MAX = 100_000
+
+
+class Policy(StrEnum):
+    """What to do with a file that has broken rows."""
+
+    SKIP = "skip"
+    """Leave the broken rows out and import the others."""
+    REFUSE = "refuse"
+    """Import nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class RowFault:
+    """A row that cannot be used."""
+
+    line: int
+    """Line of the file, counted from 1."""
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
+class Recording:
+    """The rows of a file that are right, in order of time."""
+
+    time_s: FloatArray
+    """Seconds from the epoch, shape ``(n,)``, ascending strictly."""
+    latitude_deg: FloatArray
+    longitude_deg: FloatArray
+    depth_m: FloatArray
+    """Positive down."""
+    values: dict[str, FloatArray]
+    """By variable, in its unit; each of shape ``(n,)``."""
+    skipped: tuple[RowFault, ...]
+
+
+class RecordingError(Exception):
+    """The file was refused as a whole; ``faults`` names the rows that are to blame."""
+
+    def __init__(self, sentence: str, faults: tuple[RowFault, ...] = ()) -> None:
+        super().__init__(sentence)
+        self.faults = faults
+
+
+Progress = Callable[[float], None]
+"""Told the share of the file that is read, 0 .. 1."""
+
+
+def read_recording(
+    file: IO[bytes], size: int, policy: Policy, on_progress: Progress | None = None
+) -> Recording:
+    """Read a file with the columns ``time, latitude, longitude, depth`` and variables.
+
+    Times are Unix seconds, UTC; depth is in metres, positive down; variables are in the units of
+    ``autonomy.field.variable``. A cell that is empty, not a number or out of its range, a time
+    that does not follow the one before, and a row that repeats another are faults of their row.
+    Empty lines, and lines that begin with ``#``, mean nothing.
+
+    Args:
+        file: The file, at its beginning.
+        size: Its length in bytes, for the progress.
+        policy: What to do with faults.
+        on_progress: Told how much of the file is read.
+
+    Raises:
+        RecordingError: If the header does not fit, no row is right, or there are faults and the
+            policy is to refuse.
+    """
+    lines = (
+        (number, line)
+        for number, line in enumerate(_lines(file, size, on_progress or _ignore), start=1)
+        if line.strip() and not line.startswith(COMMENT)
+    )
+    variables = _variables(_cells(next(lines, (1, ""))[1]))
+    reader = _RowReader((*POSITION_COLUMNS, *variables))
+    for number, line in lines:
+        reader.take(number, _cells(line))
+    faults = tuple(reader.faults)
+    if faults and policy is Policy.REFUSE:
+        raise RecordingError(
+            f"{_rows(len(faults))} broken, the first in line {faults[0].line}: "
+            f"{faults[0].reason}. Nothing was imported.",
+            faults,
+        )
+    if not reader.rows:
+        raise RecordingError("The file has no row that can be used.", faults)
+    columns = np.array(reader.rows, dtype=np.float64).T
+    return Recording(
+        time_s=columns[0],
+        latitude_deg=columns[1],
+        longitude_deg=columns[2],
+        depth_m=columns[3],
+        values=dict(zip(variables, columns[4:], strict=True)),
+        skipped=faults,
+    )
+
+
+@dataclass(slots=True)
+class _RowReader:
+    """Checks rows one after another, and each against the one before."""
+
+    columns: tuple[str, ...]
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+    faults: list[RowFault] = field(default_factory=list)
+    last_line: int = 0
+
+    def take(self, line: int, cells: list[str]) -> None:
+        try:
+            row = self._numbers(cells)
+            self._check_order(row)
+        except ValueError as error:
+            self.faults.append(RowFault(line, str(error)))
+        else:
+            self.rows.append(row)
+            self.last_line = line
+
+    def _numbers(self, cells: list[str]) -> tuple[float, ...]:
+        if len(cells) != len(self.columns):
+            raise ValueError(f"the row has {len(cells)} cells, the header {len(self.columns)}")
+        return tuple(
+            _number(column, cell) for column, cell in zip(self.columns, cells, strict=True)
+        )
+
+    def _check_order(self, row: tuple[float, ...]) -> None:
+        if not self.rows or row[0] > self.rows[-1][0]:
+            return
+        if row == self.rows[-1]:
+            raise ValueError(f"the row repeats line {self.last_line}")
+        if row[0] == self.rows[-1][0]:
+            raise ValueError(f"the time is that of line {self.last_line}")
+        raise ValueError(f"the time goes back behind line {self.last_line}")
+
+
+def _number(column: str, cell: str) -> float:
+    if not cell:
+        raise ValueError(f"{column} is empty")
+    try:
+        value = float(cell)
+    except ValueError:
+        raise ValueError(f"{column} is not a number: {cell[:40]!r}") from None
+    if not math.isfinite(value):
+        raise ValueError(f"{column} is not finite: {cell[:40]!r}")
+    low, high = _RANGES.get(column, (-math.inf, math.inf))
+    if not low <= value <= high:
+        raise ValueError(f"{column} is {value:g}, outside {low:g} .. {high:g}")
+    if column in VARIABLES and VARIABLES[column].scale == "log" and value <= 0.0:
+        raise ValueError(f"{column} is {value:g}, but must exceed 0")
+    return value
+
+
+_RANGES = {
+    "time": (TIME_MIN_S, TIME_MAX_S),
+    "latitude": (-90.0, 90.0),
+    "longitude": (-180.0, 180.0),
+    "depth": (0.0, DEPTH_MAX_M),
+}
+
+
+def _variables(header: list[str]) -> tuple[str, ...]:
+    if tuple(header[:4]) != POSITION_COLUMNS:
+        raise RecordingError(
+            f"The header must name the columns {','.join(POSITION_COLUMNS)} and then the "
+            f"variables; it is {','.join(header)[:200]!r}."
+        )
+    variables = tuple(header[4:])
+    unknown = [name for name in variables if name not in VARIABLES]
+    if unknown or not variables:
+        known = ", ".join(f"{v.key} ({v.unit})" for v in VARIABLES.values())
+        what = f"The variable {unknown[0]!r} is unknown" if unknown else "There is no variable"
+        raise RecordingError(f"{what}; after the position may come {known}.")
+    if len(set(variables)) != len(variables):
+        raise RecordingError("A variable appears twice in the header.")
+    return variables
+
+
+def _cells(line: str) -> list[str]:
+    """Split a line; cells are names and numbers, so quotes around one mean nothing."""
+    return [cell.strip().strip('"').strip() for cell in line.split(",")]
+
+
+def _lines(file: IO[bytes], size: int, on_progress: Progress) -> Generator[str]:
+    """Decode the file line by line; bytes that are not UTF-8 break their cell, not the file."""
+    done, told = 0, 0.0
+    while line := file.readline(_LINE_LENGTH_MAX):
+        text = line.decode("utf-8", errors="replace")
+        yield text.removeprefix("\ufeff") if done == 0 else text
+        done += len(line)
+        share = done / max(size, done)
+        if share - told >= 0.01:
+            told = share
+            on_progress(share)
+
+
+def _rows(count: int) -> str:
+    return "1 row is" if count == 1 else f"{count} rows are"
+
+
+def _ignore(share: float) -> None:
+    del share
