@@ -25,6 +25,7 @@ _ANY_NETWORK = 0xFFFE
 """Stands where other firmwares carry a 16-bit address."""
 
 _AT_COMMAND = 0x08
+_AT_COMMAND_QUEUED = 0x09
 _TRANSMIT_REQUEST = 0x10
 _AT_REPLY = 0x88
 _TRANSMIT_STATUS = 0x8B
@@ -61,10 +62,13 @@ class AtCommand:
     frame_id: int
     command: bytes
     value: bytes = b""
+    is_queued: bool = False
+    """0x09 instead: a value that is set takes effect with the next 0x08 only."""
 
     def content(self) -> bytes:
         """Return the frame's content."""
-        return bytes((_AT_COMMAND, self.frame_id)) + self.command + self.value
+        kind = _AT_COMMAND_QUEUED if self.is_queued else _AT_COMMAND
+        return bytes((kind, self.frame_id)) + self.command + self.value
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,8 +163,9 @@ def parse_content(content: bytes) -> Frame | None:
         return TransmitRequest(
             frame_id, Address(target), content[_TRANSMIT.size :], radius, options
         )
-    if kind == _AT_COMMAND and len(content) >= 4:
-        return AtCommand(content[1], content[2:4], content[4:])
+    if kind in (_AT_COMMAND, _AT_COMMAND_QUEUED) and len(content) >= 4:
+        is_queued = kind == _AT_COMMAND_QUEUED
+        return AtCommand(content[1], content[2:4], content[4:], is_queued)
     return None
 
 

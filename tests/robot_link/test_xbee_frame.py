@@ -29,7 +29,13 @@ modes = st.sampled_from((1, 2))
 octet = st.integers(0, 255)
 addresses = st.integers(0, 2**64 - 1).map(Address)
 frames = st.one_of(
-    st.builds(AtCommand, octet, st.binary(min_size=2, max_size=2), st.binary(max_size=20)),
+    st.builds(
+        AtCommand,
+        octet,
+        st.binary(min_size=2, max_size=2),
+        st.binary(max_size=20),
+        st.booleans(),
+    ),
     st.builds(AtReply, octet, st.binary(min_size=2, max_size=2), octet, st.binary(max_size=20)),
     st.builds(TransmitRequest, octet, addresses, st.binary(max_size=256), octet, octet),
     st.builds(TransmitStatus, octet, octet, octet, octet),

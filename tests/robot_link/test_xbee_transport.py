@@ -1,0 +1,313 @@
+"""The XBee transport against the emulated network: delivery, strength, and ports that vanish."""
+
+import asyncio
+import random
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+
+import pytest
+from digi.xbee.devices import DigiMeshDevice, RemoteDigiMeshDevice
+from digi.xbee.exception import TransmitException
+from digi.xbee.models.address import XBee64BitAddress
+
+from robot_link.transport.datagram import (
+    BROADCAST,
+    Address,
+    DatagramTransport,
+    Fate,
+    Garbled,
+    PortChanged,
+    PortClosedError,
+    Received,
+)
+from robot_link.transport.opening import open_transport
+from robot_link.transport.port import Port
+from robot_link.transport.xbee import XBeeTiming, XBeeTransport
+from robot_link.transport.xbee_frame import encode
+from simulator.xbee_network import MAX_PAYLOAD, AirConditions, RobotRadio, XBeeNetwork
+
+STATION = Address(0x0013A20041F00001)
+ROBOT = Address(0x0013A20041F00002)
+CALM = AirConditions(delay_s=0.0, jitter_s=0.001)
+
+
+def network(conditions: AirConditions = CALM, **options) -> XBeeNetwork:
+    return XBeeNetwork(random.Random(1), conditions, **options)
+
+
+@asynccontextmanager
+async def running(transport: DatagramTransport) -> AsyncIterator[DatagramTransport]:
+    task = asyncio.create_task(transport.run())
+    try:
+        yield transport
+    finally:
+        task.cancel()
+        with suppress(asyncio.CancelledError):
+            await task
+
+
+async def next_event(transport: DatagramTransport, kind: type):
+    async with asyncio.timeout(5):
+        async for event in transport.events():
+            if isinstance(event, kind):
+                return event
+    raise AssertionError
+
+
+async def next_opening(transport: DatagramTransport) -> None:
+    while not (await next_event(transport, PortChanged)).is_open:
+        pass
+
+
+@pytest.mark.parametrize("mode", [1, 2])
+async def test_datagrams_cross_in_both_directions_on_a_pseudo_terminal(tmp_path: Path, mode):
+    air = network()
+    radio = air.robot_radio(ROBOT)
+    async with (
+        air.pty(STATION, tmp_path / "xbee", mode),
+        running(open_transport(f"xbee://{tmp_path}/xbee?ap={mode}")) as transport,
+    ):
+        await next_opening(transport)
+        payload = bytes(range(256))
+        fate = await transport.send(ROBOT, payload)
+        heard = await next_event(radio, Received)
+        assert (heard.address, heard.data) == (STATION, payload)
+        assert (await fate).fate is Fate.DELIVERED
+
+        await radio.send(STATION, b"}~\x11\x13")
+        assert (await next_event(transport, Received)).data == b"}~\x11\x13"
+
+
+async def test_datagrams_cross_over_tcp():
+    air = network()
+    radio = air.robot_radio(ROBOT)
+    async with (
+        air.tcp(STATION, "127.0.0.1") as port,
+        running(open_transport(f"xbee://127.0.0.1:{port}")) as transport,
+    ):
+        await next_opening(transport)
+        await transport.send(ROBOT, b"hello")
+        assert (await next_event(radio, Received)).data == b"hello"
+
+
+async def test_the_radio_itself_tells_how_much_it_carries(tmp_path: Path):
+    air = network()
+    air.robot_radio(ROBOT)
+    async with (
+        air.pty(STATION, tmp_path / "xbee"),
+        running(open_transport(f"xbee://{tmp_path}/xbee")) as transport,
+    ):
+        assert transport.max_payload == 0
+        await next_opening(transport)
+        assert transport.max_payload == MAX_PAYLOAD
+        fits = await transport.send(ROBOT, bytes(MAX_PAYLOAD))
+        too_large = await transport.send(ROBOT, bytes(MAX_PAYLOAD + 1))
+        assert (await fits).fate is Fate.DELIVERED
+        assert (await too_large).fate is Fate.TOO_LARGE
+
+
+async def test_silence_of_a_submerged_robot_is_told_after_the_radios_own_retries(tmp_path: Path):
+    air = network(in_reach=lambda _a, _b: False)
+    air.robot_radio(ROBOT)
+    async with (
+        air.pty(STATION, tmp_path / "xbee"),
+        running(open_transport(f"xbee://{tmp_path}/xbee")) as transport,
+    ):
+        await next_opening(transport)
+        delivery = await (await transport.send(ROBOT, b"up"))
+        assert delivery.fate is Fate.NOT_ACKNOWLEDGED
+        assert delivery.retries == CALM.mac_retries
+        broadcast = await (await transport.send(BROADCAST, b"all"))
+        assert broadcast.fate is Fate.DELIVERED
+
+
+async def test_signal_strength_belongs_to_the_last_sender(tmp_path: Path):
+    air = network(AirConditions(delay_s=0.0, jitter_s=0.0, rssi_dbm=-71.0))
+    radio = air.robot_radio(ROBOT)
+    port = open_transport(f"xbee://{tmp_path}/xbee")
+    async with air.pty(STATION, tmp_path / "xbee"), running(port) as transport:
+        await next_opening(transport)
+        await radio.send(STATION, b"1")
+        assert (await next_event(transport, Received)).rssi_dbm is None
+        await asyncio.sleep(1.2)
+        await radio.send(STATION, b"2")
+        assert (await next_event(transport, Received)).rssi_dbm == -71.0
+
+
+async def test_a_pulled_plug_is_told_and_the_port_opened_again_when_it_returns(tmp_path: Path):
+    air = network()
+    radio = air.robot_radio(ROBOT)
+    async with running(open_transport(f"xbee://{tmp_path}/xbee")) as transport:
+        for payload in (b"first", b"second"):
+            async with air.pty(STATION, tmp_path / "xbee"):
+                await next_opening(transport)
+                await transport.send(ROBOT, payload)
+                assert (await next_event(radio, Received)).data == payload
+            closed = await next_event(transport, PortChanged)
+            assert not closed.is_open
+            assert closed.reason
+            with pytest.raises(PortClosedError):
+                await transport.send(ROBOT, b"nobody")
+
+
+async def test_what_was_under_way_when_the_plug_was_pulled_is_of_unknown_fate(tmp_path: Path):
+    air = network(AirConditions(delay_s=30.0))
+    async with running(open_transport(f"xbee://{tmp_path}/xbee")) as transport:
+        async with air.pty(STATION, tmp_path / "xbee"):
+            await next_opening(transport)
+            fate = await transport.send(ROBOT, b"lost")
+        assert (await fate).fate is Fate.UNKNOWN
+
+
+class ScriptedPort:
+    """A port whose far side is a function from what was written to what is read."""
+
+    def __init__(self, answer: Callable[[bytes], bytes] = lambda _: b"") -> None:
+        self.written: list[bytes] = []
+        self._answer = answer
+        self._incoming: asyncio.Queue[bytes] = asyncio.Queue()
+
+    async def read(self) -> bytes:
+        return await self._incoming.get()
+
+    async def write(self, data: bytes) -> None:
+        self.written.append(data)
+        if answer := self._answer(data):
+            self._incoming.put_nowait(answer)
+
+    def bring(self, data: bytes) -> None:
+        self._incoming.put_nowait(data)
+
+    def close(self) -> None:
+        pass
+
+
+def answering_questions(data: bytes) -> bytes:
+    """A radio that knows its parameters and says nothing of what it sends."""
+    if data[3] != 0x08:
+        return b""
+    value = {b"NP": b"\x01\x00", b"DB": b"\x40"}.get(data[5:7], b"\x00\x00\x00\x01")
+    return encode(bytes((0x88, data[4])) + data[5:7] + b"\x00" + value, 1)
+
+
+def opener(port: Port) -> Callable[[], Awaitable[Port]]:
+    async def opened() -> Port:
+        return port
+
+    return opened
+
+
+async def test_no_more_datagrams_are_handed_over_than_the_window_holds():
+    port = ScriptedPort(answering_questions)
+    async with running(XBeeTransport(opener(port), timing=XBeeTiming(window=2))) as transport:
+        await next_opening(transport)
+        for _ in range(2):
+            await transport.send(ROBOT, b"x")
+        third = asyncio.create_task(transport.send(ROBOT, b"x"))
+        await asyncio.sleep(0.05)
+        assert not third.done()
+        sent = [frame for frame in port.written if frame[3] == 0x10]
+        assert len(sent) == 2
+        port.bring(encode(bytes((0x8B, sent[0][4], 0xFF, 0xFE, 0, 0x75, 0)), 1))
+        refused = await third
+        assert not refused.done()
+
+
+async def test_a_status_without_a_meaning_of_its_own_is_a_refusal_that_names_it():
+    port = ScriptedPort(answering_questions)
+    async with running(XBeeTransport(opener(port))) as transport:
+        await next_opening(transport)
+        fate = await transport.send(ROBOT, b"x")
+        frame = port.written[-1]
+        port.bring(encode(bytes((0x8B, frame[4], 0xFF, 0xFE, 0, 0x32, 0)), 1))
+        delivery = await fate
+        assert delivery.fate is Fate.REFUSED
+        assert "0x32" in delivery.detail
+
+
+async def test_a_radio_that_never_says_is_of_unknown_fate():
+    port = ScriptedPort(answering_questions)
+    timing = XBeeTiming(status_timeout_s=0.05)
+    async with running(XBeeTransport(opener(port), timing=timing)) as transport:
+        await next_opening(transport)
+        assert (await (await transport.send(ROBOT, b"x"))).fate is Fate.UNKNOWN
+
+
+async def test_a_device_that_is_no_xbee_is_named_as_such():
+    timing = XBeeTiming(question_timeout_s=0.02)
+    async with running(XBeeTransport(opener(ScriptedPort()), timing=timing)) as transport:
+        closed = await next_event(transport, PortChanged)
+        assert not closed.is_open
+        assert "no XBee in API mode 1 answers" in closed.reason
+
+
+async def test_garbage_at_the_port_is_counted():
+    port = ScriptedPort(answering_questions)
+    async with running(XBeeTransport(opener(port))) as transport:
+        port.bring(b"\r\nboot v1.2\r\n")
+        assert (await next_event(transport, Garbled)).frames == 1
+
+
+@pytest.mark.parametrize(
+    ("uri", "complaint"),
+    [
+        ("udp://127.0.0.1:1", "unknown kind of link"),
+        ("xbee://", "needs the path"),
+        ("xbee://127.0.0.1", "needs host and port"),
+        ("xbee:///dev/ttyS0?ap=3", "ap must be 1 or 2"),
+        ("xbee:///dev/ttyS0?baud=fast", "whole number"),
+        ("xbee:///dev/ttyS0?speed=1", "unknown option speed"),
+    ],
+)
+def test_a_uri_that_names_no_transport_is_refused_with_a_reason(uri: str, complaint: str):
+    with pytest.raises(ValueError, match=complaint):
+        open_transport(uri)
+
+
+async def test_digis_library_talks_to_the_emulated_network(tmp_path: Path):
+    reachable = True
+    air = network(in_reach=lambda _a, _b: reachable)
+    radio = air.robot_radio(ROBOT)
+    async with air.pty(STATION, tmp_path / "xbee"):
+        device = DigiMeshDevice(str(tmp_path / "xbee"), 115200)
+        remote = RemoteDigiMeshDevice(device, XBee64BitAddress(ROBOT.to_bytes(8, "big")))
+        await asyncio.to_thread(device.open)
+        try:
+            assert int.from_bytes(bytes(device.get_64bit_addr().address), "big") == STATION
+            await asyncio.to_thread(device.send_data, remote, b"over")
+            assert (await next_event(radio, Received)).data == b"over"
+            await radio.send(STATION, b"and out")
+            message = await asyncio.to_thread(device.read_data, 2)
+            assert bytes(message.data) == b"and out"
+            reachable = False
+            with pytest.raises(TransmitException):
+                await asyncio.to_thread(device.send_data, remote, b"gone")
+        finally:
+            await asyncio.to_thread(device.close)
+
+
+async def test_two_radios_cannot_share_an_address():
+    air = network()
+    assert isinstance(air.robot_radio(ROBOT), RobotRadio)
+    with pytest.raises(ValueError, match="two radios"):
+        air.robot_radio(ROBOT)
+
+
+async def test_duplicated_packets_arrive_twice_and_are_confirmed_once(tmp_path: Path):
+    air = network(AirConditions(delay_s=0.0, jitter_s=0.001, duplication=1.0))
+    radio = air.robot_radio(ROBOT)
+    delivery = await air.transmit(STATION, ROBOT, b"twice")
+    assert delivery.fate is Fate.DELIVERED
+    assert [(await next_event(radio, Received)).data for _ in range(2)] == [b"twice"] * 2
+
+
+async def test_the_same_seed_loses_the_same_packets():
+    async def fates() -> list[Fate]:
+        air = network(AirConditions(loss=0.5, delay_s=0.0, jitter_s=0.0, mac_retries=0))
+        air.robot_radio(ROBOT)
+        return [(await air.transmit(STATION, ROBOT, b"x")).fate for _ in range(40)]
+
+    first = await fates()
+    assert first == await fates()
+    assert set(first) == {Fate.DELIVERED, Fate.NOT_ACKNOWLEDGED}
