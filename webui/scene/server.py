@@ -50,6 +50,11 @@ class RobotScene:
         """Return the loopback port that viser listens on."""
         return self._server.get_port()
 
+    @property
+    def is_watched(self) -> bool:
+        """Whether a browser shows the scene now."""
+        return bool(self._server.get_clients())
+
     def update(self) -> None:
         """Bring the scene up to the source; unchanged things cost nothing."""
         self._panel.apply()
