@@ -36,7 +36,7 @@ ESTIMATOR_PRESETS: dict[str, EstimatorConfig] = {
         fix_std_m=1.5,
         depth_std_m=0.01,
         drift_m_sqrt_s=0.3,
-        acceleration_density=1e-4,
+        acceleration_density=1e-3,
     ),
 }
 """Settings by vehicle: cameras over a tank, and a differential GPS (3 m at 95 %) on a lake with a

@@ -17,22 +17,23 @@ _FIRST_JITTER = 1e-10
 _LAST_JITTER = 1e-2
 
 
-def cholesky(matrix: FloatArray) -> FloatArray:
+def cholesky(matrix: FloatArray, scale: float) -> FloatArray:
     """Factorize a covariance matrix as ``L L^T``.
 
     A matrix that rounding left without a factor (two samples at one place and hardly any noise)
-    gets a jitter on its diagonal, from 1e-10 of its mean diagonal, ten times more at each failure.
+    gets a jitter on its diagonal, from 1e-10 of ``scale``, ten times more at each failure.
 
     Args:
         matrix: Symmetric and positive semi-definite up to rounding, shape ``(n, n)``.
+        scale: Prior variance of what the matrix describes, which its rounding errors go with.
 
     Returns:
         Lower triangular factor, shape ``(n, n)``, Fortran order.
 
     Raises:
-        ValueError: If the matrix is not a covariance matrix, even with 1 % on its diagonal.
+        ValueError: If the matrix is not a covariance matrix, even with 1 % of ``scale`` on its
+            diagonal.
     """
-    scale = max(float(np.mean(np.abs(np.diagonal(matrix)))), np.finfo(np.float64).tiny)
     jitter = 0.0
     while jitter <= _LAST_JITTER:
         try:

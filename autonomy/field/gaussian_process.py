@@ -7,7 +7,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.field.config import KernelParameters
 from autonomy.field.factorization import cholesky, solve_lower, solve_lower_transposed
-from autonomy.field.kernel import matern32
+from autonomy.field.kernel import matern32, noise_variance
 
 
 class GaussianProcess:
@@ -27,8 +27,10 @@ class GaussianProcess:
         self._points = points
         self._values = values
         covariance = matern32(points, points, parameters)
-        covariance[np.diag_indices(len(points))] += parameters.noise_variance
-        self._factor = cholesky(covariance) if len(points) else covariance
+        covariance[np.diag_indices(len(points))] += noise_variance(parameters)
+        self._factor = (
+            cholesky(covariance, parameters.signal_variance) if len(points) else covariance
+        )
         self._whitened_values = self._whiten(values)
 
     def mean(self, targets: FloatArray) -> FloatArray:

@@ -5,7 +5,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.field.config import KernelParameters
 from autonomy.field.factorization import cholesky, solve_lower, weighted_rows
-from autonomy.field.kernel import matern32
+from autonomy.field.kernel import matern32, noise_variance
 
 _FIRST_ROWS = 64
 _MOST_SPARE_ROWS = 256
@@ -56,8 +56,8 @@ class GrowingGaussianProcess:
         cross[:n] = matern32(self._points[:n], points, prior)
         B = solve_lower(self._factor, cross)[:n]  # (n, m)
         schur = matern32(points, points, prior) - B.T @ B
-        schur[np.diag_indices(m)] += prior.noise_variance
-        L = cholesky(schur)  # (m, m)
+        schur[np.diag_indices(m)] += noise_variance(prior)
+        L = cholesky(schur, prior.signal_variance)  # (m, m)
         remaining = matern32(points, self._targets[:q], prior)
         remaining -= weighted_rows(B, self._whitened[:n])[:, :q]
         v = solve_lower(L, remaining)  # (m, q)

@@ -7,6 +7,7 @@ from autonomy.arrays import FloatArray
 from autonomy.field.config import KernelParameters
 
 _ROOT_3 = np.sqrt(3.0)
+_LEAST_NOISE = 1e-9
 
 
 def matern32(a: FloatArray, b: FloatArray, parameters: KernelParameters) -> FloatArray:
@@ -35,3 +36,8 @@ def matern32(a: FloatArray, b: FloatArray, parameters: KernelParameters) -> Floa
     covariance *= scaled
     covariance *= parameters.signal_variance
     return covariance
+
+
+def noise_variance(parameters: KernelParameters) -> float:
+    """Return the noise variance that a factorization can bear: at least 1e-9 of the signal's."""
+    return max(parameters.noise_variance, _LEAST_NOISE * parameters.signal_variance)

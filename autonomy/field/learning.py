@@ -82,7 +82,7 @@ def negative_log_likelihood(
     decay = signal * np.exp(-scaled)
     K = (1.0 + scaled) * decay
 
-    factor = cholesky(K + noise * np.eye(len(values)))
+    factor = cholesky(K + noise * np.eye(len(values)), signal + noise)
     whitened = solve_lower(factor, values)
     alpha = solve_lower_transposed(factor, whitened)
     lower, _ = _potri(factor, lower=1)  # lower triangle of the inverse

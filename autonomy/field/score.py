@@ -8,6 +8,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.field.factorization import cholesky, solve_lower
 
+_JITTER = 1e-9
 _NORMAL_90 = 1.6448536269514722
 """Half width of the central 90 % of a standard normal distribution."""
 
@@ -56,8 +57,9 @@ def score(mean: FloatArray, covariance: FloatArray, truth: FloatArray) -> Scores
         raise ValueError("scores need at least one point and finite numbers")
     q = len(error)
     diagonal = np.diagonal(covariance)
-    floor = 1e-9 * max(float(np.mean(diagonal)), np.finfo(np.float64).tiny)
-    whitened = solve_lower(cholesky(covariance + floor * np.eye(q)), error)
+    scale = max(float(np.mean(diagonal)), np.finfo(np.float64).tiny)
+    floor = _JITTER * scale
+    whitened = solve_lower(cholesky(covariance + floor * np.eye(q), scale), error)
     variance = np.maximum(diagonal, floor)
     squared = error**2 / variance
     return Scores(
