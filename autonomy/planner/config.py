@@ -131,7 +131,10 @@ class SearchConfig(Configuration):
     """A new surfacing is also reached from every other one within this radius (R_near)."""
     nearest_radius_m: float = quantity(1.0, "m", title="Preferred distance", ge=0.0, advanced=True)
     """The graph grows from the surfacing whose distance is closest to this (R_d)."""
-    edges_per_call: int = quantity(3, title="Edges per pair", ge=1, le=50, advanced=True)
+    near_max: int = quantity(20, title="Most near surfacings", ge=1, le=30, advanced=True)
+    """At most this many surfacings within the near radius, drawn at random, are joined to a new
+    one; the graph would otherwise grow deep before it grows wide."""
+    edges_per_call: int = quantity(3, title="Edges per pair", ge=1, le=30, advanced=True)
     """Trajectories tried each time two surfacings are joined."""
     min_budget_fraction: float = quantity(
         0.9, title="Least budget spent", ge=0.0, lt=1.0, advanced=True
@@ -146,6 +149,11 @@ class SearchConfig(Configuration):
     of the machine; 0 lets the planning time decide alone."""
     memory_mb: int = quantity(300, "MB", title="Memory", ge=32, le=4000, advanced=True)
     """Most memory that the tables of the search may grow to; the search ends when they are full."""
+    points_per_edge_max: int = quantity(
+        16, title="Points per trajectory piece", ge=2, le=64, advanced=True
+    )
+    """Runs of successive planned samples between two surfacings are averaged until no more than
+    this many remain, while trajectories are compared; offered ones are scored with all of them."""
     past_samples_max: int = quantity(256, title="Past samples", ge=1, advanced=True)
     """Runs of successive past samples are averaged until no more than this many remain, while
     trajectories are compared; offered trajectories are scored with all of them."""

@@ -3,7 +3,7 @@
 from collections.abc import Callable
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.special import rel_entr
 
 from autonomy.arrays import FloatArray
@@ -74,6 +74,24 @@ class InformationGain:
         return float(np.linalg.slogdet(covariance).logabsdet)
 
 
+def known_factor(belief: FieldBelief, samples: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return the Cholesky factor of the covariance of samples with noise, then test points.
+
+    Args:
+        belief: Kernel and test points.
+        samples: Past samples, shape ``(n, 3)``.
+        noise: Noise variance of each, shape ``(n,)``.
+
+    Returns:
+        Lower triangular, shape ``(n + q, n + q)``.
+    """
+    known = np.concatenate([samples, belief.test_points])  # (n + q, 3)
+    gram = matern32(known, known, belief.kernel())
+    jitter = np.full(len(belief.test_points), RELATIVE_JITTER * belief.signal_variance)
+    gram[np.diag_indices_from(gram)] += np.concatenate([noise, jitter])
+    return np.asarray(np.linalg.cholesky(gram), dtype=np.float64)
+
+
 class MutualInformation:
     r"""The same gain by the symmetry of mutual information; far fewer operations.
 
@@ -86,21 +104,16 @@ class MutualInformation:
         self._position_error_counts = position_error_counts
         self._past = len(belief.sample_points)
         self._known = np.concatenate([belief.sample_points, belief.test_points])  # (n + q, 3)
-        kernel = belief.kernel()
-        gram = matern32(self._known, self._known, kernel)
-        gram[np.diag_indices_from(gram)] += np.concatenate(
-            [
-                belief.sample_noise(position_error_counts),
-                np.full(len(belief.test_points), RELATIVE_JITTER * belief.signal_variance),
-            ]
-        )
-        self._factor = np.linalg.cholesky(gram)
+        noise = belief.sample_noise(position_error_counts)
+        self._factor = known_factor(belief, belief.sample_points, noise)
 
     def __call__(self, points: FloatArray) -> float:
         """Return the gain of planned points ``(m, 5)``."""
         belief, kernel = self._belief, self._belief.kernel()
         planned = points[:, 1:4]
-        white = np.linalg.solve(self._factor, matern32(self._known, planned, kernel))  # (n + q, m)
+        white = solve_triangular(
+            self._factor, matern32(self._known, planned, kernel), lower=True
+        )  # (n + q, m)
         prior = matern32(planned, planned, kernel)
         prior += np.diag(planned_noise(belief, points[:, 4], self._position_error_counts))
         past, test = white[: self._past], white[self._past :]

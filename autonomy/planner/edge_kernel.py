@@ -1,0 +1,302 @@
+"""Compiled twin of ``autonomy.planner.edge``: the same draws give the same edges."""
+
+import math
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.compiled import kernel
+from autonomy.planner.limits import Limits
+from autonomy.planner.plan import Leg, PrimitiveKind
+
+GLIDE, SPIRAL, DIVE, SWIM = range(4)
+KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
+"""Primitive of each number above."""
+KIND, X0, Y0, Z0, X1, Y1, Z1, SPEED, DURATION, ENERGY, HEADING, RADIUS, TURN = range(13)
+LEG_COLUMNS = 13
+"""Columns of a leg in an array of legs."""
+_TINY_M = 1e-6
+_EDGE_MARGIN_M = 1e-9
+
+
+def leg_of(row: FloatArray) -> Leg:
+    """Return one row of an array of legs as a value."""
+    return Leg(
+        kind=KINDS[int(row[KIND])],
+        start_ned=(float(row[X0]), float(row[Y0]), float(row[Z0])),
+        end_ned=(float(row[X1]), float(row[Y1]), float(row[Z1])),
+        speed_m_s=float(row[SPEED]),
+        duration_s=float(row[DURATION]),
+        energy=float(row[ENERGY]),
+        heading_rad=float(row[HEADING]),
+        radius_m=float(row[RADIUS]),
+        turn_rad=float(row[TURN]),
+    )
+
+
+@kernel
+def propose(
+    limits: Limits,
+    start: tuple[float, float],
+    goal: tuple[float, float],
+    rng: np.random.Generator,
+    legs: FloatArray,
+) -> int:
+    """Draw the legs of one edge between two surface points (``edge.propose_edge``).
+
+    Args:
+        limits: What edges are made from.
+        start: North and east of the surfacing that the edge leaves.
+        goal: North and east of the surfacing that it must reach.
+        rng: Source of chance.
+        legs: Receives the legs, shape ``(legs_max, LEG_COLUMNS)``.
+
+    Returns:
+        Number of legs; 0 if the edge does not reach the goal or breaks the budget.
+    """
+    x, y, z = start[0], start[1], 0.0
+    count = 0
+    for _ in range(1 + int(rng.random() * limits.primitives_max)):
+        kind = int(rng.random() * 4)
+        heading = math.atan2(goal[1] - y, goal[0] - x)
+        heading += limits.bearing_noise * rng.standard_normal()
+        leg = legs[count]
+        if kind == SWIM:
+            drawn = _draw_swim(limits, x, y, z, heading, rng, leg)
+        else:
+            drawn = _draw_descent(limits, kind, x, y, z, heading, rng, leg)
+        if drawn and _is_inside(limits, leg):
+            x, y, z = leg[X1], leg[Y1], leg[Z1]
+            count += 1
+    count = _close(limits, x, y, z, goal, legs, count)
+    energy = 0.0
+    for i in range(count):
+        energy += legs[i, ENERGY]
+    return count if energy <= limits.budget else 0
+
+
+@kernel
+def _draw_swim(
+    limits: Limits,
+    x: float,
+    y: float,
+    z: float,
+    heading: float,
+    rng: np.random.Generator,
+    leg: FloatArray,
+) -> bool:
+    length = limits.swim_length_min
+    length += (limits.swim_length_max - limits.swim_length_min) * rng.random()
+    if z > 0.0 and not limits.swims_under_water:
+        return False
+    x1, y1 = x + length * math.cos(heading), y + length * math.sin(heading)
+    _write(limits, leg, SWIM, (x, y, z), (x1, y1, z), limits.swim_speed, length)
+    return True
+
+
+@kernel
+def _draw_descent(
+    limits: Limits,
+    kind: int,
+    x: float,
+    y: float,
+    z: float,
+    heading: float,
+    rng: np.random.Generator,
+    leg: FloatArray,
+) -> bool:
+    depth = rng.random() * limits.depth_max
+    if depth < limits.depth_change_min:
+        depth = 0.0
+    change = abs(depth - z)
+    if change < limits.depth_change_min:
+        return False
+    here = (x, y, z)
+    if kind == DIVE:
+        _write(limits, leg, DIVE, here, (x, y, depth), limits.dive_speed, change)
+        return True
+    if kind == GLIDE:
+        angle = limits.glide_angle_min
+        angle += (limits.glide_angle_max - limits.glide_angle_min) * rng.random()
+        reach = change / math.tan(angle)
+        end = (x + reach * math.cos(heading), y + reach * math.sin(heading), depth)
+        _write(limits, leg, GLIDE, here, end, limits.glide_speed, change)
+        return True
+    radius = limits.spiral_radius_min
+    radius += (limits.spiral_radius_max - limits.spiral_radius_min) * rng.random()
+    rise = limits.spiral_rise_min
+    rise += (limits.spiral_rise_max - limits.spiral_rise_min) * rng.random()
+    turn = change / rise
+    if rng.random() < 0.5:
+        turn = -turn
+    x1, y1 = _on_circle(x, y, heading, radius, turn)
+    _write(limits, leg, SPIRAL, here, (x1, y1, depth), limits.spiral_speed, change)
+    leg[HEADING], leg[RADIUS], leg[TURN] = heading, radius, turn
+    return True
+
+
+@kernel
+def _close(
+    limits: Limits,
+    x: float,
+    y: float,
+    z: float,
+    goal: tuple[float, float],
+    legs: FloatArray,
+    count: int,
+) -> int:
+    """Append what brings the robot up and to the goal; return the number of legs, 0 if nothing."""
+    distance = math.hypot(goal[0] - x, goal[1] - y)
+    up = (goal[0], goal[1], 0.0)
+    if z > 0.0:
+        angle = math.atan2(z, distance)
+        if limits.glide_angle_min <= angle <= limits.glide_angle_max:
+            _write(limits, legs[count], GLIDE, (x, y, z), up, limits.glide_speed, z)
+            return count + 1
+        _write(limits, legs[count], DIVE, (x, y, z), (x, y, 0.0), limits.dive_speed, z)
+        count += 1
+    if distance > limits.swim_length_max:
+        return 0
+    if distance > _TINY_M:
+        _write(limits, legs[count], SWIM, (x, y, 0.0), up, limits.swim_speed, distance)
+        count += 1
+    return count
+
+
+@kernel
+def _write(
+    limits: Limits,
+    leg: FloatArray,
+    kind: int,
+    start: tuple[float, float, float],
+    end: tuple[float, float, float],
+    speed: float,
+    way: float,
+) -> None:
+    leg[KIND] = kind
+    leg[X0], leg[Y0], leg[Z0] = start
+    leg[X1], leg[Y1], leg[Z1] = end
+    leg[SPEED] = speed
+    duration = way / speed
+    leg[DURATION] = duration
+    if kind == SWIM:
+        phase = 4.0 * math.pi * limits.tail_frequency * duration
+        squared_rate = 0.5 * math.pi * limits.tail_amplitude**2 * limits.tail_frequency
+        work = limits.swim_factor * squared_rate * (math.sin(phase) + phase)
+    elif kind == DIVE:
+        work = limits.dive_energy
+    elif kind == GLIDE:
+        work = limits.glide_energy
+    else:
+        work = limits.spiral_energy
+    leg[ENERGY] = work + limits.time_factor * duration
+    straight = kind in (GLIDE, SWIM)
+    leg[HEADING] = math.atan2(end[1] - start[1], end[0] - start[0]) if straight else 0.0
+    leg[RADIUS] = 0.0
+    leg[TURN] = 0.0
+
+
+@kernel
+def _on_circle(
+    x: float, y: float, heading: float, radius: float, turn: float
+) -> tuple[float, float]:
+    side = math.copysign(radius, turn)
+    later = heading + turn
+    return (
+        x + side * (math.sin(later) - math.sin(heading)),
+        y - side * (math.cos(later) - math.cos(heading)),
+    )
+
+
+@kernel
+def _holds(limits: Limits, x: float, y: float) -> bool:
+    return (
+        limits.x_min - _EDGE_MARGIN_M <= x <= limits.x_max + _EDGE_MARGIN_M
+        and limits.y_min - _EDGE_MARGIN_M <= y <= limits.y_max + _EDGE_MARGIN_M
+    )
+
+
+@kernel
+def _is_inside(limits: Limits, leg: FloatArray) -> bool:
+    if not _holds(limits, leg[X1], leg[Y1]):
+        return False
+    if leg[KIND] == SPIRAL:
+        quarter = math.pi / 2.0
+        heading, turn = leg[HEADING], leg[TURN]
+        low = min(heading, heading + turn)
+        high = max(heading, heading + turn)
+        for k in range(math.ceil(low / quarter), math.floor(high / quarter) + 1):
+            x, y = _on_circle(leg[X0], leg[Y0], heading, leg[RADIUS], k * quarter - heading)
+            if not _holds(limits, x, y):
+                return False
+    return True
+
+
+@kernel
+def place_points(limits: Limits, legs: FloatArray, count: int, points: FloatArray) -> int:
+    """Place the planned points of an edge (``edge.planned_points``).
+
+    Args:
+        limits: What edges are made from.
+        legs: Legs of the edge, shape ``(legs_max, LEG_COLUMNS)``.
+        count: Number of legs.
+        points: Receives time, north, east, down, position std, shape ``(points_max, 5)``.
+
+    Returns:
+        Number of points; 0 if the position becomes less certain than allowed on the way.
+    """
+    total = 0.0
+    for i in range(count):
+        total += legs[i, DURATION]
+    number = max(math.ceil(total / limits.point_interval - 1e-9), 1)
+    a, b, d = limits.surface_position, limits.surface_cross, limits.surface_velocity
+    i = 0
+    leg_end = legs[0, DURATION]
+    before = 0.0
+    for row in range(number):
+        time = min((row + 1) * limits.point_interval, total)
+        while i < count - 1 and leg_end < time:
+            i += 1
+            leg_end += legs[i, DURATION]
+        fraction = 1.0 - (leg_end - time) / legs[i, DURATION]
+        x, y, z = _at(legs[i], fraction)
+        a, b, d = _step(limits, a, b, d, time - before, z <= limits.surface_depth)
+        std = math.sqrt(a)
+        if std > limits.max_uncertainty:
+            return 0
+        points[row, 0], points[row, 1], points[row, 2], points[row, 3] = time, x, y, z
+        points[row, 4] = std
+        before = time
+    return number
+
+
+@kernel
+def _at(leg: FloatArray, fraction: float) -> tuple[float, float, float]:
+    z = leg[Z0] + fraction * (leg[Z1] - leg[Z0])
+    if leg[KIND] == SPIRAL:
+        x, y = _on_circle(leg[X0], leg[Y0], leg[HEADING], leg[RADIUS], fraction * leg[TURN])
+        return x, y, z
+    return (
+        leg[X0] + fraction * (leg[X1] - leg[X0]),
+        leg[Y0] + fraction * (leg[Y1] - leg[Y0]),
+        z,
+    )
+
+
+@kernel
+def _step(
+    limits: Limits, a: float, b: float, d: float, dt: float, has_fix: bool
+) -> tuple[float, float, float]:
+    """Advance one axis of the position filter (``AxisCovariance.step``): P_pp, P_pv, P_vv."""
+    q = limits.acceleration_density
+    a += 2.0 * dt * b + dt * dt * d + q * dt**3 / 3.0
+    b += dt * d + q * dt * dt / 2.0
+    d += q * dt
+    noise = limits.drift_variance / dt
+    s = d + noise
+    a, b, d = a - b * b / s, b * noise / s, d * noise / s
+    if has_fix:
+        noise = limits.fix_variance
+        s = a + noise
+        a, b, d = a * noise / s, b * noise / s, d - b * b / s
+    return a, b, d

@@ -1,0 +1,248 @@
+"""The multigraph of surfacings that a search grows, as arrays that compiled code shares.
+
+Nodes are points of the surface; edges are trajectories between two of them; a path is its last
+edge and the path before that. Edges are *staged* first, in a part of the edge tables behind the
+kept ones, and kept only when a path uses them. The best distinct trajectories, the *elite*, own
+copies of their edges in a third part between the two, so they outlive everything else.
+"""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from autonomy.arrays import BoolArray, FloatArray, IntArray
+from autonomy.compiled import kernel
+from autonomy.planner import outcome
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.edge_kernel import LEG_COLUMNS
+from autonomy.planner.limits import Limits, legs_max, limits_of, points_max
+
+Int32Array = npt.NDArray[np.int32]
+
+NODES, EDGES, PATHS, STAGED, PROPOSALS, CANDIDATES, SERIAL, RESERVOIR_FULL, TABLES_FULL = range(9)
+"""Places in ``Graph.tally``."""
+DEPTH_MAX = 48
+"""Most edges of one path; a round's budget ends far earlier."""
+BINS = 20
+"""Slices of the budget; each node keeps its best paths of every slice."""
+SHORT = 1e9
+"""Subtracted from the worth of a trajectory that spends too little to be compared."""
+STAGED_MAX = 96
+"""Most edges staged at once."""
+_ELITES_MIN = 4
+_NODES_MAX = 4096
+
+
+class Graph(NamedTuple):
+    """Arrays of a search; ``tally`` tells how much of each is in use."""
+
+    limits: Limits
+    step: float
+    near_radius: float
+    nearest_radius: float
+    edges_per_call: int
+    near_max: int
+    least_energy: float
+    """Lower bound on the energy of any edge."""
+    least_spent: float
+    """Only trajectories that spend more than this are compared."""
+    tally: IntArray
+    node_xy: FloatArray
+    node_is_open: BoolArray
+    slot: Int32Array
+    """Path in each slot of each node, -1 where empty, ``(nodes, BINS * paths per bin)``."""
+    edge_legs: FloatArray
+    edge_leg_count: Int32Array
+    edge_energy: FloatArray
+    edge_worth: FloatArray
+    """Worth of the edge alone."""
+    edge_serial: IntArray
+    """Number that an edge shares with its copies only."""
+    staged_points: FloatArray
+    staged_point_count: Int32Array
+    staged_source: Int32Array
+    """Node that each staged edge leaves."""
+    proposal: Int32Array
+    """First staged edge of each proposal, and one behind the last."""
+    path_parent: Int32Array
+    path_edge: Int32Array
+    path_energy: FloatArray
+    path_worth: FloatArray
+    elite_block: Int32Array
+    """Block of ``DEPTH_MAX`` edges that each elite trajectory owns; the last one is free."""
+    elite_length: Int32Array
+    elite_energy: FloatArray
+    elite_worth: FloatArray
+    """Worth of each elite trajectory, less ``SHORT`` if it spends too little."""
+    copied: Int32Array
+    """Source and target of the edges that an elite trajectory was last made of."""
+    gap: IntArray
+    """The elite trajectory being refined, first edge taken out, number of edges taken out."""
+
+
+def graph_of(
+    config: PlannerConfig, start_xy: tuple[float, float], budget: float, edges: int, paths: int
+) -> Graph:
+    """Lay out the arrays of a search that holds so many edges and paths, with its first node.
+
+    The arrays are large but untouched: the system gives memory to the part in use only.
+    """
+    search = config.search
+    elites = max(_ELITES_MIN, search.runners_up + 1)
+    all_edges = edges + (elites + 1) * DEPTH_MAX + STAGED_MAX
+    slots = max(1, -(-search.paths_per_node // BINS)) * BINS
+    graph = Graph(
+        limits=limits_of(config, budget),
+        step=search.step_m,
+        near_radius=search.near_radius_m,
+        nearest_radius=search.nearest_radius_m,
+        edges_per_call=search.edges_per_call,
+        near_max=search.near_max,
+        least_energy=outcome.least_energy(config),
+        least_spent=search.min_budget_fraction * budget,
+        tally=np.zeros(9, dtype=np.int64),
+        node_xy=np.empty((_NODES_MAX, 2)),
+        node_is_open=np.empty(_NODES_MAX, dtype=np.bool_),
+        slot=np.empty((_NODES_MAX, slots), dtype=np.int32),
+        edge_legs=np.empty((all_edges, legs_max(config), LEG_COLUMNS)),
+        edge_leg_count=np.empty(all_edges, dtype=np.int32),
+        edge_energy=np.empty(all_edges),
+        edge_worth=np.empty(all_edges),
+        edge_serial=np.empty(all_edges, dtype=np.int64),
+        staged_points=np.empty((STAGED_MAX, points_max(config), 5)),
+        staged_point_count=np.empty(STAGED_MAX, dtype=np.int32),
+        staged_source=np.empty(STAGED_MAX, dtype=np.int32),
+        proposal=np.empty(STAGED_MAX + 1, dtype=np.int32),
+        path_parent=np.empty(paths, dtype=np.int32),
+        path_edge=np.empty(paths, dtype=np.int32),
+        path_energy=np.empty(paths),
+        path_worth=np.empty(paths),
+        elite_block=np.arange(elites + 1, dtype=np.int32),
+        elite_length=np.zeros(elites, dtype=np.int32),
+        elite_energy=np.zeros(elites),
+        elite_worth=np.full(elites, -np.inf),
+        copied=np.empty((DEPTH_MAX, 2), dtype=np.int32),
+        gap=np.zeros(3, dtype=np.int64),
+    )
+    _plant(graph, start_xy[0], start_xy[1])
+    return graph
+
+
+@kernel
+def _plant(graph: Graph, x: float, y: float) -> None:
+    """Put the first node and the empty path, number 0, which reaches it."""
+    open_node(graph, x, y)
+    graph.path_parent[0] = -1
+    graph.path_edge[0] = -1
+    graph.path_energy[0] = 0.0
+    graph.path_worth[0] = 0.0
+    graph.slot[0, 0] = 0
+    graph.tally[NODES] = 1
+    graph.tally[PATHS] = 1
+
+
+@kernel
+def open_node(graph: Graph, x: float, y: float) -> None:
+    """Prepare the node behind the last one; it counts once ``tally[NODES]`` says so."""
+    node = graph.tally[NODES]
+    graph.node_xy[node, 0] = x
+    graph.node_xy[node, 1] = y
+    graph.node_is_open[node] = True
+    graph.slot[node, :] = -1
+
+
+@kernel
+def find_slot(graph: Graph, node: int, energy: float) -> int:
+    """Return where a path that spends ``energy`` would be kept at a node.
+
+    That is an empty slot of its slice of the budget, or the slot of the slice's worst path.
+    """
+    per_bin = graph.slot.shape[1] // BINS
+    bin_number = min(int(BINS * energy / graph.limits.budget), BINS - 1)
+    worst, place = math.inf, -1
+    for i in range(bin_number * per_bin, (bin_number + 1) * per_bin):
+        path = graph.slot[node, i]
+        if path < 0:
+            return i
+        if graph.path_worth[path] < worst:
+            worst, place = graph.path_worth[path], i
+    return place
+
+
+@kernel
+def slot_worth(graph: Graph, node: int, place: int) -> float:
+    """Return the worth of the path in a slot, minus infinity if it is empty."""
+    path = graph.slot[node, place]
+    return float(graph.path_worth[path]) if path >= 0 else -math.inf
+
+
+@kernel
+def add_path(
+    graph: Graph, node: int, place: int, parent: int, edge: int, energy: float, worth: float
+) -> int:
+    """Keep a path in a slot of a node; return its number."""
+    path = graph.tally[PATHS]
+    if graph.slot[node, place] >= 0:
+        graph.tally[RESERVOIR_FULL] = 1
+    graph.path_parent[path] = parent
+    graph.path_edge[path] = edge
+    graph.path_energy[path] = energy
+    graph.path_worth[path] = worth
+    graph.slot[node, place] = path
+    graph.tally[PATHS] = path + 1
+    return path
+
+
+@kernel
+def chain_of(graph: Graph, path: int, chain: Int32Array) -> int:
+    """Write the path and those before it, first one first, without the empty path."""
+    depth = 0
+    while path > 0:
+        chain[depth] = path
+        path = graph.path_parent[path]
+        depth += 1
+    for i in range(depth // 2):
+        chain[i], chain[depth - 1 - i] = chain[depth - 1 - i], chain[i]
+    return depth
+
+
+@kernel
+def first_staged(graph: Graph) -> int:
+    """Return the number of the first staged edge."""
+    return len(graph.edge_energy) - len(graph.staged_point_count)
+
+
+@kernel
+def keep_edge(graph: Graph, edge: int) -> int:
+    """Copy a staged edge to the kept ones; return its number, -1 if there is no room."""
+    kept = graph.tally[EDGES]
+    if kept == first_staged(graph) - len(graph.elite_block) * DEPTH_MAX:
+        return -1
+    copy_edge(graph, edge, kept)
+    graph.tally[EDGES] = kept + 1
+    return kept
+
+
+@kernel
+def settle_node(graph: Graph) -> None:
+    """Lines 12 to 15: count the new node if a path reaches it, and close it if none can go on."""
+    node = graph.tally[NODES]
+    least = math.inf
+    for path in graph.slot[node]:
+        if path >= 0:
+            least = min(least, graph.path_energy[path])
+    if least < math.inf:
+        graph.node_is_open[node] = least + graph.least_energy <= graph.limits.budget
+        graph.tally[NODES] = node + 1
+
+
+@kernel
+def copy_edge(graph: Graph, source: int, target: int) -> None:
+    """Copy one edge, as far as the graph knows it."""
+    graph.edge_legs[target] = graph.edge_legs[source]
+    graph.edge_leg_count[target] = graph.edge_leg_count[source]
+    graph.edge_energy[target] = graph.edge_energy[source]
+    graph.edge_worth[target] = graph.edge_worth[source]
+    graph.edge_serial[target] = graph.edge_serial[source]
