@@ -21,6 +21,11 @@ def configuration(connection: Connection | None = None) -> Config:
     return config
 
 
+def schema_version(connection: Connection) -> str | None:
+    """Return the revision of a database, or ``None`` before its first migration."""
+    return MigrationContext.configure(connection).get_current_revision()
+
+
 def migrate(engine: Engine) -> None:
     """Apply every migration that the database lacks, all in one transaction.
 
@@ -30,7 +35,7 @@ def migrate(engine: Engine) -> None:
     with engine.begin() as connection:
         config = configuration(connection)
         scripts = ScriptDirectory.from_config(config)
-        present = MigrationContext.configure(connection).get_current_revision()
+        present = schema_version(connection)
         known = {script.revision for script in scripts.walk_revisions()}
         if present is not None and present not in known:
             raise NewerSchemaError(

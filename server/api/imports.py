@@ -13,11 +13,11 @@ from fastapi import APIRouter, Form, UploadFile
 from server.api.dependency import FoundationDep, Pilot
 from server.job import JobProgress
 from server.recording.intake import ImportOrder, run_import
+from server.recording.robot_id import ROBOT_ID
 from server.recording.table import Policy
 from server.service.view.base import View
 
 router = APIRouter(prefix="/api/imports", tags=["data"])
-ROBOT_ID = r"^[a-z0-9][a-z0-9-]{0,39}$"
 
 
 @dataclass(frozen=True, slots=True)

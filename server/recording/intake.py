@@ -37,7 +37,10 @@ from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
 
 SHOWN_FAULTS = 100
 """So many broken rows are named in an answer; their number is always told."""
-_READ_SHARE, _KEPT_SHARE = 0.3, 0.5
+READ_SHARE = 0.2
+"""Share of the work that is done when the file is read."""
+KEPT_SHARE = 0.3
+"""Share of the work that is done when the rows are kept; the rest is the maps."""
 Outcomes = Sequence[FittedMap | FitFailure]
 
 
@@ -65,16 +68,16 @@ async def run_import(
     loop = asyncio.get_running_loop()
 
     def told(share: float) -> None:
-        loop.call_soon_threadsafe(progress.report, share * _READ_SHARE, "Reading the file")
+        loop.call_soon_threadsafe(progress.report, share * READ_SHARE, "Reading the file")
 
     recording, log = await asyncio.to_thread(read_order, order, told)
-    progress.report(_READ_SHARE, f"Keeping {len(recording.time_s)} rows")
+    progress.report(READ_SHARE, f"Keeping {len(recording.time_s)} rows")
     at = clock.now()
     try:
         deployment = await store.write(lambda s: keep_order(s, order, recording, log, at))
     except DeploymentExistsError as error:
         raise JobError(str(error)) from error
-    progress.report(_KEPT_SHARE, "Learning the maps")
+    progress.report(KEPT_SHARE, "Learning the maps")
     problem = await store.query(lambda session: fit_problem(session, order.robot, recording))
     outcomes = await _fit_in_worker(problem, progress)
     at = clock.now()
@@ -156,6 +159,11 @@ def import_result(
     }
 
 
+def fit_share(share: float) -> float:
+    """Return the share of the whole import when a share of the maps is done."""
+    return KEPT_SHARE + share * (1.0 - KEPT_SHARE)
+
+
 def fault_documents(faults: Sequence[RowFault]) -> list[dict[str, Any]]:
     """Return the first broken rows as JSON."""
     return [{"line": fault.line, "reason": fault.reason} for fault in faults[:SHOWN_FAULTS]]
@@ -172,7 +180,7 @@ def _scores(outcomes: Outcomes) -> list[dict[str, Any]]:
 async def _fit_in_worker(problem: FitProblem, progress: JobProgress) -> Outcomes:
     def told(news: tuple[float, str]) -> None:
         share, message = news
-        progress.report(_KEPT_SHARE + share * (1.0 - _KEPT_SHARE), message)
+        progress.report(fit_share(share), message)
 
     pool = WorkerPool()
     try:

@@ -93,6 +93,7 @@ def scores_document(fit: RecordedFit) -> dict[str, Any]:
     return {
         "model": fit.config.model,
         "title": f"{VARIABLES[fit.config.variable].title}, held out",
+        "unit": _unit(fit.config.variable),
         "rmse": fit.scores.rmse * fit.value_std,
         "rmse_in_std": fit.scores.rmse,
         "nlpd": fit.scores.nlpd,
@@ -102,3 +103,8 @@ def scores_document(fit: RecordedFit) -> dict[str, Any]:
         "held_out": fit.test,
         "message": fit.message,
     }
+
+
+def _unit(variable_key: str) -> str:
+    variable = VARIABLES[variable_key]
+    return f"log {variable.unit}" if variable.scale == "log" else variable.unit

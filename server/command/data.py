@@ -1,0 +1,70 @@
+"""What the verbs that work on a data folder share: its options, its database, its clock."""
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from db.fault import StoreError
+from db.migrate import NewerSchemaError
+from db.store import Store
+from robot_link.clock import Clock
+from server.clock_file import read_clock
+from server.command.failure import CommandError
+from server.data_folder import CLOCK_FILE
+from server.problem import Problem
+from server.settings import Settings
+
+
+def add_data_option(parser: ArgumentParser) -> None:
+    """Add ``--data``."""
+    parser.add_argument(
+        "--data",
+        type=Path,
+        metavar="DIR",
+        help="data folder of the station (default: GRACE_DATA_DIR, or the user's data folder)",
+    )
+
+
+def settings_of(arguments: Namespace, **more: Any) -> Settings:  # noqa: ANN401 - fields of the settings
+    """Return the settings of an invocation: what was said here, else the environment.
+
+    Raises:
+        CommandError: If they do not fit; the sentence names the setting.
+    """
+    said = {"data_dir": arguments.data, **more}
+    try:
+        return Settings(**{name: value for name, value in said.items() if value is not None})
+    except ValidationError as error:
+        first = error.errors()[0]
+        name = ".".join(str(part) for part in first["loc"])
+        message = first["msg"].removeprefix("Value error, ")
+        raise CommandError(f"{name}: {message}" if name else message, status=2) from error
+
+
+def clock_of(settings: Settings) -> Clock:
+    """Return the clock of a data folder: a demo's scaled one where it has one."""
+    clock_file = settings.clock_file or settings.data_dir / CLOCK_FILE
+    return read_clock(clock_file if clock_file.exists() else None)
+
+
+@contextmanager
+def open_store(settings: Settings) -> Generator[Store]:
+    """Open the database of a data folder; refusals on the way become a ``CommandError``.
+
+    A station may be running on it: both then write in turns.
+    """
+    try:
+        settings.data_dir.mkdir(parents=True, exist_ok=True)
+        store = Store.open(settings.resolved_database_url)
+    except (StoreError, NewerSchemaError, OSError, ValueError) as error:
+        raise CommandError(f"{settings.resolved_database_url}: {error}") from error
+    try:
+        yield store
+    except (StoreError, Problem) as error:
+        raise CommandError(str(error)) from error
+    finally:
+        store.close()

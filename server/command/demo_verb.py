@@ -1,0 +1,163 @@
+"""``grace demo``: a station and two robots that do not exist."""
+
+import asyncio
+import os
+import shutil
+import socket
+import sys
+import tempfile
+import webbrowser
+from argparse import ArgumentParser, Namespace
+from collections.abc import Generator
+from contextlib import contextmanager
+from datetime import datetime, timedelta
+from pathlib import Path
+
+from sqlalchemy.orm import Session
+
+from db.query.people import add_person, find_person
+from db.query.robots import RobotRecord, add_robot, change_robot, list_robots
+from robot_link.clock import Clock
+from server.clock_file import read_clock, start_clock, stop_clock
+from server.command.data import add_data_option, open_store, settings_of
+from server.command.failure import CommandError
+from server.command.simulate_verb import LINK_FOLDER
+from server.command.supervisor import Child, Supervisor
+from server.data_folder import CLOCK_FILE
+from server.security import register
+from server.security.role import Role
+from simulator.fleet import FLEET, RobotDefinition
+
+DEFAULT_PORT = 8000
+PORTS_TRIED = 20
+PERSON = "demo"
+LINK_LIFETIME = timedelta(hours=12)
+"""How long the printed sign-in waits for its one use; it opens a station on loopback only."""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the options of the verb."""
+    add_data_option(parser)
+    parser.add_argument("--speed", type=float, default=1.0, help="how many times faster than life")
+    parser.add_argument("--port", type=int, help=f"port to listen on (default: {DEFAULT_PORT})")
+    parser.add_argument("--seed", type=int, default=0, help="starting point of all randomness")
+    parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
+
+
+def run(arguments: Namespace) -> int:
+    """Run station and simulator until Ctrl-C."""
+    if not 0.1 <= arguments.speed <= 50.0:
+        raise CommandError("--speed lies between 0.1 and 50.", status=2)
+    with _listener(arguments.port) as listener, _data_folder(arguments.data) as folder:
+        clock_file = folder / CLOCK_FILE
+        start_clock(clock_file, arguments.speed)
+        sign_in = _prepare(folder, read_clock(clock_file))
+        try:
+            return asyncio.run(_supervise(arguments, folder, listener, sign_in))
+        finally:
+            stop_clock(clock_file)
+
+
+async def _supervise(
+    arguments: Namespace, folder: Path, listener: socket.socket, sign_in: str
+) -> int:
+    url = f"http://127.0.0.1:{listener.getsockname()[1]}"
+    grace = (sys.executable, "-m", "server.command")
+    data = ("--data", str(folder), "--parent-pid", str(os.getpid()))
+    clock = ("--clock-file", str(folder / CLOCK_FILE))
+    port = ("--port", str(listener.getsockname()[1]), "--listen-fd", str(listener.fileno()))
+    simulator = Child("simulator", (*grace, "simulate", *data, "--seed", str(arguments.seed)))
+    station = Child(
+        "station",
+        (*grace, "serve", *data, *clock, *port, "--simulation"),
+        pass_fds=(listener.fileno(),),
+        health_url=f"{url}/api/health",
+    )
+
+    def ready() -> None:
+        print(f"SIMULATION at {arguments.speed:g}x. Data: {folder}", flush=True)
+        print(f"Open {url}/sign-in?token={sign_in}", flush=True)
+        print("Ctrl-C stops everything.", flush=True)
+        if not arguments.no_browser and _has_screen():
+            webbrowser.open(f"{url}/sign-in?token={sign_in}")
+
+    return await Supervisor((simulator, station), folder / "log", ready).run()
+
+
+def _prepare(folder: Path, clock: Clock) -> str:
+    """Make the robots and the person known to the folder's database; return a one-time sign-in."""
+    at = clock.now()
+
+    def prepare(session: Session) -> str:
+        known = {robot.id for robot in list_robots(session)}
+        for definition in FLEET.values():
+            robot = _record(definition, folder, at)
+            if robot.id in known:
+                change_robot(session, robot.id, links=robot.links)
+            else:
+                add_robot(session, robot)
+        if find_person(session, PERSON) is None:
+            add_person(session, PERSON, Role.ADMIN, None, at)
+        return register.create_sign_in_link(
+            session, PERSON, LINK_LIFETIME, at=at, by="grace demo"
+        ).secret
+
+    (folder / LINK_FOLDER).mkdir(exist_ok=True)
+    with open_store(settings_of(Namespace(data=folder))) as store:
+        return store.change(prepare).result()
+
+
+def _record(definition: RobotDefinition, folder: Path, at: datetime) -> RobotRecord:
+    link = folder.resolve() / LINK_FOLDER / definition.link_name
+    return RobotRecord(
+        id=definition.robot,
+        name=definition.robot,
+        model=definition.vehicle.key,
+        kind="simulated",
+        system_id=definition.system_id,
+        links=(f"xbee://{link}",),
+        site=definition.site,
+        created_at=at,
+    )
+
+
+@contextmanager
+def _data_folder(wanted: Path | None) -> Generator[Path]:
+    if wanted is not None:
+        wanted.mkdir(parents=True, exist_ok=True)
+        yield wanted.resolve()
+        return
+    fresh = Path(tempfile.mkdtemp(prefix="grace-demo-"))
+    try:
+        yield fresh
+    finally:
+        shutil.rmtree(fresh, ignore_errors=True)
+
+
+def _listener(wanted: int | None) -> socket.socket:
+    """Take the port for the whole demo, so that a station that starts again finds it free.
+
+    Raises:
+        CommandError: If the port that was asked for is taken, or every one that was tried.
+    """
+    ports = range(DEFAULT_PORT, DEFAULT_PORT + PORTS_TRIED) if wanted is None else (wanted,)
+    for port in ports:
+        listener = socket.socket()
+        listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            listener.bind(("127.0.0.1", port))
+        except OSError:
+            listener.close()
+            continue
+        if wanted is None and port != DEFAULT_PORT:
+            print(f"Port {DEFAULT_PORT} is taken; using {port}.", flush=True)
+        listener.listen()
+        listener.set_inheritable(True)
+        return listener
+    raise CommandError(f"Port {ports[0]} is taken or not allowed; choose another with --port.")
+
+
+def _has_screen() -> bool:
+    return sys.platform == "darwin" or bool(
+        os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY")
+    )

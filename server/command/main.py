@@ -1,0 +1,57 @@
+"""The command ``grace``: one verb, one module."""
+
+import importlib
+import sys
+from argparse import ArgumentParser
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from types import MappingProxyType
+
+from server.command.failure import CommandError
+
+VERBS: Mapping[str, str] = MappingProxyType(
+    {
+        "demo": "start the station with two simulated robots and print its address",
+        "serve": "start the station alone",
+        "simulate": "start the simulated robots alone",
+        "import": "take in a recorded deployment from CSV",
+        "export": "write a deployment as CSV, GeoJSON or KML",
+        "token": "create, list and revoke the tokens of scripts",
+        "user": "add people, change their role or password, make a sign-in link",
+        "db": "upgrade, inspect or copy the database",
+        "compile": "compile the numeric kernels ahead of time",
+    }
+)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run one verb and return the exit status.
+
+    A verb's module is imported only when it is asked for: it has ``add_arguments(parser)`` and
+    ``run(arguments) -> int``.
+    """
+    words = list(sys.argv[1:] if arguments is None else arguments)
+    parser = ArgumentParser(
+        prog="grace",
+        description="Ground station for gliding robotic fish and small underwater gliders.",
+        epilog="grace VERB --help says more about one.",
+    )
+    parser.add_argument("--version", action="version", version=version("grace-ground-station"))
+    verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
+    asked = next((word for word in words if not word.startswith("-")), None)
+    for verb, help_text in VERBS.items():
+        verb_parser = verbs.add_parser(
+            verb, help=help_text, description=f"{help_text[0].upper()}{help_text[1:]}."
+        )
+        if verb == asked:
+            module = importlib.import_module(f"server.command.{verb}_verb")
+            module.add_arguments(verb_parser)
+            verb_parser.set_defaults(run=module.run)
+    parsed = parser.parse_args(words)
+    try:
+        return parsed.run(parsed)
+    except CommandError as error:
+        print(f"grace {parsed.verb}: {error}", file=sys.stderr)
+        return error.status
+    except KeyboardInterrupt:
+        return 130

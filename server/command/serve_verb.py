@@ -1,0 +1,140 @@
+"""``grace serve``: the station."""
+
+import asyncio
+import logging
+import signal
+import socket
+from argparse import SUPPRESS, ArgumentParser, Namespace
+from collections.abc import Generator
+from contextlib import contextmanager
+from pathlib import Path
+
+import uvicorn
+
+from db.fault import StoreError
+from db.migrate import NewerSchemaError
+from server.app import create_app
+from server.command.data import add_data_option, settings_of
+from server.command.failure import CommandError
+from server.command.parent import end_with_parent
+from server.data_folder import DataFolderTakenError, hold_data_folder
+from server.settings import Settings
+
+GRACEFUL_STOP_S = 3
+LISTEN_BACKLOG = 128
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the options of the verb."""
+    add_data_option(parser)
+    parser.add_argument("--host", help="address to listen on (default: 127.0.0.1)")
+    parser.add_argument("--port", type=int, help="port to listen on (default: 8000; 0: a free one)")
+    parser.add_argument("--tls-certificate", type=Path, metavar="PEM", help="certificate chain")
+    parser.add_argument("--tls-key", type=Path, metavar="PEM", help="key of the certificate")
+    parser.add_argument(
+        "--behind-proxy", action="store_true", default=None, help="a reverse proxy speaks TLS"
+    )
+    parser.add_argument(
+        "--public-origin",
+        action="append",
+        metavar="URL",
+        help="origin that browsers see, where it differs; may be given again",
+    )
+    parser.add_argument(
+        "--simulation", action="store_true", default=None, help="mark everything SIMULATION"
+    )
+    parser.add_argument(
+        "--clock-file", type=Path, metavar="FILE", help="scaled clock that the simulator shares"
+    )
+    parser.add_argument("--listen-fd", type=int, help=SUPPRESS)
+    parser.add_argument("--parent-pid", type=int, help=SUPPRESS)
+
+
+def run(arguments: Namespace) -> int:
+    """Serve until told to stop."""
+    settings = settings_of(
+        arguments,
+        host=arguments.host,
+        port=arguments.port,
+        tls_certificate=arguments.tls_certificate,
+        tls_key=arguments.tls_key,
+        behind_proxy=arguments.behind_proxy,
+        public_origins=arguments.public_origin,
+        simulation=arguments.simulation,
+        clock_file=arguments.clock_file,
+    )
+    if arguments.parent_pid is not None:
+        end_with_parent(arguments.parent_pid)
+    logging.basicConfig(
+        level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s"
+    )
+    logging.getLogger("alembic").setLevel(logging.WARNING)
+    try:
+        with hold_data_folder(settings.data_dir), _listener(settings, arguments.listen_fd) as at:
+            asyncio.run(_serve(settings, at))
+    except (DataFolderTakenError, NewerSchemaError, StoreError, OSError) as error:
+        raise CommandError(str(error)) from error
+    return 0
+
+
+async def _serve(settings: Settings, listener: socket.socket) -> None:
+    app = create_app(settings)
+    server = _Server(
+        uvicorn.Config(
+            app,
+            lifespan="off",
+            log_config=None,
+            access_log=False,
+            ws_per_message_deflate=False,
+            timeout_graceful_shutdown=GRACEFUL_STOP_S,
+            proxy_headers=settings.behind_proxy,
+            ssl_certfile=settings.tls_certificate,
+            ssl_keyfile=settings.tls_key,
+        )
+    )
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, server.stop)
+    async with app.router.lifespan_context(app):
+        # Connections wait in the listener's queue from here on, so the address may be told.
+        listener.listen(LISTEN_BACKLOG)
+        _announce(settings, listener, app.state.first_code)
+        await server.serve(sockets=[listener])
+
+
+class _Server(uvicorn.Server):
+    """Leaves the signals to the caller: the station must be closed after the server, not by it."""
+
+    @contextmanager
+    def capture_signals(self) -> Generator[None]:
+        """Capture none."""
+        yield
+
+    def stop(self) -> None:
+        """Stop in order; asked again, stop at once."""
+        self.force_exit = self.should_exit
+        self.should_exit = True
+
+
+def _announce(settings: Settings, listener: socket.socket, first_code: str | None) -> None:
+    scheme = "https" if settings.has_tls else "http"
+    host = f"[{settings.host}]" if ":" in settings.host else settings.host
+    print(f"The station is at {scheme}://{host}:{listener.getsockname()[1]}", flush=True)
+    if first_code is not None:
+        print(f"Nobody can sign in yet: open it and use the code {first_code}", flush=True)
+
+
+def _listener(settings: Settings, inherited: int | None) -> socket.socket:
+    if inherited is not None:
+        return socket.socket(fileno=inherited)
+    listener = socket.socket(socket.AF_INET6 if ":" in settings.host else socket.AF_INET)
+    listener.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+    try:
+        listener.bind((settings.host, settings.port))
+    except OSError as error:
+        listener.close()
+        raise CommandError(
+            f"Port {settings.port} of {settings.host} cannot be used ({error.strerror}); "
+            "choose another with --port."
+        ) from error
+    return listener

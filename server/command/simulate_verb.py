@@ -1,0 +1,60 @@
+"""``grace simulate``: the simulated robots and their radios."""
+
+from argparse import SUPPRESS, ArgumentParser, Namespace
+
+from pydantic import ValidationError
+
+from server.clock_file import ClockAnchors, start_clock
+from server.command.data import add_data_option, settings_of
+from server.command.failure import CommandError
+from server.data_folder import CLOCK_FILE
+
+LINK_FOLDER = "links"
+"""Folder below the data folder where the station's ends of the radios appear."""
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the options of the verb."""
+    add_data_option(parser)
+    parser.add_argument(
+        "--speed", type=float, help="how many times faster than life (default: as it was, or 1)"
+    )
+    parser.add_argument("--seed", type=int, default=0, help="starting point of all randomness")
+    parser.add_argument("--loss", type=float, help="part of the radio frames that are lost")
+    parser.add_argument("--parent-pid", type=int, help=SUPPRESS)
+
+
+def run(arguments: Namespace) -> int:
+    """Simulate until told to stop."""
+    # The simulator is heavy to import; no other verb but this one runs it.
+    from simulator.process import run as run_simulator
+
+    from simulator.settings import SimulatorSettings
+
+    folder = settings_of(arguments).data_dir
+    folder.mkdir(parents=True, exist_ok=True)
+    clock_file = folder / CLOCK_FILE
+    if clock_file.exists() and arguments.speed is None:
+        anchors = ClockAnchors.model_validate_json(clock_file.read_text())
+    else:
+        anchors = start_clock(clock_file, arguments.speed or 1.0)
+    links = folder / LINK_FOLDER
+    links.mkdir(exist_ok=True)
+    said = {
+        "link_folder": links,
+        "wall_anchor": anchors.wall_anchor,
+        "time_anchor": anchors.time_anchor,
+        "speed": anchors.speed,
+        "seed": arguments.seed,
+        "parent_pid": arguments.parent_pid,
+        "loss": arguments.loss,
+    }
+    try:
+        settings = SimulatorSettings.model_validate(
+            {name: value for name, value in said.items() if value is not None}
+        )
+    except ValidationError as error:
+        first = error.errors()[0]
+        raise CommandError(f"{first['loc'][0]}: {first['msg']}", status=2) from error
+    run_simulator(settings)
+    return 0

@@ -1,0 +1,140 @@
+"""Starts child processes, starts one again that dies, and leaves none behind."""
+
+import asyncio
+import contextlib
+import signal
+import time
+from asyncio.subprocess import DEVNULL, Process
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import httpx
+
+READY_LIMIT_S = 60.0
+HEALTH_PERIOD_S = 0.1
+STOP_LIMIT_S = 10.0
+QUICK_DEATH_S = 5.0
+QUICK_DEATHS_MAX = 3
+TAIL_LINES = 15
+
+
+@dataclass(frozen=True, slots=True)
+class Child:
+    """One process to keep alive."""
+
+    name: str
+    command: Sequence[str]
+    pass_fds: tuple[int, ...] = ()
+    health_url: str | None = None
+    """Where it says that it is ready; a child without one is ready when it runs."""
+
+
+class Supervisor:
+    """Keeps children alive until SIGINT or SIGTERM, then ends them all.
+
+    What they print goes to one file each. Children run in sessions of their own, so that Ctrl-C
+    on a terminal reaches them through here, in order.
+    """
+
+    def __init__(
+        self, children: Sequence[Child], log_folder: Path, on_ready: Callable[[], None]
+    ) -> None:
+        self._children = children
+        self._log_folder = log_folder
+        self._on_ready = on_ready
+        self._stop = asyncio.Event()
+        self._status = 0
+
+    async def run(self) -> int:
+        """Return the exit status: 0 when told to stop, 1 when a child cannot be kept alive."""
+        self._log_folder.mkdir(exist_ok=True)
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            loop.add_signal_handler(number, self._stop.set)
+        keepers = [
+            asyncio.create_task(self._keep(child), name=f"keeper of the {child.name}")
+            for child in self._children
+        ]
+        announcer = asyncio.create_task(self._announce(), name="announcer")
+        await self._stop.wait()
+        announcer.cancel()
+        await asyncio.gather(announcer, return_exceptions=True)
+        await asyncio.gather(*keepers)
+        return self._status
+
+    def _log(self, child: Child) -> Path:
+        return self._log_folder / f"{child.name}.log"
+
+    async def _keep(self, child: Child) -> None:
+        """Start a child, and start it again when it dies, until told to stop."""
+        quick_deaths = 0
+        while not self._stop.is_set():
+            started_s = time.monotonic()
+            process = await self._start(child)
+            stop = asyncio.create_task(self._stop.wait(), name=f"stop of the {child.name}")
+            end = asyncio.create_task(process.wait(), name=f"end of the {child.name}")
+            await asyncio.wait((stop, end), return_when=asyncio.FIRST_COMPLETED)
+            stop.cancel()
+            if not end.done():
+                await _end(process)
+            await end
+            if self._stop.is_set():
+                return
+            quick = time.monotonic() - started_s < QUICK_DEATH_S
+            quick_deaths = quick_deaths + 1 if quick else 0
+            if quick_deaths == QUICK_DEATHS_MAX:
+                self._give_up(f"The {child.name} ends again and again", child)
+                return
+            print(f"The {child.name} ended unexpectedly; starting it again.", flush=True)
+
+    async def _start(self, child: Child) -> Process:
+        with self._log(child).open("ab") as log:
+            return await asyncio.create_subprocess_exec(
+                *child.command,
+                stdin=DEVNULL,
+                stdout=log,
+                stderr=log,
+                pass_fds=child.pass_fds,
+                start_new_session=True,
+            )
+
+    async def _announce(self) -> None:
+        deadline_s = time.monotonic() + READY_LIMIT_S
+        async with httpx.AsyncClient(timeout=1.0, trust_env=False) as client:
+            for child in self._children:
+                if child.health_url is not None and not await _is_healthy(
+                    client, child.health_url, deadline_s
+                ):
+                    self._give_up(f"The {child.name} was not ready in {READY_LIMIT_S:.0f} s", child)
+                    return
+        self._on_ready()
+
+    def _give_up(self, sentence: str, child: Child) -> None:
+        path = self._log(child)
+        tail = path.read_text(errors="replace").splitlines()[-TAIL_LINES:]
+        print(f"{sentence}. The end of {path}:", *tail, sep="\n  ", flush=True)
+        self._status = 1
+        self._stop.set()
+
+
+async def _is_healthy(client: httpx.AsyncClient, url: str, deadline_s: float) -> bool:
+    while time.monotonic() < deadline_s:
+        with contextlib.suppress(httpx.HTTPError):
+            answer = await client.get(url)
+            if answer.is_success and answer.json()["ready"]:
+                return True
+        await asyncio.sleep(HEALTH_PERIOD_S)
+    return False
+
+
+async def _end(process: Process) -> None:
+    """Ask a process to stop, and stop it by force if it does not."""
+    with contextlib.suppress(ProcessLookupError):
+        process.terminate()
+    try:
+        async with asyncio.timeout(STOP_LIMIT_S):
+            await process.wait()
+    except TimeoutError:
+        with contextlib.suppress(ProcessLookupError):
+            process.kill()

@@ -1,0 +1,106 @@
+"""``grace user``: people who may sign in."""
+
+import getpass
+import sys
+from argparse import ArgumentParser, Namespace
+from datetime import datetime, timedelta
+
+from db.query.people import list_people
+from db.store import Store
+from server.command.data import add_data_option, clock_of, open_store, settings_of
+from server.command.failure import CommandError
+from server.security import register
+from server.security.role import Role
+from server.security.secret import hash_password
+
+_BY = "command line"
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the options of the verb."""
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    add = actions.add_parser("add", help="add a person; asks for the password")
+    add.add_argument("name")
+    add.add_argument("--role", type=Role, choices=list(Role), required=True)
+    change = actions.add_parser("change", help="change a role, disable or enable a person")
+    change.add_argument("name")
+    change.add_argument("--role", type=Role, choices=list(Role))
+    change.add_argument("--disable", action="store_true", default=None)
+    change.add_argument("--enable", dest="disable", action="store_false")
+    password = actions.add_parser("password", help="set a password; asks for it")
+    password.add_argument("name")
+    link = actions.add_parser("link", help="print a one-time sign-in path of a person")
+    link.add_argument("name")
+    link.add_argument("--minutes", type=float, default=15.0, help="how long it is valid")
+    show = actions.add_parser("list", help="list everyone")
+    for action in (add, change, password, link, show):
+        add_data_option(action)
+
+
+def run(arguments: Namespace) -> int:
+    """Do the action on the folder's database; a running station knows at once."""
+    settings = settings_of(arguments)
+    at = clock_of(settings).now()
+    with open_store(settings) as store:
+        match arguments.action:
+            case "link":
+                _link(store, arguments, at)
+            case "list":
+                _list(store)
+            case _:
+                _change(store, arguments, at)
+    return 0
+
+
+def _change(store: Store, arguments: Namespace, at: datetime) -> None:
+    if arguments.action == "add":
+        password_hash = _asked_password()
+        store.change(
+            lambda session: register.add_person(
+                session, arguments.name, arguments.role, password_hash, at=at, by=_BY
+            )
+        ).result()
+        return
+    setting_password = arguments.action == "password"
+    password_hash = _asked_password() if setting_password else None
+    store.change(
+        lambda session: register.change_person(
+            session,
+            arguments.name,
+            role=None if setting_password else arguments.role,
+            disabled=None if setting_password else arguments.disable,
+            password_hash=password_hash,
+            at=at,
+            by=_BY,
+        )
+    ).result()
+
+
+def _link(store: Store, arguments: Namespace, at: datetime) -> None:
+    issued = store.change(
+        lambda session: register.create_sign_in_link(
+            session, arguments.name, timedelta(minutes=arguments.minutes), at=at, by=_BY
+        )
+    ).result()
+    print(f"/sign-in?token={issued.secret}")
+
+
+def _list(store: Store) -> None:
+    with store.read() as session:
+        for person in list_people(session):
+            state = "disabled" if person.disabled_at else ""
+            print(f"{person.name}  {person.role}  {state}".rstrip())
+
+
+def _asked_password() -> str:
+    """Ask twice on a terminal, or take one line of a pipe."""
+    if sys.stdin.isatty():
+        password = getpass.getpass("Password: ")
+        if getpass.getpass("Again: ") != password:
+            raise CommandError("The two passwords differ; nothing was changed.")
+    else:
+        password = sys.stdin.readline().rstrip("\r\n")
+    try:
+        return hash_password(password)
+    except ValueError as error:
+        raise CommandError(f"{error}; nothing was changed.") from error
