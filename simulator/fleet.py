@@ -1,0 +1,123 @@
+"""The two robots of the simulation: what they are, where they float, and how good they are."""
+
+import math
+from dataclasses import dataclass
+
+from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
+from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig
+from autonomy.site import LAKE, TANK, Site
+from autonomy.vehicle.config import VEHICLES, Vehicle
+from robot_link.messages import RobotId, SystemId
+from simulator.battery import BatteryModel
+from simulator.sensor import SensorModel
+
+
+@dataclass(frozen=True, slots=True)
+class RobotDefinition:
+    """One robot of the simulation, with the water around it."""
+
+    robot: RobotId
+    system_id: SystemId
+    radio_address: int
+    """64-bit address of its radio."""
+    link_name: str
+    """File name of the station radio's pseudo-terminal in the link folder."""
+    vehicle: Vehicle
+    site: Site
+    start_ne_m: tuple[float, float]
+    heading_rad: float
+    drift_m_sqrt_s: float
+    """How fast the water carries the robot away, m per sqrt(s); the filter assumes the same."""
+    current_correlation_s: float
+    sensors: SensorModel
+    battery: BatteryModel
+
+    @property
+    def estimator(self) -> EstimatorConfig:
+        """Settings of its onboard filters."""
+        return ESTIMATOR_PRESETS[self.vehicle.key]
+
+    @property
+    def energy(self) -> EnergyConfig:
+        """Prices of its primitives."""
+        return PLANNER_PRESETS[self.vehicle.key].energy
+
+
+MINI_1 = RobotDefinition(
+    robot=RobotId("mini-1"),
+    system_id=SystemId(1),
+    radio_address=0x0013A20041F00001,
+    link_name="tank",
+    vehicle=VEHICLES["miniglider"],
+    site=TANK,
+    start_ne_m=(0.5, 0.5),
+    heading_rad=0.5,
+    drift_m_sqrt_s=ESTIMATOR_PRESETS["miniglider"].drift_m_sqrt_s,
+    current_correlation_s=3.0,
+    sensors=SensorModel(
+        depth_std_m=0.003,
+        tilt_std_rad=math.radians(0.5),
+        heading_std_rad=math.radians(2.0),
+        gyro_std_rad_s=0.005,
+        buoyancy_bias_kg=0.0003,
+        buoyancy_std_kg=0.00005,
+        mass_position_std_m=0.0002,
+        tail_std_rad=0.005,
+        battery_std_v=0.01,
+        fix_std_m=0.01,
+        fix_depth_m=0.04,
+        fix_period_s=0.1,
+    ),
+    battery=BatteryModel(
+        capacity_wh=48.0,
+        full_v=10.8,
+        empty_v=8.8,
+        electronics_w=3.0,
+        pump_w=6.0,
+        mass_w=3.0,
+        tail_w=2.5,
+    ),
+)
+"""Miniglider in the tank; three overhead cameras fix its position at the surface."""
+
+GRACE_1 = RobotDefinition(
+    robot=RobotId("grace-1"),
+    system_id=SystemId(2),
+    radio_address=0x0013A20041F00002,
+    link_name="lake",
+    vehicle=VEHICLES["grace3"],
+    site=LAKE,
+    start_ne_m=(120.0, 120.0),
+    heading_rad=0.8,
+    drift_m_sqrt_s=ESTIMATOR_PRESETS["grace3"].drift_m_sqrt_s,
+    current_correlation_s=20.0,
+    sensors=SensorModel(
+        depth_std_m=0.01,
+        tilt_std_rad=math.radians(0.3),
+        heading_std_rad=math.radians(1.5),
+        gyro_std_rad_s=0.002,
+        buoyancy_bias_kg=0.002,
+        buoyancy_std_kg=0.0004,
+        mass_position_std_m=0.0005,
+        tail_std_rad=0.005,
+        battery_std_v=0.02,
+        fix_std_m=1.5,
+        fix_depth_m=0.25,
+        fix_period_s=1.0,
+    ),
+    battery=BatteryModel(
+        capacity_wh=2 * 388.0,
+        full_v=21.0,
+        empty_v=16.0,
+        electronics_w=8.0,
+        pump_w=60.0,
+        mass_w=25.0,
+        tail_w=15.0,
+    ),
+)
+"""GRACE 3 in the practice lake; GPS fixes its position at the surface."""
+
+FLEET: dict[RobotId, RobotDefinition] = {
+    definition.robot: definition for definition in (MINI_1, GRACE_1)
+}
+"""Every simulated robot by its name."""

@@ -1,0 +1,288 @@
+"""The mission executive: flies the plan on board, keeps its limits, obeys commands."""
+
+from enum import Enum, auto
+
+from autonomy.planner.config import EnergyConfig
+from autonomy.planner.plan import Leg, PrimitiveKind
+from robot_link.messages import CommandKind, OnboardPlanState, RobotMode
+from robot_link.mission import Mission
+from robot_link.onboard import CommandOutcome
+from simulator.onboard.account import EnergyAccount
+from simulator.onboard.course import anchored_end, is_surface, segment_ends
+from simulator.onboard.hardware import SetPoints
+from simulator.onboard.leg import begin_leg
+from simulator.onboard.maneuver import (
+    SURFACED_M,
+    Flight,
+    Float,
+    Maneuver,
+    Rise,
+    Swim,
+    Turn,
+    bearing,
+    distance,
+)
+from simulator.onboard.navigation import Estimate
+from simulator.onboard.safety import danger, mission_over
+
+DIGITS = 12
+"""Digits of a plan's hash that START names."""
+
+
+class Stage(Enum):
+    """Where the robot stands in its mission."""
+
+    IDLE = auto()
+    APPROACH = auto()
+    """Swimming to the planned start of the next dive."""
+    TURN = auto()
+    """Turning towards the first leg of the next dive."""
+    SURFACED = auto()
+    """Waiting for a fix and for the station to acknowledge samples."""
+    HELD = auto()
+    LEG = auto()
+    NEXT = auto()
+    """On the way to the surface, where the next dive begins."""
+    ABORT = auto()
+    """Coming up for good."""
+
+
+class Executive:
+    """Decides what the robot does, one maneuver at a time.
+
+    A *dive* is the legs from one surfacing to the next. Each begins with a turn towards its first
+    leg and leads to its planned end, wherever the robot really starts. Between two dives the robot
+    waits for a fix and until its samples are acknowledged, but not for long.
+
+    Args:
+        flight: The robot.
+        energy: Prices of its primitives.
+    """
+
+    def __init__(self, flight: Flight, energy: EnergyConfig) -> None:
+        self._flight = flight
+        self._energy = energy
+        self._account = EnergyAccount(energy)
+        self._mission: Mission | None = None
+        self._ends: tuple[int, ...] = ()
+        self._stage = Stage.IDLE
+        self._maneuver: Maneuver = Float(flight, RobotMode.IDLE)
+        self._hold = False
+        self._abort_reason = ""
+        self._mission_s = 0.0
+        self._surfaced_s = 0.0
+        self.plan_state = OnboardPlanState.NONE
+        """State of the plan on board."""
+        self.reason = ""
+        """Why the plan failed, one sentence; empty otherwise."""
+        self.leg = 0
+        """Leg being flown or next."""
+
+    @property
+    def stage(self) -> Stage:
+        """Where the robot stands in its mission."""
+        return self._stage
+
+    @property
+    def mode(self) -> RobotMode:
+        """What the robot does."""
+        return self._maneuver.mode
+
+    @property
+    def energy_used(self) -> float:
+        """Energy units spent since the mission began."""
+        return self._account.used
+
+    @property
+    def is_sampling(self) -> bool:
+        """Whether the field is worth measuring: a leg is being flown."""
+        return self._stage is Stage.LEG
+
+    def plan_refusal(self) -> str:
+        """Return why no new plan can be taken now, or ""."""
+        if self.plan_state is OnboardPlanState.RUNNING:
+            return "a mission is running: wait for its end, or surface the robot"
+        return "the robot is coming up" if self._stage is Stage.ABORT else ""
+
+    def take_plan(self, mission: Mission) -> None:
+        """Replace the plan on board; it waits for START."""
+        self._mission = mission
+        self._ends = segment_ends(mission.legs)
+        self.plan_state = OnboardPlanState.ON_BOARD
+        self.reason = ""
+        self.leg = 0
+        self._account = EnergyAccount(self._energy)
+
+    def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
+        """Act on a command; the same command again changes nothing."""
+        running = self.plan_state is OnboardPlanState.RUNNING
+        match kind:
+            case CommandKind.SURFACE:
+                if running:
+                    self._abort("surfaced by command")
+                return CommandOutcome.DONE
+            case CommandKind.HOLD | CommandKind.RESUME:
+                if not running:
+                    return CommandOutcome.NOT_NOW
+                self._hold = kind is CommandKind.HOLD
+                return CommandOutcome.DONE
+            case CommandKind.START:
+                return self._start(plan_digits)
+
+    def step(self, estimate: Estimate, dt_s: float, *, samples_waiting: bool) -> SetPoints:
+        """Return the set points for the next ``dt_s`` seconds.
+
+        Args:
+            estimate: Where the robot is.
+            dt_s: Length of the step.
+            samples_waiting: Whether some samples are not yet known to be stored ashore.
+        """
+        surfaced = estimate.depth_m < SURFACED_M
+        self._surfaced_s = self._surfaced_s + dt_s if surfaced else 0.0
+        if self.plan_state is OnboardPlanState.RUNNING:
+            self._mission_s += dt_s
+            self._account.pass_time(dt_s)
+            if self._stage is Stage.LEG:
+                self._account.fly_leg(self._maneuver.share(estimate))
+            self._keep_limits(estimate)
+        self._proceed(estimate, samples_waiting)
+        return self._maneuver.step(estimate, dt_s)
+
+    def _start(self, plan_digits: str) -> CommandOutcome:
+        mission = self._mission
+        if mission is None or not mission.sha256().startswith(plan_digits[:DIGITS] or "-"):
+            return CommandOutcome.WRONG_PLAN
+        if self.plan_state is OnboardPlanState.RUNNING:
+            return CommandOutcome.DONE
+        if self._stage is not Stage.IDLE:
+            return CommandOutcome.NOT_NOW
+        self.plan_state = OnboardPlanState.RUNNING
+        self.reason = ""
+        self.leg = 0
+        self._hold = False
+        self._mission_s = 0.0
+        self._account = EnergyAccount(self._energy)
+        self._enter(Stage.NEXT, Float(self._flight, RobotMode.SURFACED))
+        return CommandOutcome.DONE
+
+    def _keep_limits(self, estimate: Estimate) -> None:
+        """Come up where a limit is met: for this dive, or for good."""
+        mission = self._mission
+        if mission is None or self._stage is Stage.ABORT:
+            return
+        over = mission_over(mission.settings, self._mission_s, estimate)
+        if over:
+            self._abort(over)
+        elif (
+            self._stage is Stage.LEG
+            and not self._comes_up()
+            and danger(self._flight, mission.settings, estimate)
+        ):
+            self._account.end_leg()
+            self.leg = self._ends[self.leg] + 1
+            self._enter(Stage.NEXT, Rise(self._flight))
+
+    def _comes_up(self) -> bool:
+        leg = self._legs[self.leg]
+        return is_surface(leg.end_ned[2]) and not is_surface(leg.start_ned[2])
+
+    def _abort(self, reason: str) -> None:
+        self._account.end_leg()
+        self._abort_reason = reason
+        self._enter(Stage.ABORT, Rise(self._flight))
+
+    def _proceed(self, estimate: Estimate, samples_waiting: bool) -> None:
+        """Go on to the next stage if this one is over."""
+        match self._stage:
+            case Stage.IDLE:
+                pass
+            case Stage.NEXT:
+                if estimate.depth_m < SURFACED_M:
+                    self._begin_dive(estimate)
+            case Stage.HELD:
+                if not self._hold:
+                    self._begin_dive(estimate)
+            case Stage.APPROACH:
+                if self._maneuver.is_done(estimate):
+                    self._turn(estimate)
+            case Stage.TURN:
+                if self._maneuver.is_done(estimate):
+                    self._enter(Stage.SURFACED, Float(self._flight, RobotMode.SURFACED))
+            case Stage.SURFACED:
+                if self._may_dive(estimate, samples_waiting):
+                    self._begin_leg(estimate)
+            case Stage.LEG:
+                if self._maneuver.is_done(estimate):
+                    self._end_leg(estimate)
+            case Stage.ABORT:
+                if self._maneuver.is_done(estimate):
+                    self._end_mission(OnboardPlanState.FAILED, self._abort_reason)
+
+    def _begin_dive(self, estimate: Estimate) -> None:
+        """Prepare the dive that the next leg begins, or end the mission."""
+        if self.leg >= len(self._legs):
+            self._end_mission(OnboardPlanState.DONE, "")
+        elif self._hold:
+            self._enter(Stage.HELD, Float(self._flight, RobotMode.HOLDING))
+        else:
+            start = self._legs[self.leg].start_ned[:2]
+            if distance(estimate, start) > self._flight.profile.start_tolerance_m:
+                self._enter(Stage.APPROACH, Swim(self._flight, start, estimate))
+            else:
+                self._turn(estimate)
+
+    def _turn(self, estimate: Estimate) -> None:
+        """Turn towards the next leg if it needs a heading at its beginning."""
+        legs = self._dive()
+        match legs[0].kind:
+            case PrimitiveKind.GLIDE:
+                self._enter(Stage.TURN, Turn(self._flight, lambda now: _course(legs, now)))
+            case PrimitiveKind.SPIRAL:
+                self._enter(Stage.TURN, Turn(self._flight, lambda _: legs[0].heading_rad))
+            case PrimitiveKind.DIVE | PrimitiveKind.SWIM:
+                self._enter(Stage.SURFACED, Float(self._flight, RobotMode.SURFACED))
+
+    def _may_dive(self, estimate: Estimate, samples_waiting: bool) -> bool:
+        profile = self._flight.profile
+        if self._surfaced_s < profile.surface_min_s or not estimate.has_fix:
+            return False
+        return not samples_waiting or self._surfaced_s > profile.surface_max_s
+
+    def _begin_leg(self, estimate: Estimate) -> None:
+        legs = self._dive()
+        self._account.begin_leg(legs[0])
+        self._enter(Stage.LEG, begin_leg(self._flight, legs, estimate))
+
+    def _end_leg(self, estimate: Estimate) -> None:
+        self._account.fly_leg(1.0)
+        self._account.end_leg()
+        is_last_of_dive = self.leg == self._ends[self.leg]
+        self.leg += 1
+        if not is_last_of_dive:
+            self._begin_leg(estimate)
+        elif estimate.depth_m < SURFACED_M:
+            self._begin_dive(estimate)
+        else:
+            self._enter(Stage.NEXT, Rise(self._flight))
+
+    def _end_mission(self, state: OnboardPlanState, reason: str) -> None:
+        self.plan_state = state
+        self.reason = reason
+        self._enter(Stage.IDLE, Float(self._flight, RobotMode.IDLE))
+
+    def _enter(self, stage: Stage, maneuver: Maneuver) -> None:
+        self._stage = stage
+        self._maneuver = maneuver
+
+    @property
+    def _legs(self) -> tuple[Leg, ...]:
+        return self._mission.legs if self._mission else ()
+
+    def _dive(self) -> tuple[Leg, ...]:
+        """Return the next leg and those after it until the next surfacing."""
+        return self._legs[self.leg : self._ends[self.leg] + 1]
+
+
+def _course(legs: tuple[Leg, ...], estimate: Estimate) -> float:
+    """Return the course of a first glide from where the robot is now."""
+    return bearing(estimate, anchored_end(legs, *estimate.position_ned[:2])[:2])

@@ -1,0 +1,184 @@
+"""How the robot moves: floats, swims, glides; from what is wanted to actuator set points."""
+
+import math
+from dataclasses import dataclass
+
+from autonomy.control.config import BacksteppingConfig
+from autonomy.control.controller import BacksteppingController
+from autonomy.control.reference import Reference
+from autonomy.vehicle.config import Vehicle
+from simulator.onboard.course import wrap
+from simulator.onboard.hardware import SetPoints
+from simulator.onboard.navigation import Estimate
+
+_FLOATING_SHARE = 0.15
+"""Part of the greatest buoyancy that keeps the robot at the surface and is quickly pumped away."""
+_RISING_SHARE = 0.6
+_RISING_MASS_SHARE = 0.5
+"""Parts of buoyancy and sliding mass for coming up: fast, yet far from a vertical attitude."""
+_SWIMMING_GAIN = 2.0
+_SWIMMING_BIAS_MAX_RAD = 1.2
+"""Tail bias by heading error; a flapping robot turns at a rate nearly proportional to the bias."""
+_RUDDER_GAIN = 1.5
+_RUDDER_MAX_RAD = 0.6
+_SPIRAL_RUDDER_RAD = 0.8
+_SPIRAL_RUDDER_MAX_RAD = 1.7
+_FLAP_AT_RAD = math.radians(25.0)
+_GLIDE_AT_RAD = math.radians(8.0)
+"""A gliding robot turns slowly by its rudder: it flaps until the heading error is small again."""
+_AHEAD_M = 0.1
+"""Distance of the tracked point ahead of the robot; it only sets the direction to go."""
+
+
+@dataclass(frozen=True, slots=True)
+class DepthReference:
+    """Depth to hold at this moment, and its derivatives; positive down."""
+
+    depth_m: float
+    rate_m_s: float = 0.0
+    acceleration_m_s2: float = 0.0
+
+
+class Pilot:
+    """Turns what is wanted of the motion into set points.
+
+    Depth and pitch are controlled by the proposed backstepping law (thesis Eq. 3.19) that tracks a
+    point just ahead on the course. The tail is the pilot's own, because it also flaps.
+
+    Args:
+        vehicle: The robot.
+        config: Gains of the backstepping law.
+    """
+
+    def __init__(self, vehicle: Vehicle, config: BacksteppingConfig) -> None:
+        self._vehicle = vehicle
+        self._controller = BacksteppingController(vehicle, config)
+        self._flaps = False
+
+    def rest(self) -> SetPoints:
+        """Lie at the surface."""
+        return SetPoints(_FLOATING_SHARE * self._vehicle.limits.m0_min_kg, self._vehicle.swim.rp1_m)
+
+    def rise(self) -> SetPoints:
+        """Come up as fast as is safe, wherever that leads."""
+        limits = self._vehicle.limits
+        return SetPoints(_RISING_SHARE * limits.m0_min_kg, _RISING_MASS_SHARE * limits.rp1_min_m)
+
+    def swim(self, estimate: Estimate, course_rad: float, effort: float = 1.0) -> SetPoints:
+        """Swim at the surface and turn towards a course, on the spot if it is far off.
+
+        Args:
+            estimate: Where the robot believes to be.
+            course_rad: Wanted heading.
+            effort: Share of the gait's amplitude, 0..1.
+        """
+        floating = self.rest()
+        return self._flapping(estimate, course_rad, floating, effort)
+
+    def swim_at_depth(
+        self, estimate: Estimate, course_rad: float, depth: DepthReference, effort: float = 1.0
+    ) -> SetPoints:
+        """Swim level at a depth; arguments as of ``swim``."""
+        level = self._track(estimate, depth, 0.0)
+        return self._flapping(estimate, course_rad, level, effort)
+
+    def sink(self, estimate: Estimate, depth: DepthReference) -> SetPoints:
+        """Change depth with level hull and straight tail."""
+        return self._track(estimate, depth, 0.0)
+
+    def glide(
+        self,
+        estimate: Estimate,
+        course_rad: float,
+        depth: DepthReference,
+        pitch_rad: float,
+        *,
+        thrust: bool,
+    ) -> SetPoints:
+        """Glide towards a course.
+
+        Args:
+            estimate: Where the robot believes to be.
+            course_rad: Wanted heading.
+            depth: Depth to be at.
+            pitch_rad: Wanted pitch.
+            thrust: Whether the tail shall push as well.
+        """
+        error = heading_error(estimate, course_rad)
+        self._flaps = abs(error) > (_GLIDE_AT_RAD if self._flaps else _FLAP_AT_RAD)
+        tracked = self._track(estimate, depth, pitch_rad)
+        if thrust or self._flaps:
+            return self._flapping(estimate, course_rad, tracked, 1.0)
+        return _with_tail(tracked, _clip(-_RUDDER_GAIN * error, _RUDDER_MAX_RAD))
+
+    def spiral(
+        self,
+        estimate: Estimate,
+        heading_rad: float,
+        turn_sign: float,
+        depth: DepthReference,
+        pitch_rad: float,
+    ) -> SetPoints:
+        """Glide around a bend by the rudder alone.
+
+        Args:
+            estimate: Where the robot believes to be.
+            heading_rad: Heading at this point of the bend.
+            turn_sign: +1 to starboard, -1 to port.
+            depth: Depth to be at.
+            pitch_rad: Wanted pitch.
+        """
+        error = heading_error(estimate, heading_rad)
+        tail = -_SPIRAL_RUDDER_RAD * turn_sign - _SWIMMING_GAIN * error
+        tracked = self._track(estimate, depth, pitch_rad)
+        return _with_tail(tracked, _clip(tail, _SPIRAL_RUDDER_MAX_RAD))
+
+    def _track(self, estimate: Estimate, depth: DepthReference, pitch_rad: float) -> SetPoints:
+        """Return net mass and sliding mass of the backstepping law, tail straight."""
+        heading = estimate.heading_rad
+        north, east, _ = estimate.position_ned
+        speed = forward_speed(estimate)
+        ahead = (math.cos(heading), math.sin(heading))
+        command = self._controller.command(
+            estimate.state,
+            Reference(
+                (north + _AHEAD_M * ahead[0], east + _AHEAD_M * ahead[1], depth.depth_m),
+                pitch_rad,
+                (speed * ahead[0], speed * ahead[1], depth.rate_m_s),
+                acceleration_ned=(0.0, 0.0, depth.acceleration_m_s2),
+            ),
+            0.0,
+        )
+        return SetPoints(command.m0_kg, command.rp1_m)
+
+    def _flapping(
+        self, estimate: Estimate, course_rad: float, trim: SetPoints, effort: float
+    ) -> SetPoints:
+        error = heading_error(estimate, course_rad)
+        return SetPoints(
+            trim.net_buoyancy_kg,
+            trim.mass_position_m,
+            tail_rad=_clip(-_SWIMMING_GAIN * error, _SWIMMING_BIAS_MAX_RAD),
+            tail_amplitude_rad=effort * self._vehicle.swim.amplitude_rad,
+            tail_frequency_hz=self._vehicle.swim.frequency_hz,
+        )
+
+
+def heading_error(estimate: Estimate, course_rad: float) -> float:
+    """Return how far to starboard a course lies of the mean heading, in -pi..pi."""
+    return wrap(course_rad - estimate.course_heading_rad)
+
+
+def forward_speed(estimate: Estimate) -> float:
+    """Return the horizontal speed through the water along the heading."""
+    north, east, _ = estimate.velocity_ned
+    heading = estimate.heading_rad
+    return north * math.cos(heading) + east * math.sin(heading)
+
+
+def _with_tail(trim: SetPoints, tail_rad: float) -> SetPoints:
+    return SetPoints(trim.net_buoyancy_kg, trim.mass_position_m, tail_rad=tail_rad)
+
+
+def _clip(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)

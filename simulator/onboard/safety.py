@@ -1,0 +1,44 @@
+"""Limits that bring the robot up: for good, or for the rest of one dive."""
+
+from robot_link.mission import MissionSettings
+from simulator.onboard.maneuver import SURFACED_M, Flight
+from simulator.onboard.navigation import Estimate
+
+BATTERY_RESERVE = 0.05
+"""Charge at which a mission ends and none begins."""
+
+
+def mission_over(settings: MissionSettings, elapsed_s: float, estimate: Estimate) -> str:
+    """Return why the whole mission must end, or "".
+
+    Args:
+        settings: Limits of the mission.
+        elapsed_s: Time since it began.
+        estimate: Where the robot is.
+    """
+    if elapsed_s > settings.timeout_s:
+        return f"the mission took longer than {settings.timeout_s:.0f} s"
+    if estimate.readings.battery_fraction < BATTERY_RESERVE:
+        return f"the battery is below {BATTERY_RESERVE:.0%}"
+    return ""
+
+
+def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str:
+    """Return why this dive must end, or "": uncertainty, floor, or walls and shore."""
+    north, east, depth = estimate.position_ned
+    if depth < SURFACED_M:
+        return ""
+    if estimate.position_std_m > settings.max_uncertainty_m:
+        return "the position is too uncertain"
+    water, profile = flight.site.water, flight.profile
+    if depth > water.depth_max_m - profile.floor_margin_m:
+        return "the floor is near"
+    to_shore_m = min(
+        north - water.x_min_m,
+        water.x_max_m - north,
+        east - water.y_min_m,
+        water.y_max_m - east,
+    )
+    if to_shore_m < profile.shore_margin_m:
+        return "a wall or the shore is near"
+    return ""

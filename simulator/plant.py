@@ -1,0 +1,89 @@
+"""The robot's true motion; only sensors and the emulated radio look at it."""
+
+import math
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.site import Site
+from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.kernel import advance
+from simulator.current import DriftingCurrent
+from simulator.onboard.hardware import SetPoints
+
+PHYSICS_STEP_S = 0.02
+"""Runge-Kutta step: accurate to micrometres and stable in contact with floor and walls."""
+
+
+class Plant:
+    """Full dynamics of one robot in its water body.
+
+    Args:
+        vehicle: Model and actuator limits.
+        site: Floor and, in a tank, walls.
+        current: Water that carries the robot; advanced together with it.
+        start_ne_m: Where the robot floats at first, in the site frame.
+        heading_rad: Where its nose points at first.
+    """
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        site: Site,
+        current: DriftingCurrent,
+        start_ne_m: tuple[float, float],
+        heading_rad: float,
+    ) -> None:
+        water = site.water
+        self._packed = vehicle.packed()
+        self._current = current
+        self._surroundings = np.array(
+            [
+                *(0.0, 0.0, 0.0),
+                *(water.x_min_m, water.x_max_m, water.y_min_m, water.y_max_m),
+                water.depth_max_m,
+                1.0 if site.kind == "tank" else 0.0,
+            ]
+        )
+        self.time_s = 0.0
+        self.state: FloatArray = np.zeros(15)
+        """Position NED m, Euler angles rad, velocity through the water in body axes m/s, body
+        rates rad/s, net mass kg, sliding mass m, tail rad."""
+        self.state[0:2] = start_ne_m
+        self.state[5] = heading_rad
+        self.state[12] = 0.3 * vehicle.limits.m0_min_kg
+
+    def advance(self, command: SetPoints, duration_s: float) -> None:
+        """Move on by ``duration_s``, a multiple of ``PHYSICS_STEP_S``, under one command."""
+        self._current.advance(duration_s)
+        self._surroundings[0:2] = self._current.velocity_ne_m_s
+        set_points = np.array(
+            [
+                command.net_buoyancy_kg,
+                command.mass_position_m,
+                command.tail_rad,
+                command.tail_amplitude_rad,
+                command.tail_frequency_hz,
+            ]
+        )
+        steps = round(duration_s / PHYSICS_STEP_S)
+        self.state = advance(
+            self.state,
+            set_points,
+            self._packed,
+            self._surroundings,
+            self.time_s,
+            PHYSICS_STEP_S,
+            steps,
+        )
+        self.time_s += steps * PHYSICS_STEP_S
+
+    @property
+    def position_ned(self) -> tuple[float, float, float]:
+        """True position in the site frame, m; depth is never negative."""
+        north, east, down = self.state[:3].tolist()
+        return north, east, max(down, 0.0)
+
+    def speed_m_s(self) -> float:
+        """Return the true speed through the water."""
+        return math.sqrt(float(self.state[6:9] @ self.state[6:9]))

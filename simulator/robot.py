@@ -1,0 +1,86 @@
+"""One simulated robot: a body in its water, and the onboard program that moves it."""
+
+from datetime import datetime
+
+import numpy as np
+
+from autonomy.control.config import BACKSTEPPING_EXPERIMENT
+from simulator.battery import Battery
+from simulator.current import DriftingCurrent
+from simulator.fleet import RobotDefinition
+from simulator.onboard.hardware import Readings, SetPoints
+from simulator.onboard.program import PERIOD_S, OnboardProgram, Radio
+from simulator.plant import Plant
+from simulator.sensor import Sensors
+
+
+class SimulatedBody:
+    """Plant, sensors and battery behind the hardware interface of the onboard program.
+
+    Args:
+        definition: Which robot.
+        seed: Starting point of its randomness.
+    """
+
+    def __init__(self, definition: RobotDefinition, seed: int) -> None:
+        current, sensors = np.random.default_rng([seed, definition.system_id]).spawn(2)
+        self._battery = Battery(definition.battery, definition.vehicle.limits)
+        self._sensors = Sensors(definition.sensors, definition.site.variable, sensors)
+        self._set_points = SetPoints(0.0, 0.0)
+        self.plant = Plant(
+            definition.vehicle,
+            definition.site,
+            DriftingCurrent(definition.drift_m_sqrt_s, definition.current_correlation_s, current),
+            definition.start_ne_m,
+            definition.heading_rad,
+        )
+        """The truth, which the onboard program never sees."""
+
+    def read(self) -> Readings:
+        """Return the newest readings of all sensors."""
+        return self._sensors.read(
+            self.plant.time_s, self.plant.state, self._battery.fraction, self._battery.voltage_v
+        )
+
+    def measure_field(self) -> float:
+        """Return one measurement of the field where the robot truly is."""
+        return self._sensors.measure_field(self.plant.position_ned)
+
+    def actuate(self, command: SetPoints) -> None:
+        """Give the actuators new set points."""
+        self._set_points = command
+
+    def advance(self, duration_s: float) -> None:
+        """Let time pass."""
+        before = self.plant.state[12:15]
+        self.plant.advance(self._set_points, duration_s)
+        self._battery.drain((self.plant.state[12:15] - before) / duration_s, duration_s)
+
+
+class SimulatedRobot:
+    """A robot that lives as fast as it is stepped; the same seed lives the same life.
+
+    Args:
+        definition: Which robot.
+        seed: Starting point of its randomness.
+        started_at: Its clock at the beginning.
+    """
+
+    def __init__(self, definition: RobotDefinition, seed: int, started_at: datetime) -> None:
+        self.definition = definition
+        self.body = SimulatedBody(definition, seed)
+        self.program = OnboardProgram(
+            definition.robot,
+            definition.vehicle,
+            definition.site,
+            estimator=definition.estimator,
+            controller=BACKSTEPPING_EXPERIMENT,
+            energy=definition.energy,
+            hardware=self.body,
+            started_at=started_at,
+        )
+
+    def step(self, radio: Radio) -> None:
+        """Let one period of the onboard program pass."""
+        self.body.advance(PERIOD_S)
+        self.program.step(radio)

@@ -1,0 +1,42 @@
+"""Settings of the simulator's process; a settings file holds them as one JSON object."""
+
+from pathlib import Path
+
+from pydantic import AwareDatetime, Field
+
+from autonomy.configuration import Configuration
+from robot_link.clock import ScaledClock
+from robot_link.messages import RobotId
+from simulator.fleet import FLEET
+
+
+class SimulatorSettings(Configuration):
+    """Where the emulated radios appear, whose clock the robots live by, how bad the links are."""
+
+    link_folder: Path
+    """Folder in which each network's station radio appears as a pseudo-terminal (``tank``,
+    ``lake``)."""
+    wall_anchor: AwareDatetime
+    """Wall time at which the robots' clock shows ``time_anchor``."""
+    time_anchor: AwareDatetime
+    """Time that the robots' clock shows at ``wall_anchor``."""
+    speed: float = Field(default=1.0, ge=0.1, le=50.0)
+    """Seconds of the robots per second of the wall."""
+    seed: int = Field(default=0, ge=0)
+    """Starting point of all randomness: currents, sensors, links."""
+    parent_pid: int | None = Field(default=None, gt=0)
+    """The simulator ends when the process with this id does."""
+    loss: float = Field(default=0.02, ge=0.0, lt=1.0)
+    """Part of the radio frames that are lost."""
+    delay_s: float = Field(default=0.02, ge=0.0, le=10.0)
+    """Mean delay of a radio frame, wall seconds."""
+    duplication: float = Field(default=0.01, ge=0.0, lt=1.0)
+    """Part of the radio frames that arrive twice."""
+
+    def clock(self) -> ScaledClock:
+        """Return the clock that station and robots share."""
+        return ScaledClock(self.wall_anchor, self.time_anchor, self.speed)
+
+    def link_path(self, robot: RobotId) -> Path:
+        """Return the path of the station radio's pseudo-terminal in a robot's network."""
+        return self.link_folder / FLEET[robot].link_name
