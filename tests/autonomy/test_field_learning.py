@@ -14,6 +14,7 @@ from autonomy.field.manual_survey import (
     PRESET_MOTION,
     PRESET_SITE,
     derived_preset,
+    learned_config,
     simulate_survey,
 )
 from autonomy.field.recorded import fit_recording, recorded_map
@@ -110,6 +111,17 @@ def test_manual_survey_stays_in_the_domain_and_visits_every_fidelity_level(key: 
     std = survey.position_std
     for count in ((std <= low).sum(), ((std > low) & (std <= high)).sum(), (std > high).sum()):
         assert count >= 20
+
+
+def test_a_level_that_a_survey_hardly_visits_keeps_its_kernel() -> None:
+    domain, motion = PRESET_SITE["blue_light"].domain, PRESET_MOTION["blue_light"]
+    survey = simulate_survey(
+        "blue_light", domain, motion, PRESET_ESTIMATOR["blue_light"], 80, np.random.default_rng(2)
+    )
+    base = FIELD_PRESETS["blue_light"].with_thresholds((0.05, 9.0))
+    learned = learned_config(base, survey, survey)
+    assert learned.levels[0] == base.levels[0]
+    assert learned.levels[1] != base.levels[1]
 
 
 def yo_yo_recording(n: int) -> tuple[FloatArray, FloatArray]:
