@@ -147,15 +147,16 @@ def backstepping_into(
     r: FloatArray,
     gains: FloatArray,
     p: FloatArray,
-    work: FloatArray,
+    e: FloatArray,
+    level: FloatArray,
+    drift: FloatArray,
     out: FloatArray,
 ) -> None:
     """Write net mass, sliding mass and tail angle of Eq. 3.19, not yet limited, into ``out``.
 
-    ``work`` has shape ``(3, 13)``: it is left with the errors in its first row.
+    The errors are left in ``e``, shape ``(13,)``; ``level`` and ``drift`` are scratch, ``(12,)``.
     """
     c = gains[PITCH_TRADE]
-    e, level, drift = work[0], work[1], work[2]
     error_into(x, r, c, gains[NEAR], gains[NEAR_OFFSET], e)
     for i in range(12):
         level[i] = x[i]
@@ -216,7 +217,8 @@ def backstepping(
 ) -> FloatArray:
     """Return net mass kg, sliding mass m, tail angle rad, not yet limited, shape ``(3,)``."""
     out = np.empty(3)
-    backstepping_into(state, reference, gains, packed, np.empty((3, 13)), out)
+    e, level, drift = np.empty(13), np.empty(12), np.empty(12)
+    backstepping_into(state, reference, gains, packed, e, level, drift, out)
     return out
 
 
@@ -269,21 +271,20 @@ def closed_loop(
     """
     x = state.copy()
     u, wanted, integrals = np.zeros(3), np.empty(3), np.zeros(3)
-    work, errors = np.empty((3, 12)), np.empty((3, 13))
+    slope, total, probe, e = np.empty(12), np.empty(12), np.empty(12), np.empty(13)
     history = np.empty((references.shape[0], 4))
     for n in range(references.shape[0]):
         r = references[n]
         if controller == BACKSTEPPING:
-            backstepping_into(x, r, gains, packed, errors, wanted)
+            backstepping_into(x, r, gains, packed, e, probe, slope, wanted)
         else:
-            pid_into(x, r, gains, dt_s, integrals, errors[0], wanted)
-        e = errors[0]
+            pid_into(x, r, gains, dt_s, integrals, e, wanted)
         history[n, 0], history[n, 1] = e[ERROR_DEPTH], e[ERROR_DISTANCE]
         history[n, 2] = e[ERROR_PITCH]
         traded = reported_trade * math.tanh(x[4]) * math.tanh(e[ERROR_ALONG])
         history[n, 3] = e[ERROR_PITCH] - traded
         _actuate(u, wanted, packed, dt_s)
-        rk4_into(x, u[0], u[1], u[2], packed, dt_s, work)
+        rk4_into(x, u[0], u[1], u[2], packed, dt_s, slope, total, probe)
     return history
 
 

@@ -136,10 +136,11 @@ def rk4_into(
     delta: float,
     p: FloatArray,
     dt_s: float,
-    work: FloatArray,
+    slope: FloatArray,
+    total: FloatArray,
+    probe: FloatArray,
 ) -> None:
-    """Advance ``x`` in place by one Runge-Kutta step; ``work`` has shape ``(3, 12)``."""
-    slope, total, probe = work[0], work[1], work[2]
+    """Advance ``x`` in place by one Runge-Kutta step; the last three are scratch, ``(12,)``."""
     derivative_into(x, m0, rp1, delta, p, total)
     for i in range(12):
         probe[i] = x[i] + 0.5 * dt_s * total[i]
@@ -162,9 +163,10 @@ def rk4_step(
 ) -> FloatArray:
     """Return the 12 states after ``steps`` Runge-Kutta steps with constant inputs."""
     x = state.copy()
-    work = np.empty((3, 12))
+    slope, total, probe = np.empty(12), np.empty(12), np.empty(12)
+    m0, rp1, delta = inputs[0], inputs[1], inputs[2]
     for _ in range(steps):
-        rk4_into(x, inputs[0], inputs[1], inputs[2], packed, dt_s, work)
+        rk4_into(x, m0, rp1, delta, packed, dt_s, slope, total, probe)
     return x
 
 
@@ -334,10 +336,11 @@ def _extended_step(
     surroundings: FloatArray,
     t: float,
     dt_s: float,
-    work: FloatArray,
+    slope: FloatArray,
+    total: FloatArray,
+    probe: FloatArray,
 ) -> None:
-    """Advance 15 states in place by one Runge-Kutta step; ``work`` has shape ``(3, 15)``."""
-    slope, total, probe = work[0], work[1], work[2]
+    """Advance 15 states in place by one Runge-Kutta step; the last three are scratch."""
     u1 = _ramp(x[12], command[0], p[M0_MIN], p[M0_MAX], p[M0_RATE], dt_s)
     u2 = _ramp(x[13], command[1], p[RP1_MIN], p[RP1_MAX], p[RP1_RATE], dt_s)
     r0, a0 = tail_reference(command, t, p)
@@ -389,13 +392,13 @@ def advance(
         steps: Number of steps.
     """
     x = state.copy()
-    work = np.empty((3, 15))
+    slope, total, probe = np.empty(15), np.empty(15), np.empty(15)
     for step in range(steps):
         parts = _stable_parts(x, packed, dt_s)
         h = dt_s / parts
         for part in range(parts):
             t = time_s + step * dt_s + part * h
-            _extended_step(x, command, packed, surroundings, t, h, work)
+            _extended_step(x, command, packed, surroundings, t, h, slope, total, probe)
     return x
 
 

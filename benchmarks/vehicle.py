@@ -1,0 +1,120 @@
+"""Speed of the vehicle's dynamics: the compiled kernel beside the same equations in plain C."""
+
+import ctypes
+import math
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from autonomy.control import kernel as control
+from autonomy.control.config import BACKSTEPPING_SIMULATION
+from autonomy.control.reference import linear_glide
+from autonomy.vehicle.config import MINIGLIDER
+from autonomy.vehicle.kernel import rk4_step
+
+DT_S = 0.01
+STEPS = 20_000
+ROUNDS = 40
+RATIO_BAR = 1.5
+SIMULATED_BAR = 15_000.0
+
+_SOURCE = Path(__file__).with_suffix(".c")
+
+
+def measure() -> list[dict[str, Any]]:
+    """Time the 12-state Runge-Kutta step in compiled loops, interleaved, best of several."""
+    state, inputs, packed = _start(), np.array([0.010, 0.020, 0.3]), MINIGLIDER.packed()
+    control.warm_up()
+    rk4_step(state, inputs, packed, DT_S, 1)
+
+    def compiled() -> np.ndarray:
+        return rk4_step(state, inputs, packed, DT_S, STEPS)
+
+    references = np.array([linear_glide(n * DT_S).packed() for n in range(STEPS)])
+    gains = BACKSTEPPING_SIMULATION.packed()
+
+    def closed() -> np.ndarray:
+        return control.closed_loop(
+            state, references, control.BACKSTEPPING, gains, packed, DT_S, math.pi / 9
+        )
+
+    with tempfile.TemporaryDirectory() as folder:
+        plain = _plain_c(Path(folder), state, inputs, packed)
+        runs = [compiled, closed] + ([plain] if plain is not None else [])
+        best = _best_of(runs)
+    step_s = best[0] / STEPS
+    rows = [
+        _row("RK4 step in a compiled loop", step_s * 1e6, "us"),
+        _row("Simulated time, open loop, dt 0.01", DT_S / step_s, "s/s", SIMULATED_BAR),
+        _row("Simulated time, backstepping in the loop", DT_S * STEPS / best[1], "s/s"),
+    ]
+    if plain is None:
+        return [*rows, _row("RK4 step against plain C", None, "skipped: no gcc", RATIO_BAR)]
+    drift = float(np.max(np.abs(compiled() - plain())))
+    if not drift < 1e-9:
+        raise RuntimeError(f"plain C and the kernel differ by {drift} after {STEPS} steps")
+    return [
+        *rows,
+        _row("RK4 step in plain C -O3 -march=native", best[2] / STEPS * 1e6, "us"),
+        _row("RK4 step against plain C", best[0] / best[2], "x", RATIO_BAR, at_most=True),
+    ]
+
+
+def _start() -> np.ndarray:
+    state = np.zeros(12)
+    state[6] = 0.06
+    return state
+
+
+def _best_of(runs: list[Callable[[], object]]) -> list[float]:
+    """Best wall time of each run; they take turns so that a busy machine slows all alike."""
+    best = [math.inf] * len(runs)
+    for _ in range(ROUNDS):
+        for index, run in enumerate(runs):
+            begin = time.perf_counter()
+            run()
+            best[index] = min(best[index], time.perf_counter() - begin)
+    return best
+
+
+def _plain_c(
+    folder: Path, state: np.ndarray, inputs: np.ndarray, packed: np.ndarray
+) -> Callable[[], np.ndarray] | None:
+    """Compile the C twin; None where there is no gcc."""
+    gcc = shutil.which("gcc")
+    if gcc is None:
+        return None
+    library = folder / "vehicle.so"
+    flags = ["-O3", "-march=native", "-shared", "-fPIC"]
+    subprocess.run([gcc, *flags, str(_SOURCE), "-o", str(library), "-lm"], check=True, timeout=120)
+    function = ctypes.CDLL(str(library)).rk4_steps
+    pointer = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
+    function.argtypes = [pointer, pointer, pointer, ctypes.c_double, ctypes.c_long]
+    function.restype = None
+
+    def plain() -> np.ndarray:
+        x = state.copy()
+        function(x, inputs, packed, DT_S, STEPS)
+        return x
+
+    return plain
+
+
+def _row(
+    name: str, value: float | None, unit: str, bar: float | None = None, *, at_most: bool = False
+) -> dict[str, Any]:
+    met = None
+    if bar is not None and value is not None:
+        met = value <= bar if at_most else value >= bar
+    return {"area": "vehicle", "name": name, "value": value, "unit": unit, "bar": bar, "met": met}
+
+
+if __name__ == "__main__":
+    for row in measure():
+        print(row)
