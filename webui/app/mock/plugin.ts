@@ -1,0 +1,268 @@
+import type { IncomingMessage, Server, ServerResponse } from 'node:http';
+import type { Plugin } from 'vite';
+import { WebSocketServer } from 'ws';
+import type { JsonObject } from '../src/api/types';
+import { fakeMap } from './field';
+import { iso } from './robot';
+import { SCENE } from './scene';
+import { KINDS } from './schema';
+import { FakeStation } from './station';
+
+const TICK_MS = 100;
+const POLICY = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; object-src 'none'";
+
+type Answer = { status?: number; body?: unknown; headers?: Record<string, string> } | null;
+
+/** Answers the station's addresses during development; shapes as in src/api/types.ts. */
+export function mockStation(): Plugin {
+  const station = new FakeStation();
+  const handle = (request: IncomingMessage, response: ServerResponse, next: () => void) => {
+    const url = new URL(request.url ?? '/', 'http://station');
+    if (url.pathname === '/view/') {
+      response.setHeader('Content-Type', 'text/html');
+      response.end(SCENE);
+    } else if (url.pathname.startsWith('/api/')) {
+      void readBody(request).then((body) => send(response, route(station, request, url, body)));
+    } else next();
+  };
+  return {
+    name: 'mock-station',
+    configureServer: ({ middlewares, httpServer }) => {
+      middlewares.use(handle);
+      if (httpServer) serveLive(httpServer as Server, station);
+    },
+    configurePreviewServer: ({ middlewares, httpServer }) => {
+      middlewares.use((_request, response, next) => {
+        response.setHeader('Content-Security-Policy', POLICY);
+        next();
+      });
+      middlewares.use(handle);
+      serveLive(httpServer as Server, station);
+    },
+  };
+}
+
+function serveLive(server: Server, station: FakeStation): void {
+  const live = new WebSocketServer({ noServer: true });
+  server.on('upgrade', (request, socket, head) => {
+    if (!request.url?.startsWith('/api/live')) return;
+    live.handleUpgrade(request, socket, head, (client) => {
+      let cursor = 0;
+      const timer = setInterval(() => {
+        const tick = station.tick(cursor);
+        cursor = Number(tick.cursor);
+        client.send(JSON.stringify(tick));
+      }, TICK_MS);
+      client.on('close', () => clearInterval(timer));
+    });
+  });
+}
+
+async function readBody(request: IncomingMessage): Promise<JsonObject> {
+  const chunks: Buffer[] = [];
+  for await (const chunk of request) chunks.push(chunk as Buffer);
+  try {
+    return JSON.parse(Buffer.concat(chunks).toString()) as JsonObject;
+  } catch {
+    return {};
+  }
+}
+
+function send(response: ServerResponse, answer: Answer): void {
+  const {
+    status = 200,
+    body = {},
+    headers = {},
+  } = answer ?? problem(404, 'There is nothing here.');
+  response.writeHead(status, { 'Content-Type': 'application/json', ...headers });
+  response.end(JSON.stringify(body));
+}
+
+function problem(status: number, detail: string, errors: unknown[] = []): NonNullable<Answer> {
+  return { status, body: { type: 'about:blank', title: 'Refused', status, detail, errors } };
+}
+
+function route(station: FakeStation, request: IncomingMessage, url: URL, body: JsonObject): Answer {
+  const [, first = '', second = '', third = '', fourth = ''] = url.pathname.split('/').slice(1);
+  const method = request.method ?? 'GET';
+  if (first === 'health') return { body: health(station) };
+  if (first === 'session') return session(station, method, body);
+  if (!station.isSignedIn) return problem(401, 'Sign in first.');
+  if (first === 'robots') return robots(station, url, second, third, fourth, body);
+  if (first === 'missions') return missions(station, method, second, third);
+  if (first === 'plans') return plans(station, second, third);
+  if (first === 'commands') return { body: station.commands.get(second) };
+  if (first === 'config') return config(station, request, url, second, third, body);
+  if (first === 'events') return events(station, url);
+  if (first === 'alarms') return alarms(station, second);
+  if (first === 'imports') return { status: 202, body: { id: station.importJob().id } };
+  if (first === 'jobs') return { body: station.jobs.get(second) };
+  if (first === 'deployments') return { body: deployments(station) };
+  return null;
+}
+
+function health(station: FakeStation): unknown {
+  return {
+    status: 'ok',
+    ready: true,
+    simulation: true,
+    version: '0.1.0',
+    storage: { ok: true, message: '' },
+    robots: 2,
+    clock: { now: iso(station.now()), speed: station.speed },
+  };
+}
+
+function session(station: FakeStation, method: string, body: JsonObject): Answer {
+  if (method === 'POST' && body.password === 'wrong')
+    return problem(401, 'Name or password is wrong.');
+  if (method !== 'GET') {
+    station.isSignedIn = method === 'POST';
+    return {};
+  }
+  if (!station.isSignedIn) return problem(401, 'Sign in first.');
+  const expires = iso(station.now() + 43_200_000);
+  return {
+    body: { name: 'anna', role: 'admin', rights: [], csrf_token: 'x', expires_at: expires },
+  };
+}
+
+function robots(
+  station: FakeStation,
+  url: URL,
+  id: string,
+  part: string,
+  item: string,
+  body: JsonObject,
+): Answer {
+  const now = station.now();
+  if (id === '') return { body: station.robots.map((robot) => robot.robot(now)) };
+  const robot = station.robot(id);
+  if (!robot) return problem(404, `There is no robot '${id}'.`);
+  const start = Date.parse(url.searchParams.get('start') ?? iso(now - 900_000));
+  const end = Date.parse(url.searchParams.get('end') ?? iso(now));
+  const points = Math.min(600, Number(url.searchParams.get('max_points') ?? 500));
+  if (part === 'state') return { body: robot.live(now) };
+  if (part === 'commands')
+    return {
+      status: 202,
+      body: { id: station.command(robot, JSON.stringify(body.kind).slice(1, -1)) },
+    };
+  if (part === 'track') return { body: robot.track(now - 900_000, now, points) };
+  if (part === 'missions') {
+    const total = (body.config as JsonObject).total_budget;
+    if (typeof total === 'number' && total > 500) {
+      return problem(422, '1 field is wrong.', [
+        { loc: ['config', 'total_budget'], msg: 'The battery holds 500 energy units.' },
+      ]);
+    }
+    const survey = station.survey(robot, body.config as JsonObject, body.automation === true);
+    return { status: 202, body: { id: survey.mission.id } };
+  }
+  if (part === 'maps' && item === '') {
+    const { variable, title, unit } = fakeMap(robot, 'single', now);
+    return { body: [{ variable, title, unit, models: ['recursive', 'single'] }] };
+  }
+  if (part === 'maps') return { body: fakeMap(robot, url.searchParams.get('model') ?? '', now) };
+  if (part !== 'samples') return null;
+  const channel = url.searchParams.get('channel') ?? '';
+  const times = Array.from({ length: points }, (_, i) => start + ((end - start) * i) / points);
+  const gap = (at: number) => Math.floor(at / 60_000) % 7 === 3 && at < now - 120_000;
+  const kept = times.filter((at) => !gap(at));
+  const unit = robot.live(now).channels[channel]?.unit ?? '';
+  return {
+    body: {
+      robot: id,
+      channel,
+      unit,
+      measured_at: kept.map(iso),
+      value: kept.map((at) => robot.sample(channel, at)),
+      decimated: true,
+    },
+  };
+}
+
+function missions(station: FakeStation, method: string, id: string, action: string): Answer {
+  const survey = station.surveys.find(({ mission }) => mission.id === id);
+  if (!survey) return problem(404, `There is no mission '${id}'.`);
+  if (method === 'GET') return { body: survey.mission };
+  survey.mission.automation = action === 'start';
+  if (action === 'start' && survey.plan?.state === 'draft') survey.send(station.now());
+  return { status: 202, body: {} };
+}
+
+function plans(station: FakeStation, id: string, action: string): Answer {
+  const survey = station.surveys.find((each) => each.plans.some((plan) => plan.id === id));
+  const plan = survey?.plans.find((each) => each.id === id);
+  if (!survey || !plan) return problem(404, `There is no plan '${id}'.`);
+  if (action === 'upload') survey.send(station.now());
+  if (action === 'cancel') survey.cancel(station.now());
+  return action ? { status: 202, body: { transfer: 'transfer-1' } } : { body: plan };
+}
+
+function config(
+  station: FakeStation,
+  request: IncomingMessage,
+  url: URL,
+  kind: string,
+  part: string,
+  body: JsonObject,
+): Answer {
+  if (kind === '') {
+    const ids = station.robots.map(({ id }) => id);
+    return {
+      body: Object.entries(KINDS).map(([key, { title }]) => ({ kind: key, title, robots: ids })),
+    };
+  }
+  if (part === 'schema') return { body: KINDS[kind]?.schema };
+  const robot = url.searchParams.get('robot') ?? '';
+  const current = station.config(kind, robot);
+  if (request.method === 'PATCH') {
+    const wanted = request.headers['if-match'];
+    if (wanted !== undefined && wanted !== `"${current.id}"`) {
+      return problem(412, `Changed by ${current.by} at ${current.at}.`);
+    }
+    station.patch(kind, robot, body);
+  }
+  const { id, value, at, by } = station.config(kind, robot);
+  return {
+    body: {
+      kind,
+      robot,
+      id: `config-${id}`,
+      value,
+      preset: KINDS[kind]?.value,
+      changed_at: at,
+      changed_by: by,
+    },
+    headers: { ETag: `"${id}"` },
+  };
+}
+
+function events(station: FakeStation, url: URL): Answer {
+  const after = Number(url.searchParams.get('after') ?? 0);
+  const found = station.events.filter(({ cursor }) => Number(cursor) > after);
+  return { body: { events: found, next: found.at(-1)?.cursor ?? null } };
+}
+
+function alarms(station: FakeStation, id: string): Answer {
+  const alarm = station.alarms.find((each) => each.id === id);
+  if (alarm) {
+    alarm.state = 'acknowledged';
+    alarm.acknowledged_at = iso(station.now());
+    alarm.acknowledged_by = 'anna';
+  }
+  return { body: station.alarms };
+}
+
+function deployments(station: FakeStation): unknown {
+  return station.robots.map(({ id, site }, i) => ({
+    id: `deployment-${i + 1}`,
+    name: `${site.name}, ${iso(station.started).slice(0, 10)}`,
+    robot: id,
+    started_at: iso(station.started - 3_600_000),
+    ended_at: null,
+    samples: 1104 + i,
+    source: 'live',
+  }));
+}

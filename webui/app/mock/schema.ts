@@ -1,0 +1,118 @@
+import type { JsonObject } from '../src/api/types';
+
+const number = (title: string, unit: string, value: number, more: JsonObject = {}): JsonObject => ({
+  title,
+  type: 'number',
+  default: value,
+  unit,
+  advanced: false,
+  ...more,
+});
+
+const BOX: JsonObject = {
+  type: 'object',
+  title: 'Box',
+  properties: {
+    x_min_m: number('South edge (x)', 'm', 0, { description: 'Smallest northing of the box.' }),
+    x_max_m: number('North edge (x)', 'm', 2.75),
+    y_min_m: number('West edge (y)', 'm', 0),
+    y_max_m: number('East edge (y)', 'm', 1.37),
+    depth_max_m: number('Deepest', 'm', 0.65, { exclusiveMinimum: 0 }),
+  },
+};
+
+const PLANNER: JsonObject = {
+  $defs: { Box: BOX },
+  type: 'object',
+  title: 'PlannerConfig',
+  properties: {
+    domain: {
+      $ref: '#/$defs/Box',
+      title: 'Domain',
+      description: 'The water to explore.',
+      default: { x_min_m: 0, x_max_m: 2.75, y_min_m: 0, y_max_m: 1.37, depth_max_m: 0.65 },
+    },
+    total_budget: number('Total energy', '', 80, {
+      exclusiveMinimum: 0,
+      description: 'Energy units for the whole survey: a dive costs 1, a glide or spiral 1.5.',
+    }),
+    round_budget: number('Energy of a round', '', 20, { exclusiveMinimum: 0 }),
+    objective: {
+      title: 'Objective',
+      type: 'string',
+      enum: ['information_gain', 'ergodic'],
+      default: 'information_gain',
+      description: 'What makes a plan a good one.',
+    },
+    max_uncertainty_m: number('Maximum position uncertainty', 'm', 0.3, { exclusiveMinimum: 0 }),
+    planning_time_s: number('Planning time', 's', 10, { exclusiveMinimum: 0, maximum: 600 }),
+    fidelity_thresholds_m: {
+      title: 'Fidelity thresholds',
+      type: 'array',
+      items: { type: 'number', exclusiveMinimum: 0 },
+      minItems: 1,
+      default: [0.1, 0.2],
+      unit: 'm',
+      description: 'Position uncertainties that divide the fidelity levels, ascending.',
+    },
+    glide_angle_rad: number('Glide angle', 'rad', 0.44, {
+      display_unit: 'deg',
+      exclusiveMinimum: 0,
+      exclusiveMaximum: 1.5707963,
+      advanced: true,
+    }),
+    seed: {
+      title: 'Seed',
+      anyOf: [{ type: 'integer', minimum: 0 }, { type: 'null' }],
+      default: null,
+      unit: '',
+      advanced: true,
+      description: 'Same seed, same plan.',
+    },
+    reuse_candidates: {
+      title: 'Reuse candidates',
+      type: 'boolean',
+      default: true,
+      advanced: true,
+      description: 'Keep good trajectories of the round before.',
+    },
+  },
+};
+
+const PID: JsonObject = {
+  type: 'object',
+  properties: Object.fromEntries(
+    ['pitch', 'heading', 'depth'].flatMap((loop) =>
+      ['p', 'i', 'd'].map((gain) => [
+        `${loop}_${gain}`,
+        number(`${loop.charAt(0).toUpperCase()}${loop.slice(1)}, ${gain.toUpperCase()}`, '', 1.2, {
+          minimum: 0,
+        }),
+      ]),
+    ),
+  ),
+};
+
+export const KINDS: Record<string, { title: string; schema: JsonObject; value: JsonObject }> = {
+  planner: {
+    title: 'Planner',
+    schema: PLANNER,
+    value: {
+      domain: { x_min_m: 0, x_max_m: 2.75, y_min_m: 0, y_max_m: 1.37, depth_max_m: 0.65 },
+      total_budget: 80,
+      round_budget: 20,
+      objective: 'information_gain',
+      max_uncertainty_m: 0.3,
+      planning_time_s: 10,
+      fidelity_thresholds_m: [0.1, 0.2],
+      glide_angle_rad: 0.44,
+      seed: null,
+      reuse_candidates: true,
+    },
+  },
+  'controller.pid': {
+    title: 'PID controller',
+    schema: PID,
+    value: Object.fromEntries(Object.keys(PID.properties as JsonObject).map((key) => [key, 1.2])),
+  },
+};

@@ -1,0 +1,231 @@
+import type { Leg, Mission, Ned, Plan, PlanState, Site } from '../src/api/types';
+import { SCORES } from './field';
+import { iso, type FakeRobot } from './robot';
+
+const PLANNING_S = 8;
+
+function fakeLegs(site: Site): Leg[] {
+  const { domain } = site;
+  const at = (n: number, e: number, d: number): Ned => [
+    domain.x_min_m + (domain.x_max_m - domain.x_min_m) * n,
+    domain.y_min_m + (domain.y_max_m - domain.y_min_m) * e,
+    domain.depth_max_m * d,
+  ];
+  const stops: [Leg['kind'], Ned][] = [
+    ['glide', at(0.35, 0.3, 0.8)],
+    ['glide', at(0.6, 0.5, 0)],
+    ['dive', at(0.6, 0.5, 0.9)],
+    ['dive', at(0.6, 0.5, 0)],
+    ['swim', at(0.8, 0.3, 0)],
+    ['glide', at(0.65, 0.75, 0.85)],
+    ['spiral', at(0.55, 0.75, 0)],
+    ['swim', at(0.3, 0.85, 0)],
+    ['glide', at(0.12, 0.5, 0.7)],
+    ['glide', at(0.2, 0.2, 0)],
+  ];
+  let start = at(0.1, 0.1, 0);
+  return stops.map(([kind, end]) => {
+    const length = Math.hypot(end[0] - start[0], end[1] - start[1], end[2] - start[2]);
+    const radius = (domain.y_max_m - domain.y_min_m) * 0.1;
+    const leg: Leg = {
+      kind,
+      start_ned: start,
+      end_ned: end,
+      speed_m_s: 0.02,
+      duration_s: length / (site.kind === 'tank' ? 0.03 : 0.25),
+      energy: kind === 'dive' ? 1 : kind === 'swim' ? 2.4 : 1.5,
+      heading_rad: 0.6,
+      radius_m: kind === 'spiral' ? radius : 0,
+      turn_rad: kind === 'spiral' ? 7.2 : 0,
+    };
+    start = end;
+    return leg;
+  });
+}
+
+/** A survey whose planning, sending and flying take a few seconds each. */
+export class FakeSurvey {
+  plans: Plan[] = [];
+  mission: Mission;
+  #planningSince = 0;
+  readonly #ended: (text: string, kind: string) => void;
+
+  constructor(
+    readonly robot: FakeRobot,
+    readonly number: number,
+    config: Mission['config'],
+    automation: boolean,
+    nowMs: number,
+    onEvent: (text: string, kind: string) => void,
+  ) {
+    this.#ended = onEvent;
+    this.mission = {
+      id: `mission-${number}`,
+      robot: robot.id,
+      kind: 'adaptive_survey',
+      state: 'planning',
+      automation,
+      config,
+      config_id: 'config-3',
+      rounds: [],
+      budget: { total: 80, spent: 0, round: 20 },
+      plan_id: null,
+      scores: null,
+      message: '',
+      created_at: iso(nowMs),
+    };
+    robot.missionId = this.mission.id;
+    this.#beginPlan(nowMs);
+  }
+
+  get plan(): Plan | undefined {
+    return this.plans.at(-1);
+  }
+
+  #beginPlan(nowMs: number): void {
+    this.#planningSince = nowMs;
+    const round = this.plans.length + 1;
+    const plan: Plan = {
+      id: `plan-${this.number * 10 + round + 3}`,
+      robot: this.robot.id,
+      kind: 'adaptive_survey',
+      mission_id: this.mission.id,
+      round,
+      state: 'planning',
+      sha256: null,
+      config_id: 'config-3',
+      created_at: iso(nowMs),
+      legs: [],
+      points: [],
+      account: null,
+      objective: null,
+      objective_unit: 'nats',
+      violations: [],
+      progress: { elapsed_s: 0, seconds_left: PLANNING_S, objective: null, candidates: 0 },
+      history: [],
+      runners_up: [],
+      message: '',
+      ladder: {
+        draft_at: null,
+        sent_at: null,
+        on_board_at: null,
+        running_at: null,
+        ended_at: null,
+      },
+      onboard: null,
+    };
+    this.plans.push(plan);
+    this.mission.plan_id = plan.id;
+    this.mission.rounds.push({
+      round,
+      plan_id: plan.id,
+      state: 'planning',
+      energy: null,
+      objective: null,
+    });
+    this.robot.planId = plan.id;
+  }
+
+  step(nowMs: number): void {
+    const { plan } = this;
+    if (plan?.state === 'planning') this.#search(plan, nowMs);
+    if (plan?.state === 'running') this.#fly(plan, nowMs);
+  }
+
+  #search(plan: Plan, nowMs: number): void {
+    const elapsed = (nowMs - this.#planningSince) / 1000;
+    const objective = 41.3 * (1 - Math.exp(-Math.floor(elapsed * 2) / 3)) || null;
+    const candidates = Math.round(elapsed * 6120);
+    plan.progress = {
+      elapsed_s: elapsed,
+      seconds_left: PLANNING_S - elapsed,
+      objective,
+      candidates,
+    };
+    if (objective) plan.history = [...plan.history, { elapsed_s: elapsed, objective, candidates }];
+    if (elapsed < PLANNING_S) return;
+    plan.progress = null;
+    plan.legs = fakeLegs(this.robot.site);
+    let t = 0;
+    plan.points = plan.legs.flatMap((leg) => {
+      const from = t;
+      t += leg.duration_s;
+      return [0, 0.5, 1].map(
+        (share) =>
+          [
+            from + leg.duration_s * share,
+            ...leg.start_ned.map((v, i) => v + ((leg.end_ned[i] ?? v) - v) * share),
+            0.12,
+          ] as unknown as Plan['points'][number],
+      );
+    });
+    plan.objective = objective;
+    plan.sha256 = '3fa91c07be5d24668a1b0c9e7d5f2238a90b1c6d4e8f70123456789abcdef012';
+    plan.account = { energy: 18.9, duration_s: t, worst_std_m: 0.274, bytes: 412, credits: 0 };
+    plan.runners_up = [40.9, 40.2, 39.8].map((value, i) => ({
+      objective: value,
+      energy: 19.4 - i * 0.6,
+      duration_s: t - i * 14,
+      worst_std_m: 0.26 + i * 0.01,
+    }));
+    plan.message = 'Found in 8.0 s; the last 3.1 s brought nothing better.';
+    this.#enter(plan, 'draft', nowMs);
+    this.mission.state = 'ready';
+    if (plan.round !== null && plan.round > 1 && this.mission.automation) this.send(nowMs);
+  }
+
+  send(nowMs: number): void {
+    const { plan } = this;
+    if (!plan) return;
+    this.mission.state = 'running';
+    this.#enter(plan, 'sent', nowMs);
+    setTimeout(() => this.#enter(plan, 'on_board', nowMs + 1500), 1500);
+    setTimeout(() => this.#enter(plan, 'running', nowMs + 2500), 2500);
+  }
+
+  #fly(plan: Plan, nowMs: number): void {
+    const begun = Date.parse(plan.ladder.running_at ?? iso(nowMs));
+    const share = Math.min(1, (nowMs - begun) / 60_000);
+    const leg = Math.min(plan.legs.length, 1 + Math.floor(share * plan.legs.length));
+    plan.onboard = { leg, legs: plan.legs.length, energy_used: share * 18.9 };
+    this.mission.budget.spent = ((plan.round ?? 1) - 1) * 18.9 + share * 18.9;
+    this.robot.plan = {
+      plan_id: plan.id,
+      sha256: plan.sha256,
+      state: 'running',
+      leg,
+      legs: plan.legs.length,
+      age_s: 0.4,
+    };
+    this.robot.roundText = `round ${plan.round} of 4`;
+    if (share < 1) return;
+    this.#enter(plan, 'done', nowMs);
+    if (plan.round === 4) {
+      this.mission.state = 'done';
+      this.mission.scores = SCORES;
+    } else {
+      this.mission.state = 'replanning';
+      this.#beginPlan(nowMs);
+    }
+  }
+
+  cancel(nowMs: number): void {
+    if (this.plan) this.#enter(this.plan, 'cancelled', nowMs);
+    this.mission.state = 'stopped';
+  }
+
+  #enter(plan: Plan, state: PlanState, nowMs: number): void {
+    plan.state = state;
+    const rungs: Partial<Record<PlanState, keyof Plan['ladder']>> = {
+      draft: 'draft_at',
+      sent: 'sent_at',
+      on_board: 'on_board_at',
+      running: 'running_at',
+    };
+    plan.ladder = { ...plan.ladder, [rungs[state] ?? 'ended_at']: iso(nowMs) };
+    const round = this.mission.rounds.at(-1);
+    if (round)
+      Object.assign(round, { state, objective: plan.objective, energy: plan.account?.energy });
+    this.#ended(`${plan.id} is ${state.replace('_', ' ')}.`, `plan.${state}`);
+  }
+}

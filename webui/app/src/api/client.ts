@@ -1,0 +1,217 @@
+import { noAnswer, problemOf } from './problem';
+import type {
+  Alarm,
+  Command,
+  CommandKind,
+  ConfigDocument,
+  ConfigKind,
+  Deployment,
+  EventPage,
+  FieldMap,
+  Health,
+  Job,
+  JsonObject,
+  Mission,
+  Plan,
+  Robot,
+  RobotState,
+  Samples,
+  Session,
+  Track,
+  Transfer,
+} from './types';
+
+type Query = Record<string, string | number | boolean | null | undefined>;
+
+interface Call {
+  query?: Query;
+  body?: unknown;
+  form?: FormData;
+  headers?: Record<string, string>;
+  signal?: AbortSignal;
+}
+
+export interface Versioned<T> {
+  value: T;
+  etag: string | null;
+}
+
+/** The station's REST interface, one method a resource; every refusal is thrown as a Problem. */
+export class Api {
+  #csrf = '';
+
+  /** Called when the station no longer knows this browser. */
+  onSignedOut: () => void = () => undefined;
+
+  health = () => this.#json<Health>('GET', '/api/health');
+
+  async session(): Promise<Session> {
+    return this.#remember(await this.#json<Session>('GET', '/api/session'));
+  }
+
+  async signIn(name: string, password: string): Promise<void> {
+    await this.#send('POST', '/api/session', { body: { name, password } });
+  }
+
+  async createFirstPerson(name: string, password: string, code: string): Promise<void> {
+    await this.#send('POST', '/api/session/first', { body: { name, password, code } });
+  }
+
+  async signOut(): Promise<void> {
+    await this.#send('DELETE', '/api/session');
+  }
+
+  robots = () => this.#list<Robot>('/api/robots', 'robots');
+  state = (robot: string) => this.#json<RobotState>('GET', `${at(robot)}/state`);
+
+  samples = (robot: string, query: Query, signal?: AbortSignal) =>
+    this.#json<Samples>('GET', `${at(robot)}/samples`, { query, signal });
+
+  track = (robot: string, query: Query, signal?: AbortSignal) =>
+    this.#json<Track>('GET', `${at(robot)}/track`, { query, signal });
+
+  command = (robot: string, kind: CommandKind) =>
+    this.#json<{ id: string }>('POST', `${at(robot)}/commands`, { body: { kind } });
+
+  commandState = (id: string) => this.#json<Command>('GET', `/api/commands/${part(id)}`);
+
+  createMission = (robot: string, kind: string, config: JsonObject, automation: boolean) =>
+    this.#json<{ id: string }>('POST', `${at(robot)}/missions`, {
+      body: { kind, config, automation },
+    });
+
+  mission = (id: string) => this.#json<Mission>('GET', `/api/missions/${part(id)}`);
+  startMission = (id: string) => this.#send('POST', `/api/missions/${part(id)}/start`);
+  stopMission = (id: string) => this.#send('POST', `/api/missions/${part(id)}/stop`);
+
+  plan = (id: string) => this.#json<Plan>('GET', `/api/plans/${part(id)}`);
+  cancelPlan = (id: string) => this.#send('POST', `/api/plans/${part(id)}/cancel`);
+
+  uploadPlan = (id: string) =>
+    this.#json<{ transfer: string }>('POST', `/api/plans/${part(id)}/upload`, {
+      body: { start: true },
+    });
+
+  transfer = (id: string) => this.#json<Transfer>('GET', `/api/transfers/${part(id)}`);
+
+  maps = (robot: string) => this.#json<unknown>('GET', `${at(robot)}/maps`);
+
+  map = (robot: string, variable: string, model: string, signal?: AbortSignal) =>
+    this.#json<FieldMap>('GET', `${at(robot)}/maps/${part(variable)}`, {
+      query: { model, format: 'json' },
+      signal,
+    });
+
+  configKinds = () => this.#list<ConfigKind>('/api/config', 'kinds');
+
+  configSchema = (kind: string) =>
+    this.#json<JsonObject>('GET', `/api/config/${part(kind)}/schema`);
+
+  async config(kind: string, robot: string): Promise<Versioned<ConfigDocument>> {
+    const response = await this.#send('GET', `/api/config/${part(kind)}`, { query: { robot } });
+    return versioned<ConfigDocument>(response);
+  }
+
+  async changeConfig(
+    kind: string,
+    robot: string,
+    change: JsonObject,
+    etag: string | null,
+  ): Promise<Versioned<ConfigDocument>> {
+    const response = await this.#send('PATCH', `/api/config/${part(kind)}`, {
+      query: { robot },
+      body: change,
+      headers: etag === null ? {} : { 'If-Match': etag },
+    });
+    return versioned<ConfigDocument>(response);
+  }
+
+  events = (query: Query) => this.#json<EventPage>('GET', '/api/events', { query });
+  alarms = () => this.#list<Alarm>('/api/alarms', 'alarms');
+  acknowledge = (id: string) => this.#send('POST', `/api/alarms/${part(id)}/ack`);
+
+  deployments = () => this.#list<Deployment>('/api/deployments', 'deployments');
+
+  importFile(file: File, robot: string, policy: 'skip' | 'refuse'): Promise<{ id: string }> {
+    const form = new FormData();
+    form.set('file', file);
+    form.set('robot', robot);
+    form.set('policy', policy);
+    return this.#json<{ id: string }>('POST', '/api/imports', { form });
+  }
+
+  job = (id: string) => this.#json<Job>('GET', `/api/jobs/${part(id)}`);
+  cancelJob = (id: string) => this.#send('DELETE', `/api/jobs/${part(id)}`);
+
+  #remember(session: Session): Session {
+    this.#csrf = session.csrf_token;
+    return session;
+  }
+
+  async #json<T>(method: string, path: string, call: Call = {}): Promise<T> {
+    const response = await this.#send(method, path, call);
+    return (await response.json()) as T;
+  }
+
+  /** A list, whether the station sends it bare or inside an object. */
+  async #list<T>(path: string, name: string): Promise<T[]> {
+    const body = await this.#json<T[] | Record<string, T[]>>('GET', path);
+    return Array.isArray(body) ? body : (body[name] ?? []);
+  }
+
+  async #send(method: string, path: string, call: Call = {}): Promise<Response> {
+    const headers = new Headers({ Accept: 'application/json', ...call.headers });
+    if (method !== 'GET') {
+      headers.set('X-CSRF-Token', this.#csrf);
+      if (method === 'POST') headers.set('Idempotency-Key', newKey());
+    }
+    let body: BodyInit | undefined = call.form;
+    if (call.body !== undefined) {
+      headers.set('Content-Type', 'application/json');
+      body = JSON.stringify(call.body);
+    }
+    let response: Response;
+    try {
+      response = await fetch(path + queryString(call.query), {
+        method,
+        headers,
+        body: body ?? null,
+        signal: call.signal ?? null,
+        credentials: 'same-origin',
+      });
+    } catch (error) {
+      if (error instanceof DOMException && error.name === 'AbortError') throw error;
+      throw noAnswer();
+    }
+    if (response.ok) return response;
+    if (response.status === 401 && path !== '/api/session') this.onSignedOut();
+    throw await problemOf(response);
+  }
+}
+
+async function versioned<T>(response: Response): Promise<Versioned<T>> {
+  return { value: (await response.json()) as T, etag: response.headers.get('ETag') };
+}
+
+function at(robot: string): string {
+  return `/api/robots/${part(robot)}`;
+}
+
+function part(value: string): string {
+  return encodeURIComponent(value);
+}
+
+export function queryString(query: Query = {}): string {
+  const pairs = new URLSearchParams();
+  for (const [name, value] of Object.entries(query)) {
+    if (value !== null && value !== undefined) pairs.set(name, String(value));
+  }
+  const text = pairs.toString();
+  return text && `?${text}`;
+}
+
+/** One key a request, so that a repeated request acts once. */
+function newKey(): string {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
+}

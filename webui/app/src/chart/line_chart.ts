@@ -1,0 +1,144 @@
+import type uPlot from 'uplot';
+import { clockTime } from '../text/time';
+
+/** One line of a chart. */
+export interface Line {
+  label: string;
+  unit: string;
+  /** Name of the colour token, such as `--accent`. */
+  colour: string;
+  /** Computed, not measured: dashed and lighter. */
+  isPredicted?: boolean;
+  /** Fill between the line and this value. */
+  fillTo?: number;
+  width?: number;
+  decimals?: number;
+}
+
+export interface ChartWish {
+  lines: readonly Line[];
+  /** Greater values further down, as depth is read. */
+  isDownwards?: boolean;
+  /** Station time (s since 1970) or plain seconds across. */
+  across: 'time' | 'seconds';
+  /** Value that the vertical axis always includes. */
+  includes?: readonly number[];
+  sync?: string | undefined;
+  onzoom?: ((from: number, to: number) => void) | undefined;
+}
+
+/** The colours of the moment, read from the theme's tokens. */
+export interface Palette {
+  (token: string): string;
+}
+
+export function paletteOf(element: Element): Palette {
+  const style = getComputedStyle(element);
+  return (token) => style.getPropertyValue(token).trim();
+}
+
+/** Options of the drawing library for what a page wishes. */
+export function chartOptions(
+  wish: ChartWish,
+  palette: Palette,
+  width: number,
+  height: number,
+): uPlot.Options {
+  const unit = wish.lines[0]?.unit ?? '';
+  const axis = {
+    stroke: palette('--muted'),
+    font: '11px Inter, system-ui, sans-serif',
+    grid: { stroke: palette('--line'), width: 1 },
+    ticks: { show: false },
+  };
+  return {
+    width,
+    height,
+    padding: [10, 14, 0, 0],
+    legend: { show: false },
+    cursor: {
+      ...(wish.sync === undefined ? {} : { sync: { key: wish.sync } }),
+      points: { size: 6 },
+      drag: { x: true, y: false, setScale: wish.onzoom === undefined },
+    },
+    select: { show: true, left: 0, top: 0, width: 0, height: 0 },
+    scales: {
+      x: { time: false },
+      y: {
+        dir: wish.isDownwards ? -1 : 1,
+        range: (_chart, low, high) => padded(low, high, wish.includes ?? []),
+      },
+    },
+    axes: [
+      {
+        ...axis,
+        size: 26,
+        space: 76,
+        values: (_chart, values) =>
+          values.map((value) =>
+            wish.across === 'time' ? clockTime(value * 1000, isFine(values)) : `${value} s`,
+          ),
+        incrs: wish.across === 'time' ? TIME_STEPS : PLAIN_STEPS,
+      },
+      {
+        ...axis,
+        size: 52,
+        space: 28,
+        label: unit,
+        labelSize: 16,
+        labelFont: axis.font,
+        labelGap: 0,
+      },
+    ],
+    series: [{}, ...wish.lines.map((line) => lineOptions(line, palette))],
+    hooks: { setSelect: wish.onzoom ? [zoomer(wish.onzoom)] : [] },
+  };
+}
+
+const TIME_STEPS = [
+  1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400,
+];
+const PLAIN_STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+
+function isFine(values: readonly number[]): boolean {
+  const [first, second] = values;
+  return first !== undefined && second !== undefined && second - first < 60;
+}
+
+function lineOptions(line: Line, palette: Palette): uPlot.Series {
+  const stroke = palette(line.isPredicted ? '--predicted' : line.colour);
+  return {
+    label: line.label,
+    stroke,
+    width: line.width ?? 1.5,
+    points: { show: false },
+    spanGaps: line.isPredicted ?? false,
+    ...(line.isPredicted ? { dash: [6, 5] } : {}),
+    ...(line.fillTo === undefined ? {} : { fill: `${stroke}1f`, fillTo: line.fillTo }),
+  };
+}
+
+/** Bounds with a little room, including the values that must be seen. */
+export function padded(
+  low: number | null,
+  high: number | null,
+  includes: readonly number[],
+): [number, number] {
+  const values = [low, high].filter((value) => value !== null && Number.isFinite(value));
+  const all = [...(values as number[]), ...includes];
+  if (all.length === 0) return [0, 1];
+  const least = Math.min(...all);
+  const most = Math.max(...all);
+  const room = (most - least || Math.abs(most) || 1) * 0.06;
+  const isEdge = (value: number) => includes.includes(value);
+  return [isEdge(least) ? least - room * 0.3 : least - room, most + room];
+}
+
+function zoomer(onzoom: (from: number, to: number) => void): (chart: uPlot) => void {
+  return (chart) => {
+    const { left, width } = chart.select;
+    if (width < 4) return;
+    onzoom(chart.posToVal(left, 'x'), chart.posToVal(left + width, 'x'));
+    chart.setSelect({ left: 0, top: 0, width: 0, height: 0 }, false);
+  };
+}

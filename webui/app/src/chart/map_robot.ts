@@ -1,0 +1,26 @@
+import type { Robot } from '../api/types';
+import type { Station } from '../live/station.svelte';
+import type { MapRobot } from './site_map';
+
+const OLD_S = 10;
+
+/** The robots whose position is known, for a drawing of their site. */
+export function mapRobots(station: Station, robots: readonly Robot[]): MapRobot[] {
+  return robots.flatMap(({ id, name }) => {
+    const entry = station.live[id];
+    const position = entry?.report?.position;
+    if (!position) return [];
+    const heading = entry.report?.channels.heading_rad?.value ?? 0;
+    const limit = entry.report?.channels.depth_m?.limit_s ?? OLD_S;
+    return [
+      {
+        id,
+        name,
+        ned: position.ned_m,
+        stdM: position.std_m,
+        headingRad: heading,
+        isOld: station.ageNow(entry, position.age_s) > limit,
+      },
+    ];
+  });
+}

@@ -1,0 +1,223 @@
+import * as L from 'leaflet';
+import type { Box, Leg, Ned, Site, Track } from '../api/types';
+import { PRIMITIVES } from '../text/word';
+import { ticks } from './slice';
+
+export interface MapRobot {
+  id: string;
+  name: string;
+  ned: Ned;
+  headingRad: number;
+  stdM: number;
+  /** Older than its limit: drawn hollow. */
+  isOld: boolean;
+}
+
+const SVG = 'http://www.w3.org/2000/svg';
+
+/**
+ * A site seen from above, north up, in metres of its own north-east frame.
+ *
+ * Needs no tiles and no network. Every colour comes from the theme by class names.
+ */
+export class SiteDrawing {
+  readonly #map: L.Map;
+  readonly #track = L.layerGroup();
+  readonly #plan = L.layerGroup();
+  readonly #robots = L.layerGroup();
+  readonly #marks = new Map<string, { marker: L.Marker; arrow: SVGElement; circle: L.Circle }>();
+  readonly #bounds: L.LatLngBounds;
+
+  constructor(host: HTMLElement, site: Site, onHover: (ned: [number, number] | null) => void) {
+    const map = L.map(host, {
+      crs: L.CRS.Simple,
+      zoomSnap: 0,
+      zoomDelta: 0.5,
+      minZoom: -10,
+      maxZoom: 14,
+      attributionControl: false,
+      zoomControl: false,
+      scrollWheelZoom: true,
+      keyboard: false,
+      zoomAnimation: false,
+    });
+    this.#map = map;
+    this.#bounds = boundsOf(site.water);
+    drawFrame(map, site);
+    this.#track.addTo(map);
+    this.#plan.addTo(map);
+    this.#robots.addTo(map);
+    L.control.scale({ imperial: false, position: 'bottomright' }).addTo(map);
+    map.on('mousemove', (event) => onHover([event.latlng.lat, event.latlng.lng]));
+    map.on('mouseout', () => onHover(null));
+    map.on('dblclick', () => this.fit());
+    map.doubleClickZoom.disable();
+    this.fit();
+  }
+
+  fit(): void {
+    this.#map.invalidateSize(false);
+    this.#map.fitBounds(this.#bounds, { padding: [26, 18], animate: false });
+  }
+
+  remove(): void {
+    this.#map.remove();
+  }
+
+  showTrack(track: Track | null): void {
+    this.#track.clearLayers();
+    if (track === null) return;
+    for (const run of fidelityRuns(track)) {
+      L.polyline(run.points, {
+        className: `map-track map-fidelity-${run.level ?? 'none'}`,
+        interactive: false,
+      }).addTo(this.#track);
+    }
+  }
+
+  /** Legs by primitive; `isProved` legs are drawn solid, planned ones dashed. */
+  showPlan(legs: readonly Leg[], isProved: boolean): void {
+    this.#plan.clearLayers();
+    for (const leg of legs) {
+      const points = legPoints(leg).map(([north, east]): [number, number] => [north, east]);
+      L.polyline(points, {
+        className: `map-leg map-${leg.kind}${isProved ? '' : ' map-planned'}`,
+      })
+        .bindTooltip(PRIMITIVES[leg.kind].title, { sticky: true })
+        .addTo(this.#plan);
+    }
+    const start = legs[0]?.start_ned;
+    if (start) {
+      L.circleMarker([start[0], start[1]], { radius: 4, className: 'map-start' })
+        .bindTooltip('Start of the plan')
+        .addTo(this.#plan);
+    }
+  }
+
+  showRobots(robots: readonly MapRobot[]): void {
+    for (const robot of robots) {
+      const mark = this.#marks.get(robot.id) ?? this.#addRobot(robot);
+      const at: [number, number] = [robot.ned[0], robot.ned[1]];
+      mark.marker.setLatLng(at);
+      mark.circle.setLatLng(at).setRadius(Math.max(robot.stdM, 1e-3));
+      const degrees = (robot.headingRad * 180) / Math.PI;
+      mark.arrow.setAttribute('transform', `rotate(${degrees.toFixed(1)} 14 14)`);
+      mark.marker.getElement()?.classList.toggle('map-old', robot.isOld);
+    }
+  }
+
+  #addRobot(robot: MapRobot): { marker: L.Marker; arrow: SVGElement; circle: L.Circle } {
+    const { figure, arrow } = robotFigure();
+    const icon = L.divIcon({
+      html: figure as unknown as HTMLElement,
+      className: 'map-robot',
+      iconSize: [28, 28],
+    });
+    const marker = L.marker([0, 0], { icon, interactive: false, keyboard: false });
+    marker.bindTooltip(robot.name, {
+      permanent: true,
+      direction: 'right',
+      offset: [12, 0],
+      className: 'map-name',
+    });
+    const circle = L.circle([0, 0], { radius: 1, className: 'map-std', interactive: false });
+    circle.addTo(this.#robots);
+    marker.addTo(this.#robots);
+    const mark = { marker, arrow, circle };
+    this.#marks.set(robot.id, mark);
+    return mark;
+  }
+}
+
+function boundsOf(box: Box): L.LatLngBounds {
+  return L.latLngBounds([box.x_min_m, box.y_min_m], [box.x_max_m, box.y_max_m]);
+}
+
+function drawFrame(map: L.Map, site: Site): void {
+  const { water } = site;
+  const still = { interactive: false };
+  L.rectangle(boundsOf(water), { ...still, className: `map-water map-${site.kind}` }).addTo(map);
+  const label = (at: [number, number], text: string, side: string) =>
+    L.marker(at, {
+      icon: L.divIcon({ html: text, className: `map-label map-label-${side}`, iconSize: [0, 0] }),
+      interactive: false,
+      keyboard: false,
+    }).addTo(map);
+  for (const east of ticks(water.y_min_m, water.y_max_m, 5)) {
+    const line: [number, number][] = [
+      [water.x_min_m, east],
+      [water.x_max_m, east],
+    ];
+    L.polyline(line, { ...still, className: 'map-grid' }).addTo(map);
+    label([water.x_min_m, east], `${short(east)} m E`, 'below');
+  }
+  for (const north of ticks(water.x_min_m, water.x_max_m, 4)) {
+    const line: [number, number][] = [
+      [north, water.y_min_m],
+      [north, water.y_max_m],
+    ];
+    L.polyline(line, { ...still, className: 'map-grid' }).addTo(map);
+    label([north, water.y_min_m], `${short(north)} m N`, 'inside');
+  }
+  L.rectangle(boundsOf(site.domain), { ...still, className: 'map-domain' }).addTo(map);
+}
+
+function short(value: number): string {
+  return Number(value.toPrecision(6)).toString().replace('-', '\u2212');
+}
+
+function robotFigure(): { figure: SVGElement; arrow: SVGElement } {
+  const figure = document.createElementNS(SVG, 'svg');
+  figure.setAttribute('viewBox', '0 0 28 28');
+  figure.setAttribute('width', '28');
+  figure.setAttribute('height', '28');
+  const arrow = document.createElementNS(SVG, 'path');
+  arrow.setAttribute('d', 'M14 4 L19.5 21 L14 17.5 L8.5 21 Z');
+  arrow.setAttribute('class', 'map-arrow');
+  figure.append(arrow);
+  return { figure, arrow };
+}
+
+/** Points along a leg, north and east; a spiral is drawn as the arc that it is. */
+export function legPoints(leg: Leg): [number, number, number][] {
+  const [n0, e0, d0] = leg.start_ned;
+  const [n1, e1, d1] = leg.end_ned;
+  if (leg.kind !== 'spiral' || leg.radius_m <= 0) {
+    return [
+      [n0, e0, d0],
+      [n1, e1, d1],
+    ];
+  }
+  // Turning to starboard, the centre lies to the right of the entry heading.
+  const side = Math.sign(leg.turn_rad) || 1;
+  const centreN = n0 - side * leg.radius_m * Math.sin(leg.heading_rad);
+  const centreE = e0 + side * leg.radius_m * Math.cos(leg.heading_rad);
+  const steps = Math.max(8, Math.ceil(Math.abs(leg.turn_rad) / 0.2));
+  return Array.from({ length: steps + 1 }, (_, i) => {
+    const share = i / steps;
+    const heading = leg.heading_rad + leg.turn_rad * share;
+    return [
+      centreN + side * leg.radius_m * Math.sin(heading),
+      centreE - side * leg.radius_m * Math.cos(heading),
+      d0 + (d1 - d0) * share,
+    ];
+  });
+}
+
+/** A track cut into runs of one fidelity; each run begins where the one before ended. */
+export function fidelityRuns(
+  track: Pick<Track, 'north_m' | 'east_m' | 'fidelity'>,
+): { level: number | null; points: [number, number][] }[] {
+  const runs: { level: number | null; points: [number, number][] }[] = [];
+  track.north_m.forEach((north, i) => {
+    const point: [number, number] = [north, track.east_m[i] ?? 0];
+    const level = track.fidelity[i] ?? null;
+    const last = runs.at(-1);
+    if (last?.level === level) last.points.push(point);
+    else {
+      last?.points.push(point);
+      runs.push({ level, points: [point] });
+    }
+  });
+  return runs;
+}

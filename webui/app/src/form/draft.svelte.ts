@@ -1,0 +1,111 @@
+import { locationPath, type FieldError, type Problem } from '../api/problem';
+import type { Json, JsonObject } from '../api/types';
+import { fault } from './check';
+import { formTree, type FormNode, type GroupNode } from './schema';
+import { difference, isSame, leaves, valueAt, withValue } from './value';
+
+/** A form being filled: a model's schema, its stored value, and what the person changed. */
+export class Draft {
+  readonly tree: GroupNode;
+  stored = $state.raw<JsonObject>({});
+  value = $state.raw<JsonObject>({});
+  /** What the station refused, by path. */
+  refused = $state.raw<readonly FieldError[]>([]);
+  /** Texts that are typed but are no value, by path. */
+  #unreadable = $state.raw<Readonly<Record<string, string>>>({});
+  readonly #preset: JsonObject | null;
+
+  constructor(schema: JsonObject, stored: JsonObject, preset: JsonObject | null = null) {
+    this.tree = formTree(schema);
+    this.#preset = preset;
+    this.load(stored);
+  }
+
+  load(stored: JsonObject): void {
+    this.stored = stored;
+    this.value = stored;
+    this.refused = [];
+    this.#unreadable = {};
+  }
+
+  readonly isChanged = $derived(!isSame(this.stored, this.value));
+
+  readonly isValid = $derived.by(
+    () =>
+      Object.keys(this.#unreadable).length === 0 &&
+      leaves(this.tree).every((node) => fault(node, this.at(node)) === null),
+  );
+
+  /** Errors of the station that belong to no field of the form. */
+  readonly strays = $derived.by(() =>
+    this.refused.filter(({ path }) => nodeAt(this.tree, path) === null || path.length === 0),
+  );
+
+  /** The changed members alone. */
+  get patch(): JsonObject {
+    return difference(this.stored, this.value);
+  }
+
+  at(node: FormNode): Json | undefined {
+    return valueAt(this.value, node.path) ?? (node.isNullable ? null : undefined);
+  }
+
+  set(node: FormNode, value: Json): void {
+    this.value = withValue(this.value, node.path, value);
+    this.#forget(node);
+  }
+
+  /** Note that what stands in a field is no value. */
+  setUnreadable(node: FormNode, message: string): void {
+    this.#forget(node);
+    this.#unreadable = { ...this.#unreadable, [node.path.join('.')]: message };
+  }
+
+  /** Value that a reset returns to. */
+  default(node: FormNode): Json | undefined {
+    return this.#preset === null ? node.default : valueAt(this.#preset, node.path);
+  }
+
+  isDefault(node: FormNode): boolean {
+    const known = this.default(node);
+    return known === undefined || isSame(known, this.at(node));
+  }
+
+  isUnsaved(node: FormNode): boolean {
+    return !isSame(valueAt(this.stored, node.path), valueAt(this.value, node.path));
+  }
+
+  error(node: FormNode): string | null {
+    const typed = this.#unreadable[node.path.join('.')];
+    if (typed !== undefined) return typed;
+    const said = this.refused.find(({ path }) => leadsTo(this.tree, path, node));
+    return said?.message ?? (node.kind === 'group' ? null : fault(node, this.at(node)));
+  }
+
+  /** Show a refusal beside the fields it names. */
+  refuse(problem: Problem): void {
+    this.refused = problem.errors;
+  }
+
+  #forget(node: FormNode): void {
+    const { [node.path.join('.')]: _typed, ...others } = this.#unreadable;
+    this.#unreadable = others;
+    this.refused = this.refused.filter(({ path }) => !leadsTo(this.tree, path, node));
+  }
+}
+
+/** Deepest node that a path of the station leads to; list positions end at their list. */
+export function nodeAt(tree: GroupNode, path: readonly string[]): FormNode | null {
+  let node: FormNode = tree;
+  for (const key of path) {
+    if (node.kind !== 'group') return node;
+    const next: FormNode | undefined = node.members.find((member) => member.path.at(-1) === key);
+    if (!next) return node === tree ? null : node;
+    node = next;
+  }
+  return node;
+}
+
+function leadsTo(tree: GroupNode, path: readonly string[], node: FormNode): boolean {
+  return nodeAt(tree, locationPath([...path])) === node;
+}

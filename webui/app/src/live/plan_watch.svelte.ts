@@ -1,0 +1,110 @@
+import { untrack } from 'svelte';
+import type { Mission, ObjectivePoint, Plan } from '../api/types';
+import type { Station } from './station.svelte';
+
+/** One plan, fetched whole whenever its state changes and kept current in between. */
+export class PlanWatch {
+  #id = $state.raw<string | null>(null);
+  #whole = $state.raw<Plan | null>(null);
+  #curve = $state.raw<readonly ObjectivePoint[]>([]);
+  readonly #station: Station;
+
+  constructor(station: Station) {
+    this.#station = station;
+  }
+
+  readonly #news = $derived.by(() =>
+    this.#id === null ? undefined : this.#station.plans[this.#id],
+  );
+
+  readonly plan = $derived.by((): Plan | null => {
+    if (this.#whole === null || this.#whole.id !== this.#id) return null;
+    return { ...this.#whole, ...(this.#news ?? {}) };
+  });
+
+  /** Best objective over planning time, as far as it is known. */
+  readonly curve = $derived.by((): readonly ObjectivePoint[] => {
+    const whole = this.plan?.history ?? [];
+    return whole.length >= this.#curve.length ? whole : this.#curve;
+  });
+
+  /** Follow a plan; to be called inside an effect. */
+  follow(id: string | null): void {
+    if (untrack(() => this.#id) !== id) {
+      this.#id = id;
+      this.#whole = null;
+      this.#curve = [];
+    }
+    const news = this.#news;
+    this.#collect(news);
+    const whole = untrack(() => this.#whole);
+    if (id !== null && (whole === null || (news?.state ?? whole.state) !== whole.state)) {
+      void this.#fetch(id);
+    }
+  }
+
+  #collect(news: Partial<Plan> | undefined): void {
+    const progress = news?.progress;
+    if (!progress || progress.objective === null) return;
+    const curve = untrack(() => this.#curve);
+    const last = curve.at(-1);
+    if (last && progress.elapsed_s <= last.elapsed_s) return;
+    const { elapsed_s, objective, candidates } = progress;
+    this.#curve = [...curve, { elapsed_s, objective, candidates }];
+  }
+
+  async #fetch(id: string): Promise<void> {
+    try {
+      const plan = await this.#station.api.plan(id);
+      if (untrack(() => this.#id) === id) this.#whole = plan;
+    } catch {
+      // The header tells that the station is silent; the next change asks again.
+    }
+  }
+}
+
+/** One mission, fetched whole whenever the live stream says that it changed. */
+export class MissionWatch {
+  #id = $state.raw<string | null>(null);
+  #whole = $state.raw<Mission | null>(null);
+  #stamp = '';
+  readonly #station: Station;
+
+  constructor(station: Station) {
+    this.#station = station;
+  }
+
+  readonly #news = $derived.by(() =>
+    this.#id === null ? undefined : this.#station.missions[this.#id],
+  );
+
+  readonly mission = $derived.by((): Mission | null => {
+    if (this.#whole === null || this.#whole.id !== this.#id) return null;
+    return { ...this.#whole, ...(this.#news ?? {}) };
+  });
+
+  /** Follow a mission; to be called inside an effect. */
+  follow(id: string | null): void {
+    const news = this.#news;
+    const stamp = [id, news?.state, news?.plan_id, news?.budget?.spent].join(' ');
+    if (untrack(() => this.#id) !== id) {
+      this.#id = id;
+      this.#whole = null;
+      this.#stamp = '';
+    }
+    if (id === null || stamp === this.#stamp) return;
+    this.#stamp = stamp;
+    void this.refresh();
+  }
+
+  async refresh(): Promise<void> {
+    const id = untrack(() => this.#id);
+    if (id === null) return;
+    try {
+      const mission = await this.#station.api.mission(id);
+      if (untrack(() => this.#id) === id) this.#whole = mission;
+    } catch {
+      this.#stamp = '';
+    }
+  }
+}

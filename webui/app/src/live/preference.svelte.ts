@@ -1,0 +1,49 @@
+import type { PositionFormat } from '../text/position';
+
+export type Theme = 'dark' | 'day' | 'night-red';
+
+export const THEMES: readonly { key: Theme; title: string; help: string }[] = [
+  { key: 'dark', title: 'Dark', help: 'For a control room.' },
+  { key: 'day', title: 'Day', help: 'For bright surroundings.' },
+  { key: 'night-red', title: 'Night red', help: 'Keeps eyes adapted to the dark on deck.' },
+];
+
+const KEY = 'grace.preference';
+
+/** What this browser remembers of its user's wishes. */
+export class Preference {
+  theme = $state<Theme>('dark');
+  position = $state<PositionFormat>('degrees');
+  robot = $state<string | null>(null);
+
+  constructor() {
+    const kept = read();
+    if (THEMES.some(({ key }) => key === kept.theme)) this.theme = kept.theme as Theme;
+    if (kept.position === 'minutes' || kept.position === 'seconds') this.position = kept.position;
+    if (typeof kept.robot === 'string') this.robot = kept.robot;
+  }
+
+  /** To be called inside an effect: keeps every change, and shows the theme. */
+  apply(): void {
+    document.documentElement.dataset.theme = this.theme;
+    const kept = JSON.stringify({
+      theme: this.theme,
+      position: this.position,
+      robot: this.robot,
+    });
+    try {
+      localStorage.setItem(KEY, kept);
+    } catch {
+      // A browser that stores nothing still works; it forgets.
+    }
+  }
+}
+
+function read(): Record<string, unknown> {
+  try {
+    const kept: unknown = JSON.parse(localStorage.getItem(KEY) ?? '{}');
+    return typeof kept === 'object' && kept !== null ? (kept as Record<string, unknown>) : {};
+  } catch {
+    return {};
+  }
+}

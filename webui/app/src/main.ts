@@ -1,0 +1,11 @@
+import { mount } from 'svelte';
+import App from './App.svelte';
+import './style/token.css';
+import './style/base.css';
+import './style/control.css';
+import 'leaflet/dist/leaflet.css';
+import './style/map.css';
+
+const target = document.getElementById('app');
+if (target === null) throw new Error('the page has no #app');
+mount(App, { target });

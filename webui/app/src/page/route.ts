@@ -1,0 +1,40 @@
+/** Addresses of the pages: `/page` or `/page/robot`; the fleet is `/`. */
+
+export const PAGES = [
+  { key: 'fleet', title: 'Fleet', letter: 'f', hasRobot: false },
+  { key: 'robot', title: 'Robot', letter: 'r', hasRobot: true },
+  { key: 'plan', title: 'Plan', letter: 'p', hasRobot: true },
+  { key: 'map', title: 'Map', letter: 'm', hasRobot: true },
+  { key: 'control', title: 'Control', letter: 'c', hasRobot: true },
+  { key: 'data', title: 'Data', letter: 'd', hasRobot: true },
+  { key: 'log', title: 'Log', letter: 'l', hasRobot: false },
+  { key: 'settings', title: 'Settings', letter: 's', hasRobot: false },
+] as const;
+
+export type PageKey = (typeof PAGES)[number]['key'];
+
+export interface Route {
+  page: PageKey;
+  robot: string | null;
+}
+
+export function parseRoute(path: string): Route {
+  const [first = '', second] = path.split('/').filter(Boolean);
+  const page = PAGES.find(({ key }) => key === first) ?? PAGES[0];
+  const robot = page.hasRobot && second ? decode(second) : null;
+  return { page: page.key, robot };
+}
+
+export function routePath(page: PageKey, robot: string | null): string {
+  if (page === 'fleet') return '/';
+  const hasRobot = PAGES.find(({ key }) => key === page)?.hasRobot ?? false;
+  return hasRobot && robot !== null ? `/${page}/${encodeURIComponent(robot)}` : `/${page}`;
+}
+
+function decode(part: string): string | null {
+  try {
+    return decodeURIComponent(part);
+  } catch {
+    return null;
+  }
+}

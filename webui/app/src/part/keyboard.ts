@@ -1,0 +1,55 @@
+import { PAGES, type PageKey } from '../page/route';
+
+export interface KeyboardActions {
+  go(page: PageKey): void;
+  choose(step: 1 | -1): void;
+  help(): void;
+}
+
+const SECOND_KEY_MS = 1500;
+
+/** Keys of the whole app. None of them transmits anything. */
+export class Keyboard {
+  #isGoing = false;
+  #timer: ReturnType<typeof setTimeout> | undefined;
+  readonly #actions: KeyboardActions;
+
+  constructor(actions: KeyboardActions) {
+    this.#actions = actions;
+  }
+
+  listen(): () => void {
+    const onkeydown = (event: KeyboardEvent) => {
+      if (event.ctrlKey || event.metaKey || event.altKey || isTyping(event.target)) return;
+      if (this.press(event.key)) event.preventDefault();
+    };
+    addEventListener('keydown', onkeydown);
+    return () => {
+      clearTimeout(this.#timer);
+      removeEventListener('keydown', onkeydown);
+    };
+  }
+
+  /** Act on a key; returns whether it meant something. */
+  press(key: string): boolean {
+    if (this.#isGoing) {
+      this.#isGoing = false;
+      const page = PAGES.find(({ letter }) => letter === key);
+      if (page) this.#actions.go(page.key);
+      return page !== undefined;
+    }
+    if (key === 'g') {
+      this.#isGoing = true;
+      clearTimeout(this.#timer);
+      this.#timer = setTimeout(() => (this.#isGoing = false), SECOND_KEY_MS);
+    } else if (key === '?') this.#actions.help();
+    else if (key === ']') this.#actions.choose(1);
+    else if (key === '[') this.#actions.choose(-1);
+    else return false;
+    return true;
+  }
+}
+
+function isTyping(target: EventTarget | null): boolean {
+  return target instanceof Element && target.matches('input:not([type=radio]), select, textarea');
+}

@@ -1,0 +1,48 @@
+import type { Plan, PlanState } from '../api/types';
+import { planWord } from '../text/word';
+import type { Step } from './step';
+
+const RUNGS = [
+  ['draft', 'draft_at'],
+  ['sent', 'sent_at'],
+  ['on_board', 'on_board_at'],
+  ['running', 'running_at'],
+] as const;
+
+const ENDS: readonly PlanState[] = ['done', 'failed', 'superseded', 'cancelled'];
+
+/** Draft, sent, on board, running, ended: each with the moment at which it was proved. */
+export function planSteps(plan: Pick<Plan, 'state' | 'ladder' | 'progress'>): Step[] {
+  const steps: Step[] = RUNGS.map(([state, field]) => {
+    const { text, help } = planWord(state);
+    return { title: text, help, at: plan.ladder[field] };
+  });
+  if (ENDS.includes(plan.state)) {
+    const { text, help, tone } = planWord(plan.state);
+    const isFault = tone === 'alarm';
+    const reached = plan.state === 'done' ? steps : steps.filter(({ at }) => at !== null);
+    return [...reached, { title: text, help, at: plan.ladder.ended_at, isFault }];
+  }
+  const pending = plan.state === 'planning' ? 0 : plan.state === 'sent' ? 2 : null;
+  const step = pending === null ? undefined : steps[pending];
+  if (step?.at === null) step.isPending = true;
+  return steps;
+}
+
+const SENTENCES: Record<PlanState, string> = {
+  planning: 'The planner is searching. Nothing is sent.',
+  draft: 'Only the station has this plan. Nothing is sent.',
+  sent: 'On its way. The robot has not confirmed it and keeps what it had.',
+  on_board: 'The robot has the plan: it answered with the plan’s fingerprint.',
+  running: 'The robot says that it is flying this plan.',
+  done: 'The robot says that it flew the last leg.',
+  failed: 'The plan ended before its last leg.',
+  superseded: 'A newer plan took its place.',
+  cancelled: 'Planning was stopped. Nothing was sent.',
+};
+
+/** What is known of the plan's whereabouts, and no more. */
+export function planSentence(plan: Pick<Plan, 'state' | 'message'>): string {
+  const told = plan.state === 'failed' && plan.message ? ` ${plan.message}` : '';
+  return SENTENCES[plan.state] + told;
+}

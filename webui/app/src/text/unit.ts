@@ -1,0 +1,72 @@
+/** Units of the screen: what a stored SI value is multiplied by to be shown. */
+export interface ScreenUnit {
+  /** What stands behind the number. */
+  label: string;
+  /** Screen value = SI value x factor. */
+  factor: number;
+}
+
+const FACTORS: Record<string, Record<string, number>> = {
+  rad: { deg: 180 / Math.PI },
+  'rad/s': { 'deg/s': 180 / Math.PI },
+  s: { min: 1 / 60, h: 1 / 3600, d: 1 / 86400, ms: 1000 },
+  m: { cm: 100, mm: 1000, km: 1 / 1000 },
+  'm/s': { 'cm/s': 100, 'mm/s': 1000, 'km/h': 3.6 },
+  kg: { g: 1000 },
+  Hz: { kHz: 1 / 1000 },
+  '': { '%': 100 },
+  '1': { '%': 100 },
+};
+
+const LABELS: Record<string, string> = {
+  deg: '°',
+  'deg/s': '°/s',
+  degC: '°C',
+  '1': '',
+  'ug/L': 'µg/L',
+  'm^2': 'm²',
+  m2: 'm²',
+  'm^3': 'm³',
+  'kg/m^3': 'kg/m³',
+  'm/s^2': 'm/s²',
+  'kg*m^2': 'kg·m²',
+  'kg m^2': 'kg·m²',
+  'N*m': 'N·m',
+};
+
+/** How a value in `unit` is shown; an unknown pair keeps the stored unit, never a wrong one. */
+export function screenUnit(unit: string, displayUnit?: string | null): ScreenUnit {
+  const factor = displayUnit ? FACTORS[unit]?.[displayUnit] : undefined;
+  const shown = factor === undefined || !displayUnit ? unit : displayUnit;
+  return { label: LABELS[shown] ?? shown, factor: factor ?? 1 };
+}
+
+/** A number as a person types it: no float noise, no exponent where it can be avoided. */
+export function plainNumber(value: number, digits = 6): string {
+  if (!Number.isFinite(value)) return '';
+  const rounded = Number(value.toPrecision(digits));
+  const size = Math.abs(rounded);
+  if (size !== 0 && (size < 1e-5 || size >= 1e9)) return String(rounded);
+  return rounded.toLocaleString('en-US', { useGrouping: false, maximumFractionDigits: 12 });
+}
+
+/** Minus sign of full width, so that signed numbers align. */
+export function fixed(value: number, decimals: number): string {
+  const text = value.toFixed(decimals);
+  return Number(text) === 0 ? (0).toFixed(decimals) : text.replace('-', '\u2212');
+}
+
+/** A number with about three significant digits. */
+export function compact(value: number | null | undefined, digits = 3): string {
+  if (value === null || value === undefined || !Number.isFinite(value)) return '–';
+  if (value === 0) return '0';
+  const size = Math.abs(value);
+  if (size >= 1e6 || size < 1e-4) return value.toExponential(digits - 1).replace('-', '\u2212');
+  const decimals = Math.max(0, digits - 1 - Math.floor(Math.log10(size)));
+  return fixed(value, Math.min(decimals, 6));
+}
+
+export function bytes(value: number | null): string {
+  if (value === null) return '–';
+  return value < 10_000 ? `${value} B` : `${(value / 1000).toFixed(1)} kB`;
+}

@@ -1,0 +1,130 @@
+import type { Health, PlanState, PrimitiveKind } from '../api/types';
+
+/** Tone of a state: which of the few colours may be used for it. */
+export type Tone = 'plain' | 'ok' | 'watch' | 'alarm' | 'accent';
+
+interface Word {
+  text: string;
+  tone: Tone;
+  help: string;
+}
+
+const LINKS: Record<string, Word> = {
+  never_heard: {
+    text: 'Never heard',
+    tone: 'watch',
+    help: 'No packet of this robot has reached the station yet.',
+  },
+  live: { text: 'Live', tone: 'ok', help: 'Packets are arriving.' },
+  stale: {
+    text: 'Silent',
+    tone: 'alarm',
+    help: 'No packet for longer than this link allows, and the robot did not say that it would dive.',
+  },
+  submerged: {
+    text: 'Under water',
+    tone: 'plain',
+    help: 'Silent because it said that it would dive. Radio does not reach it there.',
+  },
+  port_closed: {
+    text: 'Port closed',
+    tone: 'alarm',
+    help: 'The station cannot open the port of this link. It keeps trying.',
+  },
+};
+
+export function linkWord(state: string): Word {
+  return LINKS[state] ?? { text: words(state), tone: 'plain', help: '' };
+}
+
+const CARRIERS: Record<string, string> = {
+  xbee: 'XBee',
+  iridium: 'Iridium',
+  acoustic: 'acoustic',
+  simulator: 'simulator',
+};
+
+export function carrierName(carrier: string): string {
+  return CARRIERS[carrier] ?? carrier;
+}
+
+const PLANS: Record<PlanState, Word> = {
+  planning: { text: 'Planning', tone: 'accent', help: 'The planner is searching.' },
+  draft: { text: 'Draft', tone: 'plain', help: 'Only the station has this plan.' },
+  sent: {
+    text: 'Sent',
+    tone: 'watch',
+    help: 'On its way. The robot has not confirmed it and may still fly its former plan.',
+  },
+  on_board: {
+    text: 'On board',
+    tone: 'ok',
+    help: 'The robot has the plan: it answered with the plan’s own fingerprint (SHA-256).',
+  },
+  running: { text: 'Running', tone: 'ok', help: 'The robot says that it is flying this plan.' },
+  done: { text: 'Done', tone: 'plain', help: 'The robot says that it flew the last leg.' },
+  failed: { text: 'Failed', tone: 'alarm', help: 'The plan ended before its last leg.' },
+  superseded: { text: 'Replaced', tone: 'plain', help: 'A newer plan took its place.' },
+  cancelled: { text: 'Cancelled', tone: 'plain', help: 'Planning was stopped by a person.' },
+};
+
+export function planWord(state: PlanState): Word {
+  return PLANS[state];
+}
+
+const MISSIONS: Record<string, Word> = {
+  planning: { text: 'Planning the first round', tone: 'accent', help: '' },
+  ready: { text: 'Ready, waiting for you', tone: 'accent', help: 'A draft is ready to be sent.' },
+  running: { text: 'Robot is flying a round', tone: 'ok', help: '' },
+  replanning: { text: 'Planning the next round', tone: 'accent', help: '' },
+  scoring: { text: 'Scoring the map', tone: 'accent', help: '' },
+  done: { text: 'Done', tone: 'ok', help: 'The energy budget is spent.' },
+  failed: { text: 'Failed', tone: 'alarm', help: '' },
+  stopped: { text: 'Stopped', tone: 'watch', help: 'No further round starts by itself.' },
+};
+
+export function missionWord(state: string): Word {
+  return MISSIONS[state] ?? { text: words(state), tone: 'plain', help: '' };
+}
+
+export const PRIMITIVES: Record<PrimitiveKind, { title: string; help: string }> = {
+  glide: { title: 'Glide', help: 'Straight, sinking or rising on its wings, tail still.' },
+  spiral: { title: 'Spiral', help: 'Sinking or rising on a circle, tail held to one side.' },
+  dive: { title: 'Dive', help: 'Straight down or up by buoyancy alone.' },
+  swim: { title: 'Swim', help: 'Along the surface, beating its tail.' },
+};
+
+export const FIDELITIES = [
+  { title: 'Low fidelity', help: 'Measured where the robot was poorly located.' },
+  { title: 'Middle fidelity', help: 'Measured between a fix and the drift that follows.' },
+  { title: 'High fidelity', help: 'Measured soon after a position fix.' },
+] as const;
+
+/** `not_a_word` as a person writes it. */
+export function words(key: string): string {
+  const spaced = key.replaceAll(/[_.]+/g, ' ').trim();
+  return spaced.charAt(0).toUpperCase() + spaced.slice(1);
+}
+
+/** Plan 14 of `plan-14`. */
+export function planName(id: string | null): string {
+  if (id === null) return 'plan';
+  const number = /^plan-(\d+)$/.exec(id)?.[1];
+  return number === undefined ? id : `plan ${number}`;
+}
+
+export function missionName(id: string): string {
+  const number = /^mission-(\d+)$/.exec(id)?.[1];
+  return number === undefined ? id : `mission ${number}`;
+}
+
+export function capital(text: string): string {
+  return text.charAt(0).toUpperCase() + text.slice(1);
+}
+
+export function healthSentence(health: Health): string | null {
+  if (!health.storage.ok) {
+    return `Storage fault: ${health.storage.message}. No plan is accepted until it is cured.`;
+  }
+  return health.status === 'degraded' ? 'The station runs with a fault; see the log.' : null;
+}
