@@ -18,6 +18,8 @@ from robot_link.messages import PlanHash
 FORMAT_VERSION = 1
 _KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
 _FLOAT32_EXACT = 2**24
+_GAP_M = 2e-3
+"""Greatest distance between two ends that meet, a little more than rounding makes."""
 SETTINGS_FIELDS = 5
 """Integers of the settings in the canonical form."""
 ITEM_FIELDS = 10
@@ -55,8 +57,15 @@ class Mission:
         """Quantize a plan's legs.
 
         Raises:
-            ValueError: If a number does not fit the wire; the message names it.
+            ValueError: If a number does not fit the wire, or a leg does not begin where the one
+                before it (the first: the start in the settings, at the surface) ends, for only
+                the ends travel; the message names it.
         """
+        end: PositionNed = (settings.start_x_m, settings.start_y_m, 0.0)
+        for number, leg in enumerate(legs, start=1):
+            if math.dist(leg.start_ned, end) > _GAP_M:
+                raise ValueError(f"leg {number} does not begin where the one before it ends")
+            end = leg.end_ned
         return cls.from_integers(
             _settings_integers(settings), tuple(leg_integers(leg) for leg in legs)
         )
@@ -125,20 +134,25 @@ def leg_integers(leg: Leg) -> tuple[int, ...]:
         "radius": leg.radius_m * 1e3,
         "turn": leg.turn_rad * 1e3,
     }
-    for name, value in named.items():
-        if not math.isfinite(value) or abs(value) >= _FLOAT32_EXACT:
-            raise ValueError(f"{name} of a {leg.kind} leg is out of the wire's range")
-    return (_KINDS.index(leg.kind), *(round(value) for value in named.values()))
+    return (_KINDS.index(leg.kind), *_rounded(f"a {leg.kind} leg", named))
 
 
 def _settings_integers(settings: MissionSettings) -> tuple[int, ...]:
-    return (
-        round(settings.sample_period_s * 1e3),
-        round(settings.max_uncertainty_m * 1e3),
-        round(settings.timeout_s),
-        round(settings.start_x_m * 1e3),
-        round(settings.start_y_m * 1e3),
-    )
+    named = {
+        "sample period": settings.sample_period_s * 1e3,
+        "uncertainty": settings.max_uncertainty_m * 1e3,
+        "timeout": settings.timeout_s,
+        "start x": settings.start_x_m * 1e3,
+        "start y": settings.start_y_m * 1e3,
+    }
+    return _rounded("the settings", named)
+
+
+def _rounded(owner: str, named: dict[str, float]) -> tuple[int, ...]:
+    for name, value in named.items():
+        if not math.isfinite(value) or abs(value) >= _FLOAT32_EXACT - 0.5:
+            raise ValueError(f"{name} of {owner} is out of the wire's range")
+    return tuple(round(value) for value in named.values())
 
 
 def _leg(start: PositionNed, integers: tuple[int, ...]) -> Leg:

@@ -1,12 +1,22 @@
 """The robot's side of every service; what the onboard program talks through."""
 
+import asyncio
+from collections import OrderedDict
 from datetime import datetime
-from enum import StrEnum
-from typing import Protocol
 
-from robot_link.clock import Clock
+from robot_link.clock import Clock, monotonic_s
+from robot_link.delivery import deliver
+from robot_link.mavlink import telemetry
+from robot_link.mavlink.codec import (
+    ROBOT_COMPONENT,
+    STATION_COMPONENT,
+    STATION_SYSTEM,
+    Codec,
+    WireMessage,
+)
+from robot_link.mavlink.command import received_command
+from robot_link.mavlink.wire import grace
 from robot_link.messages import (
-    CommandKind,
     LogId,
     OnboardPlanState,
     PlanHash,
@@ -15,66 +25,44 @@ from robot_link.messages import (
     StateReport,
     SystemId,
 )
-from robot_link.mission import Mission
-from robot_link.transport.datagram import DatagramTransport
+from robot_link.plan_desk import PlanDesk
+from robot_link.plan_store import PlanStore
+from robot_link.robot_program import CommandOutcome, RobotProgram
+from robot_link.sample_log import Measurement, SampleLog
+from robot_link.sample_sender import SampleSender
+from robot_link.timing import LinkTiming
+from robot_link.transport.datagram import BROADCAST, Address, DatagramTransport, Received
+
+__all__ = ["CommandOutcome", "RobotLink", "RobotProgram"]
+
+_REMEMBERED_COMMANDS = 64
+_ATTEMPTS = 3
+_SILENCES_BEFORE_ANOTHER_STATION = 3
 
 
-class CommandOutcome(StrEnum):
-    """What the onboard program says to a command."""
-
-    DONE = "done"
-    NOT_NOW = "not_now"
-    WRONG_PLAN = "wrong_plan"
-    """START named a plan that is not on board."""
-    UNSUPPORTED = "unsupported"
-
-
-class RobotProgram(Protocol):
-    """What the link asks of the onboard program; called on the loop, must return at once."""
-
-    def plan_refusal(self) -> str:
-        """Return why no new plan can be taken now (such as being under water), or ""."""
-        ...
-
-    def take_plan(self, mission: Mission) -> None:
-        """Replace the plan on board; the new one waits for START."""
-        ...
-
-    def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
-        """Act on a command; ``plan_digits`` are the first 12 digits of START's plan, else ""."""
-        ...
-
-
-class SampleLog(Protocol):
-    """The robot's memory of samples that are not yet stored ashore."""
-
-    @property
-    def log(self) -> LogId:
-        """Name of this log; a program that starts with an empty memory takes a new one."""
-        ...
-
-    def append(self, sequence: int, frame_source: bytes) -> None:
-        """Keep a sample."""
-        ...
-
-
-class PlanStore(Protocol):
-    """The robot's memory of the plan on board."""
-
-    def load(self) -> Mission | None:
-        """Return the plan on board, None without one."""
-        ...
-
-    def replace(self, mission: Mission) -> None:
-        """Make a mission the plan on board, whole or not at all."""
-        ...
+_RESULTS = {
+    CommandOutcome.DONE: grace.MAV_RESULT_ACCEPTED,
+    CommandOutcome.NOT_NOW: grace.MAV_RESULT_TEMPORARILY_REJECTED,
+    CommandOutcome.WRONG_PLAN: grace.MAV_RESULT_DENIED,
+    CommandOutcome.UNSUPPORTED: grace.MAV_RESULT_UNSUPPORTED,
+}
 
 
 class RobotLink:
     """Heartbeat, state, samples, plan and commands of one robot; belongs to one event loop.
 
-    Samples are kept and sent again until the station says that they are stored. Time-outs are
-    wall seconds; time stamps are the caller's.
+    Samples are kept and sent again until the station says that they are stored. A command acts
+    once, however often it is heard. A plan replaces the one on board only when it is complete and
+    its hash is the offered one. Time-outs are wall seconds; time stamps are the clock's.
+
+    Args:
+        system: The robot's MAVLink system id.
+        transport: Its radio, which the link runs.
+        clock: The robot's clock.
+        program: What flies the robot.
+        log: Memory of samples.
+        plans: Memory of the plan on board; a plan found in it is reported as ON_BOARD.
+        timing: Time-outs.
     """
 
     def __init__(
@@ -86,23 +74,68 @@ class RobotLink:
         *,
         log: SampleLog,
         plans: PlanStore,
+        timing: LinkTiming | None = None,
     ) -> None:
-        raise NotImplementedError
+        self._system = system
+        self._transport = transport
+        self._clock = clock
+        self._program = program
+        self._timing = timing or LinkTiming()
+        self._codec = Codec(system, ROBOT_COMPONENT)
+        self._samples = SampleSender(log, self._codec, transport, self._timing)
+        self._station: Address | None = None
+        self._station_heard_s = 0.0
+        self._replies: asyncio.Queue[WireMessage] = asyncio.Queue()
+        self._obeyed: OrderedDict[tuple[int, int], CommandOutcome] = OrderedDict()
+        self._mode = RobotMode.IDLE
+        self._mode_changed = asyncio.Event()
+        self._state: StateReport | None = None
+        self._state_changed = asyncio.Event()
+        self._plan = PlanDesk(plans, program, clock, self._timing, self._replies.put_nowait)
+        self.frames_bad = 0
+        """Frames dropped for a bad checksum, a foreign sender or impossible content."""
+
+    @property
+    def plan_hash(self) -> PlanHash | None:
+        """Hash of the plan on board."""
+        return self._plan.plan_hash
+
+    @property
+    def unacknowledged_samples(self) -> int:
+        """Samples not yet known to be stored ashore."""
+        return len(self._samples)
 
     async def run(self) -> None:
         """Serve until cancelled."""
-        raise NotImplementedError
+        async with asyncio.TaskGroup() as group:
+            for name, work in (
+                ("radio", self._transport.run()),
+                ("listen", self._listen()),
+                ("heartbeat", self._beat()),
+                ("states", self._send_states()),
+                ("plan reports", self._report_plan()),
+                ("samples", self._samples.run()),
+                ("replies", self._reply()),
+                ("mission", self._ask_again()),
+            ):
+                group.create_task(work, name=f"system {self._system} {name}")
 
     def set_mode(self, mode: RobotMode) -> None:
         """Say what the robot does now; a change is sent at once, and then in each heartbeat.
 
         Announce a dive before the antenna goes under: silence after it counts as submerged.
         """
-        raise NotImplementedError
+        if mode is not self._mode:
+            self._mode = mode
+            self._mode_changed.set()
 
     def report_state(self, state: StateReport) -> None:
-        """Send a state once, unless the radio is busy; ``robot``, ``received_at`` do not travel."""
-        raise NotImplementedError
+        """Send a state once; while the radio is busy a newer one replaces it.
+
+        ``robot`` and ``received_at`` do not travel.
+        """
+        self._state = state
+        self._state_changed.set()
 
     def record_sample(
         self,
@@ -121,20 +154,132 @@ class RobotLink:
             ValueError: If a number is not finite.
             KeyError: If no such variable is declared.
         """
-        raise NotImplementedError
+        return self._samples.record(
+            Measurement(variable, value, position_ned, position_std_m, measured_at)
+        )
 
     def report_plan(
         self, state: OnboardPlanState, *, leg: int = 0, energy_used: float = 0.0, reason: str = ""
     ) -> None:
-        """Say how the plan on board fares; sent at once and every two seconds until changed."""
-        raise NotImplementedError
+        """Say how the plan on board fares; sent at once, and again every few seconds."""
+        self._plan.report(state, leg=leg, energy_used=energy_used, reason=reason)
 
-    @property
-    def plan_hash(self) -> PlanHash | None:
-        """Hash of the plan on board."""
-        raise NotImplementedError
+    async def _listen(self) -> None:
+        async for event in self._transport.events():
+            if isinstance(event, Received):
+                self._receive(event)
 
-    @property
-    def unacknowledged_samples(self) -> int:
-        """Samples not yet known to be stored ashore."""
-        raise NotImplementedError
+    def _receive(self, received: Received) -> None:
+        messages, bad = self._codec.unpack(received.data)
+        self.frames_bad += bad
+        for message in messages:
+            if not self._is_from_station(message, received.address):
+                self.frames_bad += 1
+                continue
+            if getattr(message, "target_system", self._system) != self._system:
+                continue
+            try:
+                self._obey(message)
+            except ValueError:
+                self.frames_bad += 1
+
+    def _is_from_station(self, message: WireMessage, address: Address) -> bool:
+        """Hold to one station's radio; another may take over when it has been silent long."""
+        if message.get_srcSystem() != STATION_SYSTEM:
+            return False
+        now_s = monotonic_s()
+        patience_s = _SILENCES_BEFORE_ANOTHER_STATION * self._timing.stale_s
+        is_free = self._station is None or now_s - self._station_heard_s > patience_s
+        if address != self._station and not is_free:
+            return False
+        self._station, self._station_heard_s = address, now_s
+        self._samples.contact(address)
+        return True
+
+    def _obey(self, message: WireMessage) -> None:
+        now_s = monotonic_s()
+        match message:
+            case grace.MAVLink_command_long_message():
+                self._take_command(message)
+            case grace.MAVLink_grace_plan_offer_message():
+                self._plan.take_offer(message, now_s)
+            case grace.MAVLink_mission_count_message():
+                self._plan.take_count(message, now_s)
+            case grace.MAVLink_mission_item_int_message():
+                self._plan.take_item(message, now_s)
+            case grace.MAVLink_grace_sample_ack_message():
+                sequences = telemetry.acknowledged_sequences(message)
+                self._samples.stored(LogId(message.log), sequences)
+            case _:
+                pass
+
+    def _take_command(self, message: grace.MAVLink_command_long_message) -> None:
+        command = received_command(message)
+        if command is None:
+            outcome, number = CommandOutcome.UNSUPPORTED, 0
+        else:
+            name, number = (command.number, command.expiry_s), command.number
+            if name not in self._obeyed:
+                self._obeyed[name] = self._program.obey(command.kind, command.plan_digits)
+                if len(self._obeyed) > _REMEMBERED_COMMANDS:
+                    self._obeyed.popitem(last=False)
+            outcome = self._obeyed[name]
+        self._replies.put_nowait(
+            grace.MAVLink_command_ack_message(
+                command=message.command,
+                result=_RESULTS[outcome],
+                progress=0,
+                result_param2=number,
+                target_system=STATION_SYSTEM,
+                target_component=STATION_COMPONENT,
+            )
+        )
+
+    async def _ask_again(self) -> None:
+        while True:
+            await asyncio.sleep(self._timing.answer_s / 4)
+            self._plan.tick(monotonic_s())
+
+    async def _reply(self) -> None:
+        while True:
+            await self._send(await self._replies.get(), _ATTEMPTS)
+
+    async def _send_states(self) -> None:
+        while True:
+            await self._state_changed.wait()
+            self._state_changed.clear()
+            if self._state is not None and self._station is not None:
+                await self._send(telemetry.state_message(self._state), 1)
+
+    async def _report_plan(self) -> None:
+        while True:
+            self._plan.changed.clear()
+            if self._station is not None:
+                await self._send(self._plan.said, _ATTEMPTS)
+            await _changed_or_after(self._plan.changed, self._timing.plan_report_s)
+
+    async def _beat(self) -> None:
+        while True:
+            self._mode_changed.clear()
+            heartbeat = grace.MAVLink_heartbeat_message(
+                type=grace.MAV_TYPE_SUBMARINE,
+                autopilot=grace.MAV_AUTOPILOT_GENERIC,
+                base_mode=grace.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+                custom_mode=int(self._mode),
+                system_status=grace.MAV_STATE_ACTIVE,
+                mavlink_version=3,
+            )
+            await self._send(heartbeat, _ATTEMPTS)
+            await _changed_or_after(self._mode_changed, self._timing.heartbeat_s)
+
+    async def _send(self, message: WireMessage, attempts: int) -> None:
+        address = BROADCAST if self._station is None else self._station
+        await deliver(self._transport, address, self._codec.pack(message), attempts=attempts)
+
+
+async def _changed_or_after(event: asyncio.Event, longest_s: float) -> None:
+    try:
+        async with asyncio.timeout(longest_s):
+            await event.wait()
+    except TimeoutError:
+        pass

@@ -1,38 +1,50 @@
 """The station's side of every service: telemetry, commands, mission upload, acknowledgement."""
 
+import asyncio
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 
 from robot_link.clock import Clock
+from robot_link.command_lane import Command, CommandLane
+from robot_link.delivery import deliver
+from robot_link.mavlink import telemetry
+from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec, WireMessage
+from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
     LinkEvent,
     LinkReport,
+    LinkState,
     LogId,
+    OnboardPlanState,
     PlanHash,
+    RawFrame,
     RobotId,
+    RobotMode,
     SystemId,
     UploadReport,
 )
 from robot_link.mission import Mission
-from robot_link.transport.datagram import Address, DatagramTransport
+from robot_link.peer import Peer, RobotEndpoint
+from robot_link.sample_gate import SampleGate
+from robot_link.timing import LinkTiming
+from robot_link.transport.datagram import (
+    BROADCAST,
+    Address,
+    DatagramTransport,
+    Garbled,
+    PortChanged,
+    Received,
+)
+from robot_link.upload import Upload
+
+__all__ = ["RobotEndpoint", "StationLink", "UploadUnderWayError"]
 
 
 class UploadUnderWayError(Exception):
     """Another upload to the same robot has not ended yet."""
-
-
-@dataclass(frozen=True, slots=True)
-class RobotEndpoint:
-    """Where a robot is to be found."""
-
-    system: SystemId
-    uri: str
-    """The transport that reaches it."""
-    address: Address | None = None
-    """Its radio; None binds the first radio that speaks under its system id."""
 
 
 class StationLink:
@@ -41,6 +53,10 @@ class StationLink:
     ``on_event`` is called on the loop for every event in order and must return at once. Nothing
     here is persistent: after a restart, the owner sends unfinished commands again under the same
     number and expiry, and uploads the plan again; the robot recognizes both.
+
+    A robot is heard only through the radio that its endpoint names, or that first spoke under its
+    system id; frames of others are dropped and counted. What cannot be attributed to a robot is
+    counted for every robot of that transport.
     """
 
     def __init__(
@@ -49,12 +65,45 @@ class StationLink:
         robots: Mapping[RobotId, RobotEndpoint],
         clock: Clock,
         on_event: Callable[[LinkEvent], None],
+        timing: LinkTiming | None = None,
     ) -> None:
-        raise NotImplementedError
+        self._transports = transports
+        self._clock = clock
+        self._on_event = on_event
+        self._timing = timing or LinkTiming()
+        self._codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
+        self._samples = SampleGate()
+        self._samples_owed = asyncio.Event()
+        self._uploads: dict[RobotId, Upload] = {}
+        self._told_state: dict[RobotId, LinkState] = {}
+        self._peers = {
+            robot: Peer(
+                robot,
+                endpoint,
+                transports[endpoint.uri],
+                self._codec,
+                clock,
+                on_event,
+                self._timing,
+            )
+            for robot, endpoint in robots.items()
+        }
+        self._lanes = {robot: CommandLane(peer, on_event) for robot, peer in self._peers.items()}
+        self._peer_of_system: dict[SystemId, Peer] = {
+            peer.system: peer for peer in self._peers.values()
+        }
 
     async def run(self) -> None:
         """Serve until cancelled; ports that close are opened again by themselves."""
-        raise NotImplementedError
+        async with asyncio.TaskGroup() as group:
+            for uri, transport in self._transports.items():
+                group.create_task(transport.run(), name=f"{uri} port")
+                group.create_task(self._listen(transport), name=f"{uri} listen")
+                group.create_task(self._beat(transport), name=f"{uri} heartbeat")
+            for robot, lane in self._lanes.items():
+                group.create_task(lane.run(), name=f"{robot} commands")
+            group.create_task(self._acknowledge(), name="sample acknowledgements")
+            group.create_task(self._report_links(), name="link reports")
 
     async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
         """Put a mission on board; progress travels as ``UploadReport`` events.
@@ -67,11 +116,21 @@ class StationLink:
             UploadUnderWayError: If another upload to this robot has not ended.
             KeyError: If no such robot is known.
         """
-        raise NotImplementedError
+        peer = self._peers[robot]
+        if robot in self._uploads:
+            raise UploadUnderWayError(f"another upload to {robot} has not ended")
+        upload = Upload(peer, mission, self._on_event)
+        self._uploads[robot] = upload
+        try:
+            return await upload.run()
+        finally:
+            del self._uploads[robot]
 
     def cancel_upload(self, robot: RobotId, reason: str) -> None:
         """End an upload under way as FAILED; without one, do nothing."""
-        raise NotImplementedError
+        upload = self._uploads.get(robot)
+        if upload is not None:
+            upload.cancel(reason)
 
     def send_command(
         self,
@@ -98,16 +157,173 @@ class StationLink:
         Raises:
             KeyError: If no such robot is known.
         """
-        raise NotImplementedError
+        lane = self._lanes[robot]
+        if kind is CommandKind.SURFACE:
+            self.cancel_upload(robot, "the robot is told to surface")
+        lane.submit(Command(kind, number, expires, plan))
 
     def acknowledge_samples(self, robot: RobotId, log: LogId, sequences: Iterable[int]) -> None:
         """Tell a robot that these samples are stored; call it after the commit, repeats too.
 
         A sample that was acknowledged and arrives again is acknowledged again and not told;
         one that arrives twice before its acknowledgement is told twice.
+
+        Raises:
+            KeyError: If no such robot is known.
         """
-        raise NotImplementedError
+        self._samples.store(self._peers[robot].robot, log, sequences)
+        self._samples_owed.set()
 
     def link_report(self, robot: RobotId) -> LinkReport:
-        """Return what is known of the road to a robot now."""
-        raise NotImplementedError
+        """Return what is known of the road to a robot now.
+
+        Raises:
+            KeyError: If no such robot is known.
+        """
+        return self._peers[robot].link_report()
+
+    async def _listen(self, transport: DatagramTransport) -> None:
+        async for event in transport.events():
+            match event:
+                case Received():
+                    self._receive(transport, event)
+                case PortChanged():
+                    for peer in self._peers.values():
+                        self._report_if_changed(peer)
+                case Garbled(frames):
+                    self._count_bad(transport, None, frames)
+
+    def _receive(self, transport: DatagramTransport, received: Received) -> None:
+        at = self._clock.now()
+        sender = self._peer_at(transport, received.address)
+        messages, bad = self._codec.unpack(received.data)
+        if sender is None and messages:
+            sender = self._bind(transport, messages[0])
+        self._on_event(
+            RawFrame(
+                robot=None if sender is None else sender.robot,
+                carrier=transport.carrier,
+                outgoing=False,
+                data=received.data,
+                at=at,
+            )
+        )
+        if sender is None:
+            self._count_bad(transport, None, max(1, bad + len(messages)))
+            return
+        own = [message for message in messages if message.get_srcSystem() == sender.system]
+        self._count_bad(transport, sender, bad + len(messages) - len(own))
+        if own:
+            sender.heard(received, len(own))
+            self._report_if_changed(sender)
+            for message in own:
+                self._interpret(sender, message, at)
+            self._lanes[sender.robot].contact()
+
+    def _peer_at(self, transport: DatagramTransport, address: Address) -> Peer | None:
+        for peer in self._peers.values():
+            if peer.address == address and peer.transport is transport:
+                return peer
+        return None
+
+    def _bind(self, transport: DatagramTransport, message: WireMessage) -> Peer | None:
+        """Return the robot that an unknown radio speaks for, if that robot has no radio yet."""
+        peer = self._peer_of_system.get(SystemId(message.get_srcSystem()))
+        is_free = peer is not None and peer.address is None and peer.transport is transport
+        return peer if is_free else None
+
+    def _count_bad(self, transport: DatagramTransport, sender: Peer | None, frames: int) -> None:
+        for peer in self._peers.values() if sender is None else (sender,):
+            if peer.transport is transport:
+                peer.count_bad(frames)
+
+    def _interpret(self, peer: Peer, message: WireMessage, at: datetime) -> None:
+        try:
+            match message:
+                case grace.MAVLink_heartbeat_message():
+                    peer.mode = RobotMode(message.custom_mode)
+                case grace.MAVLink_grace_state_message():
+                    state = telemetry.state_report(message, peer.robot, at)
+                    peer.mode = state.mode
+                    self._on_event(state)
+                case grace.MAVLink_grace_sample_message():
+                    sample = telemetry.sample(message, peer.robot, at)
+                    if self._samples.admit(sample):
+                        self._on_event(sample)
+                    else:
+                        self._samples_owed.set()
+                case grace.MAVLink_command_ack_message():
+                    self._lanes[peer.robot].answered(message)
+                case grace.MAVLink_grace_plan_report_message():
+                    self._take_plan_report(peer, message, at)
+                case grace.MAVLink_mission_request_int_message():
+                    if (upload := self._uploads.get(peer.robot)) is not None:
+                        upload.hear(message)
+                case _:
+                    pass
+        except ValueError:
+            peer.count_bad(1)
+
+    def _take_plan_report(
+        self, peer: Peer, message: grace.MAVLink_grace_plan_report_message, at: datetime
+    ) -> None:
+        """Tell what is on board; the fate of an offer is its upload's business alone."""
+        report = telemetry.plan_report(message, peer.robot, at)
+        if (upload := self._uploads.get(peer.robot)) is not None:
+            upload.hear(message)
+        if report.state not in (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED):
+            self._on_event(report)
+
+    async def _beat(self, transport: DatagramTransport) -> None:
+        while True:
+            if transport.max_payload:
+                message = grace.MAVLink_heartbeat_message(
+                    type=grace.MAV_TYPE_GCS,
+                    autopilot=grace.MAV_AUTOPILOT_INVALID,
+                    base_mode=0,
+                    custom_mode=0,
+                    system_status=grace.MAV_STATE_ACTIVE,
+                    mavlink_version=3,
+                )
+                frame = self._codec.pack(message)
+                taken = partial(self._tell_sent, transport, frame)
+                await deliver(transport, BROADCAST, frame, on_taken=taken)
+            await asyncio.sleep(self._timing.heartbeat_s)
+
+    def _tell_sent(self, transport: DatagramTransport, frame: bytes) -> None:
+        self._on_event(
+            RawFrame(
+                robot=None,
+                carrier=transport.carrier,
+                outgoing=True,
+                data=frame,
+                at=self._clock.now(),
+            )
+        )
+
+    async def _acknowledge(self) -> None:
+        """Tell the robots what is stored; a lost word is repeated when the sample comes again."""
+        async with asyncio.TaskGroup() as group:
+            while True:
+                await self._samples_owed.wait()
+                await asyncio.sleep(self._timing.acknowledge_s)
+                self._samples_owed.clear()
+                for (robot, log), sequences in self._samples.take_owed().items():
+                    peer = self._peers[robot]
+                    messages = telemetry.acknowledgements(peer.system, log, sequences)
+                    group.create_task(peer.deliver(messages), name=f"{robot} acknowledgement")
+
+    async def _report_links(self) -> None:
+        while True:
+            for peer in self._peers.values():
+                self._report_link(peer)
+            await asyncio.sleep(self._timing.report_s)
+
+    def _report_if_changed(self, peer: Peer) -> None:
+        if self._told_state.get(peer.robot) is not peer.link_report().state:
+            self._report_link(peer)
+
+    def _report_link(self, peer: Peer) -> None:
+        report = peer.link_report()
+        self._told_state[peer.robot] = report.state
+        self._on_event(report)

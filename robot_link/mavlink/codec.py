@@ -4,6 +4,7 @@ Every datagram carries whole frames, so nothing is kept from one to the next: a 
 off or corrupt costs itself alone.
 """
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 from robot_link.mavlink.wire import grace
@@ -65,6 +66,20 @@ class Codec:
         except grace.MAVError:
             return None
         return None if isinstance(message, grace.MAVLink_unknown) else message
+
+
+def packets(frames: Iterable[bytes], limit: int) -> list[bytes]:
+    """Join frames to datagrams of at most ``limit`` bytes, in order; no frame is split.
+
+    A frame that alone is longer than the limit becomes a datagram that the radio will refuse.
+    """
+    joined: list[bytes] = []
+    for frame in frames:
+        if joined and len(joined[-1]) + len(frame) <= limit:
+            joined[-1] += frame
+        else:
+            joined.append(frame)
+    return joined
 
 
 def _frame_end(datagram: bytes, offset: int) -> int | None:

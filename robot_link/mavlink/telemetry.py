@@ -11,16 +11,19 @@ from robot_link.messages import (
     OnboardPlanState,
     PlanHash,
     PlanReport,
-    PositionNed,
     RobotId,
     RobotMode,
     Sample,
     StateReport,
     SystemId,
 )
+from robot_link.sample_log import Measurement
 
 ACKNOWLEDGED_AT_ONCE = 256
 """Samples that one acknowledgement can speak of."""
+
+SAMPLE_FRAME_BYTES = 12 + grace.MAVLink_grace_sample_message.unpacker.size
+"""Bytes of one sample's frame; its last byte is never zero, so none is ever shorter."""
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
@@ -95,14 +98,7 @@ def state_report(
 
 
 def sample_message(
-    log: LogId,
-    sequence: int,
-    *,
-    variable: str,
-    value: float,
-    position_ned: PositionNed,
-    position_std_m: float,
-    measured_at: datetime,
+    log: LogId, sequence: int, measurement: Measurement
 ) -> grace.MAVLink_grace_sample_message:
     """Encode a sample.
 
@@ -110,18 +106,18 @@ def sample_message(
         ValueError: If a number is not finite: the far side could only drop it, again and again.
         KeyError: If no such variable is declared.
     """
-    north, east, down = position_ned
-    _check_finite((value, north, east, down, position_std_m))
+    north, east, down = measurement.position_ned
+    _check_finite((measurement.value, north, east, down, measurement.position_std_m))
     return grace.MAVLink_grace_sample_message(
-        time_utc_us=_microseconds(measured_at),
+        time_utc_us=_microseconds(measurement.measured_at),
         log=log,
         sequence=sequence,
         x=north,
         y=east,
         z=down,
-        position_std=position_std_m,
-        value=value,
-        variable=VARIABLES[variable].wire_index,
+        position_std=measurement.position_std_m,
+        value=measurement.value,
+        variable=VARIABLES[measurement.variable].wire_index,
     )
 
 

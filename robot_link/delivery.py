@@ -1,0 +1,46 @@
+"""Handing one datagram to a radio until it is confirmed, a few times."""
+
+from collections.abc import Callable
+
+from robot_link.transport.datagram import (
+    Address,
+    DatagramTransport,
+    Delivery,
+    Fate,
+    PortClosedError,
+)
+
+
+async def deliver(
+    transport: DatagramTransport,
+    address: Address,
+    data: bytes,
+    *,
+    attempts: int = 1,
+    on_taken: Callable[[], None] = lambda: None,
+) -> Delivery:
+    """Send a datagram, again where the far radio does not confirm.
+
+    The far side may receive it more than once, so it must mean the same every time.
+
+    Args:
+        transport: The radio.
+        address: Whom to send to.
+        data: The datagram.
+        attempts: How often at most.
+        on_taken: Called each time that the radio has taken it.
+
+    Returns:
+        The radio's last word; of unknown fate where there is no open port.
+    """
+    delivery = Delivery(Fate.UNKNOWN, detail="nothing was sent")
+    for _ in range(attempts):
+        try:
+            fate = await transport.send(address, data)
+        except PortClosedError as error:
+            return Delivery(Fate.UNKNOWN, detail=str(error) or "the port is closed")
+        on_taken()
+        delivery = await fate
+        if delivery.fate is not Fate.NOT_ACKNOWLEDGED:
+            break
+    return delivery

@@ -1,0 +1,95 @@
+"""A mission as MAVLink mission items: settings first, then the legs, a circle after its leg.
+
+Every number is an integer of ``robot_link.mission``'s canonical form, exact in its field.
+"""
+
+from collections.abc import Sequence
+
+from robot_link.mavlink.wire import grace
+from robot_link.messages import SystemId
+from robot_link.mission import Mission
+
+MissionItem = grace.MAVLink_mission_item_int_message
+
+_LEG_COMMANDS = (
+    grace.MAV_CMD_GRACE_GLIDE,
+    grace.MAV_CMD_GRACE_SPIRAL,
+    grace.MAV_CMD_GRACE_DIVE,
+    grace.MAV_CMD_GRACE_SWIM,
+)
+"""In the order of the canonical form's kinds."""
+
+
+def mission_items(mission: Mission, system: SystemId) -> tuple[MissionItem, ...]:
+    """Return the items that carry a mission to a robot, numbered from 0."""
+    sample_ms, uncertainty_mm, timeout_s, x_mm, y_mm = mission.settings_integers()
+    items = [
+        _item(
+            grace.MAV_CMD_GRACE_SETTINGS,
+            params=(sample_ms, uncertainty_mm, timeout_s, 0),
+            position=(x_mm, y_mm, 0),
+        )
+    ]
+    for kind, x, y, z, speed, duration, energy, heading, radius, turn in mission.leg_integers():
+        params = (speed, duration, energy, heading)
+        items.append(_item(_LEG_COMMANDS[kind], params=params, position=(x, y, z)))
+        if radius or turn:
+            items.append(
+                _item(grace.MAV_CMD_GRACE_CIRCLE, params=(radius, turn, 0, 0), position=(0, 0, 0))
+            )
+    for number, item in enumerate(items):
+        item.seq = number
+        item.target_system = system
+    return tuple(items)
+
+
+def mission_from_items(items: Sequence[MissionItem]) -> Mission:
+    """Rebuild the mission that items carry.
+
+    Raises:
+        ValueError: If the items are no mission; the message names the first that does not fit.
+    """
+    if not items or items[0].command != grace.MAV_CMD_GRACE_SETTINGS:
+        raise ValueError("item 0 does not carry the settings")
+    first = _integers(items[0])
+    legs: list[tuple[int, ...]] = []
+    for number, item in enumerate(items[1:], start=1):
+        integers = _integers(item)
+        if item.command in _LEG_COMMANDS:
+            kind = _LEG_COMMANDS.index(item.command)
+            legs.append((kind, *integers[4:], *integers[:4], 0, 0))
+        elif item.command == grace.MAV_CMD_GRACE_CIRCLE and legs and legs[-1][-2:] == (0, 0):
+            legs[-1] = (*legs[-1][:-2], *integers[:2])
+        else:
+            raise ValueError(f"item {number} with command {item.command} does not belong there")
+    return Mission.from_integers((*first[:3], *first[4:6]), tuple(legs))
+
+
+def _item(
+    command: int, *, params: tuple[int, int, int, int], position: tuple[int, int, int]
+) -> MissionItem:
+    return MissionItem(
+        target_system=0,
+        target_component=grace.MAV_COMP_ID_AUTOPILOT1,
+        seq=0,
+        frame=grace.MAV_FRAME_MISSION,
+        command=command,
+        current=0,
+        autocontinue=1,
+        param1=params[0],
+        param2=params[1],
+        param3=params[2],
+        param4=params[3],
+        x=position[0],
+        y=position[1],
+        z=position[2],
+        mission_type=grace.MAV_MISSION_TYPE_MISSION,
+    )
+
+
+def _integers(item: MissionItem) -> tuple[int, ...]:
+    """Return the four parameters and the position; each must be whole."""
+    numbers = (item.param1, item.param2, item.param3, item.param4, item.x, item.y, item.z)
+    if not all(float(number).is_integer() for number in numbers):
+        raise ValueError(f"item {item.seq} holds a number that is not whole")
+    return tuple(int(number) for number in numbers)

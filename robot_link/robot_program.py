@@ -1,0 +1,33 @@
+"""What the link asks of the program that flies a robot."""
+
+from enum import StrEnum
+from typing import Protocol
+
+from robot_link.messages import CommandKind
+from robot_link.mission import Mission
+
+
+class CommandOutcome(StrEnum):
+    """What the onboard program says to a command."""
+
+    DONE = "done"
+    NOT_NOW = "not_now"
+    WRONG_PLAN = "wrong_plan"
+    """START named a plan that is not on board."""
+    UNSUPPORTED = "unsupported"
+
+
+class RobotProgram(Protocol):
+    """What the link asks of the onboard program; called on the loop, must return at once."""
+
+    def plan_refusal(self) -> str:
+        """Return why no new plan can be taken now (such as being under water), or ""."""
+        ...
+
+    def take_plan(self, mission: Mission) -> None:
+        """Replace the plan on board; the new one waits for START."""
+        ...
+
+    def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
+        """Act on a command; ``plan_digits`` are the first 12 digits of START's plan, else ""."""
+        ...
