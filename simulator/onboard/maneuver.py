@@ -16,8 +16,8 @@ from simulator.onboard.profile import FlightProfile
 
 SURFACED_M = 0.03
 """At this depth or above the robot lies at the surface."""
-_ALIGNED_RAD = math.radians(10.0)
-_ALIGNED_S = 1.5
+_ALIGNED_RAD = math.radians(15.0)
+_ALIGNED_S = 1.0
 _TURN_TIMEOUT_S = 90.0
 _SWIM_TIMEOUT_S = 60.0
 _FULL_EFFORT_RAD = math.radians(30.0)

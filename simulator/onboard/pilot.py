@@ -17,7 +17,7 @@ _RISING_SHARE = 0.6
 _RISING_MASS_SHARE = 0.5
 """Parts of buoyancy and sliding mass for coming up: fast, yet far from a vertical attitude."""
 _SWIMMING_GAIN = 2.0
-_SWIMMING_BIAS_MAX_RAD = 1.2
+_SWIMMING_BIAS_MAX_RAD = 1.35
 """Tail bias by heading error; a flapping robot turns at a rate nearly proportional to the bias."""
 _RUDDER_GAIN = 1.5
 _RUDDER_MAX_RAD = 0.6
@@ -26,6 +26,9 @@ _SPIRAL_RUDDER_MAX_RAD = 1.7
 _FLAP_AT_RAD = math.radians(25.0)
 _GLIDE_AT_RAD = math.radians(8.0)
 """A gliding robot turns slowly by its rudder: it flaps until the heading error is small again."""
+_BRAKING_GAIN_S_M = 15.0
+_BRAKING_PITCH_MAX_RAD = math.radians(25.0)
+"""Pitch of a flat dive by the horizontal speed that it should not have."""
 _AHEAD_M = 0.1
 """Distance of the tracked point ahead of the robot; it only sets the direction to go."""
 
@@ -82,9 +85,23 @@ class Pilot:
         level = self._track(estimate, depth, 0.0)
         return self._flapping(estimate, course_rad, level, effort)
 
-    def sink(self, estimate: Estimate, depth: DepthReference) -> SetPoints:
-        """Change depth with level hull and straight tail."""
-        return self._track(estimate, depth, 0.0)
+    def sink(
+        self, estimate: Estimate, depth: DepthReference, forward_speed_m_s: float
+    ) -> SetPoints:
+        """Change depth with nearly level hull and straight tail.
+
+        A hull that sinks or rises nose up or nose down slides sideways through the water; that is
+        the brake against the speed that the robot brought along.
+
+        Args:
+            estimate: Where the robot believes to be.
+            depth: Depth to be at.
+            forward_speed_m_s: Wanted horizontal speed along the heading.
+        """
+        excess = forward_speed(estimate) - forward_speed_m_s
+        down = math.copysign(1.0, depth.rate_m_s)
+        pitch = down * _clip(_BRAKING_GAIN_S_M * excess, _BRAKING_PITCH_MAX_RAD)
+        return self._track(estimate, depth, pitch)
 
     def glide(
         self,
