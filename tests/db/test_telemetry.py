@@ -1,0 +1,153 @@
+import math
+from dataclasses import replace
+from datetime import timedelta
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from sqlalchemy import event as sqlalchemy_event
+
+from db.fault import UnknownIdError
+from db.query.robots import add_robot
+from db.query.samples import iterate_samples, sample_columns, sampled_variables
+from db.query.telemetry import (
+    STATE_CHANNELS,
+    history,
+    newest_plan_report,
+    newest_state,
+    track,
+)
+from db.store import Store
+from robot_link.messages import OnboardPlanState, PlanHash, PlanReport, RawFrame, RobotId
+from tests.db.conftest import START, report, robot_record, sample
+
+
+def test_the_newest_state_is_the_one_measured_last_not_the_one_that_came_last(store):
+    store.append([report(2, depth_m=0.7), report(1, depth_m=0.3)]).result(5)
+    with store.read() as session:
+        assert newest_state(session, "mini-1") == report(2, depth_m=0.7)
+
+
+def test_a_robot_that_never_reported_has_no_state(store):
+    with store.read() as session:
+        assert newest_state(session, "mini-1") is None
+        assert newest_plan_report(session, "mini-1") is None
+        with pytest.raises(UnknownIdError):
+            newest_state(session, "nobody")
+
+
+def test_what_a_robot_said_of_its_plan_comes_back_as_it_was(store):
+    said = PlanReport(
+        robot=RobotId("mini-1"),
+        sha256=PlanHash("ab" * 32),
+        state=OnboardPlanState.RUNNING,
+        leg=2,
+        legs=7,
+        energy_used=4.5,
+        reason="",
+        measured_at=START,
+        received_at=START + timedelta(seconds=1),
+    )
+    store.append([said, RawFrame(None, "xbee", False, b"\x7e\x00", START)]).result(5)
+    with store.read() as session:
+        assert newest_plan_report(session, "mini-1") == said
+
+
+def test_every_channel_has_a_history(store):
+    store.append([report(second) for second in range(3)]).result(5)
+    with store.read() as session:
+        for channel in (*STATE_CHANNELS, "speed_m_s"):
+            assert len(history(session, "mini-1", channel).value) == 3
+        assert history(session, "mini-1", "speed_m_s").value[0] == pytest.approx(0.05)
+
+
+def test_a_field_variable_is_a_channel_too(store):
+    store.append([sample(number, value=number * 1.5) for number in range(4)]).result(5)
+    with store.read() as session:
+        found = history(session, "mini-1", "blue_light", max_points=10)
+    assert found.value == [0.0, 1.5, 3.0, 4.5]
+    assert not found.decimated
+
+
+def test_a_range_includes_both_of_its_ends(store):
+    store.append([report(second, depth_m=second) for second in range(10)]).result(5)
+    start, end = START + timedelta(seconds=3), START + timedelta(seconds=5)
+    with store.read() as session:
+        assert history(session, "mini-1", "depth_m", start, end).value == [3.0, 4.0, 5.0]
+        assert len(track(session, "mini-1", start, end).points) == 3
+
+
+@given(
+    depths=st.lists(st.floats(0, 100), min_size=30, max_size=200),
+    max_points=st.integers(min_value=4, max_value=25),
+)
+@settings(
+    max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
+def test_decimation_keeps_the_extremes_and_the_order(tmp_path_factory, depths, max_points):
+    store = Store.open(f"sqlite:///{tmp_path_factory.mktemp('d') / 's.sqlite3'}")
+    try:
+        store.change(lambda session: add_robot(session, robot_record())).result(5)
+        store.append([report(i, depth_m=depth) for i, depth in enumerate(depths)]).result(5)
+        with store.read() as session:
+            found = history(session, "mini-1", "depth_m", max_points=max_points)
+            points = track(session, "mini-1", max_points=max_points).points
+    finally:
+        store.close()
+    assert found.decimated
+    assert 0 < len(found.value) <= max_points
+    assert min(found.value) == min(depths)
+    assert max(found.value) == max(depths)
+    assert found.measured_at == sorted(set(found.measured_at))
+    originals = {START + timedelta(seconds=i): depth for i, depth in enumerate(depths)}
+    assert all(
+        originals[at] == value for at, value in zip(found.measured_at, found.value, strict=True)
+    )
+    assert [point.position_ned[2] for point in points] == found.value
+
+
+def test_a_decimated_history_is_read_along_the_primary_key(store):
+    """Every interval is one range of the table's own order: no sorting of the whole, no scan."""
+    store.append([report(second) for second in range(100)]).result(5)
+    plans = []
+
+    def explain(connection, cursor, statement, parameters, *rest):
+        if statement.startswith(("SELECT", "WITH")):
+            steps = connection.connection.driver_connection.execute(
+                f"EXPLAIN QUERY PLAN {statement}", parameters
+            ).fetchall()
+            plans.extend(step[3] for step in steps)
+
+    engine = store._read_engine
+    sqlalchemy_event.listen(engine, "before_cursor_execute", explain)
+    with store.read() as session:
+        assert history(session, "mini-1", "depth_m", max_points=10).decimated
+    used = [step for step in plans if "state_report" in step]
+    assert used
+    assert all(step.startswith("SEARCH state_report USING PRIMARY KEY") for step in used)
+
+
+def test_samples_come_as_columns_in_order_of_time(store):
+    late = replace(sample(9), measured_at=START - timedelta(seconds=5), value=1.0)
+    store.append([sample(0), sample(1), late, sample(2, variable="temperature")]).result(5)
+    with store.read() as session:
+        columns = sample_columns(session, "mini-1", "blue_light")
+        assert columns.sequence.tolist() == [9, 0, 1]
+        assert columns.position_ned.shape == (3, 3)
+        assert columns.value.tolist() == [1.0, 3.0, 3.0]
+        assert len(sample_columns(session, "mini-1", "chlorophyll")) == 0
+        assert len(sample_columns(session, "mini-1", "blue_light", start=START)) == 2
+        assert len(sample_columns(session, "mini-1", "blue_light", log=8)) == 0
+        assert sampled_variables(session, "mini-1") == {"blue_light": 3, "temperature": 1}
+        assert [s.variable for s in iterate_samples(session, "mini-1", start=START)] == [
+            "blue_light",
+            "blue_light",
+            "temperature",
+        ]
+
+
+def test_values_survive_the_journey_to_the_last_bit(store):
+    value = math.nextafter(0.1, 1.0)
+    store.append([sample(0, value=value)]).result(5)
+    with store.read() as session:
+        assert sample_columns(session, "mini-1", "blue_light").value[0] == value
