@@ -165,8 +165,6 @@ def angle_of_attack(parameters: VehicleParameters, glide_angle_rad: float) -> fl
 
     without_lift = -p.lift_0 / p.lift_alpha
     at_start = unbalance(without_lift)
-    if at_start == 0.0:
-        return without_lift
     # gentle flow is the stable branch: search away from zero lift, up to the first change of sign
     for alpha in np.linspace(without_lift, -math.copysign(_STEEPEST_FLOW_RAD, cot), 200)[1:]:
         if unbalance(float(alpha)) * at_start <= 0.0:

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from autonomy.control import kernel as control_kernel
 from autonomy.site import LAKE, TANK
 from autonomy.vehicle import kernel
 from autonomy.vehicle.config import (
@@ -90,3 +91,16 @@ def test_configurations_do_not_load_the_compiler():
         " autonomy.control.config; sys.exit('numba' in sys.modules)"
     )
     assert subprocess.run([sys.executable, "-c", program], timeout=60).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("module", "entries"),
+    [
+        (kernel, ["state_derivative", "rk4_step", "extended_state_derivative", "advance"]),
+        (control_kernel, ["backstepping", "pid", "closed_loop"]),
+    ],
+)
+def test_warming_up_compiles_what_python_calls(module, entries):
+    module.warm_up()
+    for name in entries:
+        assert len(getattr(module, name).signatures) == 1, name

@@ -74,6 +74,16 @@ def test_a_neutral_vehicle_does_not_glide():
         steady_glide(MODEL, 0.0, 0.02)
 
 
+def test_straight_down_needs_no_lift():
+    alpha = angle_of_attack(MODEL, -math.pi / 2)
+    assert alpha == pytest.approx(-MODEL.lift_0 / MODEL.lift_alpha, abs=1e-12)
+
+
+def test_sinking_tail_first_with_the_tail_turned_settles_nowhere():
+    with pytest.raises(NoSteadyGlideError, match=r"net mass 15\.0 g, sliding mass -12\.6 mm"):
+        steady_glide(MODEL, 0.015, -0.0126, math.radians(104))
+
+
 @pytest.mark.parametrize(
     ("key", "path_deg", "down_m_s"),
     [
