@@ -12,8 +12,12 @@ R = TypeVar("R")
 def kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a numeric hot loop at its first call and keep the machine code on disk.
 
-    The function must stay valid plain Python: tests call it through ``kernel_source`` too.
-    ``cache=True`` is keyed by the file of the function alone, so ``autonomy.warm_up`` clears
-    every cache when any kernel's file has changed.
+    The plain function stays reachable as ``py_func``. ``cache=True`` is keyed by the file of the
+    function alone, so ``autonomy.warm_up`` clears every cache when any source has changed.
     """
     return cast("Callable[P, R]", numba.njit(cache=True, nogil=True)(function))
+
+
+def inlined_kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a kernel that other kernels call so often that the call itself would show."""
+    return cast("Callable[P, R]", numba.njit(cache=True, nogil=True, forceinline=True)(function))

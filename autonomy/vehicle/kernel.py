@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inlined_kernel, kernel
 
 # fmt: off
 (
@@ -33,7 +33,7 @@ Six = tuple[float, float, float, float, float, float]
 """Three components along the body axes and three about them."""
 
 
-@kernel
+@inlined_kernel
 def hydrodynamic_wrench(
     v1: float,
     v2: float,
@@ -78,7 +78,7 @@ def hydrodynamic_wrench(
     )
 
 
-@kernel
+@inlined_kernel
 def _rigid_body(
     x: FloatArray, m0: float, rp1: float, wrench: Six, p: FloatArray, out: FloatArray
 ) -> None:
@@ -111,7 +111,7 @@ def _rigid_body(
     out[11] = ((j1 - j2) * w1 * w2 + (m1 - m2) * v1 * v2 + wrench[5] + tilt * ct * sf) / j3
 
 
-@kernel
+@inlined_kernel
 def derivative_into(
     x: FloatArray, m0: float, rp1: float, delta: float, p: FloatArray, out: FloatArray
 ) -> None:
@@ -128,7 +128,7 @@ def state_derivative(state: FloatArray, inputs: FloatArray, packed: FloatArray) 
     return out
 
 
-@kernel
+@inlined_kernel
 def rk4_into(
     x: FloatArray,
     m0: float,

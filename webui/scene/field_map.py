@@ -5,8 +5,8 @@ import numpy.typing as npt
 import viser
 
 from autonomy.arrays import FloatArray
+from autonomy.frames import ned_to_enu
 from webui.scene.colour import ColourArray, linear, mapped
-from webui.scene.projection import enu
 from webui.scene.source import MapView, SceneSource
 from webui.scene.stage import Stage
 
@@ -95,7 +95,7 @@ class FieldMap:
         grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
         size = [float(np.diff(axis).mean()) if len(axis) > 1 else 1.0 for axis in axes]
         cube = _CUBE * np.array([size[1], size[0], size[2]])
-        cells = self._stage.cells("map", (cube, _FACES), enu(grid), colours, opacities)
+        cells = self._stage.cells("map", (cube, _FACES), ned_to_enu(grid), colours, opacities)
         cells.visible = self.visible
         return cells
 

@@ -4,8 +4,8 @@ import numpy as np
 import viser
 
 from autonomy.arrays import FloatArray
+from autonomy.frames import ned_to_enu
 from webui.scene.colour import PRIMITIVE, UNCERTAINTY
-from webui.scene.projection import enu
 from webui.scene.robot import ring_enu
 from webui.scene.source import PlanView, SceneSource
 from webui.scene.stage import Stage
@@ -72,7 +72,7 @@ def _segments(plan: PlanView) -> tuple[FloatArray, np.ndarray]:
     if plan.leg_now is not None:
         faded = leg_of < plan.leg_now
         colours[faded] = (colours[faded] * 0.45).astype(np.uint8)
-    positions = enu(track[:, 1:4])
+    positions = ned_to_enu(track[:, 1:4])
     segments = np.stack([positions[:-1], positions[1:]], axis=1)[::_DASH_S]
     return segments, np.stack([colours, colours], axis=1)[::_DASH_S]
 

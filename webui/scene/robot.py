@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import viser
 
+from autonomy.frames import ned_to_enu, quaternion_enu_from_body
 from webui.scene.colour import ROBOT, ROBOT_OLD, UNCERTAINTY, Colour
-from webui.scene.projection import VIEW_WIDTH, Projection, body_to_view, enu
+from webui.scene.projection import VIEW_WIDTH, Projection
 from webui.scene.source import Pose
 
 _SHORTEST = 0.055 * VIEW_WIDTH
@@ -62,7 +63,9 @@ class RobotModel:
         position_ned = np.array(pose.position_ned)
         position = self._projection.point(position_ned, exaggeration)
         self._body.position = tuple(position)
-        self._body.wxyz = tuple(body_to_view(pose.roll_rad, pose.pitch_rad, pose.heading_rad))
+        self._body.wxyz = tuple(
+            quaternion_enu_from_body(pose.roll_rad, pose.pitch_rad, pose.heading_rad)
+        )
         self._tail.wxyz = (np.cos(pose.tail_rad / 2), 0.0, 0.0, np.sin(pose.tail_rad / 2))
         self._body.visible = True
         self._show_uncertainty(pose, position)
@@ -129,5 +132,5 @@ def ring_enu(centre_ned: np.ndarray, radius_m: float, points: int = 48) -> np.nd
     """Return a horizontal circle in ENU metres, shape ``(points, 2, 3)`` as segments."""
     angle = np.linspace(0.0, 2 * np.pi, points + 1)
     circle = np.stack([np.cos(angle), np.sin(angle), np.zeros_like(angle)], axis=-1) * radius_m
-    ring = enu(centre_ned + circle)
+    ring = ned_to_enu(centre_ned + circle)
     return np.stack([ring[:-1], ring[1:]], axis=1)

@@ -3,9 +3,9 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.frames import ned_to_enu
 from autonomy.site import Box, Site
 from webui.scene.colour import DOMAIN, EDGE, FLOOR, WATER, Colour
-from webui.scene.projection import enu
 from webui.scene.stage import Stage
 
 _BOX_EDGES = np.array(
@@ -36,7 +36,7 @@ def _corners(box: Box) -> FloatArray:
         (box.x_max_m, box.y_max_m),
         (box.x_min_m, box.y_max_m),
     )
-    return enu(np.array([(*xy, z) for z in (0.0, box.depth_max_m) for xy in ring]))
+    return ned_to_enu(np.array([(*xy, z) for z in (0.0, box.depth_max_m) for xy in ring]))
 
 
 def _edges(stage: Stage, name: str, box: Box, colour: Colour, width_px: float) -> None:
@@ -52,4 +52,4 @@ def _ruler(stage: Stage, site: Site) -> None:
         ("depth", (water.x_min_m, water.y_max_m, water.depth_max_m), f"{water.depth_max_m:g} m"),
         ("width", (water.x_min_m, middle_y, 0.0), f"{water.y_max_m - water.y_min_m:g} m"),
     ):
-        stage.label(f"ruler_{name}", text, enu(np.array(position_ned)))
+        stage.label(f"ruler_{name}", text, ned_to_enu(np.array(position_ned)))

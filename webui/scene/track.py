@@ -7,8 +7,8 @@ import numpy as np
 import viser
 
 from autonomy.arrays import FloatArray
+from autonomy.frames import ned_to_enu
 from webui.scene.colour import ColourArray, fidelity_colours
-from webui.scene.projection import enu
 from webui.scene.source import SceneSource
 from webui.scene.stage import Stage
 
@@ -37,7 +37,7 @@ class Track:
         if len(piece.position_ned) == 0:
             return
         colours = fidelity_colours(piece.fidelity, self._source.fidelity_levels)
-        self._points = np.concatenate([self._points, enu(piece.position_ned)])
+        self._points = np.concatenate([self._points, ned_to_enu(piece.position_ned)])
         self._colours = np.concatenate([self._colours, colours])
         while len(self._points) > CHUNK_POINTS:
             self._draw(len(self._chunks), self._points[:CHUNK_POINTS], self._colours[:CHUNK_POINTS])
