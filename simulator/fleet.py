@@ -8,6 +8,7 @@ from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig
 from autonomy.site import LAKE, TANK, Site
 from autonomy.vehicle.config import VEHICLES, Vehicle
 from robot_link.messages import RobotId, SystemId
+from robot_link.transport.datagram import Address
 from simulator.battery import BatteryModel
 from simulator.sensor import SensorModel
 
@@ -18,8 +19,10 @@ class RobotDefinition:
 
     robot: RobotId
     system_id: SystemId
-    radio_address: int
+    radio_address: Address
     """64-bit address of its radio."""
+    station_address: Address
+    """64-bit address of the station's radio in its network."""
     link_name: str
     """File name of the station radio's pseudo-terminal in the link folder."""
     vehicle: Vehicle
@@ -29,6 +32,8 @@ class RobotDefinition:
     drift_m_sqrt_s: float
     """How fast the water carries the robot away, m per sqrt(s); the filter assumes the same."""
     current_correlation_s: float
+    antenna_depth_m: float
+    """Deeper than this no radio passes, unless the site lets it."""
     sensors: SensorModel
     battery: BatteryModel
 
@@ -46,7 +51,8 @@ class RobotDefinition:
 MINI_1 = RobotDefinition(
     robot=RobotId("mini-1"),
     system_id=SystemId(1),
-    radio_address=0x0013A20041F00001,
+    radio_address=Address(0x0013A20041F00001),
+    station_address=Address(0x0013A20041F000A1),
     link_name="tank",
     vehicle=VEHICLES["miniglider"],
     site=TANK,
@@ -54,6 +60,7 @@ MINI_1 = RobotDefinition(
     heading_rad=0.5,
     drift_m_sqrt_s=ESTIMATOR_PRESETS["miniglider"].drift_m_sqrt_s,
     current_correlation_s=3.0,
+    antenna_depth_m=0.1,
     sensors=SensorModel(
         depth_std_m=0.003,
         tilt_std_rad=math.radians(0.5),
@@ -83,7 +90,8 @@ MINI_1 = RobotDefinition(
 GRACE_1 = RobotDefinition(
     robot=RobotId("grace-1"),
     system_id=SystemId(2),
-    radio_address=0x0013A20041F00002,
+    radio_address=Address(0x0013A20041F00002),
+    station_address=Address(0x0013A20041F000A2),
     link_name="lake",
     vehicle=VEHICLES["grace3"],
     site=LAKE,
@@ -91,6 +99,7 @@ GRACE_1 = RobotDefinition(
     heading_rad=0.8,
     drift_m_sqrt_s=ESTIMATOR_PRESETS["grace3"].drift_m_sqrt_s,
     current_correlation_s=20.0,
+    antenna_depth_m=0.25,
     sensors=SensorModel(
         depth_std_m=0.01,
         tilt_std_rad=math.radians(0.3),

@@ -23,7 +23,7 @@ from simulator.onboard.maneuver import (
     distance,
 )
 from simulator.onboard.navigation import Estimate
-from simulator.onboard.safety import danger, mission_over
+from simulator.onboard.safety import danger, mission_over, plan_flaw
 
 DIGITS = 12
 """Digits of a plan's hash that START names."""
@@ -155,6 +155,10 @@ class Executive:
         if self.plan_state is OnboardPlanState.RUNNING:
             return CommandOutcome.DONE
         if self._stage is not Stage.IDLE:
+            return CommandOutcome.NOT_NOW
+        flaw = plan_flaw(mission, self._flight.site)
+        if flaw:
+            self.plan_state, self.reason = OnboardPlanState.FAILED, flaw
             return CommandOutcome.NOT_NOW
         self.plan_state = OnboardPlanState.RUNNING
         self.reason = ""

@@ -1,6 +1,7 @@
 """Limits that bring the robot up: for good, or for the rest of one dive."""
 
-from robot_link.mission import MissionSettings
+from autonomy.site import Site
+from robot_link.mission import Mission, MissionSettings
 from simulator.onboard.maneuver import SURFACED_M, Flight
 from simulator.onboard.navigation import Estimate
 
@@ -41,4 +42,16 @@ def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str
     )
     if to_shore_m < profile.shore_margin_m:
         return "a wall or the shore is near"
+    return ""
+
+
+def plan_flaw(mission: Mission, site: Site) -> str:
+    """Return why a plan cannot be flown here at all, or ""."""
+    if not mission.legs:
+        return "the plan has no legs"
+    for number, leg in enumerate(mission.legs, start=1):
+        if not site.water.contains(*leg.end_ned):
+            return f"leg {number} leaves the water of {site.name}"
+        if leg.speed_m_s <= 0.0:
+            return f"leg {number} has no speed"
     return ""
