@@ -1,0 +1,127 @@
+"""The 3D view: viser's page and its WebSocket, reached through the station's own door.
+
+viser itself has neither sign-in nor an Origin check, so its port stays on loopback and every byte
+passes here. A robot is chosen by the path, because viser's page cuts the query off its WebSocket
+address.
+"""
+
+import asyncio
+import gzip
+from functools import cache
+from pathlib import Path
+from typing import Annotated
+
+import viser
+import websockets
+from fastapi import APIRouter, Query, Response, WebSocket, WebSocketDisconnect
+from fastapi.responses import RedirectResponse
+
+from robot_link.messages import RobotId
+from server.api.dependency import Viewer, WebSocketViewer
+from server.api.station_dependency import StationDep
+from server.problem import Problem, not_found
+
+router = APIRouter(tags=["view"])
+
+_POLICY = (
+    "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; "
+    "worker-src blob: data:; style-src 'self' 'unsafe-inline'; img-src 'self' blob: data:; "
+    "connect-src 'self' blob: data:; font-src 'self' data:; frame-ancestors 'self'"
+)
+_LARGEST_MESSAGE = 2**26
+_FOREIGN_SCENE = "This view shows the station's own scenes only; leave `websocket` out."
+
+
+@router.get("/view/", summary="3D view of one robot", response_class=RedirectResponse)
+async def choose_view(
+    caller: Viewer,
+    robot: RobotId,
+    websocket: Annotated[str | None, Query(include_in_schema=False)] = None,
+) -> RedirectResponse:
+    """Lead to the scene of ``robot``."""
+    _refuse_foreign_scene(websocket)
+    return RedirectResponse(f"/view/{robot}/", status_code=307)
+
+
+@router.get("/view/{robot}/", summary="Page of a robot's 3D scene", response_class=Response)
+async def show_view(
+    robot: RobotId,
+    caller: Viewer,
+    station: StationDep,
+    websocket: Annotated[str | None, Query(include_in_schema=False)] = None,
+) -> Response:
+    """Return viser's page, which then opens the WebSocket of the same path."""
+    _refuse_foreign_scene(websocket)
+    if await station.scenes.port(robot) is None:
+        raise not_found(f"There is no robot {robot}.")
+    return Response(
+        _page(),
+        media_type="text/html; charset=utf-8",
+        headers={"Content-Encoding": "gzip", "Content-Security-Policy": _POLICY},
+    )
+
+
+@router.websocket("/view/{robot}")
+async def pipe_view(
+    websocket: WebSocket, robot: RobotId, caller: WebSocketViewer, station: StationDep
+) -> None:
+    """Carry bytes between a browser and the robot's scene until either end closes."""
+    port = await station.scenes.port(robot)
+    offered = websocket.scope.get("subprotocols", [])
+    if port is None or not offered:
+        await websocket.close(code=1008)
+        return
+    async with websockets.connect(
+        f"ws://127.0.0.1:{port}",
+        subprotocols=[websockets.Subprotocol(name) for name in offered],
+        compression=None,
+        max_size=_LARGEST_MESSAGE,
+    ) as scene:
+        await websocket.accept(subprotocol=scene.subprotocol)
+        await _pipe(websocket, scene)
+
+
+async def _pipe(browser: WebSocket, scene: websockets.ClientConnection) -> None:
+    """Run both directions; the first that ends ends the other."""
+
+    async def to_scene() -> None:
+        while True:
+            message = await browser.receive()
+            if message["type"] == "websocket.disconnect":
+                return
+            content = message.get("bytes")
+            await scene.send(content if content is not None else message["text"])
+
+    async def to_browser() -> None:
+        async for content in scene:
+            if isinstance(content, str):
+                await browser.send_text(content)
+            else:
+                await browser.send_bytes(content)
+
+    directions = [asyncio.create_task(to_scene()), asyncio.create_task(to_browser())]
+    try:
+        await asyncio.wait(directions, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for direction in directions:
+            direction.cancel()
+        ended = await asyncio.gather(*directions, return_exceptions=True)
+    for end in ended:
+        if isinstance(end, Exception) and not _is_a_close(end):
+            raise end
+
+
+def _is_a_close(error: Exception) -> bool:
+    """Tell whether an error only says that the other side has gone."""
+    return isinstance(error, WebSocketDisconnect | websockets.ConnectionClosed)
+
+
+def _refuse_foreign_scene(websocket: str | None) -> None:
+    if websocket is not None:
+        raise Problem(400, _FOREIGN_SCENE)
+
+
+@cache
+def _page() -> bytes:
+    page = Path(viser.__file__).parent / "client" / "build" / "index.html"
+    return gzip.compress(page.read_bytes(), mtime=0)
