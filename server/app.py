@@ -1,5 +1,6 @@
 """The web application of one station."""
 
+import contextlib
 import importlib.util
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
@@ -18,7 +19,7 @@ from server.api import (
     people,
     session,
 )
-from server.composition import run_station
+from server.composition import MakeService, run_station
 from server.middleware import ResponseGuard
 from server.problem import ProblemDetails, install_problem_handlers
 from server.settings import Settings
@@ -36,15 +37,19 @@ ROUTERS = (
 )
 
 
-def create_app(settings: Settings) -> FastAPI:
+def create_app(settings: Settings, make_service: MakeService | None = None) -> FastAPI:
     """Build the application; the station behind it opens with the application's lifespan.
 
     Nothing is shared between two applications: both may run in one process.
+
+    Args:
+        settings: What the station was told from outside.
+        make_service: Makes what runs on the foundation; ``Station`` where ``None``.
     """
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
-        async with run_station(settings) as running:
+        async with run_station(settings, make_service or _interim_station()) as running:
             app.state.foundation = running.foundation
             app.state.station = running.station
             app.state.first_code = running.first_code
@@ -65,8 +70,12 @@ def create_app(settings: Settings) -> FastAPI:
         app.include_router(router)
     # interim, until every part is there
     for name in ("robots", "plans", "missions", "commands", "maps", "live", "transfers", "view"):
-        if importlib.util.find_spec(f"server.api.{name}") is not None:
+        with contextlib.suppress(ModuleNotFoundError):
             app.include_router(importlib.import_module(f"server.api.{name}").router)
     if importlib.util.find_spec("webui.static") is not None:
         importlib.import_module("webui.static").mount_app(app)
     return app
+
+
+def _interim_station() -> MakeService:
+    return importlib.import_module("server.service.station").Station

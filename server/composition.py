@@ -1,9 +1,10 @@
 """Puts a station together: what is opened, in which order, and closed in reverse."""
 
 import asyncio
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
+from typing import Protocol
 
 from db.store import Store
 from robot_link.clock import SystemClock
@@ -20,14 +21,20 @@ from server.storage_watch import watch_storage
 
 _ALARM_TASK = "alarm about"
 
-try:
-    from server.service.station import Station
-except ModuleNotFoundError:
 
-    class Station:  # interim, until server/service/station.py is there
-        def __init__(self, foundation: Foundation) -> None: ...
-        async def start(self) -> None: ...
-        async def stop(self) -> None: ...
+class Service(Protocol):
+    """What runs on a foundation: ``server.service.station.Station``, or a test's stand-in."""
+
+    async def start(self) -> None:
+        """Begin to work."""
+        ...
+
+    async def stop(self) -> None:
+        """End all work."""
+        ...
+
+
+MakeService = Callable[[Foundation], Service]
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,13 +42,15 @@ class RunningStation:
     """A station that is open for work."""
 
     foundation: Foundation
-    station: Station
+    station: Service
     first_code: str | None
     """Code that creates the first admin, while nobody can sign in."""
 
 
 @asynccontextmanager
-async def run_station(settings: Settings) -> AsyncGenerator[RunningStation]:
+async def run_station(
+    settings: Settings, make_service: MakeService
+) -> AsyncGenerator[RunningStation]:
     """Open a station, and close it in reverse order when the block ends.
 
     Raises:
@@ -51,7 +60,7 @@ async def run_station(settings: Settings) -> AsyncGenerator[RunningStation]:
     async with AsyncExitStack() as stack:
         foundation = await _open_foundation(settings, stack)
         first_code = await foundation.access.prepare()
-        station = Station(foundation)
+        station = make_service(foundation)
         stack.push_async_callback(station.stop)
         await station.start()
         yield RunningStation(foundation, station, first_code)

@@ -1,0 +1,71 @@
+"""The foundation of a station in this process, and a client that is signed in to it."""
+
+from collections.abc import AsyncGenerator
+from contextlib import asynccontextmanager
+from datetime import timedelta
+from pathlib import Path
+
+import httpx
+from fastapi import FastAPI
+
+from server.app import create_app
+from server.foundation import Foundation
+from server.security import register
+from server.security.role import Role
+from server.settings import Settings
+
+PASSWORD = "correct horse battery"
+BASE_URL = "http://127.0.0.1:8000"
+
+
+class NoService:
+    """Stands where the station's services are: these tests are about what they stand on."""
+
+    def __init__(self, foundation: Foundation) -> None:
+        self.foundation = foundation
+
+    async def start(self) -> None: ...
+
+    async def stop(self) -> None: ...
+
+
+@asynccontextmanager
+async def running(folder: Path, **settings: object) -> AsyncGenerator[FastAPI]:
+    app = create_app(Settings(data_dir=folder, **settings), NoService)
+    async with app.router.lifespan_context(app):
+        yield app
+
+
+def client_of(app: FastAPI, **options: object) -> httpx.AsyncClient:
+    transport = httpx.ASGITransport(app, raise_app_exceptions=False)
+    return httpx.AsyncClient(transport=transport, base_url=BASE_URL, **options)
+
+
+@asynccontextmanager
+async def admin_of(app: FastAPI) -> AsyncGenerator[httpx.AsyncClient]:
+    """Set the station up as a browser does."""
+    async with client_of(app) as client:
+        body = {"name": "ann", "password": PASSWORD, "code": app.state.first_code}
+        answer = await client.post("/api/session/first", json=body)
+        assert answer.status_code == 201, answer.text
+        client.headers["X-CSRF-Token"] = answer.json()["csrf_token"]
+        yield client
+
+
+async def token_of(app: FastAPI, role: Role, name: str = "script", **lifetime: float) -> str:
+    foundation = app.state.foundation
+    issued = await foundation.store.write(
+        lambda session: register.create_token(
+            session,
+            name,
+            role,
+            timedelta(**(lifetime or {"days": 1})),
+            at=foundation.clock.now(),
+            by="test",
+        )
+    )
+    return issued.secret
+
+
+def bearer(token: str) -> dict[str, str]:
+    return {"Authorization": f"Bearer {token}"}

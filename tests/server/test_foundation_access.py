@@ -1,0 +1,328 @@
+"""Who gets in, and what they may do."""
+
+import asyncio
+from datetime import timedelta
+from types import SimpleNamespace
+
+import pytest
+from fastapi import WebSocketException
+from starlette.websockets import WebSocket
+
+from server.security import register, throttle
+from server.security.role import Role
+from server.settings import Settings
+from tests.server.station_app import (
+    BASE_URL,
+    PASSWORD,
+    admin_of,
+    bearer,
+    client_of,
+    running,
+    token_of,
+)
+
+
+@pytest.fixture
+async def app(tmp_path):
+    async with running(tmp_path) as app:
+        yield app
+
+
+@pytest.fixture
+async def admin(app):
+    async with admin_of(app) as client:
+        yield client
+
+
+@pytest.fixture
+async def anyone(app):
+    async with client_of(app) as client:
+        yield client
+
+
+EVERYTHING = (
+    ("GET", "/api/session"),
+    ("GET", "/api/people"),
+    ("POST", "/api/people"),
+    ("PATCH", "/api/people/ann"),
+    ("GET", "/api/tokens"),
+    ("POST", "/api/tokens"),
+    ("DELETE", "/api/tokens/token-1"),
+    ("GET", "/api/config"),
+    ("GET", "/api/config/planner"),
+    ("GET", "/api/config/planner/schema"),
+    ("GET", "/api/config/planner/history"),
+    ("GET", "/api/config/versions/config-1"),
+    ("PATCH", "/api/config/planner"),
+    ("GET", "/api/events"),
+    ("GET", "/api/alarms"),
+    ("POST", "/api/alarms/alarm-1/ack"),
+    ("GET", "/api/jobs"),
+    ("GET", "/api/jobs/job-1"),
+    ("DELETE", "/api/jobs/job-1"),
+    ("GET", "/api/deployments"),
+    ("GET", "/api/deployments/deployment-1"),
+    ("GET", "/api/deployments/deployment-1/export"),
+    ("POST", "/api/imports"),
+)
+ADMIN_ONLY = {"/api/people", "/api/people/ann", "/api/tokens", "/api/tokens/token-1"}
+
+
+async def test_nothing_but_health_is_told_to_strangers(anyone):
+    for method, path in EVERYTHING:
+        answer = await anyone.request(method, path, json={})
+        assert answer.status_code == 401, (method, path)
+        assert answer.headers["WWW-Authenticate"] == "Bearer"
+
+
+async def test_a_viewer_changes_nothing(app, anyone):
+    headers = bearer(await token_of(app, Role.VIEWER))
+    for method, path in EVERYTHING:
+        answer = await anyone.request(method, path, json={}, headers=headers)
+        may = method == "GET" and path not in ADMIN_ONLY
+        assert (answer.status_code in {200, 404}) if may else answer.status_code == 403, path
+
+
+async def test_a_pilot_configures_but_does_not_administer(app, anyone):
+    headers = bearer(await token_of(app, Role.PILOT))
+    changed = await anyone.patch("/api/config/planner", json={"seed": 4}, headers=headers)
+    assert changed.status_code == 200
+    for path in ("/api/people", "/api/tokens"):
+        answer = await anyone.get(path, headers=headers)
+        assert answer.status_code == 403
+        assert answer.json()["detail"] == "script is a pilot and may not do this."
+
+
+async def test_health_needs_no_sign_in_and_says_that_nobody_can(anyone):
+    answer = (await anyone.get("/api/health")).json()
+    assert (answer["status"], answer["ready"], answer["first_start"]) == ("ok", True, True)
+
+
+async def test_the_first_administrator_needs_the_code_that_was_printed(app, anyone):
+    body = {"name": "eve", "password": PASSWORD, "code": "AAAAA-AAAAA"}
+    refused = await anyone.post("/api/session/first", json=body)
+    assert refused.status_code == 403
+    body["code"] = app.state.first_code.lower()
+    assert (await anyone.post("/api/session/first", json=body)).status_code == 201
+    again = await anyone.post("/api/session/first", json=body)
+    assert again.status_code == 409
+    assert (await anyone.get("/api/health")).json()["first_start"] is False
+
+
+async def test_a_short_password_is_refused_at_its_field(app, anyone):
+    body = {"name": "eve", "password": "short", "code": app.state.first_code}
+    answer = await anyone.post("/api/session/first", json=body)
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["loc"] == ["password"]
+
+
+async def test_name_and_password_open_a_session_and_signing_out_ends_it(admin, anyone):
+    assert (await anyone.post("/api/session", json={"name": "ann"})).status_code == 422
+    wrong = {"name": "ann", "password": "not the password"}
+    assert (await anyone.post("/api/session", json=wrong)).status_code == 401
+    right = {"name": "ann", "password": PASSWORD}
+    session = (await anyone.post("/api/session", json=right)).json()
+    assert (session["role"], session["rights"]) == ("admin", ["view", "pilot", "administer"])
+    cookie = dict(anyone.cookies)
+    anyone.headers["X-CSRF-Token"] = session["csrf_token"]
+    assert (await anyone.delete("/api/session")).status_code == 204
+    anyone.cookies.update(cookie)
+    assert (await anyone.get("/api/session")).status_code == 401
+
+
+async def test_guessing_a_password_is_slowed_down(admin, anyone):
+    wrong = {"name": "ann", "password": "not the password"}
+    for _ in range(throttle.FREE_FAILURES):
+        assert (await anyone.post("/api/session", json=wrong)).status_code == 401
+    answer = await anyone.post("/api/session", json={"name": "ann", "password": PASSWORD})
+    assert answer.status_code == 429
+    assert int(answer.headers["Retry-After"]) > 0
+
+
+async def test_the_cookie_is_out_of_reach_of_scripts_and_named_by_port(app, anyone):
+    body = {"name": "ann", "password": PASSWORD, "code": app.state.first_code}
+    cookie = (await anyone.post("/api/session/first", json=body)).headers["set-cookie"]
+    assert cookie.startswith("grace_session_8000=")
+    assert "HttpOnly" in cookie
+    assert "samesite=lax" in cookie.lower()
+    assert "secure" not in cookie.lower()
+
+
+async def test_a_change_by_cookie_needs_the_csrf_token(admin):
+    del admin.headers["X-CSRF-Token"]
+    answer = await admin.patch("/api/config/planner", json={"seed": 4})
+    assert answer.status_code == 403
+    assert "X-CSRF-Token" in answer.json()["detail"]
+    assert (await admin.get("/api/config/planner")).json()["id"] is None
+
+
+async def test_a_change_by_cookie_from_a_foreign_page_is_refused(admin):
+    for origin, status in (("http://evil.example", 403), ("null", 403), (BASE_URL, 200)):
+        answer = await admin.patch(
+            "/api/config/planner", json={"seed": 4}, headers={"Origin": origin}
+        )
+        assert answer.status_code == status
+
+
+async def test_a_foreign_page_cannot_sign_a_browser_in(admin, anyone):
+    body = {"name": "ann", "password": PASSWORD}
+    headers = {"Origin": "http://evil.example"}
+    assert (await anyone.post("/api/session", json=body, headers=headers)).status_code == 403
+
+
+async def test_a_name_bent_to_loopback_is_not_this_station(anyone):
+    answer = await anyone.get("/api/health", headers={"Host": "rebound.example:8000"})
+    assert answer.status_code == 421
+    assert answer.headers["content-type"] == "application/problem+json"
+
+
+async def test_a_bearer_token_ends_with_its_time_or_its_revocation(app, admin, anyone):
+    expired = bearer(await token_of(app, Role.PILOT, seconds=-1))
+    assert (await anyone.get("/api/session", headers=expired)).status_code == 401
+    made = (await admin.post("/api/tokens", json={"name": "survey", "role": "pilot"})).json()
+    headers = bearer(made["token"])
+    whoami = (await anyone.get("/api/session", headers=headers)).json()
+    assert (whoami["name"], whoami["role"], whoami["csrf_token"]) == ("survey", "pilot", None)
+    listed = (await admin.get("/api/tokens")).json()["tokens"]
+    assert made["id"] in {token["id"] for token in listed}
+    assert made["token"] not in str(listed)
+    assert (await admin.delete(f"/api/tokens/{made['id']}")).status_code == 204
+    answer = await anyone.get("/api/session", headers=headers)
+    assert answer.status_code == 401
+    assert "revoked" in answer.json()["detail"]
+
+
+async def test_a_one_time_link_signs_in_once_and_leads_to_the_app(app, admin, anyone):
+    foundation = app.state.foundation
+    issued = await foundation.store.write(
+        lambda s: register.create_sign_in_link(
+            s, "ann", timedelta(minutes=1), at=foundation.clock.now(), by="test"
+        )
+    )
+    answer = await anyone.get("/sign-in", params={"token": issued.secret})
+    assert (answer.status_code, answer.headers["location"]) == (303, "/")
+    assert (await anyone.get("/api/session")).json()["name"] == "ann"
+    anyone.cookies.clear()
+    again = await anyone.get("/sign-in", params={"token": issued.secret})
+    assert again.status_code == 303
+    assert "set-cookie" not in again.headers
+    assert (await anyone.get("/api/session")).status_code == 401
+
+
+async def test_who_loses_a_role_loses_the_session_with_it(app, admin):
+    person = {"name": "bob", "role": "pilot", "password": PASSWORD}
+    assert (await admin.post("/api/people", json=person)).status_code == 201
+    assert (await admin.post("/api/people", json=person)).status_code == 409
+    async with client_of(app) as bob:
+        sign_in = {"name": "bob", "password": PASSWORD}
+        await bob.post("/api/session", json=sign_in)
+        assert (await bob.get("/api/session")).json()["role"] == "pilot"
+        await admin.patch("/api/people/bob", json={"role": "viewer"})
+        assert (await bob.get("/api/session")).status_code == 401
+        await admin.patch("/api/people/bob", json={"disabled": True})
+        assert (await bob.post("/api/session", json=sign_in)).status_code == 401
+
+
+async def test_the_last_administrator_stays(admin):
+    for change in ({"role": "viewer"}, {"disabled": True}):
+        answer = await admin.patch("/api/people/ann", json=change)
+        assert answer.status_code == 409
+        assert "last administrator" in answer.json()["detail"]
+    assert (await admin.get("/api/session")).status_code == 200
+
+
+def websocket_of(app, headers, query=""):
+    scope = {
+        "type": "websocket",
+        "scheme": "ws",
+        "path": "/api/live",
+        "query_string": query.encode(),
+        "server": ("127.0.0.1", 8000),
+        "headers": [(name.lower().encode(), value.encode()) for name, value in headers.items()],
+        "app": app,
+    }
+    return WebSocket(scope, receive=SimpleNamespace, send=SimpleNamespace)
+
+
+@pytest.mark.parametrize(
+    ("origin", "host", "allowed"),
+    [
+        (BASE_URL, "127.0.0.1:8000", True),
+        ("http://evil.example", "127.0.0.1:8000", False),
+        (None, "127.0.0.1:8000", False),
+        ("http://rebound.example", "rebound.example", False),
+    ],
+)
+async def test_a_websocket_with_a_cookie_must_come_from_the_stations_page(
+    app, admin, origin, host, allowed
+):
+    [(name, value)] = admin.cookies.items()
+    headers = {"Host": host, "Cookie": f"{name}={value}"}
+    if origin is not None:
+        headers["Origin"] = origin
+    guard = app.state.foundation.guard
+    if allowed:
+        assert (await guard.websocket_caller(websocket_of(app, headers))).name == "ann"
+    else:
+        with pytest.raises(WebSocketException):
+            await guard.websocket_caller(websocket_of(app, headers))
+
+
+async def test_a_script_opens_a_websocket_by_header_or_by_query(app):
+    token = await token_of(app, Role.VIEWER)
+    guard = app.state.foundation.guard
+    host = {"Host": "127.0.0.1:8000"}
+    by_header = websocket_of(app, {**host, **bearer(token)})
+    assert (await guard.websocket_caller(by_header)).name == "script"
+    by_query = websocket_of(app, host, f"token={token}")
+    assert (await guard.websocket_caller(by_query)).name == "script"
+    with pytest.raises(WebSocketException):
+        await guard.websocket_caller(websocket_of(app, host, "token=grace_wrong"))
+
+
+@pytest.mark.parametrize(
+    ("settings", "fits"),
+    [
+        ({"host": "127.0.0.1"}, True),
+        ({"host": "::1"}, True),
+        ({"host": "localhost"}, True),
+        ({"host": "0.0.0.0"}, False),
+        ({"host": "192.168.1.5"}, False),
+        ({"host": "station.example"}, False),
+        ({"host": "0.0.0.0", "behind_proxy": True}, True),
+        ({"host": "0.0.0.0", "tls_certificate": "c.pem", "tls_key": "k.pem"}, True),
+        ({"host": "0.0.0.0", "tls_certificate": "c.pem"}, False),
+    ],
+)
+def test_only_loopback_is_served_without_tls(settings, fits):
+    if fits:
+        assert Settings(**settings).host == settings["host"]
+    else:
+        with pytest.raises(ValueError, match=r"tls|TLS"):
+            Settings(**settings)
+
+
+async def test_two_stations_in_one_process_share_nothing(tmp_path):
+    async with running(tmp_path / "a") as first, running(tmp_path / "b") as second:
+        async with admin_of(first) as admin, client_of(second) as stranger:
+            stranger.cookies.update(admin.cookies)
+            assert (await admin.get("/api/session")).status_code == 200
+            assert (await stranger.get("/api/session")).status_code == 401
+            await asyncio.gather(
+                admin.patch("/api/config/planner", json={"seed": 4}), stranger.get("/api/health")
+            )
+        async with admin_of(second) as other:
+            assert (await other.get("/api/config/planner")).json()["id"] is None
+
+
+async def test_a_token_in_the_address_is_for_websockets_alone(app):
+    token = await token_of(app, Role.ADMIN)
+    async with client_of(app) as client:
+        assert (await client.get(f"/api/session?token={token}")).status_code == 401
+
+
+def test_environment_variables_are_settings(monkeypatch):
+    monkeypatch.setenv("GRACE_PORT", "9000")
+    monkeypatch.setenv("GRACE_SESSION_HOURS", "1.5")
+    settings = Settings()
+    assert (settings.port, settings.session_hours) == (9000, 1.5)
