@@ -85,6 +85,7 @@ class RobotLink:
         self._samples = SampleSender(log, self._codec, transport, self._timing)
         self._station: Address | None = None
         self._station_heard_s = 0.0
+        self._station_known = asyncio.Event()
         self._replies: asyncio.Queue[WireMessage] = asyncio.Queue()
         self._obeyed: OrderedDict[tuple[int, int], CommandOutcome] = OrderedDict()
         self._mode = RobotMode.IDLE
@@ -193,6 +194,7 @@ class RobotLink:
         if address != self._station and not is_free:
             return False
         self._station, self._station_heard_s = address, now_s
+        self._station_known.set()
         self._samples.contact(address)
         return True
 
@@ -245,17 +247,18 @@ class RobotLink:
             await self._send(await self._replies.get(), _ATTEMPTS)
 
     async def _send_states(self) -> None:
+        await self._station_known.wait()
         while True:
             await self._state_changed.wait()
             self._state_changed.clear()
-            if self._state is not None and self._station is not None:
+            if self._state is not None:
                 await self._send(telemetry.state_message(self._state), 1)
 
     async def _report_plan(self) -> None:
+        await self._station_known.wait()
         while True:
             self._plan.changed.clear()
-            if self._station is not None:
-                await self._send(self._plan.said, _ATTEMPTS)
+            await self._send(self._plan.said, _ATTEMPTS)
             await _changed_or_after(self._plan.changed, self._timing.plan_report_s)
 
     async def _beat(self) -> None:

@@ -1,0 +1,201 @@
+"""Commands: levels as they are proved, repetition at each contact, expiry, one action each."""
+
+import asyncio
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import pytest
+
+from robot_link.clock import ScaledClock
+from robot_link.mavlink.command import command_message, received_command
+from robot_link.messages import (
+    CommandKind,
+    CommandLevel,
+    CommandNumber,
+    CommandReport,
+    LinkState,
+    PlanHash,
+    RobotId,
+    SystemId,
+)
+from robot_link.onboard import CommandOutcome
+from robot_link.station import StationLink
+from simulator.xbee_network import AirConditions
+from tests.robot_link.rig import MINI, ROUGH, Heard, mission, rig, soon, until
+
+FIRST, SECOND, THIRD = CommandNumber(1), CommandNumber(2), CommandNumber(2**24 - 1)
+
+
+async def live(station: StationLink) -> None:
+    await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+
+
+def levels(heard: Heard, number: CommandNumber) -> list[CommandLevel]:
+    return [report.level for report in heard.of(CommandReport) if report.number == number]
+
+
+async def test_a_command_is_queued_then_at_the_radio_then_applied(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        station.send_command(MINI, CommandKind.HOLD, THIRD, soon())
+        await until(lambda: CommandLevel.APPLIED in levels(heard, THIRD))
+        told = levels(heard, THIRD)
+        assert told == sorted(told, key=list(CommandLevel).index)
+        assert told[0] is CommandLevel.QUEUED
+        assert it.robots[MINI].program.obeyed == [(CommandKind.HOLD, "")]
+
+
+async def test_start_carries_the_first_digits_of_its_plan(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        plan = mission().sha256()
+        station.send_command(MINI, CommandKind.START, FIRST, soon(), plan)
+        await until(lambda: CommandLevel.APPLIED in levels(heard, FIRST))
+        assert it.robots[MINI].program.obeyed == [(CommandKind.START, plan[:12])]
+
+
+@pytest.mark.parametrize(
+    ("outcome", "reason"),
+    [
+        (CommandOutcome.NOT_NOW, "the robot cannot do this now"),
+        (CommandOutcome.WRONG_PLAN, "the robot holds another plan"),
+        (CommandOutcome.UNSUPPORTED, "the robot does not know this command"),
+    ],
+)
+async def test_a_refusal_says_why(tmp_path: Path, outcome: CommandOutcome, reason: str):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        it.robots[MINI].program.outcome = outcome
+        station.send_command(MINI, CommandKind.RESUME, FIRST, soon())
+        await until(lambda: CommandLevel.REFUSED in levels(heard, FIRST))
+        assert heard.of(CommandReport)[-1].reason == reason
+
+
+async def test_surface_reaches_a_submerged_robot_at_its_next_contact(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        it.reachable.clear()
+        station.send_command(MINI, CommandKind.SURFACE, FIRST, soon())
+        await asyncio.sleep(0.5)
+        assert levels(heard, FIRST) == [CommandLevel.QUEUED]
+        it.reachable.add(MINI)
+        await until(lambda: CommandLevel.APPLIED in levels(heard, FIRST), longest_s=0.5)
+        assert it.robots[MINI].program.obeyed == [(CommandKind.SURFACE, "")]
+
+
+async def test_a_command_that_expires_is_never_sent_late(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        it.reachable.clear()
+        station.send_command(MINI, CommandKind.RESUME, FIRST, soon(0.4))
+        station.send_command(MINI, CommandKind.HOLD, SECOND, soon(-1.0))
+        await until(lambda: len(heard.of(CommandReport)) >= 3)
+        assert levels(heard, FIRST)[-1] is CommandLevel.EXPIRED
+        assert levels(heard, SECOND) == [CommandLevel.EXPIRED]
+        it.reachable.add(MINI)
+        await live(station)
+        await asyncio.sleep(0.3)
+        assert it.robots[MINI].program.obeyed == []
+
+
+async def test_each_command_acts_once_in_a_rough_air(tmp_path: Path):
+    async with rig(tmp_path, ROUGH) as it, it.station() as (station, heard):
+        await live(station)
+        kinds = [CommandKind.HOLD, CommandKind.RESUME] * 5
+        for number, kind in enumerate(kinds, start=1):
+            station.send_command(MINI, kind, CommandNumber(number), soon())
+        await until(lambda: CommandLevel.APPLIED in levels(heard, CommandNumber(10)))
+        assert [kind for kind, _ in it.robots[MINI].program.obeyed] == kinds
+
+
+async def test_a_restarted_station_sends_a_command_again_and_the_robot_acts_once(tmp_path: Path):
+    async with rig(tmp_path) as it:
+        expires = soon()
+        for _ in range(2):
+            async with it.station() as (station, heard):
+                await live(station)
+                station.send_command(MINI, CommandKind.HOLD, FIRST, expires)
+                await until(lambda heard=heard: CommandLevel.APPLIED in levels(heard, FIRST))
+        assert len(it.robots[MINI].program.obeyed) == 1
+
+
+async def test_the_same_number_of_another_day_is_another_command(tmp_path: Path):
+    async with rig(tmp_path) as it:
+        for expires in (soon(60), soon(120)):
+            async with it.station() as (station, heard):
+                await live(station)
+                station.send_command(MINI, CommandKind.SURFACE, FIRST, expires)
+                await until(lambda heard=heard: CommandLevel.APPLIED in levels(heard, FIRST))
+        assert len(it.robots[MINI].program.obeyed) == 2
+
+
+async def test_surface_drops_what_was_commanded_before(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        it.reachable.clear()
+        station.send_command(MINI, CommandKind.RESUME, FIRST, soon())
+        station.send_command(MINI, CommandKind.START, SECOND, soon(), mission().sha256())
+        station.send_command(MINI, CommandKind.SURFACE, THIRD, soon())
+        assert levels(heard, FIRST)[-1] is CommandLevel.EXPIRED
+        assert levels(heard, SECOND) == [CommandLevel.EXPIRED]
+        it.reachable.add(MINI)
+        await until(lambda: CommandLevel.APPLIED in levels(heard, THIRD))
+        assert it.robots[MINI].program.obeyed == [(CommandKind.SURFACE, "")]
+
+
+async def test_surface_leaves_the_port_within_two_hundred_milliseconds(tmp_path: Path):
+    air = AirConditions(delay_s=0.02, jitter_s=0.01)
+    async with rig(tmp_path, air) as it, it.station() as (station, heard):
+        await live(station)
+        it.reachable.clear()
+        for number in range(1, 6):
+            station.send_command(MINI, CommandKind.HOLD, CommandNumber(number), soon())
+        await asyncio.sleep(0.05)
+        began = asyncio.get_running_loop().time()
+        station.send_command(MINI, CommandKind.SURFACE, CommandNumber(9), soon())
+        await until(lambda: CommandLevel.QUEUED in levels(heard, CommandNumber(9)))
+        assert asyncio.get_running_loop().time() - began < 0.2
+
+
+async def test_a_number_submitted_twice_is_carried_once(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        for _ in range(2):
+            station.send_command(MINI, CommandKind.HOLD, FIRST, soon())
+        await until(lambda: CommandLevel.APPLIED in levels(heard, FIRST))
+        await asyncio.sleep(0.1)
+        assert levels(heard, FIRST).count(CommandLevel.QUEUED) == 1
+        assert len(it.robots[MINI].program.obeyed) == 1
+
+
+async def test_an_unknown_robot_is_a_key_error(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, _heard):
+        with pytest.raises(KeyError):
+            station.send_command(RobotId("nobody"), CommandKind.HOLD, FIRST, soon())
+        assert it.robots
+
+
+def test_a_command_keeps_number_expiry_and_digits_on_the_wire():
+    plan = PlanHash("00ff01" + "abcdef" + "0" * 52)
+    expires = datetime(2106, 2, 7, tzinfo=UTC)
+    message = command_message(SystemId(1), CommandKind.START, THIRD, expires, plan)
+    command = received_command(message)
+    assert command is not None
+    assert (command.number, command.plan_digits) == (THIRD, plan[:12])
+    assert command.expiry_s == int(expires.timestamp())
+
+
+def test_parameters_that_are_no_whole_numbers_are_refused():
+    message = command_message(SystemId(1), CommandKind.HOLD, FIRST, soon(), None)
+    message.param1 = 0.5
+    with pytest.raises(ValueError, match="whole number"):
+        received_command(message)
+    message.command = 400
+    assert received_command(message) is None
+
+
+def test_a_scaled_clock_runs_as_fast_as_told():
+    wall = datetime.now(UTC) - timedelta(seconds=10)
+    anchor = datetime(2026, 11, 21, tzinfo=UTC)
+    elapsed_s = (ScaledClock(wall, anchor, 20.0).now() - anchor).total_seconds()
+    assert elapsed_s == pytest.approx(200.0, abs=2.0)

@@ -1,0 +1,248 @@
+"""Station and robot through the emulated air: telemetry, health of the road, foreign frames."""
+
+import asyncio
+from contextlib import AsyncExitStack
+from pathlib import Path
+
+import pytest
+
+from robot_link.clock import SystemClock
+from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
+from robot_link.mavlink.telemetry import state_message
+from robot_link.messages import (
+    LinkReport,
+    LinkState,
+    OnboardPlanState,
+    PlanReport,
+    RawFrame,
+    RobotMode,
+    Sample,
+    StateReport,
+)
+from robot_link.timing import LinkTiming
+from robot_link.transport.datagram import Address
+from simulator.xbee_network import AirConditions
+from tests.robot_link.rig import (
+    ADDRESSES,
+    CALM,
+    GRACE,
+    MINI,
+    ROUGH,
+    STATION,
+    SYSTEMS,
+    rig,
+    state,
+    until,
+)
+
+
+async def test_a_state_arrives_as_it_was_measured(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+        sent = state(SystemClock().now())
+        it.robots[MINI].link.report_state(sent)
+        await until(lambda: heard.of(StateReport))
+        (report,) = heard.of(StateReport)
+        assert report.measured_at == sent.measured_at
+        assert report.received_at >= sent.measured_at
+        for name in StateReport.__dataclass_fields__:
+            if name not in ("measured_at", "received_at"):
+                assert getattr(report, name) == getattr(sent, name), name
+
+
+async def test_newer_states_replace_those_that_a_busy_radio_did_not_take(tmp_path: Path):
+    async with rig(tmp_path, AirConditions(delay_s=0.05)) as it, it.station() as (station, heard):
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+        at = SystemClock().now()
+        for mode in RobotMode:
+            it.robots[MINI].link.report_state(state(at, mode))
+        await until(lambda: heard.of(StateReport))
+        assert heard.of(StateReport)[-1].mode is RobotMode.HOLDING
+        assert len(heard.of(StateReport)) < len(RobotMode)
+
+
+async def test_the_road_is_never_heard_then_live_then_stale(tmp_path: Path):
+    async with rig(tmp_path) as it:
+        it.reachable.clear()
+        async with it.station() as (station, heard):
+            await until(lambda: station.link_report(MINI).state is LinkState.NEVER_HEARD)
+            it.reachable.add(MINI)
+            await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+            it.reachable.clear()
+            await until(lambda: station.link_report(MINI).state is LinkState.STALE)
+            told = [report.state for report in heard.of(LinkReport)]
+            assert LinkState.NEVER_HEARD in told
+            assert told.index(LinkState.LIVE) < len(told)
+            assert station.link_report(MINI).heard_at is not None
+
+
+async def test_silence_after_an_announced_dive_is_no_loss(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, _heard):
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+        received = station.link_report(MINI).frames_received
+        it.robots[MINI].link.set_mode(RobotMode.DIVING)
+        await until(lambda: station.link_report(MINI).frames_received > received)
+        it.reachable.clear()
+        await until(lambda: station.link_report(MINI).state is LinkState.SUBMERGED)
+        await asyncio.sleep(0.6)
+        assert station.link_report(MINI).state is LinkState.SUBMERGED
+        it.reachable.add(MINI)
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+
+
+async def test_strength_of_the_signal_is_told(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, _heard):
+        await until(lambda: station.link_report(MINI).rssi_dbm == it.air.conditions.rssi_dbm)
+
+
+async def test_a_pulled_plug_is_told_and_healed_without_a_restart(tmp_path: Path):
+    async with (
+        AsyncExitStack() as cable,
+        rig(tmp_path, cable=cable) as it,
+        it.station() as (station, heard),
+    ):
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+        await cable.aclose()
+        await until(lambda: station.link_report(MINI).state is LinkState.PORT_CLOSED)
+        assert heard.of(LinkReport)[-1].state is LinkState.PORT_CLOSED
+        async with it.air.pty(STATION, tmp_path / "xbee"):
+            await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+
+
+async def test_what_the_robot_says_of_its_plan_is_repeated_until_it_changes(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (_station, heard):
+        await until(lambda: len(heard.of(PlanReport)) >= 2)
+        assert {report.state for report in heard.of(PlanReport)} == {OnboardPlanState.NONE}
+        assert heard.of(PlanReport)[0].sha256 is None
+        it.robots[MINI].link.report_plan(
+            OnboardPlanState.FAILED, leg=2, energy_used=3.5, reason="floor too near"
+        )
+        await until(lambda: heard.of(PlanReport)[-1].state is OnboardPlanState.FAILED)
+        last = heard.of(PlanReport)[-1]
+        assert (last.leg, last.energy_used, last.reason) == (2, 3.5, "floor too near")
+
+
+async def test_a_foreign_radio_under_a_known_system_id_is_dropped_and_counted(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+        foreigner = Address(0xBAD)
+        frame = Codec(SYSTEMS[MINI], ROBOT_COMPONENT).pack(
+            state_message(state(SystemClock().now()))
+        )
+        await it.air.transmit(foreigner, STATION, frame)
+        await until(lambda: station.link_report(MINI).frames_bad == 1)
+        assert not heard.of(StateReport)
+        assert any(raw.robot is None and raw.data == frame for raw in heard.of(RawFrame))
+
+
+async def test_a_robots_radio_cannot_speak_for_another_robot(tmp_path: Path):
+    async with rig(tmp_path, robots=(MINI, GRACE)) as it, it.station() as (station, heard):
+        await until(lambda: station.link_report(GRACE).state is LinkState.LIVE)
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+        frame = Codec(SYSTEMS[GRACE], ROBOT_COMPONENT).pack(
+            state_message(state(SystemClock().now()))
+        )
+        await it.air.transmit(ADDRESSES[MINI], STATION, frame)
+        await until(lambda: station.link_report(MINI).frames_bad == 1)
+        assert station.link_report(GRACE).frames_bad == 0
+        assert not heard.of(StateReport)
+
+
+async def test_garbage_from_the_air_and_impossible_content_are_counted(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station(bind=True) as (station, heard):
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+        codec = Codec(SYSTEMS[MINI], ROBOT_COMPONENT)
+        impossible = state_message(state(SystemClock().now()))
+        impossible.x = float("nan")
+        frames = codec.pack(impossible) + b"garbage"
+        await it.air.transmit(ADDRESSES[MINI], STATION, frames)
+        await until(lambda: station.link_report(MINI).frames_bad == 2)
+        await it.air.transmit(ADDRESSES[MINI], STATION, b"")
+        await it.air.transmit(STATION, ADDRESSES[MINI], b"\xfd" * 40)
+        await until(lambda: it.robots[MINI].link.frames_bad > 0)
+        assert station.link_report(MINI).state is LinkState.LIVE
+        assert not heard.of(StateReport)
+
+
+async def test_raw_frames_are_kept_in_both_directions(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+        await until(lambda: {raw.outgoing for raw in heard.of(RawFrame)} == {True, False})
+        assert all(raw.data and raw.carrier == "xbee" for raw in heard.of(RawFrame))
+
+
+async def test_samples_are_told_once_though_acknowledgements_are_lost(tmp_path: Path):
+    async with rig(tmp_path, ROUGH) as it, it.station() as (_station, heard):
+        robot = it.robots[MINI].link
+        at = SystemClock().now()
+        for number in range(300):
+            robot.record_sample("blue_light", number / 2, (1.0, 2.0, 0.25), 0.125, at)
+        await until(lambda: not robot.unacknowledged_samples)
+        samples = heard.of(Sample)
+        assert sorted(sample.sequence for sample in samples) == list(range(300))
+        assert all(sample.value == sample.sequence / 2 for sample in samples)
+        assert (samples[0].variable, samples[0].position_ned) == ("blue_light", (1.0, 2.0, 0.25))
+
+
+async def test_samples_that_nobody_stores_come_again(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        heard.stores = False
+        robot = it.robots[MINI].link
+        robot.record_sample("blue_light", 1.0, (0.0, 0.0, 0.0), 0.1, SystemClock().now())
+        await until(lambda: len(heard.of(Sample)) >= 3)
+        assert robot.unacknowledged_samples == 1
+        first = heard.of(Sample)[0]
+        station.acknowledge_samples(MINI, first.log, [first.sequence])
+        await until(lambda: not robot.unacknowledged_samples)
+
+
+async def test_samples_of_a_dive_are_filled_in_order_after_it(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+        it.reachable.clear()
+        robot = it.robots[MINI].link
+        for number in range(100):
+            robot.record_sample("blue_light", number, (0.0, 0.0, 1.0), 0.1, SystemClock().now())
+        await asyncio.sleep(0.3)
+        assert not heard.of(Sample)
+        it.reachable.add(MINI)
+        await until(lambda: not robot.unacknowledged_samples)
+        sequences = [sample.sequence for sample in heard.of(Sample)]
+        assert sorted(sequences) == list(range(100))
+        displacement = max(abs(place - number) for place, number in enumerate(sequences))
+        assert displacement <= 40
+
+
+async def test_bursts_of_two_robots_are_stored_within_two_seconds(tmp_path: Path):
+    """Twenty-fold time: what a dive gathered must cross in one short surfacing."""
+    calm = AirConditions(delay_s=0.005, jitter_s=0.005)
+    async with (
+        rig(tmp_path, calm, robots=(MINI, GRACE), timing=LinkTiming()) as it,
+        it.station(LinkTiming()) as (station, heard),
+    ):
+        for robot in it.robots:
+            await until(lambda robot=robot: station.link_report(robot).state is LinkState.LIVE)
+        began = asyncio.get_running_loop().time()
+        for robot in it.robots.values():
+            for number in range(500):
+                robot.link.record_sample(
+                    "chlorophyll", number, (0.0, 0.0, 1.0), 0.1, SystemClock().now()
+                )
+        await until(
+            lambda: not any(robot.link.unacknowledged_samples for robot in it.robots.values())
+        )
+        assert asyncio.get_running_loop().time() - began < 2.0
+        assert len(heard.of(Sample)) == 1000
+
+
+async def test_a_number_that_is_not_finite_is_no_sample(tmp_path: Path):
+    async with rig(tmp_path, CALM) as it:
+        with pytest.raises(ValueError, match="not finite"):
+            it.robots[MINI].link.record_sample(
+                "blue_light", float("nan"), (0.0, 0.0, 0.0), 0.1, SystemClock().now()
+            )
+        with pytest.raises(KeyError):
+            it.robots[MINI].link.record_sample(
+                "salinity", 1.0, (0.0, 0.0, 0.0), 0.1, SystemClock().now()
+            )
+        assert it.robots[MINI].link.unacknowledged_samples == 0

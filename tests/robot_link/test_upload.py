@@ -1,0 +1,245 @@
+"""Mission upload: whole or not at all, proved by the robot's own word on the hash."""
+
+import asyncio
+import dataclasses
+from pathlib import Path
+
+import pytest
+
+from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
+from robot_link.mavlink.mission_item import mission_items
+from robot_link.mavlink.telemetry import hash_octets
+from robot_link.mavlink.wire import grace
+from robot_link.messages import (
+    CommandKind,
+    CommandNumber,
+    LinkState,
+    OnboardPlanState,
+    PlanReport,
+    RawFrame,
+    UploadReport,
+)
+from robot_link.mission import Mission
+from robot_link.station import StationLink, UploadUnderWayError
+from simulator.xbee_network import AirConditions
+from tests.robot_link.rig import (
+    ADDRESSES,
+    HASTE,
+    MINI,
+    ROUGH,
+    STATION,
+    SYSTEMS,
+    Heard,
+    mission,
+    rig,
+    soon,
+    until,
+)
+
+ITEMS = 1 + 6 * 6
+"""Settings, and six dives of five legs of which one has a circle."""
+
+
+async def live(station: StationLink) -> None:
+    await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+
+
+async def test_a_mission_comes_on_board_whole_and_is_echoed_by_its_hash(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        plan = mission()
+        last = await station.upload(MINI, plan)
+        assert (last.state, last.sha256) == (OnboardPlanState.ON_BOARD, plan.sha256())
+        assert (last.items_sent, last.items) == (ITEMS, ITEMS)
+        assert it.robots[MINI].program.taken == [plan]
+        assert it.robots[MINI].plans.load() == plan
+        await until(lambda: heard.of(PlanReport)[-1].sha256 == plan.sha256())
+        assert heard.of(PlanReport)[-1].legs == len(plan.legs)
+
+
+async def test_progress_only_grows_and_on_board_comes_last(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        await station.upload(MINI, mission())
+        reports = heard.of(UploadReport)
+        assert [report.items_sent for report in reports] == list(range(ITEMS + 1))
+        states = [report.state for report in reports]
+        assert states[:-1] == [OnboardPlanState.RECEIVING] * ITEMS
+        assert it.robots
+
+
+async def test_a_rough_air_delays_a_mission_but_changes_nothing_in_it(tmp_path: Path):
+    async with rig(tmp_path, ROUGH) as it, it.station() as (station, _heard):
+        await live(station)
+        plan = mission()
+        last = await station.upload(MINI, plan)
+        assert last.state is OnboardPlanState.ON_BOARD
+        assert it.robots[MINI].program.taken == [plan]
+
+
+async def test_the_same_mission_again_is_answered_at_once_and_taken_once(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        plan = mission()
+        await station.upload(MINI, plan)
+        heard.events.clear()
+        last = await station.upload(MINI, plan)
+        assert last.state is OnboardPlanState.ON_BOARD
+        assert len(heard.of(UploadReport)) == 2
+        assert it.robots[MINI].program.taken == [plan]
+
+
+async def test_a_plan_that_was_flown_waits_again_when_uploaded_again(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, _heard):
+        await live(station)
+        plan = mission()
+        await station.upload(MINI, plan)
+        it.robots[MINI].link.report_plan(OnboardPlanState.DONE, leg=30)
+        assert (await station.upload(MINI, plan)).state is OnboardPlanState.ON_BOARD
+        assert it.robots[MINI].program.taken == [plan, plan]
+
+
+async def test_a_station_that_dies_in_an_upload_just_uploads_again(tmp_path: Path):
+    slow = AirConditions(delay_s=0.01, jitter_s=0.0)
+    async with rig(tmp_path, slow) as it:
+        plan = mission()
+        async with it.station() as (station, heard):
+            await live(station)
+            upload = asyncio.create_task(station.upload(MINI, plan))
+            await until(lambda: any(r.items_sent >= 15 for r in heard.of(UploadReport)))
+            upload.cancel()
+        assert it.robots[MINI].program.taken == []
+        async with it.station() as (station, heard):
+            await live(station)
+            last = await station.upload(MINI, plan)
+            assert last.state is OnboardPlanState.ON_BOARD
+            proved = [report.items_sent for report in heard.of(UploadReport)]
+            assert min(sent for sent in proved if sent) >= 15, "begins where the first stopped"
+        assert it.robots[MINI].program.taken == [plan]
+
+
+async def test_a_robot_that_refuses_keeps_its_plan_and_says_why(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        first, second = mission(), mission(dives=2)
+        await station.upload(MINI, first)
+        it.robots[MINI].program.refusal = "under water"
+        last = await station.upload(MINI, second)
+        assert (last.state, last.reason) == (OnboardPlanState.REFUSED, "under water")
+        assert it.robots[MINI].plans.load() == first
+        assert it.robots[MINI].program.taken == [first]
+        await until(lambda: heard.events and isinstance(heard.events[-1], PlanReport))
+        assert {report.sha256 for report in heard.of(PlanReport)} <= {None, first.sha256()}
+
+
+async def test_a_robot_that_dives_before_the_last_item_refuses_the_whole(tmp_path: Path):
+    slow = AirConditions(delay_s=0.01, jitter_s=0.0)
+    async with rig(tmp_path, slow) as it, it.station() as (station, heard):
+        await live(station)
+        upload = asyncio.create_task(station.upload(MINI, mission()))
+        await until(lambda: any(r.items_sent >= 15 for r in heard.of(UploadReport)))
+        it.robots[MINI].program.refusal = "under water"
+        last = await upload
+        assert (last.state, last.reason) == (OnboardPlanState.REFUSED, "under water")
+        assert it.robots[MINI].plans.load() is None
+
+
+@pytest.mark.parametrize("is_foreign", [True, False])
+async def test_items_of_another_mission_than_the_offered_leave_the_plan_on_board(
+    tmp_path: Path, is_foreign: bool
+):
+    """Every frame is valid; only the hash tells that they do not belong together."""
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        await live(station)
+        first, second = mission(), mission(dives=2)
+        await station.upload(MINI, first)
+        carried = mission(dives=2, timeout_s=900.0) if is_foreign else second
+        items = mission_items(carried, SYSTEMS[MINI])
+        codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
+        offer = grace.MAVLink_grace_plan_offer_message(
+            len(items), SYSTEMS[MINI], hash_octets(second.sha256())
+        )
+        count = grace.MAVLink_mission_count_message(SYSTEMS[MINI], 1, len(items))
+        for message in (offer, count, *items):
+            await it.air.transmit(STATION, ADDRESSES[MINI], codec.pack(message))
+        told = await refusals(heard, 1 if is_foreign else 0)
+        kept = first if is_foreign else second
+        assert it.robots[MINI].plans.load() == kept
+        assert it.robots[MINI].program.taken == ([first] if is_foreign else [first, second])
+        await until(lambda: heard.of(PlanReport)[-1].sha256 == kept.sha256())
+        assert told == (["the items are not the mission that was offered"] if is_foreign else [])
+
+
+async def refusals(heard: Heard, count: int) -> list[str]:
+    """Return the reasons of the refusals on the wire, once there are so many."""
+    codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
+
+    def reasons() -> list[str]:
+        return [
+            message.reason
+            for raw in heard.of(RawFrame)
+            if not raw.outgoing
+            for message in codec.unpack(raw.data).messages
+            if isinstance(message, grace.MAVLink_grace_plan_report_message)
+            and message.state == OnboardPlanState.REFUSED
+        ]
+
+    await asyncio.sleep(0.1)
+    await until(lambda: len(reasons()) == count)
+    return reasons()
+
+
+async def test_an_upload_to_a_silent_robot_fails_after_its_time(tmp_path: Path):
+    timing = dataclasses.replace(HASTE, upload_s=0.3, upload_item_s=0.0)
+    async with rig(tmp_path) as it:
+        it.reachable.clear()
+        async with it.station(timing) as (station, _heard):
+            last = await station.upload(MINI, mission())
+            assert last.state is OnboardPlanState.FAILED
+            assert last.reason == "no answer from the robot"
+
+
+async def test_an_upload_cut_off_by_a_dive_tells_how_far_it_came(tmp_path: Path):
+    timing = dataclasses.replace(HASTE, upload_s=1.0, upload_item_s=0.0)
+    slow = AirConditions(delay_s=0.01, jitter_s=0.0)
+    async with rig(tmp_path, slow) as it, it.station(timing) as (station, heard):
+        await live(station)
+        upload = asyncio.create_task(station.upload(MINI, mission()))
+        await until(lambda: any(r.items_sent >= 5 for r in heard.of(UploadReport)))
+        it.reachable.clear()
+        last = await upload
+        assert last.state is OnboardPlanState.FAILED
+        assert f"after {last.items_sent} of {ITEMS} items" in last.reason
+        assert it.robots[MINI].plans.load() is None
+
+
+async def test_two_uploads_to_one_robot_are_not_mixed(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, _heard):
+        await live(station)
+        first = asyncio.create_task(station.upload(MINI, mission()))
+        await asyncio.sleep(0)
+        with pytest.raises(UploadUnderWayError, match="mini-1"):
+            await station.upload(MINI, mission(dives=2))
+        assert (await first).state is OnboardPlanState.ON_BOARD
+        assert len(it.robots[MINI].program.taken) == 1
+
+
+async def test_surface_ends_an_upload_under_way(tmp_path: Path):
+    slow = AirConditions(delay_s=0.02, jitter_s=0.0)
+    async with rig(tmp_path, slow) as it, it.station() as (station, heard):
+        await live(station)
+        upload = asyncio.create_task(station.upload(MINI, mission()))
+        await until(lambda: any(r.items_sent >= 3 for r in heard.of(UploadReport)))
+        station.send_command(MINI, CommandKind.SURFACE, CommandNumber(1), soon())
+        last = await upload
+        assert last.state is OnboardPlanState.FAILED
+        assert "surface" in last.reason
+        await until(lambda: it.robots[MINI].program.obeyed)
+        assert it.robots[MINI].plans.load() is None
+
+
+def test_a_mission_rebuilt_from_its_own_integers_has_the_same_name():
+    plan = mission()
+    again = Mission.from_integers(plan.settings_integers(), plan.leg_integers())
+    assert again == plan
+    assert again.sha256() == plan.sha256()
