@@ -52,6 +52,16 @@ async def admin_of(app: FastAPI) -> AsyncGenerator[httpx.AsyncClient]:
         yield client
 
 
+@asynccontextmanager
+async def signed_in(
+    app: FastAPI, role: Role = Role.ADMIN, name: str = "ann"
+) -> AsyncGenerator[httpx.AsyncClient]:
+    """Come in by a bearer token, which needs no slow password."""
+    headers = bearer(await token_of(app, role, name))
+    async with client_of(app, headers=headers) as client:
+        yield client
+
+
 async def token_of(app: FastAPI, role: Role, name: str = "script", **lifetime: float) -> str:
     foundation = app.state.foundation
     issued = await foundation.store.write(

@@ -1,0 +1,154 @@
+"""Tunable models by REST: validated, versioned, never overwritten."""
+
+import pytest
+
+from autonomy.planner.config import PLANNER_PRESETS
+from autonomy.site import LAKE, TANK
+from db.query.robots import add_robot
+from server.configuration import KINDS, merge
+from tests.db.conftest import robot_record
+from tests.server.station_app import running, signed_in
+
+
+@pytest.fixture
+async def app(tmp_path):
+    async with running(tmp_path) as app:
+        store = app.state.foundation.store
+        await store.write(lambda session: add_robot(session, robot_record()))
+        yield app
+
+
+@pytest.fixture
+async def admin(app):
+    async with signed_in(app) as client:
+        yield client
+
+
+async def test_every_kind_has_a_value_and_a_schema_with_units(admin):
+    kinds = (await admin.get("/api/config")).json()
+    assert {kind["kind"] for kind in kinds} == set(KINDS)
+    for kind in kinds:
+        assert kind["robots"] == ["mini-1"]
+        path = f"/api/config/{kind['kind']}"
+        value = (await admin.get(path, params={"robot": "mini-1"})).json()["value"]
+        schema = (await admin.get(f"{path}/schema")).json()
+        assert set(value) == set(schema["properties"])
+        described = [field for field in schema["properties"].values() if "unit" in field]
+        assert described
+        assert all(field.get("title") and field.get("description") for field in described)
+
+
+async def test_a_robot_begins_with_the_preset_of_its_vehicle(admin):
+    found = (await admin.get("/api/config/planner", params={"robot": "mini-1"})).json()
+    assert found["id"] is None
+    assert found["changed_by"] is None
+    assert found["value"] == PLANNER_PRESETS["miniglider"].model_dump(mode="json")
+
+
+async def test_a_change_keeps_what_it_does_not_name(admin):
+    before = (await admin.get("/api/config/planner?robot=mini-1")).json()["value"]
+    change = {"total_budget": 60.0, "domain": {"depth_max_m": 0.5}}
+    answer = await admin.patch("/api/config/planner?robot=mini-1", json=change)
+    after = answer.json()
+    assert answer.status_code == 200
+    assert after["changed_by"] == "ann"
+    assert after["value"]["total_budget"] == 60.0
+    assert after["value"]["domain"] == {**before["domain"], "depth_max_m": 0.5}
+    assert after["value"]["objective"] == before["objective"]
+
+
+async def test_null_returns_a_field_to_its_preset(admin):
+    path = "/api/config/planner?robot=mini-1"
+    preset = (await admin.get(path)).json()["preset"]
+    await admin.patch(path, json={"total_budget": 60.0, "domain": {"depth_max_m": 0.5}})
+    value = (await admin.patch(path, json={"total_budget": None, "domain": None})).json()["value"]
+    assert value == preset
+
+
+async def test_wrong_fields_are_named_and_nothing_is_saved(admin):
+    path = "/api/config/planner?robot=mini-1"
+    change = {"domain": {"depth_max_m": -1.0}, "total_budget": "much", "speed": 3}
+    answer = await admin.patch(path, json=change)
+    assert answer.status_code == 422
+    assert {tuple(error["loc"]) for error in answer.json()["errors"]} == {
+        ("domain", "depth_max_m"),
+        ("total_budget",),
+        ("speed",),
+    }
+    assert (await admin.get(path)).json()["id"] is None
+
+
+async def test_infinity_is_not_a_number_to_plan_with(admin):
+    answer = await admin.patch(
+        "/api/config/planner",
+        content='{"total_budget": Infinity}',
+        headers={"Content-Type": "application/json"},
+    )
+    assert answer.status_code == 422
+
+
+async def test_versions_are_added_and_none_is_lost(admin):
+    path = "/api/config/planner?robot=mini-1"
+    ids = [(await admin.patch(path, json={"seed": seed})).json()["id"] for seed in (3, 4)]
+    assert ids == ["config-1", "config-2"]
+    history = (await admin.get("/api/config/planner/history?robot=mini-1")).json()
+    assert [(version["id"], version["value"]["seed"]) for version in history] == [
+        ("config-2", 4),
+        ("config-1", 3),
+    ]
+    old = (await admin.get("/api/config/versions/config-1")).json()
+    assert (old["value"]["seed"], old["robot"]) == (3, "mini-1")
+
+
+async def test_whoever_saves_second_is_told_instead_of_overwriting(admin):
+    path = "/api/config/planner?robot=mini-1"
+    tag = (await admin.get(path)).headers["ETag"]
+    first = await admin.patch(path, json={"seed": 3}, headers={"If-Match": tag})
+    assert first.status_code == 200
+    second = await admin.patch(path, json={"seed": 4}, headers={"If-Match": tag})
+    assert second.status_code == 412
+    assert second.json()["detail"].startswith("ann changed it at ")
+    again = await admin.patch(path, json={"seed": 4}, headers={"If-Match": first.headers["ETag"]})
+    assert again.status_code == 200
+    assert again.headers["ETag"] == '"config-2"'
+
+
+async def test_what_is_saved_for_all_holds_where_nothing_of_its_own_is(admin):
+    await admin.patch("/api/config/estimator", json={"fix_std_m": 0.5})
+    path = "/api/config/estimator?robot=mini-1"
+    assert (await admin.get(path)).json()["value"]["fix_std_m"] == 0.5
+    await admin.patch(path, json={"fix_std_m": 0.25})
+    assert (await admin.get(path)).json()["value"]["fix_std_m"] == 0.25
+    assert (await admin.get("/api/config/estimator")).json()["value"]["fix_std_m"] == 0.5
+
+
+async def test_a_change_is_in_the_log(admin):
+    await admin.patch("/api/config/planner?robot=mini-1", json={"seed": 3})
+    events = (await admin.get("/api/events?robot=mini-1")).json()["events"]
+    assert [(event["kind"], event["text"]) for event in events] == [
+        ("config.changed", "ann changed planner of mini-1.")
+    ]
+    assert events[0]["data"] == {"kind": "planner", "id": "config-1"}
+
+
+async def test_a_plan_may_lay_changes_on_top_without_saving_them(app):
+    book = app.state.foundation.configurations
+    merged = await book.merged("planner", "mini-1", {"seed": 9})
+    assert merged.value.model_dump()["seed"] == 9
+    assert (await book.current("planner", "mini-1")).id is None
+
+
+def test_a_patch_goes_into_objects_and_replaces_lists():
+    value = {"a": {"b": 1, "c": [1, 2]}, "d": 4}
+    preset = {"a": {"b": 7, "c": []}, "d": 8}
+    assert merge(value, {"a": {"c": [3]}}, preset) == {"a": {"b": 1, "c": [3]}, "d": 4}
+    assert merge(value, {"a": {"b": None}, "d": None}, preset) == {
+        "a": {"b": 7, "c": [1, 2]},
+        "d": 8,
+    }
+
+
+def test_presets_of_a_robot_follow_its_water():
+    preset = KINDS["field"].preset
+    assert preset(robot_record()).model_dump()["variable"] == TANK.variable
+    assert preset(robot_record("grace-1", 2)).model_dump()["variable"] == LAKE.variable

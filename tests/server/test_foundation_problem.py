@@ -1,0 +1,162 @@
+"""Every refusal has one shape, and the same request twice acts once."""
+
+import asyncio
+
+import pytest
+from fastapi import APIRouter
+
+from db.fault import StoreUnavailableError, UnknownIdError
+from server.api.body import Body
+from server.api.dependency import Pilot
+from server.api.idempotency import IdempotentRoute
+from server.problem import FieldError, conflict
+from tests.server.station_app import running, signed_in
+
+
+class Order(Body):
+    amount: int
+
+
+def routes(calls):
+    """Routes that fail in every way, and one that counts how often it acts."""
+    router = APIRouter(route_class=IdempotentRoute)
+
+    @router.get("/api/test/{what}")
+    async def fail(what: str) -> None:
+        match what:
+            case "unknown":
+                raise UnknownIdError("plan", "plan-9")
+            case "unavailable":
+                raise StoreUnavailableError("The disk is full.")
+            case "conflict":
+                raise conflict("No.", [FieldError(loc=["legs", 0], msg="too deep")])
+            case _:
+                raise ZeroDivisionError(what)
+
+    @router.post("/api/test/order", status_code=202)
+    async def order(caller: Pilot, body: Order) -> dict[str, int]:
+        await asyncio.sleep(0.05)
+        if body.amount < 0:
+            raise conflict("Less than nothing.")
+        calls.append(body.amount)
+        return {"order": len(calls)}
+
+    return router
+
+
+@pytest.fixture
+def calls():
+    return []
+
+
+@pytest.fixture
+async def admin(tmp_path, calls):
+    async with running(tmp_path) as app:
+        # Before the operator app, which answers at every address that is left.
+        catch_all = app.router.routes.pop()
+        app.include_router(routes(calls))
+        app.router.routes.append(catch_all)
+        async with signed_in(app) as client:
+            yield client
+
+
+REFUSALS = (
+    ("/api/test/unknown", 404, "There is no plan 'plan-9'."),
+    ("/api/test/unavailable", 503, "The disk is full. Nothing was changed; try again"),
+    ("/api/test/conflict", 409, "No."),
+    ("/api/test/else", 500, "The station failed at this; its log says why."),
+    ("/api/nowhere", 404, "There is nothing at /api/nowhere."),
+    ("/api/jobs/job-7", 404, "There is no job 'job-7'."),
+    ("/api/jobs/plan-7", 404, "There is no job 'plan-7'."),
+    ("/api/config/engine", 404, "There is no configuration 'engine'; there are planner, field"),
+    ("/api/config/planner?robot=nobody", 404, "There is no robot 'nobody'."),
+    ("/api/events?limit=0", 422, "1 field is wrong."),
+)
+
+
+async def test_every_refusal_is_a_problem_with_a_sentence(admin):
+    for path, status, detail in REFUSALS:
+        answer = await admin.get(path)
+        problem = answer.json()
+        assert answer.status_code == problem["status"] == status, path
+        assert answer.headers["content-type"] == "application/problem+json"
+        assert problem["detail"].startswith(detail)
+        assert problem["title"]
+        assert problem["type"] == "about:blank"
+
+
+async def test_a_wrong_method_is_named(admin):
+    answer = await admin.put("/api/test/order", json={})
+    assert answer.status_code == 405
+    assert answer.json()["detail"] == "/api/test/order does not take PUT."
+
+
+async def test_violations_are_listed_with_their_path(admin):
+    assert (await admin.get("/api/test/conflict")).json()["errors"] == [
+        {"loc": ["legs", 0], "msg": "too deep"}
+    ]
+    answer = await admin.post("/api/test/order", json={"amount": "x", "amuont": 3})
+    assert answer.status_code == 422
+    assert {tuple(error["loc"]) for error in answer.json()["errors"]} == {("amount",), ("amuont",)}
+
+
+async def test_a_body_that_is_not_json_is_a_problem_too(admin):
+    headers = {"Content-Type": "application/json"}
+    answer = await admin.post("/api/test/order", content=b"{", headers=headers)
+    assert answer.status_code == 422
+    assert answer.json()["errors"]
+
+
+async def test_the_same_request_twice_acts_once(admin, calls):
+    headers = {"Idempotency-Key": "a"}
+    first = await admin.post("/api/test/order", json={"amount": 3}, headers=headers)
+    second = await admin.post("/api/test/order", json={"amount": 3}, headers=headers)
+    assert calls == [3]
+    assert (second.status_code, second.json()) == (first.status_code, first.json())
+    assert second.headers["Idempotent-Replayed"] == "true"
+    other = await admin.post(
+        "/api/test/order", json={"amount": 3}, headers={"Idempotency-Key": "b"}
+    )
+    assert other.json() == {"order": 2}
+
+
+async def test_two_at_the_same_moment_act_once(admin, calls):
+    headers = {"Idempotency-Key": "a"}
+    answers = await asyncio.gather(
+        *(admin.post("/api/test/order", json={"amount": 3}, headers=headers) for _ in range(4))
+    )
+    assert calls == [3]
+    assert sorted(answer.status_code for answer in answers) == [202, 409, 409, 409]
+
+
+async def test_a_key_stands_for_one_request_only(admin, calls):
+    headers = {"Idempotency-Key": "a"}
+    await admin.post("/api/test/order", json={"amount": 3}, headers=headers)
+    answer = await admin.post("/api/test/order", json={"amount": 4}, headers=headers)
+    assert answer.status_code == 422
+    assert calls == [3]
+
+
+async def test_a_refused_request_leaves_its_key_free(admin, calls):
+    headers = {"Idempotency-Key": "a"}
+    assert (
+        await admin.post("/api/test/order", json={"amount": -1}, headers=headers)
+    ).status_code == 409
+    assert (
+        await admin.post("/api/test/order", json={"amount": 1}, headers=headers)
+    ).status_code == 202
+    assert calls == [1]
+
+
+async def test_a_key_does_not_open_the_door(admin):
+    del admin.headers["Authorization"]
+    answer = await admin.post(
+        "/api/test/order", json={"amount": 1}, headers={"Idempotency-Key": "a"}
+    )
+    assert answer.status_code == 401
+
+
+async def test_browsers_are_told_to_be_careful(admin):
+    headers = (await admin.get("/api/session")).headers
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert headers["Cache-Control"] == "no-store"
