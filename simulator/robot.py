@@ -80,6 +80,12 @@ class SimulatedRobot:
             started_at=started_at,
         )
 
+    @property
+    def is_in_reach(self) -> bool:
+        """Whether radio passes between the robot and its station now."""
+        depth_m = self.body.plant.position_ned[2]
+        return self.definition.site.radio_under_water or depth_m <= self.definition.antenna_depth_m
+
     def step(self, radio: Radio) -> None:
         """Let one period of the onboard program pass."""
         self.body.advance(PERIOD_S)

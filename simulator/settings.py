@@ -8,6 +8,7 @@ from autonomy.configuration import Configuration
 from robot_link.clock import ScaledClock
 from robot_link.messages import RobotId
 from simulator.fleet import FLEET
+from simulator.xbee_network import AirConditions
 
 
 class SimulatorSettings(Configuration):
@@ -36,6 +37,15 @@ class SimulatorSettings(Configuration):
     def clock(self) -> ScaledClock:
         """Return the clock that station and robots share."""
         return ScaledClock(self.wall_anchor, self.time_anchor, self.speed)
+
+    def air(self) -> AirConditions:
+        """Return how the emulated radios treat a frame."""
+        return AirConditions(
+            loss=self.loss,
+            duplication=self.duplication,
+            delay_s=0.5 * self.delay_s,
+            jitter_s=self.delay_s,
+        )
 
     def link_path(self, robot: RobotId) -> Path:
         """Return the path of the station radio's pseudo-terminal in a robot's network."""

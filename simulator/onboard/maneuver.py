@@ -8,7 +8,6 @@ from typing import Protocol
 from autonomy.site import Box, Site
 from autonomy.vehicle.config import Vehicle
 from robot_link.messages import RobotMode
-from simulator.onboard.course import wrap
 from simulator.onboard.hardware import SetPoints
 from simulator.onboard.navigation import Estimate
 from simulator.onboard.pilot import DepthReference, Pilot, heading_error
@@ -102,6 +101,7 @@ class Swim:
         self._effort = min(speed_m_s / flight.profile.swimming_speed_m_s, 1.0)
         self._distance_m = max(distance(estimate, target_ne_m), flight.profile.arrival_m)
         self._course = bearing(estimate, target_ne_m)
+        self._closest_m = self._distance_m
         expected_s = self._distance_m / (self._effort * flight.profile.swimming_speed_m_s)
         self._left_s = 2.0 * expected_s + _SWIM_TIMEOUT_S
 
@@ -118,11 +118,11 @@ class Swim:
         return pilot.swim_at_depth(estimate, self._course, self._depth, effort)
 
     def is_done(self, estimate: Estimate) -> bool:
-        """Tell whether the point is reached, or just passed."""
+        """Tell whether the point is reached, or was passed closely."""
         left_m = distance(estimate, self._target)
         arrival_m = self._flight.profile.arrival_m
-        off = wrap(bearing(estimate, self._target) - estimate.course_heading_rad)
-        passed = left_m < 4.0 * arrival_m and abs(off) > math.pi / 2.0
+        self._closest_m = min(self._closest_m, left_m)
+        passed = self._closest_m < 2.0 * arrival_m and left_m > self._closest_m + arrival_m
         return left_m < arrival_m or passed or self._left_s < 0.0
 
     def share(self, estimate: Estimate) -> float:

@@ -13,6 +13,8 @@ from simulator.onboard.navigation import Estimate
 
 _FLOATING_SHARE = 0.15
 """Part of the greatest buoyancy that keeps the robot at the surface and is quickly pumped away."""
+_SWIMMING_PITCH_RAD = math.radians(4.0)
+"""Nose up at the surface: a swimming robot dives otherwise. Kept by the sliding mass."""
 _RISING_SHARE = 0.6
 _RISING_MASS_SHARE = 0.5
 """Parts of buoyancy and sliding mass for coming up: fast, yet far from a vertical attitude."""
@@ -75,8 +77,13 @@ class Pilot:
             course_rad: Wanted heading.
             effort: Share of the gait's amplitude, 0..1.
         """
-        floating = self.rest()
-        return self._flapping(estimate, course_rad, floating, effort)
+        limits = self._vehicle.limits
+        nose_down = estimate.pitch_rad - _SWIMMING_PITCH_RAD
+        trim = SetPoints(
+            _FLOATING_SHARE * limits.m0_min_kg,
+            self._vehicle.swim.rp1_m - limits.rp1_min_m * nose_down,
+        )
+        return self._flapping(estimate, course_rad, trim, effort)
 
     def swim_at_depth(
         self, estimate: Estimate, course_rad: float, depth: DepthReference, effort: float = 1.0

@@ -1,0 +1,127 @@
+"""The simulator's process: robots that live by the shared clock, behind emulated radios."""
+
+import asyncio
+import logging
+import os
+import random
+import signal
+from collections.abc import Coroutine
+from contextlib import AsyncExitStack, suppress
+
+from robot_link.clock import Clock, monotonic_s
+from robot_link.messages import LogId
+from robot_link.onboard import RobotLink
+from robot_link.plan_store import MemoryPlanStore
+from robot_link.sample_log import MemorySampleLog
+from simulator.fleet import FLEET, RobotDefinition
+from simulator.onboard.program import PERIOD_S
+from simulator.robot import SimulatedRobot
+from simulator.settings import SimulatorSettings
+from simulator.xbee_network import XBeeNetwork
+
+_STATE_INTERVAL_S = 0.1
+"""Wall time between two state reports of a robot."""
+_SLEEP_MIN_S = 0.02
+_STEPS_AT_ONCE = 50
+"""Steps of one robot before the event loop gets its turn: some ten milliseconds."""
+_CATCHING_UP_SLEEP_S = 0.001
+_PARENT_CHECK_S = 1.0
+
+_log = logging.getLogger(__name__)
+
+
+def run(settings: SimulatorSettings) -> None:
+    """Simulate until SIGTERM or SIGINT, or until the parent process is gone.
+
+    Raises:
+        ExceptionGroup: If a robot or a link failed; nothing is left running then either.
+    """
+    asyncio.run(_serve(settings))
+
+
+async def _serve(settings: SimulatorSettings) -> None:
+    stopped = asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        asyncio.get_running_loop().add_signal_handler(number, stopped.set)
+    async with AsyncExitStack() as links, asyncio.TaskGroup() as group:
+        activities: dict[str, Coroutine[None, None, None]] = {}
+        if settings.parent_pid is not None:
+            activities["parent watch"] = _watch(settings.parent_pid, stopped)
+        for definition in FLEET.values():
+            activities |= await _bring_up(settings, definition, links)
+        tasks = [group.create_task(work, name=name) for name, work in activities.items()]
+        _log.info("simulating %s at speed %g", ", ".join(FLEET), settings.speed)
+        await stopped.wait()
+        for task in tasks:
+            task.cancel()
+    _log.info("simulation ended")
+
+
+async def _bring_up(
+    settings: SimulatorSettings, definition: RobotDefinition, links: AsyncExitStack
+) -> dict[str, Coroutine[None, None, None]]:
+    """Put a robot into its water and its station radio on a pseudo-terminal.
+
+    Returns:
+        What has to run, by name.
+    """
+    clock = settings.clock()
+    started_at = clock.now()
+    robot = SimulatedRobot(definition, settings.seed, started_at)
+    network = XBeeNetwork(
+        random.Random(f"{settings.seed} {definition.robot}"),
+        settings.air(),
+        lambda _from, _to: robot.is_in_reach,
+    )
+    await links.enter_async_context(
+        network.pty(definition.station_address, settings.link_path(definition.robot))
+    )
+    link = RobotLink(
+        definition.system_id,
+        network.robot_radio(definition.radio_address),
+        clock,
+        robot.program,
+        log=MemorySampleLog(LogId(int(started_at.timestamp()))),
+        plans=MemoryPlanStore(),
+    )
+    return {
+        f"{definition.robot} link": link.run(),
+        f"{definition.robot} life": _live(robot, link, clock),
+    }
+
+
+async def _live(robot: SimulatedRobot, link: RobotLink, clock: Clock) -> None:
+    """Let a robot live by the clock, sleeping in between."""
+    report_at_s = monotonic_s()
+    while True:
+        lag_s = (clock.now() - robot.program.now).total_seconds()
+        steps = int(lag_s / PERIOD_S)
+        for _ in range(min(steps, _STEPS_AT_ONCE)):
+            robot.step(link)
+        if monotonic_s() >= report_at_s:
+            report_at_s = monotonic_s() + _STATE_INTERVAL_S
+            link.report_state(robot.program.state_report())
+        pause_s = max(PERIOD_S / clock.speed, _SLEEP_MIN_S)
+        await asyncio.sleep(_CATCHING_UP_SLEEP_S if steps > _STEPS_AT_ONCE else pause_s)
+
+
+async def _watch(parent_pid: int, stopped: asyncio.Event) -> None:
+    """Stop when a process is gone, or is no longer the parent that it was."""
+    was_parent = os.getppid() == parent_pid
+    while _is_alive(parent_pid) and (not was_parent or os.getppid() == parent_pid):
+        with suppress(TimeoutError):
+            async with asyncio.timeout(_PARENT_CHECK_S):
+                await stopped.wait()
+                return
+    _log.warning("process %d is gone: the simulation ends", parent_pid)
+    stopped.set()
+
+
+def _is_alive(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    except PermissionError:
+        return True
+    return True
