@@ -12,6 +12,7 @@ from server.api import (
     alarms,
     config,
     deployments,
+    docs,
     events,
     health,
     imports,
@@ -34,6 +35,7 @@ ROUTERS = (
     jobs.router,
     imports.router,
     deployments.router,
+    docs.router,
 )
 
 
@@ -60,6 +62,8 @@ def create_app(settings: Settings, make_service: MakeService | None = None) -> F
         summary="Plan, upload, watch and map with gliding robotic fish.",
         version=version("grace-ground-station"),
         lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
         responses={
             "4XX": {"model": ProblemDetails, "description": "Refused; `detail` says what to do."}
         },

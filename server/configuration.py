@@ -12,6 +12,12 @@ from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
 from autonomy.configuration import Configuration
+from autonomy.control.config import (
+    BACKSTEPPING_PRESETS,
+    PID_PRESETS,
+    BacksteppingConfig,
+    PidConfig,
+)
 from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
 from autonomy.field.config import FIELD_PRESETS, FieldConfig
 from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
@@ -35,31 +41,43 @@ class ConfigurationKind:
     """The value for a robot for which nobody has saved one."""
 
 
+def _by_vehicle(
+    presets: Mapping[str, Configuration], default: Configuration
+) -> Callable[[RobotRecord], Configuration]:
+    return lambda robot: presets.get(robot.model, default)
+
+
+def _by_variable(robot: RobotRecord) -> FieldConfig:
+    return FIELD_PRESETS.get(robot.site.variable, FieldConfig())
+
+
 KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
     {
         kind.key: kind
         for kind in (
             ConfigurationKind(
-                "planner",
-                "Planner",
-                PlannerConfig,
-                lambda robot: PLANNER_PRESETS.get(robot.model, PlannerConfig()),
+                "planner", "Planner", PlannerConfig, _by_vehicle(PLANNER_PRESETS, PlannerConfig())
             ),
-            ConfigurationKind(
-                "field",
-                "Field map",
-                FieldConfig,
-                lambda robot: FIELD_PRESETS.get(robot.site.variable, FieldConfig()),
-            ),
+            ConfigurationKind("field", "Field map", FieldConfig, _by_variable),
             ConfigurationKind(
                 "estimator",
                 "Estimator",
                 EstimatorConfig,
-                lambda robot: ESTIMATOR_PRESETS.get(robot.model, EstimatorConfig()),
+                _by_vehicle(ESTIMATOR_PRESETS, EstimatorConfig()),
+            ),
+            ConfigurationKind(
+                "controller.backstepping",
+                "Backstepping controller",
+                BacksteppingConfig,
+                _by_vehicle(BACKSTEPPING_PRESETS, BacksteppingConfig()),
+            ),
+            ConfigurationKind(
+                "controller.pid", "PID controller", PidConfig, _by_vehicle(PID_PRESETS, PidConfig())
             ),
         )
     }
 )
+"""Every tunable model by its key."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +171,7 @@ class ConfigurationBook:
                 session,
                 at,
                 "config.changed",
-                f"{by} changed {found.title.lower()}" + (f" of {robot}." if robot else "."),
+                f"{by} changed the {found.title} settings of {robot or 'all robots'}.",
                 robot=robot,
                 data={"kind": kind, "id": record.id},
             )

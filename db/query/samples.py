@@ -12,6 +12,7 @@ from autonomy.arrays import FloatArray, IntArray
 from db.column import microseconds
 from db.query.robots import robot_key
 from db.tables import SampleRow
+from robot_link.messages import LogId, RobotId, Sample
 
 
 @dataclass(frozen=True, slots=True)
@@ -137,3 +138,34 @@ def sampled_variables(session: Session, robot: str) -> dict[str, int]:
         .group_by(SampleRow.variable)
     )
     return {row[0]: row[1] for row in session.execute(statement)}
+
+
+def newest_samples(session: Session, robot: str) -> list[Sample]:
+    """Return the newest measurement of each variable of a robot.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    key = robot_key(session, robot)
+    samples: list[Sample] = []
+    for variable in sampled_variables(session, robot):
+        row = session.scalars(
+            select(SampleRow)
+            .where(SampleRow.robot_key == key, SampleRow.variable == variable)
+            .order_by(SampleRow.measured_at.desc())
+            .limit(1)
+        ).one()
+        samples.append(
+            Sample(
+                robot=RobotId(robot),
+                log=LogId(row.log),
+                sequence=row.sequence,
+                variable=row.variable,
+                value=row.value,
+                position_ned=(row.north_m, row.east_m, row.depth_m),
+                position_std_m=row.position_std_m,
+                measured_at=row.measured_at,
+                received_at=row.received_at,
+            )
+        )
+    return samples

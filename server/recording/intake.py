@@ -18,6 +18,7 @@ from db.query.deployments import (
     DeploymentRecord,
     note_on_deployment,
 )
+from db.query.events import add_event
 from db.query.maps import MapRecord, add_map
 from db.query.robots import get_robot
 from db.store import Store
@@ -138,6 +139,14 @@ def keep_maps(
                 ),
             )
     note_on_deployment(session, deployment, {"scores": _scores(outcomes)})
+    add_event(
+        session,
+        at,
+        "deployment.mapped",
+        f"The maps of {robot} from {deployment} are ready.",
+        robot=robot,
+        data={"deployment": deployment},
+    )
 
 
 def import_result(
