@@ -1,4 +1,4 @@
-"""Trajectories between two surfacings: the readable form of PlanEdges (thesis section 5.4.2)."""
+"""Trajectories between two surfacings: the readable form of PlanEdges (thesis 5.4.2)."""
 
 import math
 from dataclasses import dataclass
@@ -13,6 +13,10 @@ from autonomy.planner.config import PlannerConfig, PrimitiveConfig
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 
 POINT_TIME, POINT_NORTH, POINT_EAST, POINT_DOWN, POINT_STD = range(5)
+"""Columns of planned points."""
+SHAPE_KIND, SHAPE_BEARING, SHAPE_DEPTH, SHAPE_FIRST, SHAPE_SECOND, SHAPE_SIDE = range(6)
+SHAPE_COLUMNS = 6
+"""Numbers of each primitive in a shape."""
 _KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
 _SAME_PLACE_M = 1e-6
 
@@ -27,20 +31,37 @@ class Edge:
     energy: float
 
 
+def random_shape(config: PlannerConfig, rng: np.random.Generator) -> FloatArray:
+    """Draw what an edge's primitives are made from, wherever it begins and ends.
+
+    Returns:
+        First a number for how many primitives; then for each of ``primitives_max`` its kind, its
+        bearing off the goal's (standard normal), and four for depth, size and side. All others
+        are uniform in 0..1. Shape ``(1 + SHAPE_COLUMNS * primitives_max,)``.
+    """
+    count = config.primitives.primitives_max
+    shape = rng.random(1 + SHAPE_COLUMNS * count)
+    shape[1 + SHAPE_BEARING :: SHAPE_COLUMNS] = rng.standard_normal(count)
+    return shape
+
+
 def propose_edge(
     config: PlannerConfig,
     start_xy: tuple[float, float],
     goal_xy: tuple[float, float],
     budget: float,
-    rng: np.random.Generator,
+    shape: FloatArray,
 ) -> Edge | None:
-    """Try one random trajectory between two points of the surface.
+    """Build the trajectory of a shape between two points of the surface.
+
+    Each primitive that would leave the domain is left out, and the goal reached by one or two
+    closing primitives.
 
     Returns:
         The trajectory, or None if it breaks the budget or the limit on the position's uncertainty,
         or does not reach the goal.
     """
-    legs = _random_legs(config, start_xy, goal_xy, rng)
+    legs = _shaped_legs(config, start_xy, goal_xy, shape)
     closing = _closing_legs(config, legs[-1].end_ned if legs else (*start_xy, 0.0), goal_xy)
     if closing is None:
         return None
@@ -101,24 +122,25 @@ def position_std(
     return std
 
 
-def _random_legs(
+def _shaped_legs(
     config: PlannerConfig,
     start_xy: tuple[float, float],
     goal_xy: tuple[float, float],
-    rng: np.random.Generator,
+    shape: FloatArray,
 ) -> list[Leg]:
-    """Draw primitives towards the goal, leaving out each that would leave the domain."""
+    """Chain the primitives of a shape towards the goal."""
     legs: list[Leg] = []
     here: PositionNed = (*start_xy, 0.0)
     goal: PositionNed = (*goal_xy, 0.0)
-    for _ in range(1 + int(rng.random() * config.primitives.primitives_max)):
-        kind = _KINDS[int(rng.random() * len(_KINDS))]
+    rows = shape[1:].reshape(-1, SHAPE_COLUMNS)
+    for row in rows[: 1 + int(shape[0] * len(rows))]:
+        kind = _KINDS[int(row[SHAPE_KIND] * len(_KINDS))]
         heading = primitive.bearing(here, goal)
-        heading += config.primitives.bearing_noise_rad * rng.standard_normal()
+        heading += config.primitives.bearing_noise_rad * row[SHAPE_BEARING]
         leg = (
-            _random_swim(config, here, heading, rng)
+            _shaped_swim(config, here, heading, row)
             if kind is PrimitiveKind.SWIM
-            else _random_descent(config, kind, here, heading, rng)
+            else _shaped_descent(config, kind, here, heading, row)
         )
         if leg is not None and primitive.is_inside(leg, config.domain):
             legs.append(leg)
@@ -126,26 +148,22 @@ def _random_legs(
     return legs
 
 
-def _random_swim(
-    config: PlannerConfig, here: PositionNed, heading: float, rng: np.random.Generator
+def _shaped_swim(
+    config: PlannerConfig, here: PositionNed, heading: float, row: FloatArray
 ) -> Leg | None:
     limits = config.primitives
-    length = _between(limits.swim_length_min_m, limits.swim_length_max_m, rng)
     if here[2] > 0.0 and not limits.swims_under_water:
         return None
+    length = _between(limits.swim_length_min_m, limits.swim_length_max_m, row[SHAPE_FIRST])
     return primitive.swim(config, here, _ahead(here, heading, length, here[2]))
 
 
-def _random_descent(
-    config: PlannerConfig,
-    kind: PrimitiveKind,
-    here: PositionNed,
-    heading: float,
-    rng: np.random.Generator,
+def _shaped_descent(
+    config: PlannerConfig, kind: PrimitiveKind, here: PositionNed, heading: float, row: FloatArray
 ) -> Leg | None:
-    """Draw a glide, spiral or dive to a random depth, up or down."""
+    """Make a glide, spiral or dive, up or down."""
     limits = config.primitives
-    depth = rng.random() * config.domain.depth_max_m
+    depth = float(row[SHAPE_DEPTH]) * config.domain.depth_max_m
     if depth < limits.depth_change_min_m:
         depth = 0.0
     change = abs(depth - here[2])
@@ -154,12 +172,11 @@ def _random_descent(
     if kind is PrimitiveKind.DIVE:
         return primitive.dive(config, here, depth)
     if kind is PrimitiveKind.GLIDE:
-        angle = _between(limits.glide_angle_min_rad, limits.glide_angle_max_rad, rng)
+        angle = _between(limits.glide_angle_min_rad, limits.glide_angle_max_rad, row[SHAPE_FIRST])
         return primitive.glide(config, here, _ahead(here, heading, change / math.tan(angle), depth))
-    radius = _between(limits.spiral_radius_min_m, limits.spiral_radius_max_m, rng)
-    turn = change / _between(limits.spiral_rise_min_m_rad, limits.spiral_rise_max_m_rad, rng)
-    if rng.random() < 0.5:
-        turn = -turn
+    radius = _between(limits.spiral_radius_min_m, limits.spiral_radius_max_m, row[SHAPE_FIRST])
+    rise = _between(limits.spiral_rise_min_m_rad, limits.spiral_rise_max_m_rad, row[SHAPE_SECOND])
+    turn = math.copysign(change / rise, row[SHAPE_SIDE] - 0.5)
     return primitive.spiral(config, here, heading, radius, turn, depth)
 
 
@@ -191,5 +208,5 @@ def _ahead(here: PositionNed, heading: float, length: float, depth: float) -> Po
     return (here[0] + length * math.cos(heading), here[1] + length * math.sin(heading), depth)
 
 
-def _between(low: float, high: float, rng: np.random.Generator) -> float:
-    return low + (high - low) * rng.random()
+def _between(low: float, high: float, part: float) -> float:
+    return low + (high - low) * float(part)

@@ -1,11 +1,18 @@
-"""Compiled twin of ``autonomy.planner.edge``: the same draws give the same edges."""
+"""Compiled twin of ``autonomy.planner.edge``: the same shape gives the same edge."""
 
 import math
 
-import numpy as np
-
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
+from autonomy.planner.edge import (
+    SHAPE_BEARING,
+    SHAPE_COLUMNS,
+    SHAPE_DEPTH,
+    SHAPE_FIRST,
+    SHAPE_KIND,
+    SHAPE_SECOND,
+    SHAPE_SIDE,
+)
 from autonomy.planner.limits import Limits
 from autonomy.planner.plan import Leg, PrimitiveKind
 
@@ -39,16 +46,16 @@ def propose(
     limits: Limits,
     start: tuple[float, float],
     goal: tuple[float, float],
-    rng: np.random.Generator,
+    shape: FloatArray,
     legs: FloatArray,
 ) -> int:
-    """Draw the legs of one edge between two surface points (``edge.propose_edge``).
+    """Build the legs of a shape between two surface points (``edge.propose_edge``).
 
     Args:
         limits: What edges are made from.
         start: North and east of the surfacing that the edge leaves.
         goal: North and east of the surfacing that it must reach.
-        rng: Source of chance.
+        shape: What the primitives are made from (``edge.random_shape``).
         legs: Receives the legs, shape ``(legs_max, LEG_COLUMNS)``.
 
     Returns:
@@ -56,16 +63,11 @@ def propose(
     """
     x, y, z = start[0], start[1], 0.0
     count = 0
-    for _ in range(1 + int(rng.random() * limits.primitives_max)):
-        kind = int(rng.random() * 4)
-        heading = math.atan2(goal[1] - y, goal[0] - x)
-        heading += limits.bearing_noise * rng.standard_normal()
+    for i in range(1 + int(shape[0] * limits.primitives_max)):
+        row = shape[1 + i * SHAPE_COLUMNS : 1 + (i + 1) * SHAPE_COLUMNS]
+        heading = math.atan2(goal[1] - y, goal[0] - x) + limits.bearing_noise * row[SHAPE_BEARING]
         leg = legs[count]
-        if kind == SWIM:
-            drawn = _draw_swim(limits, x, y, z, heading, rng, leg)
-        else:
-            drawn = _draw_descent(limits, kind, x, y, z, heading, rng, leg)
-        if drawn and _is_inside(limits, leg):
+        if _shape_leg(limits, (x, y, z), heading, row, leg) and _is_inside(limits, leg):
             x, y, z = leg[X1], leg[Y1], leg[Z1]
             count += 1
     count = _close(limits, x, y, z, goal, legs, count)
@@ -76,63 +78,49 @@ def propose(
 
 
 @kernel
-def _draw_swim(
+def _shape_leg(
     limits: Limits,
-    x: float,
-    y: float,
-    z: float,
+    here: tuple[float, float, float],
     heading: float,
-    rng: np.random.Generator,
+    row: FloatArray,
     leg: FloatArray,
 ) -> bool:
-    length = limits.swim_length_min
-    length += (limits.swim_length_max - limits.swim_length_min) * rng.random()
-    if z > 0.0 and not limits.swims_under_water:
-        return False
-    x1, y1 = x + length * math.cos(heading), y + length * math.sin(heading)
-    _write(limits, leg, SWIM, (x, y, z), (x1, y1, z), limits.swim_speed, length)
-    return True
-
-
-@kernel
-def _draw_descent(
-    limits: Limits,
-    kind: int,
-    x: float,
-    y: float,
-    z: float,
-    heading: float,
-    rng: np.random.Generator,
-    leg: FloatArray,
-) -> bool:
-    depth = rng.random() * limits.depth_max
+    """Write the primitive of one row of a shape; tell whether it can be flown."""
+    x, y, z = here
+    kind = int(row[SHAPE_KIND] * 4)
+    if kind == SWIM:
+        if z > 0.0 and not limits.swims_under_water:
+            return False
+        length = _between(limits.swim_length_min, limits.swim_length_max, row[SHAPE_FIRST])
+        end = (x + length * math.cos(heading), y + length * math.sin(heading), z)
+        _write(limits, leg, SWIM, here, end, limits.swim_speed, length)
+        return True
+    depth = row[SHAPE_DEPTH] * limits.depth_max
     if depth < limits.depth_change_min:
         depth = 0.0
     change = abs(depth - z)
     if change < limits.depth_change_min:
         return False
-    here = (x, y, z)
     if kind == DIVE:
         _write(limits, leg, DIVE, here, (x, y, depth), limits.dive_speed, change)
-        return True
-    if kind == GLIDE:
-        angle = limits.glide_angle_min
-        angle += (limits.glide_angle_max - limits.glide_angle_min) * rng.random()
+    elif kind == GLIDE:
+        angle = _between(limits.glide_angle_min, limits.glide_angle_max, row[SHAPE_FIRST])
         reach = change / math.tan(angle)
         end = (x + reach * math.cos(heading), y + reach * math.sin(heading), depth)
         _write(limits, leg, GLIDE, here, end, limits.glide_speed, change)
-        return True
-    radius = limits.spiral_radius_min
-    radius += (limits.spiral_radius_max - limits.spiral_radius_min) * rng.random()
-    rise = limits.spiral_rise_min
-    rise += (limits.spiral_rise_max - limits.spiral_rise_min) * rng.random()
-    turn = change / rise
-    if rng.random() < 0.5:
-        turn = -turn
-    x1, y1 = _on_circle(x, y, heading, radius, turn)
-    _write(limits, leg, SPIRAL, here, (x1, y1, depth), limits.spiral_speed, change)
-    leg[HEADING], leg[RADIUS], leg[TURN] = heading, radius, turn
+    else:
+        radius = _between(limits.spiral_radius_min, limits.spiral_radius_max, row[SHAPE_FIRST])
+        rise = _between(limits.spiral_rise_min, limits.spiral_rise_max, row[SHAPE_SECOND])
+        turn = math.copysign(change / rise, row[SHAPE_SIDE] - 0.5)
+        x1, y1 = _on_circle(x, y, heading, radius, turn)
+        _write(limits, leg, SPIRAL, here, (x1, y1, depth), limits.spiral_speed, change)
+        leg[HEADING], leg[RADIUS], leg[TURN] = heading, radius, turn
     return True
+
+
+@kernel
+def _between(low: float, high: float, part: float) -> float:
+    return low + (high - low) * part
 
 
 @kernel

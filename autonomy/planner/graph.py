@@ -17,7 +17,7 @@ from autonomy.compiled import kernel
 from autonomy.planner import outcome
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.edge_kernel import LEG_COLUMNS
-from autonomy.planner.limits import Limits, legs_max, limits_of, points_max
+from autonomy.planner.limits import Limits, legs_max, limits_of, points_max, shape_size
 
 Int32Array = npt.NDArray[np.int32]
 
@@ -56,6 +56,8 @@ class Graph(NamedTuple):
     edge_legs: FloatArray
     edge_leg_count: Int32Array
     edge_energy: FloatArray
+    edge_shape: FloatArray
+    """What each edge was made from (``edge.random_shape``)."""
     edge_worth: FloatArray
     """Worth of the edge alone."""
     edge_serial: IntArray
@@ -109,6 +111,7 @@ def graph_of(
         edge_legs=np.empty((all_edges, legs_max(config), LEG_COLUMNS)),
         edge_leg_count=np.empty(all_edges, dtype=np.int32),
         edge_energy=np.empty(all_edges),
+        edge_shape=np.empty((all_edges, shape_size(config))),
         edge_worth=np.empty(all_edges),
         edge_serial=np.empty(all_edges, dtype=np.int64),
         staged_points=np.empty((STAGED_MAX, points_max(config), 5)),
@@ -244,5 +247,6 @@ def copy_edge(graph: Graph, source: int, target: int) -> None:
     graph.edge_legs[target] = graph.edge_legs[source]
     graph.edge_leg_count[target] = graph.edge_leg_count[source]
     graph.edge_energy[target] = graph.edge_energy[source]
+    graph.edge_shape[target] = graph.edge_shape[source]
     graph.edge_worth[target] = graph.edge_worth[source]
     graph.edge_serial[target] = graph.edge_serial[source]

@@ -20,6 +20,8 @@ from autonomy.planner.objective import known_factor
 Float32Array = npt.NDArray[np.float32]
 USED, STAMP, CROSSES = range(3)
 """Places in ``Information.tally``."""
+TILE = 64
+"""Points whose columns are whitened together."""
 _CROSSES_MAX = 512
 
 
@@ -37,7 +39,8 @@ class Information(NamedTuple):
     past: int
     """Number of past samples, n."""
     inverse: FloatArray
-    """Inverse Cholesky factor of the known points' covariance, ``(n + q, n + q)``."""
+    """Inverse Cholesky factor of the known points' covariance, padded with zeros so that its size
+    is a multiple of 4."""
     samples: Int32Array
     """Number of points that stand for each edge, ``(edges,)``."""
     place: FloatArray
@@ -64,8 +67,12 @@ class Information(NamedTuple):
     """Where that covariance is in ``cross``."""
     cross: Float32Array
     """Covariances of earlier edges with the current one, ``(slots, 2, k k)``."""
-    columns: FloatArray
-    """Room for the covariances of staged points with the known points, and their whitening."""
+    tile_place: FloatArray
+    """Scaled points of all staged edges, ``(tiles, 3, TILE)``."""
+    tile_columns: FloatArray
+    """Covariances of one tile's points with the known points, ``(n + q, TILE)``."""
+    tile_white: FloatArray
+    """Whitened columns of each tile, ``(tiles, n + q, TILE)``."""
     work: Float32Array
     """Room for solved covariances of a chain's points with the current edge, and a product."""
     factor: FloatArray
@@ -88,6 +95,8 @@ def information_of(
     size, past = len(factor), len(points)
     scale = math.sqrt(3.0) / np.asarray(belief.length_scales_m)
     edges, k = len(graph.edge_energy), config.search.points_per_edge_max
+    padded = -(-size // 4) * 4
+    tiles = -(-STAGED_MAX * k // TILE)
     return Information(
         signal_variance=belief.signal_variance,
         noise_variance=belief.noise_variance,
@@ -95,7 +104,7 @@ def information_of(
         scale=scale,
         known=np.concatenate([points, belief.test_points]) * scale,
         past=past,
-        inverse=solve_triangular(factor, np.eye(size), lower=True),
+        inverse=np.pad(solve_triangular(factor, np.eye(size), lower=True), (0, padded - size)),
         samples=np.empty(edges, dtype=np.int32),
         place=np.empty((edges, k, 3)),
         noise=np.empty((edges, k)),
@@ -109,7 +118,9 @@ def information_of(
         cross_stamp=np.full(edges, -1, dtype=np.int64),
         cross_slot=np.empty(edges, dtype=np.int32),
         cross=np.empty((_CROSSES_MAX, 2, k * k), dtype=np.float32),
-        columns=np.empty((2, size * k * STAGED_MAX)),
+        tile_place=np.zeros((tiles, 3, TILE)),
+        tile_columns=np.zeros((padded, TILE)),
+        tile_white=np.empty((tiles, padded, TILE)),
         work=np.empty((3, DEPTH_MAX * k * k), dtype=np.float32),
         factor=np.empty((2, k, k)),
         edges=np.empty(DEPTH_MAX + 1, dtype=np.int32),

@@ -257,7 +257,7 @@ def _cross(info: Information, other: int, edge: int) -> None:
     np.dot(info.white_test[other][:count], info.white_test[edge][:k].T, given_both)
     for i in range(count):
         for j in range(k):
-            prior = covariance(info, info.place[other, i], info.place[edge, j])
+            prior = covariance(info.signal_variance, info.place[other, i], info.place[edge, j])
             given_past[i, j] = prior - given_past[i, j]
             given_both[i, j] = given_past[i, j] - given_both[i, j]
 

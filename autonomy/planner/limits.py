@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 from autonomy.estimation.position import surface_covariance
 from autonomy.planner.config import PlannerConfig
+from autonomy.planner.edge import SHAPE_COLUMNS
 
 
 class Limits(NamedTuple):
@@ -102,6 +103,11 @@ def limits_of(config: PlannerConfig, budget: float) -> Limits:
 def legs_max(config: PlannerConfig) -> int:
     """Return the greatest number of legs of one edge: those drawn, and two that close it."""
     return config.primitives.primitives_max + 2
+
+
+def shape_size(config: PlannerConfig) -> int:
+    """Return how many numbers the shape of an edge has."""
+    return 1 + SHAPE_COLUMNS * config.primitives.primitives_max
 
 
 def points_max(config: PlannerConfig) -> int:

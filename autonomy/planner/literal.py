@@ -14,7 +14,7 @@ import numpy as np
 from autonomy.planner import outcome
 from autonomy.planner.belief import FieldBelief
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import Edge, propose_edge
+from autonomy.planner.edge import Edge, propose_edge, random_shape
 from autonomy.planner.objective import Objective, objective
 from autonomy.planner.plan import ObjectivePoint, PlanResult
 
@@ -130,7 +130,8 @@ class _Literal:
     def _extend(self, source: Node, new: Node) -> None:
         """PlanEdges and ExtendPaths: lines 10 and 11."""
         for _ in range(self._config.search.edges_per_call):
-            edge = propose_edge(self._config, source.xy, new.xy, self._budget, self._rng)
+            shape = random_shape(self._config, self._rng)
+            edge = propose_edge(self._config, source.xy, new.xy, self._budget, shape)
             if edge is None:
                 continue
             for path in source.paths:

@@ -4,7 +4,9 @@ import math
 
 import numpy as np
 
+from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
+from autonomy.planner.edge import SHAPE_BEARING, SHAPE_COLUMNS, SHAPE_KIND, SHAPE_SIDE
 from autonomy.planner.edge_kernel import ENERGY, X0, X1, Y0, Y1, place_points, propose
 from autonomy.planner.elite import elite_edge
 from autonomy.planner.graph import (
@@ -18,6 +20,12 @@ from autonomy.planner.graph import (
     first_staged,
     open_node,
 )
+
+_PROPOSALS = 20
+_GAP_MAX = 3
+_OTHER_ELITE = 0.5
+_NUDGE = 0.5
+_FAR_NUDGE = 0.4
 
 
 @kernel
@@ -77,21 +85,52 @@ def _stage_between(
 ) -> None:
     start = (graph.node_xy[source, 0], graph.node_xy[source, 1])
     for _ in range(graph.edges_per_call):
-        if stage_edge(graph, start, goal, rng):
+        draw_shape(graph, rng)
+        if stage_edge(graph, start, goal):
             graph.staged_source[graph.tally[STAGED] - 1] = source
 
 
 @kernel
-def stage_edge(
-    graph: Graph, start: tuple[float, float], goal: tuple[float, float], rng: np.random.Generator
-) -> bool:
-    """Try one random edge; stage it if it is feasible and there is room."""
+def draw_shape(graph: Graph, rng: np.random.Generator) -> None:
+    """Draw the shape of the next staged edge (``edge.random_shape``)."""
+    shape = next_shape(graph)
+    for i in range(len(shape)):
+        is_bearing = (i - 1) % SHAPE_COLUMNS == SHAPE_BEARING
+        shape[i] = rng.standard_normal() if is_bearing else rng.random()
+
+
+@kernel
+def nudge_shape(graph: Graph, edge: int, rng: np.random.Generator) -> None:
+    """Make the shape of the next staged edge like another edge's; kinds and their number stay."""
+    shape = next_shape(graph)
+    shape[:] = graph.edge_shape[edge]
+    size = _NUDGE * rng.random()
+    for i in range(1, len(shape)):
+        column = (i - 1) % SHAPE_COLUMNS
+        if column == SHAPE_BEARING:
+            shape[i] += size * rng.standard_normal()
+        elif column not in (SHAPE_KIND, SHAPE_SIDE):
+            nudged = shape[i] + size * rng.standard_normal()
+            shape[i] = min(max(nudged, 0.0), 1.0)
+
+
+@kernel
+def next_shape(graph: Graph) -> FloatArray:
+    """Return the shape of the next staged edge, to be written; the last room is for none."""
+    return graph.edge_shape[
+        min(first_staged(graph) + graph.tally[STAGED], len(graph.edge_energy) - 1)
+    ]
+
+
+@kernel
+def stage_edge(graph: Graph, start: tuple[float, float], goal: tuple[float, float]) -> bool:
+    """Stage the edge of the shape just drawn if it is feasible and there is room."""
     staged = graph.tally[STAGED]
     if staged == len(graph.staged_point_count):
         return False
     edge = first_staged(graph) + staged
     legs = graph.edge_legs[edge]
-    count = propose(graph.limits, start, goal, rng, legs)
+    count = propose(graph.limits, start, goal, graph.edge_shape[edge], legs)
     if count == 0:
         return False
     points = place_points(graph.limits, legs, count, graph.staged_points[staged])
@@ -110,68 +149,104 @@ def stage_edge(
 
 
 @kernel
-def stage_refinement(graph: Graph, rng: np.random.Generator) -> bool:
+def stage_refinement(graph: Graph, rng: np.random.Generator) -> None:
     """Take some edges out of an elite trajectory and stage proposals of what may replace them.
 
-    Returns:
-        False if there is no trajectory to refine.
+    Half of the proposals are like what was there; the others are any one or two edges that lead
+    across the gap. A gap at the end may lead elsewhere.
     """
     graph.tally[STAGED] = 0
     graph.tally[PROPOSALS] = 0
     elite = int(np.argmax(graph.elite_worth))
-    if rng.random() < 0.5:
-        elite = int(rng.random() * len(graph.elite_worth))
+    other = int(rng.random() * len(graph.elite_worth))
+    if rng.random() < _OTHER_ELITE and graph.elite_length[other] > 0:
+        elite = other
     length = graph.elite_length[elite]
-    if length == 0:
-        return False
     first = int(rng.random() * length)
-    taken = min(1 + int(rng.random() * 3), length - first)
+    taken = min(1 + int(rng.random() * _GAP_MAX), length - first)
     graph.gap[0], graph.gap[1], graph.gap[2] = elite, first, taken
-    begin = elite_edge(graph, elite, first)
-    end = elite_edge(graph, elite, first + taken - 1)
-    a = (graph.edge_legs[begin, 0, X0], graph.edge_legs[begin, 0, Y0])
-    last = graph.edge_leg_count[end] - 1
-    b = (graph.edge_legs[end, last, X1], graph.edge_legs[end, last, Y1])
+    begin = _start_of(graph, elite_edge(graph, elite, first))
+    end = _end_of(graph, elite_edge(graph, elite, first + taken - 1))
     spent = graph.elite_energy[elite]
     for i in range(first, first + taken):
         spent -= graph.edge_energy[elite_edge(graph, elite, i)]
-    is_tail = first + taken == length
     graph.proposal[0] = 0
-    for _ in range(graph.near_max):
-        goal = _around(graph, b, 0.3 * graph.step, rng) if is_tail and rng.random() < 0.5 else b
-        pieces = min(1 + int(rng.random() * 2), DEPTH_MAX - length + taken)
-        _stage_proposal(graph, a, goal, pieces, spent, rng)
+    for _ in range(_PROPOSALS):
+        goal = end
+        if first + taken == length and rng.random() < 0.5:
+            goal = _around(graph, end, _FAR_NUDGE * graph.step, rng)
+        if rng.random() < 0.5:
+            pieces = _stage_alike(graph, begin, goal, rng)
+        else:
+            pieces = _stage_any(graph, begin, goal, rng)
+        _seal_proposal(graph, pieces, spent)
+
+
+@kernel
+def _stage_alike(
+    graph: Graph, begin: tuple[float, float], goal: tuple[float, float], rng: np.random.Generator
+) -> bool:
+    """Stage edges like those of the gap, with surfacings near theirs; tell whether all stand."""
+    elite, first, taken = graph.gap
+    here = begin
+    spread = _NUDGE * graph.step * rng.random()
+    for i in range(taken):
+        edge = elite_edge(graph, elite, first + i)
+        there = goal if i == taken - 1 else _around(graph, _end_of(graph, edge), spread, rng)
+        nudge_shape(graph, edge, rng)
+        if not _is_near(graph, here, there) or not stage_edge(graph, here, there):
+            return False
+        here = there
     return True
 
 
 @kernel
-def _stage_proposal(
-    graph: Graph,
-    a: tuple[float, float],
-    b: tuple[float, float],
-    pieces: int,
-    spent: float,
-    rng: np.random.Generator,
-) -> None:
-    """Stage one or two edges from a to b that together keep to the budget."""
-    first = graph.tally[STAGED]
-    middle = (0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]))
-    via = _around(graph, middle, 0.4 * graph.step, rng) if pieces > 1 else a
+def _stage_any(
+    graph: Graph, begin: tuple[float, float], goal: tuple[float, float], rng: np.random.Generator
+) -> bool:
+    """Stage one or two edges of any shape from begin to goal; tell whether all stand."""
+    here = begin
+    if rng.random() < 0.5:
+        middle = (0.5 * (begin[0] + goal[0]), 0.5 * (begin[1] + goal[1]))
+        here = _around(graph, middle, _FAR_NUDGE * graph.step, rng)
+        draw_shape(graph, rng)
+        if not _is_near(graph, begin, here) or not stage_edge(graph, begin, here):
+            return False
+    draw_shape(graph, rng)
+    return _is_near(graph, here, goal) and stage_edge(graph, here, goal)
+
+
+@kernel
+def _seal_proposal(graph: Graph, stands: bool, spent: float) -> None:
+    """Make the edges staged last a proposal, or drop them where they do not fit."""
+    begin = graph.proposal[graph.tally[PROPOSALS]]
+    first = first_staged(graph)
     energy = spent
-    stop = a
-    for i in range(pieces):
-        target = b if i == pieces - 1 else via
-        near = math.hypot(target[0] - stop[0], target[1] - stop[1]) <= graph.step
-        if not near or not stage_edge(graph, stop, target, rng):
-            graph.tally[STAGED] = first
-            return
-        energy += graph.edge_energy[first_staged(graph) + graph.tally[STAGED] - 1]
-        stop = target
-    if energy > graph.limits.budget or energy <= min(graph.least_spent, spent):
-        graph.tally[STAGED] = first
-        return
-    graph.tally[PROPOSALS] += 1
-    graph.proposal[graph.tally[PROPOSALS]] = graph.tally[STAGED]
+    for edge in range(first + begin, first + graph.tally[STAGED]):
+        energy += graph.edge_energy[edge]
+    kept = graph.gap[1] + graph.elite_length[graph.gap[0]] - graph.gap[2]
+    fits = kept + graph.tally[STAGED] - begin <= DEPTH_MAX
+    if stands and fits and energy <= graph.limits.budget:
+        graph.tally[PROPOSALS] += 1
+        graph.proposal[graph.tally[PROPOSALS]] = graph.tally[STAGED]
+    else:
+        graph.tally[STAGED] = begin
+
+
+@kernel
+def _start_of(graph: Graph, edge: int) -> tuple[float, float]:
+    return graph.edge_legs[edge, 0, X0], graph.edge_legs[edge, 0, Y0]
+
+
+@kernel
+def _end_of(graph: Graph, edge: int) -> tuple[float, float]:
+    last = graph.edge_leg_count[edge] - 1
+    return graph.edge_legs[edge, last, X1], graph.edge_legs[edge, last, Y1]
+
+
+@kernel
+def _is_near(graph: Graph, a: tuple[float, float], b: tuple[float, float]) -> bool:
+    return math.hypot(a[0] - b[0], a[1] - b[1]) <= graph.step
 
 
 @kernel
