@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable, Generator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import IO
 
@@ -10,6 +10,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.field.variable import VARIABLES
+from server.recording.order import ascending
 
 POSITION_COLUMNS = ("time", "latitude", "longitude", "depth")
 DEPTH_MAX_M = 11_000.0
@@ -72,7 +73,7 @@ def read_recording(
 
     Times are Unix seconds, UTC; depth is in metres, positive down; variables are in the units of
     ``autonomy.field.variable``. A cell that is empty, not a number or out of its range, a time
-    that does not follow the one before, and a row that repeats another are faults of their row.
+    that does not ascend, and a row that repeats another are faults of their row.
     Empty lines, and lines that begin with ``#``, mean nothing.
 
     Args:
@@ -91,63 +92,66 @@ def read_recording(
         if line.strip() and not line.startswith(COMMENT)
     )
     variables = _variables(_cells(next(lines, (1, ""))[1]))
-    reader = _RowReader((*POSITION_COLUMNS, *variables))
+    found: list[tuple[int, Row]] = []
+    faults: list[RowFault] = []
     for number, line in lines:
-        reader.take(number, _cells(line))
-    faults = tuple(reader.faults)
+        try:
+            found.append((number, _checked((*POSITION_COLUMNS, *variables), _cells(line))))
+        except ValueError as error:
+            faults.append(RowFault(number, str(error)))
+    rows, misplaced = _in_order(found)
+    faults = sorted([*faults, *misplaced], key=lambda fault: fault.line)
     if faults and policy is Policy.REFUSE:
         raise RecordingError(
             f"{_rows(len(faults))} broken, the first in line {faults[0].line}: "
             f"{faults[0].reason}. Nothing was imported.",
-            faults,
+            tuple(faults),
         )
-    if not reader.rows:
-        raise RecordingError("The file has no row that can be used.", faults)
-    columns = np.array(reader.rows, dtype=np.float64).T
+    if not rows:
+        raise RecordingError("The file has no row that can be used.", tuple(faults))
+    columns = np.array(rows, dtype=np.float64).T
     return Recording(
         time_s=columns[0],
         latitude_deg=columns[1],
         longitude_deg=columns[2],
         depth_m=columns[3],
         values=dict(zip(variables, columns[4:], strict=True)),
-        skipped=faults,
+        skipped=tuple(faults),
     )
 
 
-@dataclass(slots=True)
-class _RowReader:
-    """Checks rows one after another, and each against the one before."""
+Row = tuple[float, ...]
 
-    columns: tuple[str, ...]
-    rows: list[tuple[float, ...]] = field(default_factory=list)
-    faults: list[RowFault] = field(default_factory=list)
-    last_line: int = 0
 
-    def take(self, line: int, cells: list[str]) -> None:
-        try:
-            row = self._numbers(cells)
-            self._check_order(row)
-        except ValueError as error:
-            self.faults.append(RowFault(line, str(error)))
-        else:
-            self.rows.append(row)
-            self.last_line = line
+def _checked(columns: tuple[str, ...], cells: list[str]) -> Row:
+    if len(cells) != len(columns):
+        raise ValueError(f"the row has {len(cells)} cells, the header {len(columns)}")
+    return tuple(_number(column, cell) for column, cell in zip(columns, cells, strict=True))
 
-    def _numbers(self, cells: list[str]) -> tuple[float, ...]:
-        if len(cells) != len(self.columns):
-            raise ValueError(f"the row has {len(cells)} cells, the header {len(self.columns)}")
-        return tuple(
-            _number(column, cell) for column, cell in zip(self.columns, cells, strict=True)
-        )
 
-    def _check_order(self, row: tuple[float, ...]) -> None:
-        if not self.rows or row[0] > self.rows[-1][0]:
-            return
-        if row == self.rows[-1]:
-            raise ValueError(f"the row repeats line {self.last_line}")
-        if row[0] == self.rows[-1][0]:
-            raise ValueError(f"the time is that of line {self.last_line}")
-        raise ValueError(f"the time goes back behind line {self.last_line}")
+def _in_order(rows: list[tuple[int, Row]]) -> tuple[list[Row], list[RowFault]]:
+    """Leave out the fewest rows so that time ascends, and say why each is left out."""
+    kept = set(ascending([row[0] for _, row in rows]))
+    faults = [
+        RowFault(rows[index][0], _misplaced(rows, kept, index))
+        for index in range(len(rows))
+        if index not in kept
+    ]
+    return [rows[index][1] for index in sorted(kept)], faults
+
+
+def _misplaced(rows: list[tuple[int, Row]], kept: set[int], index: int) -> str:
+    row = rows[index][1]
+    earlier = next((other for other in range(index - 1, -1, -1) if other in kept), None)
+    if earlier is not None and row[0] <= rows[earlier][1][0]:
+        line, before = rows[earlier]
+        if row == before:
+            return f"the row repeats line {line}"
+        if row[0] == before[0]:
+            return f"the time is that of line {line}"
+        return f"the time goes back behind line {line}"
+    later = next(other for other in range(index + 1, len(rows)) if other in kept)
+    return f"the time is ahead of line {rows[later][0]}, which follows"
 
 
 def _number(column: str, cell: str) -> float:
