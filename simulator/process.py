@@ -36,13 +36,22 @@ def run(settings: SimulatorSettings) -> None:
     Raises:
         ExceptionGroup: If a robot or a link failed; nothing is left running then either.
     """
-    asyncio.run(_serve(settings))
+    asyncio.run(_serve_until_told(settings))
 
 
-async def _serve(settings: SimulatorSettings) -> None:
+async def _serve_until_told(settings: SimulatorSettings) -> None:
     stopped = asyncio.Event()
     for number in (signal.SIGTERM, signal.SIGINT):
         asyncio.get_running_loop().add_signal_handler(number, stopped.set)
+    await serve(settings, stopped)
+
+
+async def serve(settings: SimulatorSettings, stopped: asyncio.Event) -> None:
+    """Simulate on this event loop until ``stopped`` is set, or the parent process is gone.
+
+    Raises:
+        ExceptionGroup: If a robot or a link failed.
+    """
     async with AsyncExitStack() as links, asyncio.TaskGroup() as group:
         activities: dict[str, Coroutine[None, None, None]] = {}
         if settings.parent_pid is not None:

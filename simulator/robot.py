@@ -4,7 +4,7 @@ from datetime import datetime
 
 import numpy as np
 
-from autonomy.control.config import BACKSTEPPING_EXPERIMENT
+from autonomy.control.config import BACKSTEPPING_PRESETS
 from simulator.battery import Battery
 from simulator.current import DriftingCurrent
 from simulator.fleet import RobotDefinition
@@ -24,7 +24,7 @@ class SimulatedBody:
 
     def __init__(self, definition: RobotDefinition, seed: int) -> None:
         current, sensors = np.random.default_rng([seed, definition.system_id]).spawn(2)
-        self._battery = Battery(definition.battery, definition.vehicle.limits)
+        self.battery = Battery(definition.battery, definition.vehicle.limits)
         self._sensors = Sensors(definition.sensors, definition.site.variable, sensors)
         self._set_points = SetPoints(0.0, 0.0)
         self.plant = Plant(
@@ -39,7 +39,7 @@ class SimulatedBody:
     def read(self) -> Readings:
         """Return the newest readings of all sensors."""
         return self._sensors.read(
-            self.plant.time_s, self.plant.state, self._battery.fraction, self._battery.voltage_v
+            self.plant.time_s, self.plant.state, self.battery.fraction, self.battery.voltage_v
         )
 
     def measure_field(self) -> float:
@@ -54,7 +54,7 @@ class SimulatedBody:
         """Let time pass."""
         before = self.plant.state[12:15]
         self.plant.advance(self._set_points, duration_s)
-        self._battery.drain((self.plant.state[12:15] - before) / duration_s, duration_s)
+        self.battery.drain((self.plant.state[12:15] - before) / duration_s, duration_s)
 
 
 class SimulatedRobot:
@@ -74,7 +74,7 @@ class SimulatedRobot:
             definition.vehicle,
             definition.site,
             estimator=definition.estimator,
-            controller=BACKSTEPPING_EXPERIMENT,
+            controller=BACKSTEPPING_PRESETS[definition.vehicle.key],
             energy=definition.energy,
             hardware=self.body,
             started_at=started_at,

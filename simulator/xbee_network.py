@@ -48,6 +48,9 @@ _OVERRUN_S = 1.0
 _OVERRUN_BYTES = 2**18
 """More than so many bytes that a TCP client does not take are lost."""
 
+_ANSWER_S = 0.002
+"""Time of the station's radio to answer an AT command; digi-xbee misses sooner answers."""
+
 _STATUS_OF = {
     Fate.DELIVERED: TransmitCode.SUCCESS,
     Fate.NOT_ACKNOWLEDGED: TransmitCode.NETWORK_ACK_FAILURE,
@@ -346,7 +349,8 @@ class _StationModule:
         else:
             value = self._parameters[name]
         if command.frame_id:
-            self._say(AtReply(command.frame_id, command.command, status, value))
+            reply = AtReply(command.frame_id, command.command, status, value)
+            asyncio.get_running_loop().call_later(_ANSWER_S, self._say, reply)
 
     def _transmit(self, request: TransmitRequest) -> None:
         def tell(fate: asyncio.Future[Delivery]) -> None:

@@ -122,7 +122,7 @@ class Swim:
         left_m = distance(estimate, self._target)
         arrival_m = self._flight.profile.arrival_m
         self._closest_m = min(self._closest_m, left_m)
-        passed = self._closest_m < 2.0 * arrival_m and left_m > self._closest_m + arrival_m
+        passed = self._closest_m < 2.0 * arrival_m and left_m > self._closest_m + 0.25 * arrival_m
         return left_m < arrival_m or passed or self._left_s < 0.0
 
     def share(self, estimate: Estimate) -> float:

@@ -1,0 +1,148 @@
+"""Water, hull, sensors and battery of a simulated robot."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from autonomy.field.synthetic import measurement_noise, truth
+from simulator.battery import Battery
+from simulator.current import DriftingCurrent
+from simulator.fleet import FLEET, GRACE_1, MINI_1
+from simulator.onboard.hardware import SetPoints
+from simulator.plant import Plant
+from simulator.robot import SimulatedBody
+from simulator.sensor import Sensors
+
+STILL = replace(MINI_1, drift_m_sqrt_s=0.0)
+
+
+def body(definition=STILL, seed: int = 0) -> SimulatedBody:
+    return SimulatedBody(definition, seed)
+
+
+def drift(drift_m_sqrt_s: float, seconds: int, seed: int) -> float:
+    current = DriftingCurrent(drift_m_sqrt_s, 3.0, np.random.default_rng(seed))
+    north = 0.0
+    for _ in range(2 * seconds):
+        current.advance(0.5)
+        north += 0.5 * float(current.velocity_ne_m_s[0])
+    return north
+
+
+def test_unaware_robot_drifts_with_the_root_of_time():
+    for seconds in (100, 400):
+        displaced = [drift(0.02, seconds, seed) for seed in range(250)]
+        assert np.std(displaced) == pytest.approx(0.02 * math.sqrt(seconds), rel=0.12)
+
+
+def test_hull_under_water_is_carried_by_the_current():
+    plant = Plant(
+        MINI_1.vehicle,
+        MINI_1.site,
+        DriftingCurrent(0.05, 3.0, np.random.default_rng(1)),
+        (1.0, 0.5),
+        0.0,
+    )
+    still = body().plant
+    for _ in range(300):
+        plant.advance(SetPoints(0.004, 0.0), 0.1)
+        still.advance(SetPoints(0.004, 0.0), 0.1)
+    assert math.dist(plant.position_ned[:2], still.position_ned[:2]) > 0.02
+
+
+def test_heavy_robot_sinks_to_the_floor_and_no_deeper():
+    robot = body()
+    robot.actuate(SetPoints(0.02, 0.0))
+    robot.advance(120.0)
+    assert robot.plant.position_ned[2] == pytest.approx(1.2, abs=0.01)
+
+
+def test_walls_of_the_tank_stop_a_swimmer_and_the_lake_has_none():
+    gait = MINI_1.vehicle.swim
+    for definition, is_stopped in ((STILL, True), (replace(GRACE_1, drift_m_sqrt_s=0.0), False)):
+        robot = body(definition)
+        north_edge = definition.site.water.x_max_m
+        robot.plant.state[0] = north_edge - 0.5
+        robot.plant.state[5] = 0.0
+        limits = definition.vehicle.limits
+        robot.actuate(
+            SetPoints(0.3 * limits.m0_min_kg, 0.0, 0.0, gait.amplitude_rad, gait.frequency_hz)
+        )
+        robot.advance(60.0)
+        beyond = robot.plant.position_ned[0] - north_edge
+        assert (beyond < 0.02) is is_stopped
+
+
+def test_fix_comes_at_the_surface_only_and_not_too_often():
+    robot = body(replace(GRACE_1, drift_m_sqrt_s=0.0))
+    fixes = 0
+    for _ in range(50):
+        robot.advance(0.1)
+        fixes += robot.read().fix_ne_m is not None
+    assert fixes == 5
+    robot.plant.state[2] = 1.0
+    assert robot.read().fix_ne_m is None
+
+
+def test_readings_scatter_about_the_truth_as_the_model_says():
+    robot = body()
+    robot.plant.state[2] = 0.02
+    robot.plant.state[5] = 0.5
+    readings = [robot.read() for _ in range(2000)]
+    model = MINI_1.sensors
+    depths = np.array([reading.depth_m for reading in readings])
+    headings = np.array([reading.heading_rad for reading in readings])
+    assert depths.mean() == pytest.approx(0.02, abs=3e-4)
+    assert depths.std() == pytest.approx(model.depth_std_m, rel=0.1)
+    assert headings.std() == pytest.approx(model.heading_std_rad, rel=0.1)
+
+
+def test_field_is_measured_where_the_robot_truly_is():
+    robot = body()
+    robot.plant.state[:3] = (0.62, 0.48, 0.5)
+    exact = float(truth("blue_light", np.array([[0.62, 0.48, 0.5]]))[0])
+    logs = np.log([robot.measure_field() for _ in range(400)])
+    assert logs.mean() == pytest.approx(math.log(exact), abs=0.01)
+    assert logs.std() == pytest.approx(measurement_noise("blue_light"), rel=0.15)
+
+
+def test_noise_of_the_sensors_does_not_depend_on_the_plant():
+    sensors = Sensors(MINI_1.sensors, "blue_light", np.random.default_rng(3))
+    same = Sensors(MINI_1.sensors, "blue_light", np.random.default_rng(3))
+    low, high = np.zeros(15), np.full(15, 0.01)
+    assert sensors.read(0.0, high, 1.0, 10.0).depth_m - same.read(
+        0.0, low, 1.0, 10.0
+    ).depth_m == pytest.approx(0.01)
+
+
+def test_battery_pays_for_electronics_and_more_for_moving_actuators():
+    limits = MINI_1.vehicle.limits
+    resting, pumping = (Battery(MINI_1.battery, limits) for _ in range(2))
+    resting.drain(np.zeros(3), 3600.0)
+    pumping.drain(np.array([limits.m0_rate_kg_s, 0.0, 0.0]), 3600.0)
+    assert resting.fraction == pytest.approx(1.0 - 3.0 / 48.0)
+    assert pumping.fraction == pytest.approx(1.0 - 9.0 / 48.0)
+    assert MINI_1.battery.empty_v < pumping.voltage_v < resting.voltage_v
+
+
+def test_battery_is_never_less_than_empty():
+    battery = Battery(MINI_1.battery, MINI_1.vehicle.limits)
+    battery.drain(np.zeros(3), 1e9)
+    assert battery.fraction == 0.0
+    assert battery.voltage_v == MINI_1.battery.empty_v
+
+
+def test_robots_of_the_fleet_differ_in_all_that_names_them():
+    robots = FLEET.values()
+    for names in (
+        [robot.system_id for robot in robots],
+        [robot.radio_address for robot in robots],
+        [robot.link_name for robot in robots],
+    ):
+        assert len(set(names)) == len(FLEET)
+    assert all(
+        robot.site.domain.contains(*robot.start_ne_m, 0.0) and robot.site.domain.depth_max_m > 0.0
+        for robot in robots
+    )

@@ -1,0 +1,194 @@
+"""The simulator behind its radios: the wire, the process, and how it ends."""
+
+import asyncio
+import signal
+import subprocess
+import sys
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+import pytest
+
+from robot_link.messages import (
+    CommandKind,
+    CommandLevel,
+    CommandNumber,
+    CommandReport,
+    OnboardPlanState,
+    PlanReport,
+    RobotMode,
+    Sample,
+    StateReport,
+)
+from robot_link.station import RobotEndpoint, StationLink
+from robot_link.transport.opening import open_transport
+from simulator.fleet import FLEET, GRACE_1, MINI_1
+from simulator.process import serve
+from simulator.robot import SimulatedRobot
+from simulator.settings import SimulatorSettings
+from tests.robot_link.rig import Heard, running, soon, until
+from tests.simulator.flight import mission, two_dives, vee
+
+SPEED = 20.0
+
+
+def settings(folder: Path, **changes) -> SimulatorSettings:
+    now = datetime.now(UTC)
+    return SimulatorSettings(
+        link_folder=folder, wall_anchor=now, time_anchor=now, speed=SPEED, **changes
+    )
+
+
+@asynccontextmanager
+async def simulation(chosen: SimulatorSettings) -> AsyncIterator[None]:
+    stopped = asyncio.Event()
+    async with asyncio.TaskGroup() as group:
+        task = group.create_task(serve(chosen, stopped))
+        await until(lambda: task.done() or all(path.exists() for path in links(chosen)))
+        yield
+        stopped.set()
+    assert not any(path.is_symlink() for path in links(chosen))
+
+
+def links(chosen: SimulatorSettings) -> list[Path]:
+    return [chosen.link_path(robot) for robot in FLEET]
+
+
+@asynccontextmanager
+async def station(chosen: SimulatorSettings) -> AsyncIterator[tuple[StationLink, Heard]]:
+    uris = {robot: f"xbee://{chosen.link_path(robot)}" for robot in FLEET}
+    heard = Heard()
+    link = StationLink(
+        {uri: open_transport(uri) for uri in uris.values()},
+        {
+            robot: RobotEndpoint(definition.system_id, uris[robot], definition.radio_address)
+            for robot, definition in FLEET.items()
+        },
+        chosen.clock(),
+        heard,
+    )
+    heard.station = link
+    async with running(link.run):
+        yield link, heard
+
+
+async def test_plan_travels_is_flown_and_its_samples_arrive(tmp_path):
+    chosen = settings(tmp_path)
+    plan = mission(*vee())
+    async with simulation(chosen), station(chosen) as (link, heard):
+        await until(lambda: {report.robot for report in heard.of(StateReport)} == set(FLEET))
+        report = await link.upload(MINI_1.robot, plan)
+        assert report.state is OnboardPlanState.ON_BOARD
+        link.send_command(
+            MINI_1.robot, CommandKind.START, CommandNumber(1), soon(3600.0), plan.sha256()
+        )
+        await until(
+            lambda: any(
+                report.state is OnboardPlanState.DONE and report.sha256 == plan.sha256()
+                for report in heard.of(PlanReport)
+            ),
+            30.0,
+        )
+        await until(lambda: len(heard.of(Sample)) > 15)
+    samples = heard.of(Sample)
+    assert {sample.robot for sample in samples} == {MINI_1.robot}
+    assert max(sample.position_ned[2] for sample in samples) > 0.4
+    assert RobotMode.GLIDING in {report.mode for report in heard.of(StateReport)}
+
+
+async def test_surface_now_reaches_a_diving_robot(tmp_path):
+    chosen = settings(tmp_path)
+    plan = mission(*two_dives())
+    async with simulation(chosen), station(chosen) as (link, heard):
+        await link.upload(MINI_1.robot, plan)
+        link.send_command(
+            MINI_1.robot, CommandKind.START, CommandNumber(1), soon(3600.0), plan.sha256()
+        )
+        await until(
+            lambda: any(report.position_ned[2] > 0.2 for report in heard.of(StateReport)), 20.0
+        )
+        link.send_command(MINI_1.robot, CommandKind.SURFACE, CommandNumber(2), soon(3600.0))
+        await until(
+            lambda: any(
+                report.number == 2 and report.level is CommandLevel.APPLIED
+                for report in heard.of(CommandReport)
+            )
+        )
+        await until(lambda: any(report.reason for report in heard.of(PlanReport)), 20.0)
+        assert heard.of(PlanReport)[-1].reason == "surfaced by command"
+        assert heard.of(PlanReport)[-1].state is OnboardPlanState.FAILED
+
+
+async def test_states_come_at_most_ten_times_a_second(tmp_path):
+    chosen = settings(tmp_path)
+
+    def count(heard: Heard) -> int:
+        return sum(report.robot == MINI_1.robot for report in heard.of(StateReport))
+
+    async with simulation(chosen), station(chosen) as (_, heard):
+        await until(lambda: count(heard) > 0)
+        before = count(heard)
+        await asyncio.sleep(1.0)
+        assert 5 <= count(heard) - before <= 11
+
+
+def test_robot_under_water_is_out_of_reach_in_the_lake_only():
+    for definition, is_heard in ((MINI_1, True), (GRACE_1, False)):
+        robot = SimulatedRobot(definition, 0, datetime.now(UTC))
+        assert robot.is_in_reach
+        robot.body.plant.state[2] = 0.5
+        assert robot.is_in_reach is is_heard
+
+
+def spawn(chosen: SimulatorSettings) -> subprocess.Popen:
+    code = (
+        "import sys; from simulator.process import run;"
+        "from simulator.settings import SimulatorSettings;"
+        "run(SimulatorSettings.model_validate_json(sys.argv[1]))"
+    )
+    return subprocess.Popen([sys.executable, "-c", code, chosen.model_dump_json()])
+
+
+def idle_process() -> subprocess.Popen:
+    return subprocess.Popen(["sleep", "60"])
+
+
+@pytest.mark.process
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+async def test_signal_ends_the_process_cleanly(tmp_path, number):
+    chosen = settings(tmp_path)
+    process = spawn(chosen)
+    try:
+        await until(lambda: all(path.exists() for path in links(chosen)), 30.0)
+        process.send_signal(number)
+        assert process.wait(timeout=10.0) == 0
+    finally:
+        process.kill()
+        process.wait()
+    assert not any(path.is_symlink() for path in links(chosen))
+
+
+@pytest.mark.process
+async def test_process_ends_when_its_parent_is_gone(tmp_path):
+    parent = idle_process()
+    chosen = settings(tmp_path, parent_pid=parent.pid)
+    process = spawn(chosen)
+    try:
+        await until(lambda: all(path.exists() for path in links(chosen)), 30.0)
+        assert process.poll() is None
+        parent.kill()
+        parent.wait()
+        assert process.wait(timeout=10.0) == 0
+    finally:
+        for each in (parent, process):
+            each.kill()
+            each.wait()
+    assert not any(path.is_symlink() for path in links(chosen))
+
+
+def test_settings_file_is_refused_with_the_name_of_the_wrong_field(tmp_path):
+    text = settings(tmp_path).model_dump_json().replace('"speed":20.0', '"speed":-1.0')
+    with pytest.raises(ValueError, match="speed"):
+        SimulatorSettings.model_validate_json(text)
