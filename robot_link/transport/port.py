@@ -49,7 +49,7 @@ class SerialPort:
         def opened() -> serial.Serial:
             try:
                 return serial.Serial(path, baud, timeout=0, rtscts=flow_control, exclusive=True)
-            except ValueError as error:
+            except (ValueError, OverflowError) as error:
                 raise OSError(f"{path}: {error}") from error
 
         return cls(await asyncio.to_thread(opened))

@@ -91,19 +91,18 @@ class XBeeTransport:
         self.max_payload = 0
         """The radio's NP parameter; 0 while the port is closed."""
         self.address: Address | None = None
-        """The radio's own address, once read."""
+        """The radio's own address; None while the port is closed."""
 
     async def run(self) -> None:
         """Open, serve and open again until cancelled."""
-        told = None
+        told = ""
         while True:
             reason = await self._serve()
-            if reason != told:
+            if reason != told or self.address is not None:
                 _log.warning("XBee port closed: %s", reason)
                 self._events.put_nowait(PortChanged(is_open=False, reason=reason))
                 told = reason
-            if self.address is not None:
-                told, self.address = None, None
+            self.address = None
             await asyncio.sleep(self._timing.reopen_s)
 
     async def events(self) -> AsyncIterator[TransportEvent]:

@@ -1,12 +1,14 @@
 """Commands: levels as they are proved, repetition at each contact, expiry, one action each."""
 
 import asyncio
+import dataclasses
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import pytest
 
 from robot_link.clock import ScaledClock
+from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.command import command_message, received_command
 from robot_link.messages import (
     CommandKind,
@@ -20,8 +22,9 @@ from robot_link.messages import (
 )
 from robot_link.onboard import CommandOutcome
 from robot_link.station import StationLink
+from robot_link.transport.datagram import Address
 from simulator.xbee_network import AirConditions
-from tests.robot_link.rig import MINI, ROUGH, Heard, mission, rig, soon, until
+from tests.robot_link.rig import ADDRESSES, HASTE, MINI, ROUGH, Heard, mission, rig, soon, until
 
 FIRST, SECOND, THIRD = CommandNumber(1), CommandNumber(2), CommandNumber(2**24 - 1)
 
@@ -72,7 +75,8 @@ async def test_a_refusal_says_why(tmp_path: Path, outcome: CommandOutcome, reaso
 
 
 async def test_surface_reaches_a_submerged_robot_at_its_next_contact(tmp_path: Path):
-    async with rig(tmp_path) as it, it.station() as (station, heard):
+    patient = dataclasses.replace(HASTE, retry_s=30.0)
+    async with rig(tmp_path) as it, it.station(patient) as (station, heard):
         await live(station)
         it.reachable.clear()
         station.send_command(MINI, CommandKind.SURFACE, FIRST, soon())
@@ -81,6 +85,30 @@ async def test_surface_reaches_a_submerged_robot_at_its_next_contact(tmp_path: P
         it.reachable.add(MINI)
         await until(lambda: CommandLevel.APPLIED in levels(heard, FIRST), longest_s=0.5)
         assert it.robots[MINI].program.obeyed == [(CommandKind.SURFACE, "")]
+
+
+async def test_calling_a_robot_that_was_never_heard_proves_nothing(tmp_path: Path):
+    async with rig(tmp_path) as it:
+        it.reachable.clear()
+        async with it.station() as (station, heard):
+            station.send_command(MINI, CommandKind.SURFACE, FIRST, soon())
+            await until(lambda: levels(heard, FIRST))
+            await asyncio.sleep(0.5)
+            assert levels(heard, FIRST) == [CommandLevel.QUEUED]
+
+
+async def test_a_robot_listens_to_one_station_until_it_is_silent_long(tmp_path: Path):
+    async with rig(tmp_path) as it:
+        codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
+        surface = command_message(SystemId(1), CommandKind.SURFACE, FIRST, soon(), None)
+        async with it.station() as (station, _heard):
+            await live(station)
+            await it.air.transmit(Address(0xBAD), ADDRESSES[MINI], codec.pack(surface))
+            await until(lambda: it.robots[MINI].link.frames_bad == 1)
+        assert it.robots[MINI].program.obeyed == []
+        await asyncio.sleep(3.5 * HASTE.stale_s)
+        await it.air.transmit(Address(0x600D), ADDRESSES[MINI], codec.pack(surface))
+        await until(lambda: it.robots[MINI].program.obeyed == [(CommandKind.SURFACE, "")])
 
 
 async def test_a_command_that_expires_is_never_sent_late(tmp_path: Path):

@@ -1,17 +1,21 @@
 """Station and robot through the emulated air: telemetry, health of the road, foreign frames."""
 
 import asyncio
+import dataclasses
+import time
 from contextlib import AsyncExitStack
 from pathlib import Path
 
 import pytest
 
 from robot_link.clock import SystemClock
-from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
-from robot_link.mavlink.telemetry import state_message
+from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec, packets
+from robot_link.mavlink.telemetry import SAMPLE_FRAME_BYTES, sample_message, state_message
 from robot_link.messages import (
+    LinkEvent,
     LinkReport,
     LinkState,
+    LogId,
     OnboardPlanState,
     PlanReport,
     RawFrame,
@@ -19,21 +23,28 @@ from robot_link.messages import (
     Sample,
     StateReport,
 )
+from robot_link.sample_log import Measurement
+from robot_link.station import RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address
+from robot_link.transport.xbee import XBeeTransport
+from robot_link.transport.xbee_frame import ReceivePacket, encode
 from simulator.xbee_network import AirConditions
 from tests.robot_link.rig import (
     ADDRESSES,
     CALM,
     GRACE,
+    HASTE,
     MINI,
     ROUGH,
     STATION,
     SYSTEMS,
     rig,
+    running,
     state,
     until,
 )
+from tests.robot_link.scripted_port import ScriptedPort, answering_questions, opener
 
 
 async def test_a_state_arrives_as_it_was_measured(tmp_path: Path):
@@ -196,6 +207,39 @@ async def test_samples_that_nobody_stores_come_again(tmp_path: Path):
         await until(lambda: not robot.unacknowledged_samples)
 
 
+async def test_an_acknowledgement_of_another_log_changes_nothing(tmp_path: Path):
+    async with rig(tmp_path) as it, it.station() as (station, heard):
+        heard.stores = False
+        robot = it.robots[MINI].link
+        robot.record_sample("blue_light", 1.0, (0.0, 0.0, 0.0), 0.1, SystemClock().now())
+        await until(lambda: heard.of(Sample))
+        station.acknowledge_samples(MINI, LogId(heard.of(Sample)[0].log + 1), [0])
+        await asyncio.sleep(0.2)
+        assert robot.unacknowledged_samples == 1
+
+
+async def test_a_submerged_robot_does_not_talk_to_itself(tmp_path: Path):
+    """After a few datagrams without an answer, samples wait for the station's next word."""
+    patient = dataclasses.replace(HASTE, stale_s=30.0)
+    async with rig(tmp_path, timing=patient) as it, it.station() as (station, _heard):
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+        it.reachable.clear()
+        attempts: list[bytes] = []
+        transmit = it.air.transmit
+
+        def counted(source: Address, destination: Address, data: bytes):
+            if len(data) >= SAMPLE_FRAME_BYTES:
+                attempts.append(data)
+            return transmit(source, destination, data)
+
+        it.air.transmit = counted
+        robot = it.robots[MINI].link
+        for number in range(100):
+            robot.record_sample("blue_light", number, (0.0, 0.0, 1.0), 0.1, SystemClock().now())
+        await asyncio.sleep(0.5)
+        assert 0 < len(attempts) <= 20
+
+
 async def test_samples_of_a_dive_are_filled_in_order_after_it(tmp_path: Path):
     async with rig(tmp_path) as it, it.station() as (station, heard):
         await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
@@ -246,3 +290,39 @@ async def test_a_number_that_is_not_finite_is_no_sample(tmp_path: Path):
                 "salinity", 1.0, (0.0, 0.0, 0.0), 0.1, SystemClock().now()
             )
         assert it.robots[MINI].link.unacknowledged_samples == 0
+
+
+async def test_garbage_at_the_port_is_shown_for_every_robot_of_that_port():
+    port = ScriptedPort(answering_questions)
+    transport = XBeeTransport(opener(port))
+    robots = {
+        robot: RobotEndpoint(SYSTEMS[robot], "port", ADDRESSES[robot]) for robot in (MINI, GRACE)
+    }
+    station = StationLink({"port": transport}, robots, SystemClock(), lambda _: None, HASTE)
+    async with running(station.run):
+        port.bring(b"\xff" * 20)
+        await until(lambda: station.link_report(MINI).frames_bad == 1)
+        assert station.link_report(GRACE).frames_bad == 1
+
+
+async def test_two_thousand_messages_a_second_are_far_from_filling_a_core():
+    port = ScriptedPort(answering_questions)
+    values: list[Sample] = []
+
+    def keep(event: LinkEvent) -> None:
+        if isinstance(event, Sample):
+            values.append(event)
+
+    transport = XBeeTransport(opener(port))
+    endpoint = RobotEndpoint(SYSTEMS[MINI], "port", ADDRESSES[MINI])
+    station = StationLink({"port": transport}, {MINI: endpoint}, SystemClock(), keep)
+    codec = Codec(SYSTEMS[MINI], ROBOT_COMPONENT)
+    measurement = Measurement("chlorophyll", 1.5, (1.0, 2.0, 3.0), 0.1, SystemClock().now())
+    frames = [codec.pack(sample_message(LogId(1), n, measurement)) for n in range(4000)]
+    async with running(station.run):
+        await until(lambda: transport.max_payload)
+        began_s = time.process_time()
+        for packet in packets(frames, 256):
+            port.bring(encode(ReceivePacket(ADDRESSES[MINI], packet).content(), 1))
+        await until(lambda: len(values) == len(frames))
+        assert time.process_time() - began_s < len(frames) / 2000 / 2

@@ -1,8 +1,9 @@
 """The XBee transport against the emulated network: delivery, strength, and ports that vanish."""
 
 import asyncio
+import os
 import random
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 
@@ -22,10 +23,11 @@ from robot_link.transport.datagram import (
     Received,
 )
 from robot_link.transport.opening import open_transport
-from robot_link.transport.port import Port
+from robot_link.transport.port import SerialPort
 from robot_link.transport.xbee import XBeeTiming, XBeeTransport
 from robot_link.transport.xbee_frame import encode
 from simulator.xbee_network import MAX_PAYLOAD, AirConditions, RobotRadio, XBeeNetwork
+from tests.robot_link.scripted_port import ScriptedPort, answering_questions, opener
 
 STATION = Address(0x0013A20041F00001)
 ROBOT = Address(0x0013A20041F00002)
@@ -160,44 +162,6 @@ async def test_what_was_under_way_when_the_plug_was_pulled_is_of_unknown_fate(tm
         assert (await fate).fate is Fate.UNKNOWN
 
 
-class ScriptedPort:
-    """A port whose far side is a function from what was written to what is read."""
-
-    def __init__(self, answer: Callable[[bytes], bytes] = lambda _: b"") -> None:
-        self.written: list[bytes] = []
-        self._answer = answer
-        self._incoming: asyncio.Queue[bytes] = asyncio.Queue()
-
-    async def read(self) -> bytes:
-        return await self._incoming.get()
-
-    async def write(self, data: bytes) -> None:
-        self.written.append(data)
-        if answer := self._answer(data):
-            self._incoming.put_nowait(answer)
-
-    def bring(self, data: bytes) -> None:
-        self._incoming.put_nowait(data)
-
-    def close(self) -> None:
-        pass
-
-
-def answering_questions(data: bytes) -> bytes:
-    """A radio that knows its parameters and says nothing of what it sends."""
-    if data[3] != 0x08:
-        return b""
-    value = {b"NP": b"\x01\x00", b"DB": b"\x40"}.get(data[5:7], b"\x00\x00\x00\x01")
-    return encode(bytes((0x88, data[4])) + data[5:7] + b"\x00" + value, 1)
-
-
-def opener(port: Port) -> Callable[[], Awaitable[Port]]:
-    async def opened() -> Port:
-        return port
-
-    return opened
-
-
 async def test_no_more_datagrams_are_handed_over_than_the_window_holds():
     port = ScriptedPort(answering_questions)
     async with running(XBeeTransport(opener(port), timing=XBeeTiming(window=2))) as transport:
@@ -242,6 +206,89 @@ async def test_a_device_that_is_no_xbee_is_named_as_such():
         assert "no XBee in API mode 1 answers" in closed.reason
 
 
+async def test_a_question_is_repeated_when_its_answer_is_lost():
+    asked: list[bytes] = []
+
+    def forgetful(data: bytes) -> bytes:
+        asked.append(data)
+        return answering_questions(data) if len(asked) > 1 else b""
+
+    timing = XBeeTiming(question_timeout_s=0.05)
+    async with running(XBeeTransport(opener(ScriptedPort(forgetful)), timing=timing)) as transport:
+        await next_opening(transport)
+        assert transport.max_payload == 256
+
+
+async def test_a_sender_that_waits_for_the_window_is_told_when_the_port_closes():
+    port = ScriptedPort(answering_questions)
+    async with running(XBeeTransport(opener(port), timing=XBeeTiming(window=1))) as transport:
+        await next_opening(transport)
+        first = await transport.send(ROBOT, b"x")
+        second = asyncio.create_task(transport.send(ROBOT, b"x"))
+        await asyncio.sleep(0.01)
+        port.bring(b"")
+        with pytest.raises(PortClosedError):
+            await second
+        assert (await first).fate is Fate.UNKNOWN
+
+
+async def test_a_port_that_fails_in_a_write_is_closed_to_its_sender():
+    def failing(data: bytes) -> bytes:
+        if data[3] == 0x10:
+            raise OSError("cable cut")
+        return answering_questions(data)
+
+    async with running(XBeeTransport(opener(ScriptedPort(failing)))) as transport:
+        await next_opening(transport)
+        with pytest.raises(PortClosedError, match="cable cut"):
+            await transport.send(ROBOT, b"x")
+
+
+async def test_a_full_line_is_written_to_as_it_drains():
+    ours, theirs = os.openpty()
+    port = await SerialPort.open(os.ttyname(theirs), baud=115200, flow_control=False)
+    try:
+        payload = bytes(100_000)
+        writing = asyncio.create_task(port.write(payload))
+        await asyncio.sleep(0.01)
+        assert not writing.done()
+        taken = 0
+        while taken < len(payload):
+            taken += len(await asyncio.to_thread(os.read, ours, 65536))
+        await writing
+    finally:
+        port.close()
+        os.close(theirs)
+        os.close(ours)
+
+
+async def test_a_line_has_one_owner_and_a_possible_speed():
+    ours, theirs = os.openpty()
+    path = os.ttyname(theirs)
+    port = await SerialPort.open(path, baud=115200, flow_control=False)
+    try:
+        with pytest.raises(OSError, match="lock"):
+            await SerialPort.open(path, baud=115200, flow_control=False)
+    finally:
+        port.close()
+    with pytest.raises(OSError, match=path):
+        await SerialPort.open(path, baud=10**12, flow_control=False)
+    os.close(theirs)
+    os.close(ours)
+
+
+async def test_a_second_client_of_a_tcp_radio_is_turned_away():
+    air = network()
+    async with air.tcp(STATION, "127.0.0.1") as port:
+        reader, writer = await asyncio.open_connection("127.0.0.1", port)
+        second_reader, second_writer = await asyncio.open_connection("127.0.0.1", port)
+        assert await second_reader.read() == b""
+        second_writer.close()
+        writer.write(encode(b"\x08\x01NP", 1))
+        assert len(await reader.readexactly(11)) == 11
+        writer.close()
+
+
 async def test_garbage_at_the_port_is_counted():
     port = ScriptedPort(answering_questions)
     async with running(XBeeTransport(opener(port))) as transport:
@@ -267,7 +314,7 @@ def test_a_uri_that_names_no_transport_is_refused_with_a_reason(uri: str, compla
 
 async def test_digis_library_talks_to_the_emulated_network(tmp_path: Path):
     reachable = True
-    air = network(in_reach=lambda _a, _b: reachable)
+    air = network(AirConditions(), in_reach=lambda _a, _b: reachable)
     radio = air.robot_radio(ROBOT)
     async with air.pty(STATION, tmp_path / "xbee"):
         device = DigiMeshDevice(str(tmp_path / "xbee"), 115200)
