@@ -32,8 +32,10 @@ export function mockStation(): Plugin {
       if (httpServer) serveLive(httpServer as Server, station);
     },
     configurePreviewServer: ({ middlewares, httpServer }) => {
-      middlewares.use((_request, response, next) => {
-        response.setHeader('Content-Security-Policy', POLICY);
+      middlewares.use((request, response, next) => {
+        if (!request.url?.startsWith('/view/')) {
+          response.setHeader('Content-Security-Policy', POLICY);
+        }
         next();
       });
       middlewares.use(handle);

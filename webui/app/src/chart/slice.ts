@@ -1,4 +1,5 @@
 import type { FieldMap } from '../api/types';
+import { fixed, plainNumber } from '../text/unit';
 
 /** Which axis of the box a slice is cut across. */
 export type Cut = 'depth' | 'north' | 'east';
@@ -101,6 +102,39 @@ export function nearestIndex(values: readonly number[], wanted: number): number 
     if (Math.abs(value - wanted) < Math.abs((values[best] ?? 0) - wanted)) best = index;
   });
   return best;
+}
+
+/** A tick of a scale: where it stands and what it says. */
+export interface Mark {
+  at: number;
+  text: string;
+}
+
+/** Ticks at round numbers; all with the decimals that their step needs. */
+export function scaleMarks(low: number, high: number, count: number): Mark[] {
+  const values = ticks(low, high, count);
+  const step = (values[1] ?? high) - (values[0] ?? low);
+  const decimals = step > 0 ? Math.max(0, Math.ceil(-Math.log10(step) - 1e-9)) : 0;
+  return values.map((at) => ({ at, text: fixed(at, decimals) }));
+}
+
+/** The same for a scale of natural logarithms: round numbers of the value itself. */
+export function logMarks(low: number, high: number, count: number): Mark[] {
+  const decades = (high - low) / Math.LN10;
+  if (decades < 1) {
+    const plain = scaleMarks(Math.exp(low), Math.exp(high), count);
+    return plain.filter(({ at }) => at > 0).map(({ at, text }) => ({ at: Math.log(at), text }));
+  }
+  const first = Math.floor(low / Math.LN10);
+  const last = Math.ceil(high / Math.LN10);
+  const factors = decades > count / 2 ? [1] : decades > count / 3 ? [1, 3] : [1, 2, 5];
+  const values: number[] = [];
+  for (let power = first; power <= last; power++) {
+    values.push(...factors.map((factor) => factor * 10 ** power));
+  }
+  return values
+    .map((value) => ({ at: Math.log(value), text: plainNumber(value) }))
+    .filter(({ at }) => at >= low && at <= high);
 }
 
 /** Round numbers between two bounds, about `count` of them. */

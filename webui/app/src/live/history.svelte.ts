@@ -1,3 +1,4 @@
+import { untrack } from 'svelte';
 import type { Api } from '../api/client';
 import { append, trim, type Series } from '../chart/series';
 import { rfc3339 } from '../text/time';
@@ -8,7 +9,7 @@ const POINTS = 1500;
 /** The last minutes of one channel: loaded once, then kept current from the live stream. */
 export class ChannelHistory {
   /** Grows with every change of `series`, which itself is changed in place. */
-  version = $state(0);
+  version = $state.raw(0);
   series: Series = { t: [], v: [] };
   isLoaded = $state(false);
 
@@ -38,7 +39,7 @@ export class ChannelHistory {
       // Without history the line begins now.
     }
     this.isLoaded = true;
-    this.version++;
+    this.#changed();
   }
 
   /** Take the newest value over from a live report. */
@@ -48,6 +49,10 @@ export class ChannelHistory {
     const at = Date.parse(channel.measured_at) / 1000;
     if (!append(this.series, at, channel.value, this.spanS / this.points)) return;
     trim(this.series, at - this.spanS);
-    this.version++;
+    this.#changed();
+  }
+
+  #changed(): void {
+    this.version = untrack(() => this.version) + 1;
   }
 }
