@@ -43,9 +43,9 @@ class _Rows:
 class Writer:
     """Runs changes one after another and commits appended rows in batches.
 
-    Work is done in the order in which it came. A change that meets failing storage is refused at
-    once, because its caller can say so to a person; appended rows wait in memory and are tried
-    again, and their futures resolve only after the commit that holds them.
+    Work is done in the order in which it came, as long as storage works. A change that meets
+    failing storage is refused, because its caller can say so to a person; appended rows wait in
+    memory and are tried again, and their futures resolve only after the commit that holds them.
     """
 
     def __init__(self, engine: Engine, append: Append, on_fault: FaultListener) -> None:

@@ -21,7 +21,7 @@ from server.api import (
     session,
 )
 from server.composition import MakeService, run_station
-from server.middleware import ResponseGuard
+from server.middleware import RequestGuard
 from server.problem import ProblemDetails, install_problem_handlers
 from server.settings import Settings
 
@@ -69,7 +69,7 @@ def create_app(settings: Settings, make_service: MakeService | None = None) -> F
         },
     )
     install_problem_handlers(app)
-    app.add_middleware(ResponseGuard)
+    app.add_middleware(RequestGuard)
     for router in ROUTERS:
         app.include_router(router)
     # interim, until every part is there

@@ -1,4 +1,4 @@
-"""What a station process is told from outside: command line, environment, ``.env``."""
+"""What a station process is told from outside: by the command line or the environment."""
 
 from functools import cached_property
 from ipaddress import ip_address

@@ -7,6 +7,11 @@ from argon2 import PasswordHasher
 from argon2.exceptions import InvalidHashError, VerificationError
 
 PASSWORD_LENGTH_MIN = 10
+_NO_PASSWORD = (
+    "$argon2id$v=19$m=65536,t=3,p=4$dJdFtQNQ6TO53nCmL5iTDQ$+UH3EE"
+    "zdofD/Wpgdtl07gArLBcV4RzZi8t9g4+TLSSE"
+)
+"""Hash of a password that was thrown away: checking against it takes as long as a real check."""
 TOKEN_PREFIX = "grace_"
 
 
@@ -48,6 +53,3 @@ def password_fits(password: str, password_hash: str | None) -> bool:
         return hasher.verify(password_hash or _NO_PASSWORD, password) and password_hash is not None
     except (VerificationError, InvalidHashError):
         return False
-
-
-_NO_PASSWORD = PasswordHasher().hash(secrets.token_urlsafe(32))

@@ -1,8 +1,8 @@
 """Slows down whoever guesses."""
 
-import time
 from http import HTTPStatus
 
+from robot_link.clock import monotonic_s
 from server.problem import Problem
 
 FREE_FAILURES = 5
@@ -23,7 +23,7 @@ class Throttle:
             Problem: 429 while the pause for this name lasts.
         """
         failures, last_s = self._failures.get(name, (0, 0.0))
-        left_s = last_s + PAUSE_S - time.monotonic()
+        left_s = last_s + PAUSE_S - monotonic_s()
         if failures >= FREE_FAILURES and left_s > 0:
             raise Problem(
                 HTTPStatus.TOO_MANY_REQUESTS,
@@ -36,7 +36,7 @@ class Throttle:
         if len(self._failures) >= _NAMES_MAX:
             self._failures.clear()
         failures, _ = self._failures.get(name, (0, 0.0))
-        self._failures[name] = (failures + 1, time.monotonic())
+        self._failures[name] = (failures + 1, monotonic_s())
 
     def succeeded(self, name: str) -> None:
         """Forget the failures of a name."""

@@ -3,16 +3,18 @@
 import asyncio
 import io
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from db.query.maps import newest_maps
-from db.query.robots import get_robot
+from db.query.robots import add_robot, get_robot
 from db.query.telemetry import history, newest_state, track
 from server.recording import keep
 from server.recording.map_fit import FitProblem, run
 from server.recording.table import Policy, read_recording
+from tests.db.conftest import report, robot_record, sample
 from tests.server.station_app import running, signed_in
 
 REAL = Path(__file__).parents[3] / "shared" / "data" / "eva035_chl_temp.csv"
@@ -155,6 +157,25 @@ async def test_the_track_goes_out_for_maps(pilot):
     assert "-130.6000000,48.9000000,-0.00" in kml
     wrong = await pilot.get("/api/deployments/deployment-1/export?format=netcdf")
     assert wrong.status_code == 422
+
+
+async def test_what_a_simulated_robot_measured_is_marked_wherever_it_goes(app, pilot):
+    store = app.state.foundation.store
+    await store.write(lambda session: add_robot(session, robot_record()))
+    measured = [sample(0), sample(1), replace(sample(1, variable="temperature"), sequence=2)]
+    await asyncio.wrap_future(store.append([report(0), report(1), *measured]))
+    [deployment] = (await pilot.get("/api/deployments?robot=mini-1")).json()["deployments"]
+    assert (deployment["kind"], deployment["samples"]) == ("live", 3)
+    assert deployment["variables"] == ["blue_light", "temperature"]
+    path = f"/api/deployments/{deployment['id']}/export"
+    csv = await pilot.get(path)
+    assert "SIMULATION_mini-1" in csv.headers["content-disposition"]
+    lines = csv.text.splitlines()
+    assert lines[0] == "# SIMULATION: this robot does not exist"
+    assert [line.rsplit(",", 2)[1:] for line in lines[-2:]] == [["3.0", ""], ["3.0", "3.0"]]
+    feature = (await pilot.get(f"{path}?format=geojson")).json()
+    assert feature["properties"]["simulation"] is True
+    assert "<name>SIMULATION: " in (await pilot.get(f"{path}?format=kml")).text
 
 
 def test_maps_are_fitted_until_the_work_is_called_off():

@@ -156,6 +156,16 @@ async def test_a_key_does_not_open_the_door(admin):
     assert answer.status_code == 401
 
 
+async def test_a_body_without_end_is_refused(admin):
+    async def endless():
+        while True:
+            yield b" " * 2**20
+
+    answer = await admin.post("/api/test/order", content=endless())
+    assert answer.status_code == 413
+    assert answer.json()["detail"] == "This is longer than the 8 MB that are taken."
+
+
 async def test_browsers_are_told_to_be_careful(admin):
     headers = (await admin.get("/api/session")).headers
     assert headers["X-Content-Type-Options"] == "nosniff"
