@@ -17,6 +17,7 @@ from robot_link.messages import (
     CommandReport,
     LinkState,
     PlanHash,
+    PlanReport,
     RobotId,
     SystemId,
 )
@@ -101,8 +102,8 @@ async def test_a_robot_listens_to_one_station_until_it_is_silent_long(tmp_path: 
     async with rig(tmp_path) as it:
         codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
         surface = command_message(SystemId(1), CommandKind.SURFACE, FIRST, soon(), None)
-        async with it.station() as (station, _heard):
-            await live(station)
+        async with it.station() as (_station, heard):
+            await until(lambda: heard.of(PlanReport))  # the robot has heard the station
             await it.air.transmit(Address(0xBAD), ADDRESSES[MINI], codec.pack(surface))
             await until(lambda: it.robots[MINI].link.frames_bad == 1)
         assert it.robots[MINI].program.obeyed == []

@@ -221,8 +221,10 @@ async def test_an_acknowledgement_of_another_log_changes_nothing(tmp_path: Path)
 async def test_a_submerged_robot_does_not_talk_to_itself(tmp_path: Path):
     """After a few datagrams without an answer, samples wait for the station's next word."""
     patient = dataclasses.replace(HASTE, stale_s=30.0)
-    async with rig(tmp_path, timing=patient) as it, it.station() as (station, _heard):
-        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+    async with rig(tmp_path, timing=patient) as it, it.station():
+        robot = it.robots[MINI].link
+        robot.record_sample("blue_light", 0.0, (0.0, 0.0, 1.0), 0.1, SystemClock().now())
+        await until(lambda: not robot.unacknowledged_samples)
         it.reachable.clear()
         attempts: list[bytes] = []
         transmit = it.air.transmit
@@ -233,7 +235,6 @@ async def test_a_submerged_robot_does_not_talk_to_itself(tmp_path: Path):
             return transmit(source, destination, data)
 
         it.air.transmit = counted
-        robot = it.robots[MINI].link
         for number in range(100):
             robot.record_sample("blue_light", number, (0.0, 0.0, 1.0), 0.1, SystemClock().now())
         await asyncio.sleep(0.5)
@@ -241,23 +242,23 @@ async def test_a_submerged_robot_does_not_talk_to_itself(tmp_path: Path):
 
 
 async def test_samples_of_a_dive_are_filled_in_order_after_it(tmp_path: Path):
+    """In order up to what the radio has under way at once, and what it lost on the way."""
     async with rig(tmp_path) as it, it.station() as (station, heard):
         await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
         it.reachable.clear()
         robot = it.robots[MINI].link
-        for number in range(100):
+        for number in range(400):
             robot.record_sample("blue_light", number, (0.0, 0.0, 1.0), 0.1, SystemClock().now())
         await asyncio.sleep(0.3)
         assert not heard.of(Sample)
         it.reachable.add(MINI)
         await until(lambda: not robot.unacknowledged_samples)
         sequences = [sample.sequence for sample in heard.of(Sample)]
-        assert sorted(sequences) == list(range(100))
-        displacement = max(abs(place - number) for place, number in enumerate(sequences))
-        assert displacement <= 40
+        assert sorted(sequences) == list(range(400))
+        assert max(abs(place - number) for place, number in enumerate(sequences)) <= 100
 
 
-async def test_bursts_of_two_robots_are_stored_within_two_seconds(tmp_path: Path):
+async def test_bursts_of_two_robots_cost_little(tmp_path: Path):
     """Twenty-fold time: what a dive gathered must cross in one short surfacing."""
     calm = AirConditions(delay_s=0.005, jitter_s=0.005)
     async with (
@@ -266,7 +267,7 @@ async def test_bursts_of_two_robots_are_stored_within_two_seconds(tmp_path: Path
     ):
         for robot in it.robots:
             await until(lambda robot=robot: station.link_report(robot).state is LinkState.LIVE)
-        began = asyncio.get_running_loop().time()
+        began_s = time.process_time()
         for robot in it.robots.values():
             for number in range(500):
                 robot.link.record_sample(
@@ -275,7 +276,7 @@ async def test_bursts_of_two_robots_are_stored_within_two_seconds(tmp_path: Path
         await until(
             lambda: not any(robot.link.unacknowledged_samples for robot in it.robots.values())
         )
-        assert asyncio.get_running_loop().time() - began < 2.0
+        assert time.process_time() - began_s < 1.0
         assert len(heard.of(Sample)) == 1000
 
 
