@@ -1,16 +1,19 @@
-"""Finds every reason why a plan must not be sent, in words that name the limit."""
+"""What speaks against flying a plan: every violated limit, in words."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
+from autonomy.planner import primitive
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import planned_points
-from autonomy.planner.plan import Leg
-from autonomy.planner.primitive import bounds
+from autonomy.planner.edge import POINT_STD, POINT_TIME, planned_points
+from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 from autonomy.site import Box, Site
 
-_TOLERANCE_M = 0.01
-_JOINT_TOLERANCE_M = 0.05
+_SAME_PLACE_M = 0.005
+_DOMAIN_MARGIN_M = 0.005
+_TOLERANCE = 0.01
+_ANGLE_TOLERANCE_RAD = math.radians(0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,93 +21,211 @@ class Violation:
     """One limit that a plan breaks."""
 
     field: str
-    """Where it stands, such as ``legs.3.end_ned`` or ``round_budget``."""
+    """What breaks it, such as ``legs[2].end_ned``."""
     message: str
-    """A sentence with the value and the limit."""
+    """One sentence with the limit and by how much it is broken."""
 
 
-def violations(legs: tuple[Leg, ...], config: PlannerConfig, site: Site) -> tuple[Violation, ...]:
-    """List every limit that the legs break; an empty tuple means that the plan may be sent.
+def violations(
+    legs: tuple[Leg, ...], config: PlannerConfig, site: Site, budget: float | None = None
+) -> tuple[Violation, ...]:
+    """List everything that forbids to fly these legs.
 
     Args:
-        legs: The plan, in the site's NED frame.
-        config: The settings whose domain, budget and uncertainty hold.
-        site: The water that the robot works in.
+        legs: The plan.
+        config: Limits of energy, uncertainty, domain and primitives.
+        site: The water, which no plan may leave.
+        budget: Energy units that may be spent; the round's by default.
 
     Returns:
-        All violations, in the order of the legs, then of the plan as a whole.
+        Every violation found, empty for a plan that may be flown. If a number is not finite, only
+        such numbers are listed, since nothing else can be judged.
     """
     if not legs:
         return (Violation("legs", "The plan has no legs."),)
-    found: list[Violation] = []
+    broken = tuple(_not_finite(legs))
+    if broken:
+        return broken
+    found = [*_disconnected(legs), *_badly_made(legs, config)]
     for number, leg in enumerate(legs):
-        found += _leg_violations(number, leg, config, site)
-    if found:
-        return tuple(found)
-    found += _joint_violations(legs)
-    found += _plan_violations(legs, config)
+        found += _outside(number, leg, config.domain, site)
+    found += _overspent(legs, config, config.round_budget if budget is None else budget)
+    if not found:
+        found += _lost(legs, config)
     return tuple(found)
 
 
-def _leg_violations(number: int, leg: Leg, config: PlannerConfig, site: Site) -> list[Violation]:
-    place = f"legs.{number}"
-    numbers = (*leg.start_ned, *leg.end_ned, leg.speed_m_s, leg.duration_s, leg.energy,
-               leg.heading_rad, leg.radius_m, leg.turn_rad)  # fmt: skip
-    if not all(math.isfinite(value) for value in numbers):
-        return [Violation(place, f"Leg {number + 1} holds a number that is not finite.")]
-    if leg.speed_m_s <= 0.0 or leg.duration_s <= 0.0 or leg.energy < 0.0:
-        text = "speed and duration must be positive, energy not negative"
-        return [Violation(place, f"Leg {number + 1}: {text}.")]
-    low, high = bounds(leg)
-    beyond = _outside(low, high, site.water, site.kind)
-    beyond = beyond or _outside(low, high, config.domain, "survey domain")
-    return [
-        Violation(f"{place}.end_ned", f"Leg {number + 1} ({leg.kind}) {text}.") for text in beyond
-    ]
+def _not_finite(legs: tuple[Leg, ...]) -> Iterator[Violation]:
+    for number, leg in enumerate(legs):
+        named = {
+            "start_ned": leg.start_ned,
+            "end_ned": leg.end_ned,
+            "speed_m_s": (leg.speed_m_s,),
+            "duration_s": (leg.duration_s,),
+            "energy": (leg.energy,),
+            "heading_rad": (leg.heading_rad,),
+            "radius_m": (leg.radius_m,),
+            "turn_rad": (leg.turn_rad,),
+        }
+        for name, values in named.items():
+            if not all(math.isfinite(value) for value in values):
+                yield Violation(
+                    f"legs[{number}].{name}",
+                    f"{_title(number, leg)} has a {name} that is not a finite number.",
+                )
 
 
-def _outside(
-    low: tuple[float, float, float], high: tuple[float, float, float], box: Box, name: str
-) -> list[str]:
-    """Say for each side of a box by how much a leg leaves it."""
-    sides = (
-        (box.x_min_m - low[0], f"south edge of the {name}, x {box.x_min_m:g} m"),
-        (high[0] - box.x_max_m, f"north edge of the {name}, x {box.x_max_m:g} m"),
-        (box.y_min_m - low[1], f"west edge of the {name}, y {box.y_min_m:g} m"),
-        (high[1] - box.y_max_m, f"east edge of the {name}, y {box.y_max_m:g} m"),
-        (high[2] - box.depth_max_m, f"{name} floor {box.depth_max_m:g} m"),
-        (-low[2], "surface"),
-    )
-    return [
-        f"goes {excess:.2f} m beyond the {side}" for excess, side in sides if excess > _TOLERANCE_M
-    ]
-
-
-def _joint_violations(legs: tuple[Leg, ...]) -> list[Violation]:
-    found: list[Violation] = []
-    for number in range(1, len(legs)):
-        gap_m = math.dist(legs[number - 1].end_ned, legs[number].start_ned)
-        if gap_m > _JOINT_TOLERANCE_M:
-            text = f"Leg {number + 1} starts {gap_m:.2f} m from where leg {number} ends."
-            found.append(Violation(f"legs.{number}.start_ned", text))
-    last_m = legs[-1].end_ned[2]
-    if last_m > _JOINT_TOLERANCE_M:
-        text = f"The plan ends {last_m:.2f} m under water; its last leg must end at the surface."
-        found.append(Violation(f"legs.{len(legs) - 1}.end_ned", text))
-    return found
-
-
-def _plan_violations(legs: tuple[Leg, ...], config: PlannerConfig) -> list[Violation]:
-    found: list[Violation] = []
-    energy = sum(leg.energy for leg in legs)
-    if energy > config.round_budget * (1 + 1e-9):
-        text = f"The plan needs {energy:.1f} energy units; a round may use {config.round_budget:g}."
-        found.append(Violation("round_budget", text))
-    worst_m = float(planned_points(config, legs)[:, 4].max())
-    if worst_m > config.max_uncertainty_m * (1 + 1e-6):
-        text = (
-            f"The position would be uncertain by {worst_m:.2f} m; the limit is "
-            f"{config.max_uncertainty_m:g} m."
+def _disconnected(legs: tuple[Leg, ...]) -> Iterator[Violation]:
+    """Check that the plan begins and ends at the surface, in one piece."""
+    if legs[0].start_ned[2] > _SAME_PLACE_M:
+        yield Violation(
+            "legs[0].start_ned",
+            f"The plan begins {legs[0].start_ned[2]:.2f} m under water, not at the surface.",
         )
-        found.append(Violation("max_uncertainty_m", text))
-    return found
+    for number in range(1, len(legs)):
+        gap = math.dist(legs[number - 1].end_ned, legs[number].start_ned)
+        if gap > _SAME_PLACE_M:
+            yield Violation(
+                f"legs[{number}].start_ned",
+                f"{_title(number, legs[number])} begins {gap:.2f} m from where leg {number} ends.",
+            )
+    if legs[-1].end_ned[2] > _SAME_PLACE_M:
+        yield Violation(
+            f"legs[{len(legs) - 1}].end_ned",
+            f"The plan ends {legs[-1].end_ned[2]:.2f} m under water, not at the surface.",
+        )
+
+
+def _badly_made(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
+    """Check each leg against what its kind of primitive is."""
+    for number, leg in enumerate(legs):
+        if leg.speed_m_s <= 0.0 or leg.duration_s <= 0.0:
+            yield Violation(
+                f"legs[{number}].speed_m_s",
+                f"{_title(number, leg)} needs a speed and a duration above 0.",
+            )
+            continue
+        way = _way(leg)
+        if abs(way - leg.speed_m_s * leg.duration_s) > _TOLERANCE * way + _SAME_PLACE_M:
+            yield Violation(
+                f"legs[{number}].duration_s",
+                f"{_title(number, leg)} covers {way:.2f} m, which takes "
+                f"{way / leg.speed_m_s:.1f} s at {leg.speed_m_s:.3g} m/s, not "
+                f"{leg.duration_s:.1f} s.",
+            )
+        reason = _misshapen(leg, config)
+        if reason:
+            yield Violation(f"legs[{number}].end_ned", f"{_title(number, leg)} {reason}.")
+
+
+def _way(leg: Leg) -> float:
+    """Return the distance that a leg's speed refers to."""
+    (x0, y0, z0), (x1, y1, z1) = leg.start_ned, leg.end_ned
+    return math.hypot(x1 - x0, y1 - y0) if leg.kind is PrimitiveKind.SWIM else abs(z1 - z0)
+
+
+def _misshapen(leg: Leg, config: PlannerConfig) -> str:
+    """Return what is wrong with a leg's geometry, "" if nothing."""
+    limits = config.primitives
+    (x0, y0, z0), (x1, y1, z1) = leg.start_ned, leg.end_ned
+    horizontal, change = math.hypot(x1 - x0, y1 - y0), abs(z1 - z0)
+    if leg.kind is PrimitiveKind.SWIM:
+        return f"changes depth by {change:.2f} m" if change > _SAME_PLACE_M else ""
+    if leg.kind is PrimitiveKind.DIVE:
+        return f"moves {horizontal:.2f} m sideways" if horizontal > _SAME_PLACE_M else ""
+    if leg.kind is PrimitiveKind.SPIRAL:
+        if leg.radius_m <= 0.0 or leg.turn_rad == 0.0:
+            return "needs a radius and a turn other than 0"
+        x, y, _ = primitive.position_at(leg, 1.0)
+        off = math.hypot(x - x1, y - y1)
+        # Milliradians and millimetres of the wire move the end of a long spiral a little.
+        wire = _SAME_PLACE_M + 1e-3 * leg.radius_m * (1.0 + abs(leg.turn_rad))
+        return f"turns to a point {off:.2f} m from its end" if off > wire else ""
+    angle = math.atan2(change, horizontal)
+    low, high = limits.glide_angle_min_rad, limits.glide_angle_max_rad
+    if low - _ANGLE_TOLERANCE_RAD <= angle <= high + _ANGLE_TOLERANCE_RAD:
+        return ""
+    return (
+        f"has a glide angle of {math.degrees(angle):.1f} deg; the robot glides at "
+        f"{math.degrees(low):.0f} to {math.degrees(high):.0f} deg"
+    )
+
+
+def _outside(number: int, leg: Leg, domain: Box, site: Site) -> Iterator[Violation]:
+    """Check a leg against walls, floor and domain; what leaves the water is not listed twice."""
+    low, high = primitive.bounds(leg)
+    shore = "wall" if site.kind == "tank" else "shore"
+    for past, text in _excess(low, high, site.water, shore, "floor"):
+        yield Violation(
+            f"legs[{number}].end_ned",
+            f"{_title(number, leg)} goes {past:.2f} m past the {site.kind}'s {text}.",
+        )
+        return
+    for past, text in _excess(low, high, domain, "edge", "greatest depth"):
+        yield Violation(
+            f"legs[{number}].end_ned",
+            f"{_title(number, leg)} goes {past:.2f} m past the domain's {text}.",
+        )
+
+
+def _excess(
+    low: PositionNed, high: PositionNed, box: Box, side: str, bottom: str
+) -> Iterator[tuple[float, str]]:
+    """Yield by how much a leg's bounds leave a box, and through which side."""
+    for past, name, limit in (
+        (box.x_min_m - low[0], f"south {side}", box.x_min_m),
+        (high[0] - box.x_max_m, f"north {side}", box.x_max_m),
+        (box.y_min_m - low[1], f"west {side}", box.y_min_m),
+        (high[1] - box.y_max_m, f"east {side}", box.y_max_m),
+        (high[2] - box.depth_max_m, bottom, box.depth_max_m),
+        (-low[2], "surface", 0.0),
+    ):
+        if past > _DOMAIN_MARGIN_M:
+            yield past, f"{name} at {limit:g} m"
+
+
+def _overspent(legs: tuple[Leg, ...], config: PlannerConfig, budget: float) -> Iterator[Violation]:
+    """Check energy against the budget, by the planner's own account of each leg."""
+    energy = 0.0
+    for number, leg in enumerate(legs):
+        due = primitive.energy(leg.kind, leg.duration_s, config.energy)
+        energy += due
+        if abs(due - leg.energy) > _TOLERANCE * due + 0.001:
+            yield Violation(
+                f"legs[{number}].energy",
+                f"{_title(number, leg)} takes {due:.2f} energy units, not {leg.energy:.2f}.",
+            )
+    if energy > budget * (1.0 + 1e-3):
+        yield Violation(
+            "energy",
+            f"The plan takes {energy:.1f} energy units; the budget is {budget:.4g}.",
+        )
+
+
+def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
+    """Check the position's uncertainty, from one surfacing to the next.
+
+    The planner looks at the uncertainty at its own sampling times; what it grows by within one
+    interval is allowed on top, so that no plan of its own is refused.
+    """
+    interval = config.primitives.point_interval_s
+    growth = config.position_filter.drift_m_sqrt_s**2 * interval
+    limit = math.sqrt(config.max_uncertainty_m**2 + growth)
+    begin = 0
+    for number, leg in enumerate(legs):
+        if leg.end_ned[2] > _SAME_PLACE_M:
+            continue
+        points = planned_points(config, legs[begin : number + 1])
+        worst = points[points[:, POINT_STD].argmax()]
+        if worst[POINT_STD] > limit:
+            yield Violation(
+                f"legs[{number}]",
+                f"The position becomes uncertain by {worst[POINT_STD]:.2g} m, "
+                f"{worst[POINT_TIME]:.0f} s after leg {begin + 1} begins; "
+                f"{config.max_uncertainty_m:g} m is allowed.",
+            )
+        begin = number + 1
+
+
+def _title(number: int, leg: Leg) -> str:
+    return f"Leg {number + 1} ({leg.kind})"
