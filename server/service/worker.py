@@ -112,10 +112,7 @@ class WorkerPool:
         self._places = asyncio.Semaphore(size)
         self._idle: list[_Process] = []
         self._busy: set[_Process] = set()
-
-    async def warm(self, task: str, payload: object = None) -> None:
-        """Start a process and let it load what ``task`` needs, so that nobody waits later."""
-        await self.run(task, payload)
+        self._grace_s = CANCEL_GRACE_S
 
     async def run(
         self,
@@ -145,6 +142,10 @@ class WorkerPool:
             finally:
                 self._busy.discard(worker)
                 await self._release(worker)
+
+    def hurry(self) -> None:
+        """From now on, end the process of a cancelled task at once: the station is stopping."""
+        self._grace_s = 0.0
 
     async def stop(self) -> None:
         """End every process; tasks under way raise ``WorkerEndedError``."""
@@ -181,10 +182,11 @@ class WorkerPool:
         """Let a cancelled task end by itself, else end its process."""
         try:
             await worker.send(wire.CANCEL)
-            async with asyncio.timeout(CANCEL_GRACE_S):
+            async with asyncio.timeout(self._grace_s):
                 await self._follow(worker, None)
         except TimeoutError:
             await worker.kill()
-            log.warning("A worker did not stop when asked to and was ended")
+            if self._grace_s:
+                log.warning("A worker did not stop when asked to and was ended")
         except (WorkerTaskError, WorkerEndedError):
             return

@@ -1,0 +1,59 @@
+"""Commands: short orders to a robot, and how far each is proved to have come."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+
+from robot_link.messages import CommandKind
+from server.api.body import Body
+from server.api.dependency import Pilot, Viewer
+from server.api.idempotency import IdempotentRoute
+from server.api.station_dependency import StationDep
+from server.service.view.base import View
+from server.service.view.command import CommandView
+
+router = APIRouter(prefix="/api", tags=["commands"], route_class=IdempotentRoute)
+
+
+class CommandRequest(Body):
+    """An order to a robot."""
+
+    kind: Literal["surface", "hold", "resume"]
+    """``surface`` aborts the mission and ends its automation, ``hold`` suspends it at the next
+    surfacing, ``resume`` goes on."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandIdView(View):
+    """Where to ask how far the command is."""
+
+    id: str
+
+
+@router.post("/robots/{robot}/commands", status_code=202)
+async def create_command(
+    caller: Pilot, robot: str, body: CommandRequest, station: StationDep
+) -> CommandIdView:
+    """Send an order; the answer says that it was written down, not that anyone has it."""
+    return CommandIdView(await station.commands.send(robot, CommandKind(body.kind), by=caller.name))
+
+
+@router.get("/robots/{robot}/commands")
+async def list_commands(
+    caller: Viewer,
+    robot: str,
+    station: StationDep,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 50,
+) -> list[CommandView]:
+    """Return the newest commands of a robot, the newest first."""
+    del caller
+    station.fleet.picture(robot)
+    return await station.commands.latest(robot, limit)
+
+
+@router.get("/commands/{command}")
+async def get_command(caller: Viewer, command: str, station: StationDep) -> CommandView:
+    """Return a command with every level that was proved, and one sentence about it."""
+    del caller
+    return await station.commands.view(command)

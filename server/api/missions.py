@@ -1,0 +1,78 @@
+"""Missions: an adaptive survey plans, flies and maps until its budget is spent."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import Field
+
+from server.api.body import Body
+from server.api.dependency import Pilot, Viewer
+from server.api.idempotency import IdempotentRoute
+from server.api.plans import PartialConfig
+from server.api.station_dependency import StationDep
+from server.service.view.base import View
+from server.service.view.mission import MissionView
+
+router = APIRouter(prefix="/api", tags=["missions"], route_class=IdempotentRoute)
+
+
+class MissionRequest(Body):
+    """What a robot is asked to do."""
+
+    kind: Literal["adaptive_survey"]
+    config: PartialConfig = Field(default_factory=dict)
+    automation: bool = False
+    """Start by itself as soon as the first round is planned; by default nothing is sent."""
+
+
+@dataclass(frozen=True, slots=True)
+class MissionIdView(View):
+    """Where to ask how the mission fares."""
+
+    id: str
+
+
+@router.post("/robots/{robot}/missions", status_code=202)
+async def create_mission(
+    caller: Pilot, robot: str, body: MissionRequest, station: StationDep
+) -> MissionIdView:
+    """Begin a survey: its first round is planned and then waits for `start`."""
+    return MissionIdView(
+        await station.surveys.create(robot, body.config, automation=body.automation, by=caller.name)
+    )
+
+
+@router.get("/robots/{robot}/missions")
+async def list_missions(
+    caller: Viewer,
+    robot: str,
+    station: StationDep,
+    before: Annotated[str | None, Query(description="Id to go on before.")] = None,
+    limit: Annotated[int, Query(ge=1, le=100)] = 20,
+) -> list[MissionView]:
+    """Return the missions of a robot, the newest first."""
+    del caller
+    station.fleet.picture(robot)
+    return await station.missions.views(robot, before, limit)
+
+
+@router.get("/missions/{mission}")
+async def get_mission(caller: Viewer, mission: str, station: StationDep) -> MissionView:
+    """Return a mission: state, rounds, budget spent as the robot reports it, scores."""
+    del caller
+    return await station.missions.view(mission)
+
+
+@router.post("/missions/{mission}/start", status_code=202)
+async def start_mission(caller: Pilot, mission: str, station: StationDep) -> MissionIdView:
+    """Send and start the draft, and each further round, until the budget is spent."""
+    await station.surveys.start(mission, by=caller.name)
+    return MissionIdView(mission)
+
+
+@router.post("/missions/{mission}/stop", status_code=202)
+async def stop_mission(caller: Pilot, mission: str, station: StationDep) -> MissionIdView:
+    """End the automation; the draft stays, and the robot finishes the plan that it flies."""
+    await station.surveys.stop(mission, by=caller.name)
+    return MissionIdView(mission)

@@ -1,0 +1,172 @@
+"""Plans: made by the planner or laid out by hand, checked, sent, followed."""
+
+from dataclasses import dataclass
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Query
+from pydantic import Field
+
+from autonomy.planner.plan import PrimitiveKind
+from db.query.plans import PlanRecord, list_plans
+from server.api.body import Body
+from server.api.dependency import Pilot, StoreDep, Viewer
+from server.api.idempotency import IdempotentRoute
+from server.api.station_dependency import StationDep
+from server.service.plan_document import plan_summary
+from server.service.primitive_legs import LegRequest
+from server.service.view.base import View
+from server.service.view.plan import PlanSummaryView, PlanView, ViolationView
+
+router = APIRouter(prefix="/api", tags=["plans"], route_class=IdempotentRoute)
+
+PartialConfig = Annotated[
+    dict[str, Any],
+    Field(
+        description="Fields of the planner's configuration that differ from what holds for the "
+        "robot; see `GET /api/config/planner/schema`. They become its new version."
+    ),
+]
+
+
+class SurveyPlanRequest(Body):
+    """One round of a survey, to be searched for by the planner."""
+
+    kind: Literal["adaptive_survey"]
+    config: PartialConfig = Field(default_factory=dict)
+    mission: str | None = None
+    """A mission that waits for its start: the plan takes the place of its newest draft."""
+
+
+class LegBody(Body):
+    """One motion primitive; it starts where the one before ended."""
+
+    kind: PrimitiveKind
+    end_ned: tuple[float, float, float]
+    """North, east, depth. Of a dive or spiral only the depth counts."""
+    speed_m_s: float | None = Field(default=None, gt=0.0, le=5.0)
+    """Vertical speed, of a swim the speed over ground; by default the planner's."""
+    heading_rad: float = 0.0
+    """Heading at which a spiral is entered."""
+    radius_m: float = Field(default=0.0, ge=0.0)
+    """Radius of a spiral."""
+    turn_rad: float = 0.0
+    """Angle that a spiral turns through, positive to starboard."""
+
+
+class PrimitivesPlanRequest(Body):
+    """Legs laid out by hand, from where the robot is."""
+
+    kind: Literal["primitives"]
+    legs: list[LegBody] = Field(min_length=1, max_length=500)
+    config: PartialConfig = Field(default_factory=dict)
+
+
+PlanRequest = Annotated[SurveyPlanRequest | PrimitivesPlanRequest, Field(discriminator="kind")]
+
+
+class UploadRequest(Body):
+    """How a plan is to be brought on board."""
+
+    start: bool = False
+    """Whether the robot is told to fly it as soon as it is on board."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlanIdView(View):
+    """Where to ask how the plan fares."""
+
+    id: str
+
+
+@dataclass(frozen=True, slots=True)
+class TransferIdView(View):
+    """Where to ask how far the transfer is."""
+
+    transfer: str
+
+
+@dataclass(frozen=True, slots=True)
+class CheckView(View):
+    """What a plan breaks by the limits that hold now."""
+
+    plan_id: str
+    violations: list[ViolationView]
+
+
+@router.post("/robots/{robot}/plans", status_code=202)
+async def create_plan(
+    caller: Pilot, robot: str, body: PlanRequest, station: StationDep
+) -> PlanIdView:
+    """Begin a plan: 409 or 422 at once if it cannot be made, else it becomes a draft or fails."""
+    if isinstance(body, SurveyPlanRequest) and body.mission is not None:
+        plan = await station.surveys.plan_again(robot, body.mission, body.config, by=caller.name)
+        return PlanIdView(plan.id)
+    config_id, config = await station.planning.configure(robot, body.config, by=caller.name)
+    if isinstance(body, PrimitivesPlanRequest):
+        legs = [
+            LegRequest(
+                leg.kind, leg.end_ned, leg.speed_m_s, leg.heading_rad, leg.radius_m, leg.turn_rad
+            )
+            for leg in body.legs
+        ]
+        plan = await station.planning.plan_primitives(
+            robot, config, config_id, legs, by=caller.name
+        )
+    else:
+        plan = await station.planning.plan_survey(robot, config, config_id, by=caller.name)
+    return PlanIdView(plan.id)
+
+
+@router.get("/robots/{robot}/plans")
+async def list_robot_plans(
+    caller: Viewer,
+    robot: str,
+    store: StoreDep,
+    station: StationDep,
+    state: Annotated[str | None, Query(description="Plans in this state only.")] = None,
+    before: Annotated[str | None, Query(description="Id to go on before.")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 50,
+) -> list[PlanSummaryView]:
+    """Return the plans of a robot, the newest first, without legs and points."""
+    del caller
+    station.fleet.picture(robot)
+    states = None if state is None else (state,)
+    plans = await store.query(
+        lambda session: list_plans(session, robot=robot, states=states, before=before, limit=limit)
+    )
+    return [plan_summary(plan) for plan in plans]
+
+
+@router.get("/plans/{plan}")
+async def get_plan(caller: Viewer, plan: str, station: StationDep) -> PlanView:
+    """Return a plan: its legs, its account, what it breaks, and where it is on its way."""
+    del caller
+    return station.plans.view(await station.plans.get(plan))
+
+
+@router.post("/plans/{plan}/upload", status_code=202)
+async def upload_plan(
+    caller: Pilot, plan: str, station: StationDep, body: UploadRequest | None = None
+) -> TransferIdView:
+    """Bring a draft on board; 409 lists each limit that it breaks.
+
+    The robot's old plan stays until the new one is whole and proved by its hash.
+    """
+    del caller
+    start = body is not None and body.start
+    return TransferIdView(await station.uploads.upload(plan, start=start))
+
+
+@router.post("/plans/{plan}/cancel", status_code=202)
+async def cancel_plan(caller: Pilot, plan: str, station: StationDep) -> PlanIdView:
+    """Stop planning, or throw a draft away; a plan that has left the station is not cancelled."""
+    del caller
+    record: PlanRecord = await station.planning.cancel(plan)
+    return PlanIdView(record.id)
+
+
+@router.post("/plans/{plan}/check")
+async def check_plan(caller: Pilot, plan: str, station: StationDep) -> CheckView:
+    """Check a plan against the limits that hold now."""
+    del caller
+    return CheckView(plan, await station.planning.check(plan))

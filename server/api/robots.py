@@ -1,0 +1,239 @@
+"""The fleet: who there is, how each robot is now, and what it said before."""
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from fastapi import APIRouter, Query, Response
+from pydantic import AwareDatetime, Field
+from sqlalchemy.orm import Session
+
+from autonomy.field.fidelity import fidelity_level
+from autonomy.field.variable import VARIABLES
+from autonomy.frames import wgs84_from_ned
+from autonomy.site import Site
+from autonomy.vehicle.config import VEHICLES
+from db.query.events import add_event
+from db.query.robots import (
+    RobotExistsError,
+    RobotRecord,
+    add_robot,
+    change_robot,
+)
+from db.query.telemetry import history, track
+from robot_link.messages import RobotId, SystemId
+from robot_link.transport.opening import open_transport
+from server.api.body import Body
+from server.api.dependency import Admin, FoundationDep, StoreDep, Viewer
+from server.api.idempotency import IdempotentRoute
+from server.api.station_dependency import StationDep, encoded
+from server.problem import FieldError, conflict, not_found, unprocessable
+from server.service.channel import CHANNELS
+from server.service.view.robot import RobotView, SamplesView, StateView, TrackView
+
+router = APIRouter(prefix="/api/robots", tags=["robots"], route_class=IdempotentRoute)
+
+MaxPoints = Annotated[
+    int, Query(ge=2, le=20_000, description="Thin the series to at most this many points.")
+]
+Start = Annotated[AwareDatetime | None, Query(description="First moment; RFC 3339.")]
+End = Annotated[AwareDatetime | None, Query(description="Last moment; RFC 3339.")]
+
+
+class NewRobot(Body):
+    """A robot that the station should know."""
+
+    id: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")
+    """Short name: lower-case letters, digits and dashes."""
+    name: str = Field(min_length=1, max_length=80)
+    """What operators call it."""
+    model: str
+    """Key of a vehicle: ``miniglider`` or ``grace3``."""
+    system_id: int = Field(ge=1, le=249)
+    """Its MAVLink system id."""
+    links: list[str] = Field(min_length=1, max_length=8)
+    """URIs of its links, such as ``xbee:///dev/ttyUSB0?baud=115200``."""
+    site: Site
+    """The water that it works in."""
+    kind: Literal["real", "simulated"] = "real"
+    """Whether it exists in a simulator only."""
+
+
+class RobotChanges(Body):
+    """What is to be changed of a robot."""
+
+    name: str | None = Field(default=None, min_length=1, max_length=80)
+    model: str | None = None
+    system_id: int | None = Field(default=None, ge=1, le=249)
+    links: list[str] | None = Field(default=None, min_length=1, max_length=8)
+    site: Site | None = None
+
+
+@router.get("")
+async def list_robots(caller: Viewer, station: StationDep) -> list[RobotView]:
+    """Return every robot with what it is doing, when it is heard next, and its worst alarm."""
+    del caller
+    return [station.fleet.robot_view(picture.record.id) for picture in station.fleet.pictures]
+
+
+@router.post("", status_code=201)
+async def create_robot(
+    caller: Admin, robot: NewRobot, station: StationDep, foundation: FoundationDep
+) -> RobotView:
+    """Add a robot; the station listens for it at once."""
+    _check_model(robot.model)
+    _check_links(robot.links)
+    at = foundation.clock.now()
+    record = RobotRecord(
+        id=RobotId(robot.id),
+        name=robot.name,
+        model=robot.model,
+        kind=robot.kind,
+        system_id=SystemId(robot.system_id),
+        links=tuple(robot.links),
+        site=robot.site,
+        created_at=at,
+    )
+
+    def write(session: Session) -> None:
+        add_robot(session, record)
+        add_event(session, at, "robot.added", f"{caller.name} added {robot.id}.", robot=robot.id)
+
+    await _keep(foundation, write)
+    await station.refresh(robot.id)
+    return station.fleet.robot_view(robot.id)
+
+
+@router.get("/{robot}")
+async def get_robot(caller: Viewer, robot: str, station: StationDep) -> RobotView:
+    """Return one robot."""
+    del caller
+    return station.fleet.robot_view(robot)
+
+
+@router.patch("/{robot}")
+async def patch_robot(
+    caller: Admin,
+    robot: str,
+    changes: RobotChanges,
+    station: StationDep,
+    foundation: FoundationDep,
+) -> RobotView:
+    """Change a robot's name, model, links or site."""
+    station.fleet.picture(robot)
+    given = changes.model_dump(exclude_unset=True, exclude_none=True)
+    if changes.model is not None:
+        _check_model(changes.model)
+    if changes.links is not None:
+        _check_links(changes.links)
+    at = foundation.clock.now()
+
+    def write(session: Session) -> None:
+        change_robot(session, robot, **given)
+        text = f"{caller.name} changed {robot}."
+        add_event(session, at, "robot.changed", text, robot=robot, data={"fields": list(given)})
+
+    await _keep(foundation, write)
+    await station.refresh(robot)
+    return station.fleet.robot_view(robot)
+
+
+@router.get("/{robot}/state")
+async def get_state(caller: Viewer, robot: str, station: StationDep) -> StateView:
+    """Return the newest value of every channel, each with its age."""
+    del caller
+    return station.fleet.state_view(robot)
+
+
+@router.get("/{robot}/samples", response_model=SamplesView)
+async def get_samples(
+    caller: Viewer,
+    robot: str,
+    channel: Annotated[
+        str, Query(description="Key of a channel of the state, or of a field variable.")
+    ],
+    store: StoreDep,
+    station: StationDep,
+    start: Start = None,
+    end: End = None,
+    max_points: MaxPoints = 2000,
+) -> Response:
+    """Return the history of one channel, thinned so that every extreme stays."""
+    del caller
+    station.fleet.picture(robot)
+    unit = _unit(channel)
+    found = await store.query(
+        lambda session: history(session, robot, channel, start, end, max_points)
+    )
+    return encoded(
+        SamplesView(robot, channel, unit, found.measured_at, found.value, found.decimated)
+    )
+
+
+@router.get("/{robot}/track", response_model=TrackView)
+async def get_track(
+    caller: Viewer,
+    robot: str,
+    foundation: FoundationDep,
+    station: StationDep,
+    start: Start = None,
+    end: End = None,
+    max_points: MaxPoints = 2000,
+) -> Response:
+    """Return where the robot believed to be, with uncertainty and fidelity level."""
+    del caller
+    site = station.fleet.picture(robot).record.site
+    found = await foundation.store.query(
+        lambda session: track(session, robot, start, end, max_points)
+    )
+    thresholds_m = station.fleet.picture(robot).track.thresholds_m
+    positions = np.array([point.position_ned for point in found.points]).reshape(-1, 3)
+    std_m = np.array([point.position_std_m for point in found.points])
+    geodetic = wgs84_from_ned(positions[:, :2], site.origin_latitude_deg, site.origin_longitude_deg)
+    return encoded(
+        TrackView(
+            robot=robot,
+            measured_at=[point.measured_at for point in found.points],
+            north_m=positions[:, 0].tolist(),
+            east_m=positions[:, 1].tolist(),
+            depth_m=positions[:, 2].tolist(),
+            std_m=std_m.tolist(),
+            fidelity=fidelity_level(std_m, thresholds_m).tolist(),
+            latitude_deg=geodetic[:, 0].tolist(),
+            longitude_deg=geodetic[:, 1].tolist(),
+            decimated=found.decimated,
+        )
+    )
+
+
+def _unit(channel: str) -> str:
+    for known in CHANNELS:
+        if known.key == channel:
+            return known.unit
+    if channel in VARIABLES:
+        return VARIABLES[channel].unit
+    known = ", ".join([*(one.key for one in CHANNELS), *VARIABLES])
+    raise not_found(f"There is no channel {channel!r}; there are {known}.")
+
+
+def _check_model(model: str) -> None:
+    if model not in VEHICLES:
+        message = f"must be one of {', '.join(VEHICLES)}"
+        raise unprocessable("1 field is wrong.", [FieldError(loc=["model"], msg=message)])
+
+
+def _check_links(links: list[str]) -> None:
+    errors: list[FieldError] = []
+    for i, uri in enumerate(links):
+        try:
+            open_transport(uri)
+        except ValueError as error:
+            errors.append(FieldError(loc=["links", i], msg=str(error)))
+    if errors:
+        raise unprocessable(f"{len(errors)} links are wrong.", errors)
+
+
+async def _keep(foundation: FoundationDep, write: Any) -> None:  # noqa: ANN401
+    try:
+        await foundation.store.write(write)
+    except RobotExistsError as error:
+        raise conflict(str(error)) from error

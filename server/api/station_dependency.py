@@ -1,0 +1,22 @@
+"""How a route reaches the services of its station."""
+
+from typing import Annotated
+
+import msgspec
+from fastapi import Depends, Response
+from starlette.requests import HTTPConnection
+
+from server.service.station import Station
+
+
+def get_station(connection: HTTPConnection) -> Station:
+    """Return the services of the application that serves this connection."""
+    return connection.app.state.station
+
+
+StationDep = Annotated[Station, Depends(get_station)]
+
+
+def encoded(view: object) -> Response:
+    """Return a large view as JSON at once; its route declares the schema as ``response_model``."""
+    return Response(msgspec.json.encode(view), media_type="application/json")

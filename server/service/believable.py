@@ -1,0 +1,73 @@
+"""What no robot can have measured: kept out of gauges, maps and plans.
+
+The raw bytes are journaled whatever they say; this is about what is done with them.
+"""
+
+import math
+from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
+
+from autonomy.site import Site
+from robot_link.messages import Sample, StateReport
+
+_EARLIEST = datetime(2000, 1, 1, tzinfo=UTC)
+_FUTURE = timedelta(seconds=60)
+"""Clocks of robots may be this far ahead, at the clock's normal speed."""
+_SURFACE_NOISE_M = 0.5
+_LARGEST_VALUE = 1e6
+
+
+def fault_of_state(report: StateReport, site: Site, now: datetime, speed: float) -> str | None:
+    """Return why a state report cannot be true, or ``None``."""
+    numbers = (
+        *report.position_ned,
+        *report.velocity_ned,
+        report.position_std_m,
+        report.roll_rad,
+        report.pitch_rad,
+        report.heading_rad,
+        report.net_buoyancy_kg,
+        report.mass_position_m,
+        report.tail_rad,
+        report.battery_fraction,
+        report.battery_v,
+        report.energy_used,
+    )
+    if not all(map(math.isfinite, numbers)):
+        return "a value that is not a number"
+    if not -0.01 <= report.battery_fraction <= 1.01:
+        return f"a battery charge of {report.battery_fraction:.0%}"
+    return _fault_of_time(report.measured_at, now, speed) or _fault_of_position(
+        report.position_ned, report.position_std_m, site
+    )
+
+
+def fault_of_sample(sample: Sample, site: Site, now: datetime, speed: float) -> str | None:
+    """Return why a sample cannot be true, or ``None``."""
+    if not all(map(math.isfinite, (*sample.position_ned, sample.position_std_m, sample.value))):
+        return "a value that is not a number"
+    if abs(sample.value) > _LARGEST_VALUE:
+        return f"a {sample.variable} of {sample.value:.3g}"
+    return _fault_of_time(sample.measured_at, now, speed) or _fault_of_position(
+        sample.position_ned, sample.position_std_m, site
+    )
+
+
+def _fault_of_time(measured_at: datetime, now: datetime, speed: float) -> str | None:
+    if measured_at < _EARLIEST or measured_at - now > _FUTURE * max(1.0, speed):
+        return f"the time {measured_at:%Y-%m-%d %H:%MZ}"
+    return None
+
+
+def _fault_of_position(position: Sequence[float], std_m: float, site: Site) -> str | None:
+    """Positions may err by their own uncertainty and leave the water a little; not more."""
+    north_m, east_m, depth_m = position
+    water = site.water
+    if std_m < 0:
+        return f"a position uncertainty of {std_m:.3g} m"
+    if not -_SURFACE_NOISE_M <= depth_m <= 1.2 * water.depth_max_m + _SURFACE_NOISE_M:
+        return f"a depth of {depth_m:.2f} m in {water.depth_max_m:g} m of water"
+    side_m = max(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m)
+    if not water.contains(north_m, east_m, 0.0, 0.5 * side_m + 5.0 * std_m):
+        return f"a position {north_m:.1f} m north, {east_m:.1f} m east, far outside {site.name}"
+    return None

@@ -1,0 +1,296 @@
+"""The fleet as it is now: what robots said last, and how old that is."""
+
+from collections.abc import Callable, Iterable
+from datetime import datetime
+
+from autonomy.field.variable import VARIABLES
+from autonomy.frames import wgs84_from_ned
+from autonomy.vehicle.config import VEHICLES
+from db.query.robots import RobotRecord
+from robot_link.clock import Clock
+from robot_link.messages import LinkReport, LinkState, PlanReport, Sample, StateReport
+from server.problem import not_found
+from server.service.channel import CHANNELS, FIELD_LIMIT_S, POSITION_LIMIT_S, Channel
+from server.service.picture import Picture, PlanInHand
+from server.service.track import Track
+from server.service.view.robot import (
+    ChannelView,
+    ContactView,
+    LinkView,
+    LiveRobotView,
+    OnboardPlanView,
+    PositionView,
+    RobotView,
+    StateView,
+)
+from server.service.words import activity, clock_time, onboard_plan_state, surface_forecast
+
+_TRACK_STEPS = 500
+"""Track points are at least the site's longest side divided by this apart."""
+
+
+class Fleet:
+    """Pictures of all robots, and the views that REST and the live stream make of them.
+
+    Belongs to one event loop. ``on_change`` is called with a robot's id whenever its picture
+    changed; it must be cheap.
+    """
+
+    def __init__(
+        self,
+        clock: Clock,
+        on_change: Callable[[str], None],
+        alarm_level: Callable[[str], str | None],
+    ) -> None:
+        self._clock = clock
+        self._on_change = on_change
+        self._alarm_level = alarm_level
+        self._pictures: dict[str, Picture] = {}
+
+    def add(self, record: RobotRecord, thresholds_m: tuple[float, ...]) -> Picture:
+        """Take up a robot; a robot that is known already gets the new record."""
+        picture = self._pictures.get(record.id)
+        if picture is None:
+            water = record.site.water
+            side_m = max(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m)
+            picture = Picture(record, Track(side_m / _TRACK_STEPS, thresholds_m))
+            self._pictures[record.id] = picture
+        else:
+            picture.record = record
+            picture.track.set_thresholds(thresholds_m)
+        self.touch(record.id)
+        return picture
+
+    def picture(self, robot: str) -> Picture:
+        """Return what is known of a robot.
+
+        Raises:
+            Problem: 404 if there is no such robot.
+        """
+        picture = self._pictures.get(robot)
+        if picture is None:
+            raise not_found(f"There is no robot {robot!r}.")
+        return picture
+
+    def knows(self, robot: str | None) -> bool:
+        """Tell whether a robot belongs to the fleet."""
+        return robot in self._pictures
+
+    @property
+    def pictures(self) -> Iterable[Picture]:
+        """Every robot, in the order in which they were added."""
+        return self._pictures.values()
+
+    def take_state(self, report: StateReport) -> None:
+        """Take a state report; one that is older than the newest changes no gauge."""
+        picture = self._pictures[report.robot]
+        if picture.state is None or report.measured_at >= picture.state.measured_at:
+            picture.state = report
+            picture.track.add(report.position_ned, report.position_std_m)
+            self.touch(report.robot)
+
+    def take_sample(self, sample: Sample) -> None:
+        """Take a sample as the newest value of its variable, if it is."""
+        newest = self._pictures[sample.robot].samples
+        known = newest.get(sample.variable)
+        if known is None or sample.measured_at >= known.measured_at:
+            newest[sample.variable] = sample
+            self.touch(sample.robot)
+
+    def take_plan_report(self, report: PlanReport) -> None:
+        """Take what a robot says of the plan on board."""
+        self._pictures[report.robot].plan_report = report
+        self.touch(report.robot)
+
+    def take_link(self, report: LinkReport) -> None:
+        """Take the health of one link to a robot."""
+        self._pictures[report.robot].links[report.carrier] = report
+        self.touch(report.robot)
+
+    def set_plan(self, robot: str, plan: PlanInHand | None) -> None:
+        """Say which plan of a robot concerns the operator now."""
+        self._pictures[robot].plan = plan
+        self.touch(robot)
+
+    def set_mission(self, robot: str, mission_id: str | None) -> None:
+        """Say which mission of a robot concerns the operator now."""
+        self._pictures[robot].mission_id = mission_id
+        self.touch(robot)
+
+    def touch(self, robot: str) -> None:
+        """Say that something about a robot changed."""
+        self._on_change(robot)
+
+    def limit_s(self, limit_s: float) -> float:
+        """Return a limit of age by the station's clock, which a demo may run faster."""
+        return limit_s * max(1.0, self._clock.speed)
+
+    def is_old(self, picture: Picture) -> bool:
+        """Tell whether the newest state of a robot must look old."""
+        state = picture.state
+        return state is None or self._age_s(state.measured_at) > self.limit_s(POSITION_LIMIT_S)
+
+    def robot_view(self, robot: str) -> RobotView:
+        """Return a robot as the fleet's list shows it."""
+        picture = self.picture(robot)
+        record = picture.record
+        vehicle = VEHICLES.get(record.model)
+        return RobotView(
+            id=record.id,
+            name=record.name,
+            model=record.model if vehicle is None else vehicle.title,
+            model_note="" if vehicle is None else vehicle.note,
+            kind=record.kind,
+            system_id=record.system_id,
+            simulated=record.simulated,
+            site=record.site,
+            link=self._link_view(picture),
+            mode=None if picture.state is None else picture.state.mode.name.lower(),
+            activity=self._activity(picture),
+            mission_id=picture.mission_id,
+            plan_id=None if picture.plan is None else picture.plan.plan_id,
+            next_contact=self._next_contact(picture),
+            surface_forecast=self._forecast(picture),
+            alarm_level=self._alarm_level(robot),
+        )
+
+    def state_view(self, robot: str) -> StateView:
+        """Return the newest value of everything that a robot reports."""
+        picture = self.picture(robot)
+        return StateView(
+            robot=robot,
+            channels=self._channels(picture),
+            position=self._position(picture),
+            mode=None if picture.state is None else picture.state.mode.name.lower(),
+            activity=self._activity(picture),
+            plan=self._onboard_plan(picture),
+            link=self._link_view(picture),
+        )
+
+    def live_view(self, robot: str) -> LiveRobotView:
+        """Return a robot as the live stream carries it."""
+        picture = self.picture(robot)
+        state = self.state_view(robot)
+        return LiveRobotView(
+            robot=state.robot,
+            channels=state.channels,
+            position=state.position,
+            mode=state.mode,
+            activity=state.activity,
+            plan=state.plan,
+            link=state.link,
+            mission_id=picture.mission_id,
+            plan_id=None if picture.plan is None else picture.plan.plan_id,
+            next_contact=self._next_contact(picture),
+            surface_forecast=self._forecast(picture),
+            alarm_level=self._alarm_level(robot),
+        )
+
+    def _age_s(self, moment: datetime) -> float:
+        return max(0.0, (self._clock.now() - moment).total_seconds())
+
+    def _activity(self, picture: Picture) -> str:
+        if picture.record.kind == "recorded":
+            return "Recording"
+        plan = picture.plan
+        flying = plan is not None and plan.state == "running"
+        return activity(
+            picture.state, plan.round_text if plan and flying else "", self.is_old(picture)
+        )
+
+    def _next_contact(self, picture: Picture) -> ContactView | None:
+        if picture.link_state is not LinkState.SUBMERGED:
+            return None
+        at = picture.next_surfacing()
+        if at is None:
+            return None
+        return ContactView(at, f"Next surfacing about {clock_time(at)}")
+
+    def _forecast(self, picture: Picture) -> str:
+        if picture.record.kind == "recorded":
+            return "A recording cannot be told anything"
+        link = picture.link
+        return surface_forecast(
+            picture.record.id,
+            picture.link_state,
+            "" if link is None else link.carrier,
+            picture.next_surfacing(),
+        )
+
+    def _link_view(self, picture: Picture) -> LinkView:
+        link = picture.link
+        if link is None:
+            return LinkView("", LinkState.NEVER_HEARD.value, None, None, None, 0, 0)
+        return LinkView(
+            carrier=link.carrier,
+            state=link.state.value,
+            heard_at=link.heard_at,
+            age_s=None if link.heard_at is None else self._age_s(link.heard_at),
+            rssi_dbm=link.rssi_dbm,
+            frames_received=link.frames_received,
+            frames_bad=link.frames_bad,
+        )
+
+    def _channels(self, picture: Picture) -> dict[str, ChannelView]:
+        channels: dict[str, ChannelView] = {}
+        if picture.state is not None:
+            age_s = self._age_s(picture.state.measured_at)
+            for channel in CHANNELS:
+                channels[channel.key] = self._channel(channel, picture.state, age_s)
+        for key, sample in picture.samples.items():
+            channels[key] = ChannelView(
+                value=sample.value,
+                unit=VARIABLES[key].unit,
+                display_unit=None,
+                measured_at=sample.measured_at,
+                received_at=sample.received_at,
+                age_s=self._age_s(sample.measured_at),
+                limit_s=self.limit_s(FIELD_LIMIT_S),
+            )
+        return channels
+
+    def _channel(self, channel: Channel, state: StateReport, age_s: float) -> ChannelView:
+        return ChannelView(
+            value=channel.value(state),
+            unit=channel.unit,
+            display_unit=channel.display_unit,
+            measured_at=state.measured_at,
+            received_at=state.received_at,
+            age_s=age_s,
+            limit_s=self.limit_s(channel.limit_s),
+        )
+
+    def _position(self, picture: Picture) -> PositionView | None:
+        state, site = picture.state, picture.record.site
+        if state is None:
+            return None
+        latitude_deg, longitude_deg = wgs84_from_ned(
+            state.position_ned[:2], site.origin_latitude_deg, site.origin_longitude_deg
+        )
+        return PositionView(
+            ned_m=state.position_ned,
+            std_m=state.position_std_m,
+            latitude_deg=float(latitude_deg),
+            longitude_deg=float(longitude_deg),
+            has_fix=state.has_fix,
+            measured_at=state.measured_at,
+            received_at=state.received_at,
+            age_s=self._age_s(state.measured_at),
+        )
+
+    def _onboard_plan(self, picture: Picture) -> OnboardPlanView | None:
+        report = picture.plan_report
+        if report is None:
+            return None
+        plan = picture.plan
+        return OnboardPlanView(
+            plan_id=plan.plan_id
+            if plan is not None and plan.record.sha256 == report.sha256
+            else None,
+            sha256=report.sha256,
+            state=onboard_plan_state(report.state),
+            leg=report.leg,
+            legs=report.legs,
+            energy_used=report.energy_used,
+            age_s=self._age_s(report.measured_at),
+        )

@@ -1,0 +1,172 @@
+"""The way in: everything that a link decoded, into the database first and then to who waits.
+
+Samples are lossless: a robot is told to forget one only after it was committed, and one that comes
+twice is stored once. Gauges are latest-wins and do not wait for the database.
+"""
+
+import asyncio
+import logging
+from collections import defaultdict
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from dataclasses import dataclass
+
+from db.fault import StoreError
+from db.ingest import Telemetry
+from db.query.events import add_event
+from db.store import Store
+from robot_link.clock import Clock
+from robot_link.messages import (
+    CommandReport,
+    LinkEvent,
+    LinkReport,
+    LogId,
+    PlanReport,
+    RawFrame,
+    RobotId,
+    Sample,
+    StateReport,
+    UploadReport,
+)
+from server.service.believable import fault_of_sample, fault_of_state
+from server.service.fleet import Fleet
+
+log = logging.getLogger(__name__)
+
+GATHER_S = 0.02
+"""Telemetry is handed to the database in pieces of this length."""
+
+
+@dataclass(frozen=True, slots=True)
+class Listeners:
+    """Who is told what; all are called on the event loop."""
+
+    acknowledge: Callable[[RobotId, LogId, Sequence[int]], None]
+    """The rows of these samples are committed."""
+    samples: Callable[[Sequence[Sample]], None]
+    """New measurements, committed and believable; some may have been told before."""
+    plan: Callable[[PlanReport], None]
+    upload: Callable[[UploadReport], None]
+    command: Callable[[CommandReport], None]
+
+
+class Ingest:
+    """Takes link events in the order in which they happened. Belongs to one event loop."""
+
+    def __init__(self, store: Store, fleet: Fleet, clock: Clock, listeners: Listeners) -> None:
+        self._store = store
+        self._fleet = fleet
+        self._clock = clock
+        self._listeners = listeners
+        self._rows: list[Telemetry] = []
+        self._samples: list[Sample] = []
+        self._refused: list[Sample] = []
+        self._flush: asyncio.TimerHandle | None = None
+        self._told_faults: set[tuple[str, str]] = set()
+        self._notes: set[asyncio.Task[None]] = set()
+
+    def take(self, event: LinkEvent) -> None:
+        """Take one event of a link."""
+        if not isinstance(event, RawFrame) and not self._fleet.knows(event.robot):
+            return
+        match event:
+            case RawFrame():
+                self._append(event)
+            case StateReport():
+                self._take_state(event)
+            case Sample():
+                self._take_sample(event)
+            case PlanReport():
+                self._append(event)
+                self._fleet.take_plan_report(event)
+                self._listeners.plan(event)
+            case LinkReport():
+                self._fleet.take_link(event)
+            case UploadReport():
+                self._listeners.upload(event)
+            case CommandReport():
+                self._listeners.command(event)
+
+    def flush(self) -> None:
+        """Hand everything that waits to the database now."""
+        if self._flush is not None:
+            self._flush.cancel()
+            self._flush = None
+        if not self._rows:
+            return
+        rows, samples, refused = self._rows, self._samples, self._refused
+        self._rows, self._samples, self._refused = [], [], []
+        loop = asyncio.get_running_loop()
+
+        def committed(future: "Future[None]") -> None:
+            if not loop.is_closed():
+                loop.call_soon_threadsafe(self._committed, future, samples, refused)
+
+        self._store.append(rows).add_done_callback(committed)
+
+    def _append(self, row: Telemetry) -> None:
+        self._rows.append(row)
+        if self._flush is None:
+            self._flush = asyncio.get_running_loop().call_later(GATHER_S, self.flush)
+
+    def _take_state(self, report: StateReport) -> None:
+        site = self._fleet.picture(report.robot).record.site
+        fault = fault_of_state(report, site, self._clock.now(), self._clock.speed)
+        if fault is not None:
+            self._refuse(report.robot, "state", fault)
+            return
+        self._told_faults.discard((report.robot, "state"))
+        self._append(report)
+        self._fleet.take_state(report)
+
+    def _take_sample(self, sample: Sample) -> None:
+        site = self._fleet.picture(sample.robot).record.site
+        fault = fault_of_sample(sample, site, self._clock.now(), self._clock.speed)
+        if fault is not None:
+            self._refuse(sample.robot, "sample", fault)
+            # Its bytes are in the journal; without an answer the robot would send it for ever.
+            self._refused.append(sample)
+            return
+        self._told_faults.discard((sample.robot, "sample"))
+        self._append(sample)
+        self._samples.append(sample)
+
+    def _committed(
+        self, future: "Future[None]", samples: list[Sample], refused: list[Sample]
+    ) -> None:
+        error = future.exception()
+        if error is not None:
+            log.error("telemetry was not stored: %s", error)
+            return
+        stored: dict[tuple[RobotId, LogId], list[int]] = defaultdict(list)
+        for sample in (*samples, *refused):
+            stored[sample.robot, sample.log].append(sample.sequence)
+        for (robot, sample_log), sequences in stored.items():
+            self._listeners.acknowledge(robot, sample_log, sequences)
+        for sample in samples:
+            self._fleet.take_sample(sample)
+        if samples:
+            self._listeners.samples(samples)
+
+    def _refuse(self, robot: RobotId, what: str, fault: str) -> None:
+        """Count a value that cannot be true, and say so once until a good one came."""
+        picture = self._fleet.picture(robot)
+        picture.refused += 1
+        if (robot, what) in self._told_faults:
+            return
+        self._told_faults.add((robot, what))
+        task = asyncio.create_task(self._note(robot, what, fault), name=f"note {what} of {robot}")
+        self._notes.add(task)
+        task.add_done_callback(self._notes.discard)
+
+    async def _note(self, robot: RobotId, what: str, fault: str) -> None:
+        at = self._clock.now()
+        text = f"{robot} sent {fault}; the {what} is in the journal but is not used."
+        try:
+            await self._store.write(
+                lambda session: add_event(
+                    session, at, f"{what}.refused", text, level="watch", robot=robot
+                )
+            )
+        except StoreError:
+            log.warning("%s", text)

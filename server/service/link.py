@@ -1,0 +1,42 @@
+"""What the services ask of the road to the robots."""
+
+from collections.abc import Iterable
+from datetime import datetime
+from typing import Protocol
+
+from robot_link.messages import (
+    CommandKind,
+    CommandNumber,
+    LogId,
+    PlanHash,
+    RobotId,
+    UploadReport,
+)
+from robot_link.mission import Mission
+
+
+class Radio(Protocol):
+    """The part of ``robot_link.station.StationLink`` that services use; see there."""
+
+    async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
+        """Put a mission on board; return the last report."""
+        ...
+
+    def cancel_upload(self, robot: RobotId, reason: str) -> None:
+        """End an upload under way as FAILED."""
+        ...
+
+    def send_command(
+        self,
+        robot: RobotId,
+        kind: CommandKind,
+        number: CommandNumber,
+        expires: datetime,
+        plan: PlanHash | None = None,
+    ) -> None:
+        """Send a command until it is answered or expires."""
+        ...
+
+    def acknowledge_samples(self, robot: RobotId, log: LogId, sequences: Iterable[int]) -> None:
+        """Tell a robot that these samples are stored."""
+        ...

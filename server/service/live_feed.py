@@ -1,0 +1,224 @@
+"""The live stream: one JSON batch a tick, encoded once, for everyone who watches.
+
+Two kinds of news travel in it. *Parts* (a robot's gauges, a plan's progress) are latest-wins: each
+client gets the newest value of what changed since its own last batch, so a slow client conflates
+and nothing piles up for it. *Events* are never skipped: a client holds a cursor, and what is no
+longer in memory for it comes from the database.
+"""
+
+import asyncio
+import itertools
+from collections import deque
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass
+from datetime import datetime
+
+import msgspec
+
+from db.query.events import EventRecord, events_after, last_cursor
+from db.store import Store
+from robot_link.clock import Clock
+
+TICK_S = 0.1
+QUIET_S = 1.0
+"""A batch goes out this often even when nothing changed, so that a dead road is noticed."""
+EVENTS_IN_MEMORY = 1000
+EVENTS_PER_BATCH = 500
+PARTS_PER_SECTION = 100
+_TICKS_TO_LOOK = 10
+"""The log is read this often although nothing was committed here: the command line writes too."""
+SECTIONS = ("robots", "plans", "missions", "jobs")
+
+Value = Callable[[], object]
+Send = Callable[[str], Awaitable[None]]
+_encoder = msgspec.json.Encoder()
+
+
+@dataclass(slots=True)
+class _Part:
+    robot: str | None
+    value: Value
+    changed: int = 0
+    """Tick of the newest encoding."""
+    encoded: msgspec.Raw | None = None
+    is_due: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Happening:
+    cursor: int
+    robot: str | None
+    encoded: msgspec.Raw
+
+
+@dataclass(slots=True)
+class _Reader:
+    """Where one client is."""
+
+    robots: frozenset[str] | None
+    cursor: int
+    seen: int = -1
+
+    def wants(self, robot: str | None) -> bool:
+        return self.robots is None or robot is None or robot in self.robots
+
+
+class LiveFeed:
+    """Keeps what the live stream says and hands it to any number of clients.
+
+    Belongs to one event loop. ``run`` is its heartbeat; without it no client gets anything.
+    """
+
+    def __init__(self, store: Store, clock: Clock, count_alarms: Callable[[], int]) -> None:
+        self._store = store
+        self._clock = clock
+        self._count_alarms = count_alarms
+        self._parts: dict[str, dict[str, _Part]] = {section: {} for section in SECTIONS}
+        self._due: list[_Part] = []
+        self._events: deque[_Happening] = deque(maxlen=EVENTS_IN_MEMORY)
+        self._forgotten = 0
+        self._cursor = 0
+        self._commits = -1
+        self._ticks = 0
+        self._tick = asyncio.Event()
+        self._closed = False
+        self._batches: dict[tuple[int, int, frozenset[str] | None], str] = {}
+        self.listeners: list[Callable[[EventRecord], None]] = []
+        """Called with every event of the station, in order; must return at once."""
+
+    def put(self, section: str, key: str, value: Value, robot: str | None = None) -> None:
+        """Note that a part changed; ``value`` is asked for it at most once a tick.
+
+        Each section keeps its ``PARTS_PER_SECTION`` last changed parts for clients to come.
+        """
+        parts = self._parts[section]
+        part = parts.pop(key, None) or _Part(robot, value)
+        parts[key] = part
+        part.value = value
+        if not part.is_due:
+            part.is_due = True
+            self._due.append(part)
+        if len(parts) > PARTS_PER_SECTION:
+            del parts[next(iter(parts))]
+
+    async def run(self) -> None:
+        """Tick until cancelled."""
+        self._cursor = self._forgotten = await self._store.query(last_cursor)
+        due_s = asyncio.get_running_loop().time()
+        while True:
+            await self._advance()
+            due_s = max(due_s + TICK_S, asyncio.get_running_loop().time())
+            await asyncio.sleep(due_s - asyncio.get_running_loop().time())
+
+    async def follow(self, send: Send, robots: frozenset[str] | None, after: int | None) -> None:
+        """Send batches to one client until the feed closes or ``send`` fails.
+
+        Args:
+            send: Takes one JSON text; the next batch waits for it.
+            robots: Robots that the client asked for; ``None`` for all.
+            after: Cursor of the last event that the client knows; ``None`` for the events from
+                now on.
+        """
+        reader = _Reader(robots, self._cursor if after is None else after)
+        sent_s = -QUIET_S
+        now_s = asyncio.get_running_loop().time
+        while not self._closed:
+            if self._has_news(reader) or now_s() - sent_s >= QUIET_S:
+                batch = await self._batch(reader)
+                sent_s = now_s()
+                await send(batch)
+            if not self._has_news(reader):
+                await self._tick.wait()
+
+    def close(self) -> None:
+        """Let every ``follow`` return."""
+        self._closed = True
+        self._tick.set()
+
+    async def _advance(self) -> None:
+        events: list[EventRecord] = []
+        if self._store.commits != self._commits or self._ticks % _TICKS_TO_LOOK == 0:
+            self._commits = self._store.commits
+            events = await self._new_events()
+        self._ticks += 1
+        self._batches.clear()
+        for event in events:
+            if len(self._events) == EVENTS_IN_MEMORY:
+                self._forgotten = self._events[0].cursor
+            self._events.append(_happening(event))
+            self._cursor = event.cursor
+            for listener in self.listeners:
+                listener(event)
+        while self._due:
+            part = self._due.pop()
+            part.is_due = False
+            part.encoded = msgspec.Raw(_encoder.encode(part.value()))
+            part.changed = self._ticks
+        tick, self._tick = self._tick, asyncio.Event()
+        tick.set()
+
+    async def _new_events(self) -> list[EventRecord]:
+        events: list[EventRecord] = []
+        while True:
+            cursor = events[-1].cursor if events else self._cursor
+            page = await self._store.query(
+                lambda session, cursor=cursor: events_after(session, cursor, limit=EVENTS_PER_BATCH)
+            )
+            events += page
+            if len(page) < EVENTS_PER_BATCH:
+                return events
+
+    def _has_news(self, reader: _Reader) -> bool:
+        if reader.seen < 0 or reader.cursor < self._cursor:
+            return True
+        return any(
+            part.changed > reader.seen and reader.wants(part.robot)
+            for parts in self._parts.values()
+            for part in parts.values()
+        )
+
+    async def _batch(self, reader: _Reader) -> str:
+        key = (reader.seen, reader.cursor, reader.robots)
+        at = self._clock.now()
+        if reader.cursor < self._forgotten:
+            events = [
+                _happening(event)
+                for event in await self._store.query(
+                    lambda session: events_after(session, reader.cursor, limit=EVENTS_PER_BATCH)
+                )
+            ]
+            cursor = events[-1].cursor if events else self._cursor
+            text = self._encode(reader, events, cursor, at)
+        else:
+            cursor = self._cursor
+            text = self._batches.get(key) or self._encode(reader, self._since(reader), cursor, at)
+            self._batches[key] = text
+        reader.cursor, reader.seen = cursor, self._ticks
+        return text
+
+    def _since(self, reader: _Reader) -> list[_Happening]:
+        newest_first = itertools.takewhile(
+            lambda event: event.cursor > reader.cursor, reversed(self._events)
+        )
+        return list(newest_first)[::-1]
+
+    def _encode(self, reader: _Reader, events: list[_Happening], cursor: int, at: datetime) -> str:
+        batch: dict[str, object] = {
+            "at": at,
+            "cursor": cursor,
+            "events": [event.encoded for event in events if reader.wants(event.robot)],
+            "alarms": {"unacknowledged": self._count_alarms()},
+        }
+        for section, parts in self._parts.items():
+            batch[section] = {
+                key: part.encoded
+                for key, part in parts.items()
+                if part.encoded is not None
+                and part.changed > reader.seen
+                and reader.wants(part.robot)
+            }
+        return _encoder.encode(batch).decode()
+
+
+def _happening(event: EventRecord) -> _Happening:
+    return _Happening(event.cursor, event.robot, msgspec.Raw(_encoder.encode(event)))

@@ -1,0 +1,229 @@
+"""Every change of a mission, and what it looks like: its rounds are its plans."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from db.query import missions as query
+from db.query.events import add_event
+from db.query.missions import MissionRecord
+from db.query.plans import PlanRecord, list_plans
+from db.store import Store
+from robot_link.clock import Clock
+from server.service.fleet import Fleet
+from server.service.live_feed import LiveFeed
+from server.service.plan_document import onboard_view
+from server.service.view.mission import (
+    BudgetView,
+    LiveMissionView,
+    MissionView,
+    RoundView,
+    ScoresView,
+)
+
+_LEVELS = {"failed": "warning", "stopped": "watch"}
+_KEPT_IN_MEMORY = 50
+
+
+class MissionLedger:
+    """Changes missions and shows them. Belongs to one event loop."""
+
+    def __init__(self, store: Store, clock: Clock, fleet: Fleet, feed: LiveFeed) -> None:
+        self._store = store
+        self._clock = clock
+        self._fleet = fleet
+        self._feed = feed
+        self._known: dict[str, tuple[MissionRecord, list[PlanRecord]]] = {}
+
+    async def load(self) -> None:
+        """Show the newest mission of each robot."""
+        for picture in list(self._fleet.pictures):
+            robot = picture.record.id
+            missions = await self._store.query(
+                lambda session, robot=robot: query.list_missions(session, robot=robot, limit=1)
+            )
+            for mission in missions:
+                await self.show(mission.id)
+
+    async def add(
+        self, robot: str, kind: str, *, config: Mapping[str, Any], config_id: str, by: str
+    ) -> str:
+        """Add a mission whose first plan is about to be made."""
+        at = self._clock.now()
+
+        def write(session: Session) -> str:
+            mission = query.add_mission(
+                session,
+                robot,
+                kind,
+                state="planning",
+                automation=False,
+                config=config,
+                document={"config_id": config_id, "message": "", "scores": None},
+                at=at,
+                by=by,
+            )
+            text = f"{by} asked {robot} for {mission}."
+            add_event(session, at, "mission.planning", text, robot=robot, data={"mission": mission})
+            return mission
+
+        mission = await self._store.write(write)
+        await self.show(mission)
+        return mission
+
+    async def move(
+        self,
+        mission: str,
+        state: str,
+        message: str,
+        *,
+        automation: bool | None = None,
+        scores: list[dict[str, Any]] | None = None,
+    ) -> None:
+        """Bring a mission into a state; the same state and message again change nothing."""
+        before = await self.get(mission)
+        unchanged = (before.state, before.document.get("message")) == (state, message)
+        if unchanged and automation in {None, before.automation} and scores is None:
+            return
+        at = self._clock.now()
+
+        def write(session: Session) -> None:
+            document: dict[str, Any] = {"message": message}
+            if scores is not None:
+                document["scores"] = scores
+            record = query.change_mission(
+                session, mission, state=state, automation=automation, document=document
+            )
+            if not unchanged:
+                add_event(
+                    session,
+                    at,
+                    f"mission.{state}",
+                    f"{mission} of {record.robot}: {message or state}",
+                    level=_LEVELS.get(state, "info"),
+                    robot=record.robot,
+                    data={"mission": mission},
+                )
+
+        await self._store.write(write)
+        await self.show(mission)
+
+    async def get(self, mission: str) -> MissionRecord:
+        """Return a mission.
+
+        Raises:
+            UnknownIdError: If there is none of this id.
+        """
+        return await self._store.query(lambda session: query.get_mission(session, mission))
+
+    async def plans(self, mission: str) -> list[PlanRecord]:
+        """Return the plans of a mission, the newest first."""
+        return await self._store.query(
+            lambda session: list_plans(session, mission=mission, limit=1000)
+        )
+
+    async def open(self, robot: str | None = None) -> list[MissionRecord]:
+        """Return the missions that have something to do, the newest first."""
+        return await self._store.query(
+            lambda session: query.list_missions(session, robot=robot, states=query.OPEN_STATES)
+        )
+
+    async def view(self, mission: str) -> MissionView:
+        """Return a mission as REST says it.
+
+        Raises:
+            UnknownIdError: If there is none of this id.
+        """
+        return self._view(await self.get(mission), await self.plans(mission))
+
+    async def views(self, robot: str, before: str | None, limit: int) -> list[MissionView]:
+        """Return missions of a robot, the newest first."""
+        missions = await self._store.query(
+            lambda session: query.list_missions(session, robot=robot, before=before, limit=limit)
+        )
+        return [self._view(mission, await self.plans(mission.id)) for mission in missions]
+
+    async def show(self, mission: str) -> None:
+        """Tell everyone about a mission that changed."""
+        record, plans = await self.get(mission), await self.plans(mission)
+        self._known.pop(mission, None)
+        self._known[mission] = (record, plans)
+        if len(self._known) > _KEPT_IN_MEMORY:
+            del self._known[next(iter(self._known))]
+        shown = self._fleet.picture(record.robot).mission_id
+        if shown is None or shown == mission or not self._is_newer(shown, record):
+            self._fleet.set_mission(record.robot, mission)
+        self._offer(mission)
+
+    def robot_said_more(self, robot: str) -> None:
+        """Tell the live stream that a robot spent more of its mission's budget."""
+        mission = self._fleet.picture(robot).mission_id
+        if mission in self._known:
+            self._offer(mission)
+
+    def spent(self, robot: str, plans: list[PlanRecord]) -> float:
+        """Return the energy that a robot reported for a mission's plans."""
+        report = self._fleet.picture(robot).plan_report
+        views = [onboard_view(plan, report) for plan in plans if plan.running_at is not None]
+        return sum(view.energy_used for view in views if view is not None)
+
+    def _is_newer(self, shown: str, record: MissionRecord) -> bool:
+        known = self._known.get(shown)
+        return known is not None and known[0].created_at > record.created_at
+
+    def _offer(self, mission: str) -> None:
+        def value() -> LiveMissionView:
+            record, plans = self._known[mission]
+            return LiveMissionView(
+                state=record.state,
+                automation=record.automation,
+                budget=self._budget(record, plans),
+                plan_id=plans[0].id if plans else None,
+                message=record.document["message"],
+            )
+
+        self._feed.put("missions", mission, value, self._known[mission][0].robot)
+
+    def _budget(self, record: MissionRecord, plans: list[PlanRecord]) -> BudgetView:
+        return BudgetView(
+            total=record.config["total_budget"],
+            spent=self.spent(record.robot, plans),
+            round=record.config["round_budget"],
+        )
+
+    def _view(self, record: MissionRecord, plans: list[PlanRecord]) -> MissionView:
+        scores = record.document["scores"]
+        return MissionView(
+            id=record.id,
+            robot=record.robot,
+            kind=record.kind,
+            state=record.state,
+            automation=record.automation,
+            config=dict(record.config),
+            config_id=record.document["config_id"],
+            rounds=self._rounds(record.robot, plans),
+            budget=self._budget(record, plans),
+            plan_id=plans[0].id if plans else None,
+            scores=None if scores is None else [ScoresView(**one) for one in scores],
+            message=record.document["message"],
+            created_at=record.created_at,
+        )
+
+    def _rounds(self, robot: str, plans: list[PlanRecord]) -> list[RoundView]:
+        """Return one entry a round: the newest plan of it, and the energy of all of them."""
+        report = self._fleet.picture(robot).plan_report
+        rounds: dict[int, RoundView] = {}
+        for plan in reversed(plans):
+            onboard = onboard_view(plan, report) if plan.running_at is not None else None
+            planned = (plan.document.get("account") or {}).get("energy", 0.0)
+            before = rounds.get(plan.round)
+            flown = 0.0 if before is None or plan.running_at is None else before.energy
+            rounds[plan.round] = RoundView(
+                round=plan.round,
+                plan_id=plan.id,
+                state=plan.state,
+                energy=planned if onboard is None else onboard.energy_used + flown,
+                objective=plan.document.get("objective"),
+            )
+        return [rounds[number] for number in sorted(rounds)]

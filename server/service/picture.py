@@ -1,0 +1,104 @@
+"""What the station knows of one robot right now."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+
+from autonomy.arrays import FloatArray
+from autonomy.planner.plan import Leg
+from db.query.plans import PlanRecord
+from db.query.robots import RobotRecord
+from robot_link.messages import (
+    LinkReport,
+    LinkState,
+    OnboardPlanState,
+    PlanReport,
+    Sample,
+    StateReport,
+)
+from server.service.track import Track
+
+SURFACE_DEPTH_M = 0.3
+"""A leg that ends above this brings the robot to the surface, where radio reaches it."""
+_BEST_LINK_FIRST = (
+    LinkState.LIVE,
+    LinkState.SUBMERGED,
+    LinkState.STALE,
+    LinkState.PORT_CLOSED,
+    LinkState.NEVER_HEARD,
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class PlanInHand:
+    """The plan of a robot that concerns the operator now."""
+
+    record: PlanRecord
+    legs: tuple[Leg, ...]
+    points: FloatArray
+    """Promised trajectory, shape ``(n, 5)``: time s, north, east, down m, position std m."""
+    round_text: str
+    """Where its mission stands, such as "round 2 of 4"; "" for a plan of its own."""
+
+    @property
+    def plan_id(self) -> str:
+        """Public id of the plan."""
+        return self.record.id
+
+    @property
+    def state(self) -> str:
+        """State of the plan, as in REST."""
+        return self.record.state
+
+
+@dataclass(slots=True)
+class Picture:
+    """Newest of everything about one robot; changed on the station's event loop only."""
+
+    record: RobotRecord
+    track: Track
+    state: StateReport | None = None
+    plan_report: PlanReport | None = None
+    links: dict[str, LinkReport] = field(default_factory=dict)
+    samples: dict[str, Sample] = field(default_factory=dict)
+    """Newest sample by variable."""
+    plan: PlanInHand | None = None
+    mission_id: str | None = None
+    refused: int = 0
+    """Values that were not believed since the station started."""
+
+    @property
+    def link(self) -> LinkReport | None:
+        """Report of the link by which the robot is reached best, ``None`` before the first."""
+        return best_link(self.links.values())
+
+    @property
+    def link_state(self) -> LinkState:
+        """What is known of the road to the robot."""
+        link = self.link
+        return LinkState.NEVER_HEARD if link is None else link.state
+
+    @property
+    def leg_now(self) -> int | None:
+        """Leg of the plan in hand that the robot says it flies."""
+        report = self.plan_report
+        if self.plan is None or report is None or report.state is not OnboardPlanState.RUNNING:
+            return None
+        return report.leg if report.sha256 == self.plan.record.sha256 else None
+
+    def next_surfacing(self) -> datetime | None:
+        """Predict when a submerged robot will be heard, from the legs of the plan it flies."""
+        report, leg_now = self.plan_report, self.leg_now
+        if self.plan is None or report is None or leg_now is None:
+            return None
+        remaining_s = 0.0
+        for leg in self.plan.legs[leg_now:]:
+            remaining_s += leg.duration_s
+            if leg.end_ned[2] <= SURFACE_DEPTH_M:
+                return report.measured_at + timedelta(seconds=remaining_s)
+        return None
+
+
+def best_link(links: Iterable[LinkReport]) -> LinkReport | None:
+    """Return the report of the link that reaches the robot best."""
+    return min(links, key=lambda link: _BEST_LINK_FIRST.index(link.state), default=None)

@@ -1,0 +1,95 @@
+"""What robots say of the plans on board moves the station's plans, and nothing else does."""
+
+from dataclasses import asdict
+
+from db.query.plans import PlanRecord, plan_by_hash
+from db.store import Store
+from robot_link.messages import OnboardPlanState, PlanReport
+from server.service.plan_ledger import ON_THE_WAY, PlanLedger
+from server.service.turn import Turns
+from server.service.view.plan import OnboardView
+
+_STATES = {
+    OnboardPlanState.ON_BOARD: "on_board",
+    OnboardPlanState.RUNNING: "running",
+    OnboardPlanState.DONE: "done",
+    OnboardPlanState.FAILED: "failed",
+}
+_BEFORE = {
+    "on_board": ("draft", "sent"),
+    "running": ("draft", "sent", "on_board"),
+    "done": ("sent", "on_board", "running"),
+    "failed": ("sent", "on_board", "running"),
+}
+"""States from which a robot's word leads on; reports may be missed, but never lead back."""
+
+
+class PlanFollower:
+    """Turns plan reports into states of plans, in order. Belongs to one event loop."""
+
+    def __init__(self, store: Store, ledger: PlanLedger) -> None:
+        self._store = store
+        self._ledger = ledger
+        self._turns = Turns("plan reports")
+        self._heard: dict[str, tuple[str | None, OnboardPlanState]] = {}
+
+    async def run(self) -> None:
+        """Follow until cancelled."""
+        await self._turns.run()
+
+    def take(self, report: PlanReport) -> None:
+        """Take a report; robots repeat themselves, and only news is worked on."""
+        news = (report.sha256, report.state)
+        if self._heard.get(report.robot) != news:
+            self._heard[report.robot] = news
+            self._turns.add(lambda: self._follow(report))
+        self._ledger.robot_said_more(report.robot)
+
+    async def _follow(self, report: PlanReport) -> None:
+        state = _STATES.get(report.state)
+        if state is None or report.sha256 is None:
+            await self._lost(report)
+            return
+        sha256 = report.sha256
+        plan = await self._store.query(lambda session: plan_by_hash(session, report.robot, sha256))
+        if plan is not None and plan.state in _BEFORE[state]:
+            await self._advance(plan, state, report)
+        await self._supersede(report, None if plan is None else plan.id)
+
+    async def _advance(self, plan: PlanRecord, state: str, report: PlanReport) -> None:
+        text = {
+            "on_board": f"{plan.robot} has {plan.id} on board.",
+            "running": f"{plan.robot} flies {plan.id}.",
+            "done": f"{plan.robot} flew {plan.id} to its end.",
+            "failed": f"{plan.robot} ended {plan.id} early: {report.reason or 'no reason given'}",
+        }[state]
+        onboard = OnboardView(report.leg, report.legs, report.energy_used)
+        document: dict[str, object] = {"onboard": asdict(onboard)}
+        if state == "failed":
+            document["message"] = text
+        if state in {"running", "done"}:
+            on_board = f"{plan.robot} has {plan.id} on board."
+            await self._ledger.advance(plan.id, "on_board", on_board, only_from=_BEFORE["on_board"])
+        await self._ledger.advance(
+            plan.id, state, text, only_from=_BEFORE[state], document=document
+        )
+
+    async def _supersede(self, report: PlanReport, holder: str | None) -> None:
+        """End the plans that the robot no longer holds, now that it names another."""
+        for plan in await self._ledger.of_robot(report.robot, ("on_board", "running")):
+            came_later = plan.on_board_at is not None and plan.on_board_at > report.received_at
+            if plan.id != holder and not came_later:
+                text = f"{plan.robot} holds another plan now; {plan.id} ended."
+                await self._end(plan, "superseded", text)
+
+    async def _lost(self, report: PlanReport) -> None:
+        """End the plans of a robot that says it holds none."""
+        if report.state is not OnboardPlanState.NONE:
+            return
+        for plan in await self._ledger.of_robot(report.robot, ("on_board", "running")):
+            await self._end(plan, "failed", f"{plan.robot} says that it no longer holds {plan.id}.")
+
+    async def _end(self, plan: PlanRecord, state: str, text: str) -> None:
+        await self._ledger.advance(
+            plan.id, state, text, only_from=ON_THE_WAY, document={"message": text}
+        )

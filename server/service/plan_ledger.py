@@ -1,0 +1,223 @@
+"""Every change of a plan: into the database with its event first, then to everyone who watches."""
+
+import math
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from db.query import plans as query
+from db.query.events import add_event
+from db.query.plans import PlanRecord, PlanStateError
+from db.store import Store
+from robot_link.clock import Clock
+from server.service.fleet import Fleet
+from server.service.live_feed import LiveFeed
+from server.service.picture import PlanInHand
+from server.service.plan_document import legs_of, live_plan_view, plan_view, points_of
+from server.service.view.plan import PlanView, ProgressView
+
+ON_THE_WAY = ("sent", "on_board", "running")
+"""States in which a plan has left the station and has not ended."""
+_LEVELS = {"failed": "warning", "superseded": "watch", "cancelled": "watch"}
+
+
+class PlanLedger:
+    """Moves plans through their states. Belongs to one event loop."""
+
+    def __init__(self, store: Store, clock: Clock, fleet: Fleet, feed: LiveFeed) -> None:
+        self._store = store
+        self._clock = clock
+        self._fleet = fleet
+        self._feed = feed
+        self._progress: dict[str, ProgressView] = {}
+        self.listeners: list[Callable[[PlanRecord], None]] = []
+        """Called with each changed plan after the commit; must return at once."""
+
+    async def load(self) -> None:
+        """Show the plan of each robot that concerns the operator now."""
+        for picture in list(self._fleet.pictures):
+            robot = picture.record.id
+            plans = await self._store.query(
+                lambda session, robot=robot: query.list_plans(session, robot=robot, limit=20)
+            )
+            for plan in reversed(plans):
+                self._show(plan)
+
+    async def refresh(self, robot: str) -> None:
+        """Show again the plans of a robot that were changed in someone else's transaction."""
+        for plan in await self.of_robot(robot, ("draft", "sent", "on_board", "running")):
+            self._show(plan)
+
+    async def add(
+        self,
+        robot: str,
+        kind: str,
+        *,
+        config: Mapping[str, Any],
+        config_id: str,
+        by: str,
+        mission: str | None = None,
+        round_number: int = 1,
+    ) -> PlanRecord:
+        """Add a plan that is about to be planned."""
+        at = self._clock.now()
+
+        def write(session: Session) -> PlanRecord:
+            plan = query.add_plan(
+                session,
+                robot,
+                kind,
+                config=config,
+                at=at,
+                by=by,
+                mission=mission,
+                round_number=round_number,
+            )
+            record = query.change_plan(
+                session, plan, at=at, document={"config_id": config_id, "message": ""}
+            )
+            _note(session, record, at, f"Planning {plan} for {robot}.")
+            return record
+
+        record = await self._store.write(write)
+        self.publish(record)
+        return record
+
+    async def move(
+        self,
+        plan: str,
+        state: str,
+        text: str,
+        *,
+        only_from: tuple[str, ...],
+        sha256: str | None = None,
+        document: Mapping[str, Any] | None = None,
+    ) -> PlanRecord:
+        """Bring a plan into a state.
+
+        Raises:
+            PlanStateError: If it is not in one of ``only_from``; nothing is changed.
+            UnknownIdError: If there is no such plan.
+        """
+        at = self._clock.now()
+
+        def write(session: Session) -> PlanRecord:
+            record = query.change_plan(
+                session,
+                plan,
+                at=at,
+                state=state,
+                only_from=only_from,
+                sha256=sha256,
+                document=document,
+            )
+            _note(session, record, at, text)
+            return record
+
+        record = await self._store.write(write)
+        self.publish(record)
+        return record
+
+    async def advance(
+        self,
+        plan: str,
+        state: str,
+        text: str,
+        *,
+        only_from: tuple[str, ...],
+        document: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Bring a plan into a state, unless someone was faster and it is further already."""
+        with suppress(PlanStateError):
+            await self.move(plan, state, text, only_from=only_from, document=document)
+
+    async def get(self, plan: str) -> PlanRecord:
+        """Return a plan.
+
+        Raises:
+            UnknownIdError: If there is none of this id.
+        """
+        return await self._store.query(lambda session: query.get_plan(session, plan))
+
+    async def of_robot(self, robot: str, states: tuple[str, ...]) -> list[PlanRecord]:
+        """Return the plans of a robot that are in one of these states, the newest first."""
+        return await self._store.query(
+            lambda session: query.list_plans(session, robot=robot, states=states)
+        )
+
+    def view(self, plan: PlanRecord) -> PlanView:
+        """Return a plan as REST says it."""
+        report = self._fleet.picture(plan.robot).plan_report
+        return plan_view(plan, self._progress.get(plan.id), report)
+
+    def set_progress(self, plan: PlanRecord, progress: ProgressView | None) -> None:
+        """Say how far planning is; ``None`` when it has ended."""
+        if progress is None:
+            self._progress.pop(plan.id, None)
+        else:
+            self._progress[plan.id] = progress
+        self._offer(plan)
+
+    def publish(self, plan: PlanRecord) -> None:
+        """Tell everyone about a plan that was changed in the database."""
+        if plan.state != "planning":
+            self._progress.pop(plan.id, None)
+        self._show(plan)
+        for listener in self.listeners:
+            listener(plan)
+
+    def robot_said_more(self, robot: str) -> None:
+        """Tell the live stream that a robot got further with the plan on board."""
+        hand = self._fleet.picture(robot).plan
+        if hand is not None:
+            self._offer(hand.record)
+
+    def _offer(self, plan: PlanRecord) -> None:
+        def value() -> object:
+            report = self._fleet.picture(plan.robot).plan_report
+            return live_plan_view(plan, self._progress.get(plan.id), report)
+
+        self._feed.put("plans", plan.id, value, plan.robot)
+
+    def _show(self, plan: PlanRecord) -> None:
+        self._offer(plan)
+        hand = self._fleet.picture(plan.robot).plan
+        if (
+            hand is None
+            or hand.plan_id == plan.id
+            or plan.state in ON_THE_WAY
+            or (hand.state not in ON_THE_WAY and plan.created_at >= hand.record.created_at)
+        ):
+            self._fleet.set_plan(plan.robot, in_hand(plan))
+
+
+def in_hand(plan: PlanRecord) -> PlanInHand:
+    """Return a plan with its legs and points unpacked."""
+    return PlanInHand(
+        record=plan,
+        legs=legs_of(plan.document),
+        points=points_of(plan.document),
+        round_text=_round_text(plan),
+    )
+
+
+def _round_text(plan: PlanRecord) -> str:
+    if plan.mission is None:
+        return ""
+    rounds = math.ceil(plan.config["total_budget"] / plan.config["round_budget"])
+    return f"round {plan.round} of {max(rounds, plan.round)}"
+
+
+def _note(session: Session, plan: PlanRecord, at: datetime, text: str) -> None:
+    add_event(
+        session,
+        at,
+        f"plan.{plan.state}",
+        text,
+        level=_LEVELS.get(plan.state, "info"),
+        robot=plan.robot,
+        data={"plan": plan.id, "mission": plan.mission, "sha256": plan.sha256},
+    )

@@ -1,0 +1,375 @@
+"""Making plans: a search in a worker process, or legs that an operator laid out."""
+
+import asyncio
+import logging
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from autonomy.field.config import FieldConfig
+from autonomy.planner.approach import approach
+from autonomy.planner.check import violations
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult, PlanStatus
+from autonomy.site import Box
+from db.fault import StoreError
+from db.query.plans import PlanRecord, PlanStateError
+from db.query.samples import SampleColumns, sample_columns
+from robot_link.mission import Mission, MissionSettings
+from server.foundation import Foundation
+from server.problem import FieldError, Problem, conflict, unprocessable
+from server.service.fleet import Fleet
+from server.service.picture import Picture
+from server.service.plan_document import Draft, draft_document, legs_of, search_document
+from server.service.plan_ledger import PlanLedger
+from server.service.primitive_legs import LegRequest, candidate_of, legs_from
+from server.service.task.problem import PLAN_SURVEY, MapSamples, SurveyProblem
+from server.service.view.plan import ProgressView, ViolationView
+from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+
+log = logging.getLogger(__name__)
+
+_APPROACH_SHARE = 0.5
+"""A swim back into the domain may cost at most this share of a round's energy."""
+_PATIENCE = 2.0
+"""A robot comes up when the mission takes this many times its planned duration,"""
+_PATIENCE_S = 900.0
+"""and this much."""
+
+
+class Planning:
+    """Plans that are being made. Belongs to one event loop."""
+
+    def __init__(
+        self, foundation: Foundation, fleet: Fleet, ledger: PlanLedger, workers: WorkerPool
+    ) -> None:
+        self._foundation = foundation
+        self._fleet = fleet
+        self._ledger = ledger
+        self._workers = workers
+        self._tasks: dict[str, asyncio.Task[None]] = {}
+
+    async def resume(self) -> None:
+        """Close the plans that were being made when the station stopped."""
+        for picture in list(self._fleet.pictures):
+            for plan in await self._ledger.of_robot(picture.record.id, ("planning",)):
+                message = "The station stopped while it planned; plan again."
+                await self._fail(plan.id, message, {"interrupted": True})
+
+    async def stop(self) -> None:
+        """Stop searching; the plans are closed when the station starts again."""
+        tasks = list(self._tasks.values())
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def configure(
+        self, robot: str, patch: Mapping[str, Any], *, by: str
+    ) -> tuple[str, PlannerConfig]:
+        """Return the planner's settings for a robot with a patch on top, as a kept version.
+
+        Settings that differ from the version that holds become the new one: a plan cites them.
+
+        Raises:
+            Problem: 404 for an unknown robot, 409 for one that flies no plans, 422 with the path
+                of each wrong field below ``config``, 503 while storage fails.
+        """
+        picture = self._fleet.picture(robot)
+        if picture.record.system_id is None:
+            raise conflict(f"{robot} is a recording; it flies no plans.")
+        self._refuse_while_storage_fails()
+        book = self._foundation.configurations
+        holds = await book.current("planner", robot)
+        try:
+            wanted = await book.merged("planner", robot, patch)
+        except Problem as problem:
+            raise _below_config(problem) from problem
+        config = planner_config_of(wanted.value)
+        _check_domain(config.domain, picture)
+        if holds.id is None or config != holds.value:
+            holds = await book.patch("planner", robot, patch, by=by)
+        if holds.id is None:
+            raise TypeError("a kept version has an id")
+        return holds.id, config
+
+    def check_start(self, robot: str, config: PlannerConfig) -> tuple[float, float]:
+        """Return where a plan would begin: the robot's place at the surface.
+
+        Raises:
+            Problem: 409 if the position is not known, or the swim to the domain is too long.
+        """
+        north_m, east_m, _ = self._position(robot)
+        first = approach(config, (north_m, east_m))
+        if first is not None and first.energy > _APPROACH_SHARE * config.round_budget:
+            away_m = math.dist(first.start_ned, first.end_ned)
+            raise conflict(
+                f"{robot} is {away_m:.2f} m outside the domain; "
+                "bring it there, or choose a domain that it is in."
+            )
+        return north_m, east_m
+
+    async def plan_survey(
+        self,
+        robot: str,
+        config: PlannerConfig,
+        config_id: str,
+        *,
+        by: str,
+        mission: str | None = None,
+        round_number: int = 1,
+        budget: float | None = None,
+    ) -> PlanRecord:
+        """Begin to plan one round of a survey; the plan becomes a draft or fails by itself.
+
+        Raises:
+            Problem: 409 if the robot's position is not known or outside of the domain, 503 while
+                storage fails.
+            StoreUnavailableError: Nothing was begun.
+        """
+        self._refuse_while_storage_fails()
+        start_xy = self.check_start(robot, config)
+        plan = await self._ledger.add(
+            robot,
+            "adaptive_survey",
+            config=config.model_dump(mode="json"),
+            config_id=config_id,
+            by=by,
+            mission=mission,
+            round_number=round_number,
+        )
+        work = self._search(plan, config, start_xy, budget or config.round_budget)
+        self._begin(plan.id, work)
+        return plan
+
+    async def plan_primitives(
+        self,
+        robot: str,
+        config: PlannerConfig,
+        config_id: str,
+        legs: Sequence[LegRequest],
+        *,
+        by: str,
+    ) -> PlanRecord:
+        """Make a draft of legs that an operator laid out.
+
+        Raises:
+            Problem: 409 if the robot's position is not known, 422 if a leg cannot be a leg.
+            StoreUnavailableError: Nothing was kept.
+        """
+        self._refuse_while_storage_fails()
+        start = self._position(robot)
+        flown = legs_from(config, (start[0], start[1]), legs)
+        draft = self._draft(robot, config, candidate_of(config, flown))
+        plan = await self._ledger.add(
+            robot, "primitives", config=config.model_dump(mode="json"), config_id=config_id, by=by
+        )
+        return await self._ledger.move(
+            plan.id,
+            "draft",
+            f"{plan.id} for {robot} is a draft.",
+            only_from=("planning",),
+            sha256=draft.mission.sha256(),
+            document=draft_document(draft),
+        )
+
+    async def cancel(self, plan: str) -> PlanRecord:
+        """Stop planning, or throw a draft away.
+
+        Raises:
+            UnknownIdError: If there is no such plan.
+            Problem: 409 once the plan has left the station.
+        """
+        record = await self._ledger.get(plan)
+        task = self._tasks.get(plan)
+        if task is not None:
+            task.cancel()
+            await asyncio.wait([task])
+        try:
+            return await self._ledger.move(
+                plan,
+                "cancelled",
+                f"{plan} was cancelled.",
+                only_from=("planning", "draft"),
+                document={"message": "Cancelled."},
+            )
+        except PlanStateError as error:
+            raise conflict(
+                f"{error} Only a plan that has not left the station can be cancelled; "
+                f"surface {record.robot} to end one that it flies."
+            ) from error
+
+    async def check(self, plan: str) -> list[ViolationView]:
+        """Check a draft again, against the limits that hold now.
+
+        Raises:
+            UnknownIdError: If there is no such plan.
+        """
+        record = await self._ledger.get(plan)
+        config = PlannerConfig.model_validate(record.config)
+        legs = legs_of(record.document)
+        return list(self._violations(record.robot, config, legs))
+
+    def _begin(self, plan: str, work: Any) -> None:  # noqa: ANN401 - a coroutine
+        task = self._foundation.background.start(f"planning {plan}", work)
+        self._tasks[plan] = task
+        task.add_done_callback(lambda _: self._tasks.pop(plan, None))
+
+    async def _search(
+        self, plan: PlanRecord, config: PlannerConfig, start_xy: tuple[float, float], budget: float
+    ) -> None:
+        try:
+            problem = SurveyProblem(
+                planner=config,
+                field=await self._field_config(plan.robot, config),
+                samples=await self._samples(plan.robot),
+                start_xy=start_xy,
+                budget=budget,
+                round_number=plan.round,
+            )
+            self._ledger.set_progress(plan, ProgressView(0.0, config.planning_time_s, None, 0))
+            result: PlanResult = await self._workers.run(
+                PLAN_SURVEY,
+                problem,
+                on_progress=lambda point: self._ledger.set_progress(
+                    plan, _progress(point, config.planning_time_s)
+                ),
+            )
+            await self._finish(plan, config, result)
+        except (WorkerTaskError, WorkerEndedError) as error:
+            log.warning("%s was not planned: %s", plan.id, error)
+            await self._fail(plan.id, f"{error} Plan again.")
+        except StoreError as error:
+            log.warning("%s was not planned: %s", plan.id, error)
+
+    async def _finish(self, plan: PlanRecord, config: PlannerConfig, result: PlanResult) -> None:
+        found = search_document(
+            config.objective, result.message, result.best, result.runners_up, result.history
+        )
+        if result.best is None or result.status is PlanStatus.NOTHING_FEASIBLE:
+            await self._fail(plan.id, result.message, found)
+            return
+        draft = self._draft(plan.robot, config, result.best)
+        await self._ledger.move(
+            plan.id,
+            "draft",
+            f"{plan.id} for {plan.robot} is a draft: {result.message}",
+            only_from=("planning",),
+            sha256=draft.mission.sha256(),
+            document=found | draft_document(draft),
+        )
+
+    async def _fail(
+        self, plan: str, message: str, document: Mapping[str, Any] | None = None
+    ) -> None:
+        await self._ledger.move(
+            plan,
+            "failed",
+            f"{plan} was not made: {message}",
+            only_from=("planning",),
+            document={**(document or {}), "message": message},
+        )
+
+    def _draft(self, robot: str, config: PlannerConfig, best: Candidate) -> Draft:
+        first = best.legs[0].start_ned
+        settings = MissionSettings(
+            sample_period_s=config.primitives.point_interval_s,
+            max_uncertainty_m=config.max_uncertainty_m,
+            timeout_s=_PATIENCE * best.duration_s + _PATIENCE_S,
+            start_x_m=first[0],
+            start_y_m=first[1],
+        )
+        return Draft(
+            mission=Mission.from_legs(settings, best.legs),
+            points=best.points,
+            energy=best.energy,
+            duration_s=best.duration_s,
+            worst_std_m=best.worst_std_m,
+            violations=self._violations(robot, config, best.legs),
+        )
+
+    def _violations(
+        self, robot: str, config: PlannerConfig, legs: Sequence[Leg]
+    ) -> tuple[ViolationView, ...]:
+        site = self._fleet.picture(robot).record.site
+        return tuple(
+            ViolationView(one.field, one.message) for one in violations(tuple(legs), config, site)
+        )
+
+    async def _field_config(self, robot: str, planner: PlannerConfig) -> FieldConfig:
+        found = await self._foundation.configurations.current("field", robot)
+        return field_config_of(found.value, planner)
+
+    async def _samples(self, robot: str) -> MapSamples:
+        variable = self._fleet.picture(robot).record.site.variable
+        columns = await self._foundation.store.query(
+            lambda session: sample_columns(session, robot, variable)
+        )
+        return map_samples(columns)
+
+    def _position(self, robot: str) -> tuple[float, float, float]:
+        state = self._fleet.picture(robot).state
+        if state is None:
+            raise conflict(
+                f"{robot} has not said where it is yet; plan when its first report has come."
+            )
+        return state.position_ned
+
+    def _refuse_while_storage_fails(self) -> None:
+        fault = self._foundation.store.fault
+        if fault is not None:
+            raise Problem(
+                503,
+                f"{fault} The station accepts no plans until its storage works again.",
+                headers={"Retry-After": "5"},
+            )
+
+
+def planner_config_of(value: object) -> PlannerConfig:
+    """Return the planner's settings out of the configuration book."""
+    if not isinstance(value, PlannerConfig):
+        raise TypeError("the planner's configuration is not one")
+    return value
+
+
+def field_config_of(value: object, planner: PlannerConfig) -> FieldConfig:
+    """Return a field's settings with the planner's fidelity thresholds, where they fit."""
+    if not isinstance(value, FieldConfig):
+        raise TypeError("the field's configuration is not one")
+    thresholds_m = planner.fidelity_thresholds_m
+    if len(thresholds_m) != len(value.fidelity_thresholds_m):
+        return value
+    return value.with_thresholds(thresholds_m)
+
+
+def map_samples(columns: SampleColumns) -> MapSamples:
+    """Return stored samples as they cross to a worker."""
+    return MapSamples(columns.position_ned, columns.value, columns.position_std_m)
+
+
+def _check_domain(domain: Box, picture: Picture) -> None:
+    site = picture.record.site
+    if domain.is_inside(site.water):
+        return
+    water = site.water
+    message = (
+        f"the domain leaves the water of {site.name} ({water.x_min_m:g} to {water.x_max_m:g} m "
+        f"north, {water.y_min_m:g} to {water.y_max_m:g} m east, {water.depth_max_m:g} m deep)"
+    )
+    raise unprocessable("1 field is wrong.", [FieldError(loc=["config", "domain"], msg=message)])
+
+
+def _below_config(problem: Problem) -> Problem:
+    """Return a refusal of settings with paths from the top of the request."""
+    if problem.errors is None:
+        return problem
+    errors = [FieldError(loc=["config", *error.loc], msg=error.msg) for error in problem.errors]
+    return Problem(problem.status, problem.detail, errors=errors, headers=problem.headers)
+
+
+def _progress(point: ObjectivePoint, limit_s: float) -> ProgressView:
+    return ProgressView(
+        elapsed_s=point.elapsed_s,
+        seconds_left=max(0.0, limit_s - point.elapsed_s),
+        objective=point.objective,
+        candidates=point.candidates,
+    )

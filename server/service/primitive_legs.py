@@ -1,0 +1,87 @@
+"""Legs that an operator laid out, completed by what the planner's settings say."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from autonomy.planner import primitive
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.edge import Edge, planned_points
+from autonomy.planner.outcome import as_candidate
+from autonomy.planner.plan import Candidate, Leg, PositionNed, PrimitiveKind
+from server.problem import FieldError, unprocessable
+
+_SPEEDS = {
+    PrimitiveKind.GLIDE: "glide_speed_m_s",
+    PrimitiveKind.SPIRAL: "spiral_speed_m_s",
+    PrimitiveKind.DIVE: "dive_speed_m_s",
+    PrimitiveKind.SWIM: "swim_speed_m_s",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class LegRequest:
+    """One leg as an operator says it; it starts where the one before ended."""
+
+    kind: PrimitiveKind
+    end_ned: PositionNed
+    """Of a dive only the depth counts; of a spiral too, its circle says the rest."""
+    speed_m_s: float | None = None
+    heading_rad: float = 0.0
+    radius_m: float = 0.0
+    turn_rad: float = 0.0
+
+
+def legs_from(
+    config: PlannerConfig, start_xy: tuple[float, float], requests: Sequence[LegRequest]
+) -> tuple[Leg, ...]:
+    """Lay legs end to end from a point of the surface.
+
+    Raises:
+        Problem: 422 with the path of each leg that does not move the robot.
+    """
+    here: PositionNed = (*start_xy, 0.0)
+    legs: list[Leg] = []
+    errors: list[FieldError] = []
+    for i, request in enumerate(requests):
+        leg = _leg(config, here, request)
+        if not (math.isfinite(leg.duration_s) and leg.duration_s > 0.0):
+            loc: list[str | int] = ["legs", i, "end_ned"]
+            errors.append(FieldError(loc=loc, msg=f"this {request.kind} does not move the robot"))
+        legs.append(leg)
+        here = leg.end_ned
+    if errors:
+        raise unprocessable(f"{len(errors)} legs do not move the robot.", errors)
+    return tuple(legs)
+
+
+def candidate_of(config: PlannerConfig, legs: Sequence[Leg]) -> Candidate:
+    """Return legs as a trajectory with its account; the objective is not known."""
+    edges: list[Edge] = []
+    under_way: list[Leg] = []
+    for i, leg in enumerate(legs):
+        under_way.append(leg)
+        if leg.end_ned[2] <= 0.0 or i == len(legs) - 1:
+            edge = tuple(under_way)
+            energy = sum(part.energy for part in edge)
+            edges.append(Edge(edge, planned_points(config, edge), energy))
+            under_way = []
+    return as_candidate(edges, 0.0)
+
+
+def _leg(config: PlannerConfig, here: PositionNed, request: LegRequest) -> Leg:
+    if request.speed_m_s is not None:
+        motion = config.primitives.model_copy(update={_SPEEDS[request.kind]: request.speed_m_s})
+        config = config.model_copy(update={"primitives": motion})
+    north_m, east_m, depth_m = request.end_ned
+    match request.kind:
+        case PrimitiveKind.GLIDE:
+            return primitive.glide(config, here, request.end_ned)
+        case PrimitiveKind.DIVE:
+            return primitive.dive(config, here, depth_m)
+        case PrimitiveKind.SWIM:
+            return primitive.swim(config, here, (north_m, east_m, here[2]))
+        case PrimitiveKind.SPIRAL:
+            return primitive.spiral(
+                config, here, request.heading_rad, request.radius_m, request.turn_rad, depth_m
+            )

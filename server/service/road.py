@@ -1,0 +1,130 @@
+"""The station's radios, rebuilt when the fleet changes."""
+
+import asyncio
+import logging
+from collections.abc import Callable, Iterable, Mapping
+from datetime import datetime
+from typing import Protocol
+
+from db.query.robots import RobotRecord
+from robot_link.clock import Clock
+from robot_link.messages import (
+    CommandKind,
+    CommandNumber,
+    LinkEvent,
+    LogId,
+    OnboardPlanState,
+    PlanHash,
+    RobotId,
+    UploadReport,
+)
+from robot_link.mission import Mission
+from robot_link.station import RobotEndpoint, StationLink
+from robot_link.transport.opening import open_transport
+from server.service.link import Radio
+
+log = logging.getLogger(__name__)
+
+
+class Link(Radio, Protocol):
+    """A radio that must be run."""
+
+    async def run(self) -> None:
+        """Serve until cancelled."""
+        ...
+
+
+LinkFactory = Callable[[Mapping[RobotId, RobotEndpoint], Clock, Callable[[LinkEvent], None]], Link]
+
+
+def open_link(
+    robots: Mapping[RobotId, RobotEndpoint], clock: Clock, on_event: Callable[[LinkEvent], None]
+) -> Link:
+    """Return the link to these robots, one transport for each URI."""
+    transports = {uri: open_transport(uri) for uri in {end.uri for end in robots.values()}}
+    return StationLink(transports, robots, clock, on_event)
+
+
+class Road:
+    """The ``Radio`` of the services. Belongs to one event loop.
+
+    It stays the same while the link behind it is replaced because a robot was added. A robot
+    without a link of its own cannot be told anything: its commands wait until they expire.
+    """
+
+    def __init__(
+        self, clock: Clock, on_event: Callable[[LinkEvent], None], make: LinkFactory
+    ) -> None:
+        self._clock = clock
+        self._on_event = on_event
+        self._make = make
+        self._robots: dict[RobotId, RobotEndpoint] = {}
+        self._link = make({}, clock, on_event)
+        self._changed = asyncio.Event()
+
+    def set_robots(self, robots: Iterable[RobotRecord]) -> bool:
+        """Say which robots there are; tell whether the road changed."""
+        endpoints = {
+            robot.id: RobotEndpoint(robot.system_id, robot.links[0])
+            for robot in robots
+            if robot.system_id is not None and robot.links
+        }
+        if endpoints == self._robots:
+            return False
+        self._link = self._make(endpoints, self._clock, self._on_event)
+        self._robots = endpoints
+        self._changed.set()
+        return True
+
+    async def run(self) -> None:
+        """Serve until cancelled."""
+        while True:
+            self._changed.clear()
+            link = asyncio.create_task(self._link.run(), name="link")
+            change = asyncio.create_task(self._changed.wait(), name="link change")
+            try:
+                await asyncio.wait({link, change}, return_when=asyncio.FIRST_COMPLETED)
+                if link.done():
+                    link.result()
+            finally:
+                link.cancel()
+                change.cancel()
+                await asyncio.gather(link, change, return_exceptions=True)
+
+    async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
+        """Put a mission on board."""
+        if robot not in self._robots:
+            return UploadReport(
+                robot=robot,
+                sha256=mission.sha256(),
+                items_sent=0,
+                items=len(mission.legs),
+                state=OnboardPlanState.FAILED,
+                reason=f"{robot} has no link; give it one.",
+                at=self._clock.now(),
+            )
+        return await self._link.upload(robot, mission)
+
+    def cancel_upload(self, robot: RobotId, reason: str) -> None:
+        """End an upload under way."""
+        if robot in self._robots:
+            self._link.cancel_upload(robot, reason)
+
+    def send_command(
+        self,
+        robot: RobotId,
+        kind: CommandKind,
+        number: CommandNumber,
+        expires: datetime,
+        plan: PlanHash | None = None,
+    ) -> None:
+        """Send a command until it is answered or expires."""
+        if robot in self._robots:
+            self._link.send_command(robot, kind, number, expires, plan)
+        else:
+            log.warning("%s has no link; its %s order waits", robot, kind)
+
+    def acknowledge_samples(self, robot: RobotId, log: LogId, sequences: Iterable[int]) -> None:
+        """Tell a robot that these samples are stored."""
+        if robot in self._robots:
+            self._link.acknowledge_samples(robot, log, sequences)

@@ -1,0 +1,87 @@
+"""Gives the 3D scene what it may draw of each robot."""
+
+from autonomy.site import Site
+from robot_link.messages import RobotId
+from server.service.fleet import Fleet
+from server.service.mapping import FieldMaps
+from server.service.picture import Picture, PlanInHand
+from webui.scene.source import MapView, PlanView, Pose, TrackPiece
+
+
+class StationSceneSource:
+    """The ``webui.scene.source.SceneSource`` of one robot of the station."""
+
+    def __init__(self, robot: RobotId, fleet: Fleet, maps: FieldMaps) -> None:
+        self._robot = robot
+        self._fleet = fleet
+        self._maps = maps
+        self._plan: tuple[PlanInHand, int | None, PlanView] | None = None
+
+    @property
+    def robot(self) -> RobotId:
+        """Return the robot's id."""
+        return self._robot
+
+    @property
+    def title(self) -> str:
+        """Return the robot's display name."""
+        return self._picture.record.name
+
+    @property
+    def vehicle(self) -> str:
+        """Return the vehicle's key, "" for a recording of something unknown."""
+        return self._picture.record.model
+
+    @property
+    def site(self) -> Site:
+        """Return the water that the robot works in."""
+        return self._picture.record.site
+
+    @property
+    def fidelity_levels(self) -> int:
+        """Return how many fidelity levels the track distinguishes."""
+        return self._picture.track.levels
+
+    def pose(self) -> Pose | None:
+        """Return the newest pose."""
+        state = self._picture.state
+        if state is None:
+            return None
+        return Pose(
+            measured_at=state.measured_at,
+            position_ned=state.position_ned,
+            position_std_m=state.position_std_m,
+            roll_rad=state.roll_rad,
+            pitch_rad=state.pitch_rad,
+            heading_rad=state.heading_rad,
+            tail_rad=state.tail_rad,
+            mode=state.mode,
+            is_old=self._fleet.is_old(self._picture),
+        )
+
+    def track_since(self, cursor: int) -> TrackPiece:
+        """Return the track from ``cursor`` on."""
+        return self._picture.track.since(cursor)
+
+    def plan(self) -> PlanView | None:
+        """Return the plan to draw; the same object as long as nothing about it changed."""
+        hand, leg_now = self._picture.plan, self._picture.leg_now
+        if hand is None or not hand.legs:
+            return None
+        if self._plan is None or self._plan[:2] != (hand, leg_now):
+            view = PlanView(hand.plan_id, hand.state, hand.legs, hand.points, leg_now)
+            self._plan = (hand, leg_now, view)
+        return self._plan[2]
+
+    def maps(self) -> tuple[str, ...]:
+        """Return the models of the site's variable, the default first."""
+        variable = self.site.variable
+        return tuple(model for key, model in self._maps.views(self._robot) if key == variable)
+
+    def map_view(self, model: str) -> MapView | None:
+        """Return the newest map of the site's variable."""
+        return self._maps.views(self._robot).get((self.site.variable, model))
+
+    @property
+    def _picture(self) -> Picture:
+        return self._fleet.picture(self._robot)

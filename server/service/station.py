@@ -1,0 +1,213 @@
+"""The services of one station, put together."""
+
+import asyncio
+import logging
+from collections.abc import Coroutine, Sequence
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from autonomy.planner.config import PlannerConfig
+from db.query.events import EventRecord
+from db.query.robots import RobotRecord, get_robot, list_robots
+from db.query.samples import newest_samples
+from db.query.telemetry import Track as StoredTrack
+from db.query.telemetry import newest_plan_report, newest_state
+from db.query.telemetry import track as stored_track
+from robot_link.messages import LinkEvent, PlanReport, RobotId, Sample, StateReport
+from server.foundation import Foundation
+from server.service.command import Commands
+from server.service.fleet import Fleet
+from server.service.ingest import Ingest, Listeners
+from server.service.job_watch import watch_jobs
+from server.service.live_feed import LiveFeed
+from server.service.mapping import FieldMaps
+from server.service.mission_ledger import MissionLedger
+from server.service.plan_follow import PlanFollower
+from server.service.plan_ledger import PlanLedger
+from server.service.planning import Planning, field_config_of, planner_config_of
+from server.service.road import LinkFactory, Road, open_link
+from server.service.scene_host import SceneHost
+from server.service.scene_source import StationSceneSource
+from server.service.survey import Surveys, purge_in
+from server.service.task.problem import LOAD_PLANNER
+from server.service.upload import Uploads
+from server.service.watch import watch_fleet
+from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+from webui.scene.source import SceneSource
+
+log = logging.getLogger(__name__)
+
+_TRACK_POINTS = 5000
+
+
+class Station:
+    """Everything that the station does for its robots; started once, stopped once.
+
+    Belongs to one event loop. ``make_link`` is where tests put a link of their own.
+    """
+
+    def __init__(self, foundation: Foundation, make_link: LinkFactory = open_link) -> None:
+        self._foundation = foundation
+        self._tasks: list[asyncio.Task[Any]] = []
+        store, clock = foundation.store, foundation.clock
+        self.feed = LiveFeed(store, clock, lambda: foundation.alarms.unacknowledged)
+        self.fleet = Fleet(clock, self._robot_changed, foundation.alarms.worst_level)
+        self.workers = WorkerPool(foundation.settings.worker_processes)
+        self.maps = FieldMaps(store, clock)
+        self.road = Road(clock, self._take_event, make_link)
+        self.plans = PlanLedger(store, clock, self.fleet, self.feed)
+        self.planning = Planning(foundation, self.fleet, self.plans, self.workers)
+        self.commands = Commands(store, clock, self.fleet, self.road)
+        self.uploads = Uploads(foundation, self.fleet, self.plans, self.commands, self.road)
+        self.missions = MissionLedger(store, clock, self.fleet, self.feed)
+        self.surveys = Surveys(
+            foundation,
+            self.fleet,
+            self.missions,
+            self.planning,
+            self.uploads,
+            self.maps,
+            self.workers,
+        )
+        self._follower = PlanFollower(store, self.plans)
+        self.ingest = Ingest(
+            store,
+            self.fleet,
+            clock,
+            Listeners(
+                acknowledge=self.road.acknowledge_samples,
+                samples=self.maps.feed,
+                plan=self._take_plan_report,
+                upload=self.uploads.take,
+                command=self.commands.take,
+            ),
+        )
+        self.scenes = SceneHost(self._scene_source)
+        self.plans.listeners.append(self.surveys.plan_changed)
+        self.uploads.on_failure.append(self.surveys.upload_failed)
+        self.commands.purges.append(purge_in)
+        self.commands.on_surface.append(self._show_missions)
+        self.feed.listeners.append(self._event_happened)
+
+    async def start(self) -> None:
+        """Take up the fleet as the database knows it, and go on with what was under way."""
+        for robot in await self._foundation.store.query(list_robots):
+            await self._take_up(robot)
+        await self.plans.load()
+        await self.missions.load()
+        self._run("live stream", self.feed.run())
+        self._run("command reports", self.commands.run())
+        self._run("plan reports", self._follower.run())
+        self._run("field maps", self.maps.run())
+        self._run("alarm rules", self._watch())
+        self._run("job progress", watch_jobs(self._foundation.jobs, self.feed))
+        self._run("scenes", self.scenes.run())
+        await self.planning.resume()
+        self.road.set_robots([picture.record for picture in self.fleet.pictures])
+        self._run("radio", self.road.run())
+        await self.commands.resume()
+        await self.uploads.resume()
+        await self.surveys.resume()
+        self._run("planner's machine code", self._warm_up())
+        for picture in list(self.fleet.pictures):
+            self._run(f"maps of {picture.record.id}", self._open_maps(picture.record))
+
+    async def stop(self) -> None:
+        """Stop in the reverse order; everything under way goes on at the next start."""
+        self.feed.close()
+        self.workers.hurry()
+        await self.surveys.stop_all()
+        await self.uploads.stop()
+        await self.planning.stop()
+        for task in reversed(self._tasks):
+            task.cancel()
+        await asyncio.gather(*self._tasks, return_exceptions=True)
+        self.ingest.flush()
+        await self.scenes.stop()
+        await self.workers.stop()
+
+    async def refresh(self, robot: str) -> None:
+        """Take up a robot that was added or changed, its settings and its maps."""
+        record = await self._foundation.store.query(lambda session: get_robot(session, robot))
+        await self._take_up(record)
+        await self._open_maps(record)
+        if self.road.set_robots([picture.record for picture in self.fleet.pictures]):
+            await self.commands.resume()
+
+    def _run(self, name: str, work: Coroutine[Any, Any, None]) -> None:
+        self._tasks.append(self._foundation.background.start(name, work))
+
+    async def _watch(self) -> None:
+        await watch_fleet(self.fleet, self._foundation.alarms, self._foundation.clock)
+
+    async def _warm_up(self) -> None:
+        """Let a worker load the planner, so that nobody waits for it later."""
+        try:
+            await self.workers.run(LOAD_PLANNER, None)
+        except (WorkerTaskError, WorkerEndedError) as error:
+            log.warning("the planner could not be loaded ahead: %s", error)
+
+    async def _take_up(self, robot: RobotRecord) -> None:
+        picture = self.fleet.add(robot, (await self._planner(robot.id)).fidelity_thresholds_m)
+        if picture.state is not None:
+            return
+        memory = await self._foundation.store.query(lambda session: _memory(session, robot.id))
+        picture.state, picture.plan_report, samples, track = memory
+        picture.samples = {sample.variable: sample for sample in samples}
+        picture.track.replace((point.position_ned, point.position_std_m) for point in track.points)
+
+    async def _open_maps(self, robot: RobotRecord) -> None:
+        if robot.kind == "recorded":
+            await self.maps.show_saved(robot.id)
+            return
+        planner = await self._planner(robot.id)
+        found = await self._foundation.configurations.current("field", robot.id)
+        await self.maps.open(robot.id, field_config_of(found.value, planner), planner.domain)
+
+    async def _planner(self, robot: str) -> PlannerConfig:
+        found = await self._foundation.configurations.current("planner", robot)
+        return planner_config_of(found.value)
+
+    def _take_event(self, event: LinkEvent) -> None:
+        self.ingest.take(event)
+
+    def _take_plan_report(self, report: PlanReport) -> None:
+        self._follower.take(report)
+        self.missions.robot_said_more(report.robot)
+
+    def _robot_changed(self, robot: str) -> None:
+        self.feed.put("robots", robot, lambda: self.fleet.live_view(robot), robot)
+
+    def _event_happened(self, event: EventRecord) -> None:
+        """Follow changes that others made: of settings, or of the fleet by the command line."""
+        if event.kind in {"deployment.imported", "robot.added", "robot.changed"}:
+            robots = [event.robot] if event.robot is not None else []
+        elif event.kind == "config.changed" and event.data.get("kind") in {"planner", "field"}:
+            everyone = [picture.record.id for picture in self.fleet.pictures]
+            robots = everyone if event.robot is None else [event.robot]
+        else:
+            return
+        for robot in robots:
+            self._foundation.background.start(f"refresh {robot}", self.refresh(robot))
+
+    async def _show_missions(self, robot: str) -> None:
+        mission = self.fleet.picture(robot).mission_id
+        if mission is not None:
+            await self.missions.show(mission)
+
+    def _scene_source(self, robot: RobotId) -> SceneSource | None:
+        if not self.fleet.knows(robot):
+            return None
+        return StationSceneSource(robot, self.fleet, self.maps)
+
+
+def _memory(
+    session: Session, robot: str
+) -> tuple[StateReport | None, PlanReport | None, Sequence[Sample], StoredTrack]:
+    return (
+        newest_state(session, robot),
+        newest_plan_report(session, robot),
+        newest_samples(session, robot),
+        stored_track(session, robot, max_points=_TRACK_POINTS),
+    )

@@ -1,0 +1,81 @@
+"""Plans one round of a survey from the robot's map and position."""
+
+import time
+from collections.abc import Callable
+from functools import cache
+
+import numpy as np
+
+from autonomy.arrays import IntArray
+from autonomy.planner import kernel
+from autonomy.planner.approach import approach, preceded
+from autonomy.planner.belief import FieldBelief
+from autonomy.planner.plan import ObjectivePoint, PlanResult
+from autonomy.planner.search import plan
+from server.service.task.problem import SurveyProblem
+from server.service.task.survey_map import PLANNING, domain_points, map_of
+
+_BELIEF_SAMPLES = 4000
+
+
+def run(
+    problem: SurveyProblem,
+    report: Callable[[ObjectivePoint], None],
+    is_cancelled: Callable[[], bool],
+) -> PlanResult:
+    """Search for the best trajectory; progress is the best objective so far."""
+    load_kernels()
+    belief = belief_of(problem)
+    began_s = time.monotonic()
+    first = approach(problem.planner, problem.start_xy)
+    result = plan(
+        problem.planner,
+        belief,
+        problem.start_xy if first is None else first.end_ned[:2],
+        rng=np.random.default_rng([problem.planner.seed, problem.round_number]),
+        budget=problem.budget - (0.0 if first is None else first.energy),
+        on_progress=report,
+        is_cancelled=is_cancelled,
+        elapsed_s=lambda: time.monotonic() - began_s,
+    )
+    return result if first is None else preceded(result, first, problem.planner)
+
+
+def belief_of(problem: SurveyProblem) -> FieldBelief:
+    """Return what the samples say about the domain."""
+    config, domain = problem.field, problem.planner.domain
+    field_map = map_of(config, domain, problem.samples)
+    points = domain_points(domain, PLANNING)
+    prediction = field_map.predict(points)
+    kept = _spread(len(problem.samples), _BELIEF_SAMPLES)
+    return FieldBelief(
+        signal_variance=config.single.signal_variance,
+        length_scales_m=config.single.length_scales_m(),
+        noise_variance=config.single.noise_variance,
+        sample_points=problem.samples.points[kept],
+        test_points=points,
+        mean=prediction.mean,
+        std=np.sqrt(np.maximum(np.diagonal(prediction.covariance), 0.0)),
+        sample_position_std=problem.samples.position_std_m[kept],
+    )
+
+
+@cache
+def load_kernels() -> None:
+    """Load or compile the planner's machine code, once in this process.
+
+    It takes a second, or half a minute where there is no code on disk yet; a search must not pay
+    for that from its planning time.
+    """
+    kernel.warm_up()
+
+
+def load(payload: None, report: Callable[[None], None], is_cancelled: Callable[[], bool]) -> None:
+    """Make this process ready to plan at once."""
+    del payload, report, is_cancelled
+    load_kernels()
+
+
+def _spread(count: int, limit: int) -> IntArray:
+    """Return the indices of at most ``limit`` of ``count`` samples, evenly spread in time."""
+    return np.unique(np.linspace(0, max(count - 1, 0), min(count, limit)).round().astype(np.int64))

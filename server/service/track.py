@@ -1,0 +1,75 @@
+"""The track of one robot as the 3D scene draws it: in memory, thinned, bounded."""
+
+import math
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from autonomy.field.fidelity import fidelity_level
+from autonomy.planner.plan import PositionNed
+from webui.scene.source import TrackPiece
+
+POINTS_MAX = 20_000
+_GENERATION = 2**32
+"""A cursor is the generation of the track times this, plus the number of points seen."""
+
+
+class Track:
+    """Points at least ``spacing_m`` apart; when they are too many, every second one is dropped.
+
+    One thread adds, any thread reads.
+    """
+
+    def __init__(self, spacing_m: float, thresholds_m: Sequence[float]) -> None:
+        self._spacing_m = spacing_m
+        self._thresholds_m = tuple(thresholds_m)
+        self._points: list[tuple[float, float, float, float]] = []
+        self._generation = 1
+
+    @property
+    def levels(self) -> int:
+        """Number of fidelity levels."""
+        return len(self._thresholds_m) + 1
+
+    @property
+    def thresholds_m(self) -> tuple[float, ...]:
+        """Position uncertainties that part the fidelity levels."""
+        return self._thresholds_m
+
+    def add(self, position_ned: PositionNed, position_std_m: float) -> None:
+        """Append a point unless it lies closer than the spacing to the last one."""
+        if self._points and math.dist(self._points[-1][:3], position_ned) < self._spacing_m:
+            return
+        self._points.append((*position_ned, position_std_m))
+        if len(self._points) > POINTS_MAX:
+            self._points = self._points[::2]
+            self._spacing_m *= 2.0
+            self._generation += 1
+
+    def replace(self, points: Iterable[tuple[PositionNed, float]]) -> None:
+        """Forget the track and begin again from positions with their standard deviations."""
+        self._points = []
+        self._generation += 1
+        for position_ned, position_std_m in points:
+            self.add(position_ned, position_std_m)
+
+    def set_thresholds(self, thresholds_m: Sequence[float]) -> None:
+        """Assign all points anew to fidelity levels."""
+        if tuple(thresholds_m) != self._thresholds_m:
+            self._thresholds_m = tuple(thresholds_m)
+            self._generation += 1
+
+    def since(self, cursor: int) -> TrackPiece:
+        """Return the points after ``cursor``; see ``webui.scene.source.SceneSource``."""
+        generation, points, thresholds_m = self._generation, self._points, self._thresholds_m
+        seen_generation, seen = divmod(cursor, _GENERATION)
+        restarted = seen_generation != generation
+        end = len(points)
+        piece = np.array(points[0 if restarted else seen : end]).reshape(-1, 4)  # (n, 4)
+        return TrackPiece(
+            cursor=generation * _GENERATION + end,
+            restarted=restarted,
+            position_ned=piece[:, :3],
+            position_std_m=piece[:, 3],
+            fidelity=fidelity_level(piece[:, 3], thresholds_m),
+        )

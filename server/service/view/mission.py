@@ -1,0 +1,80 @@
+"""A mission, its rounds and its score."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from server.service.view.base import View
+
+
+@dataclass(frozen=True, slots=True)
+class RoundView(View):
+    """One round of an adaptive survey."""
+
+    round: int
+    plan_id: str
+    state: str
+    energy: float
+    """Spent as the robot reports it; planned while the round has not begun."""
+    objective: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class BudgetView(View):
+    """Energy units of the mission."""
+
+    total: float
+    spent: float
+    """As the robot reported it."""
+    round: float
+    """Most that one round may spend."""
+
+
+@dataclass(frozen=True, slots=True)
+class ScoresView(View):
+    """A map held against the truth of the simulated field."""
+
+    model: str
+    title: str
+    rmse: float
+    nlpd: float
+    """Negative log predictive density per point."""
+    wmse: float
+    """Weighted mean squared error: 1 where the model's uncertainty is right."""
+    coverage_90: float
+    """Share of the truth inside the 90 % interval."""
+    samples: int
+
+
+@dataclass(frozen=True, slots=True)
+class MissionView(View):
+    """A mission and where it stands."""
+
+    id: str
+    robot: str
+    kind: str
+    state: str
+    """``planning``, ``ready``, ``running``, ``replanning``, ``scoring``, ``done``, ``failed`` or
+    ``stopped``."""
+    automation: bool
+    """Whether the station uploads and starts further rounds by itself."""
+    config: dict[str, Any]
+    config_id: str | None
+    rounds: list[RoundView]
+    budget: BudgetView
+    plan_id: str | None
+    """Plan of the newest round."""
+    scores: list[ScoresView] | None
+    message: str
+    created_at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class LiveMissionView(View):
+    """What changes of a mission while people watch."""
+
+    state: str
+    automation: bool
+    budget: BudgetView
+    plan_id: str | None
+    message: str

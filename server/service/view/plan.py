@@ -1,0 +1,177 @@
+"""A plan and its way to the robot."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from server.service.view.base import View
+
+
+@dataclass(frozen=True, slots=True)
+class LegView(View):
+    """One motion primitive."""
+
+    kind: str
+    """``glide``, ``spiral``, ``dive`` or ``swim``."""
+    start_ned: tuple[float, float, float]
+    end_ned: tuple[float, float, float]
+    speed_m_s: float
+    duration_s: float
+    energy: float
+    heading_rad: float
+    radius_m: float
+    turn_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class AccountView(View):
+    """What a plan costs."""
+
+    energy: float
+    duration_s: float
+    worst_std_m: float
+    bytes: int
+    """Size of the mission document."""
+    credits: int
+    """Satellite credits; radio costs none."""
+
+
+@dataclass(frozen=True, slots=True)
+class ViolationView(View):
+    """One limit that a plan breaks."""
+
+    field: str
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class ProgressView(View):
+    """How far planning is."""
+
+    elapsed_s: float
+    seconds_left: float
+    objective: float | None
+    """Best so far; ``null`` before the first complete trajectory."""
+    candidates: int
+
+
+@dataclass(frozen=True, slots=True)
+class ObjectiveView(View):
+    """Best objective after some planning time."""
+
+    elapsed_s: float
+    objective: float
+    candidates: int
+
+
+@dataclass(frozen=True, slots=True)
+class RunnerUpView(View):
+    """A trajectory that was not chosen."""
+
+    objective: float
+    energy: float
+    duration_s: float
+    worst_std_m: float
+
+
+@dataclass(frozen=True, slots=True)
+class LadderView(View):
+    """When each state was proved."""
+
+    draft_at: datetime | None
+    sent_at: datetime | None
+    on_board_at: datetime | None
+    running_at: datetime | None
+    ended_at: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class OnboardView(View):
+    """How far the robot says it is with this plan."""
+
+    leg: int
+    legs: int
+    energy_used: float
+
+
+@dataclass(frozen=True, slots=True)
+class PlanView(View):
+    """A plan with everything that is known of it."""
+
+    id: str
+    robot: str
+    kind: str
+    mission_id: str | None
+    round: int
+    state: str
+    """``planning``, ``draft``, ``sent``, ``on_board``, ``running``, ``done``, ``failed``,
+    ``superseded`` or ``cancelled``."""
+    sha256: str | None
+    config_id: str | None
+    """The version of the planner's configuration that this plan was made with."""
+    config: dict[str, Any]
+    created_at: datetime
+    legs: list[LegView]
+    points: list[list[float]]
+    """Promised trajectory: time s, north, east, down m, position standard deviation m."""
+    account: AccountView | None
+    objective: float | None
+    objective_unit: str
+    violations: list[ViolationView]
+    progress: ProgressView | None
+    history: list[ObjectiveView]
+    runners_up: list[RunnerUpView]
+    message: str
+    ladder: LadderView
+    onboard: OnboardView | None
+
+
+@dataclass(frozen=True, slots=True)
+class PlanSummaryView(View):
+    """A plan in a list."""
+
+    id: str
+    robot: str
+    kind: str
+    mission_id: str | None
+    round: int
+    state: str
+    sha256: str | None
+    created_at: datetime
+    account: AccountView | None
+    objective: float | None
+    objective_unit: str
+    violations: int
+    """How many limits it breaks."""
+    message: str
+    ladder: LadderView
+
+
+@dataclass(frozen=True, slots=True)
+class LivePlanView(View):
+    """What changes of a plan while people watch."""
+
+    state: str
+    progress: ProgressView | None
+    ladder: LadderView
+    onboard: OnboardView | None
+    message: str
+
+
+@dataclass(frozen=True, slots=True)
+class TransferView(View):
+    """One attempt to bring a plan on board."""
+
+    id: str
+    robot: str
+    plan_id: str
+    state: str
+    """``waiting``, ``sending``, ``on_board``, ``running``, ``failed`` or ``withdrawn``."""
+    items_sent: int
+    items: int
+    bytes: int
+    level: str
+    """How far it is proved: ``queued``, ``radio`` or ``applied``."""
+    started_at: datetime
+    ended_at: datetime | None
+    reason: str

@@ -1,0 +1,164 @@
+"""A robot as the operator sees it."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from autonomy.site import Site
+from server.service.view.base import View
+
+
+@dataclass(frozen=True, slots=True)
+class LinkView(View):
+    """The road to a robot."""
+
+    carrier: str
+    """Kind of the link that was heard last, such as ``xbee``; empty before the first byte."""
+    state: str
+    """``never_heard``, ``live``, ``stale``, ``submerged`` or ``port_closed``."""
+    heard_at: datetime | None
+    age_s: float | None
+    """Time since the last byte."""
+    rssi_dbm: float | None
+    frames_received: int
+    frames_bad: int
+    """Frames dropped for a bad checksum, a foreign sender or an unreadable content."""
+
+
+@dataclass(frozen=True, slots=True)
+class ContactView(View):
+    """When the robot will be heard next."""
+
+    at: datetime
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class ChannelView(View):
+    """Newest value of one channel; the unit belongs to ``value``."""
+
+    value: float
+    unit: str
+    display_unit: str | None
+    """Unit on a screen where it differs."""
+    measured_at: datetime
+    received_at: datetime
+    age_s: float
+    """Age of the measurement by the station's clock when this was written."""
+    limit_s: float
+    """Age from which the value must look old."""
+
+
+@dataclass(frozen=True, slots=True)
+class PositionView(View):
+    """Where the robot believes to be."""
+
+    ned_m: tuple[float, float, float]
+    """North, east, down in the site's frame."""
+    std_m: float
+    """Standard deviation of the horizontal position, larger axis."""
+    latitude_deg: float
+    longitude_deg: float
+    has_fix: bool
+    """Whether the position was fixed from outside at that moment."""
+    measured_at: datetime
+    received_at: datetime
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class OnboardPlanView(View):
+    """The plan that the robot says it holds."""
+
+    plan_id: str | None
+    """The station's plan with this hash; ``null`` when the robot holds a stranger's."""
+    sha256: str | None
+    state: str
+    leg: int
+    legs: int
+    energy_used: float
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class StateView(View):
+    """Newest value of everything that a robot reports."""
+
+    robot: str
+    channels: dict[str, ChannelView]
+    """By channel key, which carries the unit; field variables are channels too."""
+    position: PositionView | None
+    mode: str | None
+    activity: str
+    """What the robot is doing, in words."""
+    plan: OnboardPlanView | None
+    link: LinkView
+
+
+@dataclass(frozen=True, slots=True)
+class LiveRobotView(StateView):
+    """State with what the fleet page shows beside it."""
+
+    mission_id: str | None
+    plan_id: str | None
+    next_contact: ContactView | None
+    surface_forecast: str
+    alarm_level: str | None
+
+
+@dataclass(frozen=True, slots=True)
+class RobotView(View):
+    """A robot of the fleet."""
+
+    id: str
+    name: str
+    model: str
+    """Title of the vehicle model."""
+    model_note: str
+    """What to know about the model's parameters."""
+    kind: str
+    """``real``, ``simulated`` or ``recorded``."""
+    system_id: int | None
+    simulated: bool
+    site: Site
+    link: LinkView
+    mode: str | None
+    activity: str
+    mission_id: str | None
+    """The mission that concerns the operator now."""
+    plan_id: str | None
+    """The plan that concerns the operator now."""
+    next_contact: ContactView | None
+    surface_forecast: str
+    """What "surface now" would do, in one sentence."""
+    alarm_level: str | None
+    """Worst level among the robot's alarms that are not closed."""
+
+
+@dataclass(frozen=True, slots=True)
+class SamplesView(View):
+    """History of one channel."""
+
+    robot: str
+    channel: str
+    unit: str
+    measured_at: list[datetime]
+    value: list[float]
+    decimated: bool
+    """Whether values were left out; the extremes of every interval are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackView(View):
+    """Where the robot believed to be, point by point."""
+
+    robot: str
+    measured_at: list[datetime]
+    north_m: list[float]
+    east_m: list[float]
+    depth_m: list[float]
+    std_m: list[float]
+    fidelity: list[int]
+    """Fidelity level by the planner's thresholds; the highest is the best located."""
+    latitude_deg: list[float]
+    longitude_deg: list[float]
+    decimated: bool

@@ -1,0 +1,109 @@
+"""What deserves an alarm: a table of rules, looked at once a second."""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from robot_link.clock import Clock
+from robot_link.messages import LinkState, OnboardPlanState
+from server.alarm import AlarmBoard
+from server.service.fleet import Fleet
+from server.service.picture import Picture
+from server.service.words import clock_time
+
+PERIOD_S = 1.0
+_BATTERY_WARNING, _BATTERY_CRITICAL = 0.20, 0.10
+_OVERDUE_WATCH, _OVERDUE_CRITICAL = timedelta(minutes=10), timedelta(minutes=40)
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """Why there is an alarm."""
+
+    level: str
+    text: str
+
+
+@dataclass(frozen=True, slots=True)
+class Rule:
+    """One cause of alarm."""
+
+    cause: str
+    judge: Callable[[Picture, datetime], Verdict | None]
+
+
+def _battery(picture: Picture, now: datetime) -> Verdict | None:
+    del now
+    if picture.state is None or picture.state.battery_fraction >= _BATTERY_WARNING:
+        return None
+    charge = picture.state.battery_fraction
+    level = "critical" if charge < _BATTERY_CRITICAL else "warning"
+    return Verdict(level, f"{picture.record.id} has {charge:.0%} of its battery left.")
+
+
+def _silence(picture: Picture, now: datetime) -> Verdict | None:
+    del now
+    link = picture.link
+    if link is None or link.heard_at is None or link.state is not LinkState.STALE:
+        return None
+    robot = picture.record.id
+    return Verdict(
+        "warning", f"{robot} does not answer; last heard at {clock_time(link.heard_at)}."
+    )
+
+
+def _port(picture: Picture, now: datetime) -> Verdict | None:
+    del now
+    if picture.link_state is not LinkState.PORT_CLOSED:
+        return None
+    return Verdict("warning", f"The radio for {picture.record.id} cannot be opened; plug it in.")
+
+
+def _overdue(picture: Picture, now: datetime) -> Verdict | None:
+    due = picture.next_surfacing()
+    if due is None or picture.link_state is not LinkState.SUBMERGED:
+        return None
+    late = now - due
+    if late < _OVERDUE_WATCH:
+        return None
+    level = "critical" if late >= _OVERDUE_CRITICAL else "watch"
+    minutes = int(late.total_seconds() // 60)
+    robot = picture.record.id
+    return Verdict(level, f"{robot} was to surface at {clock_time(due)}, {minutes} min ago.")
+
+
+def _ended_early(picture: Picture, now: datetime) -> Verdict | None:
+    del now
+    report = picture.plan_report
+    if report is None or report.state is not OnboardPlanState.FAILED:
+        return None
+    return Verdict(
+        "watch", f"{picture.record.id} ended its plan early: {report.reason or 'no reason given'}"
+    )
+
+
+RULES: tuple[Rule, ...] = (
+    Rule("battery", _battery),
+    Rule("silence", _silence),
+    Rule("port", _port),
+    Rule("overdue", _overdue),
+    Rule("plan ended early", _ended_early),
+)
+"""Every cause of alarm about a robot."""
+
+
+async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock) -> None:
+    """Raise and clear alarms until cancelled."""
+    while True:
+        for picture in list(fleet.pictures):
+            robot, before = picture.record.id, alarms.worst_level(picture.record.id)
+            for rule in RULES:
+                verdict = rule.judge(picture, clock.now())
+                if verdict is None:
+                    await alarms.clear(rule.cause, robot=robot)
+                else:
+                    await alarms.raise_(rule.cause, verdict.text, level=verdict.level, robot=robot)
+            if alarms.worst_level(robot) != before:
+                fleet.touch(robot)
+        await asyncio.sleep(PERIOD_S)

@@ -1,0 +1,114 @@
+"""What the station says of a robot, in words: plain, short, and never more than is known."""
+
+from datetime import datetime
+
+from robot_link.messages import CommandKind, LinkState, OnboardPlanState, RobotMode, StateReport
+
+_CARRIERS = {"xbee": "XBee"}
+_SLOW_M_S = 0.003
+
+
+def activity(state: StateReport | None, round_text: str, is_old: bool) -> str:
+    """Say what a robot does, such as "Gliding down, round 2 of 4".
+
+    Args:
+        state: Its newest report.
+        round_text: Where its mission stands, such as "round 2 of 4"; "" without one.
+        is_old: Whether the report is older than its limit.
+    """
+    if state is None:
+        return "Not heard yet"
+    text = _motion(state)
+    if round_text and state.mode not in {RobotMode.IDLE, RobotMode.ABORTING}:
+        text = f"{text}, {round_text}"
+    return f"Last heard: {text[0].lower()}{text[1:]}" if is_old else text
+
+
+def _motion(state: StateReport) -> str:
+    down_m_s = state.velocity_ned[2]
+    way = "" if abs(down_m_s) < _SLOW_M_S else " down" if down_m_s > 0 else " up"
+    match state.mode:
+        case RobotMode.IDLE:
+            return "Idle at the surface"
+        case RobotMode.DIVING:
+            return "Rising" if down_m_s < -_SLOW_M_S else "Diving"
+        case RobotMode.GLIDING:
+            return f"Gliding{way}"
+        case RobotMode.SPIRALLING:
+            return f"Spiralling{way}"
+        case RobotMode.SWIMMING:
+            return "Swimming"
+        case RobotMode.TURNING:
+            return "Turning to the next leg"
+        case RobotMode.SURFACED:
+            return "At the surface between legs"
+        case RobotMode.ABORTING:
+            return "Coming up"
+        case RobotMode.HOLDING:
+            return "Holding at the surface"
+
+
+def carrier_title(carrier: str) -> str:
+    """Return a carrier's name for people."""
+    return _CARRIERS.get(carrier, carrier)
+
+
+def surface_forecast(
+    robot: str, link: LinkState, carrier: str, next_contact: datetime | None
+) -> str:
+    """Say what "surface now" would do at this moment."""
+    match link:
+        case LinkState.LIVE:
+            return f"Reaches {robot} now by {carrier_title(carrier)}"
+        case LinkState.SUBMERGED if next_contact is not None:
+            return f"Reaches {robot} at its next surfacing, about {clock_time(next_contact)}"
+        case LinkState.SUBMERGED:
+            return f"Reaches {robot} at its next surfacing"
+        case LinkState.STALE:
+            return f"{robot} does not answer; the order is repeated until it does"
+        case LinkState.NEVER_HEARD:
+            return f"{robot} was never heard; the order is repeated until it answers"
+        case LinkState.PORT_CLOSED:
+            return f"The radio's port is closed; the order for {robot} waits for it"
+
+
+def clock_time(moment: datetime) -> str:
+    """Return a time of day for a sentence, such as 14:32Z."""
+    return moment.strftime("%H:%MZ")
+
+
+def command_text(robot: str, kind: CommandKind, level: str, reason: str) -> str:
+    """Say how far a command is proved to have come."""
+    order = _ORDERS[kind]
+    match level:
+        case "queued":
+            return f"{order} for {robot}: the radio took it; {robot} has not answered yet."
+        case "radio":
+            return f"{order} delivered to {robot}'s radio; {robot} has not answered yet."
+        case "applied":
+            return _APPLIED[kind].format(robot=robot)
+        case "refused":
+            return f"{robot} refused: {reason or 'it gave no reason.'}"
+        case "expired":
+            return f"{order} for {robot} expired: {reason or 'it was not answered in time.'}"
+        case _:
+            return f"{order} for {robot} is written down; no link has taken it yet."
+
+
+_ORDERS = {
+    CommandKind.SURFACE: "Surface order",
+    CommandKind.HOLD: "Hold order",
+    CommandKind.RESUME: "Resume order",
+    CommandKind.START: "Start order",
+}
+_APPLIED = {
+    CommandKind.SURFACE: "{robot} obeys: it is coming up.",
+    CommandKind.HOLD: "{robot} obeys: it holds at the next surfacing.",
+    CommandKind.RESUME: "{robot} obeys: it continues its mission.",
+    CommandKind.START: "{robot} obeys: it flies the plan on board.",
+}
+
+
+def onboard_plan_state(state: OnboardPlanState) -> str:
+    """Return the name of a plan's state on board, as REST says it."""
+    return state.name.lower()

@@ -1,0 +1,129 @@
+import asyncio
+from contextlib import AsyncExitStack, asynccontextmanager
+from datetime import UTC, datetime, timedelta
+
+import httpx
+import pytest
+import pytest_asyncio
+
+from autonomy.site import LAKE, TANK
+from db.query.robots import RobotRecord, add_robot, list_robots
+from robot_link.messages import RobotId, SystemId
+from server import composition
+from server.app import create_app
+from server.security.register import create_token
+from server.security.role import Role
+from server.service.station import Station
+from server.settings import Settings
+from tests.server.service.fake_link import World, state_report
+
+MINI = RobotId("mini-1")
+GRACE = RobotId("grace-1")
+FAST = {
+    "planning_time_s": 30.0,
+    "total_budget": 24.0,
+    "round_budget": 12.0,
+    "search": {"iterations_max": 100},
+}
+"""A survey of two short rounds; the search ends by its iterations on a machine of any speed."""
+
+
+async def until(condition, timeout_s=20.0):
+    """Wait for something to become true; a coroutine function is awaited each time."""
+    async with asyncio.timeout(timeout_s):
+        while True:
+            found = condition()
+            if asyncio.iscoroutine(found):
+                found = await found
+            if found:
+                return found
+            await asyncio.sleep(0.02)
+
+
+def robot_record(robot, system_id, model, site):
+    return RobotRecord(
+        id=robot,
+        name=robot,
+        model=model,
+        kind="simulated",
+        system_id=SystemId(system_id),
+        links=("xbee://127.0.0.1:9",),
+        site=site,
+        created_at=datetime.now(UTC),
+    )
+
+
+@asynccontextmanager
+async def open_station(tmp_path, world):
+    """Run a station with two robots on a data folder; closing it is an orderly stop."""
+    settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
+    async with AsyncExitStack() as stack:
+        foundation = await composition._open_foundation(settings, stack)
+        if not await foundation.store.query(list_robots):
+            await foundation.store.write(_add_fleet)
+        station = Station(foundation, world.make_link)
+        station.foundation = foundation
+        stack.push_async_callback(station.stop)
+        await station.start()
+        yield station
+
+
+def _add_fleet(session):
+    add_robot(session, robot_record(MINI, 1, "miniglider", TANK))
+    add_robot(session, robot_record(GRACE, 2, "grace3", LAKE))
+
+
+@pytest.fixture(autouse=True)
+def _cold_worker(monkeypatch):
+    """Few tests plan; the others need not pay for the planner's machine code."""
+
+    async def stay_cold(station):
+        del station
+
+    monkeypatch.setattr(Station, "_warm_up", stay_cold)
+
+
+@pytest_asyncio.fixture
+async def world():
+    world = World()
+    yield world
+    await world.close()
+
+
+@pytest_asyncio.fixture
+async def station(tmp_path, world):
+    async with open_station(tmp_path, world) as station:
+        world.hear(MINI)
+        world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        yield station
+
+
+@pytest.fixture
+def foundation(station):
+    return station.foundation
+
+
+@pytest_asyncio.fixture
+async def client(station):
+    """Speaks REST to the station as a pilot."""
+    async with api_client(station, Role.ADMIN) as client:
+        yield client
+
+
+@asynccontextmanager
+async def api_client(station, role):
+    foundation = station.foundation
+    app = create_app(foundation.settings)
+    app.state.foundation, app.state.station = foundation, station
+    issued = await foundation.store.write(
+        lambda session: create_token(
+            session, f"test {role}", role, timedelta(hours=1), at=datetime.now(UTC), by="test"
+        )
+    )
+    async with httpx.AsyncClient(
+        transport=httpx.ASGITransport(app),
+        base_url="http://127.0.0.1",
+        headers={"Authorization": f"Bearer {issued.secret}"},
+    ) as client:
+        client.app, client.secret = app, issued.secret
+        yield client

@@ -1,0 +1,223 @@
+"""Robots that answer at once, in place of the radio and all that lies behind it."""
+
+import asyncio
+from dataclasses import replace
+from datetime import UTC, datetime
+
+import numpy as np
+
+from autonomy.field.synthetic import measure
+from autonomy.planner.primitive import position_at
+from robot_link.messages import (
+    CommandKind,
+    CommandLevel,
+    CommandReport,
+    LinkReport,
+    LinkState,
+    LogId,
+    OnboardPlanState,
+    PlanReport,
+    RawFrame,
+    RobotMode,
+    Sample,
+    StateReport,
+    UploadReport,
+)
+
+SAMPLES_PER_LEG = 4
+
+
+def state_report(robot, position_ned=(1.0, 0.5, 0.0), at=None, **changes):
+    at = at or datetime.now(UTC)
+    values = {
+        "robot": robot,
+        "measured_at": at,
+        "received_at": at,
+        "position_ned": position_ned,
+        "position_std_m": 0.02,
+        "velocity_ned": (0.0, 0.0, 0.0),
+        "roll_rad": 0.0,
+        "pitch_rad": -0.4,
+        "heading_rad": 1.0,
+        "net_buoyancy_kg": 0.01,
+        "mass_position_m": 0.002,
+        "tail_rad": 0.0,
+        "battery_fraction": 0.9,
+        "battery_v": 11.1,
+        "mode": RobotMode.IDLE,
+        "has_fix": True,
+        "energy_used": 0.0,
+    }
+    return StateReport(**{**values, **changes})
+
+
+class FakeRobot:
+    """The robot's memory and its way to fly: through the plan in no time, sampling the truth."""
+
+    def __init__(self, robot, tell):
+        self.id = robot
+        self.tell = tell
+        self.plan = None
+        self.state = OnboardPlanState.NONE
+        self.leg = 0
+        self.energy_used = 0.0
+        self.reason = ""
+        self.sequence = 0
+        self.may_fly = asyncio.Event()
+        self.may_fly.set()
+        self.rng = np.random.default_rng(1)
+
+    def say(self, state=None):
+        self.state = state or self.state
+        at = datetime.now(UTC)
+        self.tell(
+            PlanReport(
+                robot=self.id,
+                sha256=None if self.plan is None else self.plan.sha256(),
+                state=self.state,
+                leg=self.leg,
+                legs=0 if self.plan is None else len(self.plan.legs),
+                energy_used=self.energy_used,
+                reason=self.reason,
+                measured_at=at,
+                received_at=at,
+            )
+        )
+
+    def take(self, mission):
+        self.plan, self.leg, self.energy_used, self.reason = mission, 0, 0.0, ""
+        self.say(OnboardPlanState.ON_BOARD)
+
+    async def fly(self):
+        self.say(OnboardPlanState.RUNNING)
+        for number, leg in enumerate(self.plan.legs):
+            self.leg = number
+            await self.may_fly.wait()
+            if self.state is not OnboardPlanState.RUNNING:
+                return
+            for part in range(1, SAMPLES_PER_LEG + 1):
+                self.sample(position_at(leg, part / SAMPLES_PER_LEG))
+            self.energy_used += leg.energy
+            self.tell(state_report(self.id, leg.end_ned, mode=RobotMode.GLIDING))
+            self.say()
+            await asyncio.sleep(0)
+        self.say(OnboardPlanState.DONE)
+        self.tell(state_report(self.id, self.plan.legs[-1].end_ned))
+
+    def end_early(self, reason):
+        self.reason = reason
+        self.say(OnboardPlanState.FAILED)
+
+    def sample(self, position, variable="blue_light", value=None, position_std_m=0.05):
+        at = datetime.now(UTC)
+        if value is None:
+            value = float(measure(variable, np.array([position]), self.rng)[0])
+        sample = Sample(
+            self.id,
+            LogId(1),
+            self.sequence,
+            variable,
+            value,
+            tuple(position),
+            position_std_m,
+            at,
+            at,
+        )
+        self.sequence += 1
+        self.tell(sample)
+        return sample
+
+
+class FakeLink:
+    """Stands where ``StationLink`` stands."""
+
+    def __init__(self, robots, clock, on_event, world):
+        self.on_event = on_event
+        self.world = world
+        self.clock = clock
+        world.link = self
+        for robot in robots:
+            known = world.robots.get(robot)
+            if known is None:
+                world.robots[robot] = FakeRobot(robot, on_event)
+            else:
+                known.tell = on_event
+
+    async def run(self):
+        await asyncio.Event().wait()
+
+    async def upload(self, robot, mission):
+        self.world.uploads.append((robot, mission.sha256()))
+        fake = self.world.robots[robot]
+        report = UploadReport(
+            robot, mission.sha256(), 1, len(mission.legs), OnboardPlanState.RECEIVING, "", _now()
+        )
+        self.on_event(report)
+        await self.world.may_upload.wait()
+        if self.world.refuse_upload:
+            return replace(
+                report, state=self.world.refuse_upload, reason="the robot did not answer"
+            )
+        fake.take(mission)
+        return replace(report, state=OnboardPlanState.ON_BOARD, items_sent=len(mission.legs))
+
+    def cancel_upload(self, robot, reason):
+        self.world.cancelled_uploads.append((robot, reason))
+
+    def send_command(self, robot, kind, number, expires, plan=None):
+        self.world.commands.append((robot, kind, number))
+        self.level(robot, number, CommandLevel.QUEUED)
+        if not self.world.in_reach:
+            return
+        self.level(robot, number, CommandLevel.RADIO)
+        self.level(robot, number, CommandLevel.APPLIED)
+        fake = self.world.robots[robot]
+        if kind is CommandKind.START and fake.state is OnboardPlanState.ON_BOARD:
+            self.world.flights.append(asyncio.ensure_future(fake.fly()))
+        if kind is CommandKind.SURFACE and fake.state is OnboardPlanState.RUNNING:
+            fake.end_early("told to surface")
+
+    def level(self, robot, number, level):
+        self.on_event(CommandReport(robot, number, level, _now(), "xbee"))
+
+    def acknowledge_samples(self, robot, log, sequences):
+        self.world.acknowledged += [(robot, log, number) for number in sequences]
+
+
+class World:
+    """What outlives a station: the robots, and a record of what they were told."""
+
+    def __init__(self):
+        self.robots = {}
+        self.link = None
+        self.uploads = []
+        self.cancelled_uploads = []
+        self.commands = []
+        self.acknowledged = []
+        self.flights = []
+        self.in_reach = True
+        self.refuse_upload = None
+        self.may_upload = asyncio.Event()
+        self.may_upload.set()
+
+    def make_link(self, robots, clock, on_event):
+        return FakeLink(robots, clock, on_event, self)
+
+    def tell(self, event):
+        self.link.on_event(event)
+
+    def hear(self, robot, state=LinkState.LIVE, frames_bad=0):
+        """Let a robot come into reach."""
+        self.tell(LinkReport(robot, "xbee", state, _now(), -50.0, 10, frames_bad))
+
+    def frame(self, robot, data=b"\xfd\x00"):
+        self.tell(RawFrame(robot, "xbee", False, data, _now()))
+
+    async def close(self):
+        for flight in self.flights:
+            flight.cancel()
+        await asyncio.gather(*self.flights, return_exceptions=True)
+
+
+def _now():
+    return datetime.now(UTC)
