@@ -48,6 +48,16 @@ def parse() -> argparse.Namespace:
     return parser.parse_args()
 
 
+def get(station: httpx.Client, path: str) -> dict:
+    """Read a resource; wait for a station that restarts."""
+    for _ in range(60):
+        try:
+            return station.get(path).raise_for_status().json()
+        except httpx.TransportError:
+            time.sleep(1.0)
+    sys.exit(f"the station at {station.base_url} does not answer")
+
+
 def post(station: httpx.Client, path: str, body: dict | None = None) -> dict:
     """Post once, whatever the network does: the key makes a repetition harmless."""
     key = {"Idempotency-Key": str(uuid.uuid4())}
@@ -74,9 +84,9 @@ def create_mission(station: httpx.Client, arguments: argparse.Namespace) -> str:
 def wait_for_draft(station: httpx.Client, mission: str) -> dict:
     """Wait until the first round's plan is there to be looked at."""
     while True:
-        state = station.get(f"/api/missions/{mission}").raise_for_status().json()
+        state = get(station, f"/api/missions/{mission}")
         if state["state"] == "ready":
-            return station.get(f"/api/plans/{state['plan_id']}").raise_for_status().json()
+            return get(station, f"/api/plans/{state['plan_id']}")
         if state["state"] in {"failed", "stopped"}:
             sys.exit(f"{mission}: {state['message']}")
         time.sleep(0.5)
@@ -87,7 +97,7 @@ def follow(station: httpx.Client, mission: str, timeout_s: float) -> dict:
     shown = ""
     give_up = time.monotonic() + timeout_s
     while time.monotonic() < give_up:
-        state = station.get(f"/api/missions/{mission}").raise_for_status().json()
+        state = get(station, f"/api/missions/{mission}")
         budget = state["budget"]
         line = (
             f"{state['state']}: round {len(state['rounds'])}, "
