@@ -95,8 +95,7 @@ class CommandLane:
         attempt = 0
         while not command.settled.is_set():
             if self._left_s(command) <= 0:
-                reason = "the robot did not answer in time"
-                self._settle(command, CommandLevel.EXPIRED, reason)
+                self._settle(command, CommandLevel.EXPIRED, _expiry_reason(command))
                 return
             command.stirred.clear()
             await self._send(command, attempt)
@@ -116,7 +115,9 @@ class CommandLane:
             confirmation=min(attempt, 255),
         )
         command.is_confirmed = await self._peer.deliver(
-            (message,), on_taken=lambda: self._tell_once(command, CommandLevel.QUEUED)
+            (message,),
+            on_taken=lambda: self._tell_once(command, CommandLevel.QUEUED),
+            is_wanted=lambda: not command.settled.is_set() and self._left_s(command) > 0,
         )
         if command.is_confirmed:
             self._tell_once(command, CommandLevel.RADIO)
@@ -158,3 +159,11 @@ class CommandLane:
                 reason=reason,
             )
         )
+
+
+def _expiry_reason(command: Command) -> str:
+    if CommandLevel.RADIO in command.told:
+        return "the robot did not answer in time"
+    if CommandLevel.QUEUED in command.told:
+        return "the robot was not in reach in time"
+    return "the command could not leave the station in time"

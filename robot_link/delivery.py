@@ -18,6 +18,7 @@ async def deliver(
     *,
     attempts: int = 1,
     on_taken: Callable[[], None] = lambda: None,
+    is_wanted: Callable[[], bool] = lambda: True,
 ) -> Delivery:
     """Send a datagram, again where the far radio does not confirm.
 
@@ -29,12 +30,15 @@ async def deliver(
         data: The datagram.
         attempts: How often at most.
         on_taken: Called each time that the radio has taken it.
+        is_wanted: Asked before each attempt whether it shall still be sent.
 
     Returns:
         The radio's last word; of unknown fate where there is no open port.
     """
     delivery = Delivery(Fate.UNKNOWN, detail="nothing was sent")
     for _ in range(attempts):
+        if not is_wanted():
+            break
         try:
             fate = await transport.send(address, data)
         except PortClosedError as error:

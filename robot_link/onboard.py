@@ -1,10 +1,10 @@
 """The robot's side of every service; what the onboard program talks through."""
 
 import asyncio
-from collections import OrderedDict
 from datetime import datetime
 
 from robot_link.clock import Clock, monotonic_s
+from robot_link.command_desk import CommandDesk
 from robot_link.delivery import deliver
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import (
@@ -35,7 +35,6 @@ from robot_link.transport.datagram import BROADCAST, Address, DatagramTransport,
 
 __all__ = ["CommandOutcome", "RobotLink", "RobotProgram"]
 
-_REMEMBERED_COMMANDS = 64
 _ATTEMPTS = 3
 _SILENCES_BEFORE_ANOTHER_STATION = 3
 
@@ -79,7 +78,6 @@ class RobotLink:
         self._system = system
         self._transport = transport
         self._clock = clock
-        self._program = program
         self._timing = timing or LinkTiming()
         self._codec = Codec(system, ROBOT_COMPONENT)
         self._samples = SampleSender(log, self._codec, transport, self._timing)
@@ -87,7 +85,7 @@ class RobotLink:
         self._station_heard_s = 0.0
         self._station_known = asyncio.Event()
         self._replies: asyncio.Queue[WireMessage] = asyncio.Queue()
-        self._obeyed: OrderedDict[tuple[int, int], CommandOutcome] = OrderedDict()
+        self._commands = CommandDesk(program)
         self._mode = RobotMode.IDLE
         self._mode_changed = asyncio.Event()
         self._state: StateReport | None = None
@@ -202,7 +200,7 @@ class RobotLink:
         now_s = monotonic_s()
         match message:
             case grace.MAVLink_command_long_message():
-                self._take_command(message)
+                self._take_command(message, now_s)
             case grace.MAVLink_grace_plan_offer_message():
                 self._plan.take_offer(message, now_s)
             case grace.MAVLink_mission_count_message():
@@ -215,17 +213,12 @@ class RobotLink:
             case _:
                 pass
 
-    def _take_command(self, message: grace.MAVLink_command_long_message) -> None:
+    def _take_command(self, message: grace.MAVLink_command_long_message, now_s: float) -> None:
         command = received_command(message)
         if command is None:
             outcome, number = CommandOutcome.UNSUPPORTED, 0
         else:
-            name, number = (command.number, command.expiry_s), command.number
-            if name not in self._obeyed:
-                self._obeyed[name] = self._program.obey(command.kind, command.plan_digits)
-                if len(self._obeyed) > _REMEMBERED_COMMANDS:
-                    self._obeyed.popitem(last=False)
-            outcome = self._obeyed[name]
+            outcome, number = self._commands.take(command, now_s), command.number
         self._replies.put_nowait(
             grace.MAVLink_command_ack_message(
                 command=message.command,

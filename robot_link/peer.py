@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 
 from robot_link.clock import Clock, monotonic_s
 from robot_link.delivery import deliver
@@ -20,7 +21,6 @@ from robot_link.transport.datagram import (
     BROADCAST,
     Address,
     DatagramTransport,
-    Delivery,
     Fate,
     Received,
 )
@@ -100,13 +100,17 @@ class Peer:
         )
 
     async def deliver(
-        self, messages: Iterable[WireMessage], on_taken: Callable[[], None] = lambda: None
+        self,
+        messages: Iterable[WireMessage],
+        on_taken: Callable[[], None] = lambda: None,
+        is_wanted: Callable[[], bool] = lambda: True,
     ) -> bool:
         """Send messages together, as few datagrams as they fit.
 
         Args:
             messages: What to say; must mean the same if heard twice.
-            on_taken: Called when the radio has taken the first datagram.
+            on_taken: Called when the radio has taken a datagram.
+            is_wanted: Asked before each attempt whether they shall still be sent.
 
         Returns:
             Whether the robot's radio confirmed all of them. A robot whose radio is not known yet
@@ -116,26 +120,28 @@ class Peer:
         frames = [self._codec.pack(message) for message in messages]
         confirmed = address != BROADCAST
         for packet in packets(frames, self.transport.max_payload):
-            delivery = await self._deliver_packet(address, packet, on_taken)
+            delivery = await deliver(
+                self.transport,
+                address,
+                packet,
+                attempts=ATTEMPTS,
+                on_taken=partial(self._taken, packet, on_taken),
+                is_wanted=is_wanted,
+            )
             confirmed = confirmed and delivery.fate is Fate.DELIVERED
         return confirmed
 
-    async def _deliver_packet(
-        self, address: Address, packet: bytes, on_taken: Callable[[], None]
-    ) -> Delivery:
-        def taken() -> None:
-            on_taken()
-            self._on_raw(
-                RawFrame(
-                    robot=self.robot,
-                    carrier=self.transport.carrier,
-                    outgoing=True,
-                    data=packet,
-                    at=self.clock.now(),
-                )
+    def _taken(self, packet: bytes, on_taken: Callable[[], None]) -> None:
+        on_taken()
+        self._on_raw(
+            RawFrame(
+                robot=self.robot,
+                carrier=self.transport.carrier,
+                outgoing=True,
+                data=packet,
+                at=self.clock.now(),
             )
-
-        return await deliver(self.transport, address, packet, attempts=ATTEMPTS, on_taken=taken)
+        )
 
     def _state(self) -> LinkState:
         if not self.transport.max_payload:

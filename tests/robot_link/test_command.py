@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from robot_link.clock import ScaledClock
+from robot_link.command_desk import CommandDesk
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
-from robot_link.mavlink.command import command_message, received_command
+from robot_link.mavlink.command import ReceivedCommand, command_message, received_command
 from robot_link.messages import (
     CommandKind,
     CommandLevel,
@@ -25,7 +26,18 @@ from robot_link.onboard import CommandOutcome
 from robot_link.station import StationLink
 from robot_link.transport.datagram import Address
 from simulator.xbee_network import AirConditions
-from tests.robot_link.rig import ADDRESSES, HASTE, MINI, ROUGH, Heard, mission, rig, soon, until
+from tests.robot_link.rig import (
+    ADDRESSES,
+    HASTE,
+    MINI,
+    ROUGH,
+    Heard,
+    Program,
+    mission,
+    rig,
+    soon,
+    until,
+)
 
 FIRST, SECOND, THIRD = CommandNumber(1), CommandNumber(2), CommandNumber(2**24 - 1)
 
@@ -121,6 +133,9 @@ async def test_a_command_that_expires_is_never_sent_late(tmp_path: Path):
         await until(lambda: len(heard.of(CommandReport)) >= 3)
         assert levels(heard, FIRST)[-1] is CommandLevel.EXPIRED
         assert levels(heard, SECOND) == [CommandLevel.EXPIRED]
+        reasons = {report.number: report.reason for report in heard.of(CommandReport)}
+        assert reasons[FIRST] == "the robot was not in reach in time"
+        assert reasons[SECOND] == "the command could not leave the station in time"
         it.reachable.add(MINI)
         await live(station)
         await asyncio.sleep(0.3)
@@ -170,6 +185,54 @@ async def test_surface_drops_what_was_commanded_before(tmp_path: Path):
         it.reachable.add(MINI)
         await until(lambda: CommandLevel.APPLIED in levels(heard, THIRD))
         assert it.robots[MINI].program.obeyed == [(CommandKind.SURFACE, "")]
+
+
+async def test_a_command_that_surface_dropped_is_not_handed_to_the_radio_again(tmp_path: Path):
+    slow = AirConditions(delay_s=0.03, jitter_s=0.0, mac_retries=0)
+    async with rig(tmp_path, slow) as it, it.station() as (station, heard):
+        await live(station)
+        it.reachable.clear()
+        station.send_command(MINI, CommandKind.START, FIRST, soon(), mission().sha256())
+        await until(lambda: levels(heard, FIRST) == [CommandLevel.QUEUED])
+        station.send_command(MINI, CommandKind.SURFACE, SECOND, soon())
+        heard.events.clear()
+        await asyncio.sleep(1.5 * slow.delay_s)  # the attempt under way is lost
+        it.reachable.add(MINI)
+        await until(lambda: CommandLevel.APPLIED in levels(heard, SECOND))
+        await asyncio.sleep(0.3)
+        assert it.robots[MINI].program.obeyed == [(CommandKind.SURFACE, "")]
+        assert not levels(heard, FIRST)
+
+
+def received(kind: CommandKind, number: int, expiry_s: int = 100) -> ReceivedCommand:
+    return ReceivedCommand(kind, CommandNumber(number), expiry_s, "")
+
+
+def test_a_command_that_surface_overtook_in_the_air_is_not_obeyed():
+    program = Program()
+    desk = CommandDesk(program)
+    assert desk.take(received(CommandKind.SURFACE, 7), 0.0) is CommandOutcome.DONE
+    assert desk.take(received(CommandKind.START, 6), 1.0) is CommandOutcome.NOT_NOW
+    assert desk.take(received(CommandKind.RESUME, 8), 2.0) is CommandOutcome.DONE
+    assert desk.take(received(CommandKind.SURFACE, 5), 3.0) is CommandOutcome.DONE
+    assert desk.take(received(CommandKind.START, 1), 90.0) is CommandOutcome.DONE
+    kinds = [CommandKind.SURFACE, CommandKind.RESUME, CommandKind.SURFACE, CommandKind.START]
+    assert [kind for kind, _ in program.obeyed] == kinds
+
+
+def test_numbers_that_begin_again_are_newer_than_those_before():
+    program = Program()
+    desk = CommandDesk(program)
+    desk.take(received(CommandKind.SURFACE, 2**24 - 1), 0.0)
+    assert desk.take(received(CommandKind.START, 1), 1.0) is CommandOutcome.DONE
+
+
+def test_the_robot_remembers_the_newest_commands_only():
+    program = Program()
+    desk = CommandDesk(program)
+    for number in [1, *range(1, 80), 79, 1]:
+        desk.take(received(CommandKind.HOLD, number), 0.0)
+    assert len(program.obeyed) == 80
 
 
 async def test_surface_leaves_the_port_within_two_hundred_milliseconds(tmp_path: Path):

@@ -1,0 +1,54 @@
+"""The robot's handling of commands: each acts once, and none that SURFACE overtook acts at all."""
+
+from collections import OrderedDict
+from typing import Protocol
+
+from robot_link.mavlink.command import ReceivedCommand
+from robot_link.messages import CommandKind, CommandNumber
+from robot_link.robot_program import CommandOutcome
+
+_REMEMBERED = 64
+_NUMBERS = 2**24
+_OVERTAKEN_S = 60.0
+"""How long after SURFACE an older command may still be on its way."""
+
+
+class Obedient(Protocol):
+    """The part of ``RobotProgram`` that acts on commands."""
+
+    def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
+        """Act on a command."""
+        ...
+
+
+class CommandDesk:
+    """Remembers the newest commands by number and expiry, with what came of them.
+
+    The radio may deliver a command twice, or after a later one. A repetition is answered as
+    before without acting again. A command that the station numbered before a SURFACE and that
+    arrives after it is not obeyed: the station has dropped it, and the robot must stay up.
+    """
+
+    def __init__(self, program: Obedient) -> None:
+        self._program = program
+        self._outcomes: OrderedDict[tuple[CommandNumber, int], CommandOutcome] = OrderedDict()
+        self._surface: tuple[CommandNumber, float] | None = None
+
+    def take(self, command: ReceivedCommand, now_s: float) -> CommandOutcome:
+        """Act on a command unless that was done or must not be; return what came of it."""
+        name = (command.number, command.expiry_s)
+        if name not in self._outcomes:
+            self._outcomes[name] = self._act(command, now_s)
+            if len(self._outcomes) > _REMEMBERED:
+                self._outcomes.popitem(last=False)
+        return self._outcomes[name]
+
+    def _act(self, command: ReceivedCommand, now_s: float) -> CommandOutcome:
+        if command.kind is CommandKind.SURFACE:
+            self._surface = (command.number, now_s)
+        elif self._surface is not None:
+            number, surfaced_s = self._surface
+            is_older = 0 < (number - command.number) % _NUMBERS < _NUMBERS // 2
+            if is_older and now_s - surfaced_s < _OVERTAKEN_S:
+                return CommandOutcome.NOT_NOW
+        return self._program.obey(command.kind, command.plan_digits)
