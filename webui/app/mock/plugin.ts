@@ -18,7 +18,7 @@ export function mockStation(): Plugin {
   const station = new FakeStation();
   const handle = (request: IncomingMessage, response: ServerResponse, next: () => void) => {
     const url = new URL(request.url ?? '/', 'http://station');
-    if (url.pathname === '/view/') {
+    if (url.pathname.startsWith('/view/')) {
       response.setHeader('Content-Type', 'text/html');
       response.end(SCENE);
     } else if (url.pathname.startsWith('/api/')) {
@@ -52,7 +52,7 @@ function serveLive(server: Server, station: FakeStation): void {
       let cursor = 0;
       const timer = setInterval(() => {
         const tick = station.tick(cursor);
-        cursor = Number(tick.cursor);
+        cursor = tick.cursor;
         client.send(JSON.stringify(tick));
       }, TICK_MS);
       client.on('close', () => clearInterval(timer));
@@ -90,7 +90,7 @@ function route(station: FakeStation, request: IncomingMessage, url: URL, body: J
   if (first === 'health') return { body: health(station) };
   if (first === 'session') return session(station, method, body);
   if (!station.isSignedIn) return problem(401, 'Sign in first.');
-  if (first === 'robots') return robots(station, url, second, third, fourth, body);
+  if (first === 'robots') return robots(station, method, url, [second, third, fourth], body);
   if (first === 'missions') return missions(station, method, second, third);
   if (first === 'plans') return plans(station, second, third);
   if (first === 'commands') return { body: station.commands.get(second) };
@@ -99,7 +99,7 @@ function route(station: FakeStation, request: IncomingMessage, url: URL, body: J
   if (first === 'alarms') return alarms(station, second);
   if (first === 'imports') return { status: 202, body: { id: station.importJob().id } };
   if (first === 'jobs') return { body: station.jobs.get(second) };
-  if (first === 'deployments') return { body: deployments(station) };
+  if (first === 'deployments') return { body: { deployments: deployments(station) } };
   return null;
 }
 
@@ -107,6 +107,7 @@ function health(station: FakeStation): unknown {
   return {
     status: 'ok',
     ready: true,
+    first_start: false,
     simulation: true,
     version: '0.1.0',
     storage: { ok: true, message: '' },
@@ -131,10 +132,9 @@ function session(station: FakeStation, method: string, body: JsonObject): Answer
 
 function robots(
   station: FakeStation,
+  method: string,
   url: URL,
-  id: string,
-  part: string,
-  item: string,
+  [id, part, item]: [string, string, string],
   body: JsonObject,
 ): Answer {
   const now = station.now();
@@ -145,6 +145,9 @@ function robots(
   const end = Date.parse(url.searchParams.get('end') ?? iso(now));
   const points = Math.min(600, Number(url.searchParams.get('max_points') ?? 500));
   if (part === 'state') return { body: robot.live(now) };
+  if (part === 'commands' && method === 'GET') {
+    return { body: [...station.commands.values()].filter((each) => each.robot === id) };
+  }
   if (part === 'commands')
     return {
       status: 202,
@@ -243,7 +246,7 @@ function config(
 
 function events(station: FakeStation, url: URL): Answer {
   const after = Number(url.searchParams.get('after') ?? 0);
-  const found = station.events.filter(({ cursor }) => Number(cursor) > after);
+  const found = station.events.filter(({ cursor }) => cursor > after);
   return { body: { events: found, next: found.at(-1)?.cursor ?? null } };
 }
 
@@ -254,7 +257,7 @@ function alarms(station: FakeStation, id: string): Answer {
     alarm.acknowledged_at = iso(station.now());
     alarm.acknowledged_by = 'anna';
   }
-  return { body: station.alarms };
+  return { body: { alarms: station.alarms } };
 }
 
 function deployments(station: FakeStation): unknown {
@@ -264,7 +267,11 @@ function deployments(station: FakeStation): unknown {
     robot: id,
     started_at: iso(station.started - 3_600_000),
     ended_at: null,
+    kind: 'live',
+    variables: [site.variable],
     samples: 1104 + i,
-    source: 'live',
+    source: '',
+    skipped_rows: 0,
+    scores: [],
   }));
 }

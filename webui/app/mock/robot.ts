@@ -163,6 +163,7 @@ export class FakeRobot {
       model_note: this.note,
       system_id: this.systemId,
       simulated: true,
+      kind: 'simulated',
       site: this.site,
       link: live.link,
       mode: live.mode,

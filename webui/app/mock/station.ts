@@ -86,7 +86,7 @@ export class FakeStation {
       id,
       robot: robot.id,
       kind,
-      level: null,
+      level: 'created',
       levels,
       created_at: iso(this.now()),
       expires_at: iso(this.now() + 600_000),
@@ -144,7 +144,9 @@ export class FakeStation {
           { line: 812, reason: 'depth is not a number' },
           { line: 2377, reason: 'time is before the row above' },
         ],
-        scores: null,
+        skipped_rows: 2,
+        without_map: [],
+        scores: [],
       };
     }, 300);
     return job;
@@ -181,7 +183,7 @@ export class FakeStation {
       at: iso(now),
       cursor: this.#cursor,
       robots: Object.fromEntries(this.robots.map((robot) => [robot.id, robot.live(now)])),
-      events: this.events.filter((event) => Number(event.cursor) > after),
+      events: this.events.filter((event) => event.cursor > after),
       plans: Object.fromEntries(
         plans.map(({ id, state, progress, ladder, onboard }) => [
           id,

@@ -120,7 +120,7 @@ export class FakeSurvey {
       round,
       plan_id: plan.id,
       state: 'planning',
-      energy: null,
+      energy: 0,
       objective: null,
     });
     this.robot.planId = plan.id;
@@ -171,7 +171,7 @@ export class FakeSurvey {
     plan.message = 'Found in 8.0 s; the last 3.1 s brought nothing better.';
     this.#enter(plan, 'draft', nowMs);
     this.mission.state = 'ready';
-    if (plan.round !== null && plan.round > 1 && this.mission.automation) this.send(nowMs);
+    if (plan.round > 1 && this.mission.automation) this.send(nowMs);
   }
 
   send(nowMs: number): void {
@@ -188,7 +188,7 @@ export class FakeSurvey {
     const share = Math.min(1, (nowMs - begun) / 60_000);
     const leg = Math.min(plan.legs.length, 1 + Math.floor(share * plan.legs.length));
     plan.onboard = { leg, legs: plan.legs.length, energy_used: share * 18.9 };
-    this.mission.budget.spent = ((plan.round ?? 1) - 1) * 18.9 + share * 18.9;
+    this.mission.budget.spent = (plan.round - 1) * 18.9 + share * 18.9;
     this.robot.plan = {
       plan_id: plan.id,
       sha256: plan.sha256,

@@ -11,12 +11,17 @@ import type {
   Health,
   Job,
   JsonObject,
+  MapListing,
   Mission,
+  NewToken,
+  Person,
   Plan,
   Robot,
   RobotState,
+  Role,
   Samples,
   Session,
+  Token,
   Track,
   Transfer,
 } from './types';
@@ -61,7 +66,7 @@ export class Api {
     await this.#send('DELETE', '/api/session');
   }
 
-  robots = () => this.#list<Robot>('/api/robots', 'robots');
+  robots = () => this.#json<Robot[]>('GET', '/api/robots');
   state = (robot: string) => this.#json<RobotState>('GET', `${at(robot)}/state`);
 
   samples = (robot: string, query: Query, signal?: AbortSignal) =>
@@ -73,12 +78,14 @@ export class Api {
   command = (robot: string, kind: CommandKind) =>
     this.#json<{ id: string }>('POST', `${at(robot)}/commands`, { body: { kind } });
 
+  commands = (robot: string, limit: number) =>
+    this.#json<Command[]>('GET', `${at(robot)}/commands`, { query: { limit } });
+
   commandState = (id: string) => this.#json<Command>('GET', `/api/commands/${part(id)}`);
 
-  createMission = (robot: string, kind: string, config: JsonObject, automation: boolean) =>
-    this.#json<{ id: string }>('POST', `${at(robot)}/missions`, {
-      body: { kind, config, automation },
-    });
+  /** Begin a mission; nothing is sent before it is started. */
+  createMission = (robot: string, kind: string, config: JsonObject) =>
+    this.#json<{ id: string }>('POST', `${at(robot)}/missions`, { body: { kind, config } });
 
   mission = (id: string) => this.#json<Mission>('GET', `/api/missions/${part(id)}`);
   startMission = (id: string) => this.#send('POST', `/api/missions/${part(id)}/start`);
@@ -94,7 +101,7 @@ export class Api {
 
   transfer = (id: string) => this.#json<Transfer>('GET', `/api/transfers/${part(id)}`);
 
-  maps = (robot: string) => this.#json<unknown>('GET', `${at(robot)}/maps`);
+  maps = (robot: string) => this.#json<MapListing[]>('GET', `${at(robot)}/maps`);
 
   map = (robot: string, variable: string, model: string, signal?: AbortSignal) =>
     this.#json<FieldMap>('GET', `${at(robot)}/maps/${part(variable)}`, {
@@ -102,7 +109,7 @@ export class Api {
       signal,
     });
 
-  configKinds = () => this.#list<ConfigKind>('/api/config', 'kinds');
+  configKinds = () => this.#json<ConfigKind[]>('GET', '/api/config');
 
   configSchema = (kind: string) =>
     this.#json<JsonObject>('GET', `/api/config/${part(kind)}/schema`);
@@ -127,10 +134,16 @@ export class Api {
   }
 
   events = (query: Query) => this.#json<EventPage>('GET', '/api/events', { query });
-  alarms = () => this.#list<Alarm>('/api/alarms', 'alarms');
+  async alarms(state: 'open' | 'closed' = 'open'): Promise<Alarm[]> {
+    const query = { state };
+    return (await this.#json<{ alarms: Alarm[] }>('GET', '/api/alarms', { query })).alarms;
+  }
+
   acknowledge = (id: string) => this.#send('POST', `/api/alarms/${part(id)}/ack`);
 
-  deployments = () => this.#list<Deployment>('/api/deployments', 'deployments');
+  async deployments(): Promise<Deployment[]> {
+    return (await this.#json<{ deployments: Deployment[] }>('GET', '/api/deployments')).deployments;
+  }
 
   importFile(file: File, robot: string, policy: 'skip' | 'refuse'): Promise<{ id: string }> {
     const form = new FormData();
@@ -143,6 +156,25 @@ export class Api {
   job = (id: string) => this.#json<Job>('GET', `/api/jobs/${part(id)}`);
   cancelJob = (id: string) => this.#send('DELETE', `/api/jobs/${part(id)}`);
 
+  async people(): Promise<Person[]> {
+    return (await this.#json<{ people: Person[] }>('GET', '/api/people')).people;
+  }
+
+  addPerson = (person: { name: string; role: Role; password: string }) =>
+    this.#json<Person>('POST', '/api/people', { body: person });
+
+  changePerson = (name: string, change: { role?: Role; disabled?: boolean }) =>
+    this.#json<Person>('PATCH', `/api/people/${part(name)}`, { body: change });
+
+  async tokens(): Promise<Token[]> {
+    return (await this.#json<{ tokens: Token[] }>('GET', '/api/tokens')).tokens;
+  }
+
+  createToken = (token: { name: string; role: Role; days: number }) =>
+    this.#json<NewToken>('POST', '/api/tokens', { body: token });
+
+  revokeToken = (id: string) => this.#send('DELETE', `/api/tokens/${part(id)}`);
+
   #remember(session: Session): Session {
     this.#csrf = session.csrf_token;
     return session;
@@ -151,12 +183,6 @@ export class Api {
   async #json<T>(method: string, path: string, call: Call = {}): Promise<T> {
     const response = await this.#send(method, path, call);
     return (await response.json()) as T;
-  }
-
-  /** A list, whether the station sends it bare or inside an object. */
-  async #list<T>(path: string, name: string): Promise<T[]> {
-    const body = await this.#json<T[] | Record<string, T[]>>('GET', path);
-    return Array.isArray(body) ? body : (body[name] ?? []);
   }
 
   async #send(method: string, path: string, call: Call = {}): Promise<Response> {

@@ -20,8 +20,8 @@ export interface Account {
   energy: number;
   duration_s: number;
   worst_std_m: number;
-  bytes: number | null;
-  credits: number | null;
+  bytes: number;
+  credits: number;
 }
 
 export interface Violation {
@@ -82,7 +82,7 @@ export interface Plan {
   robot: string;
   kind: string;
   mission_id: string | null;
-  round: number | null;
+  round: number;
   state: PlanState;
   sha256: string | null;
   config_id: string | null;
@@ -103,9 +103,9 @@ export interface Plan {
 
 export interface MissionRound {
   round: number;
-  plan_id: string | null;
+  plan_id: string;
   state: string;
-  energy: number | null;
+  energy: number;
   objective: number | null;
 }
 
@@ -147,12 +147,12 @@ export interface Mission {
 export interface Transfer {
   id: string;
   robot: string;
-  plan_id: string | null;
+  plan_id: string;
   state: string;
   items_sent: number;
   items: number;
   bytes: number;
-  level: string | null;
+  level: string;
   started_at: Time;
   ended_at: Time | null;
   reason: string;
@@ -177,5 +177,8 @@ export interface MapListing {
   variable: string;
   title: string;
   unit: string;
-  models: { model: string; title: string }[];
+  /** The default first. */
+  models: string[];
+  samples: number;
+  updated_at: Time | null;
 }

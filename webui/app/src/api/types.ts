@@ -59,11 +59,12 @@ export interface Robot {
   name: string;
   model: string;
   model_note: string;
-  system_id: number;
+  kind: 'real' | 'simulated' | 'recorded';
+  system_id: number | null;
   simulated: boolean;
   site: Site;
   link: Link;
-  mode: string;
+  mode: string | null;
   activity: string;
   mission_id: string | null;
   plan_id: string | null;
@@ -106,7 +107,7 @@ export interface RobotState {
   robot: string;
   channels: Record<string, Channel>;
   position: Position | null;
-  mode: string;
+  mode: string | null;
   activity: string;
   plan: OnboardPlan | null;
   link: Link;
@@ -143,7 +144,7 @@ export interface Track {
 }
 
 export type CommandKind = 'surface' | 'hold' | 'resume';
-export type CommandLevelName = 'queued' | 'radio' | 'applied' | 'refused' | 'expired';
+export type CommandLevelName = 'created' | 'queued' | 'radio' | 'applied' | 'refused' | 'expired';
 
 export interface CommandLevel {
   level: CommandLevelName;
@@ -156,7 +157,7 @@ export interface Command {
   id: string;
   robot: string;
   kind: string;
-  level: CommandLevelName | null;
+  level: CommandLevelName;
   levels: CommandLevel[];
   created_at: Time;
   expires_at: Time | null;
@@ -176,13 +177,13 @@ export interface ConfigDocument {
   id: string | null;
   value: JsonObject;
   /** What holds for this robot while nobody has stored anything. */
-  preset?: JsonObject | null;
+  preset: JsonObject;
   changed_at: Time | null;
   changed_by: string | null;
 }
 
 export interface StationEvent {
-  cursor: number | string;
+  cursor: number;
   at: Time;
   kind: string;
   level: 'info' | 'watch' | 'warning' | 'critical';
@@ -193,7 +194,7 @@ export interface StationEvent {
 
 export interface EventPage {
   events: StationEvent[];
-  next: number | string | null;
+  next: number;
 }
 
 export interface Alarm {
@@ -221,23 +222,61 @@ export interface Job {
 export interface ImportResult {
   deployment: string;
   rows: number;
-  skipped: { line: number; reason: string }[];
-  scores: Scores[] | Scores | null;
+  skipped: RowFault[];
+  /** How many were skipped; only the first of them are named. */
+  skipped_rows: number;
+  scores: (Scores & { variable: string })[];
+  without_map: { variable: string; reason: string }[];
+}
+
+export interface RowFault {
+  line: number;
+  reason: string;
 }
 
 export interface Deployment {
   id: string;
   name: string;
   robot: string;
-  started_at: Time | null;
+  kind: 'live' | 'recorded';
+  started_at: Time;
   ended_at: Time | null;
-  samples: number | null;
+  variables: string[];
+  samples: number;
+  /** Name of the imported file; empty for a live one. */
   source: string;
+  skipped_rows: number;
+  scores: (Scores & { variable: string })[];
+}
+
+export type Role = 'viewer' | 'pilot' | 'admin';
+
+export interface Person {
+  name: string;
+  role: Role;
+  created_at: Time;
+  disabled: boolean;
+}
+
+export interface Token {
+  id: string;
+  name: string;
+  role: Role;
+  created_at: Time;
+  expires_at: Time;
+  revoked_at: Time | null;
+}
+
+export interface NewToken {
+  id: string;
+  /** Shown once and never again. */
+  token: string;
+  expires_at: Time;
 }
 
 export interface Session {
   name: string;
-  role: 'viewer' | 'pilot' | 'admin';
+  role: Role;
   rights: string[];
   csrf_token: string;
   expires_at: Time;
@@ -246,19 +285,19 @@ export interface Session {
 export interface Health {
   status: 'ok' | 'degraded';
   ready: boolean;
+  /** Whether nobody can sign in yet because the station has no people. */
+  first_start: boolean;
   simulation: boolean;
   version: string;
   storage: { ok: boolean; message: string };
   robots: number;
   clock: { now: Time; speed: number };
-  /** Whether nobody can sign in yet because the station has no people. */
-  first_start?: boolean;
 }
 
 /** One batch of the live stream: what changed since the batch before; the first has all. */
 export interface LiveTick {
   at: Time;
-  cursor: number | string;
+  cursor: number;
   robots?: Record<string, LiveRobot>;
   events?: StationEvent[];
   plans?: Record<string, Pick<Plan, 'state'> & Partial<Plan>>;

@@ -1,5 +1,5 @@
 import type uPlot from 'uplot';
-import { clockTime } from '../text/time';
+import { clockDate, clockTime } from '../text/time';
 
 /** One line of a chart. */
 export interface Line {
@@ -75,9 +75,7 @@ export function chartOptions(
         size: 26,
         space: 76,
         values: (_chart, values) =>
-          values.map((value) =>
-            wish.across === 'time' ? clockTime(value * 1000, isFine(values)) : `${value} s`,
-          ),
+          values.map((value) => (wish.across === 'time' ? timeTick(value, values) : `${value} s`)),
         incrs: wish.across === 'time' ? TIME_STEPS : PLAIN_STEPS,
       },
       {
@@ -95,14 +93,18 @@ export function chartOptions(
   };
 }
 
+const DAY_S = 86_400;
 const TIME_STEPS = [
-  1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400,
+  1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400, 172800,
+  604800, 1209600, 2592000,
 ];
 const PLAIN_STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
 
-function isFine(values: readonly number[]): boolean {
-  const [first, second] = values;
-  return first !== undefined && second !== undefined && second - first < 60;
+/** As fine as the steps between ticks: seconds, minutes or days. */
+function timeTick(value: number, values: readonly number[]): string {
+  const [first = 0, second = 0] = values;
+  const step = second - first;
+  return step >= DAY_S ? clockDate(value * 1000) : clockTime(value * 1000, step < 60);
 }
 
 function lineOptions(line: Line, palette: Palette): uPlot.Series {

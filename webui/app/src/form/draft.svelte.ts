@@ -1,4 +1,4 @@
-import { locationPath, type FieldError, type Problem } from '../api/problem';
+import type { FieldError, Problem } from '../api/problem';
 import type { Json, JsonObject } from '../api/types';
 import { fault } from './check';
 import { formTree, type FormNode, type GroupNode } from './schema';
@@ -13,9 +13,9 @@ export class Draft {
   refused = $state.raw<readonly FieldError[]>([]);
   /** Texts that are typed but are no value, by path. */
   #unreadable = $state.raw<Readonly<Record<string, string>>>({});
-  readonly #preset: JsonObject | null;
+  readonly #preset: JsonObject;
 
-  constructor(schema: JsonObject, stored: JsonObject, preset: JsonObject | null = null) {
+  constructor(schema: JsonObject, stored: JsonObject, preset: JsonObject) {
     this.tree = formTree(schema);
     this.#preset = preset;
     this.load(stored);
@@ -26,6 +26,11 @@ export class Draft {
     this.value = stored;
     this.refused = [];
     this.#unreadable = {};
+  }
+
+  /** Take what is in the form for stored. */
+  keep(): void {
+    this.stored = this.value;
   }
 
   readonly isChanged = $derived(!isSame(this.stored, this.value));
@@ -63,7 +68,7 @@ export class Draft {
 
   /** Value that a reset returns to. */
   default(node: FormNode): Json | undefined {
-    return this.#preset === null ? node.default : valueAt(this.#preset, node.path);
+    return valueAt(this.#preset, node.path) ?? node.default;
   }
 
   isDefault(node: FormNode): boolean {
@@ -107,5 +112,5 @@ export function nodeAt(tree: GroupNode, path: readonly string[]): FormNode | nul
 }
 
 function leadsTo(tree: GroupNode, path: readonly string[], node: FormNode): boolean {
-  return nodeAt(tree, locationPath([...path])) === node;
+  return nodeAt(tree, path) === node;
 }

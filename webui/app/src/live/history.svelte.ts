@@ -6,7 +6,11 @@ import type { RobotLive } from './station.svelte';
 
 const POINTS = 1500;
 
-/** The last minutes of one channel: loaded once, then kept current from the live stream. */
+/**
+ * The last `spanS` seconds of one channel: loaded once, then kept current from the live stream.
+ *
+ * An infinite span takes all that there is, as of a recording.
+ */
 export class ChannelHistory {
   /** Grows with every change of `series`, which itself is changed in place. */
   version = $state.raw(0);
@@ -20,7 +24,7 @@ export class ChannelHistory {
   ) {}
 
   async load(api: Api, robot: string, nowMs: number, signal: AbortSignal): Promise<void> {
-    const start = rfc3339(nowMs - this.spanS * 1000);
+    const start = this.spanS === Infinity ? null : rfc3339(nowMs - this.spanS * 1000);
     try {
       const answer = await api.samples(
         robot,
@@ -40,6 +44,12 @@ export class ChannelHistory {
     }
     this.isLoaded = true;
     this.#changed();
+  }
+
+  /** Bounds across: the span that ends now, or all of a recording. */
+  bounds(nowS: number): [number, number] {
+    if (this.spanS !== Infinity) return [nowS - this.spanS, nowS];
+    return [this.series.t[0] ?? nowS - 1, this.series.t.at(-1) ?? nowS];
   }
 
   /** Take the newest value over from a live report. */

@@ -78,7 +78,7 @@ export class Orders {
 }
 
 export function isSettled(command: Command): boolean {
-  return ['applied', 'refused', 'expired'].includes(command.level ?? '');
+  return ['applied', 'refused', 'expired'].includes(command.level);
 }
 
 function kept(): { robot: string; kind: CommandKind; id: string }[] {

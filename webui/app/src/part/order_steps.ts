@@ -1,4 +1,4 @@
-import type { CommandLevelName } from '../api/types';
+import type { Command, CommandLevelName } from '../api/types';
 import type { Order } from '../live/order.svelte';
 import { carrierName } from '../text/word';
 import type { Step } from './step';
@@ -17,29 +17,55 @@ const LEVELS: readonly { level: CommandLevelName; title: string; help: string }[
   { level: 'applied', title: 'Done', help: 'The robot said that it carries the order out.' },
 ];
 
+const ENDS: Partial<Record<CommandLevelName, { title: string; help: string }>> = {
+  refused: { title: 'Refused', help: 'The robot said that it does not carry the order out.' },
+  expired: {
+    title: 'Expired',
+    help: 'The time of the order ran out. It will not be sent late.',
+  },
+};
+
 /** The steps of an order, each shown only once it is proved. */
 export function orderSteps(order: Order): Step[] {
-  const proofs = order.command?.levels ?? [];
-  const end = proofs.find(({ level }) => level === 'refused' || level === 'expired');
-  const steps: Step[] = LEVELS.map(({ level, title, help }) => {
-    const proof = proofs.find((candidate) => candidate.level === level);
-    const carrier = proof?.carrier ? `by ${carrierName(proof.carrier)}` : '';
-    return { title, help, at: proof?.at ?? null, detail: carrier };
-  });
+  const steps = order.command === null ? LEVELS.map(openStep) : commandSteps(order.command);
   const open = steps.find(({ at }) => at === null);
-  if (open && !end && order.refusal === null) open.isPending = true;
-  if (!end) return steps;
-  const title = end.level === 'refused' ? 'Refused' : 'Expired';
-  const help =
-    end.level === 'refused'
-      ? 'The robot said that it does not carry the order out.'
-      : 'The time of the order ran out. It will not be sent late.';
-  const proved = steps.filter(({ at }) => at !== null);
-  return [...proved, { title, help, at: end.at, detail: end.reason, isFault: true }];
+  if (open && order.refusal === null) open.isPending = true;
+  return steps;
 }
 
-const NAMES: Record<string, string> = { surface: 'Surface', hold: 'Hold', resume: 'Resume' };
+/** The same of a command that nobody waits for. */
+export function commandSteps(command: Command): Step[] {
+  const steps = LEVELS.map((rung) => {
+    const proof = command.levels.find(({ level }) => level === rung.level);
+    const detail = proof?.carrier ? `by ${carrierName(proof.carrier)}` : '';
+    return { ...openStep(rung), at: proof?.at ?? null, detail };
+  });
+  const end = command.levels.find(({ level }) => level === 'refused' || level === 'expired');
+  if (!end) return steps;
+  const proved = steps.filter(({ at }) => at !== null);
+  return [
+    ...proved,
+    {
+      ...(ENDS[end.level] ?? { title: end.level, help: '' }),
+      at: end.at,
+      detail: end.reason,
+      isFault: true,
+    },
+  ];
+}
 
-export function orderName(order: Order): string {
-  return `${NAMES[order.kind] ?? order.kind} ${order.robot}`;
+function openStep({ title, help }: { title: string; help: string }): Step {
+  return { title, help, at: null };
+}
+
+const NAMES: Record<string, string> = {
+  surface: 'Surface',
+  hold: 'Hold',
+  resume: 'Resume',
+  start: 'Start',
+};
+
+/** Kind and addressee of an order, such as "Surface mini-1". */
+export function commandName({ kind, robot }: { kind: string; robot: string }): string {
+  return `${NAMES[kind] ?? kind} ${robot}`;
 }

@@ -24,21 +24,28 @@ const LABELS: Record<string, string> = {
   degC: '°C',
   '1': '',
   'ug/L': 'µg/L',
-  'm^2': 'm²',
-  m2: 'm²',
-  'm^3': 'm³',
-  'kg/m^3': 'kg/m³',
-  'm/s^2': 'm/s²',
-  'kg*m^2': 'kg·m²',
-  'kg m^2': 'kg·m²',
-  'N*m': 'N·m',
+  'm/s^0.5': 'm/√s',
 };
+
+const RAISED: Record<string, string> = { '2': '²', '3': '³', '4': '⁴' };
+
+/** `kg m2/s^3` as it is written: raised digits, dots between factors. */
+function unitLabel(unit: string): string {
+  return (
+    LABELS[unit] ??
+    unit
+      .replaceAll(/([A-Za-z])\^?([234])(?![\d.])/g, (_, letter: string, digit: string) => {
+        return letter + (RAISED[digit] ?? digit);
+      })
+      .replaceAll(/[ *]+/g, '·')
+  );
+}
 
 /** How a value in `unit` is shown; an unknown pair keeps the stored unit, never a wrong one. */
 export function screenUnit(unit: string, displayUnit?: string | null): ScreenUnit {
   const factor = displayUnit ? FACTORS[unit]?.[displayUnit] : undefined;
   const shown = factor === undefined || !displayUnit ? unit : displayUnit;
-  return { label: LABELS[shown] ?? shown, factor: factor ?? 1 };
+  return { label: unitLabel(shown), factor: factor ?? 1 };
 }
 
 /** A number as a person types it: no float noise, no exponent where it can be avoided. */
@@ -66,7 +73,6 @@ export function compact(value: number | null | undefined, digits = 3): string {
   return fixed(value, Math.min(decimals, 6));
 }
 
-export function bytes(value: number | null): string {
-  if (value === null) return '–';
+export function bytes(value: number): string {
   return value < 10_000 ? `${value} B` : `${(value / 1000).toFixed(1)} kB`;
 }

@@ -5,7 +5,6 @@ export function mergeEvents(
   known: readonly StationEvent[],
   more: readonly StationEvent[],
 ): StationEvent[] {
-  const byCursor = new Map<string, StationEvent>();
-  for (const event of [...known, ...more]) byCursor.set(String(event.cursor), event);
-  return [...byCursor.values()].sort((a, b) => Number(a.cursor) - Number(b.cursor));
+  const byCursor = new Map([...known, ...more].map((event) => [event.cursor, event]));
+  return [...byCursor.values()].sort((a, b) => a.cursor - b.cursor);
 }
