@@ -3,6 +3,7 @@
 import asyncio
 import os
 import random
+import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
@@ -358,3 +359,34 @@ async def test_the_same_seed_loses_the_same_packets():
     first = await fates()
     assert first == await fates()
     assert set(first) == {Fate.DELIVERED, Fate.NOT_ACKNOWLEDGED}
+
+
+RADIO_ALONE = """
+import asyncio, random, sys
+from pathlib import Path
+from simulator.xbee_network import AirConditions, XBeeNetwork
+
+async def serve():
+    air = XBeeNetwork(random.Random(1), AirConditions())
+    async with air.pty(1, Path(sys.argv[1])):
+        await asyncio.get_running_loop().create_future()
+
+asyncio.run(serve())
+"""
+
+
+@pytest.mark.process
+async def test_a_radio_whose_process_is_killed_is_found_again_when_it_is_back(tmp_path: Path):
+    link = tmp_path / "xbee"
+    async with running(open_transport(f"xbee://{link}")) as transport:
+        for _ in range(2):
+            process = await asyncio.create_subprocess_exec(
+                sys.executable, "-c", RADIO_ALONE, str(link)
+            )
+            try:
+                await next_opening(transport)
+            finally:
+                process.kill()
+                await process.wait()
+            assert not (await next_event(transport, PortChanged)).is_open
+            assert link.is_symlink(), "a killed process leaves its link behind"
