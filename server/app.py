@@ -1,7 +1,5 @@
 """The web application of one station."""
 
-import contextlib
-import importlib.util
 from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
@@ -10,6 +8,7 @@ from fastapi import FastAPI
 
 from server.api import (
     alarms,
+    commands,
     config,
     deployments,
     docs,
@@ -17,41 +16,58 @@ from server.api import (
     health,
     imports,
     jobs,
+    live,
+    maps,
+    missions,
     people,
+    plans,
+    robots,
     session,
+    transfers,
+    view,
 )
 from server.composition import MakeService, run_station
 from server.middleware import RequestGuard
 from server.problem import ProblemDetails, install_problem_handlers
+from server.service.station import Station
 from server.settings import Settings
+from webui.static import mount_app
 
 ROUTERS = (
     health.router,
     session.router,
     people.router,
+    robots.router,
+    commands.router,
+    missions.router,
+    plans.router,
+    transfers.router,
+    maps.router,
     config.router,
     events.router,
     alarms.router,
     jobs.router,
     imports.router,
     deployments.router,
+    live.router,
+    view.router,
     docs.router,
 )
 
 
-def create_app(settings: Settings, make_service: MakeService | None = None) -> FastAPI:
+def create_app(settings: Settings, make_service: MakeService = Station) -> FastAPI:
     """Build the application; the station behind it opens with the application's lifespan.
 
     Nothing is shared between two applications: both may run in one process.
 
     Args:
         settings: What the station was told from outside.
-        make_service: Makes what runs on the foundation; ``Station`` where ``None``.
+        make_service: Makes what runs on the foundation.
     """
 
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
-        async with run_station(settings, make_service or _interim_station()) as running:
+        async with run_station(settings, make_service) as running:
             app.state.foundation = running.foundation
             app.state.station = running.station
             app.state.first_code = running.first_code
@@ -72,14 +88,5 @@ def create_app(settings: Settings, make_service: MakeService | None = None) -> F
     app.add_middleware(RequestGuard)
     for router in ROUTERS:
         app.include_router(router)
-    # interim, until every part is there
-    for name in ("robots", "plans", "missions", "commands", "maps", "live", "transfers", "view"):
-        with contextlib.suppress(ModuleNotFoundError):
-            app.include_router(importlib.import_module(f"server.api.{name}").router)
-    if importlib.util.find_spec("webui.static") is not None:
-        importlib.import_module("webui.static").mount_app(app)
+    mount_app(app)
     return app
-
-
-def _interim_station() -> MakeService:
-    return importlib.import_module("server.service.station").Station

@@ -126,7 +126,7 @@ async def test_a_change_is_in_the_log(admin):
     await admin.patch("/api/config/planner?robot=mini-1", json={"seed": 3})
     events = (await admin.get("/api/events?robot=mini-1")).json()["events"]
     assert [(event["kind"], event["text"]) for event in events] == [
-        ("config.changed", "ann changed planner of mini-1.")
+        ("config.changed", "ann changed the Planner settings of mini-1.")
     ]
     assert events[0]["data"] == {"kind": "planner", "id": "config-1"}
 

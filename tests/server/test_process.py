@@ -13,6 +13,7 @@ from pathlib import Path
 import pytest
 
 from server.command.supervisor import Child, Supervisor
+from tests.server.test_foundation_import import dive_csv
 
 pytestmark = pytest.mark.process
 ROOT = Path(__file__).parents[2]
@@ -68,6 +69,33 @@ def test_a_station_starts_small_and_stops_in_order(tmp_path, number):
         assert process.wait(10) == 0
     with pytest.raises(OSError, match="refused"):
         health(url)
+
+
+def test_a_recording_comes_in_through_a_running_station(tmp_path):
+    folder, file = tmp_path / "data", tmp_path / "dive.csv"
+    file.write_text(dive_csv(rows=12, broken=(4,)))
+    process, url = serve(folder)
+
+    def grace(*words, token=None):
+        environment = os.environ | ({} if token is None else {"GRACE_TOKEN": token})
+        return subprocess.run(
+            [sys.executable, "-m", "server.command", *words],
+            cwd=ROOT, env=environment, capture_output=True, text=True, check=False,
+        )  # fmt: skip
+
+    with process:
+        token = grace("token", "create", "--role", "pilot", "--data", str(folder)).stdout.strip()
+        order = ("import", str(file), "--robot", "eva", "--url", url)
+        refused = grace(*order, token=token)
+        assert refused.returncode == 1
+        assert refused.stdout == "line 6: time is not a number: 'oops'\n"
+        assert "Nothing was imported" in refused.stderr
+        done = grace(*order, "--policy", "skip", token=token)
+        assert "deployment-1 of eva: 11 rows imported, 1 left out." in done.stdout
+        assert "token is unknown" in grace(*order, token="grace_wrong").stderr
+        process.terminate()
+        assert process.wait(10) == 0
+    assert "does not answer" in grace(*order, token=token).stderr
 
 
 def test_a_station_ends_when_whoever_started_it_is_killed(tmp_path):
