@@ -177,10 +177,7 @@ class RobotLink:
                 continue
             if getattr(message, "target_system", self._system) != self._system:
                 continue
-            try:
-                self._obey(message)
-            except ValueError:
-                self.frames_bad += 1
+            self._obey(message)
 
     def _is_from_station(self, message: WireMessage, address: Address) -> bool:
         """Hold to one station's radio; another may take over when it has been silent long."""
@@ -214,7 +211,11 @@ class RobotLink:
                 pass
 
     def _take_command(self, message: grace.MAVLink_command_long_message, now_s: float) -> None:
-        command = received_command(message)
+        try:
+            command = received_command(message)
+        except ValueError:
+            self.frames_bad += 1
+            return
         if command is None:
             outcome, number = CommandOutcome.UNSUPPORTED, 0
         else:

@@ -61,14 +61,10 @@ class PlanDesk:
         self.changed.set()
 
     def take_offer(self, offer: grace.MAVLink_grace_plan_offer_message, now_s: float) -> None:
-        """Answer an offer.
-
-        Raises:
-            ValueError: If it has no hash.
-        """
+        """Answer an offer; one without a hash is none."""
         sha256 = telemetry.plan_hash(offer.sha256)
         if sha256 is None:
-            raise ValueError("an offer without a hash")
+            return
         is_held = sha256 == self.plan_hash
         if is_held and self.said.state in _WAITING_OR_FLYING:
             self._reply(self.said)

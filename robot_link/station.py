@@ -20,9 +20,12 @@ from robot_link.messages import (
     LogId,
     OnboardPlanState,
     PlanHash,
+    PlanReport,
     RawFrame,
     RobotId,
     RobotMode,
+    Sample,
+    StateReport,
     SystemId,
     UploadReport,
 )
@@ -41,6 +44,9 @@ from robot_link.transport.datagram import (
 from robot_link.upload import Upload
 
 __all__ = ["RobotEndpoint", "StationLink", "UploadUnderWayError"]
+
+
+_Value = RobotMode | StateReport | Sample | PlanReport | None
 
 
 class UploadUnderWayError(Exception):
@@ -238,39 +244,41 @@ class StationLink:
                 peer.count_bad(frames)
 
     def _interpret(self, peer: Peer, message: WireMessage, at: datetime) -> None:
-        try:
-            match message:
-                case grace.MAVLink_heartbeat_message():
-                    peer.mode = RobotMode(message.custom_mode)
-                case grace.MAVLink_grace_state_message():
-                    state = telemetry.state_report(message, peer.robot, at)
-                    peer.mode = state.mode
-                    self._on_event(state)
-                case grace.MAVLink_grace_sample_message():
-                    sample = telemetry.sample(message, peer.robot, at)
-                    if self._samples.admit(sample):
-                        self._on_event(sample)
-                    else:
-                        self._samples_owed.set()
-                case grace.MAVLink_command_ack_message():
-                    self._lanes[peer.robot].answered(message)
-                case grace.MAVLink_grace_plan_report_message():
-                    self._take_plan_report(peer, message, at)
-                case grace.MAVLink_mission_request_int_message():
-                    if (upload := self._uploads.get(peer.robot)) is not None:
-                        upload.hear(message)
-                case _:
-                    pass
-        except ValueError:
-            peer.count_bad(1)
+        match message:
+            case grace.MAVLink_command_ack_message():
+                self._lanes[peer.robot].answered(message)
+            case grace.MAVLink_mission_request_int_message():
+                if (upload := self._uploads.get(peer.robot)) is not None:
+                    upload.hear(message)
+            case _:
+                try:
+                    value = _value(message, peer.robot, at)
+                except ValueError:
+                    peer.count_bad(1)
+                else:
+                    self._take(peer, value)
 
-    def _take_plan_report(
-        self, peer: Peer, message: grace.MAVLink_grace_plan_report_message, at: datetime
-    ) -> None:
+    def _take(self, peer: Peer, value: _Value) -> None:
+        match value:
+            case RobotMode():
+                peer.mode = value
+            case StateReport():
+                peer.mode = value.mode
+                self._on_event(value)
+            case Sample():
+                if self._samples.admit(value):
+                    self._on_event(value)
+                else:
+                    self._samples_owed.set()
+            case PlanReport():
+                self._take_plan_report(peer, value)
+            case None:
+                pass
+
+    def _take_plan_report(self, peer: Peer, report: PlanReport) -> None:
         """Tell what is on board; the fate of an offer is its upload's business alone."""
-        report = telemetry.plan_report(message, peer.robot, at)
         if (upload := self._uploads.get(peer.robot)) is not None:
-            upload.hear(message)
+            upload.hear(report)
         if report.state not in (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED):
             self._on_event(report)
 
@@ -327,3 +335,22 @@ class StationLink:
         report = peer.link_report()
         self._told_state[peer.robot] = report.state
         self._on_event(report)
+
+
+def _value(message: WireMessage, robot: RobotId, at: datetime) -> _Value:
+    """Decode what a robot says of itself; None for what does not matter.
+
+    Raises:
+        ValueError: If the content is impossible.
+    """
+    match message:
+        case grace.MAVLink_heartbeat_message():
+            return RobotMode(message.custom_mode)
+        case grace.MAVLink_grace_state_message():
+            return telemetry.state_report(message, robot, at)
+        case grace.MAVLink_grace_sample_message():
+            return telemetry.sample(message, robot, at)
+        case grace.MAVLink_grace_plan_report_message():
+            return telemetry.plan_report(message, robot, at)
+        case _:
+            return None

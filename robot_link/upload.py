@@ -5,13 +5,13 @@ from collections.abc import Callable
 
 from robot_link.clock import monotonic_s
 from robot_link.mavlink.mission_item import mission_items
-from robot_link.mavlink.telemetry import hash_octets, plan_hash
+from robot_link.mavlink.telemetry import hash_octets
 from robot_link.mavlink.wire import grace
-from robot_link.messages import OnboardPlanState, UploadReport
+from robot_link.messages import OnboardPlanState, PlanReport, UploadReport
 from robot_link.mission import Mission
 from robot_link.peer import Peer
 
-UploadMessage = grace.MAVLink_mission_request_int_message | grace.MAVLink_grace_plan_report_message
+UploadMessage = grace.MAVLink_mission_request_int_message | PlanReport
 
 
 class Upload:
@@ -83,8 +83,8 @@ class Upload:
                         self._proved = sequence
                         self._tell(OnboardPlanState.RECEIVING)
                     await self._peer.deliver((self._items[sequence],))
-            case grace.MAVLink_grace_plan_report_message():
-                if plan_hash(message.sha256) != self._sha256:
+            case PlanReport():
+                if message.sha256 != self._sha256:
                     return None
                 if message.state in (OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING):
                     self._proved = len(self._items)

@@ -27,6 +27,7 @@ from robot_link.sample_log import Measurement
 from robot_link.station import RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address
+from robot_link.transport.opening import open_transport
 from robot_link.transport.xbee import XBeeTransport
 from robot_link.transport.xbee_frame import ReceivePacket, encode
 from simulator.xbee_network import AirConditions
@@ -327,3 +328,24 @@ async def test_two_thousand_messages_a_second_are_far_from_filling_a_core():
             port.bring(encode(ReceivePacket(ADDRESSES[MINI], packet).content(), 1))
         await until(lambda: len(values) == len(frames))
         assert time.process_time() - began_s < len(frames) / 2000 / 2
+
+
+async def test_a_failing_listener_ends_the_link_for_all_to_see(tmp_path: Path):
+    """What the owner does wrong with a value is no bad frame."""
+
+    def fails(event: LinkEvent) -> None:
+        if isinstance(event, StateReport):
+            raise ValueError("the listener is broken")  # noqa: TRY004 - as bad content would
+
+    async with rig(tmp_path) as it:
+        station = StationLink(
+            {it.uri: open_transport(it.uri)},
+            {MINI: RobotEndpoint(SYSTEMS[MINI], it.uri)},
+            SystemClock(),
+            fails,
+            HASTE,
+        )
+        it.robots[MINI].link.report_state(state(SystemClock().now()))
+        with pytest.raises(ExceptionGroup) as failure:
+            await station.run()
+        assert failure.group_contains(ValueError, match="the listener is broken")
