@@ -43,21 +43,34 @@ class FieldBelief:
             noise_variance=self.noise_variance,
         )
 
-    def position_noise_factor(self) -> float:
-        """Return the variance that 1 m² of horizontal position variance adds to a measurement.
+    def noise(self, position_std: FloatArray, thresholds_m: tuple[float, ...]) -> FloatArray:
+        """Return the noise variance of samples by the fidelity of their positions.
 
-        It is the prior variance of the field's horizontal gradient, summed over both axes:
-        ``3 s² (1/l_n² + 1/l_e²)`` for the Matern-3/2 kernel.
+        A sample taken eta away from where it is believed differs from the field there by about
+        eta times the horizontal gradient, whose prior variance is ``3 s² (1/l_n² + 1/l_e²)``. The
+        samples of a level count as if eta were the threshold that the level begins at, so those of
+        the best level have the measurement's own noise.
+
+        Args:
+            position_std: Standard deviation of each horizontal position, shape ``(n,)``, m.
+            thresholds_m: Boundaries of the fidelity levels, ascending; empty for one level.
+
+        Returns:
+            Shape ``(n,)``.
         """
-        north, east, _ = self.length_scales_m
-        return 3.0 * self.signal_variance * (1.0 / north**2 + 1.0 / east**2)
+        return self.level_noise(thresholds_m)[np.searchsorted(thresholds_m, position_std)]
 
-    def sample_noise(self, position_error_counts: bool) -> FloatArray:
+    def level_noise(self, thresholds_m: tuple[float, ...]) -> FloatArray:
+        """Return the noise variance of each fidelity level, best level first."""
+        north, east, _ = self.length_scales_m
+        gradient = 3.0 * self.signal_variance * (1.0 / north**2 + 1.0 / east**2)
+        return self.noise_variance + gradient * np.array([0.0, *thresholds_m]) ** 2
+
+    def sample_noise(self, thresholds_m: tuple[float, ...]) -> FloatArray:
         """Return the noise variance of every past sample, shape ``(n,)``."""
-        noise = np.full(len(self.sample_points), self.noise_variance)
-        if position_error_counts and self.sample_position_std is not None:
-            noise += self.position_noise_factor() * self.sample_position_std**2
-        return noise
+        if self.sample_position_std is None:
+            return np.full(len(self.sample_points), self.noise_variance)
+        return self.noise(self.sample_position_std, thresholds_m)
 
 
 def averaged_samples(

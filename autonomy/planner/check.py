@@ -21,21 +21,19 @@ class Violation:
     """One limit that a plan breaks."""
 
     field: str
-    """What breaks it, such as ``legs[2].end_ned``."""
+    """What breaks it, such as ``legs.2.end_ned`` or ``round_budget``."""
     message: str
     """One sentence with the limit and by how much it is broken."""
 
 
-def violations(
-    legs: tuple[Leg, ...], config: PlannerConfig, site: Site, budget: float | None = None
-) -> tuple[Violation, ...]:
+def violations(legs: tuple[Leg, ...], config: PlannerConfig, site: Site) -> tuple[Violation, ...]:
     """List everything that forbids to fly these legs.
 
     Args:
         legs: The plan.
-        config: Limits of energy, uncertainty, domain and primitives.
+        config: Limits of energy, uncertainty, domain and primitives. A first swim may come from
+            outside the domain into it.
         site: The water, which no plan may leave.
-        budget: Energy units that may be spent; the round's by default.
 
     Returns:
         Every violation found, empty for a plan that may be flown. If a number is not finite, only
@@ -49,7 +47,7 @@ def violations(
     found = [*_disconnected(legs), *_badly_made(legs, config)]
     for number, leg in enumerate(legs):
         found += _outside(number, leg, config.domain, site)
-    found += _overspent(legs, config, config.round_budget if budget is None else budget)
+    found += _overspent(legs, config)
     if not found:
         found += _lost(legs, config)
     return tuple(found)
@@ -70,7 +68,7 @@ def _not_finite(legs: tuple[Leg, ...]) -> Iterator[Violation]:
         for name, values in named.items():
             if not all(math.isfinite(value) for value in values):
                 yield Violation(
-                    f"legs[{number}].{name}",
+                    f"legs.{number}.{name}",
                     f"{_title(number, leg)} has a {name} that is not a finite number.",
                 )
 
@@ -79,19 +77,19 @@ def _disconnected(legs: tuple[Leg, ...]) -> Iterator[Violation]:
     """Check that the plan begins and ends at the surface, in one piece."""
     if legs[0].start_ned[2] > _SAME_PLACE_M:
         yield Violation(
-            "legs[0].start_ned",
+            "legs.0.start_ned",
             f"The plan begins {legs[0].start_ned[2]:.2f} m under water, not at the surface.",
         )
     for number in range(1, len(legs)):
         gap = math.dist(legs[number - 1].end_ned, legs[number].start_ned)
         if gap > _SAME_PLACE_M:
             yield Violation(
-                f"legs[{number}].start_ned",
+                f"legs.{number}.start_ned",
                 f"{_title(number, legs[number])} begins {gap:.2f} m from where leg {number} ends.",
             )
     if legs[-1].end_ned[2] > _SAME_PLACE_M:
         yield Violation(
-            f"legs[{len(legs) - 1}].end_ned",
+            f"legs.{len(legs) - 1}.end_ned",
             f"The plan ends {legs[-1].end_ned[2]:.2f} m under water, not at the surface.",
         )
 
@@ -101,21 +99,21 @@ def _badly_made(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violat
     for number, leg in enumerate(legs):
         if leg.speed_m_s <= 0.0 or leg.duration_s <= 0.0:
             yield Violation(
-                f"legs[{number}].speed_m_s",
+                f"legs.{number}.speed_m_s",
                 f"{_title(number, leg)} needs a speed and a duration above 0.",
             )
             continue
         way = _way(leg)
         if abs(way - leg.speed_m_s * leg.duration_s) > _TOLERANCE * way + _SAME_PLACE_M:
             yield Violation(
-                f"legs[{number}].duration_s",
+                f"legs.{number}.duration_s",
                 f"{_title(number, leg)} covers {way:.2f} m, which takes "
                 f"{way / leg.speed_m_s:.1f} s at {leg.speed_m_s:.3g} m/s, not "
                 f"{leg.duration_s:.1f} s.",
             )
         reason = _misshapen(leg, config)
         if reason:
-            yield Violation(f"legs[{number}].end_ned", f"{_title(number, leg)} {reason}.")
+            yield Violation(f"legs.{number}.end_ned", f"{_title(number, leg)} {reason}.")
 
 
 def _way(leg: Leg) -> float:
@@ -154,51 +152,42 @@ def _misshapen(leg: Leg, config: PlannerConfig) -> str:
 def _outside(number: int, leg: Leg, domain: Box, site: Site) -> Iterator[Violation]:
     """Check a leg against walls, floor and domain; what leaves the water is not listed twice."""
     low, high = primitive.bounds(leg)
-    shore = "wall" if site.kind == "tank" else "shore"
-    for past, text in _excess(low, high, site.water, shore, "floor"):
-        yield Violation(
-            f"legs[{number}].end_ned",
-            f"{_title(number, leg)} goes {past:.2f} m past the {site.kind}'s {text}.",
-        )
-        return
-    for past, text in _excess(low, high, domain, "edge", "greatest depth"):
-        yield Violation(
-            f"legs[{number}].end_ned",
-            f"{_title(number, leg)} goes {past:.2f} m past the domain's {text}.",
-        )
+    beyond = _beyond(low, high, site.water, site.kind)
+    comes_in = number == 0 and leg.kind is PrimitiveKind.SWIM and domain.contains(*leg.end_ned)
+    if not beyond and not comes_in:
+        beyond = _beyond(low, high, domain, "survey domain")
+    for text in beyond:
+        yield Violation(f"legs.{number}.end_ned", f"{_title(number, leg)} goes {text}.")
 
 
-def _excess(
-    low: PositionNed, high: PositionNed, box: Box, side: str, bottom: str
-) -> Iterator[tuple[float, str]]:
-    """Yield by how much a leg's bounds leave a box, and through which side."""
-    for past, name, limit in (
-        (box.x_min_m - low[0], f"south {side}", box.x_min_m),
-        (high[0] - box.x_max_m, f"north {side}", box.x_max_m),
-        (box.y_min_m - low[1], f"west {side}", box.y_min_m),
-        (high[1] - box.y_max_m, f"east {side}", box.y_max_m),
-        (high[2] - box.depth_max_m, bottom, box.depth_max_m),
-        (-low[2], "surface", 0.0),
-    ):
-        if past > _DOMAIN_MARGIN_M:
-            yield past, f"{name} at {limit:g} m"
+def _beyond(low: PositionNed, high: PositionNed, box: Box, name: str) -> list[str]:
+    """Say by how much a leg's bounds leave a box, and through which side."""
+    sides = (
+        (box.x_min_m - low[0], f"south edge of the {name}, x {box.x_min_m:g} m"),
+        (high[0] - box.x_max_m, f"north edge of the {name}, x {box.x_max_m:g} m"),
+        (box.y_min_m - low[1], f"west edge of the {name}, y {box.y_min_m:g} m"),
+        (high[1] - box.y_max_m, f"east edge of the {name}, y {box.y_max_m:g} m"),
+        (high[2] - box.depth_max_m, f"{name} floor {box.depth_max_m:g} m"),
+        (-low[2], "surface"),
+    )
+    return [f"{past:.2f} m beyond the {side}" for past, side in sides if past > _DOMAIN_MARGIN_M]
 
 
-def _overspent(legs: tuple[Leg, ...], config: PlannerConfig, budget: float) -> Iterator[Violation]:
-    """Check energy against the budget, by the planner's own account of each leg."""
+def _overspent(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
+    """Check energy against the round's budget, by the planner's own account of each leg."""
     energy = 0.0
     for number, leg in enumerate(legs):
         due = primitive.energy(leg.kind, leg.duration_s, config.energy)
         energy += due
         if abs(due - leg.energy) > _TOLERANCE * due + 0.001:
             yield Violation(
-                f"legs[{number}].energy",
+                f"legs.{number}.energy",
                 f"{_title(number, leg)} takes {due:.2f} energy units, not {leg.energy:.2f}.",
             )
-    if energy > budget * (1.0 + 1e-3):
+    if energy > config.round_budget * (1.0 + 1e-3):
         yield Violation(
-            "energy",
-            f"The plan takes {energy:.1f} energy units; the budget is {budget:.4g}.",
+            "round_budget",
+            f"The plan takes {energy:.4g} energy units; a round may use {config.round_budget:.4g}.",
         )
 
 
@@ -219,10 +208,10 @@ def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
         worst = points[points[:, POINT_STD].argmax()]
         if worst[POINT_STD] > limit:
             yield Violation(
-                f"legs[{number}]",
+                "max_uncertainty_m",
                 f"The position becomes uncertain by {worst[POINT_STD]:.2g} m, "
                 f"{worst[POINT_TIME]:.0f} s after leg {begin + 1} begins; "
-                f"{config.max_uncertainty_m:g} m is allowed.",
+                f"the limit is {config.max_uncertainty_m:g} m.",
             )
         begin = number + 1
 

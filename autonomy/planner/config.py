@@ -50,9 +50,9 @@ class PrimitiveConfig(Configuration):
     swim_speed_m_s: float = quantity(0.10, "m/s", title="Swimming speed", gt=0.0)
     """Speed over ground while the tail drives the robot at constant depth."""
     swim_length_min_m: float = quantity(0.2, "m", title="Shortest swim", gt=0.0, advanced=True)
-    """Shortest swim that is proposed at random; the swim that ends an edge may be shorter."""
+    """Shortest swim; the robot does not hold a course over less."""
     swim_length_max_m: float = quantity(0.6, "m", title="Longest swim", gt=0.0)
-    """Longest swim, both proposed at random and as the end of an edge."""
+    """Longest swim between two other primitives, or at the end before a surfacing."""
     swims_under_water: bool = quantity(True, title="Swim under water", advanced=True)
     """Whether the robot may swim at depth, which needs neutral trim; else only at the surface."""
     depth_change_min_m: float = quantity(0.1, "m", title="Smallest depth change", gt=0.0)
@@ -183,8 +183,9 @@ class PlannerConfig(Configuration):
     fidelity_thresholds_m: tuple[float, ...] = quantity((0.05, 0.12), "m", title="Fidelity levels")
     """Position uncertainties that part the levels of fidelity, best level first: samples below the
     first threshold are the most trusted."""
-    position_error_counts: bool = quantity(True, title="Trust well-located samples more")
-    """Whether a planned sample brings less information the less certain its position will be."""
+    fidelity_counts: bool = quantity(True, title="Fidelity counts", advanced=True)
+    """Whether information gain takes samples of lower fidelity for noisier; otherwise every sample
+    counts the same wherever it was taken."""
     seed: int = quantity(0, title="Random seed", ge=0, advanced=True)
     """Starting point of the random search; the same seed repeats it."""
     primitives: PrimitiveConfig = quantity(PrimitiveConfig(), title="Motion", advanced=True)
@@ -199,6 +200,10 @@ class PlannerConfig(Configuration):
     """Settings of the ergodic objective."""
     search: SearchConfig = quantity(SearchConfig(), title="Search", advanced=True)
     """Settings of the search itself."""
+
+    def counted_thresholds_m(self) -> tuple[float, ...]:
+        """Return the fidelity thresholds that information gain heeds."""
+        return self.fidelity_thresholds_m if self.fidelity_counts else ()
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -216,57 +221,73 @@ class PlannerConfig(Configuration):
 
 MINIGLIDER = PlannerConfig(
     domain=TANK.domain,
+    max_uncertainty_m=0.25,
+    fidelity_thresholds_m=(0.05, 0.12),
     primitives=PrimitiveConfig(
-        glide_speed_m_s=0.02,
-        glide_angle_min_rad=math.radians(40.0),
-        glide_angle_max_rad=math.radians(60.0),
+        glide_speed_m_s=0.025,
+        glide_angle_min_rad=math.radians(42.0),
+        glide_angle_max_rad=math.radians(55.0),
         spiral_speed_m_s=0.02,
-        spiral_radius_min_m=0.2,
+        spiral_radius_min_m=0.3,
         spiral_radius_max_m=0.5,
-        spiral_rise_min_m_rad=0.5,
-        spiral_rise_max_m_rad=0.8,
-        dive_speed_m_s=0.015,
-        swim_speed_m_s=0.05,
-        swim_length_min_m=0.15,
+        spiral_rise_min_m_rad=0.45,
+        spiral_rise_max_m_rad=0.6,
+        dive_speed_m_s=0.012,
+        swim_speed_m_s=0.06,
+        swim_length_min_m=0.3,
         swim_length_max_m=0.6,
         swims_under_water=False,
         depth_change_min_m=0.25,
         bearing_noise_rad=0.4,
     ),
-    energy=EnergyConfig(tail_frequency_hz=0.45),
+    energy=EnergyConfig(swim_factor=0.5, tail_amplitude_rad=0.40, tail_frequency_hz=0.40),
     position_filter=ESTIMATOR_PRESETS["miniglider"],
 )
-"""Miniglider in the tank's exploration domain."""
+"""Miniglider in the tank's exploration domain.
+
+From its polar (``autonomy.vehicle.steady``): it glides down at 35 to 55 degrees and up at 40 to 60,
+the sliding mass ending the steep side; 0.025 m/s takes 1 to 4 g of net mass either way, which the
+pump changes over in 4 s. A flat dive at 0.012 m/s takes 10 g, changed over in 12 s. With 35 to 55
+degrees of tail it spirals at radii of 0.3 to 0.55 m, 0.42 to 0.65 m deep a radian. The tail's rate
+of 1.05 rad/s allows 0.40 rad at 0.40 Hz, which brings it from rest to 0.07 m/s within 20 s. This
+gait does a fifth of the work of 0.35 rad at 1 Hz, so the swim factor is 0.5 where the thesis has
+0.2: a metre then costs 4 units, several times that of a glide, as the thesis intends.
+"""
 
 GRACE3 = PlannerConfig(
     domain=LAKE.domain,
-    max_uncertainty_m=8.0,
+    max_uncertainty_m=12.0,
     fidelity_thresholds_m=(3.0, 8.0),
     primitives=PrimitiveConfig(
-        glide_speed_m_s=0.10,
-        glide_angle_min_rad=math.radians(40.0),
-        glide_angle_max_rad=math.radians(60.0),
-        spiral_speed_m_s=0.08,
-        spiral_radius_min_m=0.6,
-        spiral_radius_max_m=1.5,
-        spiral_rise_min_m_rad=1.5,
-        spiral_rise_max_m_rad=2.4,
-        dive_speed_m_s=0.04,
-        swim_speed_m_s=0.10,
+        glide_speed_m_s=0.06,
+        glide_angle_min_rad=math.radians(42.0),
+        glide_angle_max_rad=math.radians(50.0),
+        spiral_speed_m_s=0.05,
+        spiral_radius_min_m=1.2,
+        spiral_radius_max_m=2.0,
+        spiral_rise_min_m_rad=1.4,
+        spiral_rise_max_m_rad=2.0,
+        dive_speed_m_s=0.015,
+        swim_speed_m_s=0.12,
         swim_length_min_m=5.0,
-        swim_length_max_m=30.0,
+        swim_length_max_m=20.0,
         swims_under_water=False,
-        depth_change_min_m=4.0,
-        primitives_max=5,
+        depth_change_min_m=5.0,
         bearing_noise_rad=0.3,
         point_interval_s=10.0,
     ),
-    energy=EnergyConfig(swim_factor=0.02, tail_frequency_hz=0.45),
+    energy=EnergyConfig(swim_factor=0.5, tail_amplitude_rad=0.40, tail_frequency_hz=0.25),
     position_filter=ESTIMATOR_PRESETS["grace3"],
     ergodic=ErgodicConfig(reach_north_m=40.0, reach_east_m=40.0, reach_depth_m=2.0),
-    search=SearchConfig(step_m=120.0, near_radius_m=80.0, nearest_radius_m=80.0),
+    search=SearchConfig(step_m=40.0, near_radius_m=40.0, nearest_radius_m=32.0),
 )
-"""GRACE 3 in the lake's exploration domain."""
+"""GRACE 3 in the lake's exploration domain; its model is scaled, not identified.
+
+From the scaled polar: at 0.06 m/s both down and up can be flown at 42 to 50 degrees, with 60 to
+125 g of net mass, which the pump changes over in 25 s or 1.5 m. So one dive to 16 m and back covers
+27 to 36 m in 9 minutes for 5.7 energy units. It spirals at radii of 1.2 to 2 m, 1.4 to 2 m deep a
+radian, with 25 to 35 degrees of tail, and swims at 0.15 m/s.
+"""
 
 PLANNER_PRESETS: dict[str, PlannerConfig] = {"miniglider": MINIGLIDER, "grace3": GRACE3}
 """Default of each vehicle, by the vehicle's key."""

@@ -18,7 +18,7 @@ SHAPE_KIND, SHAPE_BEARING, SHAPE_DEPTH, SHAPE_FIRST, SHAPE_SECOND, SHAPE_SIDE = 
 SHAPE_COLUMNS = 6
 """Numbers of each primitive in a shape."""
 _KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
-_SAME_PLACE_M = 1e-6
+SAME_PLACE_M = 1e-6
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -197,11 +197,11 @@ def _closing_legs(
             return [primitive.glide(config, here, goal)]
         legs.append(primitive.dive(config, here, 0.0))
         here = legs[-1].end_ned
-    if distance > limits.swim_length_max_m:
+    if distance < SAME_PLACE_M:
+        return legs
+    if not limits.swim_length_min_m <= distance <= limits.swim_length_max_m:
         return None
-    if distance > _SAME_PLACE_M:
-        legs.append(primitive.swim(config, here, goal))
-    return legs
+    return [*legs, primitive.swim(config, here, goal)]
 
 
 def _ahead(here: PositionNed, heading: float, length: float, depth: float) -> PositionNed:

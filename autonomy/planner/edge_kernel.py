@@ -5,6 +5,7 @@ import math
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
 from autonomy.planner.edge import (
+    SAME_PLACE_M,
     SHAPE_BEARING,
     SHAPE_COLUMNS,
     SHAPE_DEPTH,
@@ -22,7 +23,6 @@ KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, Primitiv
 KIND, X0, Y0, Z0, X1, Y1, Z1, SPEED, DURATION, ENERGY, HEADING, RADIUS, TURN = range(13)
 LEG_COLUMNS = 13
 """Columns of a leg in an array of legs."""
-_TINY_M = 1e-6
 _EDGE_MARGIN_M = 1e-9
 
 
@@ -143,12 +143,12 @@ def _close(
             return count + 1
         _write(limits, legs[count], DIVE, (x, y, z), (x, y, 0.0), limits.dive_speed, z)
         count += 1
-    if distance > limits.swim_length_max:
+    if distance < SAME_PLACE_M:
+        return count
+    if not limits.swim_length_min <= distance <= limits.swim_length_max:
         return 0
-    if distance > _TINY_M:
-        _write(limits, legs[count], SWIM, (x, y, 0.0), up, limits.swim_speed, distance)
-        count += 1
-    return count
+    _write(limits, legs[count], SWIM, (x, y, 0.0), up, limits.swim_speed, distance)
+    return count + 1
 
 
 @kernel

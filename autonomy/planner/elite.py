@@ -1,6 +1,9 @@
 """The best distinct trajectories of a search, which own copies of their edges."""
 
+import math
+
 from autonomy.compiled import kernel
+from autonomy.planner.edge_kernel import X0, X1, Y0, Y1
 from autonomy.planner.graph import (
     DEPTH_MAX,
     SHORT,
@@ -9,6 +12,9 @@ from autonomy.planner.graph import (
     copy_edge,
     first_staged,
 )
+
+_CLOSE = 0.15
+"""Part of the step within which two surfacings are alike."""
 
 
 @kernel
@@ -25,24 +31,70 @@ def elite_edge(graph: Graph, elite: int, place: int) -> int:
 
 
 @kernel
-def elite_place(graph: Graph, edges: Int32Array, length: int, ranked: float) -> int:
-    """Return which elite trajectory a better one replaces, -1 if it is not good enough.
+def elite_place(graph: Graph, edges: Int32Array, length: int, ranked: float, own: int) -> int:
+    """Return which elite trajectory a new one replaces, -1 if it is not good enough.
 
-    Trajectories that share more than half of their edges are alike; only the better one stays.
+    Of trajectories that are alike only the best one stays, so that those offered are distinct and
+    refinement does not crowd about one of them.
+
+    Args:
+        graph: The search's graph.
+        edges: Edges of the new trajectory.
+        length: Number of its edges.
+        ranked: Its rank.
+        own: Elite trajectory that it was made from by refinement, -1 for none.
     """
-    worst = 0
+    worst = own if own >= 0 else 0
     for elite in range(len(graph.elite_worth)):
-        shared = 0
-        for i in range(graph.elite_length[elite]):
-            serial = graph.edge_serial[elite_edge(graph, elite, i)]
-            for j in range(length):
-                if serial == graph.edge_serial[edges[j]]:
-                    shared += 1
-        if 2 * shared > min(length, graph.elite_length[elite]) and shared > 0:
-            return elite if ranked > graph.elite_worth[elite] else -1
-        if graph.elite_worth[elite] < graph.elite_worth[worst]:
+        if own < 0 and graph.elite_worth[elite] < graph.elite_worth[worst]:
             worst = elite
-    return worst if ranked > graph.elite_worth[worst] else -1
+    if ranked <= graph.elite_worth[worst]:
+        return -1
+    place = worst
+    for elite in range(len(graph.elite_worth)):
+        if elite != own and _are_alike(graph, edges, length, elite):
+            if ranked <= graph.elite_worth[elite]:
+                if own >= 0:
+                    _drop(graph, own)
+                return -1
+            if own < 0 and place == worst:
+                place = elite
+            else:
+                _drop(graph, elite)
+    return place
+
+
+@kernel
+def _are_alike(graph: Graph, edges: Int32Array, length: int, elite: int) -> bool:
+    """Tell whether more than half of the surfacings of two trajectories are close together."""
+    close = 0
+    for i in range(length):
+        x, y = end_of(graph, edges[i])
+        for j in range(graph.elite_length[elite]):
+            x1, y1 = end_of(graph, elite_edge(graph, elite, j))
+            if math.hypot(x - x1, y - y1) < _CLOSE * graph.step:
+                close += 1
+                break
+    return 2 * close > min(length, graph.elite_length[elite])
+
+
+@kernel
+def _drop(graph: Graph, elite: int) -> None:
+    graph.elite_length[elite] = 0
+    graph.elite_worth[elite] = -math.inf
+
+
+@kernel
+def start_of(graph: Graph, edge: int) -> tuple[float, float]:
+    """Return north and east of the surfacing that an edge leaves."""
+    return graph.edge_legs[edge, 0, X0], graph.edge_legs[edge, 0, Y0]
+
+
+@kernel
+def end_of(graph: Graph, edge: int) -> tuple[float, float]:
+    """Return north and east of the surfacing that an edge reaches."""
+    last = graph.edge_leg_count[edge] - 1
+    return graph.edge_legs[edge, last, X1], graph.edge_legs[edge, last, Y1]
 
 
 @kernel

@@ -118,8 +118,9 @@ def refine_by_ergodicity(graph: Graph, ergodic: Ergodic) -> None:
             best, chosen, chosen_energy = ranked, proposal, energy
     if chosen >= 0:
         length = fill_gap(graph, chosen, ergodic.edges)
-        write_elite(graph, elite, ergodic.edges, length, chosen_energy, best)
-        _copy_written(graph, ergodic, length)
+        if elite_place(graph, ergodic.edges, length, best, elite) == elite:
+            write_elite(graph, elite, ergodic.edges, length, chosen_energy, best)
+            _copy_written(graph, ergodic, length)
 
 
 @kernel
@@ -170,7 +171,7 @@ def _offer(
     for i in range(depth):
         ergodic.edges[i] = graph.path_edge[ergodic.edges[i]]
     ergodic.edges[depth] = edge
-    elite = elite_place(graph, ergodic.edges, depth + 1, ranked)
+    elite = elite_place(graph, ergodic.edges, depth + 1, ranked, -1)
     if elite >= 0:
         write_elite(graph, elite, ergodic.edges, depth + 1, energy, ranked)
         _copy_written(graph, ergodic, depth + 1)

@@ -21,7 +21,7 @@ from autonomy.planner.limits import Limits, legs_max, limits_of, points_max, sha
 
 Int32Array = npt.NDArray[np.int32]
 
-NODES, EDGES, PATHS, STAGED, PROPOSALS, CANDIDATES, SERIAL, RESERVOIR_FULL, TABLES_FULL = range(9)
+NODES, EDGES, PATHS, STAGED, PROPOSALS, CANDIDATES, RESERVOIR_FULL, TABLES_FULL = range(8)
 """Places in ``Graph.tally``."""
 DEPTH_MAX = 48
 """Most edges of one path; a round's budget ends far earlier."""
@@ -60,8 +60,6 @@ class Graph(NamedTuple):
     """What each edge was made from (``edge.random_shape``)."""
     edge_worth: FloatArray
     """Worth of the edge alone."""
-    edge_serial: IntArray
-    """Number that an edge shares with its copies only."""
     staged_points: FloatArray
     staged_point_count: Int32Array
     staged_source: Int32Array
@@ -104,7 +102,7 @@ def graph_of(
         near_max=search.near_max,
         least_energy=outcome.least_energy(config),
         least_spent=search.min_budget_fraction * budget,
-        tally=np.zeros(9, dtype=np.int64),
+        tally=np.zeros(8, dtype=np.int64),
         node_xy=np.empty((_NODES_MAX, 2)),
         node_is_open=np.empty(_NODES_MAX, dtype=np.bool_),
         slot=np.empty((_NODES_MAX, slots), dtype=np.int32),
@@ -113,7 +111,6 @@ def graph_of(
         edge_energy=np.empty(all_edges),
         edge_shape=np.empty((all_edges, shape_size(config))),
         edge_worth=np.empty(all_edges),
-        edge_serial=np.empty(all_edges, dtype=np.int64),
         staged_points=np.empty((STAGED_MAX, points_max(config), 5)),
         staged_point_count=np.empty(STAGED_MAX, dtype=np.int32),
         staged_source=np.empty(STAGED_MAX, dtype=np.int32),
@@ -249,4 +246,3 @@ def copy_edge(graph: Graph, source: int, target: int) -> None:
     graph.edge_energy[target] = graph.edge_energy[source]
     graph.edge_shape[target] = graph.edge_shape[source]
     graph.edge_worth[target] = graph.edge_worth[source]
-    graph.edge_serial[target] = graph.edge_serial[source]

@@ -29,9 +29,10 @@ class Information(NamedTuple):
     """What the gain of trajectories is computed from; k is the most points of an edge."""
 
     signal_variance: float
-    noise_variance: float
-    noise_factor: float
-    """Noise variance added for each m² of position variance."""
+    threshold: FloatArray
+    """Boundaries of the fidelity levels in position std, ascending."""
+    level_noise: FloatArray
+    """Noise variance of each level, best level first."""
     scale: FloatArray
     """Root 3 over the length scales, ``(3,)``."""
     known: FloatArray
@@ -87,9 +88,9 @@ def information_of(
     config: PlannerConfig, belief: FieldBelief, graph: Graph, rows: int
 ) -> Information:
     """Lay out the arrays for a graph, with room for ``rows`` numbers of Cholesky factors."""
-    counts = config.position_error_counts
+    thresholds = config.counted_thresholds_m()
     points, noise = averaged_samples(
-        belief.sample_points, belief.sample_noise(counts), config.search.past_samples_max
+        belief.sample_points, belief.sample_noise(thresholds), config.search.past_samples_max
     )
     factor = known_factor(belief, points, noise)
     size, past = len(factor), len(points)
@@ -99,8 +100,8 @@ def information_of(
     tiles = -(-STAGED_MAX * k // TILE)
     return Information(
         signal_variance=belief.signal_variance,
-        noise_variance=belief.noise_variance,
-        noise_factor=belief.position_noise_factor() if counts else 0.0,
+        threshold=np.array(thresholds, dtype=np.float64),
+        level_noise=belief.level_noise(thresholds),
         scale=scale,
         known=np.concatenate([points, belief.test_points]) * scale,
         past=past,

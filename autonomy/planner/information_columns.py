@@ -125,7 +125,7 @@ def _average_points(graph: Graph, info: Information, staged: int, edge: int) -> 
         info.place[edge, k] = 0.0
         for i in range(begin, min(begin + run, number)):
             point = graph.staged_points[staged, i]
-            weight = 1.0 / (info.noise_variance + info.noise_factor * point[4] * point[4])
+            weight = 1.0 / info.level_noise[np.searchsorted(info.threshold, point[4])]
             total += weight
             for axis in range(3):
                 info.place[edge, k, axis] += weight * point[1 + axis] * info.scale[axis]

@@ -75,8 +75,9 @@ def refine_by_information(graph: Graph, info: Information) -> None:
             best, chosen, chosen_energy = ranked, proposal, energy
     if chosen >= 0:
         length = fill_gap(graph, chosen, info.edges)
-        write_elite(graph, elite, info.edges, length, chosen_energy, best)
-        _copy_written(graph, info, length)
+        if elite_place(graph, info.edges, length, best, elite) == elite:
+            write_elite(graph, elite, info.edges, length, chosen_energy, best)
+            _copy_written(graph, info, length)
 
 
 @kernel
@@ -132,7 +133,7 @@ def _offer(
     for i in range(depth):
         info.edges[i] = info.chain[i, 0]
     info.edges[depth] = edge
-    elite = elite_place(graph, info.edges, depth + 1, ranked)
+    elite = elite_place(graph, info.edges, depth + 1, ranked, -1)
     if elite >= 0:
         write_elite(graph, elite, info.edges, depth + 1, energy, ranked)
         _copy_written(graph, info, depth + 1)

@@ -26,19 +26,7 @@ def objective(config: PlannerConfig, belief: FieldBelief) -> Objective:
     """Return the chosen objective as a function of planned points."""
     if config.objective == "ergodic":
         return ErgodicMeasure(belief, config.ergodic)
-    return InformationGain(belief, config.position_error_counts)
-
-
-def planned_noise(
-    belief: FieldBelief, position_std: FloatArray, position_error_counts: bool
-) -> FloatArray:
-    """Return the noise variance of planned samples whose positions will have these std, ``(m,)``.
-
-    A sample taken ``eta`` away from where it is believed differs from the field there by about
-    ``eta`` times the gradient; the gradient's prior variance stands for the gradient.
-    """
-    factor = belief.position_noise_factor() if position_error_counts else 0.0
-    return belief.noise_variance + factor * position_std**2
+    return InformationGain(belief, config.counted_thresholds_m())
 
 
 class InformationGain:
@@ -48,15 +36,16 @@ class InformationGain:
     plain way: both posterior covariances over the test points.
     """
 
-    def __init__(self, belief: FieldBelief, position_error_counts: bool) -> None:
+    def __init__(self, belief: FieldBelief, thresholds_m: tuple[float, ...] = ()) -> None:
+        """Condition on the past samples; thresholds are those of ``FieldBelief.noise``."""
         self._belief = belief
-        self._position_error_counts = position_error_counts
-        self._past_noise = belief.sample_noise(position_error_counts)
+        self._thresholds = thresholds_m
+        self._past_noise = belief.sample_noise(thresholds_m)
         self._prior = self._log_determinant(belief.sample_points, self._past_noise)
 
     def __call__(self, points: FloatArray) -> float:
         """Return the gain of planned points ``(m, 5)``."""
-        noise = planned_noise(self._belief, points[:, 4], self._position_error_counts)
+        noise = self._belief.noise(points[:, 4], self._thresholds)
         posterior = self._log_determinant(
             np.concatenate([self._belief.sample_points, points[:, 1:4]]),
             np.concatenate([self._past_noise, noise]),
@@ -99,12 +88,13 @@ class MutualInformation:
     points, D the past samples and f* the field at the test points.
     """
 
-    def __init__(self, belief: FieldBelief, position_error_counts: bool) -> None:
+    def __init__(self, belief: FieldBelief, thresholds_m: tuple[float, ...] = ()) -> None:
+        """Condition on the past samples; thresholds are those of ``FieldBelief.noise``."""
         self._belief = belief
-        self._position_error_counts = position_error_counts
+        self._thresholds = thresholds_m
         self._past = len(belief.sample_points)
         self._known = np.concatenate([belief.sample_points, belief.test_points])  # (n + q, 3)
-        noise = belief.sample_noise(position_error_counts)
+        noise = belief.sample_noise(thresholds_m)
         self._factor = known_factor(belief, belief.sample_points, noise)
 
     def __call__(self, points: FloatArray) -> float:
@@ -115,7 +105,7 @@ class MutualInformation:
             self._factor, matern32(self._known, planned, kernel), lower=True
         )  # (n + q, m)
         prior = matern32(planned, planned, kernel)
-        prior += np.diag(planned_noise(belief, points[:, 4], self._position_error_counts))
+        prior += np.diag(belief.noise(points[:, 4], self._thresholds))
         past, test = white[: self._past], white[self._past :]
         given_past = prior - past.T @ past  # (m, m)
         given_both = given_past - test.T @ test  # (m, m)

@@ -128,7 +128,7 @@ class _Search:
             edges = memory // 2 // (k * (4 * known + 16 * k + 32) + _edge_bytes(config))
             self._graph = graph_of(config, start_xy, budget, edges, memory // 16 // _PATH_BYTES)
             info = information_of(config, belief, self._graph, memory // 4 // 4)
-            self._exact = MutualInformation(belief, config.position_error_counts)
+            self._exact = MutualInformation(belief, config.counted_thresholds_m())
             self._extend = partial(grow_by_information, self._graph, info)
             self._replace = partial(refine_by_information, self._graph, info)
 

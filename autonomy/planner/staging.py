@@ -7,13 +7,12 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
 from autonomy.planner.edge import SHAPE_BEARING, SHAPE_COLUMNS, SHAPE_KIND, SHAPE_SIDE
-from autonomy.planner.edge_kernel import ENERGY, X0, X1, Y0, Y1, place_points, propose
-from autonomy.planner.elite import elite_edge
+from autonomy.planner.edge_kernel import ENERGY, place_points, propose
+from autonomy.planner.elite import elite_edge, end_of, start_of
 from autonomy.planner.graph import (
     DEPTH_MAX,
     NODES,
     PROPOSALS,
-    SERIAL,
     STAGED,
     TABLES_FULL,
     Graph,
@@ -141,8 +140,6 @@ def stage_edge(graph: Graph, start: tuple[float, float], goal: tuple[float, floa
         energy += legs[i, ENERGY]
     graph.edge_leg_count[edge] = count
     graph.edge_energy[edge] = energy
-    graph.edge_serial[edge] = graph.tally[SERIAL]
-    graph.tally[SERIAL] += 1
     graph.staged_point_count[staged] = points
     graph.tally[STAGED] = staged + 1
     return True
@@ -165,8 +162,8 @@ def stage_refinement(graph: Graph, rng: np.random.Generator) -> None:
     first = int(rng.random() * length)
     taken = min(1 + int(rng.random() * _GAP_MAX), length - first)
     graph.gap[0], graph.gap[1], graph.gap[2] = elite, first, taken
-    begin = _start_of(graph, elite_edge(graph, elite, first))
-    end = _end_of(graph, elite_edge(graph, elite, first + taken - 1))
+    begin = start_of(graph, elite_edge(graph, elite, first))
+    end = end_of(graph, elite_edge(graph, elite, first + taken - 1))
     spent = graph.elite_energy[elite]
     for i in range(first, first + taken):
         spent -= graph.edge_energy[elite_edge(graph, elite, i)]
@@ -192,7 +189,7 @@ def _stage_alike(
     spread = _NUDGE * graph.step * rng.random()
     for i in range(taken):
         edge = elite_edge(graph, elite, first + i)
-        there = goal if i == taken - 1 else _around(graph, _end_of(graph, edge), spread, rng)
+        there = goal if i == taken - 1 else _around(graph, end_of(graph, edge), spread, rng)
         nudge_shape(graph, edge, rng)
         if not _is_near(graph, here, there) or not stage_edge(graph, here, there):
             return False
@@ -231,17 +228,6 @@ def _seal_proposal(graph: Graph, stands: bool, spent: float) -> None:
         graph.proposal[graph.tally[PROPOSALS]] = graph.tally[STAGED]
     else:
         graph.tally[STAGED] = begin
-
-
-@kernel
-def _start_of(graph: Graph, edge: int) -> tuple[float, float]:
-    return graph.edge_legs[edge, 0, X0], graph.edge_legs[edge, 0, Y0]
-
-
-@kernel
-def _end_of(graph: Graph, edge: int) -> tuple[float, float]:
-    last = graph.edge_leg_count[edge] - 1
-    return graph.edge_legs[edge, last, X1], graph.edge_legs[edge, last, Y1]
 
 
 @kernel

@@ -1,3 +1,4 @@
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -8,7 +9,7 @@ from autonomy.planner.check import violations
 from autonomy.planner.config import PLANNER_PRESETS
 from autonomy.planner.edge import planned_points
 from autonomy.planner.plan import Candidate, Leg, PlanResult, PlanStatus, PrimitiveKind
-from autonomy.planner.primitive import dive, glide, swim
+from autonomy.planner.primitive import dive, glide, spiral, swim
 from autonomy.site import TANK
 
 CONFIG = PLANNER_PRESETS["miniglider"]
@@ -20,59 +21,110 @@ def there_and_back() -> tuple[Leg, ...]:
     return (dive(CONFIG, SURFACE, 0.4), dive(CONFIG, BELOW, 0.0))
 
 
-def messages(legs, config=CONFIG):
-    return [violation.message for violation in violations(legs, config, TANK)]
+def found(legs, config=CONFIG):
+    return {violation.field: violation.message for violation in violations(legs, config, TANK)}
 
 
 def test_a_plan_within_every_limit_has_no_violation():
-    assert messages(there_and_back()) == []
+    assert found(there_and_back()) == {}
 
 
 def test_a_dive_through_the_floor_names_the_floor():
-    deep = (1.0, 0.7, 2.0)
-    legs = (replace(dive(CONFIG, SURFACE, 0.4), end_ned=deep), dive(CONFIG, deep, 0.0))
-    assert all("tank floor 1.2 m" in message for message in messages(legs))
-    assert len(messages(legs)) == 2
+    legs = (dive(CONFIG, SURFACE, 2.0), dive(CONFIG, (1.0, 0.7, 2.0), 0.0))
+    messages = [violation.message for violation in violations(legs, CONFIG, TANK)]
+    assert len(messages) == 2
+    assert all("0.80 m beyond the tank floor 1.2 m" in message for message in messages)
 
 
 def test_every_side_that_a_leg_leaves_is_named():
-    outside = glide(CONFIG, SURFACE, (9.0, -9.0, 0.4))
-    assert len(violations((outside,), CONFIG, TANK)) == 2
+    slope = 0.4 / math.tan(math.radians(45.0)) / math.sqrt(2.0)
+    corner = (3.6, -0.8, 0.0)
+    leg = glide(CONFIG, corner, (corner[0] + slope, corner[1] - slope, 0.4))
+    messages = [violation.message for violation in violations((leg,), CONFIG, TANK)]
+    assert any("0.21 m beyond the north edge of the tank" in message for message in messages)
+    assert any("0.22 m beyond the west edge of the tank" in message for message in messages)
+    assert not any("survey domain" in message for message in messages)
 
 
 def test_a_plan_outside_the_domain_but_in_the_water_is_refused_for_the_domain():
-    deep = (1.0, 0.7, 1.0)
-    legs = (replace(dive(CONFIG, SURFACE, 0.4), end_ned=deep), dive(CONFIG, deep, 0.0))
-    assert all("survey domain floor" in message for message in messages(legs))
+    legs = (dive(CONFIG, SURFACE, 1.0), dive(CONFIG, (1.0, 0.7, 1.0), 0.0))
+    messages = [violation.message for violation in violations(legs, CONFIG, TANK)]
+    assert len(messages) == 2
+    assert all("0.35 m beyond the survey domain floor 0.65 m" in message for message in messages)
 
 
 def test_the_budget_is_named_with_both_numbers():
     config = CONFIG.model_copy(update={"round_budget": 1.0})
-    (violation,) = violations(there_and_back(), config, TANK)
-    assert violation.field == "round_budget"
-    assert "a round may use 1" in violation.message
+    assert found(there_and_back(), config) == {
+        "round_budget": "The plan takes 2.333 energy units; a round may use 1."
+    }
+
+
+def test_energy_that_a_leg_understates_is_found():
+    down, up = there_and_back()
+    assert list(found((replace(down, energy=0.1), up))) == ["legs.0.energy"]
 
 
 def test_too_much_uncertainty_is_named():
     config = CONFIG.model_copy(update={"max_uncertainty_m": 0.01})
-    assert [found.field for found in violations(there_and_back(), config, TANK)] == [
-        "max_uncertainty_m"
-    ]
+    assert "the limit is 0.01 m" in found(there_and_back(), config)["max_uncertainty_m"]
 
 
 def test_legs_that_do_not_meet_and_a_wet_end_are_both_listed():
-    legs = (dive(CONFIG, SURFACE, 0.4), dive(CONFIG, (2.0, 0.7, 0.1), 0.3))
-    assert len(violations(legs, CONFIG, TANK)) == 2
+    legs = (dive(CONFIG, SURFACE, 0.4), dive(CONFIG, (2.0, 0.7, 0.4), 0.1))
+    assert found(legs) == {
+        "legs.1.start_ned": "Leg 2 (dive) begins 1.00 m from where leg 1 ends.",
+        "legs.1.end_ned": "The plan ends 0.10 m under water, not at the surface.",
+    }
 
 
+def test_a_plan_that_begins_under_water_is_refused():
+    assert list(found((dive(CONFIG, BELOW, 0.0),))) == ["legs.0.start_ned"]
+
+
+@pytest.mark.parametrize("field", ["speed_m_s", "duration_s", "energy", "turn_rad"])
 @pytest.mark.parametrize("bad", [float("nan"), float("inf")])
-def test_a_number_that_is_not_finite_is_refused(bad):
-    legs = (replace(there_and_back()[0], duration_s=bad),)
-    assert "not finite" in messages(legs)[0]
+def test_a_number_that_is_not_finite_is_named(field, bad):
+    down, up = there_and_back()
+    assert found((down, replace(up, **{field: bad}))) == {
+        f"legs.1.{field}": f"Leg 2 (dive) has a {field} that is not a finite number."
+    }
 
 
 def test_a_plan_without_legs_is_refused():
-    assert messages(()) == ["The plan has no legs."]
+    assert found(()) == {"legs": "The plan has no legs."}
+
+
+def test_a_glide_that_is_too_flat_names_the_angles():
+    legs = (glide(CONFIG, SURFACE, (2.0, 0.7, 0.4)), glide(CONFIG, (2.0, 0.7, 0.4), SURFACE))
+    assert (
+        "glide angle of 21.8 deg; the robot glides at 42 to 55 deg" in found(legs)["legs.0.end_ned"]
+    )
+
+
+def test_a_leg_that_is_not_what_its_kind_says_is_refused():
+    down, up = there_and_back()
+    sideways = replace(down, end_ned=(1.3, 0.7, 0.4))
+    assert "0.30 m sideways" in found((sideways, up))["legs.0.end_ned"]
+    sinking = replace(swim(CONFIG, SURFACE, (1.4, 0.7, 0.0)), end_ned=(1.4, 0.7, 0.2))
+    assert "changes depth by 0.20 m" in found((sinking,))["legs.0.end_ned"]
+    bend = spiral(CONFIG, SURFACE, 0.0, 0.3, 1.0, 0.4)
+    assert (
+        "turns to a point 0.50 m from its end"
+        in found((replace(bend, end_ned=(bend.end_ned[0] + 0.5, *bend.end_ned[1:])),))[
+            "legs.0.end_ned"
+        ]
+    )
+
+
+def test_a_duration_that_the_speed_does_not_allow_is_refused():
+    down, up = there_and_back()
+    assert "takes 33.3 s" in found((replace(down, duration_s=5.0), up))["legs.0.duration_s"]
+
+
+def test_a_leg_without_speed_is_refused():
+    down, up = there_and_back()
+    assert list(found((replace(down, speed_m_s=0.0), up))) == ["legs.0.speed_m_s"]
 
 
 def test_a_robot_inside_its_domain_needs_no_approach():
@@ -83,12 +135,12 @@ def test_a_robot_that_drifted_out_swims_back_first():
     leg = approach(CONFIG, (-0.3, 0.7))
     assert leg.kind is PrimitiveKind.SWIM
     assert CONFIG.domain.contains(*leg.end_ned)
-    assert violations((leg,), CONFIG, TANK) == ()
+    assert found((leg,)) == {}
 
 
 def test_a_swim_that_leaves_the_domain_is_no_approach():
     leg = swim(CONFIG, SURFACE, (1.0, 1.6, 0.0))
-    assert "survey domain" in messages((leg,))[0]
+    assert "survey domain" in found((leg,))["legs.0.end_ned"]
 
 
 def test_what_follows_an_approach_is_later_and_costs_more():

@@ -1,0 +1,80 @@
+"""Planning problems that the planner's tests share."""
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+
+from autonomy.estimation.config import EstimatorConfig
+from autonomy.planner.belief import FieldBelief
+from autonomy.planner.config import PlannerConfig, PrimitiveConfig, SearchConfig
+from autonomy.planner.plan import PlanResult
+from autonomy.site import Box
+
+THESIS_TANK = PlannerConfig(
+    max_uncertainty_m=0.5,
+    fidelity_counts=False,
+    primitives=PrimitiveConfig(swim_length_max_m=1.4),
+    position_filter=EstimatorConfig(drift_m_sqrt_s=0.02),
+)
+START = (0.3, 0.3)
+
+
+def belief_over(domain: Box, past: int = 20, lengths=(2.41, 2.46, 2.40)) -> FieldBelief:
+    """A belief with a coarse grid of test points and some past samples along a line."""
+    axes = (
+        np.linspace(domain.x_min_m, domain.x_max_m, 5),
+        np.linspace(domain.y_min_m, domain.y_max_m, 4),
+        np.linspace(0.0, domain.depth_max_m, 3),
+    )
+    test_points = np.array(list(itertools.product(*axes)))
+    part = np.linspace(0.1, 0.6, past)
+    samples = np.column_stack(
+        [
+            domain.x_min_m + part * (domain.x_max_m - domain.x_min_m),
+            domain.y_min_m + 0.4 * (domain.y_max_m - domain.y_min_m) + 0.0 * part,
+            domain.depth_max_m * np.abs(np.sin(9.0 * part)),
+        ]
+    )
+    score = np.linspace(3.0, 6.0, len(test_points))
+    return FieldBelief(
+        signal_variance=5.27,
+        length_scales_m=lengths,
+        noise_variance=0.0025,
+        sample_points=samples,
+        test_points=test_points,
+        mean=score,
+        std=np.full(len(test_points), 0.5),
+        sample_position_std=np.linspace(0.01, 0.2, past),
+    )
+
+
+def with_search(config: PlannerConfig, **values) -> PlannerConfig:
+    """The same settings with some of the search's replaced; validated as a whole."""
+    search = SearchConfig(**(config.search.model_dump() | values))
+    return config.model_copy(update={"search": search})
+
+
+def run(
+    plan: Callable[..., PlanResult],
+    config: PlannerConfig,
+    belief: FieldBelief,
+    *,
+    seed: int = 0,
+    start=START,
+    budget: float = 20.0,
+    on_progress=lambda _: None,
+    is_cancelled=lambda: False,
+    elapsed_s=lambda: 0.0,
+) -> PlanResult:
+    """Call a planner; by default time stands still and only the iterations end it."""
+    return plan(
+        config,
+        belief,
+        start,
+        rng=np.random.default_rng(seed),
+        budget=budget,
+        on_progress=on_progress,
+        is_cancelled=is_cancelled,
+        elapsed_s=elapsed_s,
+    )

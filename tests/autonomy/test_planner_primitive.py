@@ -1,0 +1,205 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+from autonomy.estimation.config import EstimatorConfig
+from autonomy.planner import edge_kernel, primitive
+from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig
+from autonomy.planner.edge import (
+    POINT_DOWN,
+    POINT_NORTH,
+    POINT_STD,
+    POINT_TIME,
+    planned_points,
+    position_std,
+    propose_edge,
+    random_shape,
+)
+from autonomy.planner.limits import legs_max, limits_of, points_max
+from autonomy.planner.plan import PrimitiveKind
+from tests.autonomy.planner_problem import THESIS_TANK
+
+CONFIGS = {"thesis": THESIS_TANK, **PLANNER_PRESETS}
+
+
+def proposals(config, number, seed=0):
+    """Shapes between random surface points no farther apart than the step."""
+    rng = np.random.default_rng(seed)
+    domain = config.domain
+    low, high = (domain.x_min_m, domain.y_min_m), (domain.x_max_m, domain.y_max_m)
+    for _ in range(number):
+        start = rng.uniform(low, high)
+        course = rng.uniform(0.0, 2.0 * math.pi)
+        reach = config.search.step_m * math.sqrt(rng.random())
+        goal = np.clip(start + reach * np.array([math.cos(course), math.sin(course)]), low, high)
+        yield tuple(map(float, start)), tuple(map(float, goal)), random_shape(config, rng)
+
+
+def test_energies_are_those_of_the_thesis():
+    config = EnergyConfig()
+    assert primitive.energy(PrimitiveKind.DIVE, 10.0, config) == pytest.approx(1.05)
+    assert primitive.energy(PrimitiveKind.GLIDE, 10.0, config) == pytest.approx(1.55)
+    assert primitive.energy(PrimitiveKind.SPIRAL, 10.0, config) == pytest.approx(1.55)
+
+
+@pytest.mark.parametrize("duration_s", [0.3, 1.0, 7.3])
+def test_swimming_costs_the_integral_of_the_squared_tail_rate(duration_s):
+    config = EnergyConfig(time_factor=0.0)
+    amplitude, omega = config.tail_amplitude_rad, 2.0 * math.pi * config.tail_frequency_hz
+    work, _ = quad(
+        lambda t: (amplitude * omega * math.cos(omega * t)) ** 2, 0.0, duration_s, limit=200
+    )
+    cost = primitive.energy(PrimitiveKind.SWIM, duration_s, config)
+    assert cost == pytest.approx(config.swim_factor * work, rel=1e-9)
+
+
+def test_a_positive_turn_goes_to_starboard():
+    leg = primitive.spiral(THESIS_TANK, (1.0, 0.5, 0.0), 0.0, 0.2, math.pi / 2, 0.3)
+    assert leg.end_ned == pytest.approx((1.2, 0.7, 0.3))
+    assert leg.duration_s == pytest.approx(0.3 / 0.05)
+
+
+def test_a_spiral_moves_along_its_heading_at_constant_rate():
+    leg = primitive.spiral(THESIS_TANK, (1.0, 0.5, 0.1), 2.0, 0.25, -3.0, 0.6)
+    h = 1e-6
+    for fraction in np.linspace(0.05, 0.95, 7):
+        before, after = (primitive.position_at(leg, fraction + s * h) for s in (-1, 1))
+        heading = leg.heading_rad + fraction * leg.turn_rad
+        north, east, down = (np.array(after) - before) / (2 * h)
+        assert north == pytest.approx(0.25 * 3.0 * math.cos(heading), abs=1e-6)
+        assert east == pytest.approx(0.25 * 3.0 * math.sin(heading), abs=1e-6)
+        assert down == pytest.approx(0.5, abs=1e-6)
+
+
+@given(
+    heading=st.floats(-10.0, 10.0),
+    turn=st.floats(-12.0, 12.0).filter(lambda value: abs(value) > 1e-3),
+)
+def test_the_bounds_of_a_spiral_hold_all_of_it(heading, turn):
+    leg = primitive.spiral(THESIS_TANK, (0.0, 0.0, 0.0), heading, 1.0, turn, 0.5)
+    path = np.array([primitive.position_at(leg, part) for part in np.linspace(0.0, 1.0, 500)])
+    low, high = (np.array(corner) for corner in primitive.bounds(leg))
+    assert (path >= low - 1e-9).all()
+    assert (path <= high + 1e-9).all()
+    assert np.abs(path.max(axis=0) - high).max() < 1e-3
+    assert np.abs(path.min(axis=0) - low).max() < 1e-3
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_compiled_and_readable_edges_are_the_same(name):
+    config = CONFIGS[name]
+    limits = limits_of(config, 20.0)
+    legs = np.empty((legs_max(config), edge_kernel.LEG_COLUMNS))
+    points = np.empty((points_max(config), 5))
+    feasible = 0
+    for start, goal, shape in proposals(config, 300):
+        edge = propose_edge(config, start, goal, 20.0, shape)
+        count = edge_kernel.propose(limits, start, goal, shape, legs)
+        placed = edge_kernel.place_points(limits, legs, count, points) if count else 0
+        assert (edge is None) == (placed == 0)
+        if edge is not None:
+            feasible += 1
+            for leg, row in zip(edge.legs, legs[:count], strict=True):
+                made = edge_kernel.leg_of(row)
+                assert made.kind is leg.kind
+                assert made.end_ned == pytest.approx(leg.end_ned, abs=1e-9)
+                assert made.energy == pytest.approx(leg.energy, abs=1e-12)
+                assert made.heading_rad == pytest.approx(leg.heading_rad, abs=1e-12)
+            np.testing.assert_allclose(points[:placed], edge.points, rtol=1e-9, atol=1e-12)
+    assert feasible > 20
+
+
+@pytest.mark.parametrize("name", CONFIGS)
+def test_an_edge_joins_its_surfacings_and_keeps_every_limit(name):
+    config = CONFIGS[name]
+    limits = config.primitives
+    for start, goal, shape in proposals(config, 300, seed=1):
+        edge = propose_edge(config, start, goal, 20.0, shape)
+        if edge is None:
+            continue
+        assert edge.legs[0].start_ned == (*start, 0.0)
+        assert edge.legs[-1].end_ned == pytest.approx((*goal, 0.0), abs=2e-6)
+        assert edge.energy <= 20.0
+        for before, after in zip(edge.legs, edge.legs[1:], strict=False):
+            assert before.end_ned == after.start_ned
+        for leg in edge.legs:
+            assert primitive.is_inside(leg, config.domain)
+            change = abs(leg.end_ned[2] - leg.start_ned[2])
+            if leg.kind is PrimitiveKind.SWIM:
+                length = math.dist(leg.start_ned, leg.end_ned)
+                low, high = limits.swim_length_min_m, limits.swim_length_max_m
+                assert low - 1e-9 <= length <= high + 1e-9
+                assert limits.swims_under_water or leg.start_ned[2] == 0.0
+            else:
+                assert change >= limits.depth_change_min_m - 1e-9
+
+
+def test_points_lie_one_interval_apart_and_end_at_the_surface():
+    for start, goal, shape in proposals(THESIS_TANK, 100, seed=2):
+        edge = propose_edge(THESIS_TANK, start, goal, 20.0, shape)
+        if edge is None:
+            continue
+        times = edge.points[:, POINT_TIME]
+        np.testing.assert_allclose(np.diff(times[:-1]), 2.0)
+        assert times[0] <= 2.0
+        assert times[-1] == pytest.approx(sum(leg.duration_s for leg in edge.legs))
+        np.testing.assert_allclose(
+            edge.points[-1, POINT_NORTH : POINT_DOWN + 1], edge.legs[-1].end_ned, atol=1e-9
+        )
+
+
+def full_filter_std(config: EstimatorConfig, times, depths, interval):
+    """The six-state covariance of thesis section 5.4.2, in matrices."""
+    P = np.eye(6)
+
+    def step(P, dt, has_fix):
+        eye = np.eye(3)
+        F = np.block([[eye, dt * eye], [np.zeros((3, 3)), eye]])
+        q = config.acceleration_density
+        Q = q * np.block([[dt**3 / 3 * eye, dt**2 / 2 * eye], [dt**2 / 2 * eye, dt * eye]])
+        P = F @ P @ F.T + Q
+        H = np.eye(6) if has_fix else np.eye(6)[2:]
+        noise = [config.fix_std_m**2] * 2 + [config.depth_std_m**2]
+        noise += [config.drift_m_sqrt_s**2 / dt] * 3
+        R = np.diag(noise if has_fix else noise[2:])
+        return P - P @ H.T @ np.linalg.solve(H @ P @ H.T + R, H @ P)
+
+    for _ in range(2000):
+        P = step(P, interval, has_fix=True)
+    std = []
+    for dt, depth in zip(np.diff([0.0, *times]), depths, strict=True):
+        P = step(P, dt, has_fix=depth <= config.surface_depth_m)
+        std.append(math.sqrt(np.linalg.eigvalsh(P[:2, :2])[-1]))
+    return std
+
+
+def test_one_axis_knows_what_the_six_state_filter_knows():
+    config = EstimatorConfig()
+    times = np.append(np.arange(1, 31) * 2.0, 61.3)
+    depths = np.maximum(0.0, 0.6 * np.sin(times / 8.0))
+    expected = full_filter_std(config, times, depths, 2.0)
+    np.testing.assert_allclose(
+        position_std(config, times, depths, 2.0), expected, rtol=0, atol=1e-12
+    )
+
+
+def test_uncertainty_grows_as_the_specification_tabulates():
+    config = EstimatorConfig(drift_m_sqrt_s=0.03)
+    times = np.arange(1, 801) * 0.1
+    std = position_std(config, times, np.ones_like(times), 0.1)
+    at = [std[round(t / 0.1) - 1] for t in (10.0, 20.0, 40.0, 80.0)]
+    np.testing.assert_allclose(at, [0.059, 0.105, 0.170, 0.255], atol=0.01)
+
+
+def test_a_surfacing_restores_the_position():
+    legs = (
+        primitive.dive(THESIS_TANK, (1.0, 1.0, 0.0), 0.6),
+        primitive.dive(THESIS_TANK, (1.0, 1.0, 0.6), 0.0),
+    )
+    std = planned_points(THESIS_TANK, legs)[:, POINT_STD]
+    assert std[-1] < 0.011 < std[-2]
+    assert (np.diff(std[:-1]) > 0).all()
