@@ -46,25 +46,6 @@ def add_map(session: Session, record: MapRecord) -> None:
     )
 
 
-def newest_map(session: Session, robot: str, variable: str, model: str) -> MapRecord | None:
-    """Return the newest snapshot of one map.
-
-    Raises:
-        UnknownIdError: If there is no such robot.
-    """
-    row = session.scalar(
-        select(MapSnapshot)
-        .where(
-            MapSnapshot.robot_key == robot_key(session, robot),
-            MapSnapshot.variable == variable,
-            MapSnapshot.model == model,
-        )
-        .order_by(MapSnapshot.key.desc())
-        .limit(1)
-    )
-    return None if row is None else _record(row, robot)
-
-
 def newest_maps(session: Session, robot: str) -> list[MapRecord]:
     """Return the newest snapshot of every map of a robot.
 

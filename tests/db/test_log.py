@@ -2,13 +2,14 @@
 
 from dataclasses import replace
 
-from sqlalchemy import text
+from sqlalchemy import select, text
 
 from db.query.alarms import AlarmRecord, closed_alarms, last_alarm_number, open_alarms, save_alarm
 from db.query.events import add_event, events_after, last_cursor, newest_events
 from db.query.jobs import add_job, fail_open_jobs, get_job, list_jobs, save_job
-from db.query.settings import get_setting, put_setting
+from db.query.settings import put_setting
 from db.store import Store
+from db.tables import Setting
 from tests.db.conftest import START
 
 
@@ -71,8 +72,7 @@ def test_a_job_that_was_cut_off_is_failed_at_the_next_start(store):
 
 
 def test_a_setting_is_replaced_by_its_new_value(store):
-    store.change(lambda s: put_setting(s, "x", {"a": 1})).result(5)
-    store.change(lambda s: put_setting(s, "x", {"a": 2})).result(5)
+    for value in ({"a": 1}, {"a": 2}):
+        store.change(lambda s, v=value: put_setting(s, "x", v)).result(5)
     with store.read() as session:
-        assert get_setting(session, "x") == {"a": 2}
-        assert get_setting(session, "y") is None
+        assert [row.value for row in session.scalars(select(Setting))] == [{"a": 2}]

@@ -169,12 +169,10 @@ def test_the_newest_snapshot_of_each_map_is_found(store):
         for model in ("single", "recursive"):
             record = maps.MapRecord("mini-1", "blue_light", model, START, samples, {}, b"grid")
             do(store, maps.add_map, record)
-    assert see(store, maps.newest_map, "mini-1", "blue_light", "single").samples == 20
     assert {(m.model, m.samples) for m in see(store, maps.newest_maps, "mini-1")} == {
         ("single", 20),
         ("recursive", 20),
     }
-    assert see(store, maps.newest_map, "mini-1", "chlorophyll", "single") is None
 
 
 def test_a_session_ends_with_its_time_and_with_its_person(store):
