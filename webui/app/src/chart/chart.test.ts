@@ -1,0 +1,182 @@
+import { describe, expect, test } from 'vitest';
+import type { FieldMap, Leg } from '../api/types';
+import { colourTable, tableIndex } from './colour_map';
+import { padded } from './line_chart';
+import { fidelityRuns, legPoints } from './path';
+import { append, sparkPath, trim, withGaps } from './series';
+import { cutPositions, cutSlice, finiteRange, logMarks, scaleMarks, ticks } from './slice';
+
+/** A map whose value at (north i, east j, depth k) is 100 i + 10 j + k. */
+function countingMap(): FieldMap {
+  const axes = { x_m: [0, 1, 2], y_m: [0, 1], z_m: [0, 5, 10, 15] };
+  const mean = axes.x_m.flatMap((_, i) =>
+    axes.y_m.flatMap((_, j) => axes.z_m.map((_, k) => 100 * i + 10 * j + k)),
+  );
+  return {
+    robot: 'mini-1',
+    variable: 'chlorophyll',
+    title: 'Chlorophyll',
+    unit: 'ug/L',
+    scale: 'linear',
+    model: 'single',
+    axes,
+    mean,
+    std: mean,
+    samples: { total: 0, per_fidelity: [] },
+    updated_at: null,
+    scores: null,
+  };
+}
+
+describe('a slice', () => {
+  test('of one depth has north up and east to the right', () => {
+    const map = countingMap();
+    const slice = cutSlice(map, map.mean, 'depth', 2);
+    expect([slice.width, slice.height]).toEqual([2, 3]);
+    expect([...slice.values]).toEqual([202, 212, 102, 112, 2, 12]);
+    expect(slice.down.values).toEqual([2, 1, 0]);
+  });
+
+  test('that is a wall has depth down', () => {
+    const map = countingMap();
+    const north = cutSlice(map, map.mean, 'north', 1);
+    expect([...north.values]).toEqual([100, 110, 101, 111, 102, 112, 103, 113]);
+    const east = cutSlice(map, map.mean, 'east', 1);
+    expect([...east.values].slice(0, 3)).toEqual([10, 110, 210]);
+    expect(cutPositions(map, 'east')).toEqual([0, 1]);
+  });
+
+  test('of unknown values has holes, not zeros', () => {
+    const map = countingMap();
+    const slice = cutSlice(map, [], 'depth', 0);
+    expect([...slice.values].every(Number.isNaN)).toBe(true);
+  });
+
+  test('has a range that can be drawn', () => {
+    expect(finiteRange([null, 3, NaN, 5])).toEqual([3, 5]);
+    expect(finiteRange([2, 2])).toEqual([1.5, 2.5]);
+    expect(finiteRange([null])).toBeNull();
+  });
+});
+
+describe('ticks', () => {
+  test('are round and inside', () => {
+    expect(ticks(0, 1, 5)).toHaveLength(6);
+    expect(ticks(-0.925, 3.675, 5)).toEqual([0, 1, 2, 3]);
+    expect(ticks(3, 3, 5)).toEqual([3]);
+  });
+
+  test('carry as many decimals as their step needs', () => {
+    expect(scaleMarks(0, 0.5, 5).map(({ text }) => text)).toContain('0.1');
+    expect(scaleMarks(0, 500, 5).map(({ text }) => text)).toContain('100');
+  });
+
+  test('of a logarithm say the value itself', () => {
+    const marks = logMarks(Math.log(3), Math.log(2000), 6);
+    expect(marks.map(({ text }) => text)).toEqual(['3', '10', '30', '100', '300', '1000']);
+    expect(marks.every(({ at, text }) => Math.abs(Math.exp(at) - Number(text)) < 1e-6)).toBe(true);
+    expect(logMarks(Math.log(40), Math.log(60), 4).map(({ text }) => text)).toContain('50');
+  });
+});
+
+describe('a colour map', () => {
+  test('begins and ends with its published colours', () => {
+    const table = colourTable('viridis');
+    expect([...table.slice(0, 3)]).toEqual([0x44, 0x01, 0x54]);
+    expect([...table.slice(-3)]).toEqual([0xfd, 0xe7, 0x25]);
+  });
+
+  test.each(['viridis', 'magma', 'cividis'] as const)('%s grows brighter all the way', (name) => {
+    const table = colourTable(name);
+    const brightness = Array.from(
+      { length: 256 },
+      (_, i) =>
+        0.2126 * (table[i * 3] ?? 0) +
+        0.7152 * (table[i * 3 + 1] ?? 0) +
+        0.0722 * (table[i * 3 + 2] ?? 0),
+    );
+    expect(brightness.every((value, i) => i === 0 || value >= (brightness[i - 1] ?? 0) - 0.6)).toBe(
+      true,
+    );
+  });
+
+  test('gives values outside its range the end colours', () => {
+    expect(tableIndex(-1, 0, 10)).toBe(0);
+    expect(tableIndex(99, 0, 10)).toBe(255);
+    expect(tableIndex(5, 5, 5)).toBe(128);
+  });
+});
+
+describe('a series', () => {
+  test('shows a gap as a gap', () => {
+    const series = { t: [0, 1, 2, 3, 60, 61], v: [1, 2, 3, 4, 5, 6] };
+    expect(withGaps(series).v).toEqual([1, 2, 3, 4, null, 5, 6]);
+    expect(withGaps({ t: [0, 10, 20, 30], v: [1, 2, 3, 4] }).v).toEqual([1, 2, 3, 4]);
+  });
+
+  test('stays as thin and as short as it should', () => {
+    const series = { t: [0], v: [0 as number | null] };
+    expect(append(series, 0.5, 1, 1)).toBe(false);
+    expect(append(series, 1, 2, 1)).toBe(true);
+    trim(series, 1);
+    expect(series).toEqual({ t: [1], v: [2] });
+  });
+
+  test('lifts the pen over a gap', () => {
+    const path = sparkPath({ t: [0, 1, 2, 3], v: [0, 1, null, 1] }, [0, 4], [0, 1], 40, 10);
+    expect(path).toBe('M0.0 0.0L10.0 10.0M30.0 10.0');
+  });
+
+  test('has room in its chart and always shows the surface', () => {
+    const [low, high] = padded(2, 4, [0]);
+    expect(low).toBeLessThan(0);
+    expect(low).toBeGreaterThan(-0.2);
+    expect(high).toBeGreaterThan(4);
+    expect(padded(null, null, [])).toEqual([0, 1]);
+  });
+});
+
+describe('a path', () => {
+  const spiral: Leg = {
+    kind: 'spiral',
+    start_ned: [0, 0, 0],
+    end_ned: [0, 0, 4],
+    speed_m_s: 0.1,
+    duration_s: 40,
+    energy: 1.5,
+    heading_rad: 0,
+    radius_m: 2,
+    turn_rad: 2 * Math.PI,
+  };
+
+  test('of a spiral to starboard closes around a centre to its right', () => {
+    const points = legPoints(spiral);
+    const last = points.at(-1);
+    expect(last?.[0]).toBeCloseTo(0);
+    expect(last?.[1]).toBeCloseTo(0);
+    expect(last?.[2]).toBe(4);
+    expect(points.every(([north, east]) => Math.abs(Math.hypot(north, east - 2) - 2) < 1e-9)).toBe(
+      true,
+    );
+  });
+
+  test('of a spiral to port turns the other way', () => {
+    const points = legPoints({ ...spiral, turn_rad: -Math.PI });
+    expect(points.at(-1)?.[1]).toBeCloseTo(-4);
+  });
+
+  test('of a glide is a line', () => {
+    expect(legPoints({ ...spiral, kind: 'glide', radius_m: 0 })).toEqual([
+      [0, 0, 0],
+      [0, 0, 4],
+    ]);
+  });
+
+  test('of a track has no hole where the fidelity changes', () => {
+    const runs = fidelityRuns({ north_m: [0, 1, 2], east_m: [0, 0, 0], fidelity: [2, 2, 0] });
+    expect(runs.map(({ level, points }) => [level, points.length])).toEqual([
+      [2, 3],
+      [0, 1],
+    ]);
+  });
+});

@@ -1,0 +1,139 @@
+import { describe, expect, test, vi } from 'vitest';
+import type { Command, Plan } from '../api/types';
+import { gaugeRow, gaugeRows, reading } from './gauge';
+import { Keyboard } from './keyboard';
+import { commandSteps, orderSteps } from './order_steps';
+import { planSentence, planSteps } from './plan_steps';
+
+const EMPTY = {
+  draft_at: null,
+  sent_at: null,
+  on_board_at: null,
+  running_at: null,
+  ended_at: null,
+};
+
+function command(...levels: Command['levels'][number]['level'][]): Command {
+  return {
+    id: 'command-1',
+    robot: 'mini-1',
+    kind: 'surface',
+    level: levels.at(-1) ?? 'created',
+    levels: levels.map((level, i) => ({
+      level,
+      at: `2026-11-21T04:00:0${i}Z`,
+      carrier: level === 'expired' ? '' : 'xbee',
+      reason: level === 'refused' ? 'no plan' : '',
+    })),
+    created_at: '2026-11-21T04:00:00Z',
+    expires_at: null,
+    text: '',
+  };
+}
+
+describe('an order', () => {
+  test('shows only what is proved, and what it waits for', () => {
+    const order = {
+      robot: 'mini-1',
+      kind: 'surface' as const,
+      command: command('queued'),
+      refusal: null,
+    };
+    expect(
+      orderSteps(order).map(({ title, at, isPending }) => [title, at !== null, isPending ?? false]),
+    ).toEqual([
+      ['Queued', true, false],
+      ['Delivered', false, true],
+      ['Done', false, false],
+    ]);
+  });
+
+  test('that was refused never looks done', () => {
+    const steps = commandSteps(command('queued', 'refused'));
+    expect(steps.map(({ title }) => title)).toEqual(['Queued', 'Refused']);
+    expect(steps.at(-1)).toMatchObject({ isFault: true, detail: 'no plan' });
+  });
+
+  test('that expired overrules everything else', () => {
+    expect(commandSteps(command('queued', 'radio', 'expired')).at(-1)).toMatchObject({
+      title: 'Expired',
+      isFault: true,
+    });
+  });
+});
+
+describe('a plan', () => {
+  const plan = (state: Plan['state'], ladder: Partial<Plan['ladder']>) => ({
+    state,
+    ladder: { ...EMPTY, ...ladder },
+    progress: null,
+    message: '',
+  });
+
+  test('that was sent is not on board', () => {
+    const steps = planSteps(plan('sent', { draft_at: 'a', sent_at: 'b' }));
+    expect(steps.map(({ at }) => at)).toEqual(['a', 'b', null, null]);
+    expect(steps[2]?.isPending).toBe(true);
+    expect(planSentence(plan('sent', {}))).toContain('has not confirmed');
+  });
+
+  test('that failed shows how far it came', () => {
+    const steps = planSteps(plan('failed', { draft_at: 'a', sent_at: 'b', ended_at: 'c' }));
+    expect(steps.map(({ title }) => title)).toEqual(['Draft', 'Sent', 'Failed']);
+    expect(steps.at(-1)?.isFault).toBe(true);
+  });
+});
+
+describe('a gauge', () => {
+  test('shows angles in degrees and headings in three digits', () => {
+    expect(reading(gaugeRow('pitch_rad'), 0.3, 'rad', 'deg')).toEqual({ text: '17.2', unit: '°' });
+    expect(reading(gaugeRow('heading_rad'), -0.02, 'rad')).toEqual({ text: '359', unit: '°' });
+    expect(reading(gaugeRow('heading_rad'), 2 * Math.PI - 0.001, 'rad')).toEqual({
+      text: '000',
+      unit: '°',
+    });
+  });
+
+  test('shows small numbers in their own unit', () => {
+    expect(reading(gaugeRow('net_buoyancy_kg'), -0.0241, 'kg')).toEqual({
+      text: '−24.1',
+      unit: 'g',
+    });
+    expect(reading(gaugeRow('battery_fraction'), 0.684, '', '%')).toEqual({
+      text: '68',
+      unit: '%',
+    });
+  });
+
+  test('of an unknown channel is shown all the same', () => {
+    const channel = { value: 1, unit: '', measured_at: '', received_at: '', age_s: 0, limit_s: 5 };
+    const rows = gaugeRows({ turbidity: channel, depth_m: channel });
+    expect(rows.map(({ title }) => title)).toEqual(['Depth', 'Turbidity']);
+  });
+});
+
+describe('the keyboard', () => {
+  function keyboard() {
+    const actions = { go: vi.fn(), choose: vi.fn(), help: vi.fn() };
+    return { keys: new Keyboard(actions), actions };
+  }
+
+  test('goes to pages by two keys', () => {
+    const { keys, actions } = keyboard();
+    keys.press('g');
+    keys.press('p');
+    expect(actions.go).toHaveBeenCalledWith('plan');
+    keys.press('p');
+    expect(actions.go).toHaveBeenCalledTimes(1);
+  });
+
+  test('walks through the robots and shows help', () => {
+    const { keys, actions } = keyboard();
+    keys.press(']');
+    keys.press('[');
+    keys.press('?');
+    expect(actions.choose.mock.calls).toEqual([[1], [-1]]);
+    expect(actions.help).toHaveBeenCalledOnce();
+    expect(keys.press('x')).toBe(false);
+  });
+});

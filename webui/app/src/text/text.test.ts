@@ -1,0 +1,102 @@
+import { describe, expect, test } from 'vitest';
+import { wgs84 } from './frame';
+import { latitude, longitude } from './position';
+import { age, clockTime, countdown, dateTime, duration } from './time';
+import { bytes, compact, fixed, plainNumber, screenUnit } from './unit';
+import { planName, words } from './word';
+
+describe('times', () => {
+  test('are UTC with a Z', () => {
+    expect(dateTime('2026-11-21T04:23:48.9Z')).toBe('2026-11-21 04:23:48Z');
+    expect(clockTime('2026-11-21T04:23:48+02:00', false)).toBe('02:23Z');
+    expect(dateTime(null)).toBe('–');
+    expect(clockTime('no time')).toBe('–');
+  });
+
+  test('of an age move in whole steps and are never blank', () => {
+    expect(age(0.4)).toBe('<1 s ago');
+    expect(age(59.9)).toBe('59 s ago');
+    expect(age(725)).toBe('12 min ago');
+    expect(age(7300)).toBe('2 h ago');
+    expect(age(200_000)).toBe('2 d ago');
+    expect(age(null)).toBe('never heard');
+  });
+
+  test('of a duration never show sixty of anything', () => {
+    expect(duration(59.6)).toBe('1 min 00 s');
+    expect(duration(3599.7)).toBe('1 h 00 min');
+    expect(duration(7199)).toBe('2 h 00 min');
+    expect(duration(undefined)).toBe('–');
+  });
+
+  test('to an event that is late say how late', () => {
+    expect(countdown(130)).toBe('in 2 min 10 s');
+    expect(countdown(-61)).toBe('overdue by 1 min 01 s');
+  });
+});
+
+describe('positions', () => {
+  test('are written in all three notations', () => {
+    expect(latitude(42.7251, 'degrees')).toBe('42.72510° N');
+    expect(longitude(-84.4791, 'minutes')).toBe('084° 28.746′ W');
+    expect(latitude(-42.7251, 'seconds')).toBe('42° 43′ 30.4″ S');
+  });
+
+  test('never show sixty minutes or seconds', () => {
+    expect(latitude(41.999_999_99, 'minutes')).toBe('42° 00.000′ N');
+    expect(latitude(41.999_999_99, 'seconds')).toBe('42° 00′ 00.0″ N');
+  });
+
+  test('near a site follow the ellipsoid', () => {
+    const site = { origin_latitude_deg: 42.76, origin_longitude_deg: -84.38 };
+    const place = wgs84(site, 500, -500);
+    expect(place.latitude).toBeCloseTo(42.76 + 500 / 111_081, 6);
+    expect(place.longitude).toBeCloseTo(-84.38 - 500 / 81_870, 5);
+  });
+});
+
+describe('numbers', () => {
+  test('are shown in the display unit, and in their own where the pair is unknown', () => {
+    expect(screenUnit('rad', 'deg')).toEqual({ label: '°', factor: 180 / Math.PI });
+    expect(screenUnit('', '%').factor).toBe(100);
+    expect(screenUnit('m', 'furlong')).toEqual({ label: 'm', factor: 1 });
+  });
+
+  test('carry readable units', () => {
+    expect(screenUnit('m^2/s^3').label).toBe('m²/s³');
+    expect(screenUnit('1/s2').label).toBe('1/s²');
+    expect(screenUnit('kg/(m s)').label).toBe('kg/(m·s)');
+    expect(screenUnit('m/s^0.5').label).toBe('m/√s');
+    expect(screenUnit('ug/L').label).toBe('µg/L');
+  });
+
+  test('lose float noise when they are typed', () => {
+    expect(plainNumber(0.1 + 0.2)).toBe('0.3');
+    expect(plainNumber((25.2 * Math.PI) / 180 / (Math.PI / 180))).toBe('25.2');
+    expect(plainNumber(1e-7)).toBe('1e-7');
+    expect(plainNumber(90_000)).toBe('90000');
+  });
+
+  test('have a minus sign of full width and no negative zero', () => {
+    expect(fixed(-1.234, 1)).toBe('−1.2');
+    expect(fixed(-0.001, 2)).toBe('0.00');
+  });
+
+  test('keep about three digits', () => {
+    expect(compact(1234.5)).toBe('1235');
+    expect(compact(0.020_71)).toBe('0.0207');
+    expect(compact(null)).toBe('–');
+    expect(compact(0.000_001_2)).toBe('1.20e−6');
+  });
+
+  test('of bytes change to kilobytes late', () => {
+    expect(bytes(412)).toBe('412 B');
+    expect(bytes(12_340)).toBe('12.3 kB');
+  });
+});
+
+test('ids become names', () => {
+  expect(planName('plan-14')).toBe('plan 14');
+  expect(planName('foreign')).toBe('foreign');
+  expect(words('on_board')).toBe('On board');
+});
