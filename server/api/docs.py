@@ -1,11 +1,14 @@
 """The REST interface on a page that needs nothing from elsewhere and no script."""
 
+import re
 from html import escape
 from itertools import groupby
 from typing import Any
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
+
+from server.api.dependency import FoundationDep
 
 router = APIRouter()
 _METHODS = ("get", "post", "patch", "put", "delete")
@@ -18,21 +21,23 @@ summary { cursor: pointer; }
 code, pre { font: 13px/1.45 ui-monospace, monospace; }
 pre { white-space: pre-wrap; border-left: 3px solid var(--line); padding-left: 12px; }
 .method { display: inline-block; width: 4.5rem; font-weight: 700; color: var(--accent); }
+.mark { background: #e0a838; color: #000; font-weight: 700; padding: 4px 12px; }
 .text { margin-left: 1rem; opacity: .8; }
 """
 
 
 @router.get("/docs", include_in_schema=False)
-async def show_docs(request: Request) -> HTMLResponse:
+async def show_docs(request: Request, foundation: FoundationDep) -> HTMLResponse:
     """Return every operation with its parameters, body and answers."""
+    simulation = foundation.settings.simulation
     return HTMLResponse(
-        docs_page(request.app.openapi()),
+        docs_page(request.app.openapi(), simulation=simulation),
         headers={"Content-Security-Policy": "default-src 'none'; style-src 'unsafe-inline'"},
     )
 
 
-def docs_page(openapi: dict[str, Any]) -> str:
-    """Render an OpenAPI document as HTML."""
+def docs_page(openapi: dict[str, Any], *, simulation: bool) -> str:
+    """Render an OpenAPI document as HTML, marked where the robots do not exist."""
     operations = [
         (operation.get("tags", ["other"])[0], path, method, operation)
         for path, item in openapi["paths"].items()
@@ -45,6 +50,7 @@ def docs_page(openapi: dict[str, Any]) -> str:
         "<!doctype html><html lang=en><meta charset=utf-8>",
         "<meta name=viewport content='width=device-width'>",
         f"<title>{escape(openapi['info']['title'])}: REST</title><style>{_STYLE}</style>",
+        "<p class=mark>SIMULATION</p>" if simulation else "",
         f"<h1>{escape(openapi['info']['title'])}</h1>",
         "<p>Sign in by cookie (changes need the header <code>X-CSRF-Token</code>) or send ",
         "<code>Authorization: Bearer &lt;token&gt;</code>. Times are RFC 3339 in UTC; units are ",
@@ -63,7 +69,7 @@ def docs_page(openapi: dict[str, Any]) -> str:
 def _operation(path: str, method: str, operation: dict[str, Any]) -> str:
     rows = [
         f"<li><code>{escape(p['name'])}</code> ({escape(p['in'])}): "
-        f"{_type(p.get('schema', {}))} {escape(p.get('description', ''))}</li>"
+        f"{_type(p.get('schema', {}))} {_text(p.get('description', ''))}</li>"
         for p in operation.get("parameters", [])
     ]
     body = operation.get("requestBody", {}).get("content", {})
@@ -81,8 +87,8 @@ def _operation(path: str, method: str, operation: dict[str, Any]) -> str:
     summary = operation.get("description") or operation.get("summary", "")
     return (
         f"<details><summary><span class=method>{method.upper()}</span><code>{escape(path)}</code>"
-        f"<span class=text>{escape(summary.splitlines()[0])}</span></summary>"
-        f"<p>{escape(summary)}</p><ul>{''.join(rows)}</ul></details>"
+        f"<span class=text>{_text(summary.splitlines()[0])}</span></summary>"
+        f"<p>{_text(summary)}</p><ul>{''.join(rows)}</ul></details>"
     )
 
 
@@ -90,14 +96,19 @@ def _shape(name: str, schema: dict[str, Any]) -> str:
     required = set(schema.get("required", []))
     rows = [
         f"<li><code>{escape(field)}</code>{'' if field in required else ' (optional)'}: "
-        f"{_type(value)} {escape(value.get('description', ''))}</li>"
+        f"{_type(value)} {_text(value.get('description', ''))}</li>"
         for field, value in schema.get("properties", {}).items()
     ]
-    text = escape(schema.get("description", ""))
+    text = _text(schema.get("description", ""))
     return (
         f"<details id='{escape(name)}'><summary><code>{escape(name)}</code></summary>"
         f"<p>{text}</p><ul>{''.join(rows)}</ul></details>"
     )
+
+
+def _text(words: str) -> str:
+    """Escape a sentence; what stands in double backquotes is code."""
+    return re.sub(r"``(.+?)``", r"<code>\1</code>", escape(words))
 
 
 def _type(schema: dict[str, Any]) -> str:

@@ -25,3 +25,14 @@ async def test_every_operation_has_a_sentence_and_refusals_have_a_shape(tmp_path
         for operation in item.values():
             assert operation["description"].endswith((".", ".\n"))
             assert "ProblemDetails" in str(operation["responses"]["4XX"])
+
+
+async def test_a_simulation_is_marked_on_this_page_too(tmp_path):
+    for simulation in (True, False):
+        async with (
+            running(tmp_path / str(simulation), simulation=simulation) as app,
+            client_of(app) as client,
+        ):
+            page = (await client.get("/docs")).text
+        assert ("SIMULATION" in page) is simulation
+        assert "``" not in page
