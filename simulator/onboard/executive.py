@@ -238,13 +238,11 @@ class Executive:
     def _turn(self, estimate: Estimate) -> None:
         """Turn towards the next leg if it needs a heading at its beginning."""
         legs = self._dive()
-        match legs[0].kind:
-            case PrimitiveKind.GLIDE:
-                self._enter(Stage.TURN, Turn(self._flight, lambda now: _course(legs, now)))
-            case PrimitiveKind.SPIRAL:
-                self._enter(Stage.TURN, Turn(self._flight, lambda _: legs[0].heading_rad))
-            case PrimitiveKind.DIVE | PrimitiveKind.SWIM:
-                self._enter(Stage.SURFACED, Float(self._flight, RobotMode.SURFACED))
+        flight = self._flight
+        if legs[0].kind in (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL):
+            self._enter(Stage.TURN, Turn(flight, lambda now: _course(flight, legs, now)))
+        else:
+            self._enter(Stage.SURFACED, Float(flight, RobotMode.SURFACED))
 
     def _may_dive(self, estimate: Estimate, samples_waiting: bool) -> bool:
         profile = self._flight.profile
@@ -287,6 +285,9 @@ class Executive:
         return self._legs[self.leg : self._ends[self.leg] + 1]
 
 
-def _course(legs: tuple[Leg, ...], estimate: Estimate) -> float:
-    """Return the course of a first glide from where the robot is now."""
-    return bearing(estimate, anchored_end(legs, *estimate.position_ned[:2])[:2])
+def _course(flight: Flight, legs: tuple[Leg, ...], estimate: Estimate) -> float:
+    """Return the course of a first leg from where the robot is now; the planned one if too near."""
+    end = anchored_end(legs, *estimate.position_ned[:2])[:2]
+    if legs[0].kind is PrimitiveKind.SPIRAL or distance(estimate, end) < flight.profile.aim_m:
+        return legs[0].heading_rad
+    return bearing(estimate, end)

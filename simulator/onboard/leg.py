@@ -27,10 +27,13 @@ def begin_leg(flight: Flight, legs: tuple[Leg, ...], estimate: Estimate) -> Mane
     end = anchored_end(legs, *estimate.position_ned[:2])
     if leg.kind is PrimitiveKind.SWIM:
         depth_m = 0.0 if is_surface(end[2]) else end[2]
-        return Swim(flight, end[:2], estimate, speed_m_s=leg.speed_m_s, depth_m=depth_m)
+        return Swim(flight, end[:2], estimate, depth_m)
     rate_m_s = math.copysign(leg.speed_m_s, end[2] - estimate.depth_m)
     if leg.kind is PrimitiveKind.DIVE:
-        return Dive(flight, DepthChange(flight, legs, rate_m_s, estimate), end[:2])
+        depth = DepthChange(flight, legs, rate_m_s, estimate)
+        steered = [after for after in legs[1:2] if after.kind is not PrimitiveKind.DIVE]
+        course = steered[0].heading_rad if steered else estimate.heading_rad
+        return Dive(flight, depth, end[:2], course)
     polar = GlidePolar(flight.vehicle, rate_m_s)
     depth = DepthChange(flight, legs, polar.rate_m_s, estimate)
     aim = PitchAim(flight, polar, depth, estimate)
@@ -67,8 +70,14 @@ class Glide:
             off = 0.0
         pitch = self._aim.step(estimate, left_m * math.cos(off), dt_s)
         depth = self._depth.step(estimate, dt_s)
-        thrust = self._aim.falls_short
-        return self._flight.pilot.glide(estimate, self._course, depth, pitch, thrust=thrust)
+        return self._flight.pilot.glide(
+            estimate,
+            self._course,
+            depth,
+            pitch,
+            net_buoyancy_max_kg=self._aim.net_buoyancy_max_kg,
+            thrust=self._aim.falls_short,
+        )
 
     def is_done(self, estimate: Estimate) -> bool:
         """Tell whether the depth is reached."""
@@ -101,6 +110,7 @@ class Spiral:
             math.copysign(1.0, turn),
             self._depth.step(estimate, dt_s),
             self._aim.step(estimate, (1.0 - done) * self._arc_m, dt_s),
+            net_buoyancy_max_kg=self._aim.net_buoyancy_max_kg,
         )
 
     def is_done(self, estimate: Estimate) -> bool:
@@ -113,16 +123,24 @@ class Spiral:
 
 
 class Dive:
-    """Sinks or rises with nearly level hull, as straight as its speed at the beginning allows."""
+    """Sinks or rises with nearly level hull, as straight as its speed at the beginning allows.
+
+    On the way it turns to the course on which the next leg begins.
+    """
 
     mode = RobotMode.DIVING
 
     def __init__(
-        self, flight: Flight, depth: DepthChange, target_ne_m: tuple[float, float]
+        self,
+        flight: Flight,
+        depth: DepthChange,
+        target_ne_m: tuple[float, float],
+        course_rad: float,
     ) -> None:
         self._flight = flight
         self._depth = depth
         self._target = target_ne_m
+        self._course = course_rad
 
     def step(self, estimate: Estimate, dt_s: float) -> SetPoints:
         """Sink or rise on."""
@@ -130,7 +148,7 @@ class Dive:
         along_m = distance(estimate, self._target) * math.cos(off)
         left_s = self._depth.time_left_s(estimate) + _SETTLING_S
         depth = self._depth.step(estimate, dt_s)
-        return self._flight.pilot.sink(estimate, depth, along_m / left_s)
+        return self._flight.pilot.sink(estimate, self._course, depth, along_m / left_s)
 
     def is_done(self, estimate: Estimate) -> bool:
         """Tell whether the depth is reached."""

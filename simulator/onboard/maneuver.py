@@ -10,7 +10,7 @@ from autonomy.vehicle.config import Vehicle
 from robot_link.messages import RobotMode
 from simulator.onboard.hardware import SetPoints
 from simulator.onboard.navigation import Estimate
-from simulator.onboard.pilot import DepthReference, Pilot, heading_error
+from simulator.onboard.pilot import DepthReference, Pilot, forward_speed, heading_error
 from simulator.onboard.profile import FlightProfile
 
 SURFACED_M = 0.03
@@ -19,7 +19,6 @@ _ALIGNED_RAD = math.radians(15.0)
 _ALIGNED_S = 1.0
 _TURN_TIMEOUT_S = 90.0
 _SWIM_TIMEOUT_S = 60.0
-_FULL_EFFORT_RAD = math.radians(30.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,7 +53,10 @@ class Maneuver(Protocol):
 
 
 class Turn:
-    """Turns at the surface, by swimming, until the nose points along a course."""
+    """Turns at the surface, by swimming, until the nose points along a course at some speed.
+
+    A glide that begins at rest would lose half a dive on gathering speed.
+    """
 
     mode = RobotMode.TURNING
 
@@ -69,11 +71,12 @@ class Turn:
         course = self._course_rad(estimate)
         self._elapsed_s += dt_s
         aligned = abs(heading_error(estimate, course)) < _ALIGNED_RAD
+        aligned = aligned and forward_speed(estimate) > self._flight.profile.entry_speed_m_s
         self._aligned_s = self._aligned_s + dt_s if aligned else 0.0
         return self._flight.pilot.swim(estimate, course)
 
     def is_done(self, estimate: Estimate) -> bool:
-        """Tell whether the nose has pointed along the course for a moment."""
+        """Tell whether the robot has swum along the course for a moment."""
         return self._aligned_s >= _ALIGNED_S or self._elapsed_s > _TURN_TIMEOUT_S
 
     def share(self, estimate: Estimate) -> float:
@@ -91,31 +94,26 @@ class Swim:
         flight: Flight,
         target_ne_m: tuple[float, float],
         estimate: Estimate,
-        *,
-        speed_m_s: float = math.inf,
         depth_m: float = 0.0,
     ) -> None:
         self._flight = flight
         self._target = target_ne_m
         self._depth = DepthReference(depth_m)
-        self._effort = min(speed_m_s / flight.profile.swimming_speed_m_s, 1.0)
         self._distance_m = max(distance(estimate, target_ne_m), flight.profile.arrival_m)
         self._course = bearing(estimate, target_ne_m)
         self._closest_m = self._distance_m
-        expected_s = self._distance_m / (self._effort * flight.profile.swimming_speed_m_s)
+        expected_s = self._distance_m / flight.profile.swimming_speed_m_s
         self._left_s = 2.0 * expected_s + _SWIM_TIMEOUT_S
 
     def step(self, estimate: Estimate, dt_s: float) -> SetPoints:
-        """Swim on, with full effort while turning."""
+        """Swim on."""
         self._left_s -= dt_s
         if distance(estimate, self._target) > self._flight.profile.near_m:
             self._course = bearing(estimate, self._target)
-        turns = abs(heading_error(estimate, self._course)) > _FULL_EFFORT_RAD
-        effort = 1.0 if turns else self._effort
         pilot = self._flight.pilot
         if self._depth.depth_m <= SURFACED_M:
-            return pilot.swim(estimate, self._course, effort)
-        return pilot.swim_at_depth(estimate, self._course, self._depth, effort)
+            return pilot.swim(estimate, self._course)
+        return pilot.swim_at_depth(estimate, self._course, self._depth)
 
     def is_done(self, estimate: Estimate) -> bool:
         """Tell whether the point is reached, or was passed closely."""

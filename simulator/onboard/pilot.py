@@ -69,13 +69,12 @@ class Pilot:
         limits = self._vehicle.limits
         return SetPoints(_RISING_SHARE * limits.m0_min_kg, _RISING_MASS_SHARE * limits.rp1_min_m)
 
-    def swim(self, estimate: Estimate, course_rad: float, effort: float = 1.0) -> SetPoints:
+    def swim(self, estimate: Estimate, course_rad: float) -> SetPoints:
         """Swim at the surface and turn towards a course, on the spot if it is far off.
 
         Args:
             estimate: Where the robot believes to be.
             course_rad: Wanted heading.
-            effort: Share of the gait's amplitude, 0..1.
         """
         limits = self._vehicle.limits
         nose_down = estimate.pitch_rad - _SWIMMING_PITCH_RAD
@@ -83,32 +82,40 @@ class Pilot:
             _FLOATING_SHARE * limits.m0_min_kg,
             self._vehicle.swim.rp1_m - limits.rp1_min_m * nose_down,
         )
-        return self._flapping(estimate, course_rad, trim, effort)
+        return self._flapping(estimate, course_rad, trim)
 
     def swim_at_depth(
-        self, estimate: Estimate, course_rad: float, depth: DepthReference, effort: float = 1.0
+        self, estimate: Estimate, course_rad: float, depth: DepthReference
     ) -> SetPoints:
         """Swim level at a depth; arguments as of ``swim``."""
         level = self._track(estimate, depth, 0.0)
-        return self._flapping(estimate, course_rad, level, effort)
+        return self._flapping(estimate, course_rad, level)
 
     def sink(
-        self, estimate: Estimate, depth: DepthReference, forward_speed_m_s: float
+        self,
+        estimate: Estimate,
+        course_rad: float,
+        depth: DepthReference,
+        forward_speed_m_s: float,
     ) -> SetPoints:
-        """Change depth with nearly level hull and straight tail.
+        """Change depth with nearly level hull, and turn towards a course on the way.
 
         A hull that sinks or rises nose up or nose down slides sideways through the water; that is
         the brake against the speed that the robot brought along.
 
         Args:
             estimate: Where the robot believes to be.
+            course_rad: Wanted heading.
             depth: Depth to be at.
             forward_speed_m_s: Wanted horizontal speed along the heading.
         """
         excess = forward_speed(estimate) - forward_speed_m_s
         down = math.copysign(1.0, depth.rate_m_s)
         pitch = down * _clip(_BRAKING_GAIN_S_M * excess, _BRAKING_PITCH_MAX_RAD)
-        return self._track(estimate, depth, pitch)
+        tracked = self._track(estimate, depth, pitch)
+        if self._needs_flap(estimate, course_rad):
+            return self._flapping(estimate, course_rad, tracked)
+        return tracked
 
     def glide(
         self,
@@ -117,6 +124,7 @@ class Pilot:
         depth: DepthReference,
         pitch_rad: float,
         *,
+        net_buoyancy_max_kg: float,
         thrust: bool,
     ) -> SetPoints:
         """Glide towards a course.
@@ -126,14 +134,14 @@ class Pilot:
             course_rad: Wanted heading.
             depth: Depth to be at.
             pitch_rad: Wanted pitch.
+            net_buoyancy_max_kg: Greatest magnitude of the net mass.
             thrust: Whether the tail shall push as well.
         """
-        error = heading_error(estimate, course_rad)
-        self._flaps = abs(error) > (_GLIDE_AT_RAD if self._flaps else _FLAP_AT_RAD)
-        tracked = self._track(estimate, depth, pitch_rad)
-        if thrust or self._flaps:
-            return self._flapping(estimate, course_rad, tracked, 1.0)
-        return _with_tail(tracked, _clip(-_RUDDER_GAIN * error, _RUDDER_MAX_RAD))
+        tracked = self._track(estimate, depth, pitch_rad, net_buoyancy_max_kg)
+        if self._needs_flap(estimate, course_rad) or thrust:
+            return self._flapping(estimate, course_rad, tracked)
+        rudder = -_RUDDER_GAIN * heading_error(estimate, course_rad)
+        return _with_tail(tracked, _clip(rudder, _RUDDER_MAX_RAD))
 
     def spiral(
         self,
@@ -142,6 +150,8 @@ class Pilot:
         turn_sign: float,
         depth: DepthReference,
         pitch_rad: float,
+        *,
+        net_buoyancy_max_kg: float,
     ) -> SetPoints:
         """Glide around a bend by the rudder alone.
 
@@ -151,13 +161,20 @@ class Pilot:
             turn_sign: +1 to starboard, -1 to port.
             depth: Depth to be at.
             pitch_rad: Wanted pitch.
+            net_buoyancy_max_kg: Greatest magnitude of the net mass.
         """
         error = heading_error(estimate, heading_rad)
         tail = -_SPIRAL_RUDDER_RAD * turn_sign - _SWIMMING_GAIN * error
-        tracked = self._track(estimate, depth, pitch_rad)
+        tracked = self._track(estimate, depth, pitch_rad, net_buoyancy_max_kg)
         return _with_tail(tracked, _clip(tail, _SPIRAL_RUDDER_MAX_RAD))
 
-    def _track(self, estimate: Estimate, depth: DepthReference, pitch_rad: float) -> SetPoints:
+    def _track(
+        self,
+        estimate: Estimate,
+        depth: DepthReference,
+        pitch_rad: float,
+        net_buoyancy_max_kg: float = math.inf,
+    ) -> SetPoints:
         """Return net mass and sliding mass of the backstepping law, tail straight."""
         heading = estimate.heading_rad
         north, east, _ = estimate.position_ned
@@ -173,17 +190,21 @@ class Pilot:
             ),
             0.0,
         )
-        return SetPoints(command.m0_kg, command.rp1_m)
+        return SetPoints(_clip(command.m0_kg, net_buoyancy_max_kg), command.rp1_m)
 
-    def _flapping(
-        self, estimate: Estimate, course_rad: float, trim: SetPoints, effort: float
-    ) -> SetPoints:
+    def _needs_flap(self, estimate: Estimate, course_rad: float) -> bool:
+        """Tell whether only the flapping tail turns the robot soon enough; with hysteresis."""
+        limit = _GLIDE_AT_RAD if self._flaps else _FLAP_AT_RAD
+        self._flaps = abs(heading_error(estimate, course_rad)) > limit
+        return self._flaps
+
+    def _flapping(self, estimate: Estimate, course_rad: float, trim: SetPoints) -> SetPoints:
         error = heading_error(estimate, course_rad)
         return SetPoints(
             trim.net_buoyancy_kg,
             trim.mass_position_m,
             tail_rad=_clip(-_SWIMMING_GAIN * error, _SWIMMING_BIAS_MAX_RAD),
-            tail_amplitude_rad=effort * self._vehicle.swim.amplitude_rad,
+            tail_amplitude_rad=self._vehicle.swim.amplitude_rad,
             tail_frequency_hz=self._vehicle.swim.frequency_hz,
         )
 

@@ -16,6 +16,7 @@ _MIDDLE_RAD = math.radians(45.0)
 _SLOWER = 0.95
 _AIM_INTERVAL_S = 1.0
 _LEAST_SETTLED_SHARE = 0.2
+_BUOYANCY_RESERVE = 1.2
 _SHORT_ON, _SHORT_OFF = 1.4, 1.15
 """Ratio of the speed that is needed to the fastest glide, at which the leg begins and ceases to
 count as falling short."""
@@ -41,6 +42,8 @@ class GlidePolar:
         pitch = [sign * s + angle_of_attack(vehicle.parameters, sign * s) for s in steepness]
         self._steepness_rad = np.array(steepness)
         self._pitch_rad = np.array(pitch)
+        self.net_buoyancy_max_kg = abs(glide_inputs(vehicle, sign * steepness[0], speed)[0])
+        """Magnitude of the net mass on the flattest path, which needs the most."""
 
     def pitch_rad(self, steepness_rad: float) -> float:
         """Return the pitch on the path nearest to a steepness (0 level, pi/2 straight)."""
@@ -70,6 +73,8 @@ class PitchAim:
     ) -> None:
         self._polar = polar
         self._depth = depth
+        self.net_buoyancy_max_kg = _BUOYANCY_RESERVE * polar.net_buoyancy_max_kg
+        """More is of no use to a glide: it only takes longer to pump away again."""
         self._slew_rad_s = flight.profile.pitch_rate_rad_s
         self._wanted_rad = self._pitch_rad = estimate.pitch_rad
         self._next_s = 0.0

@@ -15,8 +15,12 @@ class FlightProfile:
     """How fast the wanted pitch may change."""
     swimming_speed_m_s: float
     """Speed with the full gait."""
+    entry_speed_m_s: float
+    """A glide begins with this speed from swimming."""
     near_m: float
     """Within this distance a target's direction means nothing any more."""
+    aim_m: float
+    """A dive's first leg is turned to only if it ends farther away; else to its planned course."""
     arrival_m: float
     """A swim has arrived within this distance."""
     start_tolerance_m: float
@@ -37,8 +41,10 @@ FLIGHT_PROFILES: dict[str, FlightProfile] = {
         depth_leash_m=0.06,
         pitch_rate_rad_s=0.10,
         swimming_speed_m_s=0.088,
+        entry_speed_m_s=0.015,
         near_m=0.10,
-        arrival_m=0.25,
+        aim_m=0.35,
+        arrival_m=0.3,
         start_tolerance_m=0.6,
         floor_margin_m=0.15,
         shore_margin_m=0.30,
@@ -50,7 +56,9 @@ FLIGHT_PROFILES: dict[str, FlightProfile] = {
         depth_leash_m=0.3,
         pitch_rate_rad_s=0.065,
         swimming_speed_m_s=0.150,
+        entry_speed_m_s=0.05,
         near_m=2.0,
+        aim_m=4.0,
         arrival_m=4.0,
         start_tolerance_m=20.0,
         floor_margin_m=1.5,

@@ -169,7 +169,8 @@ def test_uncertainty_limit_brings_the_robot_up_and_the_next_dive_follows():
     life.start(mission(*two_dives(), max_uncertainty_m=0.06))
     assert life.live_until(lambda: life.executive.mode is RobotMode.ABORTING, 120.0)
     assert life.estimate.position_std_m == pytest.approx(0.06, abs=0.003)
-    assert life.live_until(lambda: life.executive.mode is RobotMode.TURNING, 60.0)
+    assert life.live_until(lambda: life.executive.mode is not RobotMode.ABORTING, 60.0)
+    assert life.estimate.depth_m < 0.05
     assert life.executive.leg == 2
     assert life.executive.plan_state is OnboardPlanState.RUNNING
 
