@@ -1,5 +1,5 @@
 import asyncio
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import asynccontextmanager
 from datetime import UTC, datetime, timedelta
 
 import httpx
@@ -7,10 +7,11 @@ import pytest
 import pytest_asyncio
 
 from autonomy.site import LAKE, TANK
-from db.query.robots import RobotRecord, add_robot, list_robots
+from db.query.robots import RobotRecord, add_robot
+from db.store import Store
 from robot_link.messages import RobotId, SystemId
-from server import composition
 from server.app import create_app
+from server.composition import run_station
 from server.security.register import create_token
 from server.security.role import Role
 from server.service.station import Station
@@ -57,15 +58,15 @@ def robot_record(robot, system_id, model, site):
 async def open_station(tmp_path, world):
     """Run a station with two robots on a data folder; closing it is an orderly stop."""
     settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
-    async with AsyncExitStack() as stack:
-        foundation = await composition._open_foundation(settings, stack)
-        if not await foundation.store.query(list_robots):
-            await foundation.store.write(_add_fleet)
-        station = Station(foundation, world.make_link)
-        station.foundation = foundation
-        stack.push_async_callback(station.stop)
-        await station.start()
-        yield station
+    if not (tmp_path / "station.sqlite3").exists():
+        store = Store.open(settings.resolved_database_url)
+        await store.write(_add_fleet)
+        store.close()
+    async with run_station(
+        settings, lambda foundation: Station(foundation, world.make_link)
+    ) as running:
+        running.station.foundation = running.foundation
+        yield running.station
 
 
 def _add_fleet(session):

@@ -1,0 +1,277 @@
+import asyncio
+import os
+import signal
+import sqlite3
+
+import pytest
+
+from db.query.maps import newest_maps
+from db.query.samples import sample_columns
+from robot_link.messages import OnboardPlanState
+from server.service import survey
+from tests.server.service.conftest import FAST, GRACE, MINI, open_station, until
+from tests.server.service.fake_link import state_report
+
+PLANNING_S = 60.0
+"""A worker that has to compile the planner first takes its time."""
+
+
+@pytest.fixture(autouse=True)
+def _short_pauses(monkeypatch):
+    monkeypatch.setattr(survey, "_QUIET_S", 0.3)
+
+
+async def survey_of(client, automation=False, **config):
+    answer = await client.post(
+        "/api/robots/mini-1/missions",
+        json={
+            "kind": "adaptive_survey",
+            "config": {**FAST, **config},
+            "automation": automation,
+        },
+    )
+    assert answer.status_code == 202, answer.text
+    return answer.json()["id"]
+
+
+async def mission_in(client, mission, *states):
+    async def there():
+        found = (await client.get(f"/api/missions/{mission}")).json()
+        return found if found["state"] in states else None
+
+    try:
+        return await until(there, PLANNING_S)
+    except TimeoutError:
+        found = (await client.get(f"/api/missions/{mission}")).json()
+        raise AssertionError(f"{mission} is {found['state']}: {found['message']}") from None
+
+
+async def test_survey_plans_flies_and_maps_until_its_budget_is_spent(client, station, world):
+    mission = await survey_of(client)
+    ready = await mission_in(client, mission, "ready")
+    assert ready["budget"] == {"total": 24.0, "spent": 0.0, "round": 12.0}
+    assert world.uploads == []
+    assert (await client.post(f"/api/missions/{mission}/start")).status_code == 202
+    done = await mission_in(client, mission, "done")
+    assert [entry["round"] for entry in done["rounds"]][:2] == [1, 2]
+    assert {entry["state"] for entry in done["rounds"]} == {"done"}
+    assert done["budget"]["spent"] == pytest.approx(
+        sum(entry["energy"] for entry in done["rounds"]), abs=0.01
+    )
+    assert 24.0 - 2.5 < done["budget"]["spent"] <= 24.0 + 0.01
+    assert {scores["model"] for scores in done["scores"]} == {"single", "recursive"}
+    assert all(0.0 < scores["rmse"] < 2.0 for scores in done["scores"])
+    columns = await station.foundation.store.query(
+        lambda session: sample_columns(session, MINI, "blue_light")
+    )
+    assert len(columns) == done["scores"][0]["samples"] == world.robots[MINI].sequence
+    kept = await station.foundation.store.query(lambda session: newest_maps(session, MINI))
+    assert {record.samples for record in kept} == {len(columns)}
+    shown = (await client.get("/api/robots/mini-1/maps/blue_light")).json()
+    assert shown["scores"]["samples"] == len(columns)
+    robot = (await client.get("/api/robots/mini-1")).json()
+    assert robot["mission_id"] == mission
+
+
+async def test_survey_continues_after_the_station_was_away(tmp_path, world):
+    """The robot flies its round on while nobody listens; the station picks it up."""
+    async with open_station(tmp_path, world) as station:
+        world.hear(MINI)
+        world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.robots[MINI].may_fly.clear()
+        mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
+        await until(lambda: world.robots[MINI].state is OnboardPlanState.RUNNING, PLANNING_S)
+    robot = world.robots[MINI]
+    unheard = []
+    robot.tell = unheard.append
+    robot.may_fly.set()
+    await until(lambda: robot.state is OnboardPlanState.DONE)
+    async with open_station(tmp_path, world) as station:
+        world.hear(MINI)
+        for event in unheard:
+            world.tell(event)
+
+        async def done():
+            return (await station.missions.get(mission)).state == "done"
+
+        await until(done, PLANNING_S)
+        view = await station.missions.view(mission)
+        assert len(view.rounds) >= 2
+        assert view.scores[0].samples == robot.sequence
+
+
+async def test_round_that_was_being_planned_when_the_station_died_is_planned_again(tmp_path, world):
+    slow = {**FAST, "search": {"iterations_max": 0}, "planning_time_s": 60.0}
+    async with open_station(tmp_path, world) as station:
+        world.hear(MINI)
+        world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        mission = await station.surveys.create(MINI, slow, automation=False, by="test")
+        await until(station.workers.process_ids)
+    async with open_station(tmp_path, world) as station:
+
+        async def again():
+            plans = await station.missions.plans(mission)
+            return [plan.state for plan in plans] == ["planning", "failed"]
+
+        await until(again)
+        plans = await station.missions.plans(mission)
+        assert [plan.round for plan in plans] == [1, 1]
+
+
+async def test_killed_worker_leaves_a_failed_plan_and_a_mission_that_can_be_started_again(
+    client, station, world
+):
+    mission = await survey_of(client, search={"iterations_max": 0})
+    await until(station.workers.process_ids)
+    plan = (await client.get(f"/api/missions/{mission}")).json()["plan_id"]
+    os.kill(station.workers.process_ids()[0], signal.SIGKILL)
+    failed = await mission_in(client, mission, "failed")
+    assert "nothing was changed" in failed["message"]
+    assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "failed"
+    assert (await client.post(f"/api/missions/{mission}/start")).status_code == 202
+    again = await mission_in(client, mission, "replanning", "planning")
+    assert again["plan_id"] != plan
+
+
+async def test_cancelled_planning_ends_at_once(client, station):
+    answer = await client.post(
+        "/api/robots/mini-1/plans",
+        json={"kind": "adaptive_survey", "config": {**FAST, "search": {"iterations_max": 0}}},
+    )
+    plan = answer.json()["id"]
+    await until(station.workers.process_ids)
+    assert (await client.post(f"/api/plans/{plan}/cancel")).status_code == 202
+    assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "cancelled"
+
+
+async def test_stopped_survey_sends_nothing_more_and_keeps_its_draft(client, world):
+    mission = await survey_of(client)
+    ready = await mission_in(client, mission, "ready")
+    assert (await client.post(f"/api/missions/{mission}/stop")).status_code == 202
+    stopped = await mission_in(client, mission, "stopped")
+    assert (await client.get(f"/api/plans/{ready['plan_id']}")).json()["state"] == "draft"
+    assert stopped["message"].startswith("Stopped by")
+    again = await client.post(f"/api/missions/{mission}/stop")
+    assert again.status_code == 409
+    assert world.uploads == []
+
+
+async def test_survey_stops_with_a_sentence_when_the_robot_ends_a_plan_early(client, world):
+    world.robots[MINI].may_fly.clear()
+    mission = await survey_of(client, automation=True)
+    await until(lambda: world.robots[MINI].state is OnboardPlanState.RUNNING, PLANNING_S)
+    world.robots[MINI].end_early("the floor was near")
+    stopped = await mission_in(client, mission, "stopped")
+    assert "the floor was near" in stopped["message"]
+    assert not stopped["automation"]
+
+
+async def test_second_survey_waits_for_the_first(client, world):
+    world.robots[MINI].may_fly.clear()
+    mission = await survey_of(client, automation=True)
+    await mission_in(client, mission, "running")
+    refused = await client.post(
+        "/api/robots/mini-1/missions", json={"kind": "adaptive_survey", "config": FAST}
+    )
+    assert refused.status_code == 409
+    assert mission in refused.json()["detail"]
+
+
+async def test_robot_that_was_never_heard_cannot_be_planned_for(client):
+    refused = await client.post(f"/api/robots/{GRACE}/missions", json={"kind": "adaptive_survey"})
+    assert refused.status_code == 409
+    assert "has not said where it is" in refused.json()["detail"]
+
+
+async def test_robot_outside_its_domain_is_refused_in_words(client, world):
+    world.tell(state_report(MINI, (3.5, 2.1, 0.0)))
+    little = {"total_budget": 4.0, "round_budget": 2.0}
+    refused = await client.post(
+        "/api/robots/mini-1/plans", json={"kind": "adaptive_survey", "config": little}
+    )
+    assert refused.status_code == 409
+    assert "outside the domain" in refused.json()["detail"]
+
+
+async def test_settings_outside_their_schema_are_named_by_their_path(client):
+    refused = await client.post(
+        "/api/robots/mini-1/plans",
+        json={"kind": "adaptive_survey", "config": {"primitives": {"glide_speed_m_s": -1}}},
+    )
+    assert refused.status_code == 422
+    loc = ["config", "primitives", "glide_speed_m_s"]
+    assert [error["loc"] for error in refused.json()["errors"]] == [loc]
+
+
+async def test_domain_outside_the_water_is_refused(client):
+    refused = await client.post(
+        "/api/robots/mini-1/missions",
+        json={"kind": "adaptive_survey", "config": {"domain": {"depth_max_m": 2.0}}},
+    )
+    assert refused.status_code == 422
+    assert refused.json()["errors"][0]["loc"] == ["config", "domain"]
+    assert "1.2 m deep" in refused.json()["errors"][0]["msg"]
+
+
+async def test_plan_cites_the_version_of_the_settings_it_was_made_with(client):
+    body = {"kind": "primitives", "legs": [{"kind": "dive", "end_ned": [0, 0, 0.5]}]}
+    plans = [
+        (await client.post("/api/robots/mini-1/plans", json=body)).json()["id"] for _ in range(2)
+    ]
+    body["config"] = {"max_uncertainty_m": 0.2}
+    plans.append((await client.post("/api/robots/mini-1/plans", json=body)).json()["id"])
+    cited = [(await client.get(f"/api/plans/{plan}")).json()["config_id"] for plan in plans]
+    assert cited[0] == cited[1] != cited[2]
+    version = (await client.get(f"/api/config/versions/{cited[2]}")).json()
+    assert version["value"]["max_uncertainty_m"] == 0.2
+
+
+async def test_no_plan_is_accepted_while_storage_fails(client, station, tmp_path):
+    other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
+    other.execute("BEGIN EXCLUSIVE")
+    body = {"kind": "primitives", "legs": [{"kind": "dive", "end_ned": [0, 0, 0.5]}]}
+    refused = await client.post("/api/robots/mini-1/plans", json=body)
+    assert refused.status_code == 503
+    # The fault is known now, so that the next one is refused before anything is tried.
+    again = await client.post("/api/robots/mini-1/plans", json=body)
+    assert again.status_code == 503
+    assert again.json()["detail"].startswith("The database is locked by another program.")
+
+    async def alarm():
+        alarms = (await client.get("/api/alarms")).json()["alarms"]
+        return [one["level"] for one in alarms if "locked" in one["text"]] == ["critical"]
+
+    await until(alarm)
+    other.execute("ROLLBACK")
+    other.close()
+
+    async def accepted():
+        return (await client.post("/api/robots/mini-1/plans", json=body)).status_code == 202
+
+    await until(accepted)
+
+
+async def test_progress_and_best_objective_travel_in_the_live_stream(client, station):
+    texts = []
+
+    async def keep(text):
+        texts.append(text)
+
+    follower = asyncio.create_task(station.feed.follow(keep, None, None))
+    answer = await client.post(
+        "/api/robots/mini-1/plans",
+        json={"kind": "adaptive_survey", "config": {**FAST, "search": {"iterations_max": 500}}},
+    )
+    plan = answer.json()["id"]
+
+    async def drafted():
+        return (await client.get(f"/api/plans/{plan}")).json()["state"] == "draft"
+
+    await until(drafted, PLANNING_S)
+    assert any('"objective":' in text and '"candidates":' in text for text in texts)
+    found = (await client.get(f"/api/plans/{plan}")).json()
+    assert found["objective_unit"] == "nat"
+    assert found["history"][-1]["objective"] == pytest.approx(found["objective"])
+    assert found["account"]["energy"] <= 12.0 + 1e-6
+    assert len(found["points"][0]) == 5
+    follower.cancel()
