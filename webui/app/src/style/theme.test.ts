@@ -5,12 +5,8 @@ const SHEET = readFileSync(new URL('./token.css', import.meta.url), 'utf8');
 
 function tokens(theme: string): Record<string, string> {
   const block = new RegExp(`data-theme='${theme}'\\]\\s*\\{([^}]*)\\}`).exec(SHEET)?.[1] ?? '';
-  return Object.fromEntries(
-    [...block.matchAll(/--([a-z0-9-]+):\s*(#[0-9a-f]{6})/g)].map(([, name, value]) => [
-      name,
-      value,
-    ]),
-  );
+  const found = [...block.matchAll(/--([a-z0-9-]+):\s*(#[0-9a-f]{6})/g)];
+  return Object.fromEntries(found.map(([, name = '', value = '']) => [name, value]));
 }
 
 function luminance(hex: string): number {
