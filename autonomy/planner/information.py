@@ -9,13 +9,13 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
-from scipy.linalg import solve_triangular
 
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.planner.belief import FieldBelief, averaged_samples
+from autonomy.planner.cholesky import inverse_factor
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.graph import DEPTH_MAX, STAGED_MAX, Graph, Int32Array
-from autonomy.planner.objective import known_factor
+from autonomy.planner.objective import known_covariance
 
 Float32Array = npt.NDArray[np.float32]
 USED, STAMP, CROSSES = range(3)
@@ -92,8 +92,8 @@ def information_of(
     points, noise = averaged_samples(
         belief.sample_points, belief.sample_noise(thresholds), config.search.past_samples_max
     )
-    factor = known_factor(belief, points, noise)
-    size, past = len(factor), len(points)
+    covariance = known_covariance(belief, points, noise)
+    size, past = len(covariance), len(points)
     scale = math.sqrt(3.0) / np.asarray(belief.length_scales_m)
     edges, k = len(graph.edge_energy), config.search.points_per_edge_max
     padded = -(-size // 4) * 4
@@ -105,7 +105,7 @@ def information_of(
         scale=scale,
         known=np.concatenate([points, belief.test_points]) * scale,
         past=past,
-        inverse=np.pad(solve_triangular(factor, np.eye(size), lower=True), (0, padded - size)),
+        inverse=np.pad(inverse_factor(covariance), (0, padded - size)),
         samples=np.empty(edges, dtype=np.int32),
         place=np.empty((edges, k, 3)),
         noise=np.empty((edges, k)),

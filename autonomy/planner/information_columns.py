@@ -6,10 +6,10 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
+from autonomy.planner.cholesky import factorize
 from autonomy.planner.graph import STAGED, Graph, first_staged
 from autonomy.planner.information import TILE, Information
 
-_TINY_VARIANCE = 1e-12
 _FAR = 50.0
 
 
@@ -91,27 +91,6 @@ def _multiply_tile(
             for j in range(used):
                 upper[j] += a * p[j] + b * q[j] + c * r[j] + d * s[j]
                 lower[j] += e * p[j] + f * q[j] + g * r[j] + h * s[j]
-
-
-@kernel
-def factorize(matrix: FloatArray, k: int) -> float:
-    """Cholesky-factorize the lower triangle in place; return half its log-determinant.
-
-    A pivot that rounding brought below the smallest sensible variance is raised to it.
-    """
-    total = 0.0
-    for j in range(k):
-        for i in range(j, k):
-            value = matrix[i, j]
-            for m in range(j):
-                value -= matrix[i, m] * matrix[j, m]
-            if i == j:
-                root = math.sqrt(max(value, _TINY_VARIANCE))
-                total += math.log(root)
-                matrix[j, j] = root
-            else:
-                matrix[i, j] = value / matrix[j, j]
-    return total
 
 
 @kernel

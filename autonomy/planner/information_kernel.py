@@ -10,6 +10,7 @@ factors, so one more edge costs one block row. A path is left out when
 import numpy as np
 
 from autonomy.compiled import kernel
+from autonomy.planner.cholesky import factorize
 from autonomy.planner.elite import elite_edge, elite_place, fill_gap, rank, write_elite
 from autonomy.planner.graph import (
     CANDIDATES,
@@ -30,7 +31,7 @@ from autonomy.planner.graph import (
     slot_worth,
 )
 from autonomy.planner.information import CROSSES, STAMP, USED, Float32Array, Information
-from autonomy.planner.information_columns import covariance, factorize, whiten
+from autonomy.planner.information_columns import covariance, whiten
 
 
 @kernel

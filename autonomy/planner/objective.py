@@ -63,8 +63,8 @@ class InformationGain:
         return float(np.linalg.slogdet(covariance).logabsdet)
 
 
-def known_factor(belief: FieldBelief, samples: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return the Cholesky factor of the covariance of samples with noise, then test points.
+def known_covariance(belief: FieldBelief, samples: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return the covariance of samples with noise, then of test points.
 
     Args:
         belief: Kernel and test points.
@@ -72,13 +72,13 @@ def known_factor(belief: FieldBelief, samples: FloatArray, noise: FloatArray) ->
         noise: Noise variance of each, shape ``(n,)``.
 
     Returns:
-        Lower triangular, shape ``(n + q, n + q)``.
+        Shape ``(n + q, n + q)``.
     """
     known = np.concatenate([samples, belief.test_points])  # (n + q, 3)
     gram = matern32(known, known, belief.kernel())
     jitter = np.full(len(belief.test_points), RELATIVE_JITTER * belief.signal_variance)
     gram[np.diag_indices_from(gram)] += np.concatenate([noise, jitter])
-    return np.asarray(np.linalg.cholesky(gram), dtype=np.float64)
+    return gram
 
 
 class MutualInformation:
@@ -95,7 +95,7 @@ class MutualInformation:
         self._past = len(belief.sample_points)
         self._known = np.concatenate([belief.sample_points, belief.test_points])  # (n + q, 3)
         noise = belief.sample_noise(thresholds_m)
-        self._factor = known_factor(belief, belief.sample_points, noise)
+        self._factor = np.linalg.cholesky(known_covariance(belief, belief.sample_points, noise))
 
     def __call__(self, points: FloatArray) -> float:
         """Return the gain of planned points ``(m, 5)``."""

@@ -109,6 +109,7 @@ class _Search:
         budget: float,
     ) -> None:
         self._config = config
+        self._belief = belief
         self._rng = rng
         self._grows = True
         self._grown = 0
@@ -120,15 +121,13 @@ class _Search:
             paths = memory // 2 // (4 * len(belief.test_points) + _PATH_BYTES)
             self._graph = graph_of(config, start_xy, budget, edges, paths)
             ergodic = ergodic_of(config, belief, self._graph)
-            self._exact: Objective = ErgodicMeasure(belief, config.ergodic)
             self._extend = partial(grow_by_ergodicity, self._graph, ergodic)
             self._replace = partial(refine_by_ergodicity, self._graph, ergodic)
         else:
             k = config.search.points_per_edge_max
-            edges = memory // 2 // (k * (4 * known + 16 * k + 32) + _edge_bytes(config))
+            edges = memory // 4 // (k * (4 * known + 16 * k + 32) + _edge_bytes(config))
             self._graph = graph_of(config, start_xy, budget, edges, memory // 16 // _PATH_BYTES)
-            info = information_of(config, belief, self._graph, memory // 4 // 4)
-            self._exact = MutualInformation(belief, config.counted_thresholds_m())
+            info = information_of(config, belief, self._graph, memory // 2 // 4)
             self._extend = partial(grow_by_information, self._graph, info)
             self._replace = partial(refine_by_information, self._graph, info)
 
@@ -171,6 +170,7 @@ class _Search:
     def trajectories(self) -> list[Candidate]:
         """Return the best distinct trajectories, best first, with their exact objectives."""
         graph = self._graph
+        worth = self._exact_objective()
         floor = max(float(graph.elite_worth.max()) - SHORT / 2, -1e300)
         found: list[Candidate] = []
         for elite in range(len(graph.elite_worth)):
@@ -179,10 +179,15 @@ class _Search:
                     self._edge(elite_edge(graph, elite, i))
                     for i in range(graph.elite_length[elite])
                 ]
-                value = self._exact(np.concatenate([edge.points for edge in edges]))
+                value = worth(np.concatenate([edge.points for edge in edges]))
                 found.append(outcome.as_candidate(edges, value))
         found.sort(key=lambda candidate: -candidate.objective)
         return found[: self._config.search.runners_up + 1]
+
+    def _exact_objective(self) -> Objective:
+        if self._config.objective == "ergodic":
+            return ErgodicMeasure(self._belief, self._config.ergodic)
+        return MutualInformation(self._belief, self._config.counted_thresholds_m())
 
     @property
     def _has_elite(self) -> bool:

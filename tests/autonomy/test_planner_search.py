@@ -1,0 +1,236 @@
+import math
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from autonomy.planner import literal, search
+from autonomy.planner.check import violations
+from autonomy.planner.config import PLANNER_PRESETS
+from autonomy.planner.objective import InformationGain, objective
+from autonomy.planner.plan import PlanStatus
+from autonomy.site import LAKE, TANK
+from tests.autonomy.planner_problem import START, THESIS_TANK, belief_over, run, with_search
+
+QUICK = with_search(THESIS_TANK, iterations_max=120)
+OBJECTIVES = ("information_gain", "ergodic")
+WORLDS = {
+    "thesis": (THESIS_TANK, TANK),
+    "miniglider": (PLANNER_PRESETS["miniglider"], TANK),
+    "grace3": (PLANNER_PRESETS["grace3"], LAKE),
+}
+
+
+def for_objective(config, name):
+    return config.model_copy(update={"objective": name})
+
+
+def lengths_of(config):
+    """Length scales in proportion to the domain."""
+    return (2.41, 2.46, 2.40) if config.domain.depth_max_m < 1.0 else (202.0, 293.0, 6.3)
+
+
+@pytest.mark.parametrize("name", OBJECTIVES)
+def test_the_objective_of_every_offer_is_the_plain_one(name):
+    config = for_objective(QUICK, name)
+    belief = belief_over(config.domain)
+    result = run(search.plan, config, belief)
+    worth = objective(config, belief)
+    assert len(result.runners_up) > 0
+    for offer in (result.best, *result.runners_up):
+        assert offer.objective == pytest.approx(worth(offer.points), abs=1e-6)
+
+
+@pytest.mark.parametrize("name", OBJECTIVES)
+@pytest.mark.parametrize("past", [0, 40])
+def test_single_precision_in_the_search_is_good_to_a_hundredth(name, past):
+    config = with_search(for_objective(QUICK, name), points_per_edge_max=64)
+    result = run(search.plan, config, belief_over(config.domain, past=past))
+    compared, exact = result.history[-2], result.history[-1]
+    assert compared.objective == pytest.approx(exact.objective, abs=0.01)
+    assert exact.objective == result.best.objective
+
+
+def test_averaged_points_compare_almost_like_all_of_them():
+    config = with_search(QUICK, points_per_edge_max=6, past_samples_max=10)
+    result = run(search.plan, config, belief_over(config.domain, past=40))
+    compared, exact = result.history[-2], result.history[-1]
+    assert compared.objective == pytest.approx(exact.objective, rel=0.1)
+
+
+def test_fidelity_changes_what_a_trajectory_is_worth():
+    trusting, wary = (
+        QUICK.model_copy(update={"fidelity_counts": counts, "fidelity_thresholds_m": (0.02, 0.05)})
+        for counts in (False, True)
+    )
+    belief = belief_over(QUICK.domain)
+    best = run(search.plan, wary, belief).best
+    assert best.objective < InformationGain(belief, trusting.counted_thresholds_m())(best.points)
+
+
+@pytest.mark.parametrize("world", WORLDS)
+@pytest.mark.parametrize("name", OBJECTIVES)
+@pytest.mark.parametrize("seed", range(3))
+def test_every_offer_keeps_every_limit(world, name, seed):
+    config, site = WORLDS[world]
+    config = with_search(for_objective(config, name), iterations_max=100)
+    domain = config.domain
+    rng = np.random.default_rng(seed)
+    start = (
+        float(rng.uniform(domain.x_min_m, domain.x_max_m)),
+        float(rng.uniform(domain.y_min_m, domain.y_max_m)),
+    )
+    budget = float(rng.uniform(10.0, 20.0))
+    belief = belief_over(domain, lengths=lengths_of(config))
+    result = run(search.plan, config, belief, seed=seed, start=start, budget=budget)
+    assert result.status is PlanStatus.FOUND
+    assert "spends" in result.message
+    for offer in (result.best, *result.runners_up):
+        assert violations(offer.legs, config, site) == ()
+        assert offer.legs[0].start_ned == (*start, 0.0)
+        assert offer.legs[-1].end_ned[2] == 0.0
+        assert offer.points[-1, 3] == pytest.approx(0.0, abs=1e-12)
+        assert offer.energy <= budget + 1e-9
+        assert offer.energy == pytest.approx(sum(leg.energy for leg in offer.legs))
+        assert offer.duration_s == pytest.approx(sum(leg.duration_s for leg in offer.legs))
+        assert offer.worst_std_m == offer.points[:, 4].max() <= config.max_uncertainty_m
+        assert (np.diff(offer.points[:, 0]) > 0).all()
+        assert np.diff(offer.points[:, 0]).max() <= config.primitives.point_interval_s + 1e-9
+        assert all(domain.contains(*point, margin_m=1e-6) for point in offer.points[:, 1:4])
+
+
+def test_the_same_seed_gives_the_same_result():
+    belief = belief_over(QUICK.domain)
+    one, two, other = (run(search.plan, QUICK, belief, seed=seed) for seed in (5, 5, 6))
+    assert one.best.legs == two.best.legs
+    assert one.candidates == two.candidates
+    assert [point.objective for point in one.history] == [point.objective for point in two.history]
+    assert one.best.legs != other.best.legs
+
+
+def test_alternatives_are_worse_and_elsewhere():
+    result = run(search.plan, with_search(QUICK, iterations_max=400), belief_over(QUICK.domain))
+    offers = (result.best, *result.runners_up)
+    assert len(offers) > 1
+    assert all(a.objective >= b.objective for a, b in pairwise(offers))
+    surfacings = [
+        {leg.end_ned[:2] for leg in offer.legs if leg.end_ned[2] == 0.0} for offer in offers
+    ]
+    for one, two in pairwise(surfacings):
+        near = [a for a in one if min(math.dist(a, b) for b in two) < 1e-6]
+        assert len(near) <= len(one) / 2
+
+
+@pytest.mark.parametrize("name", OBJECTIVES)
+def test_the_search_beats_the_letter(name):
+    config = for_objective(THESIS_TANK, name)
+    belief = belief_over(config.domain)
+    letter = run(literal.plan, with_search(config, iterations_max=10), belief)
+    fast = run(search.plan, with_search(config, iterations_max=300), belief)
+    assert letter.status is PlanStatus.FOUND
+    assert letter.best.objective == pytest.approx(
+        objective(config, belief)(letter.best.points), abs=1e-9
+    )
+    assert violations(letter.best.legs, config, TANK) == ()
+    assert fast.best.objective > letter.best.objective
+
+
+@pytest.mark.parametrize("planner", [search.plan, literal.plan])
+def test_a_cancelled_search_offers_its_best(planner):
+    asked = iter(range(10_000))
+    result = run(
+        planner, THESIS_TANK, belief_over(THESIS_TANK.domain), is_cancelled=lambda: next(asked) > 80
+    )
+    assert result.status is PlanStatus.CANCELLED
+    assert result.message.startswith("Stopped early; the best trajectory so far spends")
+    assert result.best is not None
+
+
+@pytest.mark.parametrize("planner", [search.plan, literal.plan])
+def test_a_search_cancelled_at_once_has_nothing_and_says_so(planner):
+    result = run(planner, THESIS_TANK, belief_over(THESIS_TANK.domain), is_cancelled=lambda: True)
+    assert result.status is PlanStatus.CANCELLED
+    assert result.best is None
+    assert "stopped before any trajectory was found" in result.message
+
+
+@pytest.mark.parametrize("planner", [search.plan, literal.plan])
+@pytest.mark.parametrize(
+    ("start", "budget", "reason"),
+    [
+        ((-1.0, 0.3), 20.0, "outside the domain"),
+        ((math.nan, 0.3), 20.0, "start position is unknown"),
+        (START, 0.5, "below the cheapest way"),
+    ],
+)
+def test_what_cannot_be_planned_is_refused_with_the_reason(planner, start, budget, reason):
+    result = run(planner, QUICK, belief_over(QUICK.domain), start=start, budget=budget)
+    assert result.status is PlanStatus.NOTHING_FEASIBLE
+    assert reason in result.message
+    assert result.best is None
+
+
+@pytest.mark.parametrize("planner", [search.plan, literal.plan])
+def test_limits_that_nothing_meets_are_named(planner):
+    config = with_search(THESIS_TANK, iterations_max=5)
+    config = config.model_copy(update={"max_uncertainty_m": 1e-4})
+    result = run(planner, config, belief_over(config.domain))
+    assert result.status is PlanStatus.NOTHING_FEASIBLE
+    assert "0.0001 m of position uncertainty" in result.message
+
+
+@pytest.mark.parametrize("planner", [search.plan, literal.plan])
+def test_a_shorter_trajectory_is_offered_when_none_spends_enough(planner):
+    config = with_search(THESIS_TANK, iterations_max=3, min_budget_fraction=0.99999)
+    result = run(planner, config, belief_over(config.domain), seed=2)
+    assert result.status is PlanStatus.FOUND
+    assert result.message.startswith("No trajectory spends more than 20 energy units; the best")
+    assert 0.0 < result.best.energy <= 20.0
+
+
+def test_time_ends_the_search_and_progress_is_told():
+    clock = iter(np.arange(0.0, 100.0, 0.01))
+    told = []
+    config = THESIS_TANK.model_copy(update={"planning_time_s": 1.5})
+    result = run(
+        search.plan,
+        config,
+        belief_over(config.domain),
+        on_progress=told.append,
+        elapsed_s=lambda: float(next(clock)),
+    )
+    assert result.status is PlanStatus.FOUND
+    assert 4 <= len(told) <= 8
+    for before, after in pairwise(told):
+        assert after.elapsed_s - before.elapsed_s >= 0.2
+        assert after.objective >= before.objective
+        assert after.candidates >= before.candidates
+    assert result.candidates >= told[-1].candidates
+
+
+def test_the_result_says_when_paths_were_left_out():
+    belief = belief_over(QUICK.domain)
+    few = run(search.plan, with_search(QUICK, iterations_max=200, paths_per_node=20), belief)
+    assert few.reservoir_full
+    assert "Not every path was kept: the limit is 20 a surfacing" in few.message
+    many = run(search.plan, with_search(QUICK, iterations_max=2, paths_per_node=2000), belief)
+    assert not many.reservoir_full
+    assert "Not every path" not in many.message
+
+
+def test_full_tables_end_growth_but_not_the_search():
+    config = with_search(THESIS_TANK, iterations_max=600, memory_mb=32)
+    belief = belief_over(config.domain)
+    one = search._Search(config, belief, START, np.random.default_rng(0), 20.0)
+    while one._grows:
+        one.iterate()
+    at_end_of_growth = one.best
+    for _ in range(300):
+        one.iterate()
+    assert one.best > at_end_of_growth
+    assert not one.is_exhausted
+
+
+def test_a_map_without_samples_can_be_planned_for():
+    belief = belief_over(QUICK.domain, past=0)
+    assert run(search.plan, QUICK, belief).best.objective > 0.0
