@@ -13,6 +13,7 @@ from robot_link.messages import (
     LinkState,
     OnboardPlanState,
     PlanReport,
+    RobotMode,
     Sample,
     StateReport,
 )
@@ -20,6 +21,7 @@ from server.service.track import Track
 
 SURFACE_DEPTH_M = 0.3
 """A leg that ends above this brings the robot to the surface, where radio reaches it."""
+_UNDER_WATER = (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING)
 _BEST_LINK_FIRST = (
     LinkState.LIVE,
     LinkState.SUBMERGED,
@@ -60,6 +62,8 @@ class Picture:
     state: StateReport | None = None
     plan_report: PlanReport | None = None
     links: dict[str, LinkReport] = field(default_factory=dict)
+    remembered: LinkReport | None = None
+    """What the database knows of the road, until the robot is heard again."""
     samples: dict[str, Sample] = field(default_factory=dict)
     """Newest sample by variable."""
     plan: PlanInHand | None = None
@@ -70,7 +74,9 @@ class Picture:
     @property
     def link(self) -> LinkReport | None:
         """Report of the link by which the robot is reached best, ``None`` before the first."""
-        return best_link(self.links.values())
+        best = best_link(self.links.values())
+        unheard = best is None or best.state is LinkState.NEVER_HEARD
+        return self.remembered or best if unheard else best
 
     @property
     def link_state(self) -> LinkState:
@@ -102,3 +108,17 @@ class Picture:
 def best_link(links: Iterable[LinkReport]) -> LinkReport | None:
     """Return the report of the link that reaches the robot best."""
     return min(links, key=lambda link: _BEST_LINK_FIRST.index(link.state), default=None)
+
+
+def remembered_link(state: StateReport, *, radio_under_water: bool) -> LinkReport:
+    """Return what a stored state says of the road to a robot that was not heard since."""
+    dived = state.mode in _UNDER_WATER and not radio_under_water
+    return LinkReport(
+        robot=state.robot,
+        carrier="",
+        state=LinkState.SUBMERGED if dived else LinkState.STALE,
+        heard_at=state.received_at,
+        rssi_dbm=None,
+        frames_received=0,
+        frames_bad=0,
+    )

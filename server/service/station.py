@@ -23,6 +23,7 @@ from server.service.job_watch import watch_jobs
 from server.service.live_feed import LiveFeed
 from server.service.mapping import FieldMaps
 from server.service.mission_ledger import MissionLedger
+from server.service.picture import remembered_link
 from server.service.plan_follow import PlanFollower
 from server.service.plan_ledger import PlanLedger
 from server.service.planning import Planning, field_config_of, planner_config_of
@@ -155,6 +156,10 @@ class Station:
         memory = await self._foundation.store.query(lambda session: _memory(session, robot.id))
         picture.state, picture.plan_report, samples, track = memory
         picture.samples = {sample.variable: sample for sample in samples}
+        if picture.state is not None:
+            picture.remembered = remembered_link(
+                picture.state, radio_under_water=robot.site.radio_under_water
+            )
         picture.track.replace((point.position_ned, point.position_std_m) for point in track.points)
 
     async def _open_maps(self, robot: RobotRecord) -> None:

@@ -14,6 +14,8 @@ from server.service.words import clock_time
 
 PERIOD_S = 1.0
 _BATTERY_WARNING, _BATTERY_CRITICAL = 0.20, 0.10
+_LOST = timedelta(seconds=15)
+"""A link that is silent this long, by the wall, is lost."""
 _OVERDUE_WATCH, _OVERDUE_CRITICAL = timedelta(minutes=10), timedelta(minutes=40)
 
 
@@ -26,15 +28,26 @@ class Verdict:
 
 
 @dataclass(frozen=True, slots=True)
+class Watch:
+    """The moment at which a rule is asked."""
+
+    now: datetime
+    since: datetime
+    """When the watch began; silence before that is nobody's fault."""
+    speed: float
+    """Seconds of the robots' clock per second of the wall."""
+
+
+@dataclass(frozen=True, slots=True)
 class Rule:
     """One cause of alarm."""
 
     cause: str
-    judge: Callable[[Picture, datetime], Verdict | None]
+    judge: Callable[[Picture, Watch], Verdict | None]
 
 
-def _battery(picture: Picture, now: datetime) -> Verdict | None:
-    del now
+def _battery(picture: Picture, watch: Watch) -> Verdict | None:
+    del watch
     if picture.state is None or picture.state.battery_fraction >= _BATTERY_WARNING:
         return None
     charge = picture.state.battery_fraction
@@ -42,10 +55,11 @@ def _battery(picture: Picture, now: datetime) -> Verdict | None:
     return Verdict(level, f"{picture.record.id} has {charge:.0%} of its battery left.")
 
 
-def _silence(picture: Picture, now: datetime) -> Verdict | None:
-    del now
+def _silence(picture: Picture, watch: Watch) -> Verdict | None:
     link = picture.link
     if link is None or link.heard_at is None or link.state is not LinkState.STALE:
+        return None
+    if _is_early(watch, max(link.heard_at, watch.since)):
         return None
     robot = picture.record.id
     return Verdict(
@@ -53,18 +67,17 @@ def _silence(picture: Picture, now: datetime) -> Verdict | None:
     )
 
 
-def _port(picture: Picture, now: datetime) -> Verdict | None:
-    del now
-    if picture.link_state is not LinkState.PORT_CLOSED:
+def _port(picture: Picture, watch: Watch) -> Verdict | None:
+    if picture.link_state is not LinkState.PORT_CLOSED or _is_early(watch, watch.since):
         return None
     return Verdict("warning", f"The radio for {picture.record.id} cannot be opened; plug it in.")
 
 
-def _overdue(picture: Picture, now: datetime) -> Verdict | None:
+def _overdue(picture: Picture, watch: Watch) -> Verdict | None:
     due = picture.next_surfacing()
     if due is None or picture.link_state is not LinkState.SUBMERGED:
         return None
-    late = now - due
+    late = watch.now - due
     if late < _OVERDUE_WATCH:
         return None
     level = "critical" if late >= _OVERDUE_CRITICAL else "watch"
@@ -73,14 +86,19 @@ def _overdue(picture: Picture, now: datetime) -> Verdict | None:
     return Verdict(level, f"{robot} was to surface at {clock_time(due)}, {minutes} min ago.")
 
 
-def _ended_early(picture: Picture, now: datetime) -> Verdict | None:
-    del now
+def _ended_early(picture: Picture, watch: Watch) -> Verdict | None:
+    del watch
     report = picture.plan_report
     if report is None or report.state is not OnboardPlanState.FAILED:
         return None
     return Verdict(
         "watch", f"{picture.record.id} ended its plan early: {report.reason or 'no reason given'}"
     )
+
+
+def _is_early(watch: Watch, begin: datetime) -> bool:
+    """Tell whether something that began then may still come right by itself."""
+    return watch.now - begin < _LOST * max(1.0, watch.speed)
 
 
 RULES: tuple[Rule, ...] = (
@@ -95,11 +113,13 @@ RULES: tuple[Rule, ...] = (
 
 async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock) -> None:
     """Raise and clear alarms until cancelled."""
+    since = clock.now()
     while True:
+        watch = Watch(clock.now(), since, clock.speed)
         for picture in list(fleet.pictures):
             robot, before = picture.record.id, alarms.worst_level(picture.record.id)
             for rule in RULES:
-                verdict = rule.judge(picture, clock.now())
+                verdict = rule.judge(picture, watch)
                 if verdict is None:
                     await alarms.clear(rule.cause, robot=robot)
                 else:

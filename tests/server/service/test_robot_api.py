@@ -9,10 +9,11 @@ from pydantic import TypeAdapter
 
 from robot_link.messages import LinkReport, LinkState, OnboardPlanState, RobotMode
 from server.security.role import Role
+from server.service import watch
 from server.service.view.mission import LiveMissionView
 from server.service.view.plan import LivePlanView
 from server.service.view.robot import LiveRobotView
-from tests.server.service.conftest import FAST, MINI, api_client, until
+from tests.server.service.conftest import FAST, GRACE, MINI, api_client, open_station, until
 from tests.server.service.fake_link import state_report
 
 NEW_ROBOT = {
@@ -75,6 +76,18 @@ async def test_submerged_robot_says_when_it_will_be_heard(client, world):
     assert robot["surface_forecast"].startswith("Reaches mini-1 at its next surfacing, about ")
 
 
+async def test_restarted_station_remembers_that_a_robot_dived(tmp_path, world):
+    async with open_station(tmp_path, world):
+        world.hear(GRACE)
+        world.tell(state_report(GRACE, (200.0, 200.0, 4.0), mode=RobotMode.GLIDING))
+    async with open_station(tmp_path, world) as station:
+        robot = station.fleet.robot_view(GRACE)
+        assert robot.link.state == "submerged"
+        assert robot.surface_forecast == "Reaches grace-1 at its next surfacing"
+        world.hear(GRACE)
+        assert station.fleet.robot_view(GRACE).link.state == "live"
+
+
 @pytest.mark.parametrize(
     ("state", "words"),
     [
@@ -95,7 +108,10 @@ async def test_garbage_on_the_radio_is_counted_and_shown(client, world):
     assert (await client.get("/api/robots/mini-1")).json()["link"]["frames_bad"] == 17
 
 
-async def test_silent_robot_raises_one_alarm_that_clears_when_it_is_heard(client, world):
+async def test_silent_robot_raises_one_alarm_that_clears_when_it_is_heard(
+    client, world, monkeypatch
+):
+    monkeypatch.setattr(watch, "_LOST", timedelta(0))
     heard_at = datetime.now(UTC)
     world.tell(LinkReport(MINI, "xbee", LinkState.STALE, heard_at, None, 3, 0))
 
