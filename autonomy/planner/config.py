@@ -134,7 +134,7 @@ class SearchConfig(Configuration):
     near_max: int = quantity(20, title="Most near surfacings", ge=1, le=30, advanced=True)
     """At most this many surfacings within the near radius, drawn at random, are joined to a new
     one; the graph would otherwise grow deep before it grows wide."""
-    edges_per_call: int = quantity(3, title="Edges per pair", ge=1, le=30, advanced=True)
+    edges_per_call: int = quantity(3, title="Edges per pair", ge=1, le=10, advanced=True)
     """Trajectories tried each time two surfacings are joined."""
     min_budget_fraction: float = quantity(
         0.9, title="Least budget spent", ge=0.0, lt=1.0, advanced=True
@@ -156,9 +156,15 @@ class SearchConfig(Configuration):
     this many remain, while trajectories are compared; offered ones are scored with all of them."""
     past_samples_max: int = quantity(256, title="Past samples", ge=1, advanced=True)
     """Runs of successive past samples are averaged until no more than this many remain, while
-    trajectories are compared; offered trajectories are scored with all of them."""
+    trajectories are compared; offered ones are scored with up to 1,500."""
     runners_up: int = quantity(3, title="Alternatives", ge=0, le=10, advanced=True)
     """Distinct trajectories shown beside the best one."""
+
+    @model_validator(mode="after")
+    def _near_is_within_a_step(self) -> Self:
+        if self.near_radius_m > self.step_m:
+            raise ValueError("near_radius_m must not exceed step_m")
+        return self
 
 
 class PlannerConfig(Configuration):

@@ -29,8 +29,7 @@ BINS = 20
 """Slices of the budget; each node keeps its best paths of every slice."""
 SHORT = 1e9
 """Subtracted from the worth of a trajectory that spends too little to be compared."""
-STAGED_MAX = 96
-"""Most edges staged at once."""
+_STAGED_MIN = 64
 _ELITES_MIN = 4
 _NODES_MAX = 4096
 
@@ -57,7 +56,7 @@ class Graph(NamedTuple):
     edge_leg_count: Int32Array
     edge_energy: FloatArray
     edge_shape: FloatArray
-    """What each edge was made from (``edge.random_shape``)."""
+    """What each edge was made from (``edge.random_shape``); one row more than there are edges."""
     edge_worth: FloatArray
     """Worth of the edge alone."""
     staged_points: FloatArray
@@ -91,7 +90,8 @@ def graph_of(
     """
     search = config.search
     elites = max(_ELITES_MIN, search.runners_up + 1)
-    all_edges = edges + (elites + 1) * DEPTH_MAX + STAGED_MAX
+    staged = max(_STAGED_MIN, (search.near_max + 1) * search.edges_per_call)
+    all_edges = edges + (elites + 1) * DEPTH_MAX + staged
     slots = max(1, -(-search.paths_per_node // BINS)) * BINS
     graph = Graph(
         limits=limits_of(config, budget),
@@ -109,12 +109,12 @@ def graph_of(
         edge_legs=np.empty((all_edges, legs_max(config), LEG_COLUMNS)),
         edge_leg_count=np.empty(all_edges, dtype=np.int32),
         edge_energy=np.empty(all_edges),
-        edge_shape=np.empty((all_edges, shape_size(config))),
+        edge_shape=np.empty((all_edges + 1, shape_size(config))),
         edge_worth=np.empty(all_edges),
-        staged_points=np.empty((STAGED_MAX, points_max(config), 5)),
-        staged_point_count=np.empty(STAGED_MAX, dtype=np.int32),
-        staged_source=np.empty(STAGED_MAX, dtype=np.int32),
-        proposal=np.empty(STAGED_MAX + 1, dtype=np.int32),
+        staged_points=np.empty((staged, points_max(config), 5)),
+        staged_point_count=np.empty(staged, dtype=np.int32),
+        staged_source=np.empty(staged, dtype=np.int32),
+        proposal=np.empty(staged + 1, dtype=np.int32),
         path_parent=np.empty(paths, dtype=np.int32),
         path_edge=np.empty(paths, dtype=np.int32),
         path_energy=np.empty(paths),

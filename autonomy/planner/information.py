@@ -14,7 +14,7 @@ from autonomy.arrays import FloatArray, IntArray
 from autonomy.planner.belief import FieldBelief, averaged_samples
 from autonomy.planner.cholesky import inverse_factor
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.graph import DEPTH_MAX, STAGED_MAX, Graph, Int32Array
+from autonomy.planner.graph import DEPTH_MAX, Graph, Int32Array
 from autonomy.planner.objective import known_covariance
 
 Float32Array = npt.NDArray[np.float32]
@@ -97,7 +97,7 @@ def information_of(
     scale = math.sqrt(3.0) / np.asarray(belief.length_scales_m)
     edges, k = len(graph.edge_energy), config.search.points_per_edge_max
     padded = -(-size // 4) * 4
-    tiles = -(-STAGED_MAX * k // TILE)
+    tiles = -(-len(graph.staged_point_count) * k // TILE)
     return Information(
         signal_variance=belief.signal_variance,
         threshold=np.array(thresholds, dtype=np.float64),

@@ -8,7 +8,7 @@ from scipy.special import rel_entr
 
 from autonomy.arrays import FloatArray
 from autonomy.field.kernel import matern32
-from autonomy.planner.belief import FieldBelief
+from autonomy.planner.belief import FieldBelief, averaged_samples
 from autonomy.planner.config import ErgodicConfig, PlannerConfig
 
 Objective = Callable[[FloatArray], float]
@@ -18,6 +18,8 @@ TINY_PROBABILITY = 1e-12
 """Keeps the logarithm of the ergodic measure finite where no sample reaches."""
 TINY_DENSITY = 1e-30
 """Least sum of densities over the test points, for a trajectory that reaches none of them."""
+PAST_SAMPLES_MAX = 1500
+"""Past samples that an offered trajectory's gain is computed with; beyond, runs are averaged."""
 RELATIVE_JITTER = 1e-9
 """Part of the signal variance added to the test points' prior variance, for their determinant."""
 
@@ -88,14 +90,27 @@ class MutualInformation:
     points, D the past samples and f* the field at the test points.
     """
 
-    def __init__(self, belief: FieldBelief, thresholds_m: tuple[float, ...] = ()) -> None:
-        """Condition on the past samples; thresholds are those of ``FieldBelief.noise``."""
+    def __init__(
+        self,
+        belief: FieldBelief,
+        thresholds_m: tuple[float, ...] = (),
+        past_samples_max: int = PAST_SAMPLES_MAX,
+    ) -> None:
+        """Condition on the past samples, averaged until no more than some number remain.
+
+        Args:
+            belief: The field map so far.
+            thresholds_m: Boundaries of the fidelity levels (``FieldBelief.noise``).
+            past_samples_max: Time grows with the cube of this, memory with its square.
+        """
         self._belief = belief
         self._thresholds = thresholds_m
-        self._past = len(belief.sample_points)
-        self._known = np.concatenate([belief.sample_points, belief.test_points])  # (n + q, 3)
-        noise = belief.sample_noise(thresholds_m)
-        self._factor = np.linalg.cholesky(known_covariance(belief, belief.sample_points, noise))
+        samples, noise = averaged_samples(
+            belief.sample_points, belief.sample_noise(thresholds_m), past_samples_max
+        )
+        self._past = len(samples)
+        self._known = np.concatenate([samples, belief.test_points])  # (n + q, 3)
+        self._factor = np.linalg.cholesky(known_covariance(belief, samples, noise))
 
     def __call__(self, points: FloatArray) -> float:
         """Return the gain of planned points ``(m, 5)``."""

@@ -21,10 +21,15 @@ from autonomy.planner.graph import (
 )
 
 _PROPOSALS = 20
+"""Attempts at filling one gap."""
 _GAP_MAX = 3
+"""Most edges taken out at once."""
 _OTHER_ELITE = 0.5
+"""Probability that a random elite trajectory is refined, not the best one."""
 _NUDGE = 0.5
+"""Greatest spread by which a number of a shape, or a surfacing in steps, is moved."""
 _FAR_NUDGE = 0.4
+"""Spread, in steps, of new surfacings."""
 
 
 @kernel
@@ -115,10 +120,8 @@ def nudge_shape(graph: Graph, edge: int, rng: np.random.Generator) -> None:
 
 @kernel
 def next_shape(graph: Graph) -> FloatArray:
-    """Return the shape of the next staged edge, to be written; the last room is for none."""
-    return graph.edge_shape[
-        min(first_staged(graph) + graph.tally[STAGED], len(graph.edge_energy) - 1)
-    ]
+    """Return the shape of the next staged edge, to be written."""
+    return graph.edge_shape[first_staged(graph) + graph.tally[STAGED]]
 
 
 @kernel

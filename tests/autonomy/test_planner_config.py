@@ -107,6 +107,7 @@ def test_an_operator_meets_few_fields_first():
         ({"fidelity_thresholds_m": (0.2, 0.1)}, "ascend strictly"),
         ({"fidelity_thresholds_m": (0.0, 0.1)}, "must be positive"),
         ({"domain": Box(depth_max_m=0.05)}, "depth_change_min_m"),
+        ({"search": {"near_radius_m": 2.0}}, "near_radius_m must not exceed step_m"),
         ({"primitives": {"swim_length_min_m": 2.0}}, "swim_length_max_m must not be less"),
     ],
 )

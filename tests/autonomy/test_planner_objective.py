@@ -96,6 +96,13 @@ def test_averaging_keeps_the_weight_of_all_samples():
     np.testing.assert_allclose(weighted, (points / noise[:, None]).sum(axis=0))
 
 
+def test_averaged_past_samples_leave_almost_the_same_information():
+    belief = belief_over(THESIS_TANK.domain, past=200)
+    points = some_points()
+    every, half = (MutualInformation(belief, (), limit)(points) for limit in (200, 100))
+    assert half == pytest.approx(every, rel=0.02)
+
+
 def test_few_samples_are_not_averaged():
     points, noise = np.ones((5, 3)), np.ones(5)
     kept, variance = averaged_samples(points, noise, 5)

@@ -1,5 +1,10 @@
+import json
 import math
+import os
+import subprocess
+import sys
 from itertools import pairwise
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -234,3 +239,33 @@ def test_full_tables_end_growth_but_not_the_search():
 def test_a_map_without_samples_can_be_planned_for():
     belief = belief_over(QUICK.domain, past=0)
     assert run(search.plan, QUICK, belief).best.objective > 0.0
+
+
+def few_iterations(name):
+    """What a short search finds, as numbers; also run by the interpreter alone."""
+    config = with_search(for_objective(THESIS_TANK, name), iterations_max=12)
+    result = run(search.plan, config, belief_over(config.domain, past=5), seed=1)
+    ends = [leg.end_ned for leg in result.best.legs]
+    return [result.candidates, result.best.objective, ends]
+
+
+@pytest.mark.parametrize("name", OBJECTIVES)
+def test_compiled_code_does_what_the_plain_source_says(name):
+    code = (
+        "import json; from tests.autonomy.test_planner_search import few_iterations;"
+        f"print(json.dumps(few_iterations({name!r})))"
+    )
+    plain = subprocess.run(
+        [sys.executable, "-c", code],
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+        capture_output=True,
+        text=True,
+        timeout=100,
+        cwd=Path(__file__).parents[2],
+        check=True,
+    )
+    candidates, value, ends = json.loads(plain.stdout)
+    compiled = few_iterations(name)
+    assert compiled[0] == candidates
+    assert compiled[1] == pytest.approx(value, rel=1e-9)
+    np.testing.assert_allclose(compiled[2], ends, atol=1e-9)
