@@ -24,7 +24,7 @@ def demo(tmp_path_factory):
 
 def test_two_robots_report_within_seconds(demo):
     def both_live():
-        robots = demo.get("/api/robots")["robots"]
+        robots = demo.get("/api/robots")
         live = {robot["id"] for robot in robots if robot["link"]["state"] == "live"}
         return live == {"mini-1", "grace-1"}
 
@@ -36,7 +36,7 @@ def test_two_robots_report_within_seconds(demo):
 
 def test_everything_is_marked_as_simulation(demo):
     assert demo.get("/api/health")["simulation"] is True
-    assert all(robot["simulated"] for robot in demo.get("/api/robots")["robots"])
+    assert all(robot["simulated"] for robot in demo.get("/api/robots"))
 
 
 def test_the_openapi_pages_are_there(demo):
