@@ -47,6 +47,9 @@ class Stage(Enum):
     """Coming up for good."""
 
 
+_BEFORE_A_DIVE = (Stage.APPROACH, Stage.TURN, Stage.SURFACED)
+
+
 class Executive:
     """Decides what the robot does, one maneuver at a time.
 
@@ -197,6 +200,8 @@ class Executive:
 
     def _proceed(self, estimate: Estimate, samples_waiting: bool) -> None:
         """Go on to the next stage if this one is over."""
+        if self._hold and self._stage in _BEFORE_A_DIVE:
+            self._enter(Stage.HELD, Float(self._flight, RobotMode.HOLDING))
         match self._stage:
             case Stage.IDLE:
                 pass

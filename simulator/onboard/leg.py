@@ -36,7 +36,8 @@ def begin_leg(flight: Flight, legs: tuple[Leg, ...], estimate: Estimate) -> Mane
         return Dive(flight, depth, end[:2], course)
     polar = GlidePolar(flight.vehicle, rate_m_s)
     depth = DepthChange(flight, legs, polar.rate_m_s, estimate)
-    aim = PitchAim(flight, polar, depth, estimate)
+    stops = any(after.kind is PrimitiveKind.DIVE for after in legs[1:2])
+    aim = PitchAim(flight, polar, depth, estimate, stops=stops)
     if leg.kind is PrimitiveKind.GLIDE:
         return Glide(flight, depth, aim, end[:2], bearing(estimate, end[:2]))
     return Spiral(flight, depth, aim, leg)

@@ -139,7 +139,7 @@ class Float:
     def step(self, estimate: Estimate, dt_s: float) -> SetPoints:
         """Stay where it is."""
         domain = self._flight.site.domain
-        slack_m = 3.0 * self._flight.profile.arrival_m
+        slack_m = self._flight.profile.arrival_m
         north, east, _ = estimate.position_ned
         if self._return is None and not domain.contains(north, east, 0.0, slack_m):
             self._return = Swim(self._flight, nearest_inside(domain, north, east), estimate)

@@ -28,8 +28,8 @@ _SPIRAL_RUDDER_MAX_RAD = 1.7
 _FLAP_AT_RAD = math.radians(25.0)
 _GLIDE_AT_RAD = math.radians(8.0)
 """A gliding robot turns slowly by its rudder: it flaps until the heading error is small again."""
-_BRAKING_GAIN_S_M = 15.0
-_BRAKING_PITCH_MAX_RAD = math.radians(25.0)
+_BRAKING_GAIN_S_M = 25.0
+_BRAKING_PITCH_MAX_RAD = math.radians(35.0)
 """Pitch of a flat dive by the horizontal speed that it should not have."""
 _AHEAD_M = 0.1
 """Distance of the tracked point ahead of the robot; it only sets the direction to go."""

@@ -17,6 +17,8 @@ _SLOWER = 0.95
 _AIM_INTERVAL_S = 1.0
 _LEAST_SETTLED_SHARE = 0.2
 _BUOYANCY_RESERVE = 1.2
+_RUN_OUT_SHARE = 0.4
+"""Time constant of slowing down in a flat dive, which brakes, relative to that of a glide."""
 _SHORT_ON, _SHORT_OFF = 1.4, 1.15
 """Ratio of the speed that is needed to the fastest glide, at which the leg begins and ceases to
 count as falling short."""
@@ -66,10 +68,17 @@ class PitchAim:
         polar: Its steady glides at the leg's rate of depth.
         depth: The vertical part of the leg.
         estimate: Where it begins.
+        stops: Whether the next leg has to shed the speed of this one: its run-out is allowed for.
     """
 
     def __init__(
-        self, flight: Flight, polar: GlidePolar, depth: DepthChange, estimate: Estimate
+        self,
+        flight: Flight,
+        polar: GlidePolar,
+        depth: DepthChange,
+        estimate: Estimate,
+        *,
+        stops: bool,
     ) -> None:
         self._polar = polar
         self._depth = depth
@@ -82,6 +91,7 @@ class PitchAim:
         drag_kg_m = p.water_density_kg_m3 * p.area_m2 * p.drag_0
         gliding_m_s = math.sqrt(2.0) * abs(polar.rate_m_s)
         self._speeding_up_s = p.mass_1_kg / (drag_kg_m * gliding_m_s)
+        self._run_out_s = _RUN_OUT_SHARE * self._speeding_up_s if stops else 0.0
         self.falls_short = False
         """Whether even the flattest glide ends well before the target."""
 
@@ -97,6 +107,7 @@ class PitchAim:
 
     def _aim(self, estimate: Estimate, left_m: float) -> None:
         left_s = max(self._depth.time_left_s(estimate), _AIM_INTERVAL_S)
+        left_m -= self._run_out_s * max(forward_speed(estimate), 0.0)
         # speed nears that of the steady glide exponentially
         coasting_s = self._speeding_up_s * -math.expm1(-left_s / self._speeding_up_s)
         carried_m = max(forward_speed(estimate), 0.0) * coasting_s

@@ -213,6 +213,17 @@ def test_hold_suspends_at_the_next_surfacing_and_resume_continues():
     assert life.live_until(lambda: life.executive.plan_state is OnboardPlanState.DONE, 300.0)
 
 
+def test_hold_before_a_dive_keeps_the_robot_up():
+    life = Life()
+    life.start(mission(*vee(heading_rad=2.0)))
+    life.live(1.0)
+    assert life.executive.mode is RobotMode.TURNING
+    life.robot.program.obey(CommandKind.HOLD, "")
+    life.live(60.0)
+    assert life.executive.mode is RobotMode.HOLDING
+    assert life.track[:, 7].max() < 0.05
+
+
 def test_hold_and_resume_mean_nothing_without_a_mission():
     life = Life()
     assert life.robot.program.obey(CommandKind.HOLD, "") is CommandOutcome.NOT_NOW
