@@ -186,7 +186,12 @@ class Station:
 
     def _event_happened(self, event: EventRecord) -> None:
         """Follow changes that others made: of settings, or of the fleet by the command line."""
-        if event.kind in {"deployment.imported", "robot.added", "robot.changed"}:
+        if event.kind in {
+            "deployment.imported",
+            "deployment.mapped",
+            "robot.added",
+            "robot.changed",
+        }:
             robots = [event.robot] if event.robot is not None else []
         elif event.kind == "config.changed" and event.data.get("kind") in {"planner", "field"}:
             everyone = [picture.record.id for picture in self.fleet.pictures]

@@ -29,9 +29,13 @@ def test_two_robots_report_within_seconds(demo):
         return live == {"mini-1", "grace-1"}
 
     demo.wait("both robots being heard", both_live, 20.0)
-    state = demo.get("/api/robots/mini-1/state")
-    assert state["channels"]["depth_m"]["age_s"] < 20 * 5
-    assert state["position"]["std_m"] > 0.0
+
+    def state():
+        return demo.get("/api/robots/mini-1/state")
+
+    demo.wait("a first report", lambda: state()["channels"], 10.0)
+    assert state()["channels"]["depth_m"]["age_s"] < 20 * 5
+    assert state()["position"]["std_m"] > 0.0
 
 
 def test_everything_is_marked_as_simulation(demo):
