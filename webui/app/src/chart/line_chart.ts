@@ -1,5 +1,6 @@
 import type uPlot from 'uplot';
 import { clockDate, clockTime } from '../text/time';
+import { plainNumber } from '../text/unit';
 
 /** One line of a chart. */
 export interface Line {
@@ -82,6 +83,8 @@ export function chartOptions(
         ...axis,
         size: 52,
         space: 28,
+        values: (_chart, values) =>
+          values.map((value) => plainNumber(value).replace('-', '\u2212')),
         label: unit,
         labelSize: 16,
         labelFont: axis.font,

@@ -25,7 +25,7 @@ export interface Slice {
   values: Float64Array;
 }
 
-/** A sample or the robot, in a slice's own axes. */
+/** A point of the track, or the robot, in a slice's own axes. */
 export interface Spot {
   across: number;
   down: number;

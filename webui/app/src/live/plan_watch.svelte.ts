@@ -2,11 +2,14 @@ import { untrack } from 'svelte';
 import type { Mission, ObjectivePoint, Plan } from '../api/types';
 import type { Station } from './station.svelte';
 
+const AGAIN_MS = 1000;
+
 /** One plan, fetched whole whenever its state changes and kept current in between. */
 export class PlanWatch {
   #id = $state.raw<string | null>(null);
   #whole = $state.raw<Plan | null>(null);
   #curve = $state.raw<readonly ObjectivePoint[]>([]);
+  #again: ReturnType<typeof setTimeout> | undefined;
   readonly #station: Station;
 
   constructor(station: Station) {
@@ -53,13 +56,18 @@ export class PlanWatch {
     this.#curve = [...curve, { elapsed_s, objective, candidates }];
   }
 
+  /** Fetch the plan; once more when the station was silent or its answer is older than its news. */
   async #fetch(id: string): Promise<void> {
     try {
       const plan = await this.#station.api.plan(id);
-      if (untrack(() => this.#id) === id) this.#whole = plan;
+      if (untrack(() => this.#id) !== id) return;
+      this.#whole = plan;
+      if (plan.state === (untrack(() => this.#news)?.state ?? plan.state)) return;
     } catch {
-      // The header tells that the station is silent; the next change asks again.
+      if (untrack(() => this.#id) !== id) return;
     }
+    clearTimeout(this.#again);
+    this.#again = setTimeout(() => void this.#fetch(id), AGAIN_MS);
   }
 }
 
@@ -86,7 +94,7 @@ export class MissionWatch {
   /** Follow a mission; to be called inside an effect. */
   follow(id: string | null): void {
     const news = this.#news;
-    const stamp = [id, news?.state, news?.plan_id, news?.budget?.spent].join(' ');
+    const stamp = [id, news?.state, news?.plan_id, news?.budget?.spent, news?.message].join(' ');
     if (untrack(() => this.#id) !== id) {
       this.#id = id;
       this.#whole = null;

@@ -21,6 +21,7 @@ export class Preference {
     if (THEMES.some(({ key }) => key === kept.theme)) this.theme = kept.theme as Theme;
     if (kept.position === 'minutes' || kept.position === 'seconds') this.position = kept.position;
     if (typeof kept.robot === 'string') this.robot = kept.robot;
+    document.documentElement.dataset.theme = this.theme;
   }
 
   /** To be called inside an effect: keeps every change, and shows the theme. */
