@@ -6,6 +6,7 @@ absent is kept, with ``met`` null and the reason in its unit.
 
 import importlib
 import json
+import os
 import sys
 from pathlib import Path
 
@@ -21,6 +22,7 @@ def main(areas: list[str]) -> int:
     if unknown:
         print(f"unknown area {', '.join(unknown)}; there are {', '.join(AREAS)}")
         return 2
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as the product and, here, its peers run
     rows: list[dict] = []
     for area in areas or AREAS:
         print(f"measuring {area}", flush=True)

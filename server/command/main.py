@@ -1,6 +1,7 @@
 """The command ``grace``: one verb, one module."""
 
 import importlib
+import os
 import sys
 from argparse import ArgumentParser
 from collections.abc import Mapping, Sequence
@@ -30,6 +31,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     A verb's module is imported only when it is asked for: it has ``add_arguments(parser)`` and
     ``run(arguments) -> int``.
     """
+    _keep_algebra_on_one_core()
     words = list(sys.argv[1:] if arguments is None else arguments)
     parser = ArgumentParser(
         prog="grace",
@@ -55,3 +57,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return error.status
     except KeyboardInterrupt:
         return 130
+
+
+def _keep_algebra_on_one_core() -> None:
+    """Set what numpy reads when it is first imported, here and in every process started from here.
+
+    Matrices of a few hundred rows gain nothing from threads, and threads that wait for a busy core
+    stall a factorization for tenths of a second.
+    """
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

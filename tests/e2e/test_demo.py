@@ -97,7 +97,7 @@ def test_a_survey_by_rest_survives_the_death_of_the_station(demo):
 
 
 def samples(demo):
-    history = demo.get("/api/robots/mini-1/samples", channel="blue_light", max_points=100000)
+    history = demo.get("/api/robots/mini-1/samples", channel="blue_light", max_points=20000)
     return len(history["value"])
 
 
