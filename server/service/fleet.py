@@ -1,10 +1,12 @@
 """The fleet as it is now: what robots said last, and how old that is."""
 
+import math
 from collections.abc import Callable, Iterable
 from datetime import datetime
 
 from autonomy.field.variable import VARIABLES
 from autonomy.frames import wgs84_from_ned
+from autonomy.planner.plan import PositionNed
 from autonomy.vehicle.config import VEHICLES
 from db.query.robots import RobotRecord
 from robot_link.clock import Clock
@@ -25,6 +27,7 @@ from server.service.view.robot import (
 )
 from server.service.words import activity, clock_time, onboard_plan_state, surface_forecast
 
+_SAME_PLACE_M = 0.02
 _TRACK_STEPS = 500
 """Track points are at least the site's longest side divided by this apart."""
 
@@ -57,6 +60,7 @@ class Fleet:
             self._pictures[record.id] = picture
         else:
             picture.record = record
+            picture.geodetic = None
             picture.track.set_thresholds(thresholds_m)
         self.touch(record.id)
         return picture
@@ -261,22 +265,35 @@ class Fleet:
         )
 
     def _position(self, picture: Picture) -> PositionView | None:
-        state, site = picture.state, picture.record.site
+        state = picture.state
         if state is None:
             return None
-        latitude_deg, longitude_deg = wgs84_from_ned(
-            state.position_ned[:2], site.origin_latitude_deg, site.origin_longitude_deg
-        )
+        latitude_deg, longitude_deg = self._geodetic(picture, state.position_ned)
         return PositionView(
             ned_m=state.position_ned,
             std_m=state.position_std_m,
-            latitude_deg=float(latitude_deg),
-            longitude_deg=float(longitude_deg),
+            latitude_deg=latitude_deg,
+            longitude_deg=longitude_deg,
             has_fix=state.has_fix,
             measured_at=state.measured_at,
             received_at=state.received_at,
             age_s=self._age_s(state.measured_at),
         )
+
+    def _geodetic(self, picture: Picture, position_ned: PositionNed) -> tuple[float, float]:
+        """Return latitude and longitude, converted anew after ``_SAME_PLACE_M`` of way.
+
+        The conversion costs more than all the rest of a view that is made ten times a second.
+        """
+        known = picture.geodetic
+        if known is None or math.dist(known[0][:2], position_ned[:2]) > _SAME_PLACE_M:
+            site = picture.record.site
+            latitude_deg, longitude_deg = wgs84_from_ned(
+                position_ned[:2], site.origin_latitude_deg, site.origin_longitude_deg
+            )
+            known = (position_ned, (float(latitude_deg), float(longitude_deg)))
+            picture.geodetic = known
+        return known[1]
 
     def _onboard_plan(self, picture: Picture) -> OnboardPlanView | None:
         report = picture.plan_report

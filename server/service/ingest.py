@@ -33,7 +33,7 @@ from server.service.fleet import Fleet
 
 log = logging.getLogger(__name__)
 
-GATHER_S = 0.02
+GATHER_S = 0.05
 """Telemetry is handed to the database in pieces of this length."""
 
 

@@ -25,8 +25,10 @@ QUIET_S = 1.0
 EVENTS_IN_MEMORY = 1000
 EVENTS_PER_BATCH = 500
 PARTS_PER_SECTION = 100
-_TICKS_TO_LOOK = 10
-"""The log is read this often although nothing was committed here: the command line writes too."""
+_LOOK_TICKS = 2
+"""Ticks between two looks into the log where something was committed,"""
+_LOOK_ANYWAY_TICKS = 10
+"""and where nothing was: the command line writes too."""
 SECTIONS = ("robots", "plans", "missions", "jobs")
 
 Value = Callable[[], object]
@@ -137,7 +139,8 @@ class LiveFeed:
 
     async def _advance(self) -> None:
         events: list[EventRecord] = []
-        if self._store.commits != self._commits or self._ticks % _TICKS_TO_LOOK == 0:
+        period = _LOOK_TICKS if self._store.commits != self._commits else _LOOK_ANYWAY_TICKS
+        if self._ticks % period == 0:
             self._commits = self._store.commits
             events = await self._new_events()
         self._ticks += 1

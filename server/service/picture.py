@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
 from autonomy.arrays import FloatArray
-from autonomy.planner.plan import Leg
+from autonomy.planner.plan import Leg, PositionNed
 from db.query.plans import PlanRecord
 from db.query.robots import RobotRecord
 from robot_link.messages import (
@@ -68,6 +68,8 @@ class Picture:
     """Newest sample by variable."""
     plan: PlanInHand | None = None
     mission_id: str | None = None
+    geodetic: tuple[PositionNed, tuple[float, float]] | None = None
+    """A position of late with its latitude and longitude."""
     refused: int = 0
     """Values that were not believed since the station started."""
 
