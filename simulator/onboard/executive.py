@@ -241,10 +241,10 @@ class Executive:
                 self._turn(estimate)
 
     def _turn(self, estimate: Estimate) -> None:
-        """Turn towards the next leg if it needs a heading at its beginning."""
+        """Turn towards the next leg that has a heading, if the dive does not begin by swimming."""
         legs = self._dive()
         flight = self._flight
-        if legs[0].kind in (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL):
+        if legs[0].kind is not PrimitiveKind.SWIM and _heading_leg(legs) is not None:
             self._enter(Stage.TURN, Turn(flight, lambda now: _course(flight, legs, now)))
         else:
             self._enter(Stage.SURFACED, Float(flight, RobotMode.SURFACED))
@@ -290,9 +290,18 @@ class Executive:
         return self._legs[self.leg : self._ends[self.leg] + 1]
 
 
+def _heading_leg(legs: tuple[Leg, ...]) -> Leg | None:
+    """Return the first leg that has a heading: a flat dive sinks with any, and keeps it."""
+    return next((leg for leg in legs if leg.kind is not PrimitiveKind.DIVE), None)
+
+
 def _course(flight: Flight, legs: tuple[Leg, ...], estimate: Estimate) -> float:
-    """Return the course of a first leg from where the robot is now; the planned one if too near."""
+    """Return the course of the first leg that has one, from where the robot is now."""
+    leg = _heading_leg(legs)
+    if leg is None:
+        return estimate.heading_rad
     end = anchored_end(legs, *estimate.position_ned[:2])[:2]
-    if legs[0].kind is PrimitiveKind.SPIRAL or distance(estimate, end) < flight.profile.aim_m:
-        return legs[0].heading_rad
-    return bearing(estimate, end)
+    is_aimed = leg is legs[0] and leg.kind is PrimitiveKind.GLIDE
+    if is_aimed and distance(estimate, end) > flight.profile.aim_m:
+        return bearing(estimate, end)
+    return leg.heading_rad

@@ -30,10 +30,7 @@ def begin_leg(flight: Flight, legs: tuple[Leg, ...], estimate: Estimate) -> Mane
         return Swim(flight, end[:2], estimate, depth_m)
     rate_m_s = math.copysign(leg.speed_m_s, end[2] - estimate.depth_m)
     if leg.kind is PrimitiveKind.DIVE:
-        depth = DepthChange(flight, legs, rate_m_s, estimate)
-        steered = [after for after in legs[1:2] if after.kind is not PrimitiveKind.DIVE]
-        course = steered[0].heading_rad if steered else estimate.heading_rad
-        return Dive(flight, depth, end[:2], course)
+        return Dive(flight, DepthChange(flight, legs, rate_m_s, estimate), end[:2])
     polar = GlidePolar(flight.vehicle, rate_m_s)
     depth = DepthChange(flight, legs, polar.rate_m_s, estimate)
     stops = any(after.kind is PrimitiveKind.DIVE for after in legs[1:2])
@@ -124,10 +121,7 @@ class Spiral:
 
 
 class Dive:
-    """Sinks or rises with nearly level hull, as straight as its speed at the beginning allows.
-
-    On the way it turns to the course on which the next leg begins.
-    """
+    """Sinks or rises with nearly level hull, as straight as its speed at the beginning allows."""
 
     mode = RobotMode.DIVING
 
@@ -136,12 +130,10 @@ class Dive:
         flight: Flight,
         depth: DepthChange,
         target_ne_m: tuple[float, float],
-        course_rad: float,
     ) -> None:
         self._flight = flight
         self._depth = depth
         self._target = target_ne_m
-        self._course = course_rad
 
     def step(self, estimate: Estimate, dt_s: float) -> SetPoints:
         """Sink or rise on."""
@@ -149,7 +141,7 @@ class Dive:
         along_m = distance(estimate, self._target) * math.cos(off)
         left_s = self._depth.time_left_s(estimate) + _SETTLING_S
         depth = self._depth.step(estimate, dt_s)
-        return self._flight.pilot.sink(estimate, self._course, depth, along_m / left_s)
+        return self._flight.pilot.sink(estimate, depth, along_m / left_s)
 
     def is_done(self, estimate: Estimate) -> bool:
         """Tell whether the depth is reached."""

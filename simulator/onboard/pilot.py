@@ -92,30 +92,22 @@ class Pilot:
         return self._flapping(estimate, course_rad, level)
 
     def sink(
-        self,
-        estimate: Estimate,
-        course_rad: float,
-        depth: DepthReference,
-        forward_speed_m_s: float,
+        self, estimate: Estimate, depth: DepthReference, forward_speed_m_s: float
     ) -> SetPoints:
-        """Change depth with nearly level hull, and turn towards a course on the way.
+        """Change depth with nearly level hull and straight tail.
 
         A hull that sinks or rises nose up or nose down slides sideways through the water; that is
         the brake against the speed that the robot brought along.
 
         Args:
             estimate: Where the robot believes to be.
-            course_rad: Wanted heading.
             depth: Depth to be at.
             forward_speed_m_s: Wanted horizontal speed along the heading.
         """
         excess = forward_speed(estimate) - forward_speed_m_s
         down = math.copysign(1.0, depth.rate_m_s)
         pitch = down * _clip(_BRAKING_GAIN_S_M * excess, _BRAKING_PITCH_MAX_RAD)
-        tracked = self._track(estimate, depth, pitch)
-        if self._needs_flap(estimate, course_rad):
-            return self._flapping(estimate, course_rad, tracked)
-        return tracked
+        return self._track(estimate, depth, pitch)
 
     def glide(
         self,
