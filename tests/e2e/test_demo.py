@@ -119,13 +119,9 @@ def test_the_example_script_plans_and_sends_nothing_by_default(demo):
 @pytest.mark.timeout(120)
 def test_surface_now_brings_a_diving_robot_up(demo):
     """Each level is shown in its turn, and the robot really comes up."""
-    depth_m = 0.3
-    legs = [
-        {"kind": "dive", "start_ned": [0.7, 0.7, 0.0], "end_ned": [0.7, 0.7, depth_m],
-         "speed_m_s": 0.015, "duration_s": 20.0, "energy": 1.0},
-        {"kind": "dive", "start_ned": [0.7, 0.7, depth_m], "end_ned": [0.7, 0.7, 0.0],
-         "speed_m_s": 0.015, "duration_s": 20.0, "energy": 1.0},
-    ] * 3  # fmt: skip
+    down = {"kind": "dive", "end_ned": [1.3, 0.7, 0.3]}
+    up = {"kind": "dive", "end_ned": [1.3, 0.7, 0.0]}
+    legs = [{"kind": "swim", "end_ned": [1.3, 0.7, 0.0]}, *[down, up] * 3]
     plan = demo.post("/api/robots/mini-1/plans", {"kind": "primitives", "legs": legs})["id"]
     demo.wait("draft", lambda: demo.get(f"/api/plans/{plan}")["state"] == "draft", 20.0)
     demo.post(f"/api/plans/{plan}/upload", {"start": True})
