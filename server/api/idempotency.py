@@ -9,7 +9,7 @@ from typing import Any, Final
 from fastapi import Request, Response
 from fastapi.routing import APIRoute
 
-from db.fault import StoreError
+from db.fault import StoreError, StoreUnavailableError
 from db.query.idempotency import GivenAnswer, claim, forget_before, release, settle
 from server.foundation import Foundation
 from server.problem import Problem, conflict
@@ -50,9 +50,13 @@ async def _once(request: Request, key: str, handler: Handler) -> Response:
     head = f"{request.method} {request.url.path}?{request.url.query}\n".encode()
     fingerprint = hashlib.sha256(head + await request.body()).hexdigest()
     now = datetime.now(UTC)
-    given = await foundation.store.write(
-        lambda session: claim(session, caller, key, fingerprint, now)
-    )
+    try:
+        given = await foundation.store.write(
+            lambda session: claim(session, caller, key, fingerprint, now)
+        )
+    except StoreUnavailableError:
+        # The route decides: a surface order leaves without a disk, all else is refused there.
+        return await handler(request)
     if given is not None:
         return _repeat(given, fingerprint)
     try:
@@ -62,12 +66,13 @@ async def _once(request: Request, key: str, handler: Handler) -> Response:
             await foundation.store.write(lambda session: release(session, caller, key))
         raise
     body = bytes(response.body)
-    await foundation.store.write(
-        lambda session: (
-            settle(session, caller, key, response.status_code, body),
-            forget_before(session, now - KEPT),
+    with contextlib.suppress(StoreError):
+        await foundation.store.write(
+            lambda session: (
+                settle(session, caller, key, response.status_code, body),
+                forget_before(session, now - KEPT),
+            )
         )
-    )
     return response
 
 

@@ -7,6 +7,7 @@ to change is as it was, and the next task starts a new process.
 import asyncio
 import contextlib
 import logging
+import os
 import pickle
 import sys
 from collections.abc import Callable
@@ -18,6 +19,8 @@ log = logging.getLogger(__name__)
 
 CANCEL_GRACE_S = 3.0
 """How long a task may take to notice that it was cancelled before its process is ended."""
+_ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""One thread a process: threads of algebra that wait for each other cost more than they bring."""
 _ENDED = "The working process ended unexpectedly; nothing was changed."
 T = TypeVar("T")
 
@@ -46,6 +49,7 @@ class _Process:
             wire.__name__,
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
+            env={**os.environ, **_ENVIRONMENT},
         )
         worker = cls(process)
         await worker.receive()

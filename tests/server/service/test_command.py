@@ -63,7 +63,11 @@ async def test_same_request_twice_acts_once(client, world):
 async def test_surface_reaches_the_radio_although_the_database_is_locked(client, world, tmp_path):
     other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
-    answer = await client.post("/api/robots/mini-1/commands", json={"kind": "surface"})
+    answer = await client.post(
+        "/api/robots/mini-1/commands",
+        json={"kind": "surface"},
+        headers={"Idempotency-Key": "abort"},
+    )
     other.execute("ROLLBACK")
     other.close()
     assert answer.status_code == 202
@@ -121,7 +125,10 @@ async def test_surface_withdraws_an_upload_and_keeps_the_draft(client, world):
     plan = (
         await client.post(
             "/api/robots/mini-1/plans",
-            json={"kind": "primitives", "legs": [{"kind": "dive", "end_ned": [0, 0, 0.5]}]},
+            json={
+                "kind": "primitives",
+                "legs": [{"kind": "dive", "end_ned": [0, 0, depth]} for depth in (0.5, 0.0)],
+            },
         )
     ).json()["id"]
     transfer = (await client.post(f"/api/plans/{plan}/upload", json={"start": True})).json()

@@ -8,6 +8,8 @@ import pytest_asyncio
 from db.query.events import add_event
 from db.store import Store
 from robot_link.clock import SystemClock
+from server.job import JobBoard
+from server.service.job_watch import watch_jobs
 from server.service.live_feed import EVENTS_IN_MEMORY, LiveFeed
 from tests.server.service.conftest import until
 
@@ -45,6 +47,10 @@ class Client:
     @property
     def events(self):
         return [event["text"] for batch in self.batches for event in batch["events"]]
+
+    def last(self, job):
+        told = [batch["jobs"][job] for batch in self.batches if job in batch["jobs"]]
+        return told[-1] if told else {}
 
     async def until(self, condition):
         await until(condition, 5)
@@ -145,3 +151,23 @@ async def test_closing_the_feed_lets_every_client_go(feed):
     await client.until(lambda: client.batches)
     feed.close()
     await asyncio.wait_for(client.task, 1)
+
+
+async def test_running_job_is_shown_until_it_ends(feed, store):
+    jobs = JobBoard(store, SystemClock())
+    watch = asyncio.create_task(watch_jobs(jobs, feed))
+    client = Client(feed)
+    may_end = asyncio.Event()
+
+    async def work(progress):
+        progress.report(0.5, "half way")
+        await may_end.wait()
+        return {"rows": 3}
+
+    job = await jobs.start("import", work, by="test")
+    await client.until(lambda: client.last(job.id).get("message") == "half way")
+    may_end.set()
+    await client.until(lambda: client.last(job.id).get("state") == "done")
+    assert client.last(job.id)["result"] == {"rows": 3}
+    watch.cancel()
+    await jobs.stop()
