@@ -1,7 +1,5 @@
 """The robot's true motion; only sensors and the emulated radio look at it."""
 
-import math
-
 import numpy as np
 
 from autonomy.arrays import FloatArray
@@ -83,7 +81,3 @@ class Plant:
         """True position in the site frame, m; depth is never negative."""
         north, east, down = self.state[:3].tolist()
         return north, east, max(down, 0.0)
-
-    def speed_m_s(self) -> float:
-        """Return the true speed through the water."""
-        return math.sqrt(float(self.state[6:9] @ self.state[6:9]))

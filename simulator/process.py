@@ -5,7 +5,6 @@ import logging
 import os
 import random
 import signal
-from collections.abc import Coroutine
 from contextlib import AsyncExitStack, suppress
 
 from robot_link.clock import Clock, monotonic_s
@@ -53,12 +52,15 @@ async def serve(settings: SimulatorSettings, stopped: asyncio.Event) -> None:
         ExceptionGroup: If a robot or a link failed.
     """
     async with AsyncExitStack() as links, asyncio.TaskGroup() as group:
-        activities: dict[str, Coroutine[None, None, None]] = {}
+        tasks: list[asyncio.Task[None]] = []
         if settings.parent_pid is not None:
-            activities["parent watch"] = _watch(settings.parent_pid, stopped)
+            watch = _watch(settings.parent_pid, stopped)
+            tasks.append(group.create_task(watch, name="parent watch"))
         for definition in FLEET.values():
-            activities |= await _bring_up(settings, definition, links)
-        tasks = [group.create_task(work, name=name) for name, work in activities.items()]
+            robot, link = await _build(settings, definition, links)
+            life = _live(robot, link, settings.clock())
+            tasks.append(group.create_task(link.run(), name=f"{definition.robot} link"))
+            tasks.append(group.create_task(life, name=f"{definition.robot} life"))
         _log.info("simulating %s at speed %g", ", ".join(FLEET), settings.speed)
         await stopped.wait()
         for task in tasks:
@@ -66,14 +68,10 @@ async def serve(settings: SimulatorSettings, stopped: asyncio.Event) -> None:
     _log.info("simulation ended")
 
 
-async def _bring_up(
+async def _build(
     settings: SimulatorSettings, definition: RobotDefinition, links: AsyncExitStack
-) -> dict[str, Coroutine[None, None, None]]:
-    """Put a robot into its water and its station radio on a pseudo-terminal.
-
-    Returns:
-        What has to run, by name.
-    """
+) -> tuple[SimulatedRobot, RobotLink]:
+    """Put a robot into its water, and its station's radio on a pseudo-terminal."""
     clock = settings.clock()
     started_at = clock.now()
     robot = SimulatedRobot(definition, settings.seed, started_at)
@@ -93,10 +91,7 @@ async def _bring_up(
         log=MemorySampleLog(LogId(int(started_at.timestamp()))),
         plans=MemoryPlanStore(),
     )
-    return {
-        f"{definition.robot} link": link.run(),
-        f"{definition.robot} life": _live(robot, link, clock),
-    }
+    return robot, link
 
 
 async def _live(robot: SimulatedRobot, link: RobotLink, clock: Clock) -> None:

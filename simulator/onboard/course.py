@@ -12,7 +12,7 @@ def is_surface(depth_m: float) -> bool:
     return depth_m < 1e-3
 
 
-def segment_ends(legs: tuple[Leg, ...]) -> tuple[int, ...]:
+def dive_ends(legs: tuple[Leg, ...]) -> tuple[int, ...]:
     """Return, for each leg, the index of the leg that next ends at the surface (or the last)."""
     ends = [len(legs) - 1] * len(legs)
     for i in range(len(legs) - 1, -1, -1):

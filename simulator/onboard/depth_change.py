@@ -4,7 +4,7 @@ import math
 
 from autonomy.planner.plan import Leg
 from simulator.onboard.course import is_surface
-from simulator.onboard.maneuver import SURFACED_M, Flight
+from simulator.onboard.maneuver import Flight
 from simulator.onboard.navigation import Estimate
 from simulator.onboard.pilot import DepthReference
 
@@ -64,16 +64,15 @@ class DepthChange:
     ) -> None:
         self.rate_m_s = rate_m_s
         """Rate of depth to hold, positive down."""
+        self._flight = flight
         self._start_m = estimate.depth_m
         self._end_m = legs[0].end_ned[2]
-        self._reversal_m_s2 = flight.profile.reversal_m_s2
-        self._pump_kg_s = flight.vehicle.limits.m0_rate_kg_s
         self._goes_on = len(legs) > 1 and (legs[1].end_ned[2] - self._end_m) * rate_m_s > 0.0
         self._reference = DepthProfile(
             self._start_m,
             estimate.velocity_ned[2],
             rate_m_s,
-            self._reversal_m_s2,
+            flight.profile.reversal_m_s2,
             flight.profile.depth_leash_m,
         )
         self._patience_s = _TIMEOUT_FACTOR * self.time_left_s(estimate) + _TIMEOUT_S
@@ -92,7 +91,7 @@ class DepthChange:
         if self._patience_s < 0.0:
             return True
         if is_surface(self._end_m):
-            return estimate.depth_m < SURFACED_M
+            return self._flight.is_surfaced(estimate)
         down = math.copysign(1.0, self.rate_m_s)
         coasting_m = 0.0 if self._goes_on else self._coasting_m(estimate, down)
         return down * (self._end_m - estimate.depth_m) <= coasting_m
@@ -106,5 +105,7 @@ class DepthChange:
     def _coasting_m(self, estimate: Estimate, down: float) -> float:
         """Return how far the robot moves on until pump and mass have turned it round."""
         rate = max(down * estimate.velocity_ned[2], 0.0)
-        pumping_s = max(down * estimate.readings.net_buoyancy_kg, 0.0) / self._pump_kg_s
-        return rate * (0.5 * rate / self._reversal_m_s2 + _PUMPING_SHARE * pumping_s)
+        net_buoyancy = max(down * estimate.readings.net_buoyancy_kg, 0.0)
+        pumping_s = net_buoyancy / self._flight.vehicle.limits.m0_rate_kg_s
+        reversing_s = rate / self._flight.profile.reversal_m_s2
+        return rate * (0.5 * reversing_s + _PUMPING_SHARE * pumping_s)

@@ -8,13 +8,13 @@ from robot_link.messages import CommandKind, OnboardPlanState, RobotMode
 from robot_link.mission import Mission
 from robot_link.onboard import CommandOutcome
 from simulator.onboard.account import EnergyAccount
-from simulator.onboard.course import anchored_end, is_surface, segment_ends
+from simulator.onboard.course import anchored_end, dive_ends, is_surface
 from simulator.onboard.hardware import SetPoints
 from simulator.onboard.leg import begin_leg
 from simulator.onboard.maneuver import (
-    SURFACED_M,
     Flight,
     Float,
+    LegManeuver,
     Maneuver,
     Rise,
     Swim,
@@ -70,6 +70,7 @@ class Executive:
         self._ends: tuple[int, ...] = ()
         self._stage = Stage.IDLE
         self._maneuver: Maneuver = Float(flight, RobotMode.IDLE)
+        self._flown: LegManeuver | None = None
         self._hold = False
         self._abort_reason = ""
         self._mission_s = 0.0
@@ -110,7 +111,7 @@ class Executive:
     def take_plan(self, mission: Mission) -> None:
         """Replace the plan on board; it waits for START."""
         self._mission = mission
-        self._ends = segment_ends(mission.legs)
+        self._ends = dive_ends(mission.legs)
         self.plan_state = OnboardPlanState.ON_BOARD
         self.reason = ""
         self.leg = 0
@@ -140,13 +141,13 @@ class Executive:
             dt_s: Length of the step.
             samples_waiting: Whether some samples are not yet known to be stored ashore.
         """
-        surfaced = estimate.depth_m < SURFACED_M
-        self._surfaced_s = self._surfaced_s + dt_s if surfaced else 0.0
+        is_surfaced = self._flight.is_surfaced(estimate)
+        self._surfaced_s = self._surfaced_s + dt_s if is_surfaced else 0.0
         if self.plan_state is OnboardPlanState.RUNNING:
             self._mission_s += dt_s
             self._account.pass_time(dt_s)
-            if self._stage is Stage.LEG:
-                self._account.fly_leg(self._maneuver.share(estimate))
+            if self._flown is not None:
+                self._account.fly_leg(self._flown.share(estimate))
             self._keep_limits(estimate)
         self._proceed(estimate, samples_waiting)
         return self._maneuver.step(estimate, dt_s)
@@ -206,7 +207,7 @@ class Executive:
             case Stage.IDLE:
                 pass
             case Stage.NEXT:
-                if estimate.depth_m < SURFACED_M:
+                if self._flight.is_surfaced(estimate):
                     self._begin_dive(estimate)
             case Stage.HELD:
                 if not self._hold:
@@ -258,7 +259,9 @@ class Executive:
     def _begin_leg(self, estimate: Estimate) -> None:
         legs = self._dive()
         self._account.begin_leg(legs[0])
-        self._enter(Stage.LEG, begin_leg(self._flight, legs, estimate))
+        flown = begin_leg(self._flight, legs, estimate)
+        self._enter(Stage.LEG, flown)
+        self._flown = flown
 
     def _end_leg(self, estimate: Estimate) -> None:
         self._account.fly_leg(1.0)
@@ -267,7 +270,7 @@ class Executive:
         self.leg += 1
         if not is_last_of_dive:
             self._begin_leg(estimate)
-        elif estimate.depth_m < SURFACED_M:
+        elif self._flight.is_surfaced(estimate):
             self._begin_dive(estimate)
         else:
             self._enter(Stage.NEXT, Rise(self._flight))
@@ -280,6 +283,7 @@ class Executive:
     def _enter(self, stage: Stage, maneuver: Maneuver) -> None:
         self._stage = stage
         self._maneuver = maneuver
+        self._flown = None
 
     @property
     def _legs(self) -> tuple[Leg, ...]:

@@ -13,8 +13,6 @@ from simulator.onboard.navigation import Estimate
 from simulator.onboard.pilot import DepthReference, Pilot, forward_speed, heading_error
 from simulator.onboard.profile import FlightProfile
 
-SURFACED_M = 0.03
-"""At this depth or above the robot lies at the surface."""
 _ALIGNED_RAD = math.radians(15.0)
 _ALIGNED_S = 1.0
 _TURN_TIMEOUT_S = 90.0
@@ -29,6 +27,10 @@ class Flight:
     profile: FlightProfile
     site: Site
     pilot: Pilot
+
+    def is_surfaced(self, estimate: Estimate) -> bool:
+        """Tell whether the robot lies at the surface."""
+        return estimate.depth_m < self.profile.surfaced_m
 
 
 class Maneuver(Protocol):
@@ -47,8 +49,12 @@ class Maneuver(Protocol):
         """Tell whether the aim is reached, or cannot be reached in reasonable time."""
         ...
 
+
+class LegManeuver(Maneuver, Protocol):
+    """A leg of a plan being flown."""
+
     def share(self, estimate: Estimate) -> float:
-        """Return the part (0..1) of the way that is done."""
+        """Return the part (0..1) of the leg that is flown."""
         ...
 
 
@@ -79,10 +85,6 @@ class Turn:
         """Tell whether the robot has swum along the course for a moment."""
         return self._aligned_s >= _ALIGNED_S or self._elapsed_s > _TURN_TIMEOUT_S
 
-    def share(self, estimate: Estimate) -> float:
-        """Return 0 until done: turning has no price."""
-        return 0.0
-
 
 class Swim:
     """Swims straight to a point, at the surface or at a depth."""
@@ -111,7 +113,7 @@ class Swim:
         if distance(estimate, self._target) > self._flight.profile.near_m:
             self._course = bearing(estimate, self._target)
         pilot = self._flight.pilot
-        if self._depth.depth_m <= SURFACED_M:
+        if self._depth.depth_m == 0.0:
             return pilot.swim(estimate, self._course)
         return pilot.swim_at_depth(estimate, self._course, self._depth)
 
@@ -153,10 +155,6 @@ class Float:
         """Return False: somebody else ends it."""
         return False
 
-    def share(self, estimate: Estimate) -> float:
-        """Return 0: there is no way to go."""
-        return 0.0
-
 
 class Rise:
     """Comes up at once, wherever that is."""
@@ -172,11 +170,7 @@ class Rise:
 
     def is_done(self, estimate: Estimate) -> bool:
         """Tell whether it lies at the surface."""
-        return estimate.depth_m < SURFACED_M
-
-    def share(self, estimate: Estimate) -> float:
-        """Return 0: coming up has no price."""
-        return 0.0
+        return self._flight.is_surfaced(estimate)
 
 
 def distance(estimate: Estimate, target_ne_m: tuple[float, float]) -> float:

@@ -77,10 +77,10 @@ class Pilot:
             course_rad: Wanted heading.
         """
         limits = self._vehicle.limits
-        nose_down = estimate.pitch_rad - _SWIMMING_PITCH_RAD
+        excess = estimate.pitch_rad - _SWIMMING_PITCH_RAD
         trim = SetPoints(
             _FLOATING_SHARE * limits.m0_min_kg,
-            self._vehicle.swim.rp1_m - limits.rp1_min_m * nose_down,
+            self._vehicle.swim.rp1_m + abs(limits.rp1_min_m) * excess,
         )
         return self._flapping(estimate, course_rad, trim)
 

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 class FlightProfile:
     """Manners of the mission executive for one vehicle."""
 
+    surfaced_m: float
+    """At this depth or above the robot lies at the surface, waves and noise allowed for."""
     reversal_m_s2: float
     """Vertical acceleration that the pump brings about; sets how early a dive is turned around."""
     depth_leash_m: float
@@ -37,6 +39,7 @@ class FlightProfile:
 
 FLIGHT_PROFILES: dict[str, FlightProfile] = {
     "miniglider": FlightProfile(
+        surfaced_m=0.03,
         reversal_m_s2=0.004,
         depth_leash_m=0.06,
         pitch_rate_rad_s=0.10,
@@ -52,6 +55,7 @@ FLIGHT_PROFILES: dict[str, FlightProfile] = {
         surface_max_s=30.0,
     ),
     "grace3": FlightProfile(
+        surfaced_m=0.12,
         reversal_m_s2=0.008,
         depth_leash_m=0.3,
         pitch_rate_rad_s=0.065,

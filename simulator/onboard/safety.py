@@ -2,7 +2,7 @@
 
 from autonomy.site import Site
 from robot_link.mission import Mission, MissionSettings
-from simulator.onboard.maneuver import SURFACED_M, Flight
+from simulator.onboard.maneuver import Flight
 from simulator.onboard.navigation import Estimate
 
 BATTERY_RESERVE = 0.05
@@ -27,7 +27,7 @@ def mission_over(settings: MissionSettings, elapsed_s: float, estimate: Estimate
 def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str:
     """Return why this dive must end, or "": uncertainty, floor, or walls and shore."""
     north, east, depth = estimate.position_ned
-    if depth < SURFACED_M:
+    if flight.is_surfaced(estimate):
         return ""
     if estimate.position_std_m > settings.max_uncertainty_m:
         return "the position is too uncertain"

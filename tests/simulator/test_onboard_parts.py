@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from autonomy.planner import primitive
 from autonomy.vehicle.config import VEHICLES
 from simulator.onboard.account import EnergyAccount
-from simulator.onboard.course import anchored_end, segment_ends
+from simulator.onboard.course import anchored_end, dive_ends
 from simulator.onboard.depth_change import DepthProfile
 from simulator.onboard.pitch_aim import GlidePolar
 from tests.simulator.flight import TANK_PLANNER, horizontal, vee
@@ -17,11 +17,11 @@ from tests.simulator.flight import TANK_PLANNER, horizontal, vee
 offsets = st.floats(min_value=-1.0, max_value=1.0)
 
 
-def test_segments_end_at_each_surfacing_and_at_the_last_leg():
+def test_dives_end_at_each_surfacing_and_at_the_last_leg():
     down, up = vee()
     swim = primitive.swim(TANK_PLANNER, up.end_ned, (2.0, 1.0, 0.0))
     sink = primitive.dive(TANK_PLANNER, swim.end_ned, 0.4)
-    assert segment_ends((down, up, swim, sink)) == (1, 1, 2, 3)
+    assert dive_ends((down, up, swim, sink)) == (1, 1, 2, 3)
 
 
 @given(north=offsets, east=offsets)
