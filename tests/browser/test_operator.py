@@ -139,7 +139,7 @@ def test_a_survey_is_planned_sent_flown_and_mapped(page, demo):
 
 
 def test_surface_now_says_what_is_proved(page, demo):
-    open_page(page, demo, "/robot/grace-1")
+    open_page(page, demo, "/data/grace-1")
     hold(page, re.compile("Surface grace-1 now"))
     strip = page.get_by_label("Robot in hand")
     expect(strip).to_contain_text(re.compile("done", re.IGNORECASE), timeout=60_000)
