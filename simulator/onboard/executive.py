@@ -83,11 +83,6 @@ class Executive:
         """Leg being flown or next."""
 
     @property
-    def stage(self) -> Stage:
-        """Where the robot stands in its mission."""
-        return self._stage
-
-    @property
     def mode(self) -> RobotMode:
         """What the robot does."""
         return self._maneuver.mode
@@ -245,10 +240,12 @@ class Executive:
         """Turn towards the next leg that has a heading, if the dive does not begin by swimming."""
         legs = self._dive()
         flight = self._flight
-        if legs[0].kind is not PrimitiveKind.SWIM and _heading_leg(legs) is not None:
-            self._enter(Stage.TURN, Turn(flight, lambda now: _course(flight, legs, now)))
-        else:
+        # a flat dive sinks with any heading, and keeps it
+        headed = next((leg for leg in legs if leg.kind is not PrimitiveKind.DIVE), None)
+        if headed is None or legs[0].kind is PrimitiveKind.SWIM:
             self._enter(Stage.SURFACED, Float(flight, RobotMode.SURFACED))
+        else:
+            self._enter(Stage.TURN, Turn(flight, lambda now: _course(flight, legs, headed, now)))
 
     def _may_dive(self, estimate: Estimate, samples_waiting: bool) -> bool:
         profile = self._flight.profile
@@ -294,18 +291,10 @@ class Executive:
         return self._legs[self.leg : self._ends[self.leg] + 1]
 
 
-def _heading_leg(legs: tuple[Leg, ...]) -> Leg | None:
-    """Return the first leg that has a heading: a flat dive sinks with any, and keeps it."""
-    return next((leg for leg in legs if leg.kind is not PrimitiveKind.DIVE), None)
-
-
-def _course(flight: Flight, legs: tuple[Leg, ...], estimate: Estimate) -> float:
+def _course(flight: Flight, legs: tuple[Leg, ...], headed: Leg, estimate: Estimate) -> float:
     """Return the course of the first leg that has one, from where the robot is now."""
-    leg = _heading_leg(legs)
-    if leg is None:
-        return estimate.heading_rad
-    end = anchored_end(legs, *estimate.position_ned[:2])[:2]
-    is_aimed = leg is legs[0] and leg.kind is PrimitiveKind.GLIDE
-    if is_aimed and distance(estimate, end) > flight.profile.aim_m:
-        return bearing(estimate, end)
-    return leg.heading_rad
+    if headed is legs[0] and headed.kind is PrimitiveKind.GLIDE:
+        end = anchored_end(legs, *estimate.position_ned[:2])[:2]
+        if distance(estimate, end) > flight.profile.aim_m:
+            return bearing(estimate, end)
+    return headed.heading_rad

@@ -1,16 +1,24 @@
-"""Parts of the onboard program by themselves: course, account, aim."""
+"""Parts of the onboard program by themselves: course, account, aim, attitude."""
 
+import ast
 import math
+from dataclasses import replace
+from pathlib import Path
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import simulator.onboard
 from autonomy.planner import primitive
 from autonomy.vehicle.config import VEHICLES
+from simulator.fleet import MINI_1
 from simulator.onboard.account import EnergyAccount
 from simulator.onboard.course import anchored_end, dive_ends
 from simulator.onboard.depth_change import DepthProfile
+from simulator.onboard.hardware import Readings, SetPoints
+from simulator.onboard.navigation import Navigator
 from simulator.onboard.pitch_aim import GlidePolar
 from tests.simulator.flight import TANK_PLANNER, horizontal, vee
 
@@ -84,3 +92,62 @@ def test_depth_reference_ramps_and_waits_for_a_robot_that_cannot_follow():
     assert references[-1].rate_m_s == pytest.approx(0.02)
     assert references[-1].depth_m == pytest.approx(0.06)
     assert max(abs(reference.acceleration_m_s2) for reference in references) <= 0.004
+
+
+STILL = Readings(
+    depth_m=0.0,
+    roll_rad=0.0,
+    pitch_rad=0.05,
+    heading_rad=3.1,
+    gyro_rad_s=(0.0, 0.0, 0.0),
+    net_buoyancy_kg=-0.004,
+    mass_position_m=0.0,
+    tail_rad=0.0,
+    battery_fraction=1.0,
+    battery_v=10.0,
+    fix_ne_m=(1.0, 0.5),
+)
+
+
+def navigator(readings: Readings) -> Navigator:
+    return Navigator(MINI_1.estimator, MINI_1.vehicle, MINI_1.site, readings, 0.1)
+
+
+def test_heading_is_averaged_across_south():
+    filters = navigator(STILL)
+    rng = np.random.default_rng(2)
+    for step in range(100):
+        noisy = replace(STILL, heading_rad=math.pi + 0.035 * float(rng.standard_normal()))
+        estimate = filters.step(noisy, SetPoints(-0.004, 0.0), 0.1 * step)
+    assert abs(math.remainder(estimate.course_heading_rad - math.pi, math.tau)) < 0.02
+    assert abs(math.remainder(estimate.heading_rad - math.pi, math.tau)) < 0.04
+
+
+def test_floating_robot_does_not_believe_that_it_moves():
+    filters = navigator(STILL)
+    for step in range(300):
+        estimate = filters.step(STILL, SetPoints(-0.004, 0.0), 0.1 * step)
+    assert math.hypot(*estimate.velocity_ned) < 0.01
+    assert estimate.position_ned == pytest.approx((1.0, 0.5, 0.0), abs=0.01)
+
+
+def test_robot_that_never_had_a_fix_does_not_claim_a_position():
+    filters = navigator(replace(STILL, fix_ne_m=None))
+    lost = filters.step(replace(STILL, fix_ne_m=None), SetPoints(-0.004, 0.0), 0.0)
+    assert lost.position_std_m > 1.0
+    assert not lost.has_fix
+    found = filters.step(STILL, SetPoints(-0.004, 0.0), 0.1)
+    assert found.position_std_m < 0.05
+    assert found.has_fix
+
+
+def test_onboard_program_knows_nothing_of_the_truth():
+    for path in Path(simulator.onboard.__file__).parent.glob("*.py"):
+        nodes = list(ast.walk(ast.parse(path.read_text())))
+        imported = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
+        for node in nodes:
+            if isinstance(node, ast.Import):
+                imported += [alias.name for alias in node.names]
+        for name in imported:
+            assert not name.startswith("simulator") or name.startswith("simulator.onboard")
+            assert name != "autonomy.field.synthetic"
