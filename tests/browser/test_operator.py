@@ -141,8 +141,9 @@ def test_a_survey_is_planned_sent_flown_and_mapped(page, demo):
 def test_surface_now_says_what_is_proved(page, demo):
     open_page(page, demo, "/data/grace-1")
     hold(page, re.compile("Surface grace-1 now"))
-    strip = page.get_by_label("Robot in hand")
-    expect(strip).to_contain_text(re.compile("done", re.IGNORECASE), timeout=60_000)
+    expect(page.get_by_text("grace-1 obeys: it is coming up.")).to_be_visible(timeout=60_000)
+    for step in ("Queued", "Delivered", "Done"):
+        expect(page.get_by_text(step, exact=True)).to_be_visible()
     shoot(page, "surface")
     for name in ("control", "data", "log", "settings"):
         path = f"/{name}/mini-1" if name in {"control", "data"} else f"/{name}"
