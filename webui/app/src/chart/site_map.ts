@@ -1,5 +1,6 @@
 import * as L from 'leaflet';
 import type { Box, Leg, Ned, Site, Track } from '../api/types';
+import { fixed } from '../text/unit';
 import { PRIMITIVES } from '../text/word';
 import { fidelityRuns, legPoints } from './path';
 import { ticks } from './slice';
@@ -48,7 +49,6 @@ export class SiteDrawing {
     this.#track.addTo(map);
     this.#plan.addTo(map);
     this.#robots.addTo(map);
-    L.control.scale({ imperial: false, position: 'bottomright' }).addTo(map);
     map.on('mousemove', (event) => onHover([event.latlng.lat, event.latlng.lng]));
     map.on('mouseout', () => onHover(null));
     map.on('dblclick', () => this.fit());
@@ -137,6 +137,9 @@ function boundsOf(box: Box): L.LatLngBounds {
 function drawFrame(map: L.Map, site: Site): void {
   const { water } = site;
   const still = { interactive: false };
+  const reach = Math.max(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m);
+  const distance = (m: number) =>
+    reach < 5000 ? `${fixed(m, reach < 5 ? 1 : 0)} m` : `${fixed(m / 1000, 0)} km`;
   L.rectangle(boundsOf(water), { ...still, className: `map-water map-${site.kind}` }).addTo(map);
   const label = (at: [number, number], text: string, side: string) =>
     L.marker(at, {
@@ -150,7 +153,7 @@ function drawFrame(map: L.Map, site: Site): void {
       [water.x_max_m, east],
     ];
     L.polyline(line, { ...still, className: 'map-grid' }).addTo(map);
-    label([water.x_min_m, east], `${short(east)} m E`, 'below');
+    label([water.x_min_m, east], `${distance(east)} E`, 'below');
   }
   for (const north of ticks(water.x_min_m, water.x_max_m, 4)) {
     const line: [number, number][] = [
@@ -158,13 +161,9 @@ function drawFrame(map: L.Map, site: Site): void {
       [north, water.y_max_m],
     ];
     L.polyline(line, { ...still, className: 'map-grid' }).addTo(map);
-    label([north, water.y_min_m], `${short(north)} m N`, 'inside');
+    label([north, water.y_min_m], `${distance(north)} N`, 'inside');
   }
   L.rectangle(boundsOf(site.domain), { ...still, className: 'map-domain' }).addTo(map);
-}
-
-function short(value: number): string {
-  return Number(value.toPrecision(6)).toString().replace('-', '\u2212');
 }
 
 function robotFigure(): { figure: SVGElement; arrow: SVGElement } {

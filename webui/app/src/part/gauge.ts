@@ -88,9 +88,10 @@ export function reading(
   return { text: fixed(onScreen, decimalsFor(gauge, onScreen)), unit: shown.label };
 }
 
-/** Large values need fewer decimals. */
+/** Large values need fewer decimals; a well known position is known to millimetres. */
 function decimalsFor(gauge: GaugeRow, value: number): number {
   const size = Math.abs(value);
+  if (gauge.key === 'position_std_m' && size < 0.1) return gauge.decimals + 1;
   const spare = size >= 1000 ? 2 : size >= 100 ? 1 : 0;
   return Math.max(0, gauge.decimals - spare);
 }

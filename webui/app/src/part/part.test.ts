@@ -105,6 +105,11 @@ describe('a gauge', () => {
     });
   });
 
+  test('shows a well known position to the millimetre', () => {
+    expect(reading(gaugeRow('position_std_m'), 0.0034, 'm').text).toBe('0.003');
+    expect(reading(gaugeRow('position_std_m'), 0.34, 'm').text).toBe('0.34');
+  });
+
   test('of an unknown channel is shown all the same', () => {
     const channel = { value: 1, unit: '', measured_at: '', received_at: '', age_s: 0, limit_s: 5 };
     const rows = gaugeRows({ turbidity: channel, depth_m: channel });

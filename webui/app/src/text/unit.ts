@@ -63,6 +63,13 @@ export function fixed(value: number, decimals: number): string {
   return Number(text) === 0 ? (0).toFixed(decimals) : text.replace('-', '\u2212');
 }
 
+/** Lengths of one thing in one unit: "4.6 × 3.1 m", or kilometres once the longest asks for it. */
+export function lengths(metres: readonly number[]): string {
+  const isFar = Math.max(...metres) >= 5000;
+  const shown = metres.map((length) => plainNumber(isFar ? length / 1000 : length, 3));
+  return `${shown.join(' × ')} ${isFar ? 'km' : 'm'}`;
+}
+
 /** A number with about three significant digits. */
 export function compact(value: number | null | undefined, digits = 3): string {
   if (value === null || value === undefined || !Number.isFinite(value)) return '–';
