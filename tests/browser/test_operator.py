@@ -62,7 +62,7 @@ def _note_foreign(url: str, own: str, faults: list[str]) -> None:
 
 def open_page(page: Page, demo: Demo, path: str) -> None:
     page.goto(f"{demo.url}{path}")
-    expect(page.get_by_text("Live", exact=True)).to_be_visible()
+    expect(page.get_by_role("status").get_by_text("Live", exact=True)).to_be_visible()
 
 
 def shoot(page: Page, name: str) -> None:
