@@ -32,6 +32,7 @@ class FakeSource:
         self.restarted = False
         self._plan = self._a_plan()
         self.map = self._a_map()
+        self.models = ("recursive", "single")
 
     def _inside(self, share: np.ndarray) -> np.ndarray:
         return self._low + share * self._size
@@ -54,10 +55,13 @@ class FakeSource:
         return self._plan
 
     def maps(self) -> tuple[str, ...]:
-        return ("recursive", "single")
+        return self.models
 
-    def map_view(self, model: str) -> MapView:
-        return replace(self.map, model=model)
+    def map_view(self, model: str) -> MapView | None:
+        return replace(self.map, model=model) if model in self.models else None
+
+    def set_plan_state(self, state: str) -> None:
+        self._plan = replace(self._plan, state=state)
 
     def _a_plan(self) -> PlanView:
         share = np.array([[0.1, 0.1, 0], [0.4, 0.3, 0.8], [0.7, 0.5, 0], [0.9, 0.9, 0.6],

@@ -110,6 +110,23 @@ def test_a_slice_shows_one_layer_only(scene, source):
     assert (opacity.max(axis=(0, 1)) > 0).sum() == 1
 
 
+def test_a_recording_with_one_model_shows_its_map(scene, source):
+    source.models = ("single",)
+    scene.update()
+    scene.update()
+    assert scene._map._cells is not None
+    assert not scene._panel._model.visible
+
+
+@pytest.mark.parametrize("state", ["done", "failed", "superseded", "cancelled"])
+def test_a_plan_that_ended_promises_nothing(scene, source, state):
+    scene.update()
+    assert scene._plan._nodes
+    source.set_plan_state(state)
+    scene.update()
+    assert not scene._plan._nodes
+
+
 def test_exaggeration_moves_robot_and_surroundings_together(scene, source):
     scene.update()
     scene._panel._exaggeration.value = 4.0

@@ -30,6 +30,9 @@ class FieldMap:
         self.quantity = QUANTITIES[0]
         self.form = FORMS[0]
         self.model = ""
+        """Wanted model; the source's default where it has no such map."""
+        self.models: tuple[str, ...] = ()
+        """Models that the source has maps of."""
         self.slice_share = 0.4
         """Depth of the slice as a share of the map's depth."""
         self.opacity = 0.8
@@ -39,8 +42,9 @@ class FieldMap:
 
     def update(self) -> None:
         """Fetch the newest map and draw what changed."""
-        models = self._source.maps()
-        view = self._source.map_view(self.model or models[0]) if models else None
+        self.models = self._source.maps()
+        model = self.model if self.model in self.models else next(iter(self.models), None)
+        view = None if model is None else self._source.map_view(model)
         if view is None:
             return
         wanted = (

@@ -39,9 +39,12 @@ class Panel:
         return float(self._exaggeration.value)
 
     def apply(self) -> None:
-        """Hand what is chosen to the map, and show its legend."""
+        """Hand what is chosen to the map, and show its legend; a single model is no choice."""
         self._map.quantity = self._quantity.value
         self._map.form = self._form.value
+        is_choice = len(self._map.models) > 1
+        if self._model.visible != is_choice:
+            self._model.visible = is_choice
         titles = {title: model for model, title in _MODEL_TITLES.items()}
         self._map.model = titles[self._model.value]
         self._map.slice_share = float(self._slice.value)

@@ -6,14 +6,15 @@ import viser
 from autonomy.arrays import FloatArray
 from autonomy.frames import ned_to_enu
 from webui.scene.colour import PRIMITIVE, UNCERTAINTY
-from webui.scene.robot import ring_enu
+from webui.scene.robot import STD_95, ring_enu
 from webui.scene.source import PlanView, SceneSource
 from webui.scene.stage import Stage
 
 _DASH_S = 2
 """Every second piece between points is drawn, so that the promised looks promised."""
 _RING_EVERY = 12
-_STD_95 = 2.4477
+_PROMISES = frozenset(("draft", "sent", "on_board", "running"))
+"""States in which a plan is still to be flown; one that ended promises nothing."""
 
 
 class PlannedTrajectory:
@@ -33,7 +34,7 @@ class PlannedTrajectory:
             return
         self._clear()
         self._shown = plan
-        if plan is not None and len(plan.points) > 1 and plan.state not in {"done", "superseded"}:
+        if plan is not None and len(plan.points) > 1 and plan.state in _PROMISES:
             self._draw(plan)
 
     def show(self, visible: bool) -> None:
@@ -45,7 +46,7 @@ class PlannedTrajectory:
     def _draw(self, plan: PlanView) -> None:
         points, colours = _segments(plan)
         width_px = 2.0 if plan.state == "running" else 3.0
-        rings = [ring_enu(point[1:4], _STD_95 * point[4]) for point in plan.points[::_RING_EVERY]]
+        rings = [ring_enu(point[1:4], STD_95 * point[4]) for point in plan.points[::_RING_EVERY]]
         self._nodes = [
             self._stage.lines("plan/legs", points, colours, width_px),
             self._stage.lines("plan/uncertainty", np.concatenate(rings), UNCERTAINTY, 0.7),

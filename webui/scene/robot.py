@@ -12,7 +12,7 @@ from webui.scene.source import Pose
 
 _SHORTEST = 0.055 * VIEW_WIDTH
 """A robot is never drawn shorter than this, whatever its size in the water."""
-_TWO_DIMENSIONAL_95 = 2.4477
+STD_95 = 2.4477
 """Semi-axis of the 95 % ellipse of a two-dimensional Gaussian, in standard deviations."""
 _THINNEST = 0.006 * VIEW_WIDTH
 
@@ -76,7 +76,8 @@ class RobotModel:
                 part.color = ROBOT_OLD if pose.is_old else ROBOT
 
     def _show_uncertainty(self, pose: Pose, position: np.ndarray) -> None:
-        semi_axis = _TWO_DIMENSIONAL_95 * pose.position_std_m * self._projection.view_per_m
+        """Draw the 95 % circle as a flat body; its height means nothing, depth is measured."""
+        semi_axis = STD_95 * pose.position_std_m * self._projection.view_per_m
         self._ellipsoid.position = tuple(position)
         self._ellipsoid.scale = (semi_axis, semi_axis, max(0.25 * semi_axis, _THINNEST))
         self._ellipsoid.visible = semi_axis > 0.0
