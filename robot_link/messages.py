@@ -186,7 +186,7 @@ class LinkReport:
     rssi_dbm: float | None
     frames_received: int
     frames_bad: int
-    """Frames dropped for a bad checksum or a foreign sender since the link opened."""
+    """Frames dropped since the link opened: bad checksum, foreign sender, impossible content."""
 
 
 @dataclass(frozen=True, slots=True)

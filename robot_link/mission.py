@@ -113,12 +113,11 @@ class Mission:
 
 
 def leg_integers(leg: Leg) -> tuple[int, ...]:
-    """Quantize one leg: kind, start (end of the previous leg is not assumed), end, motion.
+    """Quantize one leg; only its end travels, for it starts where the leg before it ended.
 
     Returns:
         ``(kind, x_mm, y_mm, z_mm, speed_mm_s, duration_ds, energy_milli, heading_mrad,
-        radius_mm, turn_mrad)`` where x, y, z are the end of the leg; it starts where the
-        previous one ended, so the start does not travel.
+        radius_mm, turn_mrad)`` where x, y, z are the end of the leg.
 
     Raises:
         ValueError: If a number is not finite or exceeds what a float32 holds exactly.

@@ -107,8 +107,8 @@ class PlanDesk:
                     self._end_transfer(grace.MAV_MISSION_DENIED)
                     self._answer(sha256, OnboardPlanState.REFUSED, refusal)
                 else:
-                    self._end_transfer(grace.MAV_MISSION_ACCEPTED)
                     self._plans.replace(mission)
+                    self._end_transfer(grace.MAV_MISSION_ACCEPTED)
                     self._take(mission)
             case None:
                 pass
