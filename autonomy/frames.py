@@ -24,11 +24,6 @@ def ned_to_enu(points: FloatArray) -> FloatArray:
     return np.stack([points[..., 1], points[..., 0], -points[..., 2]], axis=-1)
 
 
-def enu_to_ned(points: FloatArray) -> FloatArray:
-    """Turn east, north, up into north, east, down; shape ``(..., 3)``."""
-    return ned_to_enu(points)
-
-
 def wrap_angle(angle_rad: npt.ArrayLike) -> FloatArray:
     """Return the same direction in ``[-pi, pi)``, elementwise."""
     wrapped = (np.asarray(angle_rad, dtype=np.float64) + math.pi) % (2.0 * math.pi) - math.pi
