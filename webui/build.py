@@ -103,9 +103,7 @@ def _npm_path() -> str:
 
 
 def _node_version(node: str) -> int:
-    said = subprocess.run(
-        [node, "--version"], capture_output=True, text=True, check=False
-    ).stdout
+    said = subprocess.run([node, "--version"], capture_output=True, text=True, check=False).stdout
     found = re.match(r"v(\d+)\.", said)
     return int(found[1]) if found else 0
 
