@@ -24,7 +24,7 @@ export interface FieldError {
   message: string;
 }
 
-const NO_ANSWER = 'The station does not answer. Nothing was sent; try again.';
+const NO_ANSWER = 'The station did not answer; whether it took this is not known.';
 
 export function noAnswer(): Problem {
   return new Problem(0, NO_ANSWER, '');

@@ -84,7 +84,8 @@ export class Draft {
     const typed = this.#unreadable[node.path.join('.')];
     if (typed !== undefined) return typed;
     const said = this.refused.find(({ path }) => leadsTo(this.tree, path, node));
-    return said?.message ?? (node.kind === 'group' ? null : fault(node, this.at(node)));
+    if (said) return worded(said.message, node);
+    return node.kind === 'group' ? null : fault(node, this.at(node));
   }
 
   /** Show a refusal beside the fields it names. */
@@ -97,6 +98,15 @@ export class Draft {
     this.#unreadable = others;
     this.refused = this.refused.filter(({ path }) => !leadsTo(this.tree, path, node));
   }
+}
+
+/** The station names fields by their keys; people know their titles. */
+function worded(message: string, node: FormNode): string {
+  if (node.kind !== 'group') return message;
+  return message.replaceAll(/\b[a-z][a-z0-9_]*\b/g, (key) => {
+    const member = node.members.find(({ path }) => path.at(-1) === key);
+    return member && key.includes('_') ? `“${member.title}”` : key;
+  });
 }
 
 /** Deepest node that a path of the station leads to; list positions end at their list. */

@@ -191,4 +191,12 @@ describe('a draft', () => {
     draft.set(depth, 1);
     expect(draft.error(depth)).toBeNull();
   });
+
+  test('names the fields of a group by their titles', () => {
+    const draft = new Draft(SCHEMA, STORED, STORED);
+    const message = 'x_max_m must exceed x_min_m';
+    draft.refuse(new Problem(422, 'Refused', '', [{ path: ['domain'], message }]));
+    const domain = nodeAt(draft.tree, ['domain']);
+    expect(domain && draft.error(domain)).toBe('“North edge” must exceed x_min_m');
+  });
 });

@@ -1,4 +1,4 @@
-import { sentence } from '../api/problem';
+import { Problem, sentence } from '../api/problem';
 import type { Api } from '../api/client';
 import type { Command, CommandKind } from '../api/types';
 
@@ -31,7 +31,7 @@ export class Orders {
       const { id } = await this.#api.command(robot, kind);
       await this.#ask(robot, kind, id);
     } catch (error) {
-      this.byRobot[robot] = { robot, kind, command: null, refusal: sentence(error) };
+      this.byRobot[robot] = { robot, kind, command: null, refusal: refusalOf(error) };
     }
     this.#keep();
   }
@@ -75,6 +75,12 @@ export class Orders {
       // Without storage a reload forgets the order on the screen; the log has it.
     }
   }
+}
+
+/** Whether an order was taken is said only where it is known. */
+function refusalOf(error: unknown): string {
+  const isUnknown = error instanceof Problem && error.status === 0;
+  return isUnknown ? sentence(error) : `Not taken. ${sentence(error)}`;
 }
 
 export function isSettled(command: Command): boolean {

@@ -71,6 +71,8 @@ export class Station {
     this.#lastTickAt === null ? null : Math.max(0, (this.localNow - this.#lastTickAt) / 1000),
   );
   readonly isLive = $derived(this.silence !== null && this.silence < QUIET_S);
+  /** It said something once and says nothing now: everything shown is what was known last. */
+  readonly isSilent = $derived(this.silence !== null && !this.isLive);
   /** Station time, ms since 1970. */
   readonly now = $derived(this.clock.at(this.localNow));
   readonly mayCommand = $derived(this.session?.role === 'pilot' || this.session?.role === 'admin');

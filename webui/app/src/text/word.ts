@@ -118,6 +118,11 @@ export function missionName(id: string): string {
   return number === undefined ? id : `mission ${number}`;
 }
 
+/** A title inside a sentence; one that begins with an acronym stays as it is. */
+export function lower(title: string): string {
+  return /^[A-Z][A-Z]/.test(title) ? title : title.charAt(0).toLowerCase() + title.slice(1);
+}
+
 export function capital(text: string): string {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
