@@ -28,7 +28,6 @@ def run(arguments: Namespace) -> int:
     """Simulate until told to stop."""
     # The simulator is heavy to import; no other verb but this one runs it.
     from simulator.process import run as run_simulator
-
     from simulator.settings import SimulatorSettings
 
     folder = settings_of(arguments).data_dir
