@@ -3,7 +3,7 @@ import { wgs84 } from './frame';
 import { latitude, longitude } from './position';
 import { age, clockTime, countdown, dateTime, duration } from './time';
 import { bytes, compact, fixed, plainNumber, screenUnit } from './unit';
-import { planName, words } from './word';
+import { lastKnown, lower, planName, words } from './word';
 
 describe('times', () => {
   test('are UTC with a Z', () => {
@@ -93,6 +93,12 @@ describe('numbers', () => {
     expect(bytes(412)).toBe('412 B');
     expect(bytes(12_340)).toBe('12.3 kB');
   });
+});
+
+test('a silent station is not quoted twice', () => {
+  expect(lastKnown('Gliding down')).toBe('Last known: gliding down');
+  expect(lastKnown('Last heard: gliding down')).toBe('Last heard: gliding down');
+  expect(lower('PID controller')).toBe('PID controller');
 });
 
 test('ids become names', () => {

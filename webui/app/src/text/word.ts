@@ -123,6 +123,11 @@ export function lower(title: string): string {
   return /^[A-Z][A-Z]/.test(title) ? title : title.charAt(0).toLowerCase() + title.slice(1);
 }
 
+/** What a robot did when the station was heard last. */
+export function lastKnown(activity: string): string {
+  return activity.startsWith('Last heard') ? activity : `Last known: ${lower(activity)}`;
+}
+
 export function capital(text: string): string {
   return text.charAt(0).toUpperCase() + text.slice(1);
 }
