@@ -8,16 +8,20 @@ longer in memory for it comes from the database.
 
 import asyncio
 import itertools
+import logging
 from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from datetime import datetime
 
 import msgspec
+from sqlalchemy.exc import SQLAlchemyError
 
 from db.query.events import EventRecord, events_after, last_cursor
 from db.store import Store
 from robot_link.clock import Clock
+
+log = logging.getLogger(__name__)
 
 TICK_S = 0.1
 QUIET_S = 1.0
@@ -141,8 +145,7 @@ class LiveFeed:
         events: list[EventRecord] = []
         period = _LOOK_TICKS if self._store.commits != self._commits else _LOOK_ANYWAY_TICKS
         if self._ticks % period == 0:
-            self._commits = self._store.commits
-            events = await self._new_events()
+            events = await self._events_if_readable()
         self._ticks += 1
         self._batches.clear()
         for event in events:
@@ -159,6 +162,17 @@ class LiveFeed:
             part.changed = self._ticks
         tick, self._tick = self._tick, asyncio.Event()
         tick.set()
+
+    async def _events_if_readable(self) -> list[EventRecord]:
+        """Read new events; gauges go on while storage fails, and events follow when it works."""
+        commits = self._store.commits
+        try:
+            events = await self._new_events()
+        except SQLAlchemyError as error:
+            log.warning("events wait until storage works: %s", error)
+            return []
+        self._commits = commits
+        return events
 
     async def _new_events(self) -> list[EventRecord]:
         events: list[EventRecord] = []

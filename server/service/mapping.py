@@ -8,6 +8,7 @@ imported and are only shown.
 """
 
 import asyncio
+import logging
 import time
 from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
@@ -19,6 +20,7 @@ from sqlalchemy.orm import Session
 from autonomy.field.config import FieldConfig
 from autonomy.field.grid import Grid
 from autonomy.site import Box
+from db.fault import StoreUnavailableError
 from db.query.maps import add_map, newest_maps
 from db.query.samples import sample_columns
 from db.store import Store
@@ -28,6 +30,8 @@ from server.service.live_maps import LiveMaps
 from server.service.map_record import record_of, scores_of, view_of
 from server.service.view.mission import ScoresView
 from webui.scene.source import MapView
+
+log = logging.getLogger(__name__)
 
 GATHER_S = 0.25
 """Samples are fed to the maps in pieces of about this length."""
@@ -95,11 +99,11 @@ class FieldMaps:
         self._news.set()
 
     async def quiet(self, robot: str, for_s: float, at_most_s: float) -> None:
-        """Wait until no sample of a robot has come for a while of the wall, or long enough."""
-        limit_s = time.monotonic() + at_most_s
+        """Wait until no sample of a robot came for a while of the wall from now on."""
+        begin_s = time.monotonic()
         while True:
-            wait_s = self._fed_s.get(robot, 0.0) + for_s - time.monotonic()
-            if wait_s <= 0.0 or time.monotonic() > limit_s:
+            wait_s = max(begin_s, self._fed_s.get(robot, 0.0)) + for_s - time.monotonic()
+            if wait_s <= 0.0 or time.monotonic() > begin_s + at_most_s:
                 return
             await asyncio.sleep(wait_s)
 
@@ -111,7 +115,12 @@ class FieldMaps:
             self._news.clear()
             for robot in list(self._waiting):
                 await self._feed(robot)
-                await self._save_if_due(robot)
+                try:
+                    await self._save_if_due(robot)
+                except StoreUnavailableError as error:
+                    log.warning(
+                        "the maps of %s are kept in memory until storage works: %s", robot, error
+                    )
 
     async def settle(self, robot: str) -> None:
         """Bring everything that was fed into the maps of a robot and keep a snapshot."""

@@ -4,6 +4,7 @@ from datetime import UTC, datetime
 
 import pytest
 import pytest_asyncio
+from sqlalchemy.exc import OperationalError
 
 from db.query.events import add_event
 from db.store import Store
@@ -99,6 +100,25 @@ async def test_client_that_returns_with_its_cursor_misses_nothing(feed, store):
     assert client.events[0] == "event 100"
     assert client.events[-1] == f"event {EVENTS_IN_MEMORY + 699}"
     assert client.batches[-1]["cursor"] == EVENTS_IN_MEMORY + 700
+
+
+async def test_gauges_go_on_while_the_log_cannot_be_read_and_no_event_is_lost(
+    feed, store, monkeypatch
+):
+    client = Client(feed)
+    await client.until(lambda: client.batches)
+
+    async def fail(function):
+        raise OperationalError("select", {}, OSError("disk I/O error"))
+
+    with monkeypatch.context() as broken:
+        broken.setattr(store, "query", fail)
+        await happen(store, "while it failed")
+        feed.put("robots", "mini-1", lambda: {"depth_m": 2.0}, "mini-1")
+        await client.until(lambda: any(batch["robots"] for batch in client.batches))
+        await asyncio.sleep(0.3)
+        assert client.events == []
+    await client.until(lambda: client.events == ["while it failed"])
 
 
 async def test_client_that_asked_for_one_robot_hears_nothing_of_another(feed):
