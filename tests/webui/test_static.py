@@ -1,0 +1,93 @@
+"""The operator app as a browser gets it from the station."""
+
+from pathlib import Path
+
+import httpx
+import pytest
+from fastapi import FastAPI
+
+from webui.static import CONTENT_SECURITY_POLICY, mount_app
+
+
+@pytest.fixture
+def dist(tmp_path: Path) -> Path:
+    folder = tmp_path / "dist"
+    (folder / "assets").mkdir(parents=True)
+    (folder / "index.html").write_text("<p>the app</p>")
+    (folder / "mark.svg").write_text("<svg/>")
+    (folder / "assets" / "index-abc.js").write_text("run()")
+    (tmp_path / "secret.txt").write_text("not for browsers")
+    return folder
+
+
+def browser(dist: Path) -> httpx.AsyncClient:
+    app = FastAPI(docs_url=None, redoc_url=None, openapi_url=None)
+
+    @app.get("/api/robots")
+    def robots() -> list[str]:
+        return ["mini-1"]
+
+    mount_app(app, dist)
+    return httpx.AsyncClient(
+        transport=httpx.ASGITransport(app=app),
+        base_url="http://station",
+        headers={"Accept": "text/html"},
+    )
+
+
+@pytest.mark.parametrize("path", ["/", "/plan/mini-1", "/robot/v1.2"])
+async def test_every_page_of_the_app_is_its_index(dist: Path, path: str) -> None:
+    answer = await browser(dist).get(path)
+    assert answer.status_code == 200
+    assert answer.text == "<p>the app</p>"
+    assert answer.headers["cache-control"] == "no-cache"
+    assert answer.headers["content-security-policy"] == CONTENT_SECURITY_POLICY
+
+
+async def test_hashed_assets_are_kept_for_ever_and_other_files_are_not(dist: Path) -> None:
+    client = browser(dist)
+    asset = await client.get("/assets/index-abc.js")
+    assert "immutable" in asset.headers["cache-control"]
+    assert "javascript" in asset.headers["content-type"]
+    assert (await client.get("/mark.svg")).headers["cache-control"] == "no-cache"
+
+
+async def test_a_missing_asset_is_never_answered_with_the_page(dist: Path) -> None:
+    answer = await browser(dist).get("/assets/index-old.js", headers={"Accept": "*/*"})
+    assert answer.status_code == 404
+
+
+@pytest.mark.parametrize("path", ["/api/nothing", "/view/mini-1/", "/docs", "/sign-in"])
+async def test_addresses_of_the_station_are_not_the_apps(dist: Path, path: str) -> None:
+    assert (await browser(dist).get(path)).status_code == 404
+
+
+async def test_routes_of_the_station_come_first(dist: Path) -> None:
+    assert (await browser(dist).get("/api/robots")).json() == ["mini-1"]
+
+
+@pytest.mark.parametrize(
+    "path", ["/../secret.txt", "/%2e%2e/secret.txt", "/assets/%2e%2e/%2e%2e/secret.txt"]
+)
+async def test_nothing_outside_the_built_app_is_served(dist: Path, path: str) -> None:
+    answer = await browser(dist).get(path)
+    assert "not for browsers" not in answer.text
+
+
+async def test_without_a_built_app_a_plain_page_says_how_to_build_it(tmp_path: Path) -> None:
+    answer = await browser(tmp_path / "nowhere").get("/")
+    assert answer.status_code == 503
+    assert "make setup" in answer.text
+
+
+async def test_a_build_is_seen_without_a_restart(tmp_path: Path) -> None:
+    client = browser(tmp_path)
+    assert (await client.get("/")).status_code == 503
+    (tmp_path / "index.html").write_text("<p>built</p>")
+    assert (await client.get("/")).text == "<p>built</p>"
+
+
+def test_the_policy_allows_nothing_from_elsewhere() -> None:
+    assert "default-src 'self'" in CONTENT_SECURITY_POLICY
+    assert "unsafe" not in CONTENT_SECURITY_POLICY
+    assert "http" not in CONTENT_SECURITY_POLICY
