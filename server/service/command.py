@@ -42,6 +42,8 @@ _EMERGENCY_NUMBERS = range(2**24 - 1, 2**24 - 2**16, -1)
 
 Purge = Callable[[Session, str, datetime, str], None]
 """Withdraws, in the transaction of a surface order, what was queued for a robot by itself."""
+Check = Callable[[Session], None]
+"""Raises if what leads to a command holds no longer, for example because of a surface order."""
 
 
 class Commands:
@@ -76,12 +78,25 @@ class Commands:
                 self._send(command)
 
     async def send(
-        self, robot: str, kind: CommandKind, *, by: str, plan: PlanHash | None = None
+        self,
+        robot: str,
+        kind: CommandKind,
+        *,
+        by: str,
+        plan: PlanHash | None = None,
+        check: Check | None = None,
     ) -> str:
         """Write a command down, send it, and return its id.
 
         SURFACE withdraws, in the same transaction, everything that the station had queued for the
         robot by itself. It goes out even when it cannot be written down.
+
+        Args:
+            robot: Whom to tell.
+            kind: What to tell.
+            by: Who tells.
+            plan: The plan that START means.
+            check: Asked in the transaction; what it raises keeps the command from being sent.
 
         Raises:
             Problem: 404 for an unknown robot, 409 for one that cannot be told anything.
@@ -93,6 +108,8 @@ class Commands:
         at = self._clock.now()
 
         def write(session: Session) -> CommandRecord:
+            if check is not None:
+                check(session)
             if kind is CommandKind.SURFACE:
                 for purge in self.purges:
                     purge(session, robot, at, f"{by} ordered {robot} to the surface.")

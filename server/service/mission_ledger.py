@@ -22,6 +22,8 @@ from server.service.view.mission import (
     ScoresView,
 )
 
+ENDED = ("done", "failed", "stopped")
+"""States that only a person's word leads out of."""
 _LEVELS = {"failed": "warning", "stopped": "watch"}
 _KEPT_IN_MEMORY = 50
 
@@ -81,33 +83,20 @@ class MissionLedger:
         automation: bool | None = None,
         scores: list[dict[str, Any]] | None = None,
     ) -> None:
-        """Bring a mission into a state; the same state and message again change nothing."""
-        before = await self.get(mission)
-        unchanged = (before.state, before.document.get("message")) == (state, message)
-        if unchanged and automation in {None, before.automation} and scores is None:
-            return
-        at = self._clock.now()
+        """Bring a mission into a state, as a person asked."""
+        await self._change(mission, state, message, (), automation, scores)
 
-        def write(session: Session) -> None:
-            document: dict[str, Any] = {"message": message}
-            if scores is not None:
-                document["scores"] = scores
-            record = query.change_mission(
-                session, mission, state=state, automation=automation, document=document
-            )
-            if not unchanged:
-                add_event(
-                    session,
-                    at,
-                    f"mission.{state}",
-                    f"{mission} of {record.robot}: {message or state}",
-                    level=_LEVELS.get(state, "info"),
-                    robot=record.robot,
-                    data={"mission": mission},
-                )
-
-        await self._store.write(write)
-        await self.show(mission)
+    async def advance(
+        self,
+        mission: str,
+        state: str,
+        message: str,
+        *,
+        automation: bool | None = None,
+        scores: list[dict[str, Any]] | None = None,
+    ) -> None:
+        """Bring a mission into a state by itself, unless someone has ended it meanwhile."""
+        await self._change(mission, state, message, ENDED, automation, scores)
 
     async def get(self, mission: str) -> MissionRecord:
         """Return a mission.
@@ -167,6 +156,41 @@ class MissionLedger:
         report = self._fleet.picture(robot).plan_report
         views = [onboard_view(plan, report) for plan in plans if plan.running_at is not None]
         return sum(view.energy_used for view in views if view is not None)
+
+    async def _change(
+        self,
+        mission: str,
+        state: str,
+        message: str,
+        not_from: tuple[str, ...],
+        automation: bool | None,
+        scores: list[dict[str, Any]] | None,
+    ) -> None:
+        at = self._clock.now()
+        document: dict[str, Any] = {"message": message}
+        if scores is not None:
+            document["scores"] = scores
+
+        def write(session: Session) -> None:
+            before = query.get_mission(session, mission)
+            if before.state in not_from:
+                return
+            query.change_mission(
+                session, mission, state=state, automation=automation, document=document
+            )
+            if (before.state, before.document["message"]) != (state, message):
+                add_event(
+                    session,
+                    at,
+                    f"mission.{state}",
+                    f"{mission} of {before.robot}: {message or state}",
+                    level=_LEVELS.get(state, "info"),
+                    robot=before.robot,
+                    data={"mission": mission},
+                )
+
+        await self._store.write(write)
+        await self.show(mission)
 
     def _is_newer(self, shown: str, record: MissionRecord) -> bool:
         known = self._known.get(shown)

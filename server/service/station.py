@@ -110,6 +110,7 @@ class Station:
         await self.commands.resume()
         await self.uploads.resume()
         await self.surveys.resume()
+        self._run("surveys", self.surveys.run())
         self._run("planner's machine code", self._warm_up())
         for picture in list(self.fleet.pictures):
             self._run(f"maps of {picture.record.id}", self._open_maps(picture.record))

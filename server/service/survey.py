@@ -19,7 +19,7 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.outcome import least_energy
 from db.fault import StoreError
 from db.query.events import add_event
-from db.query.missions import MissionRecord, change_mission, list_missions
+from db.query.missions import MissionRecord, change_mission, get_mission, list_missions
 from db.query.plans import PlanRecord
 from db.query.samples import sample_columns
 from server.foundation import Foundation
@@ -27,7 +27,7 @@ from server.problem import Problem, conflict
 from server.service.field_model import MODEL_TITLES
 from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
-from server.service.mission_ledger import MissionLedger
+from server.service.mission_ledger import ENDED, MissionLedger
 from server.service.plan_ledger import ON_THE_WAY
 from server.service.planning import Planning, field_config_of, map_samples
 from server.service.task.problem import SCORE_SURVEY, ScoreProblem
@@ -39,6 +39,7 @@ log = logging.getLogger(__name__)
 
 KIND = "adaptive_survey"
 _UNDER_WAY = ("running", "replanning", "scoring")
+_LOOK_S = 10.0
 _QUIET_S = 1.5
 _QUIET_LIMIT_S = 20.0
 """Wall time without a sample after which a round counts as received, and the longest wait."""
@@ -66,14 +67,27 @@ class Surveys:
         self._workers = workers
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._again: set[str] = set()
+        self._is_stopping = False
 
     async def resume(self) -> None:
         """Go on with every survey that had something to do when the station stopped."""
         for mission in await self._missions.open():
             self._kick(mission.id)
 
+    async def run(self) -> None:
+        """Look at every survey under way now and then, until cancelled.
+
+        What robots and plans do leads to the next step at once; this is for a step that failed.
+        """
+        while True:
+            await asyncio.sleep(_LOOK_S)
+            for mission in await self._missions.open():
+                if mission.state in _UNDER_WAY:
+                    self._kick(mission.id)
+
     async def stop_all(self) -> None:
         """Let go of every survey; they go on when the station starts again."""
+        self._is_stopping = True
         tasks = list(self._tasks.values())
         for task in tasks:
             task.cancel()
@@ -176,12 +190,12 @@ class Surveys:
         record = await self._missions.get(mission)
         if record.state in {"done", "stopped"}:
             raise conflict(f"{mission} is {record.state} already.")
-        await self._uploads.withdraw(record.robot, f"{by} stopped {mission}.")
         flies = any(plan.state == "running" for plan in await self._missions.plans(mission))
         message = f"Stopped by {by}."
         if flies:
             message += f" {record.robot} finishes the plan that it flies; surface it to end that."
         await self._missions.move(mission, "stopped", message, automation=False)
+        await self._uploads.withdraw(record.robot, f"{by} stopped {mission}.")
 
     def plan_changed(self, plan: PlanRecord) -> None:
         """Take a change of any plan."""
@@ -196,7 +210,7 @@ class Surveys:
         for mission in await self._missions.open():
             plans = await self._missions.plans(mission.id)
             if plans and plans[0].id == plan:
-                await self._missions.move(mission.id, "stopped", reason, automation=False)
+                await self._missions.advance(mission.id, "stopped", reason, automation=False)
 
     def _kick(self, mission: str) -> None:
         """Let a survey take its next step, once more if it is taking one now."""
@@ -205,7 +219,12 @@ class Surveys:
             return
         task = self._foundation.background.start(f"advance {mission}", self._advance_all(mission))
         self._tasks[mission] = task
-        task.add_done_callback(lambda _: self._tasks.pop(mission, None))
+        task.add_done_callback(lambda _: self._step_ended(mission))
+
+    def _step_ended(self, mission: str) -> None:
+        self._tasks.pop(mission, None)
+        if mission in self._again and not self._is_stopping:
+            self._kick(mission)
 
     async def _advance_all(self, mission: str) -> None:
         while True:
@@ -213,7 +232,7 @@ class Surveys:
             try:
                 await self._advance(mission)
             except Problem as problem:
-                await self._missions.move(mission, "stopped", problem.detail, automation=False)
+                await self._missions.advance(mission, "stopped", problem.detail, automation=False)
             except StoreError as error:
                 log.warning("%s waits: %s", mission, error)
                 await asyncio.sleep(_QUIET_S)
@@ -224,24 +243,36 @@ class Surveys:
     async def _advance(self, mission: str) -> None:
         record, plans = await self._missions.get(mission), await self._missions.plans(mission)
         await self._missions.show(mission)
-        if record.state in {"done", "failed", "stopped"} or not plans:
+        if record.state in ENDED or not plans:
             return
         plan = plans[0]
         match plan.state:
             case "planning":
                 return
             case "draft" if not record.automation:
-                await self._missions.move(mission, "ready", f"{plan.id} is ready to be sent.")
+                await self._missions.advance(mission, "ready", f"{plan.id} is ready to be sent.")
             case "draft" | "sent" | "on_board":
                 if record.automation:
-                    await self._uploads.upload(plan.id, start=True)
-                    await self._missions.move(mission, "running", self._round_text(plan, record))
+                    await self._send(record, plan)
             case "running":
-                await self._missions.move(mission, "running", self._round_text(plan, record))
+                await self._missions.advance(mission, "running", self._round_text(plan, record))
             case "done":
                 await self._round_ended(record, plans)
             case _:
                 await self._plan_ended_badly(record, plans)
+
+    async def _send(self, record: MissionRecord, plan: PlanRecord) -> None:
+        try:
+            await self._uploads.upload(
+                plan.id, start=True, check=lambda session: _check_on(session, record.id)
+            )
+        except Problem:
+            if (await self._missions.plans(record.id))[0].state == plan.state:
+                raise
+            # The robot was faster than this look at the plan: look again.
+            self._again.add(record.id)
+        else:
+            await self._missions.advance(record.id, "running", self._round_text(plan, record))
 
     async def _round_ended(self, record: MissionRecord, plans: list[PlanRecord]) -> None:
         # The last samples of the round may still be on their way.
@@ -259,7 +290,7 @@ class Surveys:
     ) -> None:
         config = PlannerConfig.model_validate(record.config)
         remaining = config.total_budget - self._missions.spent(record.robot, plans)
-        await self._missions.move(record.id, "replanning", f"Planning round {round_number}.")
+        await self._missions.advance(record.id, "replanning", f"Planning round {round_number}.")
         await self._plan(record, round_number, min(config.round_budget, remaining), "the station")
 
     async def _plan(self, record: MissionRecord, round_number: int, budget: float, by: str) -> None:
@@ -279,18 +310,18 @@ class Surveys:
         if plan.document.get("interrupted"):
             await self._next_round(record, plans, plan.round)
         elif plan.state == "failed" and plan.running_at is None:
-            await self._missions.move(record.id, "failed", message, automation=False)
+            await self._missions.advance(record.id, "failed", message, automation=False)
         else:
-            await self._missions.move(record.id, "stopped", message, automation=False)
+            await self._missions.advance(record.id, "stopped", message, automation=False)
 
     async def _score(self, record: MissionRecord, config: PlannerConfig) -> None:
         picture = self._fleet.picture(record.robot)
         if not picture.record.simulated:
-            await self._missions.move(
+            await self._missions.advance(
                 record.id, "done", "The budget is spent; the map is as good as it gets."
             )
             return
-        await self._missions.move(record.id, "scoring", "The budget is spent; scoring the map.")
+        await self._missions.advance(record.id, "scoring", "The budget is spent; scoring the map.")
         variable = picture.record.site.variable
         found = await self._foundation.configurations.current("field", record.robot)
         columns = await self._foundation.store.query(
@@ -302,7 +333,7 @@ class Surveys:
         try:
             scores: dict[str, Scores] = await self._workers.run(SCORE_SURVEY, problem)
         except (WorkerTaskError, WorkerEndedError) as error:
-            await self._missions.move(record.id, "done", f"The map was not scored: {error}")
+            await self._missions.advance(record.id, "done", f"The map was not scored: {error}")
             return
         views = {
             (variable, model): ScoresView(
@@ -314,7 +345,7 @@ class Surveys:
             for model, one in scores.items()
         }
         self._maps.set_scores(record.robot, views)
-        await self._missions.move(
+        await self._missions.advance(
             record.id,
             "done",
             "The budget is spent and the map is scored.",
@@ -324,6 +355,11 @@ class Surveys:
     @staticmethod
     def _round_text(plan: PlanRecord, record: MissionRecord) -> str:
         return f"Round {plan.round} of {record.robot} is {plan.id}."
+
+
+def _check_on(session: Session, mission: str) -> None:
+    if not get_mission(session, mission).automation:
+        raise conflict(f"{mission} was stopped.")
 
 
 def purge_in(session: Session, robot: str, at: datetime, reason: str) -> None:

@@ -16,7 +16,7 @@ from sqlalchemy.orm import Session
 
 from db.fault import StoreError
 from db.query import transfers as query
-from db.query.plans import PlanRecord, change_plan, get_plan
+from db.query.plans import ENDED_STATES, PlanRecord, change_plan, get_plan
 from db.query.transfers import TransferRecord
 from robot_link.messages import (
     CommandKind,
@@ -32,7 +32,7 @@ from robot_link.mission import Mission
 from robot_link.station import UploadUnderWayError
 from server.foundation import Foundation
 from server.problem import FieldError, conflict
-from server.service.command import Commands
+from server.service.command import Check, Commands
 from server.service.fleet import Fleet
 from server.service.link import Radio
 from server.service.plan_document import mission_of
@@ -48,6 +48,7 @@ SENDABLE = ("draft", "on_board")
 _ATTEMPTS = 3
 _PAUSE_S = 2.0
 _POLL_S = 0.2
+_NOTICE_S = 2.0
 _START_PATIENCE_S = 20.0
 """Wall time for a robot to say that it flies the plan after it was told to start."""
 _LIFE = timedelta(hours=24)
@@ -56,6 +57,10 @@ _LIFE = timedelta(hours=24)
 
 class TransferError(Exception):
     """The transfer cannot go on; the message says why to a person."""
+
+
+class WithdrawnError(Exception):
+    """Someone ended the transfer; it must not do anything more."""
 
 
 class Uploads:
@@ -99,12 +104,13 @@ class Uploads:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def upload(self, plan: str, *, start: bool) -> str:
+    async def upload(self, plan: str, *, start: bool, check: Check | None = None) -> str:
         """Begin to bring a plan on board and return the transfer's id.
 
         Args:
             plan: Id of the plan.
             start: Whether the robot is told to fly it as soon as it is on board.
+            check: Asked in the transaction; what it raises keeps the transfer from beginning.
 
         Raises:
             UnknownIdError: If there is no such plan.
@@ -114,7 +120,7 @@ class Uploads:
         record = await self._ledger.get(plan)
         async with self._asking[record.robot]:
             under_way = await self._under_way(record, start=start)
-            return under_way or await self._new_transfer(record, start=start)
+            return under_way or await self._new_transfer(record, start, check)
 
     async def view(self, transfer: str) -> TransferView:
         """Return a transfer and how far it is proved.
@@ -123,8 +129,8 @@ class Uploads:
             UnknownIdError: If there is none of this id.
         """
         record = await self._store.query(lambda session: query.get_transfer(session, transfer))
-        sent = self._items_sent.get(transfer)
-        return transfer_view(record if sent is None else replace(record, items_sent=sent))
+        sent = max(record.items_sent, self._items_sent.get(transfer, 0))
+        return transfer_view(replace(record, items_sent=sent))
 
     def take(self, report: UploadReport) -> None:
         """Take how far the link is with an upload."""
@@ -132,12 +138,14 @@ class Uploads:
         if transfer is not None:
             self._items_sent[transfer] = report.items_sent
 
-    async def _new_transfer(self, record: PlanRecord, *, start: bool) -> str:
+    async def _new_transfer(self, record: PlanRecord, start: bool, check: Check | None) -> str:
         _check_sendable(record, await self._ledger.of_robot(record.robot, ("running",)))
         mission = mission_of(record)
         at = self._clock.now()
 
         def write(session: Session) -> TransferRecord:
+            if check is not None:
+                check(session)
             if get_plan(session, record.id).state not in SENDABLE:
                 raise conflict(f"{record.id} was changed meanwhile; look at it again.")
             transfer = query.add_transfer(
@@ -165,6 +173,11 @@ class Uploads:
         if transfer is None:
             return None
         record = await self._store.query(lambda session: query.get_transfer(session, transfer))
+        if (await self._ledger.get(record.plan)).state in ENDED_STATES:
+            # The plan was flown already; its transfer only has to notice.
+            await asyncio.wait([self._tasks[transfer]], timeout=_NOTICE_S)
+            if transfer not in self._tasks:
+                return None
         if record.plan != plan.id or record.start != start:
             raise conflict(
                 f"{record.plan} is on its way to {plan.robot}; wait until {transfer} has ended."
@@ -209,6 +222,8 @@ class Uploads:
             await self._change(transfer, ended_at=self._clock.now())
         except TransferError as error:
             await self._give_up(transfer, str(error))
+        except WithdrawnError:
+            log.info("%s was withdrawn", transfer.id)
         except StoreError as error:
             # The row stays open: the transfer goes on when the station starts again.
             log.warning("%s was interrupted: %s", transfer.id, error)
@@ -267,7 +282,11 @@ class Uploads:
                 break
             await self._contact(transfer, plan)
             await self._commands.send(
-                plan.robot, CommandKind.START, by="the station", plan=PlanHash(plan.sha256)
+                plan.robot,
+                CommandKind.START,
+                by="the station",
+                plan=PlanHash(plan.sha256),
+                check=lambda session: _check_open(session, transfer.id),
             )
             if await self._begins(plan):
                 break
@@ -337,10 +356,17 @@ def transfer_view(record: TransferRecord) -> TransferView:
     )
 
 
+def _check_open(session: Session, transfer: str) -> None:
+    if query.get_transfer(session, transfer).ended_at is not None:
+        raise WithdrawnError
+
+
 def _close(
     session: Session, transfer: TransferRecord, state: str, reason: str, at: datetime
 ) -> PlanRecord | None:
-    """End a transfer; a plan that had not arrived is a draft again, for nothing is lost."""
+    """End a transfer that is open; a plan that had not arrived is a draft again."""
+    if query.get_transfer(session, transfer.id).ended_at is not None:
+        return None
     query.change_transfer(session, transfer.id, state=state, reason=reason, ended_at=at)
     plan = get_plan(session, transfer.plan)
     if plan.state != "sent":

@@ -1,3 +1,4 @@
+import asyncio
 import sqlite3
 from datetime import UTC, datetime, timedelta
 
@@ -138,6 +139,24 @@ async def test_surface_withdraws_an_upload_and_keeps_the_draft(client, world):
     assert found["state"] == "withdrawn"
     assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "draft"
     assert world.cancelled_uploads
+
+
+async def test_nothing_is_started_after_a_surface_order_whatever_was_on_its_way(
+    client, station, world, monkeypatch
+):
+    async def too_late(robot):
+        """The transfer's task is not stopped: only the database can hold it back."""
+
+    monkeypatch.setattr(station.commands, "on_surface", [too_late])
+    world.may_upload.clear()
+    mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
+    await until(lambda: world.uploads, 60)
+    await order(client)
+    world.may_upload.set()
+    await until(lambda: not station.uploads._tasks)
+    await asyncio.sleep(0.3)
+    assert [kind for _, kind, _ in world.commands] == [CommandKind.SURFACE]
+    assert (await client.get(f"/api/missions/{mission}")).json()["state"] == "stopped"
 
 
 async def test_orders_that_were_under_way_are_sent_again_after_a_restart(tmp_path, world):
