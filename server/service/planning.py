@@ -10,6 +10,7 @@ from autonomy.field.config import FieldConfig
 from autonomy.planner.approach import approach
 from autonomy.planner.check import violations
 from autonomy.planner.config import PlannerConfig
+from autonomy.planner.outcome import least_energy
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult, PlanStatus
 from autonomy.site import Box
 from db.fault import StoreError
@@ -107,6 +108,12 @@ class Planning:
                 "bring it there, or choose a domain that it is in."
             )
         return north_m, east_m
+
+    def least_energy(self, robot: str, config: PlannerConfig) -> float:
+        """Return the least energy of a further round: back into the domain, and one primitive."""
+        north_m, east_m, _ = self._position(robot)
+        first = approach(config, (north_m, east_m))
+        return least_energy(config) + (0.0 if first is None else first.energy)
 
     async def plan_survey(
         self,

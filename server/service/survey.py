@@ -16,7 +16,6 @@ from sqlalchemy.orm import Session
 
 from autonomy.field.score import Scores
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.outcome import least_energy
 from db.fault import StoreError
 from db.query.events import add_event
 from db.query.missions import MissionRecord, change_mission, get_mission, list_missions
@@ -280,7 +279,7 @@ class Surveys:
         await self._maps.settle(record.robot)
         config = PlannerConfig.model_validate(record.config)
         remaining = config.total_budget - self._missions.spent(record.robot, plans)
-        if remaining < least_energy(config):
+        if remaining < self._planning.least_energy(record.robot, config):
             await self._score(record, config)
         else:
             await self._next_round(record, plans, plans[0].round + 1)
