@@ -134,7 +134,7 @@ def test_a_survey_is_planned_sent_flown_and_mapped(page, demo):
     shoot(page, "robot")
     open_page(page, demo, "/map/mini-1")
     expect(page.get_by_text("Standard deviation").first).to_be_visible(timeout=60_000)
-    expect(page.get_by_text("Scores against the truth")).to_be_visible(timeout=180_000)
+    expect(page.get_by_text("Against the truth")).to_be_visible(timeout=180_000)
     shoot(page, "map")
 
 
