@@ -34,13 +34,19 @@ class IdempotentRoute(APIRoute):
 
         async def handle(request: Request) -> Response:
             key = request.headers.get(HEADER)
-            if key is None or request.method != "POST":
+            if key is None or request.method != "POST" or _storage_fails(request):
                 return await handler(request)
             if not 0 < len(key) <= _KEY_LENGTH_MAX:
                 raise Problem(400, f"{HEADER} has 1 to {_KEY_LENGTH_MAX} characters.")
             return await _once(request, key, handler)
 
         return handle
+
+
+def _storage_fails(request: Request) -> bool:
+    """Tell whether no key can be kept now: the route decides then what may happen all the same."""
+    foundation: Foundation = request.app.state.foundation
+    return foundation.store.fault is not None
 
 
 async def _once(request: Request, key: str, handler: Handler) -> Response:
@@ -55,7 +61,6 @@ async def _once(request: Request, key: str, handler: Handler) -> Response:
             lambda session: claim(session, caller, key, fingerprint, now)
         )
     except StoreUnavailableError:
-        # The route decides: a surface order leaves without a disk, all else is refused there.
         return await handler(request)
     if given is not None:
         return _repeat(given, fingerprint)

@@ -1,5 +1,6 @@
 """Commands to robots: a row first, then bytes, then only those levels that were proved."""
 
+import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 from dataclasses import replace
@@ -37,6 +38,8 @@ _LIFE = {
     CommandKind.START: timedelta(minutes=30),
 }
 """Time after which a command is never sent, by the robots' clock."""
+_WRITE_PATIENCE_S = 0.1
+"""A surface order waits this long, by the wall, for the database."""
 _EMERGENCY_NUMBERS = range(2**24 - 1, 2**24 - 2**16, -1)
 """Numbers of surface orders that could not be written down; the counting ones never get here."""
 
@@ -111,8 +114,7 @@ class Commands:
             if check is not None:
                 check(session)
             if kind is CommandKind.SURFACE:
-                for purge in self.purges:
-                    purge(session, robot, at, f"{by} ordered {robot} to the surface.")
+                self._purge(session, robot, at, by)
             command = query.add_command(
                 session, robot, kind, at=at, expires_at=at + _LIFE[kind], by=by, plan_sha256=plan
             )
@@ -127,14 +129,12 @@ class Commands:
             )
             return command
 
-        try:
+        if kind is CommandKind.SURFACE:
+            command = await self._surface(robot, write, at, by)
+        else:
             command = await self._store.write(write)
-        except StoreUnavailableError as error:
-            if kind is not CommandKind.SURFACE:
-                raise
-            log.critical("%s surfaces by an order that is not written down: %s", robot, error)
-            command = self._unwritten_surface_order(robot, at, by)
-        self._send(command)
+        if command.id not in self._unwritten:
+            self._send(command)
         if kind is CommandKind.SURFACE:
             for stop in self.on_surface:
                 await stop(robot)
@@ -179,6 +179,32 @@ class Commands:
             command.expires_at,
             None if command.plan_sha256 is None else PlanHash(command.plan_sha256),
         )
+
+    async def _surface(
+        self, robot: str, write: Callable[[Session], CommandRecord], at: datetime, by: str
+    ) -> CommandRecord:
+        """Write a surface order down, but let it leave before if that takes long or fails.
+
+        A robot that hears two orders comes up once.
+        """
+        writing = asyncio.ensure_future(self._store.write(write))
+        await asyncio.wait([writing], timeout=_WRITE_PATIENCE_S)
+        if writing.done() and writing.exception() is None:
+            return writing.result()
+        unwritten = self._unwritten_surface_order(robot, at, by)
+        self._send(unwritten)
+        try:
+            return await writing
+        except StoreUnavailableError as error:
+            log.critical("%s surfaces by an order that is not written down: %s", robot, error)
+            self._turns.add(
+                lambda: self._store.write(lambda session: self._purge(session, robot, at, by))
+            )
+            return unwritten
+
+    def _purge(self, session: Session, robot: str, at: datetime, by: str) -> None:
+        for purge in self.purges:
+            purge(session, robot, at, f"{by} ordered {robot} to the surface.")
 
     def _unwritten_surface_order(self, robot: str, at: datetime, by: str) -> CommandRecord:
         """Return an order that lives in memory only: coming up must not wait for a disk."""

@@ -1,4 +1,5 @@
 import asyncio
+import shutil
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime, timedelta
 
@@ -7,6 +8,7 @@ import pytest
 import pytest_asyncio
 
 from autonomy.site import LAKE, TANK
+from db import engine
 from db.query.robots import RobotRecord, add_robot
 from db.store import Store
 from robot_link.messages import RobotId, SystemId
@@ -20,6 +22,7 @@ from tests.server.service.fake_link import World, state_report
 
 MINI = RobotId("mini-1")
 GRACE = RobotId("grace-1")
+DATABASE = "station.sqlite3"
 FAST = {
     "planning_time_s": 30.0,
     "total_budget": 24.0,
@@ -58,10 +61,6 @@ def robot_record(robot, system_id, model, site):
 async def open_station(tmp_path, world):
     """Run a station with two robots on a data folder; closing it is an orderly stop."""
     settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
-    if not (tmp_path / "station.sqlite3").exists():
-        store = Store.open(settings.resolved_database_url)
-        await store.write(_add_fleet)
-        store.close()
     async with run_station(
         settings, lambda foundation: Station(foundation, world.make_link)
     ) as running:
@@ -72,6 +71,27 @@ async def open_station(tmp_path, world):
 def _add_fleet(session):
     add_robot(session, robot_record(MINI, 1, "miniglider", TANK))
     add_robot(session, robot_record(GRACE, 2, "grace3", LAKE))
+
+
+@pytest.fixture(scope="session")
+def prepared_database(tmp_path_factory):
+    """A database that knows two robots, made once: laying out the tables takes its time."""
+    folder = tmp_path_factory.mktemp("prepared")
+    store = Store.open(Settings(data_dir=folder).resolved_database_url)
+    store.change(_add_fleet).result()
+    store.close()
+    return folder / DATABASE
+
+
+@pytest.fixture(autouse=True)
+def _known_fleet(prepared_database, tmp_path):
+    shutil.copy(prepared_database, tmp_path / DATABASE)
+
+
+@pytest.fixture(autouse=True)
+def _impatient_database(monkeypatch):
+    """Tests that lock the database need not wait a second for each try."""
+    monkeypatch.setattr(engine, "BUSY_TIMEOUT_MS", 100)
 
 
 @pytest.fixture(autouse=True)

@@ -64,17 +64,42 @@ async def test_same_request_twice_acts_once(client, world):
 async def test_surface_reaches_the_radio_although_the_database_is_locked(client, world, tmp_path):
     other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
-    answer = await client.post(
+    ordering = asyncio.create_task(
+        client.post("/api/robots/mini-1/commands", json={"kind": "surface"})
+    )
+    await until(lambda: world.commands, 0.5)
+    answer = await ordering
+    keyed = await client.post(
         "/api/robots/mini-1/commands",
         json={"kind": "surface"},
         headers={"Idempotency-Key": "abort"},
     )
+    assert keyed.status_code == 202
     other.execute("ROLLBACK")
     other.close()
     assert answer.status_code == 202
-    assert [kind for _, kind, _ in world.commands] == [CommandKind.SURFACE]
+    assert {kind for _, kind, _ in world.commands} == {CommandKind.SURFACE}
     found = await level(client, answer.json()["id"], "applied")
     assert found["robot"] == MINI
+
+
+async def test_unwritten_surface_order_ends_the_automation_once_storage_works(
+    client, station, world, tmp_path
+):
+    world.robots[MINI].may_fly.clear()
+    mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
+    await until(lambda: world.robots[MINI].state.name == "RUNNING", 60)
+    world.in_reach = False
+    other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
+    other.execute("BEGIN EXCLUSIVE")
+    await order(client)
+    other.execute("ROLLBACK")
+    other.close()
+
+    async def stopped():
+        return (await client.get(f"/api/missions/{mission}")).json()["state"] == "stopped"
+
+    await until(stopped)
 
 
 async def test_other_orders_are_refused_while_the_database_is_locked(client, world, tmp_path):
