@@ -68,7 +68,7 @@ class FakeRobot:
         self.rng = np.random.default_rng(1)
 
     def say(self, state=None):
-        self.state = state or self.state
+        self.state = self.state if state is None else state
         at = datetime.now(UTC)
         self.tell(
             PlanReport(

@@ -44,8 +44,8 @@ async def mission_in(client, mission, *states):
     try:
         return await until(there, PLANNING_S)
     except TimeoutError:
-        found = (await client.get(f"/api/missions/{mission}")).json()
-        raise AssertionError(f"{mission} is {found['state']}: {found['message']}") from None
+        events = (await client.get("/api/events?limit=500")).json()["events"]
+        pytest.fail("\n".join(event["text"] for event in events))
 
 
 async def test_survey_plans_flies_and_maps_until_its_budget_is_spent(client, station, world):
@@ -281,3 +281,72 @@ async def test_progress_and_best_objective_travel_in_the_live_stream(client, sta
     assert found["account"]["energy"] <= 12.0 + 1e-6
     assert len(found["points"][0]) == 5
     follower.cancel()
+
+
+async def test_planning_again_replaces_the_draft_of_a_waiting_survey(client):
+    mission = await survey_of(client)
+    first = (await mission_in(client, mission, "ready"))["plan_id"]
+    body = {
+        "kind": "adaptive_survey",
+        "mission": mission,
+        "config": {**FAST, "objective": "ergodic"},
+    }
+    second = (await client.post("/api/robots/mini-1/plans", json=body)).json()["id"]
+    ready = await mission_in(client, mission, "ready")
+    assert ready["plan_id"] == second
+    assert (await client.get(f"/api/plans/{first}")).json()["state"] == "cancelled"
+    assert (await client.get(f"/api/plans/{second}")).json()["config"]["objective"] == "ergodic"
+    refused = await client.post(f"/api/robots/{GRACE}/plans", json=body)
+    assert refused.status_code == 409
+    assert refused.json()["detail"] == f"{mission} is mini-1's."
+
+
+async def test_new_survey_takes_the_place_of_one_that_only_waits(client):
+    first = await survey_of(client)
+    await mission_in(client, first, "ready")
+    second = await survey_of(client)
+    stopped = await mission_in(client, first, "stopped")
+    assert stopped["message"] == "A new survey took its place."
+    await mission_in(client, second, "ready")
+    listed = (await client.get("/api/robots/mini-1/missions")).json()
+    assert [entry["id"] for entry in listed] == [second, first]
+    plans = (await client.get("/api/robots/mini-1/plans?state=draft")).json()
+    assert {plan["mission_id"] for plan in plans} == {first, second}
+
+
+async def test_survey_stops_when_its_plan_does_not_get_on_board(client, world):
+    world.refuse_upload = OnboardPlanState.REFUSED
+    mission = await survey_of(client, automation=True)
+    stopped = await mission_in(client, mission, "stopped")
+    assert "the robot did not answer" in stopped["message"]
+    plan = (await client.get(f"/api/plans/{stopped['plan_id']}")).json()
+    assert plan["state"] == "draft"
+
+
+async def test_robot_that_lost_its_plan_ends_it_and_the_survey(client, world):
+    world.robots[MINI].may_fly.clear()
+    mission = await survey_of(client, automation=True)
+    await mission_in(client, mission, "running")
+    await until(lambda: world.robots[MINI].state is OnboardPlanState.RUNNING)
+    world.robots[MINI].plan = None
+    world.robots[MINI].say(OnboardPlanState.NONE)
+    stopped = await mission_in(client, mission, "stopped")
+    assert "no longer holds" in stopped["message"]
+
+
+async def test_survey_that_is_done_cannot_be_started_again(client, station):
+    mission = await survey_of(client)
+    await mission_in(client, mission, "ready")
+    await station.missions.move(mission, "done", "The budget is spent.")
+    refused = await client.post(f"/api/missions/{mission}/start")
+    assert refused.status_code == 409
+    assert "plan a new survey" in refused.json()["detail"]
+    assert (await client.post("/api/missions/mission-99/start")).status_code == 404
+
+
+async def test_checking_a_draft_again_tells_what_it_breaks_now(client):
+    body = {"kind": "primitives", "legs": [{"kind": "dive", "end_ned": [0, 0, 1.1]}]}
+    plan = (await client.post("/api/robots/mini-1/plans", json=body)).json()["id"]
+    checked = (await client.post(f"/api/plans/{plan}/check")).json()
+    assert checked["plan_id"] == plan
+    assert checked["violations"]

@@ -1,0 +1,124 @@
+import itertools
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from autonomy.field.config import FIELD_PRESETS
+from autonomy.field.synthetic import measure
+from autonomy.planner.config import PLANNER_PRESETS
+from autonomy.planner.plan import PlanStatus, PrimitiveKind
+from autonomy.site import LAKE, TANK
+from server.problem import Problem
+from server.service.primitive_legs import LegRequest, candidate_of, legs_from
+from server.service.task import plan_survey, score_survey
+from server.service.task.problem import MapSamples, ScoreProblem, SurveyProblem
+from server.service.task.survey_map import PLANNING, SCORING, domain_points
+
+MINI = PLANNER_PRESETS["miniglider"]
+FIELD = FIELD_PRESETS["blue_light"]
+QUICK = MINI.model_copy(
+    update={
+        "planning_time_s": 30.0,
+        "search": MINI.search.model_copy(update={"iterations_max": 60}),
+    }
+)
+
+
+def samples(count, std_m=0.02):
+    rng = np.random.default_rng(3)
+    domain = TANK.domain
+    points = rng.random((count, 3)) * [domain.x_max_m, domain.y_max_m, domain.depth_max_m]
+    return MapSamples(points, measure("blue_light", points, rng), np.full(count, std_m))
+
+
+def never():
+    return False
+
+
+def test_round_is_planned_from_samples_within_its_budget():
+    problem = SurveyProblem(QUICK, FIELD, samples(40), (1.2, 0.6), 10.0, 1)
+    progress = []
+    result = plan_survey.run(problem, progress.append, never)
+    assert result.status is PlanStatus.FOUND
+    assert result.best.energy <= 10.0
+    assert result.best.legs[-1].end_ned[2] == pytest.approx(0.0, abs=1e-6)
+
+
+def test_another_round_searches_with_other_random_numbers():
+    legs = [
+        plan_survey.run(
+            SurveyProblem(QUICK, FIELD, samples(10), (1.2, 0.6), 8.0, number), print, never
+        ).best.legs
+        for number in (1, 1, 2)
+    ]
+    assert legs[0] == legs[1] != legs[2]
+
+
+def test_belief_says_less_where_nothing_was_measured():
+    near = samples(60)
+    near.points[:, 0] *= 0.2
+    belief = plan_survey.belief_of(SurveyProblem(MINI, FIELD, near, (1.0, 0.5), 8.0, 1))
+    known = belief.test_points[:, 0] < 0.5
+    assert belief.std[known].mean() < belief.std[~known].mean()
+    assert len(belief.sample_points) == 60
+
+
+def test_more_samples_make_a_better_map():
+    scores = [
+        score_survey.run(ScoreProblem(FIELD, TANK.domain, samples(count)), print, never)
+        for count in (5, 200)
+    ]
+    for model in ("recursive", "single"):
+        assert scores[1][model].rmse < scores[0][model].rmse
+    assert set(scores[0]) == {"recursive", "single"}
+
+
+def test_points_that_stand_for_a_domain_follow_its_shape():
+    assert domain_points(TANK.domain, PLANNING).shape == (240, 3)
+    assert domain_points(TANK.domain, SCORING).shape == (420, 3)
+    lake = domain_points(LAKE.domain, SCORING)
+    assert len(np.unique(lake[:, 0])) == len(np.unique(lake[:, 1]))
+
+
+def test_station_never_loads_the_compiler():
+    code = "import server.app, sys; print('numba' in sys.modules)"
+    found = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+    )
+    assert found.stdout.strip() == "False"
+
+
+def test_legs_laid_end_to_end_cost_what_the_planner_says():
+    legs = legs_from(
+        MINI,
+        (1.0, 0.5),
+        [
+            LegRequest(PrimitiveKind.SWIM, (1.5, 0.5, 9.0)),
+            LegRequest(PrimitiveKind.GLIDE, (1.9, 0.5, 0.4)),
+            LegRequest(PrimitiveKind.SPIRAL, (0.0, 0.0, 0.0), radius_m=0.4, turn_rad=1.0),
+            LegRequest(PrimitiveKind.DIVE, (0.0, 0.0, 0.3), speed_m_s=0.01),
+            LegRequest(PrimitiveKind.DIVE, (0.0, 0.0, 0.0)),
+        ],
+    )
+    assert [leg.kind.value for leg in legs] == ["swim", "glide", "spiral", "dive", "dive"]
+    for before, after in itertools.pairwise(legs):
+        assert after.start_ned == before.end_ned
+    assert legs[0].end_ned == (1.5, 0.5, 0.0)
+    assert legs[3].duration_s == pytest.approx(30.0)
+    candidate = candidate_of(MINI, legs)
+    assert candidate.energy == pytest.approx(sum(leg.energy for leg in legs))
+    assert candidate.duration_s == pytest.approx(sum(leg.duration_s for leg in legs))
+    assert np.all(np.diff(candidate.points[:, 0]) > 0)
+
+
+def test_leg_that_does_not_move_the_robot_is_named():
+    requests = [
+        LegRequest(PrimitiveKind.DIVE, (0.0, 0.0, 0.5)),
+        LegRequest(PrimitiveKind.DIVE, (0.0, 0.0, 0.5)),
+    ]
+    with pytest.raises(Problem) as refused:
+        legs_from(MINI, (1.0, 0.5), requests)
+    assert refused.value.status == 422
+    assert refused.value.errors[0].loc == ["legs", 1, "end_ned"]

@@ -1,0 +1,103 @@
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from autonomy.site import TANK
+from db.query.robots import RobotRecord
+from robot_link.messages import LinkReport, LinkState, OnboardPlanState, PlanReport, RobotId
+from server.service.picture import Picture
+from server.service.track import POINTS_MAX, Track
+from server.service.watch import RULES, Watch
+from tests.server.service.fake_link import state_report
+
+NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
+LONG_AGO = NOW - timedelta(hours=2)
+MINI = RobotId("mini-1")
+
+
+@pytest.fixture
+def picture():
+    record = RobotRecord(MINI, "mini-1", "miniglider", "real", None, (), TANK, LONG_AGO)
+    return Picture(record, Track(0.01, (0.05, 0.12)))
+
+
+def verdicts(picture, since=LONG_AGO, speed=1.0):
+    watch = Watch(NOW, since, speed)
+    found = {rule.cause: rule.judge(picture, watch) for rule in RULES}
+    return {cause: verdict for cause, verdict in found.items() if verdict is not None}
+
+
+def link(state, age_s=60.0):
+    return {"xbee": LinkReport(MINI, "xbee", state, NOW - timedelta(seconds=age_s), None, 1, 0)}
+
+
+def test_robot_that_was_never_heard_raises_nothing(picture):
+    assert verdicts(picture) == {}
+
+
+def test_silence_alarms_after_its_limit_and_not_just_after_a_start(picture):
+    picture.links = link(LinkState.STALE)
+    assert verdicts(picture)["silence"].text == "mini-1 does not answer; last heard at 11:59Z."
+    assert verdicts(picture, since=NOW - timedelta(seconds=5)) == {}
+    picture.links = link(LinkState.STALE, age_s=10)
+    assert verdicts(picture) == {}
+    picture.links = link(LinkState.STALE, age_s=200)
+    assert verdicts(picture, speed=20.0) == {}
+
+
+def test_silence_of_a_robot_that_said_it_would_dive_is_no_alarm(picture):
+    picture.links = link(LinkState.SUBMERGED, age_s=600)
+    assert verdicts(picture) == {}
+
+
+def test_closed_port_alarms(picture):
+    picture.links = link(LinkState.PORT_CLOSED)
+    assert "plug it in" in verdicts(picture)["port"].text
+
+
+@pytest.mark.parametrize(("late_min", "level"), [(5, None), (15, "watch"), (50, "critical")])
+def test_overdue_robot_alarms_by_how_late_it_is(picture, monkeypatch, late_min, level):
+    due = NOW - timedelta(minutes=late_min)
+    monkeypatch.setattr(Picture, "next_surfacing", lambda self: due)
+    picture.links = link(LinkState.SUBMERGED)
+    found = verdicts(picture).get("overdue")
+    assert (found.level if found else None) == level
+
+
+def test_plan_that_ended_early_alarms_with_its_reason(picture):
+    report = PlanReport(
+        MINI, None, OnboardPlanState.FAILED, 1, 3, 2.0, "the floor was near", NOW, NOW
+    )
+    picture.plan_report = report
+    assert "the floor was near" in verdicts(picture)["plan ended early"].text
+    picture.plan_report = replace(report, state=OnboardPlanState.RUNNING)
+    assert verdicts(picture) == {}
+
+
+def test_battery_alarms_by_its_charge(picture):
+    for charge, level in ((0.5, None), (0.15, "warning"), (0.05, "critical")):
+        picture.state = state_report(MINI, battery_fraction=charge)
+        found = verdicts(picture).get("battery")
+        assert (found.level if found else None) == level
+
+
+def test_long_track_is_thinned_and_asks_to_be_drawn_anew():
+    track = Track(0.5, (0.05, 0.12))
+    for number in range(POINTS_MAX):
+        track.add((float(number), 0.0, 0.0), 0.02)
+    before = track.since(0)
+    track.add((float(POINTS_MAX), 0.0, 0.0), 0.02)
+    after = track.since(before.cursor)
+    assert after.restarted
+    assert len(after.position_ned) == POINTS_MAX // 2 + 1
+    assert after.position_ned[-1, 0] == POINTS_MAX
+
+
+def test_track_sorts_its_points_anew_when_thresholds_change():
+    track = Track(0.01, (0.05, 0.12))
+    track.add((0.0, 0.0, 0.0), 0.08)
+    assert track.since(0).fidelity.tolist() == [1]
+    track.set_thresholds((0.1, 0.2))
+    assert track.since(0).fidelity.tolist() == [2]
+    assert track.levels == 3
