@@ -2,6 +2,7 @@ import asyncio
 import shutil
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime, timedelta
+from functools import cache
 
 import httpx
 import pytest
@@ -131,10 +132,16 @@ async def client(station):
         yield client
 
 
+@cache
+def application():
+    """The routes, built once: all that they know of a station is in ``app.state``."""
+    return create_app(Settings(simulation=True))
+
+
 @asynccontextmanager
 async def api_client(station, role):
     foundation = station.foundation
-    app = create_app(foundation.settings)
+    app = application()
     app.state.foundation, app.state.station = foundation, station
     issued = await foundation.store.write(
         lambda session: create_token(
