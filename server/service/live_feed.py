@@ -17,6 +17,7 @@ from datetime import datetime
 import msgspec
 from sqlalchemy.exc import SQLAlchemyError
 
+from db.fault import StoreError
 from db.query.events import EventRecord, events_after, last_cursor
 from db.store import Store
 from robot_link.clock import Clock
@@ -168,7 +169,7 @@ class LiveFeed:
         commits = self._store.commits
         try:
             events = await self._new_events()
-        except SQLAlchemyError as error:
+        except (StoreError, SQLAlchemyError) as error:
             log.warning("events wait until storage works: %s", error)
             return []
         self._commits = commits

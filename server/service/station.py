@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from autonomy.planner.config import PlannerConfig
+from db.fault import StoreError
 from db.query.events import EventRecord
 from db.query.robots import RobotRecord, get_robot, list_robots
 from db.query.samples import newest_samples
@@ -200,7 +201,13 @@ class Station:
         else:
             return
         for robot in robots:
-            self._foundation.background.start(f"refresh {robot}", self.refresh(robot))
+            self._foundation.background.start(f"refresh {robot}", self._follow_change(robot))
+
+    async def _follow_change(self, robot: str) -> None:
+        try:
+            await self.refresh(robot)
+        except StoreError as error:
+            log.warning("%s was not taken up anew: %s", robot, error)
 
     async def _show_missions(self, robot: str) -> None:
         mission = self.fleet.picture(robot).mission_id

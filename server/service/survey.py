@@ -80,7 +80,12 @@ class Surveys:
         """
         while True:
             await asyncio.sleep(_LOOK_S)
-            for mission in await self._missions.open():
+            try:
+                missions = await self._missions.open()
+            except StoreError as error:
+                log.warning("surveys wait until storage works: %s", error)
+                continue
+            for mission in missions:
                 if mission.state in _UNDER_WAY:
                     self._kick(mission.id)
 
@@ -206,10 +211,14 @@ class Surveys:
         self._foundation.background.start(f"stop for {plan}", self._stop_for_plan(plan, reason))
 
     async def _stop_for_plan(self, plan: str, reason: str) -> None:
-        for mission in await self._missions.open():
-            plans = await self._missions.plans(mission.id)
-            if plans and plans[0].id == plan:
-                await self._missions.advance(mission.id, "stopped", reason, automation=False)
+        try:
+            for mission in await self._missions.open():
+                plans = await self._missions.plans(mission.id)
+                if plans and plans[0].id == plan:
+                    await self._missions.advance(mission.id, "stopped", reason, automation=False)
+        except StoreError as error:
+            # The look that ``run`` takes now and then finds the plan where it stands.
+            log.warning("the survey of %s was not stopped: %s", plan, error)
 
     def _kick(self, mission: str) -> None:
         """Let a survey take its next step, once more if it is taking one now."""

@@ -4,7 +4,7 @@ import asyncio
 import logging
 from collections.abc import Awaitable, Callable
 
-from db.fault import StoreUnavailableError, UnknownIdError
+from db.fault import StoreUnavailableError
 
 log = logging.getLogger(__name__)
 
@@ -15,8 +15,8 @@ Work = Callable[[], Awaitable[None]]
 class Turns:
     """A queue of small pieces of work, done one after another by ``run``.
 
-    A piece that meets failing storage is tried again until it works; one that names something
-    that is gone is dropped.
+    A piece that meets failing storage is tried again until it works; one that fails otherwise is
+    dropped, so that it cannot hold up the others.
     """
 
     def __init__(self, name: str) -> None:
@@ -37,8 +37,8 @@ class Turns:
                 except StoreUnavailableError as error:
                     log.warning("%s wait for the storage: %s", self._name, error)
                     await asyncio.sleep(RETRY_S)
-                except UnknownIdError as error:
-                    log.warning("%s: %s", self._name, error)
+                except Exception:
+                    log.exception("one of the %s was dropped", self._name)
                     break
                 else:
                     break
