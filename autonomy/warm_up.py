@@ -7,6 +7,7 @@ from pathlib import Path
 
 KERNEL_MODULES = (
     "autonomy.vehicle.kernel",
+    "autonomy.vehicle.extended_kernel",
     "autonomy.control.kernel",
     "autonomy.planner.kernel",
 )

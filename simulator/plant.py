@@ -5,7 +5,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
-from autonomy.vehicle.kernel import advance
+from autonomy.vehicle.extended_kernel import advance
 from simulator.current import DriftingCurrent
 from simulator.onboard.hardware import SetPoints
 

@@ -9,7 +9,7 @@ from autonomy.arrays import FloatArray
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.frames import rotation_ned_from_body
 from autonomy.vehicle.config import Vehicle
-from autonomy.vehicle.kernel import advance
+from autonomy.vehicle.extended_kernel import advance
 from autonomy.vehicle.surroundings import Surroundings
 
 _LONGEST_STEP_S = 0.02

@@ -40,7 +40,7 @@ class Surroundings:
         )
 
     def packed(self) -> FloatArray:
-        """Return the array that ``autonomy.vehicle.kernel.advance`` takes, shape ``(9,)``."""
+        """Return the array that ``extended_kernel.advance`` takes, shape ``(9,)``."""
         return np.array(
             [
                 *self.current_ned_m_s,

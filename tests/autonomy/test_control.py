@@ -15,7 +15,7 @@ from autonomy.control.pid import pid_inputs
 from autonomy.control.reference import THESIS_REFERENCES, Reference, straight_glide
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
 from autonomy.vehicle.dynamics import state_derivative
-from autonomy.vehicle.kernel import advance
+from autonomy.vehicle.extended_kernel import advance
 from autonomy.vehicle.steady import angle_of_attack
 from autonomy.vehicle.surroundings import Surroundings
 

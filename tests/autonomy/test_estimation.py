@@ -15,7 +15,7 @@ from autonomy.estimation.position import (
 from autonomy.estimation.velocity_observer import VelocityObserver
 from autonomy.frames import rotation_ned_from_body
 from autonomy.vehicle.config import VEHICLES
-from autonomy.vehicle.kernel import advance
+from autonomy.vehicle.extended_kernel import advance
 from autonomy.vehicle.surroundings import Surroundings
 
 CONFIG = EstimatorConfig(drift_m_sqrt_s=0.03)

@@ -7,7 +7,7 @@ import pytest
 
 from autonomy.site import LAKE, TANK
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
-from autonomy.vehicle.kernel import advance, tail_reference
+from autonomy.vehicle.extended_kernel import advance, tail_reference
 from autonomy.vehicle.surroundings import Surroundings
 
 SITES = {"miniglider": TANK, "grace3": LAKE}

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from autonomy.vehicle import kernel
+from autonomy.vehicle import extended_kernel
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
 from autonomy.vehicle.steady import (
     NoSteadyGlideError,
@@ -112,8 +112,8 @@ def test_a_robot_given_glide_inputs_flies_that_glide(key, path_deg):
     state = np.zeros(15)
     state[2] = 500.0
     water = Surroundings().packed()
-    settled = kernel.advance(state, command, vehicle.packed(), water, 0.0, 0.05, 12_000)
-    later = kernel.advance(settled, command, vehicle.packed(), water, 0.0, 0.05, 200)
+    settled = extended_kernel.advance(state, command, vehicle.packed(), water, 0.0, 0.05, 12_000)
+    later = extended_kernel.advance(settled, command, vehicle.packed(), water, 0.0, 0.05, 200)
     north, _, down = (later - settled)[:3] / 10.0
     assert abs(down) == pytest.approx(0.03, rel=1e-3)
     assert math.degrees(math.atan2(-down, north)) == pytest.approx(path_deg, abs=0.1)
