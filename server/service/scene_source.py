@@ -5,7 +5,7 @@ from robot_link.messages import RobotId
 from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
 from server.service.picture import Picture, PlanInHand
-from webui.scene.source import MapView, PlanView, Pose, TrackPiece
+from webui.scene.source import ComparisonView, MapView, PlanView, Pose, TrackPiece
 
 
 class StationSceneSource:
@@ -81,6 +81,10 @@ class StationSceneSource:
     def map_view(self, model: str) -> MapView | None:
         """Return the newest map of the site's variable."""
         return self._maps.views(self._robot).get((self.site.variable, model))
+
+    def comparison(self) -> ComparisonView | None:
+        """Return the what-if run to draw; none is chosen."""
+        return None
 
     @property
     def _picture(self) -> Picture:

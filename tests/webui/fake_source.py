@@ -9,7 +9,7 @@ from autonomy.field.variable import VARIABLES
 from autonomy.planner.plan import Leg, PrimitiveKind
 from autonomy.site import LAKE, TANK, Site
 from robot_link.messages import RobotId, RobotMode
-from webui.scene.source import MapView, PlanView, Pose, TrackPiece
+from webui.scene.source import ComparisonTrack, ComparisonView, MapView, PlanView, Pose, TrackPiece
 
 NOON = datetime(2026, 6, 1, 12, tzinfo=UTC)
 
@@ -33,6 +33,7 @@ class FakeSource:
         self._plan = self._a_plan()
         self.map = self._a_map()
         self.models = ("recursive", "single")
+        self.shown_comparison: ComparisonView | None = None
 
     def _inside(self, share: np.ndarray) -> np.ndarray:
         return self._low + share * self._size
@@ -59,6 +60,17 @@ class FakeSource:
 
     def map_view(self, model: str) -> MapView | None:
         return replace(self.map, model=model) if model in self.models else None
+
+    def comparison(self) -> ComparisonView | None:
+        return self.shown_comparison
+
+    def compare(self, *titles: str) -> None:
+        reference = self._inside(_helix(50))
+        runs = tuple(
+            ComparisonTrack(title, reference + 0.02 * (i + 1)) for i, title in enumerate(titles)
+        )
+        version = f"whatif-{len(titles)}"
+        self.shown_comparison = ComparisonView(version, "Linear glide", reference, runs)
 
     def set_plan_state(self, state: str) -> None:
         self._plan = replace(self._plan, state=state)

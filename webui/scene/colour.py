@@ -24,6 +24,12 @@ PRIMITIVE: dict[str, Colour] = {
     "dive": (255, 176, 92),
     "swim": (120, 220, 160),
 }
+REFERENCE: Colour = (214, 222, 230)
+RUNS: tuple[Colour, ...] = (
+    (86, 180, 233), (230, 159, 0), (72, 199, 142), (240, 228, 66), (222, 140, 190), (236, 112, 64),
+)  # fmt: skip
+"""Controllers of a what-if run in the order they were chosen, told apart by the colour-blind too
+(after Okabe and Ito, made lighter for a dark ground)."""
 DOMAIN: Colour = (88, 166, 255)
 WATER: Colour = (58, 138, 190)
 EDGE: Colour = (160, 182, 205)

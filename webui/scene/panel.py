@@ -1,25 +1,36 @@
 """Layer switches of the view; everybody who looks at a robot shares them."""
 
+from collections.abc import Mapping
+from typing import Protocol
+
 import viser
 
 from webui.scene.field_map import FORMS, QUANTITIES, FieldMap
-from webui.scene.plan import PlannedTrajectory
-from webui.scene.track import Track
 
 _MODEL_TITLES = {"recursive": "three fidelities", "single": "one fidelity"}
+
+
+class Layer(Protocol):
+    """A part of the scene that can be switched off."""
+
+    def show(self, visible: bool) -> None:
+        """Show or hide all of it."""
+        ...
 
 
 class Panel:
     """viser's own panel, folded away until somebody wants it."""
 
     def __init__(
-        self, gui: viser.GuiApi, field_map: FieldMap, track: Track, plan: PlannedTrajectory,
+        self,
+        gui: viser.GuiApi,
+        field_map: FieldMap,
+        layers: Mapping[str, Layer],
         exaggeration: float,
-    ) -> None:  # fmt: skip
+    ) -> None:
         gui.set_panel_label("Layers")
         self._map = field_map
-        layers = (("Map", field_map), ("Track", track), ("Plan", plan))
-        for label, layer in layers:
+        for label, layer in layers.items():
             box = gui.add_checkbox(label, True)
             box.on_update(lambda event, layer=layer: layer.show(event.target.value))
         self._quantity = gui.add_dropdown("Quantity", QUANTITIES)

@@ -3,6 +3,7 @@
 import numpy as np
 import viser
 
+from webui.scene.comparison import Comparison
 from webui.scene.field_map import FieldMap
 from webui.scene.panel import Panel
 from webui.scene.plan import PlannedTrajectory
@@ -41,9 +42,14 @@ class RobotScene:
         self._track = Track(self._stage, source)
         self._plan = PlannedTrajectory(self._stage, source)
         self._map = FieldMap(self._stage, source)
-        self._panel = Panel(
-            self._server.gui, self._map, self._track, self._plan, self._stage.exaggeration
-        )
+        self._comparison = Comparison(self._stage, source)
+        layers = {
+            "Map": self._map,
+            "Track": self._track,
+            "Plan": self._plan,
+            "What-if": self._comparison,
+        }
+        self._panel = Panel(self._server.gui, self._map, layers, self._stage.exaggeration)
 
     @property
     def port(self) -> int:
@@ -64,6 +70,7 @@ class RobotScene:
             self._robot.show(self._source.pose(), self._stage.exaggeration)
             self._track.update()
             self._plan.update()
+            self._comparison.update()
             self._map.update()
 
     def stop(self) -> None:

@@ -83,6 +83,27 @@ class MapView:
     updated_at: datetime | None
 
 
+@dataclass(frozen=True, slots=True)
+class ComparisonTrack:
+    """Where one controller would take the robot."""
+
+    title: str
+    position_ned: FloatArray
+    """Shape ``(n, 3)``."""
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonView:
+    """A what-if run: computed, not flown, and drawn so."""
+
+    version: str
+    """Changes whenever the tracks do."""
+    title: str
+    reference_ned: FloatArray
+    """What every controller is asked to follow, shape ``(n, 3)``."""
+    runs: tuple[ComparisonTrack, ...]
+
+
 class SceneSource(Protocol):
     """Everything the scene shows of one robot; cheap enough to be polled at 10 Hz."""
 
@@ -129,4 +150,8 @@ class SceneSource(Protocol):
 
     def map_view(self, model: str) -> MapView | None:
         """Return the newest map; the same object as long as its version is the same."""
+        ...
+
+    def comparison(self) -> ComparisonView | None:
+        """Return the what-if run to draw; the same object as long as nothing about it changed."""
         ...

@@ -23,7 +23,7 @@ class Stage:
         self.projection = projection
         self.exaggeration = projection.default_exaggeration
         self._nodes: dict[str, Node] = {}
-        self._labels: list[tuple[viser.LabelHandle, FloatArray]] = []
+        self._labels: dict[str, tuple[viser.LabelHandle, FloatArray]] = {}
         scene.add_frame("/world", show_axes=False, position=projection.offset())
 
     def exaggerate(self, exaggeration: float) -> None:
@@ -31,7 +31,7 @@ class Stage:
         self.exaggeration = exaggeration
         for node in self._nodes.values():
             node.scale = self._scale()
-        for label, enu_m in self._labels:
+        for label, enu_m in self._labels.values():
             label.position = tuple(enu_m * np.array(self._scale()))
 
     def lines(
@@ -100,7 +100,22 @@ class Stage:
             font_screen_scale=0.8,
             anchor="center-center",
         )
-        self._labels.append((handle, enu_m))
+        self._labels[name] = (handle, enu_m)
+
+    def show(self, name: str, visible: bool) -> None:
+        """Show or hide a node; nothing happens when it is not there."""
+        if name in self._nodes:
+            self._nodes[name].visible = visible
+
+    def show_label(self, name: str, visible: bool) -> None:
+        """Show or hide a label; nothing happens when it is not there."""
+        if name in self._labels:
+            self._labels[name][0].visible = visible
+
+    def remove_label(self, name: str) -> None:
+        """Take a label away; nothing happens when it is not there."""
+        if name in self._labels:
+            self._labels.pop(name)[0].remove()
 
     def remove(self, name: str) -> None:
         """Take a node away; nothing happens when it is not there."""

@@ -1,0 +1,102 @@
+"""What-if runs in the 3D scene: drawn as predicted, each controller told apart."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from tests.webui.fake_source import FakeSource
+from webui.scene.colour import REFERENCE, RUNS, linear
+from webui.scene.comparison import dashes
+from webui.scene.server import RobotScene
+from webui.scene.source import ComparisonTrack
+
+
+@pytest.fixture
+def source():
+    source = FakeSource()
+    source.compare("Backstepping", "PID")
+    return source
+
+
+@pytest.fixture
+def scene(source):
+    scene = RobotScene(source)
+    scene.update()
+    yield scene
+    scene.stop()
+
+
+def nodes(scene):
+    return {name: node for name, node in scene._stage._nodes.items() if name.startswith("whatif/")}
+
+
+def labels(scene):
+    names = scene._stage._labels
+    return {name: names[name][0] for name in names if name.startswith("whatif/")}
+
+
+def test_a_reference_and_every_controller_have_a_line_and_a_label_that_says_what_if(scene):
+    assert len(nodes(scene)) == 3
+    assert [label.text for label in labels(scene).values()] == [
+        "what-if: reference", "what-if: Backstepping", "what-if: PID",
+    ]  # fmt: skip
+
+
+def test_controllers_are_told_apart_by_colour(scene):
+    shades = [tuple(np.asarray(node.colors).reshape(-1, 3)[0]) for node in nodes(scene).values()]
+    assert shades == [tuple(linear(colour)) for colour in (REFERENCE, RUNS[0], RUNS[1])]
+
+
+def test_labels_of_controllers_do_not_lie_on_one_another(scene):
+    places = [np.array(label.position) for label in labels(scene).values()]
+    gaps = [np.linalg.norm(a - b) for i, a in enumerate(places) for b in places[:i]]
+    assert min(gaps) > 0.5
+
+
+def test_the_same_comparison_is_drawn_once(scene):
+    before = nodes(scene)
+    scene.update()
+    assert nodes(scene) == before
+
+
+def test_another_comparison_replaces_the_one_drawn_and_none_clears_it(scene, source):
+    source.compare("Backstepping")
+    scene.update()
+    assert len(nodes(scene)) == len(labels(scene)) == 2
+    source.shown_comparison = None
+    scene.update()
+    assert nodes(scene) == labels(scene) == {}
+
+
+def test_the_switch_of_the_panel_hides_lines_and_labels(scene, source):
+    scene._comparison.show(False)
+    assert not any(node.visible for node in nodes(scene).values())
+    assert not any(label.visible for label in labels(scene).values())
+    source.compare("Backstepping", "PID", "Governor")
+    scene.update()
+    assert not any(node.visible for node in nodes(scene).values())
+
+
+def test_the_layers_of_the_panel_name_the_what_if(scene):
+    gui = scene._server.gui
+    names = {getattr(handle, "label", None) for handle in gui._gui_input_handle_from_uuid.values()}
+    assert "What-if" in names
+
+
+def test_a_track_that_diverged_is_drawn_as_far_as_it_is_known(scene, source):
+    track = source.shown_comparison.runs[0]
+    broken = track.position_ned.copy()
+    broken[20:] = np.nan
+    runs = (replace(track, position_ned=broken), ComparisonTrack("stuck", np.zeros((5, 3))))
+    source.shown_comparison = replace(source.shown_comparison, runs=runs)
+    scene.update()
+    assert [label.text for label in labels(scene).values()][1:] == ["what-if: Backstepping"]
+    assert np.isfinite(nodes(scene)["whatif/1"].points).all()
+
+
+def test_dashes_cover_two_thirds_of_a_line_and_follow_its_bends():
+    corner = np.array([[0.0, 0.0, 0.0], [3.0, 0.0, 0.0], [3.0, 3.0, 0.0]])
+    pieces = dashes(corner, 0.4)
+    assert np.linalg.norm(pieces[:, 1] - pieces[:, 0], axis=1).sum() == pytest.approx(4.0)
+    assert (np.isclose(pieces[..., 0], 3.0) | np.isclose(pieces[..., 1], 0.0)).all()
