@@ -2,12 +2,15 @@
 
 from alembic import context
 
-from db.tables import Base
+from db import study_tables, tables
+
+KNOWN = (tables, study_tables)
+"""Every module with tables, so that all of them are in the one metadata."""
 
 connection = context.config.attributes["connection"]
 context.configure(
     connection=connection,
-    target_metadata=Base.metadata,
+    target_metadata=tables.Base.metadata,
     render_as_batch=connection.dialect.name == "sqlite",
 )
 with context.begin_transaction():

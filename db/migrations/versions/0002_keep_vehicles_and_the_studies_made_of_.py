@@ -1,0 +1,147 @@
+"""Keep vehicles and the studies made of them."""
+
+from collections.abc import Sequence
+
+import sqlalchemy as sa
+from alembic import op
+
+import db.column
+
+revision: str = "0002"
+down_revision: str | None = "0001"
+branch_labels: str | Sequence[str] | None = None
+depends_on: str | Sequence[str] | None = None
+
+
+def upgrade() -> None:
+    op.create_table(
+        "vehicle",
+        sa.Column("key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
+        sa.Column("id", sa.String(), nullable=False),
+        sa.Column("title", sa.String(), nullable=False),
+        sa.Column("note", sa.String(), nullable=False),
+        sa.Column("origin", sa.String(), nullable=False),
+        sa.Column("document", sa.JSON(), nullable=False),
+        sa.Column("created_at", db.column.Utc(), nullable=False),
+        sa.Column("created_by", sa.String(), nullable=False),
+        sa.PrimaryKeyConstraint("key", name=op.f("pk_vehicle")),
+        sa.UniqueConstraint("id", name=op.f("uq_vehicle_id")),
+        sqlite_autoincrement=True,
+    )
+    op.create_table(
+        "whatif",
+        sa.Column("key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
+        sa.Column(
+            "robot_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
+        ),
+        sa.Column("job_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=True),
+        sa.Column("state", sa.String(), nullable=False),
+        sa.Column("title", sa.String(), nullable=False),
+        sa.Column("vehicle", sa.String(), nullable=False),
+        sa.Column("scenario", sa.JSON(), nullable=False),
+        sa.Column("controllers", sa.JSON(), nullable=False),
+        sa.Column("message", sa.String(), nullable=False),
+        sa.Column("result", sa.JSON(none_as_null=True), nullable=True),
+        sa.Column("shown_from", sa.JSON(none_as_null=True), nullable=True),
+        sa.Column("created_at", db.column.Utc(), nullable=False),
+        sa.Column("created_by", sa.String(), nullable=False),
+        sa.Column("ended_at", db.column.Utc(), nullable=True),
+        sa.ForeignKeyConstraint(["job_key"], ["job.key"], name=op.f("fk_whatif_job_key")),
+        sa.ForeignKeyConstraint(["robot_key"], ["robot.key"], name=op.f("fk_whatif_robot_key")),
+        sa.PrimaryKeyConstraint("key", name=op.f("pk_whatif")),
+        sqlite_autoincrement=True,
+    )
+    with op.batch_alter_table("whatif", schema=None) as batch_op:
+        batch_op.create_index(
+            batch_op.f("ix_whatif_robot_key_key"), ["robot_key", "key"], unique=False
+        )
+        batch_op.create_index(batch_op.f("ix_whatif_state"), ["state"], unique=False)
+
+    op.create_table(
+        "identification",
+        sa.Column("key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
+        sa.Column(
+            "robot_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
+        ),
+        sa.Column(
+            "deployment_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
+        ),
+        sa.Column("job_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=True),
+        sa.Column("state", sa.String(), nullable=False),
+        sa.Column("vehicle", sa.String(), nullable=False),
+        sa.Column("vehicle_document", sa.JSON(), nullable=False),
+        sa.Column("config", sa.JSON(), nullable=False),
+        sa.Column("data_start_at", db.column.Utc(), nullable=False),
+        sa.Column("data_end_at", db.column.Utc(), nullable=False),
+        sa.Column("progress", sa.Double(), nullable=False),
+        sa.Column("message", sa.String(), nullable=False),
+        sa.Column("convergence", sa.JSON(), nullable=False),
+        sa.Column("checkpoint", sa.JSON(none_as_null=True), nullable=True),
+        sa.Column("result", sa.JSON(none_as_null=True), nullable=True),
+        sa.Column("accepted_vehicle", sa.String(), nullable=True),
+        sa.Column("created_at", db.column.Utc(), nullable=False),
+        sa.Column("created_by", sa.String(), nullable=False),
+        sa.Column("ended_at", db.column.Utc(), nullable=True),
+        sa.ForeignKeyConstraint(
+            ["deployment_key"], ["deployment.key"], name=op.f("fk_identification_deployment_key")
+        ),
+        sa.ForeignKeyConstraint(["job_key"], ["job.key"], name=op.f("fk_identification_job_key")),
+        sa.ForeignKeyConstraint(
+            ["robot_key"], ["robot.key"], name=op.f("fk_identification_robot_key")
+        ),
+        sa.PrimaryKeyConstraint("key", name=op.f("pk_identification")),
+        sqlite_autoincrement=True,
+    )
+    with op.batch_alter_table("identification", schema=None) as batch_op:
+        batch_op.create_index(
+            batch_op.f("ix_identification_robot_key_key"), ["robot_key", "key"], unique=False
+        )
+        batch_op.create_index(batch_op.f("ix_identification_state"), ["state"], unique=False)
+
+    op.create_table(
+        "trim_advice",
+        sa.Column("key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
+        sa.Column(
+            "robot_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
+        ),
+        sa.Column(
+            "deployment_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
+        ),
+        sa.Column("trim_version", sa.String(), nullable=False),
+        sa.Column("document", sa.JSON(), nullable=False),
+        sa.Column("created_at", db.column.Utc(), nullable=False),
+        sa.Column("created_by", sa.String(), nullable=False),
+        sa.Column("accepted_at", db.column.Utc(), nullable=True),
+        sa.Column("accepted_by", sa.String(), nullable=True),
+        sa.Column("accepted_share", sa.Double(), nullable=True),
+        sa.ForeignKeyConstraint(
+            ["deployment_key"], ["deployment.key"], name=op.f("fk_trim_advice_deployment_key")
+        ),
+        sa.ForeignKeyConstraint(
+            ["robot_key"], ["robot.key"], name=op.f("fk_trim_advice_robot_key")
+        ),
+        sa.PrimaryKeyConstraint("key", name=op.f("pk_trim_advice")),
+        sqlite_autoincrement=True,
+    )
+    with op.batch_alter_table("trim_advice", schema=None) as batch_op:
+        batch_op.create_index(
+            batch_op.f("ix_trim_advice_robot_key_key"), ["robot_key", "key"], unique=False
+        )
+
+
+def downgrade() -> None:
+    with op.batch_alter_table("trim_advice", schema=None) as batch_op:
+        batch_op.drop_index(batch_op.f("ix_trim_advice_robot_key_key"))
+
+    op.drop_table("trim_advice")
+    with op.batch_alter_table("identification", schema=None) as batch_op:
+        batch_op.drop_index(batch_op.f("ix_identification_state"))
+        batch_op.drop_index(batch_op.f("ix_identification_robot_key_key"))
+
+    op.drop_table("identification")
+    with op.batch_alter_table("whatif", schema=None) as batch_op:
+        batch_op.drop_index(batch_op.f("ix_whatif_state"))
+        batch_op.drop_index(batch_op.f("ix_whatif_robot_key_key"))
+
+    op.drop_table("whatif")
+    op.drop_table("vehicle")

@@ -1,0 +1,85 @@
+"""What a robot reported of itself, as arrays for those who work on whole recordings."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from autonomy.arrays import BoolArray, FloatArray, IntArray
+from db.column import microseconds
+from db.query.robots import robot_key
+from db.tables import StateRow
+
+_NUMBERS = (
+    StateRow.north_m,
+    StateRow.east_m,
+    StateRow.depth_m,
+    StateRow.position_std_m,
+    StateRow.roll_rad,
+    StateRow.pitch_rad,
+    StateRow.heading_rad,
+    StateRow.net_buoyancy_kg,
+    StateRow.mass_position_m,
+    StateRow.tail_rad,
+)
+
+
+@dataclass(frozen=True, slots=True)
+class StateColumns:
+    """State reports of one robot in order of time; NaN where a report does not say."""
+
+    measured_at_us: IntArray
+    """Shape ``(n,)``, microseconds from the epoch."""
+    position_ned: FloatArray
+    """Shape ``(n, 3)``, m."""
+    position_std_m: FloatArray
+    """Shape ``(n,)``."""
+    has_fix: BoolArray
+    """Shape ``(n,)``."""
+    attitude_rad: FloatArray
+    """Roll, pitch and heading, shape ``(n, 3)``."""
+    net_buoyancy_kg: FloatArray
+    """Shape ``(n,)``."""
+    mass_position_m: FloatArray
+    """Shape ``(n,)``."""
+    tail_rad: FloatArray
+    """Shape ``(n,)``."""
+    mode: IntArray
+    """``robot_link.messages.RobotMode``, -1 where a report does not say, shape ``(n,)``."""
+
+    def __len__(self) -> int:
+        return len(self.measured_at_us)
+
+
+def state_columns(
+    session: Session, robot: str, start: datetime | None = None, end: datetime | None = None
+) -> StateColumns:
+    """Return the state reports of a robot, both ends of the time range included.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    statement = (
+        select(StateRow.measured_at, StateRow.has_fix, StateRow.mode, *_NUMBERS)
+        .where(StateRow.robot_key == robot_key(session, robot))
+        .order_by(StateRow.measured_at)
+    )
+    if start is not None:
+        statement = statement.where(StateRow.measured_at >= start)
+    if end is not None:
+        statement = statement.where(StateRow.measured_at <= end)
+    rows = session.execute(statement).all()
+    numbers = np.array([row[3:] for row in rows], dtype=np.float64).reshape(-1, len(_NUMBERS))
+    return StateColumns(
+        measured_at_us=np.array([microseconds(row[0]) for row in rows], dtype=np.int64),
+        position_ned=numbers[:, :3],
+        position_std_m=numbers[:, 3],
+        has_fix=np.array([row[1] for row in rows], dtype=np.bool_),
+        attitude_rad=numbers[:, 4:7],
+        net_buoyancy_kg=numbers[:, 7],
+        mass_position_m=numbers[:, 8],
+        tail_rad=numbers[:, 9],
+        mode=np.array([-1 if row[2] is None else row[2] for row in rows], dtype=np.int64),
+    )
