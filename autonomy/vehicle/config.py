@@ -1,14 +1,25 @@
-"""The numbers of a vehicle: model parameters, actuator limits, and the vehicles that are known."""
+"""The numbers of a vehicle: model, actuators, hull and energy, and the vehicles that are known."""
 
 import math
 from dataclasses import dataclass
-from typing import Self
 
 import numpy as np
-from pydantic import model_validator
 
 from autonomy.arrays import FloatArray
 from autonomy.configuration import Configuration, quantity
+from autonomy.vehicle.energy import EnergyPrices
+from autonomy.vehicle.hull import Hull
+from autonomy.vehicle.limits import ActuatorLimits
+
+__all__ = [
+    "GRACE3",
+    "MINIGLIDER",
+    "VEHICLES",
+    "ActuatorLimits",
+    "SwimGait",
+    "Vehicle",
+    "VehicleParameters",
+]
 
 
 class VehicleParameters(Configuration):
@@ -102,66 +113,20 @@ class VehicleParameters(Configuration):
         return np.array(list(self.model_dump().values()), dtype=np.float64)
 
 
-class ActuatorLimits(Configuration):
-    """End stops and greatest rates of the three actuators (thesis section 3.3)."""
-
-    m0_min_kg: float = quantity(-0.0279, "kg", title="Net buoyancy, lightest", display_unit="g")
-    """Smallest net mass: the robot rises."""
-    m0_max_kg: float = quantity(0.0225, "kg", title="Net buoyancy, heaviest", display_unit="g")
-    """Greatest net mass: the robot sinks."""
-    m0_rate_kg_s: float = quantity(
-        0.00172, "kg/s", title="Net buoyancy rate", gt=0.0, display_unit="g/s"
-    )
-    """Greatest rate of the buoyancy pump."""
-    rp1_min_m: float = quantity(-0.0555, "m", title="Sliding mass, aft", display_unit="mm")
-    """Aft end stop of the sliding mass."""
-    rp1_max_m: float = quantity(0.0445, "m", title="Sliding mass, forward", display_unit="mm")
-    """Forward end stop of the sliding mass."""
-    rp1_rate_m_s: float = quantity(
-        0.0125, "m/s", title="Sliding mass rate", gt=0.0, display_unit="mm/s"
-    )
-    """Greatest speed of the sliding mass."""
-    delta_max_rad: float = quantity(
-        1.92, "rad", title="Tail angle", gt=0.0, le=math.pi, display_unit="deg"
-    )
-    """End stop of the tail, either way."""
-    delta_rate_rad_s: float = quantity(
-        1.05, "rad/s", title="Tail rate", gt=0.0, display_unit="deg/s"
-    )
-    """Greatest rate of the tail servo."""
-
-    @model_validator(mode="after")
-    def _ranges_hold_zero(self) -> Self:
-        if not self.m0_min_kg < 0.0 < self.m0_max_kg:
-            raise ValueError("the net buoyancy's range must hold zero inside")
-        if not self.rp1_min_m < 0.0 < self.rp1_max_m:
-            raise ValueError("the sliding mass's range must hold zero inside")
-        return self
-
-    def packed(self) -> FloatArray:
-        """Return the values in the order of declaration, as the kernels index them."""
-        return np.array(list(self.model_dump().values()), dtype=np.float64)
-
-    def clip(self, m0_kg: float, rp1_m: float, delta_rad: float) -> tuple[float, float, float]:
-        """Return the command that the end stops allow."""
-        return (
-            min(max(m0_kg, self.m0_min_kg), self.m0_max_kg),
-            min(max(rp1_m, self.rp1_min_m), self.rp1_max_m),
-            min(max(delta_rad, -self.delta_max_rad), self.delta_max_rad),
-        )
-
-
-@dataclass(frozen=True, slots=True)
-class SwimGait:
+class SwimGait(Configuration):
     """A tail flap that the servo can follow: ``2 pi frequency amplitude`` is below its rate.
 
     Thesis section 5.4.2 asks that frequency and amplitude respect the actuator; 0.35 rad at 1 Hz
     would need 2.2 rad/s of a tail that does 1.05.
     """
 
-    amplitude_rad: float
-    frequency_hz: float
-    rp1_m: float
+    amplitude_rad: float = quantity(
+        0.40, "rad", title="Tail amplitude", gt=0.0, le=math.pi / 2.0, display_unit="deg"
+    )
+    """How far the tail beats to either side of its bias."""
+    frequency_hz: float = quantity(0.40, "Hz", title="Tail frequency", gt=0.0, le=10.0)
+    """Beats per second."""
+    rp1_m: float = quantity(0.005, "m", title="Sliding mass", display_unit="mm")
     """Sliding mass that keeps the robot level at its swimming speed."""
 
 
@@ -176,10 +141,19 @@ class Vehicle:
     parameters: VehicleParameters
     limits: ActuatorLimits
     swim: SwimGait
+    hull: Hull
+    energy: EnergyPrices
 
     def packed(self) -> FloatArray:
-        """Return parameters and then limits as one array for the kernels."""
-        return np.concatenate([self.parameters.packed(), self.limits.packed()])
+        """Return parameters, limits, hull and energy prices as one array for the kernels."""
+        return np.concatenate(
+            [
+                self.parameters.packed(),
+                self.limits.packed(),
+                [self.hull.displaced_mass_kg, self.hull.compressibility_per_m],
+                self.energy.packed(self.limits),
+            ]
+        )
 
 
 MINIGLIDER = Vehicle(
@@ -188,7 +162,9 @@ MINIGLIDER = Vehicle(
     note="",
     parameters=VehicleParameters(),
     limits=ActuatorLimits(),
-    swim=SwimGait(amplitude_rad=0.40, frequency_hz=0.40, rp1_m=0.005),
+    swim=SwimGait(),
+    hull=Hull(),
+    energy=EnergyPrices(),
 )
 """The robot of thesis Table 3.2."""
 
@@ -268,6 +244,15 @@ GRACE3 = Vehicle(
         frequency_hz=MINIGLIDER.swim.frequency_hz / _TIME,
         rp1_m=0.03,
     ),
+    hull=Hull(
+        length_m=1.00,
+        width_m=0.30,
+        height_m=0.53,
+        tail_to_nose_m=1.70,
+        wingspan_m=0.85,
+        displaced_mass_kg=33.0,
+    ),
+    energy=EnergyPrices(electronics_w=8.0, pump_full_w=60.0, mass_full_w=25.0, tail_full_w=15.0),
 )
 """The Miniglider's model scaled by thesis Table 2.2, until an identification replaces it."""
 

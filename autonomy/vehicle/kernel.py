@@ -1,7 +1,8 @@
 """Compiled 12-state model of the glider; ``autonomy.vehicle.dynamics`` is the readable reference.
 
-Arrays are packed as ``Vehicle.packed`` makes them: the parameters and then the limits, each in
-their order of declaration; the names below are the indices.
+Arrays are packed as ``Vehicle.packed`` makes them: parameters and limits, each in their order of
+declaration, what the hull displaces and how it gives, and the prices of energy; the names below
+are the indices. A model of the body alone needs no more than parameters and limits.
 """
 
 import math
@@ -22,7 +23,9 @@ from autonomy.compiled import inlined_kernel, kernel
     CROSSFLOW_1, CROSSFLOW_2, CROSSFLOW_3,
     CONTACT_STIFFNESS, CONTACT_DAMPING, SURFACE_DAMPING,
     M0_MIN, M0_MAX, M0_RATE, RP1_MIN, RP1_MAX, RP1_RATE, DELTA_MAX, DELTA_RATE,
-) = range(46)
+    HULL_MASS, HULL_COMPRESSIBILITY,
+    ENERGY_0, ENERGY_M0, ENERGY_RP1, ENERGY_DELTA,
+) = range(52)
 # fmt: on
 """Index of each number in a packed vehicle."""
 

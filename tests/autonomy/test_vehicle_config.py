@@ -13,8 +13,11 @@ from autonomy.vehicle.config import (
     MINIGLIDER,
     VEHICLES,
     ActuatorLimits,
+    SwimGait,
     VehicleParameters,
 )
+from autonomy.vehicle.energy import EnergyPrices
+from autonomy.vehicle.hull import Hull
 from autonomy.vehicle.surroundings import Surroundings
 
 
@@ -26,7 +29,7 @@ def test_kernel_indices_name_the_fields_in_their_order():
         unit = next((unit for unit in units if name.endswith(unit)), "")
         constant = name.removesuffix(unit).upper()
         assert getattr(kernel, constant) == index, name
-    assert MINIGLIDER.packed().shape == (len(names),)
+    assert len(names) == kernel.HULL_MASS
 
 
 def test_packed_numbers_are_those_of_table_3_2():
@@ -35,6 +38,23 @@ def test_packed_numbers_are_those_of_table_3_2():
     assert packed[kernel.YAW_DELTA] == -0.210
     assert packed[kernel.M0_MIN] == -0.0279
     assert packed[kernel.DELTA_RATE] == 1.05
+
+
+def test_packed_vehicle_ends_with_hull_and_energy():
+    packed = GRACE3.packed()
+    assert packed.shape == (kernel.ENERGY_DELTA + 1,)
+    assert packed[kernel.HULL_MASS] == 33.0
+    assert packed[kernel.HULL_COMPRESSIBILITY] == 0.0
+    assert packed[kernel.ENERGY_0] == GRACE3.energy.electronics_w
+    full_rate = GRACE3.limits.m0_rate_kg_s
+    assert packed[kernel.ENERGY_M0] * full_rate**2 == pytest.approx(60.0)
+
+
+@pytest.mark.parametrize("vehicle", VEHICLES.values(), ids=VEHICLES)
+def test_hulls_and_their_tails_are_no_longer_than_the_robot(vehicle):
+    hull = vehicle.hull
+    assert hull.width_m < hull.wingspan_m
+    assert hull.length_m < hull.tail_to_nose_m
 
 
 def test_grace_3_says_that_it_is_scaled_and_keeps_proportions():
@@ -71,7 +91,7 @@ def test_impossible_limits_are_refused(wrong):
 
 
 def test_every_parameter_tells_its_title_and_what_it_means():
-    for model in (VehicleParameters, ActuatorLimits):
+    for model in (VehicleParameters, ActuatorLimits, SwimGait, Hull, EnergyPrices):
         for name, field in model.model_json_schema()["properties"].items():
             assert field["title"], name
             assert field["description"], name
