@@ -21,6 +21,7 @@ from autonomy.control.config import (
 from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
 from autonomy.field.config import FIELD_PRESETS, FieldConfig
 from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
+from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
 from db.query import configurations as query
 from db.query.configurations import ConfigurationRecord
 from db.query.events import add_event
@@ -65,6 +66,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
                 EstimatorConfig,
                 _by_vehicle(ESTIMATOR_PRESETS, EstimatorConfig()),
             ),
+            ConfigurationKind("trim", "Trim", TrimConfig, _by_vehicle(TRIM_PRESETS, TrimConfig())),
             ConfigurationKind(
                 "controller.backstepping",
                 "Backstepping controller",
