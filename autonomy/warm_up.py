@@ -9,6 +9,7 @@ KERNEL_MODULES = (
     "autonomy.vehicle.kernel",
     "autonomy.vehicle.extended_kernel",
     "autonomy.control.kernel",
+    "autonomy.control.law",
     "autonomy.planner.kernel",
 )
 """Modules with compiled functions; each has ``warm_up()``, which calls every one of them."""

@@ -62,7 +62,7 @@ def backstepping_inputs(
     f23 = math.copysign(max(abs(f23), config.tail_effect_min), p.yaw_delta_m)
     tail = (-f25 - config.k_2 * error.direction_rate - config.k_psi * error.direction) / f23
     stop = vehicle.limits.delta_max_rad
-    reachable = min(max(tail, -stop), stop)
+    reachable = min(max(tail, -stop), stop) if config.is_tail_clipped_first else tail
 
     # -z'' of the vehicle is s_th (.)_1 - c_th (.)_3
     up = np.array([st, 0.0, -ct])

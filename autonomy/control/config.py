@@ -1,6 +1,7 @@
-"""Gains of the trajectory controllers."""
+"""Gains of the trajectory controllers of the thesis."""
 
 import math
+from typing import Literal, get_args
 
 import numpy as np
 
@@ -11,7 +12,10 @@ from autonomy.configuration import Configuration, quantity
 class BacksteppingConfig(Configuration):
     """Gains of the proposed backstepping controller; with ``pitch_trade_rad`` 0 of the baseline.
 
-    The defaults are those of the thesis's experiments (section 3.4.3).
+    The defaults are those of the thesis's experiments (section 3.4.3). The three laws of Eq. 3.19
+    are solved in the order tail, net mass, sliding mass, because the tail's force enters the depth
+    equation. What they ask for is cut at the end stops, and the actuators then follow as fast as
+    their rates allow; the law has no memory, so nothing winds up meanwhile.
     """
 
     k_z: float = quantity(0.08, "1/s2", title="Depth gain", gt=0.0)
@@ -44,16 +48,26 @@ class BacksteppingConfig(Configuration):
     """Within this distance the direction to the target is averaged over two points (epsilon_0)."""
     near_offset_m: float = quantity(0.15, "m", title="Offset near target", gt=0.0, advanced=True)
     """Distance of those two points to either side of the target (l)."""
+    is_tail_clipped_first: bool = quantity(
+        True, title="Depth counts on the reachable tail", advanced=True
+    )
+    """Whether the depth law counts on the tail angle within its end stops; if not, on the angle
+    that was asked for, which the literal law with a small tail effect makes hundreds of radians."""
 
     def packed(self) -> FloatArray:
-        """Return the values in the order of declaration, shape ``(10,)``."""
+        """Return the values in the order of declaration, shape ``(11,)``."""
         return np.array(list(self.model_dump().values()), dtype=np.float64)
+
+
+AntiWindup = Literal["none", "hold", "back_calculation"]
+"""What becomes of an integral while its actuator is at an end stop."""
 
 
 class PidConfig(Configuration):
     """Gains of three PID loops: depth by net mass, pitch by sliding mass, heading by tail.
 
-    The defaults are those of the thesis's experiments (section 3.4.3), in SI units.
+    The defaults are those of the thesis's experiments (section 3.4.3), in SI units; the thesis's
+    integrals grow on at an end stop.
     """
 
     z_proportional: float = quantity(0.08, "kg/m", title="Depth, proportional")
@@ -79,9 +93,19 @@ class PidConfig(Configuration):
     near_offset_m: float = quantity(0.15, "m", title="Offset near target", gt=0.0, advanced=True)
     """Distance of those two points to either side of the target (l)."""
 
+    anti_windup: AntiWindup = quantity("none", title="Anti-windup", advanced=True)
+    """At an end stop an integral grows on (none), stops growing into the stop (hold: conditional
+    integration), or runs back by what the stop cut off (back calculation)."""
+    windup_recovery_s: float = quantity(
+        5.0, "s", title="Anti-windup recovery", gt=0.0, le=1000.0, advanced=True
+    )
+    """Time constant with which back calculation runs an integral back."""
+
     def packed(self) -> FloatArray:
-        """Return the values in the order of declaration, shape ``(11,)``."""
-        return np.array(list(self.model_dump().values()), dtype=np.float64)
+        """Return the values in the order of declaration, shape ``(13,)``; a choice as its index."""
+        values = self.model_dump()
+        values["anti_windup"] = get_args(AntiWindup).index(self.anti_windup)
+        return np.array(list(values.values()), dtype=np.float64)
 
 
 BACKSTEPPING_EXPERIMENT = BacksteppingConfig()

@@ -6,25 +6,22 @@ from typing import Protocol
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.control import kernel
+from autonomy.control import law
 from autonomy.control.config import BacksteppingConfig, PidConfig
 from autonomy.control.reference import Reference
-from autonomy.vehicle.config import ActuatorLimits, Vehicle
+from autonomy.vehicle.config import Vehicle
 
 
 @dataclass(frozen=True, slots=True)
 class ActuatorCommand:
-    """Setpoints of the three actuators, inside their end stops."""
+    """Setpoints of the three actuators, inside their end stops, and the flap of the tail."""
 
     m0_kg: float
     rp1_m: float
     delta_rad: float
-
-    @classmethod
-    def clipped(cls, inputs: FloatArray, limits: ActuatorLimits) -> "ActuatorCommand":
-        """Cut what a law asks for at the end stops; what is not a number becomes neutral."""
-        m0, rp1, delta = np.nan_to_num(inputs, nan=0.0, posinf=np.inf, neginf=-np.inf).tolist()
-        return cls(*limits.clip(m0, rp1, delta))
+    """Tail angle, or the angle about which the tail flaps."""
+    tail_amplitude_rad: float = 0.0
+    tail_frequency_hz: float = 0.0
 
 
 class Controller(Protocol):
@@ -39,41 +36,42 @@ class Controller(Protocol):
         ...
 
 
-class BacksteppingController:
+class CompiledController:
+    """Runs one compiled law and keeps what it remembers.
+
+    Args:
+        number: Which law, of ``autonomy.control.law``.
+        vehicle: The robot, whose model the law uses and whose end stops it respects.
+        gains: The packed configuration of that law.
+    """
+
+    def __init__(self, number: int, vehicle: Vehicle, gains: FloatArray) -> None:
+        self._law = number
+        self._packed = vehicle.packed()
+        self._gains = gains
+        self._memory = np.zeros(law.MEMORY_SIZE)
+
+    def command(self, estimate: FloatArray, reference: Reference, dt_s: float) -> ActuatorCommand:
+        """Return the setpoints; an estimate that is not a number gives neutral ones."""
+        wanted = law.command(
+            self._law, estimate, reference.packed(), self._gains, self._packed, dt_s, self._memory
+        )
+        return ActuatorCommand(*wanted.tolist())
+
+    def reset(self) -> None:
+        """Forget the integrals and whatever else was learned."""
+        self._memory[:] = 0.0
+
+
+class BacksteppingController(CompiledController):
     """The proposed controller; the baseline if its ``pitch_trade_rad`` is 0. It has no memory."""
 
     def __init__(self, vehicle: Vehicle, config: BacksteppingConfig) -> None:
-        self._limits = vehicle.limits
-        self._packed = vehicle.packed()
-        self._gains = config.packed()
-
-    def command(
-        self,
-        estimate: FloatArray,
-        reference: Reference,
-        dt_s: float,
-    ) -> ActuatorCommand:
-        """Return the setpoints; the time since the last call does not matter."""
-        inputs = kernel.backstepping(estimate, reference.packed(), self._gains, self._packed)
-        return ActuatorCommand.clipped(inputs, self._limits)
-
-    def reset(self) -> None:
-        """Do nothing: there is no memory."""
+        super().__init__(law.BACKSTEPPING, vehicle, config.packed())
 
 
-class PidController:
+class PidController(CompiledController):
     """Three PID loops; remembers the integrals of their errors."""
 
     def __init__(self, vehicle: Vehicle, config: PidConfig) -> None:
-        self._limits = vehicle.limits
-        self._gains = config.packed()
-        self._integrals = np.zeros(3)
-
-    def command(self, estimate: FloatArray, reference: Reference, dt_s: float) -> ActuatorCommand:
-        """Return the setpoints and add to the integrals."""
-        inputs = kernel.pid(estimate, reference.packed(), self._gains, self._integrals, dt_s)
-        return ActuatorCommand.clipped(inputs, self._limits)
-
-    def reset(self) -> None:
-        """Set the integrals to 0."""
-        self._integrals[:] = 0.0
+        super().__init__(law.PID, vehicle, config.packed())

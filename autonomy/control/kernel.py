@@ -1,4 +1,4 @@
-"""Compiled controllers, and the closed loop around the compiled vehicle.
+"""Compiled laws of the thesis: backstepping and PID.
 
 Gains are packed as the configurations of ``autonomy.control.config`` pack them, references as
 ``Reference.packed``; vehicles as ``Vehicle.packed``.
@@ -13,11 +13,14 @@ from autonomy.compiled import kernel
 from autonomy.vehicle import kernel as vehicle_kernel
 
 K_Z, K_1, K_PSI, K_2, K_XI, K_3, PITCH_TRADE, TAIL_EFFECT_MIN, NEAR, NEAR_OFFSET = range(10)
+TAIL_CLIPPED_FIRST = 10
 """Index of each number in packed backstepping gains."""
-PID_NEAR, PID_NEAR_OFFSET = 9, 10
+PID_NEAR, PID_NEAR_OFFSET, PID_ANTI_WINDUP, PID_WINDUP_RECOVERY = range(9, 13)
 """Index in packed PID gains; before them stand P, I, D of depth, pitch and direction."""
 BACKSTEPPING, PID = 0, 1
 """Which controller ``closed_loop`` runs."""
+HOLD, BACK_CALCULATION = 1, 2
+"""Packed choices of anti-windup; 0 is none."""
 
 derivative_into = vehicle_kernel.derivative_into
 rk4_into = vehicle_kernel.rk4_into
@@ -173,7 +176,7 @@ def backstepping_into(
     wanted = -f25 - gains[K_2] * e[ERROR_DIRECTION_RATE] - gains[K_PSI] * e[ERROR_DIRECTION]
     tail = wanted / f23
     stop = p[vehicle_kernel.DELTA_MAX]
-    reachable = min(max(tail, -stop), stop)
+    reachable = min(max(tail, -stop), stop) if gains[TAIL_CLIPPED_FIRST] != 0.0 else tail
 
     g = p[vehicle_kernel.GRAVITY]
     f15 = r[10] + st * (drift[6] + w2 * x[8] - w3 * x[7]) - ct * (drift[8] + w1 * x[7] - w2 * x[6])
@@ -191,10 +194,21 @@ def backstepping_into(
 
 
 @kernel
+def end_stops(i: int, p: FloatArray) -> tuple[float, float]:
+    """Lowest and highest set point of net mass (0), sliding mass (1) or tail (2)."""
+    if i == 0:
+        return p[vehicle_kernel.M0_MIN], p[vehicle_kernel.M0_MAX]
+    if i == 1:
+        return p[vehicle_kernel.RP1_MIN], p[vehicle_kernel.RP1_MAX]
+    return -p[vehicle_kernel.DELTA_MAX], p[vehicle_kernel.DELTA_MAX]
+
+
+@kernel
 def pid_into(
     x: FloatArray,
     r: FloatArray,
     gains: FloatArray,
+    p: FloatArray,
     dt_s: float,
     integrals: FloatArray,
     errors: FloatArray,
@@ -205,10 +219,20 @@ def pid_into(
     now = (errors[ERROR_DEPTH], errors[ERROR_PITCH], errors[ERROR_DIRECTION])
     rate = (errors[ERROR_DEPTH_RATE], errors[ERROR_PITCH_RATE], errors[ERROR_DIRECTION_RATE])
     for i in range(3):
-        integrals[i] += now[i] * dt_s
+        sign = -1.0 if i == 1 else 1.0
         k = 3 * i
-        out[i] = gains[k] * now[i] + gains[k + 1] * integrals[i] + gains[k + 2] * rate[i]
-    out[1] = -out[1]
+        by_integral = sign * gains[k + 1]
+        grown = integrals[i] + now[i] * dt_s
+        wanted = sign * (gains[k] * now[i] + gains[k + 2] * rate[i]) + by_integral * grown
+        low, high = end_stops(i, p)
+        cut = wanted - min(max(wanted, low), high)
+        if gains[PID_ANTI_WINDUP] == HOLD and cut * by_integral * now[i] > 0.0:
+            grown = integrals[i]
+            wanted -= by_integral * now[i] * dt_s
+        elif gains[PID_ANTI_WINDUP] == BACK_CALCULATION and by_integral != 0.0:
+            grown -= min(dt_s / gains[PID_WINDUP_RECOVERY], 1.0) * cut / by_integral
+        integrals[i] = grown
+        out[i] = wanted
 
 
 @kernel
@@ -224,11 +248,16 @@ def backstepping(
 
 @kernel
 def pid(
-    state: FloatArray, reference: FloatArray, gains: FloatArray, integrals: FloatArray, dt_s: float
+    state: FloatArray,
+    reference: FloatArray,
+    gains: FloatArray,
+    packed: FloatArray,
+    integrals: FloatArray,
+    dt_s: float,
 ) -> FloatArray:
     """Return net mass kg, sliding mass m, tail angle rad, and add to ``integrals`` in place."""
     out = np.empty(3)
-    pid_into(state, reference, gains, dt_s, integrals, np.empty(13), out)
+    pid_into(state, reference, gains, packed, dt_s, integrals, np.empty(13), out)
     return out
 
 
@@ -278,7 +307,7 @@ def closed_loop(
         if controller == BACKSTEPPING:
             backstepping_into(x, r, gains, packed, e, probe, slope, wanted)
         else:
-            pid_into(x, r, gains, dt_s, integrals, e, wanted)
+            pid_into(x, r, gains, packed, dt_s, integrals, e, wanted)
         history[n, 0], history[n, 1] = e[ERROR_DEPTH], e[ERROR_DISTANCE]
         history[n, 2] = e[ERROR_PITCH]
         traded = reported_trade * math.tanh(x[4]) * math.tanh(e[ERROR_ALONG])
@@ -292,6 +321,6 @@ def warm_up() -> None:
     """Compile every kernel of this module with the argument types of real use."""
     state, reference, packed = np.zeros(12), np.zeros(12), np.ones(vehicle_kernel.DELTA_RATE + 1)
     state[6] = 0.1
-    backstepping(state, reference, np.ones(10), packed)
-    pid(state, reference, np.ones(11), np.zeros(3), 0.1)
-    closed_loop(state, np.zeros((1, 12)), BACKSTEPPING, np.ones(10), packed, 0.01, 0.0)
+    backstepping(state, reference, np.ones(11), packed)
+    pid(state, reference, np.ones(13), packed, np.zeros(3), 0.1)
+    closed_loop(state, np.zeros((1, 12)), BACKSTEPPING, np.ones(11), packed, 0.01, 0.0)

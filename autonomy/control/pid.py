@@ -6,6 +6,7 @@ from autonomy.arrays import FloatArray
 from autonomy.control.config import PidConfig
 from autonomy.control.error import tracking_error
 from autonomy.control.reference import Reference
+from autonomy.vehicle.config import ActuatorLimits
 
 
 def pid_inputs(
@@ -13,6 +14,7 @@ def pid_inputs(
     reference: Reference,
     integrals: FloatArray,
     config: PidConfig,
+    limits: ActuatorLimits,
     dt_s: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Net mass kg, sliding mass m and tail angle rad of three loops, not yet limited.
@@ -23,7 +25,8 @@ def pid_inputs(
         state: The 12 states or their estimate.
         reference: Where the vehicle should be.
         integrals: Of the depth, pitch and direction errors so far, shape ``(3,)``.
-        config: Gains.
+        config: Gains, and what becomes of an integral at an end stop.
+        limits: The end stops.
         dt_s: Time since the last call.
 
     Returns:
@@ -41,7 +44,6 @@ def pid_inputs(
     )
     now = np.array([error.depth, error.pitch, error.direction])
     rate = np.array([error.depth_rate, error.pitch_rate, error.direction_rate])
-    integrals = integrals + now * dt_s
     k = config
     gains = np.array(
         [
@@ -50,4 +52,15 @@ def pid_inputs(
             [k.heading_proportional, k.heading_integral, k.heading_derivative],
         ]
     )
-    return np.sum(gains * np.stack([now, integrals, rate], axis=1), axis=1), integrals
+    grown = integrals + now * dt_s
+    inputs = np.sum(gains * np.stack([now, grown, rate], axis=1), axis=1)
+    cut = inputs - np.array(limits.clip(*inputs.tolist()))
+    if config.anti_windup == "hold":
+        into_the_stop = cut * gains[:, 1] * now > 0.0
+        inputs -= np.where(into_the_stop, gains[:, 1] * now * dt_s, 0.0)
+        grown = np.where(into_the_stop, integrals, grown)
+    elif config.anti_windup == "back_calculation":
+        works = gains[:, 1] != 0.0
+        share = min(dt_s / config.windup_recovery_s, 1.0)
+        grown -= np.where(works, share * cut / np.where(works, gains[:, 1], 1.0), 0.0)
+    return inputs, grown

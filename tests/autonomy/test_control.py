@@ -67,8 +67,8 @@ def test_compiled_laws_are_the_readable_ones_far_and_near():
         compiled = kernel.backstepping(state, reference.packed(), backstepping.packed(), PACKED)
         assert compiled == pytest.approx(readable, rel=1e-9, abs=1e-12)
         integrals = rng.normal(size=3)
-        readable, added = pid_inputs(state, reference, integrals, pid, 0.1)
-        compiled = kernel.pid(state, reference.packed(), pid.packed(), integrals, 0.1)
+        readable, added = pid_inputs(state, reference, integrals, pid, MINIGLIDER.limits, 0.1)
+        compiled = kernel.pid(state, reference.packed(), pid.packed(), PACKED, integrals, 0.1)
         assert compiled == pytest.approx(readable, rel=1e-12, abs=1e-14)
         assert integrals == pytest.approx(added, rel=1e-12)
 
@@ -238,8 +238,11 @@ def test_packed_gains_stand_in_the_order_that_the_kernel_reads():
     names = list(config.BacksteppingConfig.model_fields)
     assert names[kernel.PITCH_TRADE] == "pitch_trade_rad"
     assert names[kernel.NEAR_OFFSET] == "near_offset_m"
+    assert names[kernel.TAIL_CLIPPED_FIRST] == "is_tail_clipped_first"
     assert len(names) == config.BACKSTEPPING_EXPERIMENT.packed().size
     names = list(config.PidConfig.model_fields)
     assert names[kernel.PID_NEAR] == "near_m"
     assert names[kernel.PID_NEAR_OFFSET] == "near_offset_m"
+    assert names[kernel.PID_ANTI_WINDUP] == "anti_windup"
+    assert names[kernel.PID_WINDUP_RECOVERY] == "windup_recovery_s"
     assert names[3] == "pitch_proportional"

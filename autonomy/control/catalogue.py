@@ -1,0 +1,100 @@
+"""Every controller that a robot or a trial can be given, with its settings and presets."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from autonomy.arrays import FloatArray
+from autonomy.configuration import Configuration
+from autonomy.control import law
+from autonomy.control.config import (
+    BACKSTEPPING_PRESETS,
+    BACKSTEPPING_SIMULATION,
+    PID_PRESETS,
+    PID_SIMULATION,
+    BacksteppingConfig,
+    PidConfig,
+)
+from autonomy.control.controller import CompiledController, Controller
+from autonomy.vehicle.config import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerKind:
+    """One kind of controller."""
+
+    key: str
+    title: str
+    model: type[Configuration]
+    presets: Mapping[str, Configuration]
+    """Settings a robot starts with, by the key of its vehicle."""
+    simulation_preset: Configuration
+    """Gains for exact states (thesis section 3.3)."""
+    law: int
+    """Which compiled law, of ``autonomy.control.law``."""
+    pack: Callable[[Any], FloatArray]
+    """Turns settings of ``model`` into the numbers that the compiled law takes."""
+
+    def preset(self, vehicle_key: str) -> Configuration:
+        """Return the settings that a vehicle starts with, the defaults for an unknown one."""
+        return self.presets.get(vehicle_key, self.model())
+
+    def make(self, vehicle: Vehicle, config: Configuration) -> Controller:
+        """Return a fresh controller for a robot.
+
+        Raises:
+            TypeError: If the settings are those of another kind.
+        """
+        return CompiledController(self.law, vehicle, self.packed(config))
+
+    def packed(self, config: Configuration) -> FloatArray:
+        """Return the numbers that the compiled law takes.
+
+        Raises:
+            TypeError: If the settings are those of another kind.
+        """
+        if not isinstance(config, self.model):
+            raise TypeError(f"{self.key} takes {self.model.__name__}, not {type(config).__name__}")
+        return self.pack(config)
+
+
+def _without_trade(config: BacksteppingConfig) -> BacksteppingConfig:
+    return config.model_copy(update={"pitch_trade_rad": 0.0})
+
+
+CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
+    {
+        kind.key: kind
+        for kind in (
+            ControllerKind(
+                "controller.backstepping",
+                "Backstepping controller",
+                BacksteppingConfig,
+                BACKSTEPPING_PRESETS,
+                BACKSTEPPING_SIMULATION,
+                law.BACKSTEPPING,
+                BacksteppingConfig.packed,
+            ),
+            ControllerKind(
+                "controller.baseline",
+                "Baseline backstepping controller",
+                BacksteppingConfig,
+                {key: _without_trade(value) for key, value in BACKSTEPPING_PRESETS.items()},
+                _without_trade(BACKSTEPPING_SIMULATION),
+                law.BACKSTEPPING,
+                BacksteppingConfig.packed,
+            ),
+            ControllerKind(
+                "controller.pid",
+                "PID controller",
+                PidConfig,
+                PID_PRESETS,
+                PID_SIMULATION,
+                law.PID,
+                PidConfig.packed,
+            ),
+        )
+    }
+)
+"""Every kind of controller by its key."""

@@ -1,0 +1,85 @@
+"""Every control law behind one compiled call: an estimate and a reference in, a command out."""
+
+import math
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.compiled import kernel
+from autonomy.control import kernel as thesis
+from autonomy.vehicle import kernel as vehicle_kernel
+
+BACKSTEPPING, PID = range(2)
+"""The laws, by which ``command_into`` chooses."""
+MEMORY_SIZE = 3
+"""Numbers that a law may remember between calls; all of them 0 is a fresh start."""
+COMMAND_SIZE = 5
+"""Net mass kg, sliding mass m, tail angle (or bias) rad, tail amplitude rad, frequency Hz."""
+SCRATCH_SHAPE = (3, 16)
+"""Room that ``command_into`` works in."""
+
+backstepping_into = thesis.backstepping_into
+pid_into = thesis.pid_into
+end_stops = thesis.end_stops
+"""Names that numba resolves once, when it compiles."""
+
+
+@kernel
+def command_into(
+    law: int,
+    x: FloatArray,
+    r: FloatArray,
+    gains: FloatArray,
+    p: FloatArray,
+    dt_s: float,
+    memory: FloatArray,
+    scratch: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write the command of a law, cut at the end stops, into ``out``, shape ``(5,)``.
+
+    What is not a number becomes neutral, so that an actuator never gets nonsense.
+
+    Args:
+        law: Which law.
+        x: The 12 states or their estimate.
+        r: ``Reference.packed()``.
+        gains: The packed configuration of that law.
+        p: ``Vehicle.packed()``.
+        dt_s: Time since the last call, s.
+        memory: What the law remembers, shape ``(MEMORY_SIZE,)``; changed in place.
+        scratch: Shape ``SCRATCH_SHAPE``.
+        out: The command.
+    """
+    out[3] = 0.0
+    out[4] = 0.0
+    if law == PID:
+        pid_into(x, r, gains, p, dt_s, memory, scratch[0], out)
+    else:
+        backstepping_into(x, r, gains, p, scratch[0], scratch[1], scratch[2], out)
+    for i in range(3):
+        low, high = end_stops(i, p)
+        out[i] = 0.0 if math.isnan(out[i]) else min(max(out[i], low), high)
+
+
+@kernel
+def command(
+    law: int,
+    state: FloatArray,
+    reference: FloatArray,
+    gains: FloatArray,
+    packed: FloatArray,
+    dt_s: float,
+    memory: FloatArray,
+) -> FloatArray:
+    """Return the command of a law, shape ``(5,)``; arguments as of ``command_into``."""
+    out = np.empty(COMMAND_SIZE)
+    command_into(law, state, reference, gains, packed, dt_s, memory, np.empty(SCRATCH_SHAPE), out)
+    return out
+
+
+def warm_up() -> None:
+    """Compile every kernel of this module with the argument types of real use."""
+    packed = np.ones(vehicle_kernel.DELTA_RATE + 1)
+    gains, memory = np.ones(16), np.zeros(MEMORY_SIZE)
+    command(BACKSTEPPING, np.zeros(12), np.zeros(12), gains, packed, 0.1, memory)
