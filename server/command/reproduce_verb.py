@@ -1,0 +1,105 @@
+"""``grace reproduce``: a table or figure of the thesis, ours beside the printed numbers."""
+
+from argparse import ArgumentParser, Namespace
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+from rich.table import Table
+
+from server.command.failure import CommandError
+from server.reproduction.catalogue import REPRODUCTIONS, reproduce
+from server.reproduction.result import Reproduction, Row
+from server.reproduction.writer import write
+
+DEFAULT_SEED = 1
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the options of the verb."""
+    parser.add_argument("name", nargs="?", metavar="NAME", help="which; --list names them all")
+    parser.add_argument(
+        "--out",
+        type=Path,
+        metavar="DIR",
+        help="write NAME.json, NAME.csv and NAME.png there; without it, print the table",
+    )
+    parser.add_argument(
+        "--seed",
+        type=int,
+        default=DEFAULT_SEED,
+        metavar="N",
+        help=f"of every random number (default: {DEFAULT_SEED})",
+    )
+    parser.add_argument("--list", action="store_true", help="name what can be reproduced")
+
+
+def run(arguments: Namespace) -> int:
+    """Work it out; progress goes to stderr, the result to stdout or into the folder."""
+    if arguments.list:
+        for name, title in REPRODUCTIONS.items():
+            print(f"{name:14} {title}")
+        return 0
+    names = ", ".join(REPRODUCTIONS)
+    if arguments.name is None:
+        raise CommandError(f"Say which to reproduce: {names}.", status=2)
+    if arguments.name not in REPRODUCTIONS:
+        raise CommandError(f"There is no {arguments.name!r}. There are: {names}.", status=2)
+    if arguments.seed < 0:
+        raise CommandError("The seed must be 0 or greater.", status=2)
+    if arguments.out is not None and arguments.out.exists() and not arguments.out.is_dir():
+        raise CommandError(f"{arguments.out} is a file; name a folder.", status=2)
+    result = _work_out(arguments.name, arguments.seed)
+    if arguments.out is None:
+        _print(result)
+        return 0
+    try:
+        files = write(result, arguments.out)
+    except OSError as error:
+        raise CommandError(f"{arguments.out}: {error.strerror}.") from error
+    for file in files:
+        print(file)
+    return 0
+
+
+def _work_out(name: str, seed: int) -> Reproduction:
+    with Progress(
+        TextColumn(name),
+        BarColumn(),
+        TaskProgressColumn(),
+        TextColumn("{task.description}"),
+        console=Console(stderr=True),
+    ) as progress:
+        task = progress.add_task("getting ready", total=1.0)
+        return reproduce(
+            name,
+            seed,
+            lambda done, doing: progress.update(task, completed=done, description=doing),
+        )
+
+
+def _print(result: Reproduction) -> None:
+    """Print scenario, table and notes; a cell is ours, and in brackets the thesis's."""
+    console = Console(highlight=False)
+    console.print(f"[bold]{result.title}[/bold]")
+    for key, value in result.scenario.items():
+        console.print(f"  {key}: {value}", markup=False)
+    columns = list(dict.fromkeys(row.column for row in result.rows))
+    table = Table("", *(f"{column}" for column in columns), "unit")
+    for column in table.columns[1:-1]:
+        column.justify = "right"
+    for label in dict.fromkeys(row.row for row in result.rows):
+        cells = {row.column: row for row in result.rows if row.row == label}
+        unit = next(iter(cells.values())).unit
+        table.add_row(
+            label, *(_cell(cells[name]) if name in cells else "" for name in columns), unit
+        )
+    console.print(table)
+    console.print("In brackets: the thesis.")
+    for note in result.notes:
+        console.print(f"- {note}", markup=False)
+
+
+def _cell(row: Row) -> str:
+    thesis = "" if row.thesis is None else f" ({row.thesis:.3g})"
+    return f"{row.ours:.3g}{thesis}"

@@ -1,0 +1,36 @@
+"""Every reproduction by its name; its module is imported only when it is asked for."""
+
+import importlib
+from collections.abc import Mapping
+from types import MappingProxyType, ModuleType
+
+from server.reproduction.result import Report, Reproduction
+
+REPRODUCTIONS: Mapping[str, str] = MappingProxyType(
+    {
+        "claims": "which controller comes closest from 200 random starts, two trajectories",
+    }
+)
+"""Name and what it shows. ``table-3.1`` would be worked out by the module ``table_3_1``, which
+has ``reproduce(seed, report) -> Reproduction``."""
+
+
+def reproduce(name: str, seed: int, report: Report) -> Reproduction:
+    """Work out one reproduction.
+
+    Args:
+        name: One of ``REPRODUCTIONS``.
+        seed: Decides every random number; the same seed gives the same result.
+        report: Told of the progress, from the calling thread.
+
+    Raises:
+        KeyError: If there is no such reproduction.
+    """
+    if name not in REPRODUCTIONS:
+        raise KeyError(name)
+    return module_of(name).reproduce(seed, report)
+
+
+def module_of(name: str) -> ModuleType:
+    """Return the module that works out a reproduction."""
+    return importlib.import_module(f"{__package__}.{name.replace('-', '_').replace('.', '_')}")
