@@ -1,13 +1,16 @@
-"""Every controller that a robot or a trial can be given, with its settings and presets."""
+"""Every controller that a robot or a trial can be given, with its settings and presets.
+
+A process that only offers forms reads this, so compiled code is imported where it is first run.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from autonomy.arrays import FloatArray
 from autonomy.configuration import Configuration
-from autonomy.control import law
+from autonomy.control import law_number
 from autonomy.control.config import (
     BACKSTEPPING_PRESETS,
     BACKSTEPPING_SIMULATION,
@@ -16,8 +19,10 @@ from autonomy.control.config import (
     BacksteppingConfig,
     PidConfig,
 )
-from autonomy.control.controller import CompiledController, Controller
 from autonomy.vehicle.config import Vehicle
+
+if TYPE_CHECKING:
+    from autonomy.control.controller import Controller
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,7 +37,7 @@ class ControllerKind:
     simulation_preset: Configuration
     """Gains for exact states (thesis section 3.3)."""
     law: int
-    """Which compiled law, of ``autonomy.control.law``."""
+    """Which compiled law, of ``autonomy.control.law_number``."""
     pack: Callable[[Any], FloatArray]
     """Turns settings of ``model`` into the numbers that the compiled law takes."""
 
@@ -40,12 +45,14 @@ class ControllerKind:
         """Return the settings that a vehicle starts with, the defaults for an unknown one."""
         return self.presets.get(vehicle_key, self.model())
 
-    def make(self, vehicle: Vehicle, config: Configuration) -> Controller:
+    def make(self, vehicle: Vehicle, config: Configuration) -> "Controller":
         """Return a fresh controller for a robot.
 
         Raises:
             TypeError: If the settings are those of another kind.
         """
+        from autonomy.control.controller import CompiledController
+
         return CompiledController(self.law, vehicle, self.packed(config))
 
     def packed(self, config: Configuration) -> FloatArray:
@@ -73,7 +80,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
                 BacksteppingConfig,
                 BACKSTEPPING_PRESETS,
                 BACKSTEPPING_SIMULATION,
-                law.BACKSTEPPING,
+                law_number.BACKSTEPPING,
                 BacksteppingConfig.packed,
             ),
             ControllerKind(
@@ -82,7 +89,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
                 BacksteppingConfig,
                 {key: _without_trade(value) for key, value in BACKSTEPPING_PRESETS.items()},
                 _without_trade(BACKSTEPPING_SIMULATION),
-                law.BACKSTEPPING,
+                law_number.BACKSTEPPING,
                 BacksteppingConfig.packed,
             ),
             ControllerKind(
@@ -91,7 +98,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
                 PidConfig,
                 PID_PRESETS,
                 PID_SIMULATION,
-                law.PID,
+                law_number.PID,
                 PidConfig.packed,
             ),
         )

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.control import law
+from autonomy.control import law, law_number
 from autonomy.control.config import BacksteppingConfig, PidConfig
 from autonomy.control.reference import Reference
 from autonomy.vehicle.config import Vehicle
@@ -40,7 +40,7 @@ class CompiledController:
     """Runs one compiled law and keeps what it remembers.
 
     Args:
-        number: Which law, of ``autonomy.control.law``.
+        number: Which law, of ``autonomy.control.law_number``.
         vehicle: The robot, whose model the law uses and whose end stops it respects.
         gains: The packed configuration of that law.
     """
@@ -67,11 +67,11 @@ class BacksteppingController(CompiledController):
     """The proposed controller; the baseline if its ``pitch_trade_rad`` is 0. It has no memory."""
 
     def __init__(self, vehicle: Vehicle, config: BacksteppingConfig) -> None:
-        super().__init__(law.BACKSTEPPING, vehicle, config.packed())
+        super().__init__(law_number.BACKSTEPPING, vehicle, config.packed())
 
 
 class PidController(CompiledController):
     """Three PID loops; remembers the integrals of their errors."""
 
     def __init__(self, vehicle: Vehicle, config: PidConfig) -> None:
-        super().__init__(law.PID, vehicle, config.packed())
+        super().__init__(law_number.PID, vehicle, config.packed())

@@ -7,10 +7,9 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
 from autonomy.control import kernel as thesis
+from autonomy.control.law_number import BACKSTEPPING, PID
 from autonomy.vehicle import kernel as vehicle_kernel
 
-BACKSTEPPING, PID = range(2)
-"""The laws, by which ``command_into`` chooses."""
 MEMORY_SIZE = 3
 """Numbers that a law may remember between calls; all of them 0 is a fresh start."""
 COMMAND_SIZE = 5
@@ -41,7 +40,7 @@ def command_into(
     What is not a number becomes neutral, so that an actuator never gets nonsense.
 
     Args:
-        law: Which law.
+        law: Which law, of ``autonomy.control.law_number``.
         x: The 12 states or their estimate.
         r: ``Reference.packed()``.
         gains: The packed configuration of that law.
