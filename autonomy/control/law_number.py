@@ -1,0 +1,3 @@
+"""Numbers of the control laws, by which compiled code chooses; free of compiled code itself."""
+
+BACKSTEPPING, PID = range(2)
