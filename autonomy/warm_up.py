@@ -9,6 +9,7 @@ KERNEL_MODULES = (
     "autonomy.vehicle.kernel",
     "autonomy.vehicle.extended_kernel",
     "autonomy.control.kernel",
+    "autonomy.estimation.kernel",
     "autonomy.control.law",
     "autonomy.planner.kernel",
 )

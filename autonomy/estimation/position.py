@@ -13,6 +13,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.estimation.config import EstimatorConfig
+from autonomy.estimation.kernel import step_position
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,30 +112,41 @@ class PositionFilter:
     ) -> None:
         """Begin at a position known to ``position_std_m`` per axis, at rest."""
         self._config = config
-        self._state = np.concatenate([np.asarray(position_ned, dtype=np.float64), np.zeros(3)])
-        self._covariance = np.diag([position_std_m**2] * 3 + [velocity_std_m_s**2] * 3)
+        self._noise = np.array(
+            [
+                config.acceleration_density,
+                config.drift_m_sqrt_s,
+                config.fix_std_m,
+                config.depth_std_m,
+            ]
+        )
+        self._axes = np.zeros((3, 5))
+        self._axes[:, 0] = position_ned
+        self._axes[:, 2] = position_std_m**2
+        self._axes[:, 4] = velocity_std_m_s**2
 
     @property
     def position_ned(self) -> tuple[float, float, float]:
         """Estimated position, m."""
-        x, y, z = self._state[:3]
-        return (float(x), float(y), float(z))
+        x, y, z = self._axes[:, 0].tolist()
+        return (x, y, z)
 
     @property
     def velocity_ned(self) -> tuple[float, float, float]:
         """Estimated velocity, m/s."""
-        vx, vy, vz = self._state[3:]
-        return (float(vx), float(vy), float(vz))
+        vx, vy, vz = self._axes[:, 1].tolist()
+        return (vx, vy, vz)
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of the state, shape ``(6, 6)``; a copy."""
-        return self._covariance.copy()
+        """Covariance of the state ``[x, y, z, vx, vy, vz]``, shape ``(6, 6)``."""
+        a, b, d = (np.diag(self._axes[:, k]) for k in (2, 3, 4))
+        return np.block([[a, b], [b, d]])
 
     @property
     def position_std_m(self) -> float:
         """Standard deviation of the horizontal position along its worst direction, m."""
-        return math.sqrt(float(np.linalg.eigvalsh(self._covariance[:2, :2])[-1]))
+        return math.sqrt(max(self._axes[:2, 2].tolist()))
 
     def step(
         self,
@@ -156,28 +168,8 @@ class PositionFilter:
             ValueError: If ``dt_s`` is not positive or a measurement is not finite.
         """
         fix = fix_xy_m if depth_m <= self._config.surface_depth_m else None
-        measured = np.array([*(fix or ()), depth_m, *velocity_ned])
-        if not (dt_s > 0 and np.isfinite(measured).all()):
+        velocity = np.array(velocity_ned, dtype=np.float64)
+        xy = np.array(fix or (0.0, 0.0), dtype=np.float64)
+        if not (0.0 < dt_s < math.inf and np.isfinite([*velocity, depth_m, *xy]).all()):
             raise ValueError("the position filter needs dt > 0 and finite measurements")
-        self._predict(dt_s)
-        config = self._config
-        variance = [config.fix_std_m**2] * (2 if fix else 0) + [config.depth_std_m**2]
-        variance += [config.drift_m_sqrt_s**2 / dt_s] * 3
-        self._update(np.eye(6)[0 if fix else 2 :], measured, np.diag(variance))
-
-    def _predict(self, dt_s: float) -> None:
-        eye = np.eye(3)
-        F = np.block([[eye, dt_s * eye], [np.zeros((3, 3)), eye]])
-        q = self._config.acceleration_density
-        Q = q * np.block([[dt_s**3 / 3 * eye, dt_s**2 / 2 * eye], [dt_s**2 / 2 * eye, dt_s * eye]])
-        self._state = F @ self._state
-        self._covariance = F @ self._covariance @ F.T + Q
-
-    def _update(self, H: FloatArray, measured: FloatArray, R: FloatArray) -> None:
-        P = self._covariance
-        S = H @ P @ H.T + R
-        gain = np.linalg.solve(S, H @ P).T
-        self._state = self._state + gain @ (measured - H @ self._state)
-        I_KH = np.eye(6) - gain @ H
-        # Joseph's form keeps P symmetric and positive definite over days of steps.
-        self._covariance = I_KH @ P @ I_KH.T + gain @ R @ gain.T
+        step_position(self._axes, dt_s, velocity, depth_m, xy, fix is not None, self._noise)

@@ -7,12 +7,18 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.estimation.config import EstimatorConfig
+from autonomy.estimation.kernel import step_observer
 from autonomy.frames import rotation_ned_from_body
 from autonomy.vehicle.config import Vehicle
-from autonomy.vehicle.extended_kernel import advance
 from autonomy.vehicle.surroundings import Surroundings
 
-_LONGEST_STEP_S = 0.02
+LONGEST_STEP_S = 0.02
+"""Longest Runge-Kutta step of the observer's model."""
+
+
+def observer_gains(config: EstimatorConfig) -> FloatArray:
+    """Return K1 and K2 as the kernel takes them, shape ``(2,)``."""
+    return np.array([config.observer_velocity_gain, config.observer_depth_gain])
 
 
 class VelocityObserver:
@@ -30,7 +36,7 @@ class VelocityObserver:
 
     def __init__(self, config: EstimatorConfig, vehicle: Vehicle, depth_m: float) -> None:
         """Begin level and at rest at a measured depth."""
-        self._config = config
+        self._gains = observer_gains(config)
         self._packed = vehicle.packed()
         self._open_water = Surroundings().packed()
         self._state = np.zeros(15)
@@ -81,17 +87,24 @@ class VelocityObserver:
         Raises:
             ValueError: If ``dt_s`` is not positive or a measurement is not finite.
         """
-        measured = np.concatenate([attitude_rad, angular_velocity_rad_s, actuators, [depth_m]])
-        if not (dt_s > 0 and np.isfinite(measured).all() and np.isfinite(command).all()):
-            raise ValueError("the velocity observer needs dt > 0 and finite measurements")
-        steps = math.ceil(dt_s / _LONGEST_STEP_S)
-        state = advance(
-            self._state, command, self._packed, self._open_water, time_s, dt_s / steps, steps
+        attitude, rates, inside = (
+            np.array(measured, dtype=np.float64)
+            for measured in (attitude_rad, angular_velocity_rad_s, actuators)
         )
-        state[3:6] = measured[:3]
-        state[9:15] = measured[3:9]
-        error = depth_m - state[2]
-        down_in_body = rotation_ned_from_body(*measured[:3])[2]
-        state[2] += dt_s * self._config.observer_depth_gain * error
-        state[6:9] += dt_s * self._config.observer_velocity_gain * error * down_in_body
-        self._state = state
+        measured = (*attitude, *rates, *inside, depth_m, *command)
+        if not (0.0 < dt_s < math.inf and np.isfinite(measured).all()):
+            raise ValueError("the velocity observer needs dt > 0 and finite measurements")
+        self._state = step_observer(
+            self._state,
+            dt_s,
+            command,
+            time_s,
+            attitude,
+            rates,
+            inside,
+            depth_m,
+            self._gains,
+            self._packed,
+            self._open_water,
+            math.ceil(dt_s / LONGEST_STEP_S),
+        )

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.estimation.attitude import AttitudeFilter
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.estimation.position import PositionFilter
 from autonomy.estimation.velocity_observer import VelocityObserver
@@ -14,9 +15,6 @@ from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from simulator.onboard.hardware import Readings, SetPoints
 
-_ATTITUDE_CORRECTION_S = 1.0
-"""Time constant with which the measured attitude corrects the integrated gyro."""
-_RATE_SMOOTHING_S = 0.3
 _FIX_HOLDS_S = 2.0
 
 
@@ -83,8 +81,9 @@ class Navigator:
             config.fix_std_m if fix else unknown_m,
         )
         self._observer = VelocityObserver(config, vehicle, readings.depth_m)
-        self._attitude = np.array([readings.roll_rad, readings.pitch_rad, readings.heading_rad])
-        self._rates = np.array(readings.gyro_rad_s)
+        self._attitude = AttitudeFilter(
+            (readings.roll_rad, readings.pitch_rad, readings.heading_rad), readings.gyro_rad_s
+        )
         self._headings: deque[float] = deque(
             maxlen=round(1.0 / (vehicle.swim.frequency_hz * period_s))
         )
@@ -100,7 +99,9 @@ class Navigator:
             time_s: Time at the beginning of the step, on the clock of the tail's beat.
         """
         dt_s = self._period_s
-        self._filter_attitude(readings, dt_s)
+        measured = (readings.roll_rad, readings.pitch_rad, readings.heading_rad)
+        self._attitude.step(dt_s, measured, readings.gyro_rad_s)
+        attitude, rates = self._attitude.attitude_rad, self._attitude.rates_rad_s
         net_buoyancy = readings.net_buoyancy_kg
         if readings.depth_m < self._config.surface_depth_m:
             # the air carries no robot: what would lift it out of the water does not accelerate it
@@ -117,8 +118,8 @@ class Navigator:
                 ]
             ),
             time_s,
-            attitude_rad=self._attitude,
-            angular_velocity_rad_s=self._rates,
+            attitude_rad=attitude,
+            angular_velocity_rad_s=rates,
             actuators=(net_buoyancy, readings.mass_position_m, readings.tail_rad),
             depth_m=readings.depth_m,
         )
@@ -127,9 +128,7 @@ class Navigator:
         self._since_fix_s = 0.0 if readings.fix_ne_m else self._since_fix_s + dt_s
         north, east, down = self._position.position_ned
         position = (north, east, max(down, 0.0))
-        state = np.concatenate(
-            [position, self._attitude, self._observer.velocity_body, self._rates]
-        )
+        state = np.concatenate([position, attitude, self._observer.velocity_body, rates])
         return Estimate(
             position_ned=position,
             position_std_m=self._position.position_std_m,
@@ -141,32 +140,7 @@ class Navigator:
         )
 
     def _mean_heading(self) -> float:
-        newest = float(self._attitude[2])
+        newest = float(self._attitude.attitude_rad[2])
         self._headings.append(newest)
         wiggle = sum(math.remainder(angle - newest, math.tau) for angle in self._headings)
         return math.remainder(newest + wiggle / len(self._headings), math.tau)
-
-    def _filter_attitude(self, readings: Readings, dt_s: float) -> None:
-        """Integrate the gyro and let the measured angles pull the result slowly."""
-        smoothing = min(dt_s / _RATE_SMOOTHING_S, 1.0)
-        self._rates += smoothing * (np.array(readings.gyro_rad_s) - self._rates)
-        roll, pitch, _ = self._attitude.tolist()
-        p, q, r = readings.gyro_rad_s
-        across = math.sin(roll) * q + math.cos(roll) * r
-        turn_rate = across / max(math.cos(pitch), 0.1)
-        gyro = np.array(
-            [
-                p + math.sin(pitch) * turn_rate,
-                math.cos(roll) * q - math.sin(roll) * r,
-                turn_rate,
-            ]
-        )
-        predicted = self._attitude + dt_s * gyro
-        measured = (readings.roll_rad, readings.pitch_rad, readings.heading_rad)
-        correction = min(dt_s / _ATTITUDE_CORRECTION_S, 1.0)
-        self._attitude = np.array(
-            [
-                math.remainder(old + correction * math.remainder(new - old, math.tau), math.tau)
-                for old, new in zip(predicted.tolist(), measured, strict=True)
-            ]
-        )

@@ -1,0 +1,191 @@
+"""Compiled steps of the estimators; the classes of this package and the rehearsals call them.
+
+An *axis* is five numbers: value, its rate, and the covariance of both (variance of the value,
+cross term, variance of the rate). ``autonomy.estimation.position.AxisCovariance`` is the readable
+reference of its covariance.
+"""
+
+import math
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.compiled import kernel
+from autonomy.vehicle.extended_kernel import advance
+
+
+@kernel
+def turn(angle: float) -> float:
+    """Return the same direction in ``[-pi, pi)``; the shortest way between two directions."""
+    return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
+
+
+@kernel
+def predict_axis(axis: FloatArray, dt_s: float, density: float) -> None:
+    """Let ``dt_s`` pass under a white acceleration of this spectral density."""
+    b, d = axis[3], axis[4]
+    axis[0] += dt_s * axis[1]
+    axis[2] += 2.0 * dt_s * b + dt_s * dt_s * d + density * dt_s**3 / 3.0
+    axis[3] += dt_s * d + density * dt_s * dt_s / 2.0
+    axis[4] += density * dt_s
+
+
+@kernel
+def measure_value(axis: FloatArray, innovation: float, variance: float) -> None:
+    """Take in a measurement of the value; an angle's innovation is wrapped by the caller."""
+    a, b = axis[2], axis[3]
+    s = a + variance
+    axis[0] += a / s * innovation
+    axis[1] += b / s * innovation
+    axis[2] = a * variance / s
+    axis[3] = b * variance / s
+    axis[4] -= b * b / s
+
+
+@kernel
+def measure_rate(axis: FloatArray, innovation: float, variance: float) -> None:
+    """Take in a measurement of the rate."""
+    b, d = axis[3], axis[4]
+    s = d + variance
+    axis[0] += b / s * innovation
+    axis[1] += d / s * innovation
+    axis[2] -= b * b / s
+    axis[3] = b * variance / s
+    axis[4] = d * variance / s
+
+
+@kernel
+def step_position(
+    axes: FloatArray,
+    dt_s: float,
+    velocity_ned: FloatArray,
+    depth_m: float,
+    fix_ne_m: FloatArray,
+    has_fix: bool,
+    noise: FloatArray,
+) -> None:
+    """Advance the filter of thesis 5.4.2 in place.
+
+    Args:
+        axes: North, east and down, shape ``(3, 5)``.
+        dt_s: Time since the last step, s.
+        velocity_ned: Measured velocity, shape ``(3,)``, m/s.
+        depth_m: Measured depth.
+        fix_ne_m: Horizontal fix, shape ``(2,)``, m; looked at only with ``has_fix``.
+        has_fix: Whether the fix is one.
+        noise: Acceleration density, drift m/sqrt(s), standard deviations of fix and depth.
+    """
+    for i in range(3):
+        axis = axes[i]
+        predict_axis(axis, dt_s, noise[0])
+        if i == 2:
+            measure_value(axis, depth_m - axis[0], noise[3] ** 2)
+        elif has_fix:
+            measure_value(axis, fix_ne_m[i] - axis[0], noise[2] ** 2)
+        measure_rate(axis, velocity_ned[i] - axis[1], noise[1] ** 2 / dt_s)
+
+
+@kernel
+def step_attitude(
+    attitude: FloatArray,
+    rates: FloatArray,
+    measured: FloatArray,
+    gyro: FloatArray,
+    dt_s: float,
+    correction: float,
+    smoothing: float,
+) -> None:
+    """Advance attitude and smoothed rates in place, each of shape ``(3,)``.
+
+    The gyro carries the attitude on; the part ``correction`` of the measured angles' difference
+    pulls it back, the shortest way round.
+    """
+    for i in range(3):
+        rates[i] += smoothing * (gyro[i] - rates[i])
+    roll, pitch = attitude[0], attitude[1]
+    across = math.sin(roll) * gyro[1] + math.cos(roll) * gyro[2]
+    turn_rate = across / max(math.cos(pitch), 0.1)
+    attitude[0] += dt_s * (gyro[0] + math.sin(pitch) * turn_rate)
+    attitude[1] += dt_s * (math.cos(roll) * gyro[1] - math.sin(roll) * gyro[2])
+    attitude[2] += dt_s * turn_rate
+    for i in range(3):
+        attitude[i] = turn(attitude[i] + correction * turn(measured[i] - attitude[i]))
+
+
+@kernel
+def down_in_body(attitude: FloatArray) -> tuple[float, float, float]:
+    """Components of the vertical along the body's axes: the third row of R."""
+    across = math.cos(attitude[1])
+    return (
+        -math.sin(attitude[1]),
+        across * math.sin(attitude[0]),
+        across * math.cos(attitude[0]),
+    )
+
+
+@kernel
+def horizontal_velocity(
+    attitude: FloatArray, v1: float, v2: float, v3: float
+) -> tuple[float, float]:
+    """North and east components of a velocity in body axes."""
+    sf, cf = math.sin(attitude[0]), math.cos(attitude[0])
+    st, ct = math.sin(attitude[1]), math.cos(attitude[1])
+    sp, cp = math.sin(attitude[2]), math.cos(attitude[2])
+    ahead = ct * v1 + st * sf * v2 + st * cf * v3
+    abeam = cf * v2 - sf * v3
+    return cp * ahead - sp * abeam, sp * ahead + cp * abeam
+
+
+@kernel
+def step_observer(
+    state: FloatArray,
+    dt_s: float,
+    command: FloatArray,
+    time_s: float,
+    attitude: FloatArray,
+    rates: FloatArray,
+    actuators: FloatArray,
+    depth_m: float,
+    gains: FloatArray,
+    packed: FloatArray,
+    water: FloatArray,
+    steps: int,
+) -> FloatArray:
+    """Return the velocity observer's 15 states after ``dt_s`` and the measurements at its end.
+
+    Args:
+        state: Of the vehicle model, as in ``extended_kernel.advance``.
+        dt_s: Time since the last step, s.
+        command: In force during it, shape ``(5,)``.
+        time_s: Time at its beginning.
+        attitude: Measured roll, pitch, heading.
+        rates: Measured angular velocity in body axes.
+        actuators: Measured net mass, sliding mass, tail.
+        depth_m: Measured depth.
+        gains: K1 and K2.
+        packed: ``Vehicle.packed()``.
+        water: ``Surroundings.packed()`` of open water.
+        steps: Runge-Kutta steps.
+    """
+    later = advance(state, command, packed, water, time_s, dt_s / steps, steps)
+    error = depth_m - later[2]
+    down = down_in_body(attitude)
+    later[2] += dt_s * gains[1] * error
+    for i in range(3):
+        later[3 + i] = attitude[i]
+        later[6 + i] += dt_s * gains[0] * error * down[i]
+        later[9 + i] = rates[i]
+        later[12 + i] = actuators[i]
+    return later
+
+
+def warm_up() -> None:
+    """Compile every kernel of this module with the argument types of real use."""
+    axes, three, two = np.ones((4, 5)), np.zeros(3), np.zeros(2)
+    step_position(axes[:3], 0.1, three, 0.0, two, True, np.ones(4))
+    step_attitude(np.zeros(3), np.zeros(3), three, three, 0.1, 0.1, 0.1)
+    horizontal_velocity(three, 0.0, 0.0, 0.0)
+    step_observer(
+        np.zeros(15), 0.1, np.zeros(5), 0.0, three, three, three, 0.0, np.zeros(2),
+        np.ones(46), np.zeros(9), 5,
+    )  # fmt: skip
