@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from autonomy.control import kernel as control_kernel
 from autonomy.site import LAKE, TANK
 from autonomy.vehicle import extended_kernel, kernel
 from autonomy.vehicle.config import (
@@ -118,7 +117,6 @@ def test_configurations_do_not_load_the_compiler():
     [
         (kernel, ["state_derivative", "rk4_step"]),
         (extended_kernel, ["extended_state_derivative", "advance"]),
-        (control_kernel, ["backstepping", "pid", "closed_loop"]),
     ],
 )
 def test_warming_up_compiles_what_python_calls(module, entries):
