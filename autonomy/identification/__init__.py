@@ -1,0 +1,1 @@
+"""Finds a vehicle's parameters and trim in what it recorded."""
