@@ -3,13 +3,14 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help demo test check bench setup setup-dev app coverage clean
+.PHONY: help demo test check bench reproduce setup setup-dev app coverage clean
 
 help:
 	@echo "make demo    start the station with two simulated robots and print its address"
 	@echo "make test    run every test that this machine can run"
 	@echo "make check   format, lint, types, import directions, and the operator app's checks"
 	@echo "make bench   measure against the bars and beside peers; writes build/bench.json"
+	@echo "make reproduce   the thesis's results beside ours, in build/reproduction"
 	@echo "make setup   only prepare: environment, operator app, MAVLink dialect, compiled kernels"
 
 demo: setup
@@ -27,6 +28,10 @@ check: setup-dev
 
 bench: setup-dev
 	$(BIN)/python -m benchmarks.run $(AREAS)
+
+reproduce: setup
+	@for name in $$($(BIN)/grace reproduce --list | awk '{print $$1}'); do \
+		$(BIN)/grace reproduce $$name --out build/reproduction || exit 1; done
 
 coverage: setup-dev
 	$(BIN)/python -m pytest --cov --cov-report=term-missing:skip-covered $(TESTS)
