@@ -11,6 +11,7 @@ KERNEL_MODULES = (
     "autonomy.control.kernel",
     "autonomy.estimation.kernel",
     "autonomy.control.law",
+    "autonomy.trial.kernel",
     "autonomy.planner.kernel",
 )
 """Modules with compiled functions; each has ``warm_up()``, which calls every one of them."""

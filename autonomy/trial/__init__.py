@@ -1,0 +1,1 @@
+"""What-if runs: a vehicle, a reference, a disturbance and controllers, on the same seeds."""

@@ -1,0 +1,182 @@
+"""Several controllers in one scenario on the same seeds, side by side."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.trial.config import TrialConfig
+from autonomy.trial.run import ControllerChoice, Trial, fly
+from autonomy.trial.setting import packed_references
+from autonomy.vehicle.config import Vehicle
+
+_BAND = (0.05, 0.95)
+"""Quantiles over the seeds: 90 % of the runs lie between."""
+_THREADS = 2
+_ERROR_NAMES = ("depth_m", "horizontal_m", "pitch_rad", "hybrid_rad")
+
+
+class TrialCancelledError(Exception):
+    """The comparison was cancelled before it was done."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ControllerResult:
+    """Every run of one controller."""
+
+    choice: ControllerChoice
+    trials: tuple[Trial, ...]
+    """One a seed, in the order of the seeds."""
+
+    @property
+    def rms(self) -> FloatArray:
+        """Root mean square of depth, horizontal, pitch and hybrid error, shape ``(seeds, 4)``."""
+        return np.array([trial.rms() for trial in self.trials])
+
+    @property
+    def shown(self) -> Trial:
+        """The run whose horizontal error is the median one."""
+        order = np.argsort(self.rms[:, 1], kind="stable")
+        return self.trials[int(order[(len(order) - 1) // 2])]
+
+    def summary(self) -> dict[str, Any]:
+        """Medians over the seeds."""
+        rms = np.median(self.rms, axis=0)
+        end = np.median([trial.errors[-1, 1] for trial in self.trials])
+        travel = np.median([trial.travel for trial in self.trials], axis=0)
+        return {
+            "depth_rms_m": _number(rms[0]),
+            "horizontal_rms_m": _number(rms[1]),
+            "horizontal_end_m": _number(end),
+            "pitch_rms_rad": _number(rms[2]),
+            "hybrid_rms_rad": _number(rms[3]),
+            "travel": {
+                name: _number(value)
+                for name, value in zip(("m0_kg", "rp1_m", "delta_rad"), travel, strict=True)
+            },
+            "energy_j": _number(np.median([trial.energy_j for trial in self.trials])),
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """Runs of every controller on the same seeds."""
+
+    vehicle: Vehicle
+    config: TrialConfig
+    results: tuple[ControllerResult, ...]
+
+    def document(self, max_points: int = 400) -> dict[str, Any]:
+        """Return what a page draws, JSON-able: SI units, angles in rad.
+
+        A track and the actuators are those of the run with the median horizontal error; errors
+        are medians over the seeds at each moment, and bands hold 90 % of the runs. What is not
+        finite is None.
+
+        Args:
+            max_points: At most so many moments, evenly spread, the last one included.
+        """
+        first = self.results[0].trials[0]
+        count = len(first.time_s)
+        at = np.unique(np.linspace(0, count - 1, min(count, max_points)).round().astype(int))
+        reference = first.reference[at]
+        return {
+            "time_s": _numbers(first.time_s[at]),
+            "reference": {
+                "north_m": _numbers(reference[:, 0]),
+                "east_m": _numbers(reference[:, 1]),
+                "depth_m": _numbers(reference[:, 2]),
+                "pitch_rad": _numbers(reference[:, 3]),
+            },
+            "runs": [_run_document(result, at) for result in self.results],
+            "seeds": list(self.config.seeds),
+            "vehicle": self.vehicle.key,
+            "note": self.vehicle.note,
+        }
+
+
+def compare(
+    vehicle: Vehicle,
+    config: TrialConfig,
+    choices: Sequence[ControllerChoice],
+    *,
+    report: Callable[[float, str], None] = lambda _share, _message: None,
+    is_cancelled: Callable[[], bool] = lambda: False,
+) -> Comparison:
+    """Run every controller on every seed of a scenario, two at once.
+
+    Args:
+        vehicle: The robot, as the controllers believe it to be.
+        config: The scenario.
+        choices: The controllers.
+        report: Told the share that is done and what is being done, in the caller's thread.
+        is_cancelled: Asked between runs.
+
+    Raises:
+        ValueError: If there is no controller.
+        TrialCancelledError: If it was cancelled.
+        NoSteadyGlideError: If the reference is a glide flatter than the vehicle can glide.
+    """
+    if not choices:
+        raise ValueError("a comparison needs at least one controller")
+    references = packed_references(vehicle, config)
+    total = len(choices) * config.runs
+    with ThreadPoolExecutor(_THREADS) as threads:
+        jobs = [
+            [threads.submit(fly, vehicle, config, choice, seed, references) for choice in choices]
+            for seed in config.seeds
+        ]
+        waiting: set[Future[Trial]] = {job for row in jobs for job in row}
+        try:
+            while waiting and not is_cancelled():
+                done, waiting = wait(waiting, timeout=0.2)
+                for job in done:
+                    job.result()
+                report(1.0 - len(waiting) / total, f"{total - len(waiting)} of {total} runs")
+        finally:
+            threads.shutdown(cancel_futures=True)
+    if waiting:
+        raise TrialCancelledError("the comparison was cancelled")
+    columns = zip(*jobs, strict=True)
+    results = tuple(
+        ControllerResult(choice, tuple(job.result() for job in column))
+        for choice, column in zip(choices, columns, strict=True)
+    )
+    return Comparison(vehicle, config, results)
+
+
+def _run_document(result: ControllerResult, at: Any) -> dict[str, Any]:  # noqa: ANN401 - an index
+    shown = result.shown
+    errors = np.array([trial.errors[at] for trial in result.trials])
+    middle = np.median(errors, axis=0)
+    low, high = np.quantile(errors, _BAND, axis=0)
+    return {
+        "kind": result.choice.kind,
+        "title": result.choice.title,
+        "north_m": _numbers(shown.state[at, 0]),
+        "east_m": _numbers(shown.state[at, 1]),
+        "depth_m": _numbers(shown.state[at, 2]),
+        "pitch_rad": _numbers(shown.state[at, 4]),
+        "errors": {name: _numbers(middle[:, i]) for i, name in enumerate(_ERROR_NAMES)},
+        "band": {
+            name: {"low": _numbers(low[:, i]), "high": _numbers(high[:, i])}
+            for i, name in enumerate(_ERROR_NAMES[:3])
+        },
+        "inputs": {
+            "m0_kg": _numbers(shown.inputs[at, 0]),
+            "rp1_m": _numbers(shown.inputs[at, 1]),
+            "delta_rad": _numbers(shown.inputs[at, 2]),
+        },
+        "summary": result.summary(),
+    }
+
+
+def _numbers(values: FloatArray) -> list[float | None]:
+    return [_number(value) for value in values.tolist()]
+
+
+def _number(value: Any) -> float | None:  # noqa: ANN401 - a number of numpy or Python
+    return round(float(value), 9) if np.isfinite(value) else None

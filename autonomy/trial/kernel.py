@@ -1,0 +1,291 @@
+"""Compiled trial: controller, actuators, vehicle, sensors and observer in one loop.
+
+It releases the interpreter's lock, so that several seeds run at once in threads.
+"""
+
+import math
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.compiled import kernel
+from autonomy.control import kernel as thesis_law
+from autonomy.control import law as laws
+from autonomy.control.law_number import BACKSTEPPING
+from autonomy.vehicle import extended_kernel
+from autonomy.vehicle import kernel as body
+
+derivative_into = body.derivative_into
+rk4_into = body.rk4_into
+advance = extended_kernel.advance
+command_into = laws.command_into
+error_into = thesis_law.error_into
+end_stops = thesis_law.end_stops
+"""Names that numba resolves once, when it compiles."""
+
+COMMAND_SIZE, SCRATCH_SHAPE = laws.COMMAND_SIZE, laws.SCRATCH_SHAPE
+ERROR_DEPTH, ERROR_DISTANCE = thesis_law.ERROR_DEPTH, thesis_law.ERROR_DISTANCE
+ERROR_PITCH, ERROR_HYBRID = thesis_law.ERROR_PITCH, thesis_law.ERROR_HYBRID
+NEAR_M, NEAR_OFFSET_M = 0.05, 0.15
+"""Only the direction error depends on these, which is not recorded."""
+REPORTED_TRADE_RAD = math.pi / 9.0
+"""``c`` of the recorded hybrid error, alike for every controller as in the thesis's tables."""
+
+(
+    NET_BUOYANCY_ERROR,
+    MASS_POSITION_ERROR,
+    CURRENT_NORTH,
+    CURRENT_EAST,
+    OBSERVER_VELOCITY_GAIN,
+    OBSERVER_DEPTH_GAIN,
+) = range(6)
+"""Index of each number in the conditions of a flight."""
+
+STATE, ESTIMATE, INPUTS, COMMANDS, ERRORS = 0, 12, 24, 27, 32
+RECORD_SIZE = 36
+"""First column of each part of a flight's record."""
+_OBSERVER_PARTS = 5
+_RATE_INDEX = (body.M0_RATE, body.RP1_RATE, body.DELTA_RATE)
+
+
+@kernel
+def actuate(u: FloatArray, wanted: FloatArray, p: FloatArray, dt_s: float) -> None:
+    """Move the actuators in ``u`` towards what is wanted, within end stops and rates."""
+    for i in range(3):
+        low, high = end_stops(i, p)
+        target = min(max(wanted[i], low), high)
+        most = p[_RATE_INDEX[i]] * dt_s
+        u[i] += min(max(target - u[i], -most), most)
+
+
+@kernel
+def _observe(
+    belief: FloatArray,
+    inputs: FloatArray,
+    measured_depth: float,
+    conditions: FloatArray,
+    p: FloatArray,
+    dt_s: float,
+    rates: FloatArray,
+) -> None:
+    """Let the model-based observer predict depth and velocity in ``belief`` over ``dt_s``.
+
+    Attitude and angular velocity stay as measured. ``rates`` is scratch, shape ``(12,)``.
+
+    Source:
+        Thesis section 3.4: the depth error corrects depth by K2 and velocity by K1 R'[0, 0, 1].
+    """
+    sf, cf = math.sin(belief[3]), math.cos(belief[3])
+    st, ct = math.sin(belief[4]), math.cos(belief[4])
+    h = dt_s / _OBSERVER_PARTS
+    for _ in range(_OBSERVER_PARTS):
+        derivative_into(belief, inputs[0], inputs[1], inputs[2], p, rates)
+        error = measured_depth - belief[2]
+        push = conditions[OBSERVER_VELOCITY_GAIN] * error
+        belief[2] += h * (rates[2] + conditions[OBSERVER_DEPTH_GAIN] * error)
+        belief[6] += h * (rates[6] - push * st)
+        belief[7] += h * (rates[7] + push * ct * sf)
+        belief[8] += h * (rates[8] + push * ct * cf)
+
+
+@kernel
+def _observe_swimming(
+    belief: FloatArray,
+    inputs: FloatArray,
+    measured_depth: float,
+    conditions: FloatArray,
+    p: FloatArray,
+    command: FloatArray,
+    time_s: float,
+    dt_s: float,
+    steps: int,
+) -> None:
+    """Predict as ``_observe`` with the model of section 5.3, which knows the tail's thrust."""
+    water = np.array([0.0, 0.0, 0.0, -np.inf, np.inf, -np.inf, np.inf, np.inf, 0.0])
+    x = np.empty(15)
+    x[:12] = belief
+    x[12:] = inputs
+    x = advance(x, command, p, water, time_s, dt_s / steps, steps)
+    error = measured_depth - belief[2]
+    push = dt_s * conditions[OBSERVER_VELOCITY_GAIN] * error
+    sf, cf = math.sin(belief[3]), math.cos(belief[3])
+    st, ct = math.sin(belief[4]), math.cos(belief[4])
+    belief[2] = x[2] + dt_s * conditions[OBSERVER_DEPTH_GAIN] * error
+    belief[6] = x[6] - push * st
+    belief[7] = x[7] + push * ct * sf
+    belief[8] = x[8] + push * ct * cf
+
+
+@kernel
+def _measure(x: FloatArray, noise: FloatArray, belief: FloatArray, is_first: bool) -> float:
+    """Write what the sensors say into ``belief`` and return the measured depth.
+
+    The velocity stays the observer's, and so does the depth, except at the first time.
+    """
+    belief[0] = x[0] + noise[0]
+    belief[1] = x[1] + noise[1]
+    for i in range(3):
+        belief[3 + i] = x[3 + i] + noise[3 + i]
+        belief[9 + i] = x[9 + i] + noise[6 + i]
+    depth = x[2] + noise[2]
+    if is_first:
+        belief[2] = depth
+    return depth
+
+
+@kernel
+def _record(
+    row: FloatArray,
+    x: FloatArray,
+    estimate: FloatArray,
+    inputs: FloatArray,
+    command: FloatArray,
+    r: FloatArray,
+    errors: FloatArray,
+) -> None:
+    """Write state, estimate, sensed actuators, command and true errors of one moment."""
+    error_into(x, r, REPORTED_TRADE_RAD, NEAR_M, NEAR_OFFSET_M, errors)
+    for i in range(12):
+        row[STATE + i] = x[i]
+        row[ESTIMATE + i] = estimate[i]
+    for i in range(3):
+        row[INPUTS + i] = inputs[i]
+    for i in range(COMMAND_SIZE):
+        row[COMMANDS + i] = command[i]
+    row[ERRORS] = errors[ERROR_DEPTH]
+    row[ERRORS + 1] = errors[ERROR_DISTANCE]
+    row[ERRORS + 2] = errors[ERROR_PITCH]
+    row[ERRORS + 3] = errors[ERROR_HYBRID]
+
+
+@kernel
+def _move(
+    x: FloatArray,
+    inputs: FloatArray,
+    applied: FloatArray,
+    true: FloatArray,
+    surroundings: FloatArray,
+    conditions: FloatArray,
+    is_extended: bool,
+    time_s: float,
+    dt_s: float,
+    scratch: FloatArray,
+) -> None:
+    """Advance robot ``x`` and its sensed actuators ``inputs`` by one step under a command."""
+    m0_error, rp1_error = conditions[NET_BUOYANCY_ERROR], conditions[MASS_POSITION_ERROR]
+    if is_extended:
+        # the model moves the true masses, whose end stops are as far off as the sensors
+        biased = true.copy()
+        biased[body.M0_MIN] += m0_error
+        biased[body.M0_MAX] += m0_error
+        biased[body.RP1_MIN] += rp1_error
+        biased[body.RP1_MAX] += rp1_error
+        wanted = applied.copy()
+        wanted[0] += m0_error
+        wanted[1] += rp1_error
+        x[12], x[13], x[14] = inputs[0] + m0_error, inputs[1] + rp1_error, inputs[2]
+        x[:] = advance(x, wanted, biased, surroundings, time_s, dt_s, 1)
+        inputs[0], inputs[1], inputs[2] = x[12] - m0_error, x[13] - rp1_error, x[14]
+        return
+    actuate(inputs, applied, true, dt_s)
+    m0, rp1 = inputs[0] + m0_error, inputs[1] + rp1_error
+    rk4_into(x, m0, rp1, inputs[2], true, dt_s, scratch[0], scratch[1], scratch[2])
+    x[0] += conditions[CURRENT_NORTH] * dt_s
+    x[1] += conditions[CURRENT_EAST] * dt_s
+
+
+@kernel
+def fly(
+    law: int,
+    gains: FloatArray,
+    believed: FloatArray,
+    true: FloatArray,
+    start: FloatArray,
+    references: FloatArray,
+    noise: FloatArray,
+    conditions: FloatArray,
+    surroundings: FloatArray,
+    is_extended: bool,
+    dt_s: float,
+    steps: int,
+    delay_steps: int,
+) -> tuple[FloatArray, FloatArray]:
+    """Let a controller track a reference.
+
+    Args:
+        law: Which law, of ``autonomy.control.law_number``.
+        gains: Its packed configuration.
+        believed: ``Vehicle.packed()`` that the controller and the observer know.
+        true: ``Vehicle.packed()`` of the robot that flies, its actuators' true rates included.
+        start: The 12 states at the start; the actuators start at 0.
+        references: Packed reference at each command, shape ``(n, 12)``.
+        noise: Added to position, attitude and angular velocity at each command, shape
+            ``(n, 9)``; shape ``(0, 9)`` where the controller sees the true state.
+        conditions: Shape ``(6,)``, by the indices above; its current moves the 12-state model.
+        surroundings: ``Surroundings.packed()`` of the extended model.
+        is_extended: Whether the robot is the 15-state model.
+        dt_s: Step of the model.
+        steps: Steps for which a command is held.
+        delay_steps: Steps by which the sliding mass's commands come late.
+
+    Returns:
+        The record at each command before it takes effect, shape ``(n, RECORD_SIZE)``, and what the
+        actuators did, shape ``(2, 3)``: way, and integral of the squared rate.
+    """
+    n = references.shape[0]
+    record, effort = np.empty((n, RECORD_SIZE)), np.zeros((2, 3))
+    x, belief, estimate = np.zeros(15), np.zeros(12), np.zeros(12)
+    x[:12] = start
+    inputs, before = np.zeros(3), np.zeros(3)
+    memory, scratch = np.zeros(laws.MEMORY_SIZE), np.empty(SCRATCH_SHAPE)
+    late, command, applied = np.zeros(delay_steps + 1), np.zeros(COMMAND_SIZE), np.zeros(5)
+    period_s, depth = steps * dt_s, 0.0
+    for k in range(n):
+        if noise.shape[0] == 0:
+            estimate[:] = x[:12]
+        else:
+            if k > 0 and is_extended:
+                start_s = (k - 1) * period_s
+                _observe_swimming(
+                    belief, inputs, depth, conditions, believed, command, start_s, period_s, steps
+                )
+            elif k > 0:
+                _observe(belief, inputs, depth, conditions, believed, period_s, scratch[0])
+            depth = _measure(x, noise[k], belief, k == 0)
+            estimate[:] = belief
+            estimate[2] = depth
+        r = references[k]
+        command_into(law, estimate, r, gains, believed, period_s, memory, scratch, command)
+        _record(record[k], x, estimate, inputs, command, r, scratch[0])
+        applied[:] = command
+        for step in range(k * steps, (k + 1) * steps):
+            late[step % (delay_steps + 1)] = command[1]
+            applied[1] = late[(step + 1) % (delay_steps + 1)]
+            before[:] = inputs
+            _move(
+                x,
+                inputs,
+                applied,
+                true,
+                surroundings,
+                conditions,
+                is_extended,
+                step * dt_s,
+                dt_s,
+                scratch,
+            )
+            for i in range(3):
+                effort[0, i] += abs(inputs[i] - before[i])
+                effort[1, i] += (inputs[i] - before[i]) ** 2 / dt_s
+    return record, effort
+
+
+def warm_up() -> None:
+    """Compile every kernel of this module with the argument types of real use."""
+    packed, start = np.ones(body.DELTA_RATE + 1), np.zeros(12)
+    start[6] = 0.1
+    one, water, conditions = np.zeros((1, 12)), np.zeros(9), np.zeros(6)
+    gains, noise = np.ones(16), np.zeros((0, 9))
+    fly(
+        BACKSTEPPING, gains, packed, packed, start, one, noise, conditions, water, False, 0.01, 1, 0
+    )

@@ -1,0 +1,119 @@
+"""One controller in one scenario on one seed."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.configuration import Configuration
+from autonomy.control.catalogue import CONTROLLERS
+from autonomy.trial import kernel
+from autonomy.trial.config import TrialConfig
+from autonomy.trial.setting import Setting, packed_references, setting
+from autonomy.vehicle.config import Vehicle
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerChoice:
+    """A controller with its settings, and what it is called in a comparison."""
+
+    kind: str
+    """Key of ``CONTROLLERS``."""
+    title: str
+    config: Configuration
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Trial:
+    """What happened, at each of ``n`` commands; SI units, angles rad."""
+
+    seed: int
+    time_s: FloatArray
+    """Shape ``(n,)``."""
+    state: FloatArray
+    """The true 12 states, shape ``(n, 12)``."""
+    estimate: FloatArray
+    """The 12 states that the controller saw, shape ``(n, 12)``."""
+    inputs: FloatArray
+    """Where the actuators were by their own sensors: kg, m, rad, shape ``(n, 3)``."""
+    commands: FloatArray
+    """Set points of the three actuators inside their end stops, shape ``(n, 3)``."""
+    flap: FloatArray
+    """Amplitude rad and frequency Hz of the tail, shape ``(n, 2)``."""
+    errors: FloatArray
+    """True depth, horizontal, pitch and hybrid error, shape ``(n, 4)``."""
+    reference: FloatArray
+    """Packed references, shape ``(n, 12)``."""
+    travel: FloatArray
+    """Way of each actuator, kg, m, rad, shape ``(3,)``."""
+    energy_j: float
+    """Electrical energy by the vehicle's prices (Eq. 5.20)."""
+
+    def rms(self) -> FloatArray:
+        """Root mean square of each error over the whole trial, shape ``(4,)``."""
+        return np.sqrt(np.mean(self.errors**2, axis=0))
+
+
+def run_trial(vehicle: Vehicle, config: TrialConfig, choice: ControllerChoice, seed: int) -> Trial:
+    """Let one controller track the scenario's reference once.
+
+    Args:
+        vehicle: The robot, as the controller believes it to be.
+        config: The scenario.
+        choice: The controller.
+        seed: Decides the start's scatter, the parameters' errors and the noise.
+
+    Raises:
+        KeyError: If there is no such kind of controller.
+        TypeError: If its settings are those of another kind.
+        NoSteadyGlideError: If the reference is a glide flatter than the vehicle can glide.
+    """
+    return fly(vehicle, config, choice, seed, packed_references(vehicle, config))
+
+
+def fly(
+    vehicle: Vehicle,
+    config: TrialConfig,
+    choice: ControllerChoice,
+    seed: int,
+    references: FloatArray,
+) -> Trial:
+    """Run as ``run_trial`` with references that were packed once for many runs."""
+    drawn = setting(vehicle, config, seed, references)
+    record, effort = fly_setting(vehicle, config, choice, drawn)
+    prices = vehicle.energy.packed(vehicle.limits)
+    return Trial(
+        seed=seed,
+        time_s=config.period_s * np.arange(len(record), dtype=np.float64),
+        state=record[:, kernel.STATE : kernel.ESTIMATE],
+        estimate=record[:, kernel.ESTIMATE : kernel.INPUTS],
+        inputs=record[:, kernel.INPUTS : kernel.COMMANDS],
+        commands=record[:, kernel.COMMANDS : kernel.COMMANDS + 3],
+        flap=record[:, kernel.COMMANDS + 3 : kernel.ERRORS],
+        errors=record[:, kernel.ERRORS :],
+        reference=references,
+        travel=effort[0],
+        energy_j=float(prices[0] * config.period_s * len(record) + prices[1:] @ effort[1]),
+    )
+
+
+def fly_setting(
+    vehicle: Vehicle, config: TrialConfig, choice: ControllerChoice, drawn: Setting
+) -> tuple[FloatArray, FloatArray]:
+    """Return the kernel's record and effort of one controller in a drawn setting."""
+    kind = CONTROLLERS[choice.kind]
+    return kernel.fly(
+        kind.law,
+        kind.packed(choice.config),
+        vehicle.packed(),
+        drawn.true,
+        drawn.start,
+        drawn.references,
+        drawn.noise,
+        drawn.conditions,
+        drawn.surroundings,
+        config.model == "extended",
+        config.step_s,
+        config.steps_per_period,
+        drawn.delay_steps,
+    )
