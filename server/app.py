@@ -24,6 +24,7 @@ from server.api import (
     robots,
     session,
     transfers,
+    vehicles,
     view,
 )
 from server.composition import MakeService, run_station
@@ -43,6 +44,7 @@ ROUTERS = (
     plans.router,
     transfers.router,
     maps.router,
+    vehicles.router,
     config.router,
     events.router,
     alarms.router,

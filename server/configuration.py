@@ -1,85 +1,25 @@
-"""The tunable models of the station: which there are, and their append-only versions."""
+"""The append-only versions of the station's tunable models."""
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from types import MappingProxyType
 from typing import Any
 
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
 from autonomy.configuration import Configuration
-from autonomy.control.config import (
-    BACKSTEPPING_PRESETS,
-    PID_PRESETS,
-    BacksteppingConfig,
-    PidConfig,
-)
-from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
-from autonomy.field.config import FIELD_PRESETS, FieldConfig
-from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
-from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
 from db.query import configurations as query
 from db.query.configurations import ConfigurationRecord
 from db.query.events import add_event
-from db.query.robots import RobotRecord, get_robot
+from db.query.robots import get_robot
 from db.store import Store
 from robot_link.clock import Clock
-from server.problem import Problem, invalid, not_found
-
-
-@dataclass(frozen=True, slots=True)
-class ConfigurationKind:
-    """One tunable model."""
-
-    key: str
-    title: str
-    model: type[Configuration]
-    preset: Callable[[RobotRecord], Configuration]
-    """The value for a robot for which nobody has saved one."""
-
-
-def _by_vehicle(
-    presets: Mapping[str, Configuration], default: Configuration
-) -> Callable[[RobotRecord], Configuration]:
-    return lambda robot: presets.get(robot.model, default)
-
-
-def _by_variable(robot: RobotRecord) -> FieldConfig:
-    return FIELD_PRESETS.get(robot.site.variable, FieldConfig())
-
-
-KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
-    {
-        kind.key: kind
-        for kind in (
-            ConfigurationKind(
-                "planner", "Planner", PlannerConfig, _by_vehicle(PLANNER_PRESETS, PlannerConfig())
-            ),
-            ConfigurationKind("field", "Field map", FieldConfig, _by_variable),
-            ConfigurationKind(
-                "estimator",
-                "Estimator",
-                EstimatorConfig,
-                _by_vehicle(ESTIMATOR_PRESETS, EstimatorConfig()),
-            ),
-            ConfigurationKind("trim", "Trim", TrimConfig, _by_vehicle(TRIM_PRESETS, TrimConfig())),
-            ConfigurationKind(
-                "controller.backstepping",
-                "Backstepping controller",
-                BacksteppingConfig,
-                _by_vehicle(BACKSTEPPING_PRESETS, BacksteppingConfig()),
-            ),
-            ConfigurationKind(
-                "controller.pid", "PID controller", PidConfig, _by_vehicle(PID_PRESETS, PidConfig())
-            ),
-        )
-    }
-)
-"""Every tunable model by its key."""
+from server.configuration_kind import ConfigurationKind, find_kind
+from server.problem import Problem, invalid
+from server.vehicle_catalogue import preset_key
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,7 +48,8 @@ class ConfigurationBook:
     """Reads and adds versions of the tunable models.
 
     For a robot, its own newest version holds; else the newest that was saved for all robots; else
-    the preset of its vehicle or site.
+    the preset of its vehicle or site; of a vehicle that someone added, the preset of the built-in
+    one that is nearest in mass.
     """
 
     def __init__(self, store: Store, clock: Clock) -> None:
@@ -182,24 +123,13 @@ class ConfigurationBook:
         return await self._store.write(change)
 
 
-def find_kind(kind: str) -> ConfigurationKind:
-    """Return a kind by its key.
-
-    Raises:
-        Problem: 404 if there is no such kind; the sentence lists those that there are.
-    """
-    if kind not in KINDS:
-        raise not_found(f"There is no configuration {kind!r}; there are {', '.join(KINDS)}.")
-    return KINDS[kind]
-
-
 def current(session: Session, kind: ConfigurationKind, robot: str | None) -> CurrentConfiguration:
     """Return the value that holds, read in a session of the caller's.
 
     Raises:
         UnknownIdError: If there is no such robot.
     """
-    preset = kind.model() if robot is None else kind.preset(get_robot(session, robot))
+    preset = kind.default if robot is None else _preset(session, kind, robot)
     record = query.newest_configuration(session, kind.key, robot)
     if record is None and robot is not None:
         record = query.newest_configuration(session, kind.key, None)
@@ -214,6 +144,11 @@ def current(session: Session, kind: ConfigurationKind, robot: str | None) -> Cur
         changed_at=record.changed_at,
         changed_by=record.changed_by,
     )
+
+
+def _preset(session: Session, kind: ConfigurationKind, robot: str) -> Configuration:
+    record = get_robot(session, robot)
+    return kind.preset(record, preset_key(session, record.model))
 
 
 def _stored(kind: ConfigurationKind, record: ConfigurationRecord) -> Configuration:

@@ -9,7 +9,8 @@ from fastapi import APIRouter, Header, Query, Response
 from db.query.configurations import configuration_history, get_configuration
 from db.query.robots import list_robots
 from server.api.dependency import FoundationDep, Pilot, StoreDep, Viewer
-from server.configuration import KINDS, CurrentConfiguration, find_kind
+from server.configuration import CurrentConfiguration
+from server.configuration_kind import KINDS, find_kind
 from server.service.view.base import View
 
 router = APIRouter(prefix="/api/config", tags=["config"])
@@ -39,6 +40,8 @@ class ConfigurationView(View):
     value: dict[str, Any]
     preset: dict[str, Any]
     """What a field returns to when it is set to null."""
+    simulation_preset: dict[str, Any] | None
+    """Of a controller: its gains for exact states, which a what-if may begin with."""
     changed_at: datetime | None
     changed_by: str | None
 
@@ -137,12 +140,14 @@ async def patch_config(
 
 
 def _view(found: CurrentConfiguration) -> ConfigurationView:
+    simulated = find_kind(found.kind).simulation_preset
     return ConfigurationView(
         kind=found.kind,
         robot=found.robot,
         id=found.id,
         value=found.value.model_dump(mode="json"),
         preset=found.preset.model_dump(mode="json"),
+        simulation_preset=None if simulated is None else simulated.model_dump(mode="json"),
         changed_at=found.changed_at,
         changed_by=found.changed_by,
     )

@@ -11,7 +11,6 @@ from autonomy.field.fidelity import fidelity_level
 from autonomy.field.variable import VARIABLES
 from autonomy.frames import wgs84_from_ned
 from autonomy.site import Site
-from autonomy.vehicle.config import VEHICLES
 from db.query.events import add_event
 from db.query.robots import (
     RobotExistsError,
@@ -47,7 +46,7 @@ class NewRobot(Body):
     name: str = Field(min_length=1, max_length=80)
     """What operators call it."""
     model: str
-    """Key of a vehicle: ``miniglider`` or ``grace3``."""
+    """Key of a vehicle of the catalogue, such as ``miniglider``; see `GET /api/vehicles`."""
     system_id: int = Field(ge=1, le=249)
     """Its MAVLink system id."""
     links: list[str] = Field(min_length=1, max_length=8)
@@ -63,6 +62,7 @@ class RobotChanges(Body):
 
     name: str | None = Field(default=None, min_length=1, max_length=80)
     model: str | None = None
+    """Key of a vehicle of the catalogue: what holds for the robot from now on."""
     system_id: int | None = Field(default=None, ge=1, le=249)
     links: list[str] | None = Field(default=None, min_length=1, max_length=8)
     site: Site | None = None
@@ -80,7 +80,7 @@ async def create_robot(
     caller: Admin, robot: NewRobot, station: StationDep, foundation: FoundationDep
 ) -> RobotView:
     """Add a robot; the station listens for it at once."""
-    _check_model(robot.model)
+    station.vehicles.check_model(robot.model)
     _check_links(robot.links)
     at = foundation.clock.now()
     record = RobotRecord(
@@ -122,7 +122,7 @@ async def patch_robot(
     station.fleet.picture(robot)
     given = changes.model_dump(exclude_unset=True, exclude_none=True)
     if changes.model is not None:
-        _check_model(changes.model)
+        station.vehicles.check_model(changes.model)
     if changes.links is not None:
         _check_links(changes.links)
     at = foundation.clock.now()
@@ -213,12 +213,6 @@ def _unit(channel: str) -> str:
         return VARIABLES[channel].unit
     known = ", ".join([*(one.key for one in CHANNELS), *VARIABLES])
     raise not_found(f"There is no channel {channel!r}; there are {known}.")
-
-
-def _check_model(model: str) -> None:
-    if model not in VEHICLES:
-        message = f"must be one of {', '.join(VEHICLES)}"
-        raise unprocessable("1 field is wrong.", [FieldError(loc=["model"], msg=message)])
 
 
 def _check_links(links: list[str]) -> None:

@@ -7,7 +7,6 @@ from datetime import datetime
 from autonomy.field.variable import VARIABLES
 from autonomy.frames import wgs84_from_ned
 from autonomy.planner.plan import PositionNed
-from autonomy.vehicle.config import VEHICLES
 from db.query.robots import RobotRecord
 from robot_link.clock import Clock
 from robot_link.messages import LinkReport, LinkState, PlanReport, Sample, StateReport
@@ -15,6 +14,7 @@ from server.problem import not_found
 from server.service.channel import CHANNELS, FIELD_LIMIT_S, POSITION_LIMIT_S, Channel
 from server.service.picture import Picture, PlanInHand
 from server.service.track import Track
+from server.service.vehicles import Vehicles
 from server.service.view.robot import (
     ChannelView,
     ContactView,
@@ -44,10 +44,12 @@ class Fleet:
         clock: Clock,
         on_change: Callable[[str], None],
         alarm_level: Callable[[str], str | None],
+        vehicles: Vehicles,
     ) -> None:
         self._clock = clock
         self._on_change = on_change
         self._alarm_level = alarm_level
+        self._vehicles = vehicles
         self._pictures: dict[str, Picture] = {}
 
     def add(self, record: RobotRecord, thresholds_m: tuple[float, ...]) -> Picture:
@@ -138,12 +140,14 @@ class Fleet:
         """Return a robot as the fleet's list shows it."""
         picture = self.picture(robot)
         record = picture.record
-        vehicle = VEHICLES.get(record.model)
+        vehicle = self._vehicles.find(record.model)
         return RobotView(
             id=record.id,
             name=record.name,
             model=record.model if vehicle is None else vehicle.title,
+            model_key=record.model,
             model_note="" if vehicle is None else vehicle.note,
+            model_origin=self._vehicles.origin(record.model),
             kind=record.kind,
             system_id=record.system_id,
             simulated=record.simulated,

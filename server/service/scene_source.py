@@ -5,16 +5,18 @@ from robot_link.messages import RobotId
 from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
 from server.service.picture import Picture, PlanInHand
+from server.service.vehicles import Vehicles
 from webui.scene.source import ComparisonView, MapView, PlanView, Pose, TrackPiece
 
 
 class StationSceneSource:
     """The ``webui.scene.source.SceneSource`` of one robot of the station."""
 
-    def __init__(self, robot: RobotId, fleet: Fleet, maps: FieldMaps) -> None:
+    def __init__(self, robot: RobotId, fleet: Fleet, maps: FieldMaps, vehicles: Vehicles) -> None:
         self._robot = robot
         self._fleet = fleet
         self._maps = maps
+        self._vehicles = vehicles
         self._plan: tuple[PlanInHand, int | None, PlanView] | None = None
 
     @property
@@ -29,8 +31,8 @@ class StationSceneSource:
 
     @property
     def vehicle(self) -> str:
-        """Return the vehicle's key, "" for a recording of something unknown."""
-        return self._picture.record.model
+        """Return the key of the built-in vehicle that the robot looks like, "" if unknown."""
+        return self._vehicles.shape(self._picture.record.model)
 
     @property
     def site(self) -> Site:

@@ -34,6 +34,7 @@ from server.service.scene_source import StationSceneSource
 from server.service.survey import Surveys, purge_in
 from server.service.task.problem import LOAD_PLANNER
 from server.service.upload import Uploads
+from server.service.vehicles import Vehicles
 from server.service.watch import watch_fleet
 from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
 from webui.scene.source import SceneSource
@@ -54,8 +55,9 @@ class Station:
         self._tasks: list[asyncio.Task[Any]] = []
         store, clock = foundation.store, foundation.clock
         self.feed = LiveFeed(store, clock, lambda: foundation.alarms.unacknowledged)
-        self.fleet = Fleet(clock, self._robot_changed, foundation.alarms.worst_level)
         self.workers = WorkerPool(foundation.settings.worker_processes)
+        self.vehicles = Vehicles(store, clock, self.workers)
+        self.fleet = Fleet(clock, self._robot_changed, foundation.alarms.worst_level, self.vehicles)
         self.maps = FieldMaps(store, clock)
         self.road = Road(clock, self._take_event, make_link)
         self.plans = PlanLedger(store, clock, self.fleet, self.feed)
@@ -94,6 +96,7 @@ class Station:
 
     async def start(self) -> None:
         """Take up the fleet as the database knows it, and go on with what was under way."""
+        await self.vehicles.load()
         for robot in await self._foundation.store.query(list_robots):
             await self._take_up(robot)
         await self.plans.load()
@@ -123,6 +126,7 @@ class Station:
         await self.surveys.stop_all()
         await self.uploads.stop()
         await self.planning.stop()
+        await self.vehicles.stop()
         for task in reversed(self._tasks):
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -217,7 +221,7 @@ class Station:
     def _scene_source(self, robot: RobotId) -> SceneSource | None:
         if not self.fleet.knows(robot):
             return None
-        return StationSceneSource(robot, self.fleet, self.maps)
+        return StationSceneSource(robot, self.fleet, self.maps, self.vehicles)
 
 
 def _memory(

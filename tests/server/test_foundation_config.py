@@ -5,7 +5,8 @@ import pytest
 from autonomy.planner.config import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK
 from db.query.robots import add_robot
-from server.configuration import KINDS, merge
+from server.configuration import merge
+from server.configuration_kind import KINDS
 from tests.db.conftest import robot_record
 from tests.server.station_app import running, signed_in
 
@@ -150,5 +151,5 @@ def test_a_patch_goes_into_objects_and_replaces_lists():
 
 def test_presets_of_a_robot_follow_its_water():
     preset = KINDS["field"].preset
-    assert preset(robot_record()).model_dump()["variable"] == TANK.variable
-    assert preset(robot_record("grace-1", 2)).model_dump()["variable"] == LAKE.variable
+    for robot, site in ((robot_record(), TANK), (robot_record("grace-1", 2), LAKE)):
+        assert preset(robot, robot.model).model_dump()["variable"] == site.variable

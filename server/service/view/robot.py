@@ -113,8 +113,12 @@ class RobotView(View):
     name: str
     model: str
     """Title of the vehicle model."""
+    model_key: str
+    """Key of the vehicle in the catalogue, empty for a recording of something unknown."""
     model_note: str
     """What to know about the model's parameters."""
+    model_origin: str
+    """Where the model comes from: ``built-in``, ``file`` or ``identified``."""
     kind: str
     """``real``, ``simulated`` or ``recorded``."""
     system_id: int | None

@@ -1,0 +1,84 @@
+"""The catalogue of vehicles: their parameters, their polars, and new ones from files."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Response
+
+from autonomy.vehicle.parameter_file import vehicle_document
+from server.api.dependency import Pilot, Viewer
+from server.api.idempotency import IdempotentRoute
+from server.api.station_dependency import StationDep, encoded
+from server.service.station import Station
+from server.service.view.vehicle import PolarView, SteadyView, VehiclesView, VehicleView
+from server.vehicle_catalogue import CatalogueEntry
+
+router = APIRouter(prefix="/api/vehicles", tags=["vehicles"], route_class=IdempotentRoute)
+
+
+@router.get("")
+async def list_vehicles(caller: Viewer, station: StationDep) -> VehiclesView:
+    """Return every vehicle that a robot can be, and which robots are."""
+    del caller
+    return VehiclesView([_view(station, entry) for entry in station.vehicles.entries])
+
+
+@router.post("", status_code=201)
+async def add_vehicle(caller: Pilot, document: dict[str, Any], station: StationDep) -> VehicleView:
+    """Add a vehicle by its parameter document, in the form that `GET /api/vehicles/{key}` returns.
+
+    422 names every entry that is missing, unknown, without its unit or out of range, with the
+    allowed range; 409 says that the key is taken. A vehicle is never changed afterwards.
+    """
+    entry = await station.vehicles.add(document, origin="file", by=caller.name)
+    return _view(station, entry)
+
+
+@router.get("/{key}")
+async def get_vehicle(caller: Viewer, key: str, station: StationDep) -> dict[str, Any]:
+    """Return the parameter document of a vehicle: every number with its unit."""
+    del caller
+    return vehicle_document(station.vehicles.get(key).vehicle)
+
+
+@router.get("/{key}/polar", response_model=PolarView)
+async def get_polar(caller: Viewer, key: str, station: StationDep) -> Response:
+    """Return how a vehicle glides by net buoyancy and mass position, and where that is stable.
+
+    The first answer of a vehicle takes seconds, further ones come from memory.
+    """
+    del caller
+    return encoded(await station.vehicles.polar(key))
+
+
+@router.get("/{key}/steady", response_model=SteadyView)
+async def get_steady(
+    caller: Viewer,
+    key: str,
+    station: StationDep,
+    m0_kg: Annotated[float, Query(description="Net buoyancy, positive heavy.")],
+    rp1_m: Annotated[float, Query(description="Position of the sliding mass, positive forward.")],
+    delta_rad: Annotated[float, Query(description="Tail angle.")] = 0.0,
+) -> Response:
+    """Return what a vehicle settles into with its actuators held still.
+
+    422 says in words where there is no such motion, or which input is beyond its stop.
+    """
+    del caller
+    return encoded(await station.vehicles.steady(key, m0_kg, rp1_m, delta_rad))
+
+
+def _view(station: Station, entry: CatalogueEntry) -> VehicleView:
+    vehicle = entry.vehicle
+    return VehicleView(
+        key=vehicle.key,
+        title=vehicle.title,
+        note=vehicle.note,
+        origin=entry.origin,
+        robots=[
+            picture.record.id
+            for picture in station.fleet.pictures
+            if picture.record.model == vehicle.key
+        ],
+        created_at=entry.created_at,
+        created_by=entry.created_by,
+    )

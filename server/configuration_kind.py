@@ -1,0 +1,79 @@
+"""The tunable models of the station: which there are, and what a robot begins with."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from autonomy.configuration import Configuration
+from autonomy.control.catalogue import CONTROLLERS, ControllerKind
+from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
+from autonomy.field.config import FIELD_PRESETS, FieldConfig
+from autonomy.identification.config import IDENTIFICATION_PRESETS, IdentificationConfig
+from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
+from autonomy.vehicle.config import MINIGLIDER
+from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
+from db.query.robots import RobotRecord
+from server.problem import not_found
+
+
+@dataclass(frozen=True, slots=True)
+class ConfigurationKind:
+    """One tunable model."""
+
+    key: str
+    title: str
+    model: type[Configuration]
+    default: Configuration
+    """The value for all robots while nobody has saved one."""
+    preset: Callable[[RobotRecord, str], Configuration]
+    """The value for a robot for which nobody has saved one, by the robot and the key of the
+    vehicle whose presets it has."""
+    simulation_preset: Configuration | None = None
+    """Of a controller: its gains for exact states, which a what-if may begin with."""
+
+
+def _by_vehicle(
+    key: str, title: str, presets: Mapping[str, Configuration], default: Configuration
+) -> ConfigurationKind:
+    return ConfigurationKind(
+        key, title, type(default), default, lambda _, vehicle: presets.get(vehicle, default)
+    )
+
+
+def _of_controller(kind: ControllerKind) -> ConfigurationKind:
+    like_others = _by_vehicle(kind.key, kind.title, kind.presets, kind.preset(MINIGLIDER.key))
+    return replace(like_others, simulation_preset=kind.simulation_preset)
+
+
+def _by_variable(robot: RobotRecord, vehicle: str) -> FieldConfig:
+    del vehicle
+    return FIELD_PRESETS.get(robot.site.variable, FieldConfig())
+
+
+KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
+    {
+        kind.key: kind
+        for kind in (
+            _by_vehicle("planner", "Planner", PLANNER_PRESETS, PlannerConfig()),
+            ConfigurationKind("field", "Field map", FieldConfig, FieldConfig(), _by_variable),
+            _by_vehicle("estimator", "Estimator", ESTIMATOR_PRESETS, EstimatorConfig()),
+            _by_vehicle("trim", "Trim", TRIM_PRESETS, TrimConfig()),
+            _by_vehicle(
+                "identification", "Identification", IDENTIFICATION_PRESETS, IdentificationConfig()
+            ),
+            *map(_of_controller, CONTROLLERS.values()),
+        )
+    }
+)
+"""Every tunable model by its key."""
+
+
+def find_kind(kind: str) -> ConfigurationKind:
+    """Return a kind by its key.
+
+    Raises:
+        Problem: 404 if there is no such kind; the sentence lists those that there are.
+    """
+    if kind not in KINDS:
+        raise not_found(f"There is no configuration {kind!r}; there are {', '.join(KINDS)}.")
+    return KINDS[kind]
