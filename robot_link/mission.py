@@ -3,6 +3,9 @@
 Both ends build the same canonical bytes (RFC 8949 deterministic CBOR of positional integers:
 millimetres, milliseconds, milliradians), so the hash that a robot echoes proves that it holds
 exactly this plan. MAVLink mission items carry the same integers, each exact in a float32.
+
+A mission of format 1 has no trim. It is still understood, and keeps its bytes and so its name: a
+plan that was stored or is on board stays what it was.
 """
 
 import hashlib
@@ -15,13 +18,14 @@ import cbor2
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 from robot_link.messages import PlanHash
 
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
+"""Format of new missions."""
 _KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
 _FLOAT32_EXACT = 2**24
 _GAP_M = 2e-3
 """Greatest distance between two ends that meet, a little more than rounding makes."""
-SETTINGS_FIELDS = 5
-"""Integers of the settings in the canonical form."""
+SETTINGS_FIELDS = {1: 5, 2: 7}
+"""Integers of the settings in the canonical form, by format; their number tells the format."""
 ITEM_FIELDS = 10
 """Integers in one leg of the canonical form."""
 
@@ -40,6 +44,10 @@ class MissionSettings:
     """Northing where the first leg begins."""
     start_y_m: float
     """Easting where the first leg begins."""
+    net_buoyancy_offset_kg: float = 0.0
+    """Added to every set point of the net buoyancy; positive sinks."""
+    mass_position_offset_m: float = 0.0
+    """Added to every set point of the sliding mass; positive moves it forward."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,15 +59,20 @@ class Mission:
 
     settings: MissionSettings
     legs: tuple[Leg, ...]
+    format: int = FORMAT_VERSION
+    """Which canonical form names it; format 1 has no trim."""
 
     @classmethod
-    def from_legs(cls, settings: MissionSettings, legs: tuple[Leg, ...]) -> Self:
+    def from_legs(
+        cls, settings: MissionSettings, legs: tuple[Leg, ...], format_version: int = FORMAT_VERSION
+    ) -> Self:
         """Quantize a plan's legs.
 
         Raises:
-            ValueError: If a number does not fit the wire, or a leg does not begin where the one
-                before it (the first: the start in the settings, at the surface) ends, for only
-                the ends travel; the message names it.
+            ValueError: If a number does not fit the wire, the format is unknown or cannot carry
+                the settings, or a leg does not begin where the one before it (the first: the
+                start in the settings, at the surface) ends, for only the ends travel; the message
+                names it.
         """
         end: PositionNed = (settings.start_x_m, settings.start_y_m, 0.0)
         for number, leg in enumerate(legs, start=1):
@@ -67,17 +80,18 @@ class Mission:
                 raise ValueError(f"leg {number} does not begin where the one before it ends")
             end = leg.end_ned
         return cls.from_integers(
-            _settings_integers(settings), tuple(leg_integers(leg) for leg in legs)
+            _settings_integers(settings, format_version), tuple(leg_integers(leg) for leg in legs)
         )
 
     @classmethod
     def from_integers(cls, settings: tuple[int, ...], legs: tuple[tuple[int, ...], ...]) -> Self:
         """Rebuild a mission from its wire integers (see ``leg_integers``)."""
-        if len(settings) != SETTINGS_FIELDS:
-            raise ValueError(
-                f"mission settings have {SETTINGS_FIELDS} numbers, not {len(settings)}"
-            )
-        sample_ms, uncertainty_mm, timeout_s, x_mm, y_mm = settings
+        version = next((v for v, n in SETTINGS_FIELDS.items() if n == len(settings)), None)
+        if version is None:
+            known = " or ".join(str(count) for count in SETTINGS_FIELDS.values())
+            raise ValueError(f"mission settings have {known} numbers, not {len(settings)}")
+        sample_ms, uncertainty_mm, timeout_s, x_mm, y_mm, *trim = settings
+        buoyancy_mg, mass_um = trim or (0, 0)
         start: PositionNed = (x_mm / 1e3, y_mm / 1e3, 0.0)
         rebuilt: list[Leg] = []
         for integers in legs:
@@ -85,14 +99,21 @@ class Mission:
             start = rebuilt[-1].end_ned
         return cls(
             settings=MissionSettings(
-                sample_ms / 1e3, uncertainty_mm / 1e3, float(timeout_s), x_mm / 1e3, y_mm / 1e3
+                sample_ms / 1e3,
+                uncertainty_mm / 1e3,
+                float(timeout_s),
+                x_mm / 1e3,
+                y_mm / 1e3,
+                buoyancy_mg / 1e6,
+                mass_um / 1e6,
             ),
             legs=tuple(rebuilt),
+            format=version,
         )
 
     def settings_integers(self) -> tuple[int, ...]:
-        """Wire integers of the settings: ms, mm, s, mm, mm."""
-        return _settings_integers(self.settings)
+        """Wire integers of the settings: ms, mm, s, mm, mm, and of format 2 also mg, um."""
+        return _settings_integers(self.settings, self.format)
 
     def leg_integers(self) -> tuple[tuple[int, ...], ...]:
         """Wire integers of every leg, ``ITEM_FIELDS`` each."""
@@ -101,7 +122,7 @@ class Mission:
     def canonical_bytes(self) -> bytes:
         """Return the bytes that the hash covers."""
         content = [
-            FORMAT_VERSION,
+            self.format,
             list(self.settings_integers()),
             [list(leg) for leg in self.leg_integers()],
         ]
@@ -136,15 +157,23 @@ def leg_integers(leg: Leg) -> tuple[int, ...]:
     return (_KINDS.index(leg.kind), *_rounded(f"a {leg.kind} leg", named))
 
 
-def _settings_integers(settings: MissionSettings) -> tuple[int, ...]:
+def _settings_integers(settings: MissionSettings, version: int) -> tuple[int, ...]:
+    if version not in SETTINGS_FIELDS:
+        raise ValueError(f"format {version} of missions is unknown")
     named = {
         "sample period": settings.sample_period_s * 1e3,
         "uncertainty": settings.max_uncertainty_m * 1e3,
         "timeout": settings.timeout_s,
         "start x": settings.start_x_m * 1e3,
         "start y": settings.start_y_m * 1e3,
+        "net buoyancy offset": settings.net_buoyancy_offset_kg * 1e6,
+        "mass position offset": settings.mass_position_offset_m * 1e6,
     }
-    return _rounded("the settings", named)
+    integers = _rounded("the settings", named)
+    count = SETTINGS_FIELDS[version]
+    if any(integers[count:]):
+        raise ValueError(f"format {version} of missions carries no trim")
+    return integers[:count]
 
 
 def _rounded(owner: str, named: dict[str, float]) -> tuple[int, ...]:

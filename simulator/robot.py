@@ -25,7 +25,8 @@ class SimulatedBody:
     def __init__(self, definition: RobotDefinition, seed: int) -> None:
         current, sensors = np.random.default_rng([seed, definition.system_id]).spawn(2)
         self.battery = Battery(definition.battery, definition.vehicle.limits)
-        self._sensors = Sensors(definition.sensors, definition.site.variable, sensors)
+        self.sensors = Sensors(definition.sensors, definition.site.variable, sensors)
+        """Its instruments, and what their feedback is wrong by."""
         self._set_points = SetPoints(0.0, 0.0)
         self.plant = Plant(
             definition.vehicle,
@@ -38,17 +39,17 @@ class SimulatedBody:
 
     def read(self) -> Readings:
         """Return the newest readings of all sensors."""
-        return self._sensors.read(
+        return self.sensors.read(
             self.plant.time_s, self.plant.state, self.battery.fraction, self.battery.voltage_v
         )
 
     def measure_field(self) -> float:
         """Return one measurement of the field where the robot truly is."""
-        return self._sensors.measure_field(self.plant.position_ned)
+        return self.sensors.measure_field(self.plant.position_ned)
 
     def actuate(self, command: SetPoints) -> None:
         """Give the actuators new set points."""
-        self._set_points = command
+        self._set_points = self.sensors.driven_to(command)
 
     def advance(self, duration_s: float) -> None:
         """Let time pass."""

@@ -1,12 +1,12 @@
 """Sensors of a simulated robot: the truth, with the errors of real instruments."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.field.synthetic import measure
-from simulator.onboard.hardware import Readings
+from simulator.onboard.hardware import Readings, SetPoints
 
 
 @dataclass(frozen=True, slots=True)
@@ -21,6 +21,8 @@ class SensorModel:
     buoyancy_bias_kg: float
     """Standard deviation of the net buoyancy's constant error: ballast is never exact."""
     buoyancy_std_kg: float
+    mass_position_bias_m: float
+    """Standard deviation of the constant error of the sliding mass's position."""
     mass_position_std_m: float
     tail_std_rad: float
     battery_std_v: float
@@ -44,7 +46,13 @@ class Sensors:
         self._model = model
         self._variable = variable
         self._generator = generator
-        self._buoyancy_bias_kg = model.buoyancy_bias_kg * generator.standard_normal()
+        self.buoyancy_bias_kg = model.buoyancy_bias_kg * generator.standard_normal()
+        """What the feedback of the pump is wrong by, for good."""
+        # a generator of its own, so that this error leaves the noise of a seed as it was
+        self.mass_position_bias_m = (
+            model.mass_position_bias_m * generator.spawn(1)[0].standard_normal()
+        )
+        """What the feedback of the sliding mass is wrong by, for good."""
         self._noise_std = np.array(
             [
                 model.depth_std_m,
@@ -79,12 +87,20 @@ class Sensors:
             pitch_rad=x[4] + noise[2],
             heading_rad=x[5] + noise[3],
             gyro_rad_s=(x[9] + noise[4], x[10] + noise[5], x[11] + noise[6]),
-            net_buoyancy_kg=x[12] + noise[7] + self._buoyancy_bias_kg,
-            mass_position_m=x[13] + noise[8],
+            net_buoyancy_kg=x[12] + noise[7] + self.buoyancy_bias_kg,
+            mass_position_m=x[13] + noise[8] + self.mass_position_bias_m,
             tail_rad=x[14] + noise[9],
             battery_fraction=battery_fraction,
             battery_v=battery_v + noise[10],
             fix_ne_m=(x[0] + noise[11], x[1] + noise[12]) if has_fix else None,
+        )
+
+    def driven_to(self, command: SetPoints) -> SetPoints:
+        """Return where the actuators' own servos really go: they close on their feedback."""
+        return replace(
+            command,
+            net_buoyancy_kg=command.net_buoyancy_kg - self.buoyancy_bias_kg,
+            mass_position_m=command.mass_position_m - self.mass_position_bias_m,
         )
 
     def measure_field(self, position_ned: tuple[float, float, float]) -> float:

@@ -1,4 +1,4 @@
-"""A mission as MAVLink mission items: settings first, then the legs, a circle after its leg.
+"""A mission as MAVLink mission items: settings and trim first, then the legs, circles after theirs.
 
 Every number is an integer of ``robot_link.mission``'s canonical form, exact in its field.
 """
@@ -22,7 +22,7 @@ _LEG_COMMANDS = (
 
 def mission_items(mission: Mission, system: SystemId) -> tuple[MissionItem, ...]:
     """Return the items that carry a mission to a robot, numbered from 0."""
-    sample_ms, uncertainty_mm, timeout_s, x_mm, y_mm = mission.settings_integers()
+    sample_ms, uncertainty_mm, timeout_s, x_mm, y_mm, *trim = mission.settings_integers()
     items = [
         _item(
             grace.MAV_CMD_GRACE_SETTINGS,
@@ -30,6 +30,9 @@ def mission_items(mission: Mission, system: SystemId) -> tuple[MissionItem, ...]
             position=(x_mm, y_mm, 0),
         )
     ]
+    if trim:
+        params = (trim[0], trim[1], 0, 0)
+        items.append(_item(grace.MAV_CMD_GRACE_TRIM, params=params, position=(0, 0, 0)))
     for kind, x, y, z, speed, duration, energy, heading, radius, turn in mission.leg_integers():
         params = (speed, duration, energy, heading)
         items.append(_item(_LEG_COMMANDS[kind], params=params, position=(x, y, z)))
@@ -52,6 +55,7 @@ def mission_from_items(items: Sequence[MissionItem]) -> Mission:
     if not items or items[0].command != grace.MAV_CMD_GRACE_SETTINGS:
         raise ValueError("item 0 does not carry the settings")
     first = _integers(items[0])
+    settings = (*first[:3], *first[4:6])
     legs: list[tuple[int, ...]] = []
     for number, item in enumerate(items[1:], start=1):
         integers = _integers(item)
@@ -60,9 +64,11 @@ def mission_from_items(items: Sequence[MissionItem]) -> Mission:
             legs.append((kind, *integers[4:], *integers[:4], 0, 0))
         elif item.command == grace.MAV_CMD_GRACE_CIRCLE and legs and legs[-1][-2:] == (0, 0):
             legs[-1] = (*legs[-1][:-2], *integers[:2])
+        elif item.command == grace.MAV_CMD_GRACE_TRIM and number == 1:
+            settings = (*settings, *integers[:2])
         else:
             raise ValueError(f"item {number} with command {item.command} does not belong there")
-    return Mission.from_integers((*first[:3], *first[4:6]), tuple(legs))
+    return Mission.from_integers(settings, tuple(legs))
 
 
 def _item(

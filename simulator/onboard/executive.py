@@ -24,6 +24,7 @@ from simulator.onboard.maneuver import (
 )
 from simulator.onboard.navigation import Estimate
 from simulator.onboard.safety import danger, mission_over, plan_flaw
+from simulator.onboard.trim import Trim, trim_flaw
 
 DIGITS = 12
 """Digits of a plan's hash that START names."""
@@ -81,6 +82,8 @@ class Executive:
         """Why the plan failed, one sentence; empty otherwise."""
         self.leg = 0
         """Leg being flown or next."""
+        self.trim = Trim()
+        """Trim of the mission that was started last."""
 
     @property
     def mode(self) -> RobotMode:
@@ -129,7 +132,7 @@ class Executive:
                 return self._start(plan_digits)
 
     def step(self, estimate: Estimate, dt_s: float, *, samples_waiting: bool) -> SetPoints:
-        """Return the set points for the next ``dt_s`` seconds.
+        """Return the set points for the next ``dt_s`` seconds, before trim.
 
         Args:
             estimate: Where the robot is.
@@ -156,10 +159,12 @@ class Executive:
         if self._stage is not Stage.IDLE:
             return CommandOutcome.NOT_NOW
         flaw = plan_flaw(mission, self._flight.site)
+        flaw = flaw or trim_flaw(mission.settings, self._flight.vehicle.limits)
         if flaw:
             self.plan_state, self.reason = OnboardPlanState.FAILED, flaw
             return CommandOutcome.NOT_NOW
         self.plan_state = OnboardPlanState.RUNNING
+        self.trim = Trim.of(mission.settings)
         self.reason = ""
         self.leg = 0
         self._hold = False

@@ -92,16 +92,18 @@ class OnboardProgram:
     ) -> None:
         self._robot = robot
         self._variable = site.variable
+        self._limits = vehicle.limits
         self._hardware = hardware
         self._started_at = started_at
         self._steps = 0
-        self._navigator = Navigator(estimator, vehicle, site, hardware.read(), PERIOD_S)
+        self._readings = hardware.read()
+        self._navigator = Navigator(estimator, vehicle, site, self._readings, PERIOD_S)
         pilot = Pilot(vehicle, controller)
         self.executive = Executive(
             Flight(vehicle, FLIGHT_PROFILES[vehicle.key], site, pilot), energy
         )
         self._set_points = pilot.rest()
-        self.estimate: Estimate = self._navigator.step(hardware.read(), self._set_points, 0.0)
+        self.estimate: Estimate = self._read(0.0)
         self._sample_period_s = 0.0
         self._next_sample_s = 0.0
         self._told_mode: RobotMode | None = None
@@ -138,18 +140,18 @@ class OnboardProgram:
         """Read, estimate, decide, act, measure and tell; call it every ``PERIOD_S``."""
         began_s = self.time_s
         self._steps += 1
-        self.estimate = self._navigator.step(self._hardware.read(), self._set_points, began_s)
+        self.estimate = self._read(began_s)
         self._set_points = self.executive.step(
             self.estimate, PERIOD_S, samples_waiting=radio.unacknowledged_samples > 0
         )
-        self._hardware.actuate(self._set_points)
+        self._hardware.actuate(self.executive.trim.command(self._set_points, self._limits))
         self._measure(radio)
         self._tell(radio)
 
     def state_report(self) -> StateReport:
         """Return what the robot believes of itself; ``received_at`` is the receiver's to fill."""
         estimate = self.estimate
-        readings = estimate.readings
+        readings = self._readings
         roll, pitch, heading = estimate.state[3:6].tolist()
         return StateReport(
             robot=self._robot,
@@ -170,6 +172,12 @@ class OnboardProgram:
             has_fix=estimate.has_fix,
             energy_used=self.executive.energy_used,
         )
+
+    def _read(self, began_s: float) -> Estimate:
+        """Read the sensors and return what the step that began then leads to."""
+        self._readings = self._hardware.read()
+        readings = self.executive.trim.in_model_terms(self._readings)
+        return self._navigator.step(readings, self._set_points, began_s)
 
     def _measure(self, radio: Radio) -> None:
         """Take a sample of the field when one is due on a leg."""

@@ -1,9 +1,11 @@
 """The dialect without any link: frames, values, mission items, and the receiving end of uploads."""
 
+import dataclasses
 import math
 import random
 from datetime import UTC, datetime, timedelta
 
+import cbor2
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -40,7 +42,7 @@ moments = st.integers(0, 7 * 10**15).map(
 legs_of_integers = st.tuples(st.integers(0, 3), *[whole] * 9)
 missions = st.builds(
     Mission.from_integers,
-    st.tuples(*[whole] * 5),
+    st.one_of(st.tuples(*[whole] * 5), st.tuples(*[whole] * 7)),
     st.lists(legs_of_integers, max_size=8).map(tuple),
 )
 
@@ -208,10 +210,12 @@ def test_items_that_are_no_mission_are_refused_with_the_first_that_does_not_fit(
         mission_from_items(items[1:])
     with pytest.raises(ValueError, match="item 0"):
         mission_from_items([])
-    with pytest.raises(ValueError, match="item 7"):
+    with pytest.raises(ValueError, match="item 8"):
         mission_from_items([*items, items[0]])
     with pytest.raises(ValueError, match="item 1"):
-        mission_from_items([items[0], items[3]])
+        mission_from_items([items[0], items[4]])
+    with pytest.raises(ValueError, match="item 2"):
+        mission_from_items([*items[:2], *items[1:]])
     items[2].param1 = 0.5
     with pytest.raises(ValueError, match="item 2 holds a number that is not whole"):
         mission_from_items(items)
@@ -230,6 +234,8 @@ def glide(start, end, **changes) -> Leg:
         ({}, {"speed_m_s": math.nan}, "speed of a glide leg"),
         ({}, {"duration_s": 2.0**24}, "duration of a glide leg"),
         ({"start_x_m": 1.0}, {}, "leg 1 does not begin"),
+        ({"net_buoyancy_offset_kg": 17.0}, {}, "net buoyancy offset of the settings"),
+        ({"mass_position_offset_m": -math.inf}, {}, "mass position offset of the settings"),
     ],
 )
 def test_a_plan_that_does_not_fit_the_wire_is_refused_by_name(settings, leg, complaint: str):
@@ -247,12 +253,45 @@ def test_a_plan_that_does_not_fit_the_wire_is_refused_by_name(settings, leg, com
 
 
 def test_wrong_counts_of_integers_are_refused():
-    with pytest.raises(ValueError, match="settings have 5"):
+    with pytest.raises(ValueError, match="settings have 5 or 7 numbers, not 2"):
         Mission.from_integers((1, 2), ())
     with pytest.raises(ValueError, match="a leg has 10"):
         Mission.from_integers((1, 2, 3, 4, 5), ((1, 2),))
     with pytest.raises(ValueError, match="kind 9"):
         Mission.from_integers((1, 2, 3, 4, 5), ((9, *[0] * 9),))
+
+
+def test_the_trim_travels_in_milligrams_and_micrometres_and_the_hash_covers_it():
+    plain = mission(dives=1)
+    trimmed = Mission.from_legs(
+        dataclasses.replace(
+            plain.settings, net_buoyancy_offset_kg=-0.0021234, mass_position_offset_m=0.0015
+        ),
+        plain.legs,
+    )
+    assert trimmed.settings_integers()[-2:] == (-2123, 1500)
+    assert trimmed.sha256() != plain.sha256()
+    again = mission_from_items([over_the_wire(item) for item in mission_items(trimmed, ROBOT)])
+    assert again.settings.net_buoyancy_offset_kg == -0.002123
+    assert again.settings.mass_position_offset_m == 0.0015
+
+
+def test_a_mission_of_the_format_without_trim_keeps_its_name_and_has_none():
+    legs = (glide((0, 0, 0), (1, 0, 0.5)),)
+    old = Mission.from_legs(MissionSettings(1.0, 0.5, 600.0, 0.0, 0.0), legs, 1)
+    content = [1, [1000, 500, 600, 0, 0], [[0, 1000, 0, 500, 30, 100, 1500, 0, 0, 0]]]
+    assert old.canonical_bytes() == cbor2.dumps(content, canonical=True)
+    again = mission_from_items(mission_items(old, ROBOT))
+    assert (again, again.sha256()) == (old, old.sha256())
+    assert again.settings.net_buoyancy_offset_kg == again.settings.mass_position_offset_m == 0.0
+
+
+def test_a_format_that_cannot_carry_a_mission_is_refused_by_its_number():
+    settings = MissionSettings(1.0, 0.5, 600.0, 0.0, 0.0, 0.001)
+    with pytest.raises(ValueError, match="format 1 of missions carries no trim"):
+        Mission.from_legs(settings, (), 1)
+    with pytest.raises(ValueError, match="format 3 of missions is unknown"):
+        Mission.from_legs(settings, (), 3)
 
 
 def receive(receiver: MissionReceiver, items, rng: random.Random):
@@ -272,7 +311,7 @@ def receive(receiver: MissionReceiver, items, rng: random.Random):
 def test_items_out_of_turn_change_nothing(rng: random.Random):
     plan = mission(dives=2)
     receiver = MissionReceiver(1.5, 30.0)
-    receiver.offer(plan.sha256(), 13, 0.0)
+    receiver.offer(plan.sha256(), 14, 0.0)
     assert receive(receiver, mission_items(plan, ROBOT), rng) == Complete(plan.sha256(), plan)
 
 
@@ -308,7 +347,7 @@ def test_another_offer_replaces_an_unfinished_one():
     assert receiver.count(13, 1.0) == Request(0)
 
 
-@given(st.integers(0, 6), st.integers(0, 3), st.floats(width=32))
+@given(st.integers(0, 7), st.integers(0, 3), st.floats(width=32))
 def test_any_changed_number_makes_the_hash_refuse(number: int, field: int, value: float):
     plan = mission(dives=1)
     items = mission_items(plan, ROBOT)
@@ -323,6 +362,8 @@ def test_any_changed_number_makes_the_hash_refuse(number: int, field: int, value
     # Parameters that an item does not use are not part of the mission.
     is_unused = (items[number].command, field) in (
         (grace.MAV_CMD_GRACE_SETTINGS, 3),
+        (grace.MAV_CMD_GRACE_TRIM, 2),
+        (grace.MAV_CMD_GRACE_TRIM, 3),
         (grace.MAV_CMD_GRACE_CIRCLE, 2),
         (grace.MAV_CMD_GRACE_CIRCLE, 3),
     )

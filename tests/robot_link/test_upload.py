@@ -36,8 +36,8 @@ from tests.robot_link.rig import (
     until,
 )
 
-ITEMS = 1 + 6 * 6
-"""Settings, and six dives of five legs of which one has a circle."""
+ITEMS = 2 + 6 * 6
+"""Settings, trim, and six dives of five legs of which one has a circle."""
 
 
 async def live(station: StationLink) -> None:

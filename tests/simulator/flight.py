@@ -114,10 +114,12 @@ def mission(
     sample_period_s: float = 2.0,
     max_uncertainty_m: float = 10.0,
     timeout_s: float = 5000.0,
+    trim: tuple[float, float] = (0.0, 0.0),
 ) -> Mission:
+    """Return legs with settings; ``trim`` is net buoyancy kg and mass position m."""
     north, east, _ = legs[0].start_ned
     return Mission.from_legs(
-        MissionSettings(sample_period_s, max_uncertainty_m, timeout_s, north, east), legs
+        MissionSettings(sample_period_s, max_uncertainty_m, timeout_s, north, east, *trim), legs
     )
 
 

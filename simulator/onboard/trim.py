@@ -1,0 +1,65 @@
+"""The trim that a mission brings: what set points gain, and what the sensors say without it."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+from autonomy.vehicle.config import ActuatorLimits
+from robot_link.mission import MissionSettings
+from simulator.onboard.hardware import Readings, SetPoints
+
+_SHARE_MAX = 0.3
+"""Greatest part of an actuator's travel to either side: a robot told a wrong trim still comes up,
+for it rises with twice as much buoyancy."""
+
+
+@dataclass(frozen=True, slots=True)
+class Trim:
+    """Standing offsets between what the model calls net mass and mass position and what sensors do.
+
+    The model of the robot is exact only up to its ballast and the zeros of its sensors. The rest of
+    the onboard program speaks the model's language; set points and feedback are translated here.
+    """
+
+    net_buoyancy_kg: float = 0.0
+    mass_position_m: float = 0.0
+
+    @classmethod
+    def of(cls, settings: MissionSettings) -> Self:
+        """Return the trim that a mission asks for."""
+        return cls(settings.net_buoyancy_offset_kg, settings.mass_position_offset_m)
+
+    def command(self, wanted: SetPoints, limits: ActuatorLimits) -> SetPoints:
+        """Return what the actuators are told, inside their end stops."""
+        net_buoyancy_kg, mass_position_m, _ = limits.clip(
+            wanted.net_buoyancy_kg + self.net_buoyancy_kg,
+            wanted.mass_position_m + self.mass_position_m,
+            wanted.tail_rad,
+        )
+        return replace(wanted, net_buoyancy_kg=net_buoyancy_kg, mass_position_m=mass_position_m)
+
+    def in_model_terms(self, readings: Readings) -> Readings:
+        """Return readings with the actuators' feedback as the model would have it."""
+        return replace(
+            readings,
+            net_buoyancy_kg=readings.net_buoyancy_kg - self.net_buoyancy_kg,
+            mass_position_m=readings.mass_position_m - self.mass_position_m,
+        )
+
+
+def trim_flaw(settings: MissionSettings, limits: ActuatorLimits) -> str:
+    """Return why a robot must not fly with the trim of a mission, or ""."""
+    for name, offset, travel in (
+        (
+            "net buoyancy",
+            settings.net_buoyancy_offset_kg,
+            min(-limits.m0_min_kg, limits.m0_max_kg),
+        ),
+        (
+            "mass position",
+            settings.mass_position_offset_m,
+            min(-limits.rp1_min_m, limits.rp1_max_m),
+        ),
+    ):
+        if abs(offset) > _SHARE_MAX * travel:
+            return f"the trim of the {name} is beyond {_SHARE_MAX:.0%} of the actuator's travel"
+    return ""
