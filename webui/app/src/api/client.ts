@@ -5,10 +5,13 @@ import type {
   CommandKind,
   ConfigDocument,
   ConfigKind,
+  ControllerWish,
   Deployment,
   EventPage,
   FieldMap,
   Health,
+  Identification,
+  IdentificationListing,
   Job,
   JsonObject,
   MapListing,
@@ -16,14 +19,19 @@ import type {
   NewToken,
   Person,
   Plan,
+  Polar,
   Robot,
   RobotState,
   Role,
   Samples,
   Session,
+  SteadyMotion,
   Token,
   Track,
   Transfer,
+  TrimAccepted,
+  WhatIf,
+  WhatIfListing,
 } from './types';
 
 type Query = Record<string, string | number | boolean | null | undefined>;
@@ -133,6 +141,55 @@ export class Api {
     return versioned<ConfigDocument>(response);
   }
 
+  polar = (vehicle: string, signal?: AbortSignal) =>
+    this.#json<Polar>('GET', `${vehicleAt(vehicle)}/polar`, { signal });
+
+  steady = (vehicle: string, inputs: { m0_kg: number; rp1_m: number; delta_rad: number }) =>
+    this.#json<SteadyMotion>('GET', `${vehicleAt(vehicle)}/steady`, { query: inputs });
+
+  startWhatIf = (robot: string, scenario: JsonObject, controllers: ControllerWish[]) =>
+    this.#json<{ id: string; job: string }>('POST', `${at(robot)}/whatif`, {
+      body: { scenario, controllers },
+    });
+
+  async whatIfs(robot: string): Promise<WhatIfListing[]> {
+    return listed(await this.#json<Listed<WhatIfListing>>('GET', `${at(robot)}/whatifs`));
+  }
+
+  whatIf = (id: string) => this.#json<WhatIf>('GET', `/api/whatifs/${part(id)}`);
+
+  showWhatIf = (robot: string, id: string | null) =>
+    this.#send('PUT', `${at(robot)}/whatif/shown`, { body: { id } });
+
+  startIdentification = (
+    robot: string,
+    wish: { deployment: string; start?: string; end?: string; config: JsonObject },
+  ) =>
+    this.#json<{ id: string; job: string }>('POST', `${at(robot)}/identifications`, {
+      body: wish,
+    });
+
+  async identifications(robot: string): Promise<IdentificationListing[]> {
+    return listed(
+      await this.#json<Listed<IdentificationListing>>('GET', `${at(robot)}/identifications`),
+    );
+  }
+
+  identification = (id: string, signal?: AbortSignal) =>
+    this.#json<Identification>('GET', identificationAt(id), { signal });
+
+  cancelIdentification = (id: string) => this.#send('POST', `${identificationAt(id)}/cancel`);
+  resumeIdentification = (id: string) => this.#send('POST', `${identificationAt(id)}/resume`);
+
+  acceptIdentification = (id: string, vehicle: { key?: string; title?: string }) =>
+    this.#json<{ key: string }>('POST', `${identificationAt(id)}/accept`, { body: vehicle });
+
+  askTrimAdvice = (robot: string, wish: { deployment?: string; dives?: number }) =>
+    this.#json<{ job: string }>('POST', `${at(robot)}/trim/advice`, { body: wish });
+
+  acceptTrim = (robot: string, advice: string, share: 0.5 | 1) =>
+    this.#json<TrimAccepted>('POST', `${at(robot)}/trim/accept`, { body: { advice, share } });
+
   events = (query: Query) => this.#json<EventPage>('GET', '/api/events', { query });
   async alarms(state: 'open' | 'closed' = 'open'): Promise<Alarm[]> {
     const query = { state };
@@ -221,6 +278,21 @@ async function versioned<T>(response: Response): Promise<Versioned<T>> {
 
 function at(robot: string): string {
   return `/api/robots/${part(robot)}`;
+}
+
+function vehicleAt(key: string): string {
+  return `/api/vehicles/${part(key)}`;
+}
+
+function identificationAt(id: string): string {
+  return `/api/identifications/${part(id)}`;
+}
+
+/** A list, whether it comes bare or as the one list of an object. */
+type Listed<T> = T[] | Record<string, T[]>;
+
+function listed<T>(answer: Listed<T>): T[] {
+  return Array.isArray(answer) ? answer : (Object.values(answer)[0] ?? []);
 }
 
 function part(value: string): string {

@@ -8,6 +8,7 @@
 
 import type { Mission, Plan, Scores } from './survey_types';
 
+export * from './control_types';
 export * from './survey_types';
 
 export type Ned = readonly [north: number, east: number, down: number];
@@ -178,6 +179,8 @@ export interface ConfigDocument {
   value: JsonObject;
   /** What holds for this robot while nobody has stored anything. */
   preset: JsonObject;
+  /** Gains of a controller for exact states. */
+  simulation_preset?: JsonObject | null;
   changed_at: Time | null;
   changed_by: string | null;
 }

@@ -14,6 +14,17 @@ export interface Line {
   fillTo?: number;
   width?: number;
   decimals?: number;
+  /** Lengths of dashes and gaps, px; told apart without colour. */
+  dash?: readonly number[];
+  /** Edge of a band: not drawn and not named by itself. */
+  isEdge?: boolean;
+}
+
+/** A filled band between two columns of the data. */
+export interface ChartBand {
+  high: number;
+  low: number;
+  colour: string;
 }
 
 export interface ChartWish {
@@ -21,7 +32,10 @@ export interface ChartWish {
   /** Greater values further down, as depth is read. */
   isDownwards?: boolean;
   /** Station time (s since 1970) or plain seconds across. */
-  across: 'time' | 'seconds';
+  across: 'time' | 'seconds' | 'count';
+  bands?: readonly ChartBand[] | undefined;
+  /** Every tenfold as high as the one before. */
+  isLog?: boolean | undefined;
   /** Value that the vertical axis always includes. */
   includes?: readonly number[];
   sync?: string | undefined;
@@ -65,18 +79,23 @@ export function chartOptions(
     select: { show: true, left: 0, top: 0, width: 0, height: 0 },
     scales: {
       x: { time: false },
-      y: {
-        dir: wish.isDownwards ? -1 : 1,
-        range: (_chart, low, high) => padded(low, high, wish.includes ?? []),
-      },
+      y: wish.isLog
+        ? TENFOLD
+        : {
+            dir: wish.isDownwards ? -1 : 1,
+            range: (_chart, low, high) => padded(low, high, wish.includes ?? []),
+          },
     },
+    bands: (wish.bands ?? []).map(({ high, low, colour }) => ({
+      series: [high, low] as uPlot.Band.Bounds,
+      fill: `${palette(colour)}26`,
+    })),
     axes: [
       {
         ...axis,
         size: 26,
         space: 76,
-        values: (_chart, values) =>
-          values.map((value) => (wish.across === 'time' ? timeTick(value, values) : `${value} s`)),
+        values: (_chart, values) => values.map((value) => acrossTick(wish.across, value, values)),
         incrs: wish.across === 'time' ? TIME_STEPS : PLAIN_STEPS,
       },
       {
@@ -84,7 +103,9 @@ export function chartOptions(
         size: 52,
         space: 28,
         values: (_chart, values) =>
-          values.map((value) => plainNumber(value).replace('-', '\u2212')),
+          values.map((value: number | null) =>
+            value === null ? '' : plainNumber(value).replace('-', '\u2212'),
+          ),
         label: unit,
         labelSize: 16,
         labelFont: axis.font,
@@ -96,12 +117,20 @@ export function chartOptions(
   };
 }
 
+/** Scale of equal factors; the library's enum for it exists for the type checker only. */
+const TENFOLD = { distr: 3, log: 10 } as unknown as uPlot.Scale;
+
+function acrossTick(across: ChartWish['across'], value: number, values: readonly number[]): string {
+  if (across === 'time') return timeTick(value, values);
+  return across === 'seconds' ? `${value} s` : plainNumber(value);
+}
+
 const DAY_S = 86_400;
 const TIME_STEPS = [
   1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400, 43200, 86400, 172800,
   604800, 1209600, 2592000,
 ];
-const PLAIN_STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000];
+const PLAIN_STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
 
 /** As fine as the steps between ticks: seconds, minutes or days. */
 function timeTick(value: number, values: readonly number[]): string {
@@ -111,14 +140,16 @@ function timeTick(value: number, values: readonly number[]): string {
 }
 
 function lineOptions(line: Line, palette: Palette): uPlot.Series {
+  if (line.isEdge) return { label: line.label, width: 0, points: { show: false } };
   const stroke = palette(line.isPredicted ? '--predicted' : line.colour);
+  const dash = line.dash ?? (line.isPredicted ? [6, 5] : null);
   return {
     label: line.label,
     stroke,
     width: line.width ?? 1.5,
     points: { show: false },
     spanGaps: line.isPredicted ?? false,
-    ...(line.isPredicted ? { dash: [6, 5] } : {}),
+    ...(dash === null ? {} : { dash: [...dash] }),
     ...(line.fillTo === undefined ? {} : { fill: `${stroke}1f`, fillTo: line.fillTo }),
   };
 }

@@ -95,6 +95,14 @@ export function finiteRange(values: Iterable<number | null>): [number, number] |
   return low === high ? [low - 0.5, high + 0.5] : [low, high];
 }
 
+/** Outer edges of the cells whose centres are given. */
+export function extent(values: readonly number[]): [number, number] {
+  const first = values[0] ?? 0;
+  const last = values.at(-1) ?? 1;
+  const half = values.length > 1 ? (last - first) / (values.length - 1) / 2 : 0.5;
+  return [first - half, last + half];
+}
+
 /** Index of the value nearest to `wanted`. */
 export function nearestIndex(values: readonly number[], wanted: number): number {
   let best = 0;

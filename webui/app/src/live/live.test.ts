@@ -117,18 +117,24 @@ describe('a refusal', () => {
 
 describe('addresses', () => {
   test('name a page and a robot', () => {
-    expect(parseRoute('/plan/grace-1')).toEqual({ page: 'plan', robot: 'grace-1' });
-    expect(parseRoute('/')).toEqual({ page: 'fleet', robot: null });
-    expect(parseRoute('/nowhere')).toEqual({ page: 'fleet', robot: null });
-    expect(parseRoute('/robot/%E0%A4%A')).toEqual({ page: 'robot', robot: null });
+    expect(parseRoute('/plan/grace-1')).toEqual({ page: 'plan', robot: 'grace-1', section: '' });
+    expect(parseRoute('/')).toEqual({ page: 'fleet', robot: null, section: '' });
+    expect(parseRoute('/nowhere')).toEqual({ page: 'fleet', robot: null, section: '' });
+    expect(parseRoute('/robot/%E0%A4%A')).toEqual({ page: 'robot', robot: null, section: '' });
   });
 
   test.each(['robot', 'plan', 'map', 'control', 'data'] as const)(
     'of %s lead back to it',
     (page) => {
-      expect(parseRoute(routePath(page, 'a b'))).toEqual({ page, robot: 'a b' });
+      expect(parseRoute(routePath(page, 'a b'))).toEqual({ page, robot: 'a b', section: '' });
     },
   );
+
+  test('keep the part of a page that is open', () => {
+    expect(routePath('control', 'mini-1', 'what-if')).toBe('/control/mini-1#what-if');
+    expect(parseRoute('/control/mini-1', '#what-if').section).toBe('what-if');
+    expect(parseRoute('/control/mini-1', '#%E0').section).toBe('');
+  });
 
   test('leave out what is not asked for', () => {
     expect(queryString({ a: 1, b: null, c: undefined, d: 'x y' })).toBe('?a=1&d=x+y');

@@ -4,7 +4,7 @@ import { parseRoute, routePath, type PageKey, type Route } from './route';
 
 /** Where in the app its user is: the page, and the robot that every page speaks of. */
 export class Place {
-  #route = $state.raw<Route>(parseRoute(location.pathname));
+  #route = $state.raw<Route>(parseRoute(location.pathname, location.hash));
   readonly #station: Station;
   readonly #preference: Preference;
 
@@ -14,6 +14,7 @@ export class Place {
   }
 
   readonly page = $derived(this.#route.page);
+  readonly section = $derived(this.#route.section);
 
   /** Robot of the address, else the one looked at last, else the first. */
   readonly robot = $derived.by(() => {
@@ -22,19 +23,24 @@ export class Place {
     return wished.find((id) => id !== null && known.includes(id)) ?? known[0] ?? null;
   });
 
-  path(page: PageKey, robot: string | null = this.robot): string {
-    return routePath(page, robot);
+  path(page: PageKey, robot: string | null = this.robot, section = ''): string {
+    return routePath(page, robot, section);
   }
 
-  go(page: PageKey, robot: string | null = this.robot): void {
+  go(page: PageKey, robot: string | null = this.robot, section = ''): void {
     if (robot !== null) this.#preference.robot = robot;
-    const path = routePath(page, robot);
-    if (path !== location.pathname) history.pushState(null, '', path);
-    this.#route = parseRoute(path);
+    const path = routePath(page, robot, section);
+    if (path !== location.pathname + location.hash) history.pushState(null, '', path);
+    this.#route = parseRoute(location.pathname, location.hash);
   }
 
+  /** Another robot on the same part of the same page. */
   choose(robot: string): void {
-    this.go(this.page, robot);
+    this.go(this.page, robot, this.section);
+  }
+
+  open(section: string): void {
+    this.go(this.page, this.robot, section);
   }
 
   /** The robot `step` places further in the list, round its ends. */
@@ -48,7 +54,7 @@ export class Place {
 
   /** Follow the browser's back and forward, and links inside the app. */
   listen(): () => void {
-    const onBack = () => (this.#route = parseRoute(location.pathname));
+    const onBack = () => (this.#route = parseRoute(location.pathname, location.hash));
     const onClick = (event: MouseEvent) => this.#follow(event);
     addEventListener('popstate', onBack);
     document.addEventListener('click', onClick);
@@ -64,7 +70,7 @@ export class Place {
     const link = event.target instanceof Element ? event.target.closest('a') : null;
     if (!link?.hasAttribute('data-in-app')) return;
     event.preventDefault();
-    const { page, robot } = parseRoute(link.pathname);
-    this.go(page, robot ?? this.robot);
+    const { page, robot, section } = parseRoute(link.pathname, link.hash);
+    this.go(page, robot ?? this.robot, section);
   }
 }

@@ -1,4 +1,4 @@
-/** Addresses of the pages: `/page` or `/page/robot`; the fleet is `/`. */
+/** Addresses of the pages: `/page` or `/page/robot`, and `#section` within; the fleet is `/`. */
 
 export const PAGES = [
   { key: 'fleet', title: 'Fleet', letter: 'f', hasRobot: false },
@@ -16,19 +16,22 @@ export type PageKey = (typeof PAGES)[number]['key'];
 export interface Route {
   page: PageKey;
   robot: string | null;
+  /** Part of the page that is open; "" for the first. */
+  section: string;
 }
 
-export function parseRoute(path: string): Route {
+export function parseRoute(path: string, hash = ''): Route {
   const [first = '', second] = path.split('/').filter(Boolean);
   const page = PAGES.find(({ key }) => key === first) ?? PAGES[0];
   const robot = page.hasRobot && second ? decode(second) : null;
-  return { page: page.key, robot };
+  return { page: page.key, robot, section: decode(hash.replace(/^#/, '')) ?? '' };
 }
 
-export function routePath(page: PageKey, robot: string | null): string {
+export function routePath(page: PageKey, robot: string | null, section = ''): string {
   if (page === 'fleet') return '/';
   const hasRobot = PAGES.find(({ key }) => key === page)?.hasRobot ?? false;
-  return hasRobot && robot !== null ? `/${page}/${encodeURIComponent(robot)}` : `/${page}`;
+  const path = hasRobot && robot !== null ? `/${page}/${encodeURIComponent(robot)}` : `/${page}`;
+  return section ? `${path}#${encodeURIComponent(section)}` : path;
 }
 
 function decode(part: string): string | null {

@@ -45,6 +45,13 @@ describe.each(['dark', 'day', 'night-red'])('the theme %s', (theme) => {
     expect(contrast(front, back)).toBeGreaterThanOrEqual(4.5);
   });
 
+  test('has the lines of what-if runs visible on a panel', () => {
+    for (let run = 0; run < 6; run++) {
+      const colour = colours[`run-${run}`] ?? '';
+      expect(contrast(colour, colours.panel ?? ''), `run ${run}`).toBeGreaterThanOrEqual(3);
+    }
+  });
+
   test('gives a colour to every role', () => {
     const roles = Object.keys(tokens('dark'));
     expect(roles.length).toBeGreaterThan(20);

@@ -1,0 +1,58 @@
+import type { ConfigKind } from '../../api/types';
+import { words } from '../../text/word';
+
+/** What each kind of settings decides. */
+const HELP: Record<string, string> = {
+  planner: 'Where to go: domain, budgets, objective and limits of a survey.',
+  field: 'How measurements become a map: kernels, noise and grid.',
+  estimator: 'How the robot’s position and motion are estimated from its sensors.',
+  trim: 'Standing offsets of buoyancy and mass position, which travel with every plan.',
+  trial: 'The scenario that a what-if run begins with.',
+  identification: 'How parameters of the vehicle are searched for in recordings.',
+  'controller.backstepping': 'Steers along a glide: the proposed controller.',
+  'controller.baseline': 'The proposed controller without pitch for horizontal error.',
+  'controller.pid': 'Three plain loops, one for each actuator.',
+  'controller.integral': 'The proposed controller that also learns what stays wrong.',
+  'controller.governor': 'Knows how fast and how late the actuators are.',
+  'controller.swimming': 'Beats the tail to swim.',
+};
+
+interface Group {
+  title: string;
+  has: (kind: string) => boolean;
+}
+
+const GROUPS: readonly Group[] = [
+  { title: 'Survey', has: (kind) => ['planner', 'field', 'estimator'].includes(kind) },
+  { title: 'Controllers', has: (kind) => kind.startsWith('controller.') },
+  { title: 'Vehicle', has: (kind) => ['trim', 'identification', 'trial'].includes(kind) },
+];
+
+export interface KindGroup {
+  title: string;
+  kinds: { kind: string; title: string; help: string }[];
+}
+
+/** Kinds of settings by what they are about; one that no group knows comes last. */
+export function kindGroups(kinds: readonly ConfigKind[]): KindGroup[] {
+  const named = kinds.map(({ kind, title }) => ({
+    kind,
+    title: title || words(kind.replace(/^controller\./, '')),
+    help: HELP[kind] ?? '',
+  }));
+  const groups = GROUPS.map(({ title, has }) => ({
+    title,
+    kinds: named.filter(({ kind }) => has(kind)),
+  }));
+  const others = named.filter(({ kind }) => !GROUPS.some(({ has }) => has(kind)));
+  return [...groups, { title: 'Other', kinds: others }].filter(({ kinds: own }) => own.length > 0);
+}
+
+/** Kinds that a robot can be given; one of no robot in particular is every robot's. */
+export function kindsOf(kinds: readonly ConfigKind[], robot: string): ConfigKind[] {
+  return kinds.filter(({ robots }) => robots.length === 0 || robots.includes(robot));
+}
+
+export function isController({ kind }: ConfigKind): boolean {
+  return kind.startsWith('controller.');
+}

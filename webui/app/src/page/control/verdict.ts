@@ -1,0 +1,83 @@
+import type { IdentifiedParameter, LeftOut, RunState } from '../../api/types';
+import { duration } from '../../text/time';
+import { compact } from '../../text/unit';
+import { capital, type Tone } from '../../text/word';
+
+interface VerdictWord {
+  text: string;
+  tone: Tone;
+}
+
+/** What the data say of a parameter, and why. */
+export function verdictWord(parameter: IdentifiedParameter): VerdictWord {
+  const reason = parameter.reason.trim().replace(/\.$/, '');
+  const because = reason ? `: ${reason}` : '';
+  switch (parameter.verdict) {
+    case 'identified':
+      return { text: `identified${because}`, tone: 'ok' };
+    case 'weak':
+      return { text: `weak${because}`, tone: 'watch' };
+    case 'fixed':
+      return { text: `fixed, not searched${because}`, tone: 'plain' };
+    default:
+      return { text: `not identifiable${because}`, tone: 'watch' };
+  }
+}
+
+/** "0.21 to 0.24", or that the data set no bounds. */
+export function intervalText({ low, high, verdict }: IdentifiedParameter): string {
+  if (verdict === 'fixed') return '–';
+  if (low === null || high === null) return 'unbounded';
+  return `${compact(low)} to ${compact(high)}`;
+}
+
+/** Change in per cent of what it was; empty where that says nothing. */
+export function changeText({ before, after }: IdentifiedParameter): string {
+  if (before === null || after === null || before === 0 || before === after) return '';
+  const percent = ((after - before) / Math.abs(before)) * 100;
+  const size = Math.abs(percent);
+  const digits = size < 10 ? 1 : 0;
+  if (Number(size.toFixed(digits)) === 0) return '';
+  return `${percent < 0 ? '\u2212' : '+'}${size.toFixed(digits)} %`;
+}
+
+/** How many of the searched parameters the data settle, in words. */
+export function verdictSummary(parameters: readonly IdentifiedParameter[]): string {
+  const count = (verdict: string) => parameters.filter((each) => each.verdict === verdict).length;
+  const parts = [
+    [count('identified'), 'identified'],
+    [count('weak'), 'weak'],
+    [count('not identifiable'), 'not identifiable from these data'],
+  ].filter(([number]) => number !== 0);
+  if (parts.length === 0) return 'No parameter was searched.';
+  return `${parts.map(([number, text]) => `${number ?? 0} ${text ?? ''}`).join(', ')}.`;
+}
+
+/** One sentence for a stretch of the recording that was not used. */
+export function leftOutText({ start_s, end_s, message, kind }: LeftOut): string {
+  const span = end_s > start_s ? ` for ${duration(end_s - start_s)}` : '';
+  const said = message.trim() || kind.replaceAll('_', ' ');
+  return `At ${duration(start_s)}${span}: ${said.replace(/\.$/, '')}.`;
+}
+
+const STATES: Record<RunState, VerdictWord> = {
+  queued: { text: 'Waiting for its turn', tone: 'plain' },
+  running: { text: 'Running', tone: 'accent' },
+  done: { text: 'Done', tone: 'ok' },
+  failed: { text: 'Failed', tone: 'alarm' },
+  cancelled: { text: 'Cancelled', tone: 'plain' },
+  interrupted: { text: 'Interrupted', tone: 'watch' },
+};
+
+export function runWord(state: RunState): VerdictWord {
+  return (
+    (STATES as Partial<Record<string, VerdictWord>>)[state] ?? {
+      text: capital(state),
+      tone: 'plain',
+    }
+  );
+}
+
+export function isUnderWay(state: RunState | undefined): boolean {
+  return state === 'queued' || state === 'running';
+}
