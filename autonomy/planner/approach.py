@@ -5,7 +5,8 @@ from dataclasses import replace
 
 from autonomy.planner import primitive
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import planned_points
+from autonomy.planner.edge import legs_duration_s, legs_energy, planned_points
+from autonomy.planner.outcome import sentence
 from autonomy.planner.plan import Candidate, Leg, PlanResult
 
 _INSET_SHARE = 0.05
@@ -34,16 +35,29 @@ def approach(config: PlannerConfig, start_xy: tuple[float, float]) -> Leg | None
     return primitive.swim(config, (x, y, 0.0), end)
 
 
-def preceded(result: PlanResult, first: Leg, config: PlannerConfig) -> PlanResult:
-    """Return the result with ``first`` flown before every trajectory of it."""
+def approach_energy(config: PlannerConfig, first: Leg | None) -> float:
+    """Return the energy units of the way back, none without one."""
+    return 0.0 if first is None else legs_energy(config, (first,))
+
+
+def preceded(result: PlanResult, first: Leg, config: PlannerConfig, budget: float) -> PlanResult:
+    """Return the result with ``first`` flown before every trajectory of it.
+
+    Args:
+        result: Of a search that begins where ``first`` ends.
+        first: The way there.
+        config: Settings of the search.
+        budget: Energy units of the round, the way included.
+    """
     if result.best is None:
         return result
+    best = _preceded(result.best, first, config)
     distance_m = math.dist(first.start_ned, first.end_ned)
     return replace(
         result,
         message=f"It begins with a swim of {distance_m:.2g} m back into the domain. "
-        + result.message,
-        best=_preceded(result.best, first, config),
+        + sentence(config, budget, result, best),
+        best=best,
         runners_up=tuple(_preceded(other, first, config) for other in result.runners_up),
     )
 
@@ -55,8 +69,8 @@ def _preceded(candidate: Candidate, first: Leg, config: PlannerConfig) -> Candid
         candidate,
         legs=legs,
         points=points,
-        energy=candidate.energy + first.energy,
-        duration_s=candidate.duration_s + first.duration_s,
+        energy=candidate.energy + approach_energy(config, first),
+        duration_s=legs_duration_s(config, legs),
         worst_std_m=float(points[:, 4].max()),
     )
 

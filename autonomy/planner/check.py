@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from autonomy.planner import primitive
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import POINT_STD, POINT_TIME, planned_points
+from autonomy.planner.edge import POINT_STD, POINT_TIME, planned_points, surfacings
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 from autonomy.site import Box, Site
 
@@ -50,6 +50,39 @@ def violations(legs: tuple[Leg, ...], config: PlannerConfig, site: Site) -> tupl
     found += _overspent(legs, config)
     if not found:
         found += _lost(legs, config)
+    return tuple(found)
+
+
+def outdated(
+    legs: tuple[Leg, ...], config: PlannerConfig, position_ne_m: tuple[float, float], age_s: float
+) -> tuple[Violation, ...]:
+    """List why a plan that was made some time ago no longer fits the robot.
+
+    Args:
+        legs: The plan.
+        config: Settings that it was made with, which say how long it stays true.
+        position_ne_m: Where the robot is now.
+        age_s: Time since the plan was made.
+    """
+    limits = config.mission
+    found: list[Violation] = []
+    away_m = math.dist(legs[0].start_ned[:2], position_ne_m) if legs else 0.0
+    if away_m > limits.draft_distance_m:
+        found.append(
+            Violation(
+                "mission.draft_distance_m",
+                f"The robot is {away_m:.3g} m from where the plan begins; "
+                f"the limit is {limits.draft_distance_m:g} m.",
+            )
+        )
+    if age_s > limits.draft_age_s:
+        found.append(
+            Violation(
+                "mission.draft_age_s",
+                f"The plan was made {age_s / 60.0:.0f} min ago; "
+                f"the limit is {limits.draft_age_s / 60.0:g} min.",
+            )
+        )
     return tuple(found)
 
 
@@ -174,7 +207,7 @@ def _beyond(low: PositionNed, high: PositionNed, box: Box, name: str) -> list[st
 
 
 def _overspent(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
-    """Check energy against the round's budget, by the planner's own account of each leg."""
+    """Check energy against the round's budget, by the planner's own account."""
     energy = 0.0
     for number, leg in enumerate(legs):
         due = primitive.energy(leg.kind, leg.duration_s, config.energy)
@@ -184,6 +217,7 @@ def _overspent(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violati
                 f"legs.{number}.energy",
                 f"{_title(number, leg)} takes {due:.2f} energy units, not {leg.energy:.2f}.",
             )
+    energy += surfacings(legs) * config.surfacing_energy
     if energy > config.round_budget * (1.0 + 1e-3):
         yield Violation(
             "round_budget",

@@ -167,6 +167,26 @@ class SearchConfig(Configuration):
         return self
 
 
+class MissionConfig(Configuration):
+    """What surrounds the legs of a plan: surfacings, patience, and how long a draft stays true."""
+
+    turn_time_s: float = quantity(15.0, "s", title="Time of a surfacing", ge=0.0, le=600.0)
+    """Time that each dive takes beside its legs: coming to rest at the surface, the fix, and the
+    turn to the next leg. It counts in a plan's duration and, as time, in its energy."""
+    approach_share: float = quantity(0.5, title="Longest way to the domain", ge=0.0, le=1.0)
+    """A robot outside the domain may spend at most this part of a round's budget on the swim back;
+    farther away it is not planned for."""
+    patience_factor: float = quantity(2.0, title="Patience, relative", ge=1.0, le=10.0)
+    """The robot comes up and ends its mission when that takes this many times its planned
+    duration, and the time of the following setting on top."""
+    patience_s: float = quantity(900.0, "s", title="Patience, added", ge=0.0, le=86400.0)
+    """Time that a mission may take beyond its planned duration times the setting above."""
+    draft_distance_m: float = quantity(1.0, "m", title="Draft's start, distance", gt=0.0)
+    """A draft counts as outdated once the robot is farther than this from where it begins."""
+    draft_age_s: float = quantity(3600.0, "s", title="Draft's age", gt=0.0, le=604800.0)
+    """A draft counts as outdated this long after it was made."""
+
+
 class PlannerConfig(Configuration):
     """Everything that a survey's planner can be told."""
 
@@ -206,10 +226,17 @@ class PlannerConfig(Configuration):
     """Settings of the ergodic objective."""
     search: SearchConfig = quantity(SearchConfig(), title="Search", advanced=True)
     """Settings of the search itself."""
+    mission: MissionConfig = quantity(MissionConfig(), title="Mission", advanced=True)
+    """What surrounds the legs of a plan."""
 
     def counted_thresholds_m(self) -> tuple[float, ...]:
         """Return the fidelity thresholds that information gain heeds."""
         return self.fidelity_thresholds_m if self.fidelity_counts else ()
+
+    @property
+    def surfacing_energy(self) -> float:
+        """Energy units that each dive takes beside its legs, which is the time of a surfacing."""
+        return self.energy.time_factor * self.mission.turn_time_s
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -284,6 +311,7 @@ GRACE3 = PlannerConfig(
     ),
     energy=EnergyConfig(swim_factor=0.5, tail_amplitude_rad=0.40, tail_frequency_hz=0.25),
     position_filter=ESTIMATOR_PRESETS["grace3"],
+    mission=MissionConfig(turn_time_s=25.0, draft_distance_m=40.0),
     ergodic=ErgodicConfig(reach_north_m=40.0, reach_east_m=40.0, reach_depth_m=2.0),
     search=SearchConfig(step_m=40.0, near_radius_m=40.0, nearest_radius_m=32.0),
 )

@@ -1,6 +1,7 @@
 """Trajectories between two surfacings: the readable form of PlanEdges (thesis 5.4.2)."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -29,6 +30,7 @@ class Edge:
     points: FloatArray
     """Planned samples, shape ``(m, 5)``: time since the start, north, east, down, position std."""
     energy: float
+    """Energy units of the legs and of the surfacings before its dives."""
 
 
 def random_shape(config: PlannerConfig, rng: np.random.Generator) -> FloatArray:
@@ -66,13 +68,32 @@ def propose_edge(
     if closing is None:
         return None
     legs += closing
-    energy = sum(leg.energy for leg in legs)
+    energy = legs_energy(config, legs)
     if not legs or energy > budget:
         return None
     points = planned_points(config, tuple(legs))
     if points[:, POINT_STD].max() > config.max_uncertainty_m:
         return None
     return Edge(tuple(legs), points, energy)
+
+
+def surfacings(legs: Sequence[Leg]) -> int:
+    """Return how often the robot prepares a dive at the surface: before each leg that begins there.
+
+    A swim along the surface is a dive in this sense too: the robot comes to rest before it.
+    """
+    return sum(leg.start_ned[2] <= 0.0 for leg in legs)
+
+
+def legs_energy(config: PlannerConfig, legs: Sequence[Leg]) -> float:
+    """Return the energy units of legs and of the surfacings before their dives."""
+    return sum(leg.energy for leg in legs) + surfacings(legs) * config.surfacing_energy
+
+
+def legs_duration_s(config: PlannerConfig, legs: Sequence[Leg]) -> float:
+    """Return how long legs take together with the surfacings before their dives, s."""
+    at_surface_s = surfacings(legs) * config.mission.turn_time_s
+    return sum(leg.duration_s for leg in legs) + at_surface_s
 
 
 def planned_points(config: PlannerConfig, legs: tuple[Leg, ...]) -> FloatArray:

@@ -71,10 +71,18 @@ def propose(
             x, y, z = leg[X1], leg[Y1], leg[Z1]
             count += 1
     count = _close(limits, x, y, z, goal, legs, count)
+    return count if energy_of(limits, legs, count) <= limits.budget else 0
+
+
+@kernel
+def energy_of(limits: Limits, legs: FloatArray, count: int) -> float:
+    """Return the energy of legs and of the surfacings before their dives (``edge.legs_energy``)."""
     energy = 0.0
     for i in range(count):
         energy += legs[i, ENERGY]
-    return count if energy <= limits.budget else 0
+        if legs[i, Z0] <= 0.0:
+            energy += limits.surfacing_energy
+    return energy
 
 
 @kernel

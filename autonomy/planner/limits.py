@@ -38,6 +38,8 @@ class Limits(NamedTuple):
     spiral_energy: float
     swim_factor: float
     time_factor: float
+    surfacing_energy: float
+    """Energy units of the surfacing before each dive."""
     tail_amplitude: float
     tail_frequency: float
     budget: float
@@ -86,6 +88,7 @@ def limits_of(config: PlannerConfig, budget: float) -> Limits:
         spiral_energy=cost.spiral,
         swim_factor=cost.swim_factor,
         time_factor=cost.time_factor,
+        surfacing_energy=config.surfacing_energy,
         tail_amplitude=cost.tail_amplitude_rad,
         tail_frequency=cost.tail_frequency_hz,
         budget=float(budget),

@@ -64,7 +64,11 @@ def plan(
         return outcome.dead_end(config, start_xy, progress)
     value, path = best
     return outcome.offered(
-        config, budget, [outcome.as_candidate(path.edges, value)], progress, reservoir_full=False
+        config,
+        budget,
+        [outcome.as_candidate(config, path.edges, value)],
+        progress,
+        reservoir_full=False,
     )
 
 

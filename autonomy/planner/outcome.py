@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import POINT_STD, POINT_TIME, Edge
+from autonomy.planner.edge import POINT_STD, POINT_TIME, Edge, legs_duration_s
 from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus, PrimitiveKind
 from autonomy.planner.primitive import energy
 
@@ -44,8 +44,8 @@ class Progress:
         self.history.append(ObjectivePoint(self.elapsed_s(), objective, self.candidates))
 
 
-def as_candidate(edges: Sequence[Edge], objective: float) -> Candidate:
-    """Join edges into one trajectory."""
+def as_candidate(config: PlannerConfig, edges: Sequence[Edge], objective: float) -> Candidate:
+    """Join edges into one trajectory; the times of its points leave out the surfacings."""
     points: list[np.ndarray] = []
     start_s = 0.0
     for edge in edges:
@@ -54,12 +54,13 @@ def as_candidate(edges: Sequence[Edge], objective: float) -> Candidate:
         points.append(shifted)
         start_s += sum(leg.duration_s for leg in edge.legs)
     joined = np.concatenate(points)
+    legs = tuple(leg for edge in edges for leg in edge.legs)
     return Candidate(
-        legs=tuple(leg for edge in edges for leg in edge.legs),
+        legs=legs,
         points=joined,
         objective=objective,
         energy=sum(edge.energy for edge in edges),
-        duration_s=start_s,
+        duration_s=legs_duration_s(config, legs),
         worst_std_m=float(joined[:, POINT_STD].max()),
     )
 
@@ -77,7 +78,8 @@ def least_energy(config: PlannerConfig) -> float:
         )
     ]
     swim_s = limits.swim_length_min_m / limits.swim_speed_m_s
-    return min(*descents, energy(PrimitiveKind.SWIM, swim_s, config.energy))
+    cheapest = min(*descents, energy(PrimitiveKind.SWIM, swim_s, config.energy))
+    return cheapest + config.surfacing_energy
 
 
 def obstacle(
@@ -140,6 +142,30 @@ def offered(
 ) -> PlanResult:
     """Return the result of a search that found trajectories, best first."""
     best = trajectories[0]
+    progress.history.append(
+        ObjectivePoint(progress.elapsed_s(), best.objective, progress.candidates)
+    )
+    result = PlanResult(
+        status=PlanStatus.CANCELLED if progress.cancelled else PlanStatus.FOUND,
+        message="",
+        best=best,
+        runners_up=tuple(trajectories[1:]),
+        history=tuple(progress.history),
+        candidates=progress.candidates,
+        reservoir_full=reservoir_full,
+    )
+    return replace(result, message=sentence(config, budget, result, best))
+
+
+def sentence(config: PlannerConfig, budget: float, result: PlanResult, best: Candidate) -> str:
+    """Return what a person reads of a search that found ``best``, by the account of ``best``.
+
+    Args:
+        config: What was asked for.
+        budget: Energy units of the round.
+        result: How the search went.
+        best: The trajectory that is offered.
+    """
     text = (
         f"spends {best.energy:.1f} of {budget:.4g} energy units in {_duration(best.duration_s)}, "
         f"position uncertainty at most {best.worst_std_m:.2g} m, {_worth(config, best)}."
@@ -149,26 +175,15 @@ def offered(
         text = (
             f"No trajectory spends more than {least:.3g} energy units; the best shorter one {text}"
         )
-    elif progress.cancelled:
+    elif result.status is PlanStatus.CANCELLED:
         text = f"Stopped early; the best trajectory so far {text}"
     else:
-        text = f"The best of {progress.candidates:,} trajectories {text}"
-    if reservoir_full:
+        text = f"The best of {result.candidates:,} trajectories {text}"
+    if result.reservoir_full:
         text += (
             f" Not every path was kept: the limit is {config.search.paths_per_node} a surfacing."
         )
-    progress.history.append(
-        ObjectivePoint(progress.elapsed_s(), best.objective, progress.candidates)
-    )
-    return PlanResult(
-        status=PlanStatus.CANCELLED if progress.cancelled else PlanStatus.FOUND,
-        message=text,
-        best=best,
-        runners_up=tuple(trajectories[1:]),
-        history=tuple(progress.history),
-        candidates=progress.candidates,
-        reservoir_full=reservoir_full,
-    )
+    return text
 
 
 def _worth(config: PlannerConfig, best: Candidate) -> str:

@@ -180,7 +180,7 @@ class _Search:
                     for i in range(graph.elite_length[elite])
                 ]
                 value = worth(np.concatenate([edge.points for edge in edges]))
-                found.append(outcome.as_candidate(edges, value))
+                found.append(outcome.as_candidate(self._config, edges, value))
         found.sort(key=lambda candidate: -candidate.objective)
         return found[: self._config.search.runners_up + 1]
 

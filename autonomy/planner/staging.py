@@ -7,7 +7,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
 from autonomy.planner.edge import SHAPE_BEARING, SHAPE_COLUMNS, SHAPE_KIND, SHAPE_SIDE
-from autonomy.planner.edge_kernel import ENERGY, place_points, propose
+from autonomy.planner.edge_kernel import energy_of, place_points, propose
 from autonomy.planner.elite import elite_edge, end_of, start_of
 from autonomy.planner.graph import (
     DEPTH_MAX,
@@ -138,11 +138,8 @@ def stage_edge(graph: Graph, start: tuple[float, float], goal: tuple[float, floa
     points = place_points(graph.limits, legs, count, graph.staged_points[staged])
     if points == 0:
         return False
-    energy = 0.0
-    for i in range(count):
-        energy += legs[i, ENERGY]
     graph.edge_leg_count[edge] = count
-    graph.edge_energy[edge] = energy
+    graph.edge_energy[edge] = energy_of(graph.limits, legs, count)
     graph.staged_point_count[staged] = points
     graph.tally[STAGED] = staged + 1
     return True

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from autonomy.planner import primitive
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import Edge, planned_points
+from autonomy.planner.edge import Edge, legs_energy, planned_points
 from autonomy.planner.outcome import as_candidate
 from autonomy.planner.plan import Candidate, Leg, PositionNed, PrimitiveKind
 from server.problem import FieldError, unprocessable
@@ -63,10 +63,9 @@ def candidate_of(config: PlannerConfig, legs: Sequence[Leg]) -> Candidate:
         under_way.append(leg)
         if leg.end_ned[2] <= 0.0 or i == len(legs) - 1:
             edge = tuple(under_way)
-            energy = sum(part.energy for part in edge)
-            edges.append(Edge(edge, planned_points(config, edge), energy))
+            edges.append(Edge(edge, planned_points(config, edge), legs_energy(config, edge)))
             under_way = []
-    return as_candidate(edges, 0.0)
+    return as_candidate(config, edges, 0.0)
 
 
 def _leg(config: PlannerConfig, here: PositionNed, request: LegRequest) -> Leg:

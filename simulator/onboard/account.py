@@ -9,7 +9,7 @@ class EnergyAccount:
 
     Each leg's price falls due evenly as the leg is flown, and time costs whatever it is spent on.
     So a mission flown as planned costs what was planned, and delays cost their time. Turning and
-    floating at the surface between two dives has no price of its own in a plan, nor here.
+    floating at the surface before a dive costs its time, which a plan counts in advance.
 
     Args:
         config: Prices.

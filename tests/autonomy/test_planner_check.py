@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from autonomy.planner.approach import approach, preceded
-from autonomy.planner.check import violations
+from autonomy.planner.check import outdated, violations
 from autonomy.planner.config import PLANNER_PRESETS
-from autonomy.planner.edge import planned_points
+from autonomy.planner.edge import legs_energy, planned_points
 from autonomy.planner.plan import Candidate, Leg, PlanResult, PlanStatus, PrimitiveKind
 from autonomy.planner.primitive import dive, glide, spiral, swim
 from autonomy.site import TANK
@@ -56,7 +56,7 @@ def test_a_plan_outside_the_domain_but_in_the_water_is_refused_for_the_domain():
 def test_the_budget_is_named_with_both_numbers():
     config = CONFIG.model_copy(update={"round_budget": 1.0})
     assert found(there_and_back(), config) == {
-        "round_budget": "The plan takes 2.333 energy units; a round may use 1."
+        "round_budget": "The plan takes 2.408 energy units; a round may use 1."
     }
 
 
@@ -150,9 +150,33 @@ def test_what_follows_an_approach_is_later_and_costs_more():
     duration_s = sum(leg.duration_s for leg in legs)
     best = Candidate(legs, points, 1.0, 2.0, duration_s, float(points[:, 4].max()))
     result = PlanResult(PlanStatus.FOUND, "Found.", best, (best,), (), 1, reservoir_full=False)
-    longer = preceded(result, first, CONFIG)
-    assert longer.best.energy == pytest.approx(2.0 + first.energy)
+    longer = preceded(result, first, CONFIG, 20.0)
+    surfacing_s = CONFIG.mission.turn_time_s
+    surfacing = CONFIG.energy.time_factor * surfacing_s
+    assert longer.best.energy == pytest.approx(2.0 + first.energy + surfacing)
+    assert longer.best.duration_s == pytest.approx(duration_s + first.duration_s + 2 * surfacing_s)
+    assert f"spends {longer.best.energy:.1f} of 20 energy units" in longer.message
     assert longer.best.points[-1, 0] == pytest.approx(duration_s + first.duration_s)
     assert np.all(np.diff(longer.best.points[:, 0]) > 0)
     assert longer.message.startswith("It begins with a swim")
     assert longer.runners_up[0].legs[0] is first
+
+
+def test_the_surfacing_before_each_dive_takes_its_time_and_the_energy_of_that_time():
+    legs = there_and_back() + there_and_back()
+    price = CONFIG.energy.time_factor * CONFIG.mission.turn_time_s
+    assert legs_energy(CONFIG, legs) == pytest.approx(sum(leg.energy for leg in legs) + 2 * price)
+    least = CONFIG.model_copy(update={"round_budget": legs_energy(CONFIG, legs)})
+    assert found(legs, least) == {}
+    short = CONFIG.model_copy(update={"round_budget": legs_energy(CONFIG, legs) - 0.5 * price})
+    assert list(found(legs, short)) == ["round_budget"]
+
+
+def test_a_plan_is_outdated_far_from_its_start_or_long_after_it_was_made():
+    legs = there_and_back()
+    assert outdated(legs, CONFIG, (1.6, 0.7), 3000.0) == ()
+    (away,) = outdated(legs, CONFIG, (2.5, 0.7), 3000.0)
+    assert away.message == "The robot is 1.5 m from where the plan begins; the limit is 1 m."
+    (old,) = outdated(legs, CONFIG, (1.0, 0.7), 4000.0)
+    assert old.message == "The plan was made 67 min ago; the limit is 60 min."
+    assert len(outdated(legs, CONFIG, (2.5, 0.7), 4000.0)) == 2

@@ -96,8 +96,14 @@ def test_every_offer_keeps_every_limit(world, name, seed):
         assert offer.legs[-1].end_ned[2] == 0.0
         assert offer.points[-1, 3] == pytest.approx(0.0, abs=1e-12)
         assert offer.energy <= budget + 1e-9
-        assert offer.energy == pytest.approx(sum(leg.energy for leg in offer.legs))
-        assert offer.duration_s == pytest.approx(sum(leg.duration_s for leg in offer.legs))
+        dives = sum(leg.start_ned[2] == 0.0 for leg in offer.legs)
+        turning_s = dives * config.mission.turn_time_s
+        assert offer.energy == pytest.approx(
+            sum(leg.energy for leg in offer.legs) + config.energy.time_factor * turning_s
+        )
+        assert offer.duration_s == pytest.approx(
+            sum(leg.duration_s for leg in offer.legs) + turning_s
+        )
         assert offer.worst_std_m == offer.points[:, 4].max() <= config.max_uncertainty_m
         assert (np.diff(offer.points[:, 0]) > 0).all()
         assert np.diff(offer.points[:, 0]).max() <= config.primitives.point_interval_s + 1e-9

@@ -8,7 +8,7 @@ import numpy as np
 
 from autonomy.arrays import IntArray
 from autonomy.planner import kernel
-from autonomy.planner.approach import approach, preceded
+from autonomy.planner.approach import approach, approach_energy, preceded
 from autonomy.planner.belief import FieldBelief
 from autonomy.planner.plan import ObjectivePoint, PlanResult
 from autonomy.planner.search import plan
@@ -33,12 +33,14 @@ def run(
         belief,
         problem.start_xy if first is None else first.end_ned[:2],
         rng=np.random.default_rng([problem.planner.seed, problem.round_number]),
-        budget=problem.budget - (0.0 if first is None else first.energy),
+        budget=problem.budget - approach_energy(problem.planner, first),
         on_progress=report,
         is_cancelled=is_cancelled,
         elapsed_s=lambda: time.monotonic() - began_s,
     )
-    return result if first is None else preceded(result, first, problem.planner)
+    if first is None:
+        return result
+    return preceded(result, first, problem.planner, problem.budget)
 
 
 def belief_of(problem: SurveyProblem) -> FieldBelief:

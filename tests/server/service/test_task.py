@@ -108,8 +108,11 @@ def test_legs_laid_end_to_end_cost_what_the_planner_says():
     assert legs[0].end_ned == (1.5, 0.5, 0.0)
     assert legs[3].duration_s == pytest.approx(30.0)
     candidate = candidate_of(MINI, legs)
-    assert candidate.energy == pytest.approx(sum(leg.energy for leg in legs))
-    assert candidate.duration_s == pytest.approx(sum(leg.duration_s for leg in legs))
+    turning_s = 3 * MINI.mission.turn_time_s  # before the swim, the glide and the last dive
+    assert candidate.energy == pytest.approx(
+        sum(leg.energy for leg in legs) + MINI.energy.time_factor * turning_s
+    )
+    assert candidate.duration_s == pytest.approx(sum(leg.duration_s for leg in legs) + turning_s)
     assert np.all(np.diff(candidate.points[:, 0]) > 0)
 
 
