@@ -98,7 +98,10 @@ function route(station: FakeStation, request: IncomingMessage, url: URL, body: J
   if (first === 'events') return events(station, url);
   if (first === 'alarms') return alarms(station, second);
   if (first === 'imports') return { status: 202, body: { id: station.importJob().id } };
-  if (first === 'jobs') return { body: station.jobs.get(second) };
+  if (first === 'jobs') return jobs(station, method, second);
+  if (first === 'vehicles') return station.control.vehicles(second, third, url.searchParams);
+  if (first === 'whatifs') return station.control.whatIf(second);
+  if (first === 'identifications') return station.control.identification(second, third);
   if (first === 'deployments') return { body: { deployments: deployments(station) } };
   return null;
 }
@@ -144,6 +147,8 @@ function robots(
   const start = Date.parse(url.searchParams.get('start') ?? iso(now - 900_000));
   const end = Date.parse(url.searchParams.get('end') ?? iso(now));
   const points = Math.min(600, Number(url.searchParams.get('max_points') ?? 500));
+  const answer = station.control.ofRobot(id, part, item, body);
+  if (answer) return answer;
   if (part === 'state') return { body: robot.live(now) };
   if (part === 'commands' && method === 'GET') {
     return { body: [...station.commands.values()].filter((each) => each.robot === id) };
@@ -258,6 +263,12 @@ function alarms(station: FakeStation, id: string): Answer {
     alarm.acknowledged_by = 'anna';
   }
   return { body: { alarms: station.alarms } };
+}
+
+function jobs(station: FakeStation, method: string, id: string): Answer {
+  const job = station.jobs.get(id);
+  if (job && method === 'DELETE') job.state = 'cancelled';
+  return { body: job };
 }
 
 function deployments(station: FakeStation): unknown {

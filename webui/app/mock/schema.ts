@@ -1,4 +1,5 @@
 import type { JsonObject } from '../src/api/types';
+import { CONTROL_KINDS } from './control_schema';
 
 const number = (title: string, unit: string, value: number, more: JsonObject = {}): JsonObject => ({
   title,
@@ -110,6 +111,7 @@ export const KINDS: Record<string, { title: string; schema: JsonObject; value: J
       reuse_candidates: true,
     },
   },
+  ...CONTROL_KINDS,
   'controller.pid': {
     title: 'PID controller',
     schema: PID,

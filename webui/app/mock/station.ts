@@ -9,6 +9,7 @@ import type {
   StationEvent,
 } from '../src/api/types';
 import { isObject } from '../src/form/schema';
+import { FakeControl } from './control';
 import { FakeSurvey } from './survey';
 import { FakeRobot, iso, LAKE, TANK } from './robot';
 import { KINDS } from './schema';
@@ -21,6 +22,7 @@ export class FakeStation {
     new FakeRobot('mini-1', 'Miniglider', 'Identified in the tank.', 1, TANK),
     new FakeRobot('grace-1', 'GRACE 3', 'Scaled, not identified.', 2, LAKE),
   ];
+  readonly control = new FakeControl(this);
   surveys: FakeSurvey[] = [];
   commands = new Map<string, Command>();
   events: StationEvent[] = [];
