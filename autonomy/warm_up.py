@@ -10,6 +10,7 @@ KERNEL_MODULES = (
     "autonomy.vehicle.extended_kernel",
     "autonomy.control.kernel",
     "autonomy.estimation.kernel",
+    "autonomy.control.integral_kernel",
     "autonomy.control.law",
     "autonomy.trial.kernel",
     "autonomy.planner.kernel",

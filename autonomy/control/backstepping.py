@@ -31,6 +31,19 @@ class Drift:
     """Yaw acceleration by tail angle."""
 
 
+@dataclass(frozen=True, slots=True)
+class Solution:
+    """What the law asks for, and what laws that build on it need."""
+
+    inputs: FloatArray
+    """Net mass kg, sliding mass m, tail angle rad, not yet limited, shape ``(3,)``."""
+    error: TrackingError
+    mass_effect: float
+    """Second derivative of the depth error by net mass, m/(s2 kg) (f_11)."""
+    slide_effect: float
+    """Second derivative of the hybrid error by sliding mass, rad/(s2 m) (f_32)."""
+
+
 def backstepping_inputs(
     state: FloatArray, reference: Reference, config: BacksteppingConfig, vehicle: Vehicle
 ) -> FloatArray:
@@ -45,6 +58,17 @@ def backstepping_inputs(
     Source:
         Thesis Eq. 3.19, solved in the order tail, net mass, sliding mass.
     """
+    return solve(state, reference, config, vehicle).inputs
+
+
+def solve(
+    state: FloatArray,
+    reference: Reference,
+    config: BacksteppingConfig,
+    vehicle: Vehicle,
+    added_along_m: float = 0.0,
+) -> Solution:
+    """Solve the law; arguments as of ``backstepping_inputs`` and ``tracking_error``."""
     p = vehicle.parameters
     error = tracking_error(
         state,
@@ -52,6 +76,7 @@ def backstepping_inputs(
         pitch_trade_rad=config.pitch_trade_rad,
         near_m=config.near_m,
         near_offset_m=config.near_offset_m,
+        added_along_m=added_along_m,
     )
     drift = model_drift(state, p)
     st, ct = math.sin(state[4]), math.cos(state[4])
@@ -72,12 +97,12 @@ def backstepping_inputs(
     net_mass = (-f15 - config.k_1 * error.depth_rate - config.k_z * error.depth - by_tail) / f11
 
     c = config.pitch_trade_rad
-    slope = 1.0 + c * _sech2(state[4]) * math.tanh(error.along)
+    slope = 1.0 + c * _sech2(state[4]) * math.tanh(error.traded)
     f32 = p.sliding_mass_kg * p.gravity_m_s2 / p.inertia_2_kg_m2 * ct * slope
     f35 = reference.pitch_acceleration_rad_s2 - slope * drift.pitch_acceleration
     f35 -= c * _trade_acceleration(state, reference, error, drift, f25)
     sliding = (-f35 - config.k_3 * error.hybrid_rate - config.k_xi * error.hybrid) / f32
-    return np.array([net_mass, sliding, tail])
+    return Solution(np.array([net_mass, sliding, tail]), error, f11, f32)
 
 
 def model_drift(state: FloatArray, p: VehicleParameters) -> Drift:
@@ -124,8 +149,8 @@ def _trade_acceleration(
         + turn_drift * error.cross
         + turn_rate * error.cross_rate
     )
-    tanh_pitch, tanh_along = math.tanh(pitch), math.tanh(error.along)
-    sech2_pitch, sech2_along = _sech2(pitch), _sech2(error.along)
+    tanh_pitch, tanh_along = math.tanh(pitch), math.tanh(error.traded)
+    sech2_pitch, sech2_along = _sech2(pitch), _sech2(error.traded)
     return (
         -2.0 * sech2_pitch * tanh_pitch * w2**2 * tanh_along
         + 2.0 * sech2_pitch * sech2_along * w2 * error.along_rate

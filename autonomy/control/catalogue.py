@@ -19,6 +19,11 @@ from autonomy.control.config import (
     BacksteppingConfig,
     PidConfig,
 )
+from autonomy.control.integral_config import (
+    INTEGRAL_PRESETS,
+    INTEGRAL_SIMULATION,
+    IntegralConfig,
+)
 from autonomy.vehicle.config import Vehicle
 
 if TYPE_CHECKING:
@@ -100,6 +105,15 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
                 PID_SIMULATION,
                 law_number.PID,
                 PidConfig.packed,
+            ),
+            ControllerKind(
+                "controller.integral",
+                "Integral backstepping controller",
+                IntegralConfig,
+                INTEGRAL_PRESETS,
+                INTEGRAL_SIMULATION,
+                law_number.INTEGRAL,
+                IntegralConfig.packed,
             ),
         )
     }

@@ -28,6 +28,8 @@ class TrackingError:
     pitch_rate: float
     along: float
     along_rate: float
+    traded: float
+    """Distance ahead that the hybrid error wins back: ``along`` and what is added to it."""
     cross: float
     cross_rate: float
 
@@ -39,6 +41,7 @@ def tracking_error(
     pitch_trade_rad: float,
     near_m: float,
     near_offset_m: float,
+    added_along_m: float = 0.0,
 ) -> TrackingError:
     """Compare a state with a reference; roll is taken as 0.
 
@@ -48,6 +51,7 @@ def tracking_error(
         pitch_trade_rad: ``c`` of the hybrid error.
         near_m: Below this distance the direction is averaged over two points (epsilon_0).
         near_offset_m: How far the two points lie beside the target (l).
+        added_along_m: Constant that the hybrid error adds to the distance ahead.
 
     Source:
         Thesis section 3.2.1 and 3.3; the average is taken in the heading's frame, where it does
@@ -76,7 +80,7 @@ def tracking_error(
         direction_rate -= share * (along * cross_rate - b * along_rate) / (along**2 + b**2)
     pitch_error = reference.pitch_rad - pitch
     pitch_error_rate = reference.pitch_rate_rad_s - w2
-    near_level, near_target = math.tanh(pitch), math.tanh(along)
+    near_level, near_target = math.tanh(pitch), math.tanh(along + added_along_m)
     trade_rate = (1.0 - near_level**2) * w2 * near_target + near_level * (
         1.0 - near_target**2
     ) * along_rate
@@ -92,6 +96,7 @@ def tracking_error(
         pitch_rate=pitch_error_rate,
         along=along,
         along_rate=along_rate,
+        traded=along + added_along_m,
         cross=cross,
         cross_rate=cross_rate,
     )

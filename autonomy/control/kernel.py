@@ -39,15 +39,24 @@ rk4_into = vehicle_kernel.rk4_into
     ERROR_ALONG_RATE,
     ERROR_CROSS,
     ERROR_CROSS_RATE,
-) = range(13)
-"""Index of each error, in the order of ``TrackingError``."""
+    ERROR_TRADED,
+    MASS_EFFECT,
+    SLIDE_EFFECT,
+) = range(16)
+"""Index of each error, as ``TrackingError`` names them, and of two effects as ``Solution``."""
 
 
 @kernel
 def error_into(
-    x: FloatArray, r: FloatArray, c: float, near: float, offset: float, out: FloatArray
+    x: FloatArray,
+    r: FloatArray,
+    c: float,
+    near: float,
+    offset: float,
+    added_along: float,
+    out: FloatArray,
 ) -> None:
-    """Write the tracking errors of a state against a reference into ``out``, shape ``(13,)``."""
+    """Write the tracking errors of a state against a reference into ``out``, shape ``(16,)``."""
     pitch, heading = x[4], x[5]
     w2, w3 = x[10], x[11]
     sp, cp = math.sin(heading), math.cos(heading)
@@ -70,7 +79,7 @@ def error_into(
             + (along * cross_rate - left * along_rate) / (along * along + left * left)
         )
     pitch_error, pitch_error_rate = r[3] - pitch, r[7] - w2
-    tanh_pitch, tanh_along = math.tanh(pitch), math.tanh(along)
+    tanh_pitch, tanh_along = math.tanh(pitch), math.tanh(along + added_along)
     trade_rate = (1.0 - tanh_pitch * tanh_pitch) * w2 * tanh_along
     trade_rate += tanh_pitch * (1.0 - tanh_along * tanh_along) * along_rate
     out[ERROR_DEPTH] = r[2] - x[2]
@@ -86,6 +95,7 @@ def error_into(
     out[ERROR_ALONG_RATE] = along_rate
     out[ERROR_CROSS] = cross
     out[ERROR_CROSS_RATE] = cross_rate
+    out[ERROR_TRADED] = along + added_along
 
 
 @kernel
@@ -105,7 +115,7 @@ def _trade_acceleration(
         + turn_rate * e[ERROR_CROSS_RATE]
     )
     along_rate = e[ERROR_ALONG_RATE]
-    tanh_pitch, tanh_along = math.tanh(x[4]), math.tanh(e[ERROR_ALONG])
+    tanh_pitch, tanh_along = math.tanh(x[4]), math.tanh(e[ERROR_TRADED])
     sech2_pitch = 1.0 - tanh_pitch * tanh_pitch
     sech2_along = 1.0 - tanh_along * tanh_along
     curve = sech2_along * along_acceleration
@@ -150,6 +160,7 @@ def backstepping_into(
     r: FloatArray,
     gains: FloatArray,
     p: FloatArray,
+    added_along: float,
     e: FloatArray,
     level: FloatArray,
     drift: FloatArray,
@@ -157,10 +168,11 @@ def backstepping_into(
 ) -> None:
     """Write net mass, sliding mass and tail angle of Eq. 3.19, not yet limited, into ``out``.
 
-    The errors are left in ``e``, shape ``(13,)``; ``level`` and ``drift`` are scratch, ``(12,)``.
+    Errors and effects are left in ``e``, shape ``(16,)``; ``level`` and ``drift`` are scratch,
+    ``(12,)``.
     """
     c = gains[PITCH_TRADE]
-    error_into(x, r, c, gains[NEAR], gains[NEAR_OFFSET], e)
+    error_into(x, r, c, gains[NEAR], gains[NEAR_OFFSET], added_along, e)
     for i in range(12):
         level[i] = x[i]
     level[3] = 0.0
@@ -186,11 +198,13 @@ def backstepping_into(
     out[0] = (wanted - by_tail) / f11
 
     tanh_pitch = math.tanh(x[4])
-    slope = 1.0 + c * (1.0 - tanh_pitch * tanh_pitch) * math.tanh(e[ERROR_ALONG])
+    slope = 1.0 + c * (1.0 - tanh_pitch * tanh_pitch) * math.tanh(e[ERROR_TRADED])
     f32 = p[vehicle_kernel.SLIDING_MASS] * g / p[vehicle_kernel.INERTIA_2] * ct * slope
     f35 = r[11] - slope * drift[10] - c * _trade_acceleration(x, r, e, drift, f25)
     out[1] = (-f35 - gains[K_3] * e[ERROR_HYBRID_RATE] - gains[K_XI] * e[ERROR_HYBRID]) / f32
     out[2] = tail
+    e[MASS_EFFECT] = f11
+    e[SLIDE_EFFECT] = f32
 
 
 @kernel
@@ -215,7 +229,7 @@ def pid_into(
     out: FloatArray,
 ) -> None:
     """Write the inputs of the three loops, not yet limited, into ``out``; add to ``integrals``."""
-    error_into(x, r, 0.0, gains[PID_NEAR], gains[PID_NEAR_OFFSET], errors)
+    error_into(x, r, 0.0, gains[PID_NEAR], gains[PID_NEAR_OFFSET], 0.0, errors)
     now = (errors[ERROR_DEPTH], errors[ERROR_PITCH], errors[ERROR_DIRECTION])
     rate = (errors[ERROR_DEPTH_RATE], errors[ERROR_PITCH_RATE], errors[ERROR_DIRECTION_RATE])
     for i in range(3):
@@ -241,8 +255,8 @@ def backstepping(
 ) -> FloatArray:
     """Return net mass kg, sliding mass m, tail angle rad, not yet limited, shape ``(3,)``."""
     out = np.empty(3)
-    e, level, drift = np.empty(13), np.empty(12), np.empty(12)
-    backstepping_into(state, reference, gains, packed, e, level, drift, out)
+    e, level, drift = np.empty(16), np.empty(12), np.empty(12)
+    backstepping_into(state, reference, gains, packed, 0.0, e, level, drift, out)
     return out
 
 
@@ -257,7 +271,7 @@ def pid(
 ) -> FloatArray:
     """Return net mass kg, sliding mass m, tail angle rad, and add to ``integrals`` in place."""
     out = np.empty(3)
-    pid_into(state, reference, gains, packed, dt_s, integrals, np.empty(13), out)
+    pid_into(state, reference, gains, packed, dt_s, integrals, np.empty(16), out)
     return out
 
 
@@ -300,17 +314,17 @@ def closed_loop(
     """
     x = state.copy()
     u, wanted, integrals = np.zeros(3), np.empty(3), np.zeros(3)
-    slope, total, probe, e = np.empty(12), np.empty(12), np.empty(12), np.empty(13)
+    slope, total, probe, e = np.empty(12), np.empty(12), np.empty(12), np.empty(16)
     history = np.empty((references.shape[0], 4))
     for n in range(references.shape[0]):
         r = references[n]
         if controller == BACKSTEPPING:
-            backstepping_into(x, r, gains, packed, e, probe, slope, wanted)
+            backstepping_into(x, r, gains, packed, 0.0, e, probe, slope, wanted)
         else:
             pid_into(x, r, gains, packed, dt_s, integrals, e, wanted)
         history[n, 0], history[n, 1] = e[ERROR_DEPTH], e[ERROR_DISTANCE]
         history[n, 2] = e[ERROR_PITCH]
-        traded = reported_trade * math.tanh(x[4]) * math.tanh(e[ERROR_ALONG])
+        traded = reported_trade * math.tanh(x[4]) * math.tanh(e[ERROR_TRADED])
         history[n, 3] = e[ERROR_PITCH] - traded
         _actuate(u, wanted, packed, dt_s)
         rk4_into(x, u[0], u[1], u[2], packed, dt_s, slope, total, probe)

@@ -6,8 +6,9 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
+from autonomy.control import integral_kernel
 from autonomy.control import kernel as thesis
-from autonomy.control.law_number import BACKSTEPPING, PID
+from autonomy.control.law_number import BACKSTEPPING, INTEGRAL, PID
 from autonomy.vehicle import kernel as vehicle_kernel
 
 MEMORY_SIZE = 3
@@ -19,6 +20,7 @@ SCRATCH_SHAPE = (3, 16)
 
 backstepping_into = thesis.backstepping_into
 pid_into = thesis.pid_into
+integral_into = integral_kernel.integral_into
 end_stops = thesis.end_stops
 """Names that numba resolves once, when it compiles."""
 
@@ -54,8 +56,10 @@ def command_into(
     out[4] = 0.0
     if law == PID:
         pid_into(x, r, gains, p, dt_s, memory, scratch[0], out)
+    elif law == INTEGRAL:
+        integral_into(x, r, gains, p, dt_s, memory, scratch[0], scratch[1], scratch[2], out)
     else:
-        backstepping_into(x, r, gains, p, scratch[0], scratch[1], scratch[2], out)
+        backstepping_into(x, r, gains, p, 0.0, scratch[0], scratch[1], scratch[2], out)
     for i in range(3):
         low, high = end_stops(i, p)
         out[i] = 0.0 if math.isnan(out[i]) else min(max(out[i], low), high)
@@ -80,5 +84,5 @@ def command(
 def warm_up() -> None:
     """Compile every kernel of this module with the argument types of real use."""
     packed = np.ones(vehicle_kernel.DELTA_RATE + 1)
-    gains, memory = np.ones(16), np.zeros(MEMORY_SIZE)
+    gains, memory = np.ones(32), np.zeros(MEMORY_SIZE)
     command(BACKSTEPPING, np.zeros(12), np.zeros(12), gains, packed, 0.1, memory)

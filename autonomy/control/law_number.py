@@ -1,3 +1,3 @@
 """Numbers of the control laws, by which compiled code chooses; free of compiled code itself."""
 
-BACKSTEPPING, PID = range(2)
+BACKSTEPPING, PID, INTEGRAL = range(3)

@@ -144,7 +144,7 @@ def _record(
     errors: FloatArray,
 ) -> None:
     """Write state, estimate, sensed actuators, command and true errors of one moment."""
-    error_into(x, r, REPORTED_TRADE_RAD, NEAR_M, NEAR_OFFSET_M, errors)
+    error_into(x, r, REPORTED_TRADE_RAD, NEAR_M, NEAR_OFFSET_M, 0.0, errors)
     for i in range(12):
         row[STATE + i] = x[i]
         row[ESTIMATE + i] = estimate[i]
@@ -285,7 +285,7 @@ def warm_up() -> None:
     packed, start = np.ones(body.DELTA_RATE + 1), np.zeros(12)
     start[6] = 0.1
     one, water, conditions = np.zeros((1, 12)), np.zeros(9), np.zeros(6)
-    gains, noise = np.ones(16), np.zeros((0, 9))
+    gains, noise = np.ones(32), np.zeros((0, 9))
     fly(
         BACKSTEPPING, gains, packed, packed, start, one, noise, conditions, water, False, 0.01, 1, 0
     )

@@ -57,20 +57,60 @@ def test_backstepping_gives_the_golden_inputs(case):
     assert compiled == pytest.approx(case["u"], rel=1e-9)
 
 
+def close(compiled, readable):
+    """Agree to 1e-13 of the value, or of 1 in SI units where it is smaller."""
+    return compiled == pytest.approx(readable, rel=1e-13, abs=1e-13)
+
+
 def test_compiled_laws_are_the_readable_ones_far_and_near():
     rng = np.random.default_rng(1)
     backstepping, pid = config.BACKSTEPPING_SIMULATION, config.PID_EXPERIMENT
-    for n in range(500):
+    literal = backstepping.model_copy(update={"is_tail_clipped_first": False})
+    for n in range(2000):
         state = random_state(rng)
         reference = random_reference(rng, near=state if n % 2 else None)
-        readable = backstepping_inputs(state, reference, backstepping, MINIGLIDER)
-        compiled = kernel.backstepping(state, reference.packed(), backstepping.packed(), PACKED)
-        assert compiled == pytest.approx(readable, rel=1e-9, abs=1e-12)
+        gains = backstepping if n % 3 else literal
+        readable = backstepping_inputs(state, reference, gains, MINIGLIDER)
+        compiled = kernel.backstepping(state, reference.packed(), gains.packed(), PACKED)
+        assert close(compiled, readable)
+        mode = ("none", "hold", "back_calculation")[n % 3]
+        gains = pid.model_copy(update={"anti_windup": mode, "z_integral": 0.01})
         integrals = rng.normal(size=3)
-        readable, added = pid_inputs(state, reference, integrals, pid, MINIGLIDER.limits, 0.1)
-        compiled = kernel.pid(state, reference.packed(), pid.packed(), PACKED, integrals, 0.1)
-        assert compiled == pytest.approx(readable, rel=1e-12, abs=1e-14)
-        assert integrals == pytest.approx(added, rel=1e-12)
+        readable, added = pid_inputs(state, reference, integrals, gains, MINIGLIDER.limits, 0.1)
+        compiled = kernel.pid(state, reference.packed(), gains.packed(), PACKED, integrals, 0.1)
+        assert close(compiled, readable)
+        assert close(integrals, added)
+
+
+@pytest.mark.parametrize(("mode", "grows"), [("none", True), ("hold", False)])
+def test_anti_windup_decides_whether_an_integral_grows_into_the_stop(mode, grows):
+    gains = config.PID_EXPERIMENT.model_copy(update={"anti_windup": mode, "z_integral": 0.01})
+    far_below = Reference((3.0, 0.0, 5.0), 0.0)
+    integrals = np.zeros(3)
+    for _ in range(100):
+        wanted = kernel.pid(
+            np.zeros(12), far_below.packed(), gains.packed(), PACKED, integrals, 0.1
+        )
+        assert wanted[0] > MINIGLIDER.limits.m0_max_kg
+    assert (integrals[0] > 0.0) == grows
+    near_above = Reference((3.0, 0.0, -0.01), 0.0)
+    kernel.pid(np.zeros(12), near_above.packed(), gains.packed(), PACKED, integrals, 0.1)
+    assert (integrals[0] < 0.0) != grows
+
+
+def test_back_calculation_runs_an_integral_back_to_what_the_stop_allows():
+    gains = config.PID_EXPERIMENT.model_copy(
+        update={"anti_windup": "back_calculation", "z_integral": 0.01, "windup_recovery_s": 1.0}
+    )
+    far_below = Reference((3.0, 0.0, 5.0), 0.0)
+    integrals = np.array([100.0, 0.0, 0.0])
+    for _ in range(2000):
+        wanted = kernel.pid(
+            np.zeros(12), far_below.packed(), gains.packed(), PACKED, integrals, 0.1
+        )
+    # it rests where the growth by the error equals what is run back
+    excess = 5.0 * gains.z_integral * gains.windup_recovery_s
+    assert wanted[0] - MINIGLIDER.limits.m0_max_kg == pytest.approx(excess, rel=1e-2)
 
 
 def test_a_robot_at_rest_gets_a_finite_command():
