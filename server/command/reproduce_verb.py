@@ -1,11 +1,14 @@
 """``grace reproduce``: a table or figure of the thesis, ours beside the printed numbers."""
 
 from argparse import ArgumentParser, Namespace
+from collections.abc import Mapping
 from pathlib import Path
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
-from rich.table import Table
+from rich.table import Column, Table
+from rich.text import Text
 
 from server.command.failure import CommandError
 from server.reproduction.catalogue import REPRODUCTIONS, reproduce
@@ -79,27 +82,38 @@ def _work_out(name: str, seed: int) -> Reproduction:
 
 
 def _print(result: Reproduction) -> None:
-    """Print scenario, table and notes; a cell is ours, and in brackets the thesis's."""
+    """Print scenario, table and notes; a cell is ours, and in brackets the thesis's.
+
+    What the scenario holds of nested settings is left to the JSON file.
+    """
     console = Console(highlight=False)
-    console.print(f"[bold]{result.title}[/bold]")
+    console.print(result.title, style="bold", markup=False)
     for key, value in result.scenario.items():
-        console.print(f"  {key}: {value}", markup=False)
-    columns = list(dict.fromkeys(row.column for row in result.rows))
-    table = Table("", *(f"{column}" for column in columns), "unit")
-    for column in table.columns[1:-1]:
-        column.justify = "right"
-    for label in dict.fromkeys(row.row for row in result.rows):
-        cells = {row.column: row for row in result.rows if row.row == label}
+        if not isinstance(value, Mapping):
+            console.print(f"  {key}: {value}", markup=False)
+    columns = tuple(dict.fromkeys(row.column for row in result.rows))
+    table = Table(Column(""), *(Column(name, justify="right") for name in columns), "unit")
+    table.box = SIMPLE_HEAD
+    lines: dict[tuple[str, str], dict[str, Row]] = {}
+    for row in result.rows:
+        group, _, label = row.row.rpartition(": ")
+        lines.setdefault((group, label), {})[row.column] = row
+    shown = ""
+    for (group, label), cells in lines.items():
+        if group != shown:
+            table.add_row(Text(group, style="bold"))
+            shown = group
         unit = next(iter(cells.values())).unit
-        table.add_row(
-            label, *(_cell(cells[name]) if name in cells else "" for name in columns), unit
-        )
+        table.add_row(label, *(_cell(cells.get(name)) for name in columns), unit)
     console.print(table)
-    console.print("In brackets: the thesis.")
+    if any(row.thesis is not None for row in result.rows):
+        console.print("In brackets: the thesis.")
     for note in result.notes:
         console.print(f"- {note}", markup=False)
 
 
-def _cell(row: Row) -> str:
+def _cell(row: Row | None) -> str:
+    if row is None:
+        return ""
     thesis = "" if row.thesis is None else f" ({row.thesis:.3g})"
     return f"{row.ours:.3g}{thesis}"

@@ -8,10 +8,14 @@ from server.reproduction.result import Report, Reproduction
 
 REPRODUCTIONS: Mapping[str, str] = MappingProxyType(
     {
+        "table-3.1": "tracking errors of three controllers in simulation, two trajectories",
+        "table-3.3": "tracking errors of the tank trials, simulated with noise, two trajectories",
+        "fig-3.3-cases": "how the pitch wins back horizontal distance, in four cases",
+        "fig-3.10": "how slow or late the sliding mass must be for the pitch to oscillate",
         "claims": "which controller comes closest from 200 random starts, two trajectories",
     }
 )
-"""Name and what it shows. ``table-3.1`` would be worked out by the module ``table_3_1``, which
+"""Name and what it shows. ``fig-3.3-cases`` is worked out by the module ``fig_3_3_cases``, which
 has ``reproduce(seed, report) -> Reproduction``."""
 
 

@@ -3,8 +3,6 @@
 import io
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
 from server.reproduction.result import Figure, Hue, Mark, Panel, Reproduction, Series
 
 if TYPE_CHECKING:
@@ -23,7 +21,6 @@ _STYLES: dict[Mark, dict[str, Any]] = {
     Mark.LINE: {"linewidth": 1.6},
     Mark.DASHED: {"linewidth": 1.6, "linestyle": (0, (5, 3))},
     Mark.THIN: {"linewidth": 0.8},
-    Mark.THICK: {"linewidth": 3.2, "solid_capstyle": "round"},
     Mark.FILLED: {"linestyle": "none", "markersize": 7},
     Mark.HOLLOW: {
         "linestyle": "none",
@@ -37,6 +34,7 @@ _FEW = 8
 _WIDTH_IN, _DOTS_PER_IN = 10.0, 120
 _ROW_IN, _PLANE_ROW_IN = 3.1, 4.3
 _HEAD_IN, _FOOT_IN = 0.95, 0.45
+_INSET = (0.33, 0.27)
 _LETTERS: Any = {
     "font.size": 10,
     "axes.titlesize": 11,
@@ -96,13 +94,24 @@ def _draw(axes: "Axes", panel: Panel) -> None:
             axes.axhline(edge - 0.5, color="#e3e3e3", linewidth=0.8)
     if panel.y_range is not None:
         axes.set_ylim(*panel.y_range)
-    if panel.is_logarithmic:
+    if panel.logarithmic == "x":
         axes.set_xscale("log")
         axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.xaxis.set_minor_formatter("")
         axes.margins(x=0.08)
+    elif panel.logarithmic == "y":
+        axes.set_yscale("log")
+        axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
+        axes.yaxis.set_minor_formatter("")
     if panel.is_plane:
         axes.set_aspect("equal", adjustable="datalim")
         axes.invert_yaxis()
+    if panel.inset is not None:
+        small = axes.inset_axes((*panel.inset_at, *_INSET))
+        _draw(small, panel.inset)
+        small.tick_params(labelsize=8)
+        small.set_title(panel.inset.title, loc="left", fontsize=9)
+        small.xaxis.label.set_fontsize(8)
 
 
 def _line(axes: "Axes", series: Series) -> None:
@@ -112,11 +121,8 @@ def _line(axes: "Axes", series: Series) -> None:
         style["marker"] = _SHAPES.get(series.hue, "D")
     if series.band is not None:
         axes.fill_between(series.x, *series.band, color=colour, alpha=0.15, linewidth=0)
-    if series.x_error is not None and np.any(series.x_error):
-        low = np.minimum(series.x_error, 0.999 * np.abs(series.x))
-        axes.errorbar(
-            series.x, series.y, xerr=(low, series.x_error), ecolor=colour, fmt="none", capsize=3
-        )
+    if series.x_bounds is not None:
+        axes.hlines(series.y, *series.x_bounds, color=colour, linewidth=1.4)
     axes.plot(series.x, series.y, label=series.label or "_", **style)
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any
+from typing import Any, Literal
 
 from autonomy.arrays import FloatArray
 
@@ -27,7 +27,6 @@ class Mark(StrEnum):
     LINE = "line"
     DASHED = "dashed"
     THIN = "thin"
-    THICK = "thick"
     FILLED = "filled dots"
     HOLLOW = "hollow dots"
 
@@ -55,8 +54,8 @@ class Series:
     y: FloatArray
     hue: Hue
     mark: Mark = Mark.LINE
-    x_error: FloatArray | None = None
-    """Half length of a horizontal bar at each point."""
+    x_bounds: tuple[FloatArray, FloatArray] | None = None
+    """Ends of a horizontal bar through each point."""
     band: tuple[FloatArray, FloatArray] | None = None
     """Lower and upper edge of an area around the line."""
 
@@ -71,11 +70,14 @@ class Panel:
     series: tuple[Series, ...]
     names: tuple[str, ...] = ()
     """Words in place of the numbers 0, 1, ... on the vertical axis, from the top down."""
-    is_logarithmic: bool = False
-    """Whether the horizontal axis is."""
+    logarithmic: Literal["", "x", "y"] = ""
+    """Which axis is."""
     y_range: tuple[float, float] | None = None
     is_plane: bool = False
     """Whether both axes are metres of a vertical plane: alike in scale, depth growing downwards."""
+    inset: "Panel | None" = None
+    inset_at: tuple[float, float] = (0.0, 0.0)
+    """Lower left corner of the inset, as a share of the axes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,12 +24,12 @@ def small_result(ours=0.25):
         Series("reference", seconds, np.sin(seconds), Hue.REFERENCE, Mark.DASHED),
     )
     dots = (
-        Series("ours", np.array([0.1, 2.0]), np.arange(2.0), Hue.PID, Mark.FILLED, np.ones(2)),
+        Series("ours", np.ones(2), np.arange(2.0), Hue.PID, Mark.FILLED, (np.ones(2), np.ones(2))),
         Series("thesis", np.array([0.2, 1.0]), np.arange(2.0), Hue.PID, Mark.HOLLOW),
     )
     panels = (
         Panel("track", "north (m)", "depth (m)", lines, is_plane=True),
-        Panel("RMS", "error", "", dots, names=("depth", "pitch"), is_logarithmic=True),
+        Panel("RMS", "error", "", dots, names=("depth", "pitch"), logarithmic="x"),
         Panel("share", "time (s)", "share (%)", lines[1:], y_range=(-2.0, 2.0)),
     )
     return Reproduction(

@@ -1,0 +1,65 @@
+"""Runs the trials behind a reproduction."""
+
+import os
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from dataclasses import dataclass
+
+from autonomy.trial import kernel
+from autonomy.trial.config import TrialConfig
+from autonomy.trial.run import ControllerChoice, Trial, run_trial
+from autonomy.vehicle.config import MINIGLIDER
+from server.reproduction.contender import Contender, Gains
+from server.reproduction.result import Report
+
+ERRORS = (
+    ("depth error", "m"),
+    ("horizontal error", "m"),
+    ("pitch error", "rad"),
+    ("hybrid error", "rad"),
+)
+"""What ``Trial.errors`` holds, column by column, and its unit."""
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """One trial to run."""
+
+    scenario: TrialConfig
+    contender: Contender
+    gains: Gains
+    seed: int
+
+
+def run_jobs(jobs: Sequence[Job], report: Report) -> list[Trial]:
+    """Run trials of the Miniglider on every core, and return them in the order of the jobs."""
+    report(0.0, "compiling")
+    kernel.warm_up()
+    with ThreadPoolExecutor(os.cpu_count()) as threads:
+        running = [threads.submit(_run, job) for job in jobs]
+        try:
+            for done, _ in enumerate(as_completed(running), start=1):
+                report(done / len(jobs), f"trial {done} of {len(jobs)}")
+        except BaseException:
+            threads.shutdown(cancel_futures=True)
+            raise
+        return [each.result() for each in running]
+
+
+def with_actuator(scenario: TrialConfig, rate_share: float, delay_s: float) -> TrialConfig:
+    """Return a scenario with another sliding mass.
+
+    Args:
+        scenario: The trial.
+        rate_share: Its greatest speed as a share of the nominal one.
+        delay_s: How late it answers.
+    """
+    disturbance = scenario.disturbance.model_copy(
+        update={"actuator_rate_share": rate_share, "actuator_delay_s": delay_s}
+    )
+    return scenario.model_copy(update={"disturbance": disturbance})
+
+
+def _run(job: Job) -> Trial:
+    choice = ControllerChoice(job.contender.kind, job.contender.title, job.gains)
+    return run_trial(MINIGLIDER, job.scenario, choice, job.seed)
