@@ -7,10 +7,14 @@ from pathlib import Path
 
 KERNEL_MODULES = (
     "autonomy.vehicle.kernel",
+    "autonomy.vehicle.water_kernel",
     "autonomy.vehicle.extended_kernel",
     "autonomy.control.kernel",
     "autonomy.estimation.kernel",
+    "autonomy.estimation.model_kernel",
+    "autonomy.estimation.rehearsal_kernel",
     "autonomy.control.integral_kernel",
+    "autonomy.control.governor_kernel",
     "autonomy.control.law",
     "autonomy.trial.kernel",
     "autonomy.planner.kernel",

@@ -16,7 +16,9 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.frames import rotation_ned_from_body
 from autonomy.vehicle.config import Vehicle, VehicleParameters
+from autonomy.vehicle.hull import Hull
 from autonomy.vehicle.surroundings import Surroundings
+from autonomy.vehicle.water import Flow, WaterColumn
 
 COS_PITCH_FLOOR = 0.02
 """Smallest cosine of pitch in the Euler rates, which are singular at 90 degrees."""
@@ -122,20 +124,35 @@ def state_derivative(
     return rigid_body_rates(state, m0, rp1, force, moment, parameters)
 
 
+def wave_surface(
+    position: FloatArray, velocity_ned: FloatArray, surroundings: Surroundings, time_s: float
+) -> tuple[float, float]:
+    """Depth of the wavy surface at a robot, m, and its rate as the robot meets it, m/s."""
+    level, level_rate = 0.0, 0.0
+    for wave in surroundings.waves:
+        slope, rise = wave.elevation_slope(position, time_s)
+        level -= wave.elevation_m(position, time_s)
+        level_rate -= rise + float(slope @ velocity_ned[:2])
+    return level, level_rate
+
+
 def contact_force(
     position: FloatArray,
     velocity_ned: FloatArray,
     surroundings: Surroundings,
     p: VehicleParameters,
+    time_s: float = 0.0,
 ) -> FloatArray:
     """Force N of surface, floor and walls in NED: springs with dampers that never pull."""
     s = surroundings
-    low = np.array([s.x_min_m, s.y_min_m, 0.0])
+    level, level_rate = wave_surface(position, velocity_ned, s, time_s)
+    low = np.array([s.x_min_m, s.y_min_m, level])
     high = np.array([s.x_max_m, s.y_max_m, s.floor_m])
     if not s.has_walls:
         low[:2], high[:2] = -math.inf, math.inf
     k, c = p.contact_stiffness_n_m, p.contact_damping_n_s_m
-    too_low = np.maximum(k * (low - position) - c * velocity_ned, 0.0)
+    towards_surface = velocity_ned - [0.0, 0.0, level_rate]
+    too_low = np.maximum(k * (low - position) - c * towards_surface, 0.0)
     too_high = np.maximum(k * (position - high) + c * velocity_ned, 0.0)
     return np.where(position < low, too_low, 0.0) - np.where(position > high, too_high, 0.0)
 
@@ -147,8 +164,54 @@ def tail_rate(delta: float, target: float, vehicle: Vehicle) -> float:
     return min(max(wanted, -greatest), greatest)
 
 
+def net_mass(m0: float, depth_m: float, hull: Hull, column: WaterColumn | None) -> float:
+    """What weighs on the robot at a depth, kg: denser water lifts it, a pressed hull lets it sink.
+
+    Args:
+        m0: Net mass where the robot was ballasted.
+        depth_m: Depth.
+        hull: What it displaces, and how it gives.
+        column: Density over depth.
+    """
+    displaced = 1.0 - hull.compressibility_per_m * max(depth_m, 0.0)
+    if column is not None:
+        displaced *= column.density_at(depth_m) / column.ballast_kg_m3
+    return m0 - hull.displaced_mass_kg * (displaced - 1.0)
+
+
+def flow_acceleration(
+    velocity_ned: FloatArray, m0: float, flow: Flow, mass: FloatArray, rotation: FloatArray
+) -> FloatArray:
+    """What moving water adds to the rate of the velocity through the water, body axes, m/s2.
+
+    The velocity is measured in the water, which accelerates. Along the robot's path the water's
+    velocity changes by ``a + (v . grad) u``, with ``a`` the acceleration of a water particle and
+    ``v`` the robot's velocity through the water; so much the robot seems to lose. But the pressure
+    that accelerates the water pushes the robot too, by the mass that it displaces, and so does
+    the added mass; of ``a`` there remains what the net mass lacks:
+    ``-(v . grad) u - (m0 / m) a``. A neutral robot is carried by the waves like the water, and one
+    that sinks through a sheared current keeps its momentum over ground.
+
+    Left out: that the water turns and differs along the hull, which is short beside the scale of
+    currents and waves.
+
+    Args:
+        velocity_ned: Through the water, NED, shape ``(3,)``.
+        m0: Net mass, kg.
+        flow: The water's motion.
+        mass: With added mass along the body axes, shape ``(3,)``.
+        rotation: From body axes to NED.
+    """
+    met = rotation.T @ (flow.gradient_per_s @ velocity_ned)
+    return -met - m0 / mass * (rotation.T @ flow.acceleration_m_s2)
+
+
 def extended_state_derivative(
-    state: FloatArray, actuator: FloatArray, vehicle: Vehicle, surroundings: Surroundings
+    state: FloatArray,
+    actuator: FloatArray,
+    vehicle: Vehicle,
+    surroundings: Surroundings,
+    time_s: float = 0.0,
 ) -> FloatArray:
     """Rates of the 15-state model, shape ``(15,)``.
 
@@ -157,13 +220,14 @@ def extended_state_derivative(
         actuator: Rate of the net mass kg/s, of the sliding mass m/s, reference of the tail rad,
             acceleration of the tail's flap rad/s2.
         vehicle: The robot.
-        surroundings: Current and borders.
+        surroundings: Water and borders.
+        time_s: Time, which the waves depend on.
 
     Source:
         Thesis Eq. 5.17 and 5.18, with ``F_tail = -(Ct / k_delta^2) delta''`` of the flap alone:
         a tail without mass jumps to a new rate when its reference steps, so the impulse of a
         steering step is not in ``delta''``, and half of it would push the wrong way. Cross-flow
-        drag of turning at rest, contact and current are additions.
+        drag of turning at rest, contact and all of the surroundings are additions.
     """
     p = vehicle.parameters
     m0, rp1, delta = state[12:15]
@@ -175,12 +239,20 @@ def extended_state_derivative(
     moment = moment - crossflow * np.abs(w) * w
     moment[2] += p.tail_arm_m * thrust * math.cos(delta)
     force = force + np.array([thrust * math.sin(delta), 0.0, 0.0])
+    column = surroundings.column
+    density = 1.0 if column is None else column.density_at(state[2]) / p.water_density_kg_m3
+    force, moment = density * force, density * moment
+    m0 = net_mass(m0, state[2], vehicle.hull, column)
     rotation = rotation_ned_from_body(*state[3:6])
-    velocity_ned = rotation @ state[6:9] + surroundings.current_ned_m_s
-    force = force + rotation.T @ contact_force(state[:3], velocity_ned, surroundings, p)
-    rates = rigid_body_rates(state, m0, rp1, force, moment, p)
+    flow = surroundings.flow(state[:3], time_s)
+    through_water = rotation @ state[6:9]
+    velocity_ned = through_water + flow.velocity_m_s
+    contact = contact_force(state[:3], velocity_ned, surroundings, p, time_s)
+    rates = rigid_body_rates(state, m0, rp1, force + rotation.T @ contact, moment, p)
     rates[:3] = velocity_ned
-    if state[2] < 0.0:
+    mass = np.array([p.mass_1_kg, p.mass_2_kg, p.mass_3_kg])
+    rates[6:9] += flow_acceleration(through_water, m0, flow, mass, rotation)
+    if state[2] < wave_surface(state[:3], velocity_ned, surroundings, time_s)[0]:
         rates[9:11] -= p.surface_damping_per_s * w[:2]
     return np.concatenate(
         [rates, [actuator[0], actuator[1], tail_rate(delta, actuator[2], vehicle)]]

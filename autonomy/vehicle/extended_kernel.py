@@ -1,4 +1,4 @@
-"""Compiled extended model: actuators, flapping tail, contact and current around the rigid body.
+"""Compiled extended model: actuators, flapping tail, contact and water around the rigid body.
 
 ``autonomy.vehicle.dynamics`` is the readable reference; arrays are packed as in
 ``autonomy.vehicle.kernel``.
@@ -11,15 +11,25 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
 from autonomy.vehicle import kernel as body
+from autonomy.vehicle import water_kernel as water
 
 hydrodynamic_wrench = body.hydrodynamic_wrench
 rigid_body = body.rigid_body
+water_flow = water.water_flow
+net_mass_and_density = water.net_mass_and_density
+water_surface = water.surface
+PLAIN = water.PLAIN
 """Names that numba resolves once, when it compiles."""
 
 
 @kernel
 def contact_force(
-    x: FloatArray, rate: FloatArray, surroundings: FloatArray, p: FloatArray
+    x: FloatArray,
+    rate: FloatArray,
+    surroundings: FloatArray,
+    p: FloatArray,
+    level: float,
+    level_rate: float,
 ) -> tuple[float, float, float]:
     """Force N of surface, floor and walls on the robot in NED; they push and never pull.
 
@@ -28,11 +38,13 @@ def contact_force(
         rate: Velocity over ground in NED in the first three, m/s.
         surroundings: As in ``advance``.
         p: Packed vehicle.
+        level: Depth of the surface where the robot is, m; 0 without waves.
+        level_rate: Its rate, m/s.
     """
     k, c = p[body.CONTACT_STIFFNESS], p[body.CONTACT_DAMPING]
     north, east, down = 0.0, 0.0, 0.0
-    if x[2] < 0.0:
-        down = max(0.0, -k * x[2] - c * rate[2])
+    if x[2] < level:
+        down = max(0.0, -k * (x[2] - level) - c * (rate[2] - level_rate))
     elif x[2] > surroundings[7]:
         down = -max(0.0, k * (x[2] - surroundings[7]) + c * rate[2])
     if surroundings[8] > 0.0:
@@ -48,23 +60,70 @@ def contact_force(
 
 
 @kernel
-def _apply_contact(x: FloatArray, surroundings: FloatArray, p: FloatArray, out: FloatArray) -> None:
+def _in_body_axes(
+    x: FloatArray, north: float, east: float, down: float
+) -> tuple[float, float, float]:
+    """Return the components of a NED vector along the robot's axes."""
+    sf, cf = math.sin(x[3]), math.cos(x[3])
+    st, ct = math.sin(x[4]), math.cos(x[4])
+    sp, cp = math.sin(x[5]), math.cos(x[5])
+    return (
+        ct * cp * north + ct * sp * east - st * down,
+        (cp * st * sf - cf * sp) * north + (cf * cp + st * sf * sp) * east + ct * sf * down,
+        (sf * sp + cf * cp * st) * north + (cf * st * sp - cp * sf) * east + ct * cf * down,
+    )
+
+
+@kernel
+def _apply_contact(
+    x: FloatArray,
+    surroundings: FloatArray,
+    p: FloatArray,
+    level: float,
+    level_rate: float,
+    out: FloatArray,
+) -> None:
     """Add what surface, floor and walls do to the rates in ``out``."""
-    north, east, down = contact_force(x, out, surroundings, p)
+    north, east, down = contact_force(x, out, surroundings, p, level, level_rate)
     if north != 0.0 or east != 0.0 or down != 0.0:
-        sf, cf = math.sin(x[3]), math.cos(x[3])
-        st, ct = math.sin(x[4]), math.cos(x[4])
-        sp, cp = math.sin(x[5]), math.cos(x[5])
-        out[6] += (ct * cp * north + ct * sp * east - st * down) / p[body.MASS_1]
-        out[7] += (
-            (cp * st * sf - cf * sp) * north + (cf * cp + st * sf * sp) * east + ct * sf * down
-        ) / p[body.MASS_2]
-        out[8] += (
-            (sf * sp + cf * cp * st) * north + (cf * st * sp - cp * sf) * east + ct * cf * down
-        ) / p[body.MASS_3]
-    if x[2] < 0.0:
+        f1, f2, f3 = _in_body_axes(x, north, east, down)
+        out[6] += f1 / p[body.MASS_1]
+        out[7] += f2 / p[body.MASS_2]
+        out[8] += f3 / p[body.MASS_3]
+    if x[2] < level:
         out[9] -= p[body.SURFACE_DAMPING] * x[9]
         out[10] -= p[body.SURFACE_DAMPING] * x[10]
+
+
+@kernel
+def _apply_flow(
+    x: FloatArray,
+    m0: float,
+    surroundings: FloatArray,
+    time_s: float,
+    p: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Add to the rates in ``out`` what water does that moves differently here and there.
+
+    See ``dynamics.flow_acceleration``.
+    """
+    flow = water_flow(x, time_s, surroundings)
+    north, east, down = out[0], out[1], out[2]
+    out[0] += flow[0]
+    out[1] += flow[1]
+    out[2] += flow[2]
+    met, own = np.empty(3), np.empty(3)
+    for i in range(3):
+        row = 3 + 3 * i
+        met[i] = flow[row] * north + flow[row + 1] * east + flow[row + 2] * down
+        carried = flow[row] * flow[0] + flow[row + 1] * flow[1] + flow[row + 2] * flow[2]
+        own[i] = m0 * (flow[12 + i] + carried)
+    a1, a2, a3 = _in_body_axes(x, met[0], met[1], met[2])
+    f1, f2, f3 = _in_body_axes(x, own[0], own[1], own[2])
+    out[6] -= a1 + f1 / p[body.MASS_1]
+    out[7] -= a2 + f2 / p[body.MASS_2]
+    out[8] -= a3 + f3 / p[body.MASS_3]
 
 
 @kernel
@@ -77,9 +136,14 @@ def extended_derivative_into(
     p: FloatArray,
     surroundings: FloatArray,
     out: FloatArray,
+    time_s: float = 0.0,
 ) -> None:
     """Write the rates of the 15-state model of thesis Eq. 5.17 into ``out``, shape ``(15,)``."""
-    delta = x[14]
+    delta, m0, density = x[14], x[12], 1.0
+    is_mixed = surroundings.shape[0] > PLAIN
+    is_layered = p.shape[0] > body.HULL_COMPRESSIBILITY and (
+        is_mixed or p[body.HULL_COMPRESSIBILITY] > 0.0
+    )
     f1, f2, f3, t1, t2, t3 = hydrodynamic_wrench(
         x[6], x[7], x[8], x[9], x[10], x[11], delta, p, True
     )
@@ -93,11 +157,20 @@ def extended_derivative_into(
     t1 -= p[body.CROSSFLOW_1] * abs(x[9]) * x[9]
     t2 -= p[body.CROSSFLOW_2] * abs(x[10]) * x[10]
     t3 += p[body.TAIL_ARM] * thrust * math.cos(delta) - p[body.CROSSFLOW_3] * abs(x[11]) * x[11]
-    rigid_body(x, x[12], x[13], (f1, f2, f3, t1, t2, t3), p, out)
-    out[0] += surroundings[0]
-    out[1] += surroundings[1]
-    out[2] += surroundings[2]
-    _apply_contact(x, surroundings, p, out)
+    if is_layered:
+        m0, density = net_mass_and_density(m0, x[2], p, surroundings)
+        f1, f2, f3 = density * f1, density * f2, density * f3
+        t1, t2, t3 = density * t1, density * t2, density * t3
+    rigid_body(x, m0, x[13], (f1, f2, f3, t1, t2, t3), p, out)
+    level, level_rate = 0.0, 0.0
+    if is_mixed:
+        _apply_flow(x, m0, surroundings, time_s, p, out)
+        level, level_rate = water_surface(x, out, time_s, surroundings)
+    else:
+        out[0] += surroundings[0]
+        out[1] += surroundings[1]
+        out[2] += surroundings[2]
+    _apply_contact(x, surroundings, p, level, level_rate, out)
 
 
 @kernel
@@ -106,6 +179,7 @@ def extended_state_derivative(
     actuator: FloatArray,
     packed: FloatArray,
     surroundings: FloatArray,
+    time_s: float = 0.0,
 ) -> FloatArray:
     """Rates of the 15-state model, shape ``(15,)``.
 
@@ -115,10 +189,12 @@ def extended_state_derivative(
             acceleration of the tail's flap rad/s2.
         packed: ``Vehicle.packed()``.
         surroundings: As in ``advance``.
+        time_s: Time, which the waves depend on.
     """
     out = np.empty(15)
+    m0_rate, rp1_rate, target, flap = actuator[0], actuator[1], actuator[2], actuator[3]
     extended_derivative_into(
-        state, actuator[0], actuator[1], actuator[2], actuator[3], packed, surroundings, out
+        state, m0_rate, rp1_rate, target, flap, packed, surroundings, out, time_s
     )
     return out
 
@@ -193,28 +269,51 @@ def _extended_step(
     slope: FloatArray,
     total: FloatArray,
     probe: FloatArray,
-) -> None:
-    """Advance 15 states in place by one Runge-Kutta step; the last three are scratch."""
+) -> tuple[float, float, float]:
+    """Advance 15 states in place by one Runge-Kutta step; the last three are scratch.
+
+    Returns:
+        Squared rates of net mass, sliding mass and tail, their mean over the step.
+    """
     u1 = _ramp(x[12], command[0], p[body.M0_MIN], p[body.M0_MAX], p[body.M0_RATE], dt_s)
     u2 = _ramp(x[13], command[1], p[body.RP1_MIN], p[body.RP1_MAX], p[body.RP1_RATE], dt_s)
     r0, a0 = tail_reference(command, t, p)
     r1, a1 = tail_reference(command, t + 0.5 * dt_s, p)
     r2, a2 = tail_reference(command, t + dt_s, p)
-    extended_derivative_into(x, u1, u2, r0, a0, p, surroundings, total)
+    half = t + 0.5 * dt_s
+    extended_derivative_into(x, u1, u2, r0, a0, p, surroundings, total, t)
+    tail = total[14] * total[14]
     for i in range(15):
         probe[i] = x[i] + 0.5 * dt_s * total[i]
-    extended_derivative_into(probe, u1, u2, r1, a1, p, surroundings, slope)
+    extended_derivative_into(probe, u1, u2, r1, a1, p, surroundings, slope, half)
+    tail += 2.0 * slope[14] * slope[14]
     for i in range(15):
         total[i] += 2.0 * slope[i]
         probe[i] = x[i] + 0.5 * dt_s * slope[i]
-    extended_derivative_into(probe, u1, u2, r1, a1, p, surroundings, slope)
+    extended_derivative_into(probe, u1, u2, r1, a1, p, surroundings, slope, half)
+    tail += 2.0 * slope[14] * slope[14]
     for i in range(15):
         total[i] += 2.0 * slope[i]
         probe[i] = x[i] + dt_s * slope[i]
-    extended_derivative_into(probe, u1, u2, r2, a2, p, surroundings, slope)
+    extended_derivative_into(probe, u1, u2, r2, a2, p, surroundings, slope, t + dt_s)
+    tail += slope[14] * slope[14]
     for i in range(15):
         x[i] += dt_s / 6.0 * (total[i] + slope[i])
     _name_attitude(x)
+    return u1 * u1, u2 * u2, tail / 6.0
+
+
+@kernel
+def electrical_power(
+    m0_squared: float, rp1_squared: float, tail_squared: float, p: FloatArray
+) -> float:
+    """Electrical power, W, at squared rates of the actuators (thesis Eq. 5.20)."""
+    return (
+        p[body.ENERGY_0]
+        + p[body.ENERGY_M0] * m0_squared
+        + p[body.ENERGY_RP1] * rp1_squared
+        + p[body.ENERGY_DELTA] * tail_squared
+    )
 
 
 @kernel
@@ -235,16 +334,24 @@ def advance(
     Args:
         state: Shape ``(15,)``: position NED m, Euler angles rad, velocity through the water in
             body axes m/s, angular velocity rad/s, net mass kg, sliding mass m, tail angle rad.
+            A sixteenth number, if given, is the electrical energy used so far, J; it needs all of
+            ``Vehicle.packed()``.
         command: Shape ``(5,)``: net mass kg, sliding mass m, tail bias rad, tail amplitude rad,
             tail frequency Hz.
         packed: ``Vehicle.packed()``.
-        surroundings: Shape ``(9,)``: current NED m/s, x_min, x_max, y_min, y_max m, floor m,
-            and whether there are walls (0 or 1).
-        time_s: Time at the start, for the phase of the flap.
+        surroundings: ``Surroundings.packed()``, at least current NED m/s, x_min, x_max, y_min,
+            y_max m, floor m, and whether there are walls (0 or 1).
+        time_s: Time at the start, for the phases of flap and waves.
         dt_s: Length of one step, at most 0.1 so that contact stays stable; a step that is too
             long for the damping of fast motion is cut into parts.
         steps: Number of steps.
+
+    Raises:
+        ValueError: If energy is to be counted for a vehicle without prices.
     """
+    is_metered = state.shape[0] > 15
+    if is_metered and packed.shape[0] <= body.ENERGY_DELTA:
+        raise ValueError("a state with energy needs a vehicle packed with its prices")
     x = state.copy()
     slope, total, probe = np.empty(15), np.empty(15), np.empty(15)
     for step in range(steps):
@@ -252,13 +359,18 @@ def advance(
         h = dt_s / parts
         for part in range(parts):
             t = time_s + step * dt_s + part * h
-            _extended_step(x, command, packed, surroundings, t, h, slope, total, probe)
+            m0_squared, rp1_squared, tail_squared = _extended_step(
+                x, command, packed, surroundings, t, h, slope, total, probe
+            )
+            if is_metered:
+                x[15] += h * electrical_power(m0_squared, rp1_squared, tail_squared, packed)
     return x
 
 
 def warm_up() -> None:
     """Compile every kernel of this module with the argument types of real use."""
-    packed = np.ones(body.DELTA_RATE + 1)
-    surroundings = np.zeros(9)
-    extended_state_derivative(np.zeros(15), np.zeros(4), packed, surroundings)
+    packed = np.ones(body.ENERGY_DELTA + 1)
+    surroundings = np.zeros(PLAIN)
+    extended_state_derivative(np.zeros(15), np.zeros(4), packed, surroundings, 0.0)
     advance(np.zeros(15), np.zeros(5), packed, surroundings, 0.0, 0.01, 1)
+    electrical_power(0.0, 0.0, 0.0, packed)
