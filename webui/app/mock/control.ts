@@ -24,7 +24,7 @@ export class FakeControl {
 
   vehicles(key: string, part: string, query: URLSearchParams): Answer {
     if (part === 'polar') {
-      const note = /grace/i.test(key) ? 'Scaled, not identified.' : 'Identified in the tank.';
+      const note = /grace/i.test(key) ? 'Scaled, not identified.' : '';
       return { body: fakePolar(key, /grace/i.test(key) ? 'GRACE 3' : 'Miniglider', note) };
     }
     const number = (name: string) => Number(query.get(name) ?? 0);

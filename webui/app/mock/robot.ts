@@ -160,6 +160,7 @@ export class FakeRobot {
       id: this.id,
       name: this.id,
       model: this.model,
+      model_key: this.model === 'GRACE 3' ? 'grace3' : 'miniglider',
       model_note: this.note,
       system_id: this.systemId,
       simulated: true,

@@ -58,7 +58,10 @@ export type AlarmLevel = 'normal' | 'info' | 'watch' | 'warning' | 'critical';
 export interface Robot {
   id: string;
   name: string;
+  /** Title of its vehicle. */
   model: string;
+  /** Key of its vehicle in the catalogue. */
+  model_key: string;
   model_note: string;
   kind: 'real' | 'simulated' | 'recorded';
   system_id: number | null;

@@ -58,6 +58,32 @@ function squarePieces(corners: number[], level: number, column: number, row: num
       ];
 }
 
+/** Pieces that meet end to end, each line by itself, the longest first. */
+export function joined(pieces: readonly Piece[]): Piece[][] {
+  const keyOf = (x: number, y: number) => `${x.toFixed(6)} ${y.toFixed(6)}`;
+  const byEnd = new Map<string, number[]>();
+  pieces.forEach(([x0, y0, x1, y1], i) => {
+    for (const key of [keyOf(x0, y0), keyOf(x1, y1)]) {
+      byEnd.set(key, [...(byEnd.get(key) ?? []), i]);
+    }
+  });
+  const seen = new Set<number>();
+  const lines = pieces.map((_, first) => {
+    const line: Piece[] = [];
+    const waiting = [first];
+    for (let i = waiting.pop(); i !== undefined; i = waiting.pop()) {
+      const piece = pieces[i];
+      if (!piece || seen.has(i)) continue;
+      seen.add(i);
+      line.push(piece);
+      const [x0, y0, x1, y1] = piece;
+      waiting.push(...(byEnd.get(keyOf(x0, y0)) ?? []), ...(byEnd.get(keyOf(x1, y1)) ?? []));
+    }
+    return line;
+  });
+  return lines.filter(({ length }) => length > 0).toSorted((a, b) => b.length - a.length);
+}
+
 /** One drawable path of all pieces, in the units of `toX` and `toY`. */
 export function contourPath(
   pieces: readonly Piece[],

@@ -1,6 +1,6 @@
 import type { Comparison, ComparisonRun, ComparisonSummary } from '../../api/types';
 import type { ChartBand, Line } from '../../chart/line_chart';
-import { compact, screenUnit } from '../../text/unit';
+import { compact, fixed, screenUnit } from '../../text/unit';
 
 type Values = readonly (number | null)[];
 type Column = (number | null)[];
@@ -217,9 +217,17 @@ export function summaryRows(runs: readonly ComparisonRun[]): SummaryRow[] {
       const value = of(summary);
       return value === null ? null : value * factor;
     });
-    const texts = values.map((value) => compact(value));
+    const texts = alike(values);
     return { title, unit: label, help, texts, best: bestOf(texts, values) };
   });
+}
+
+/** Values of one row with as many decimals as its largest needs for three digits. */
+function alike(values: readonly (number | null)[]): string[] {
+  const most = Math.max(0, ...values.map((value) => Math.abs(value ?? 0)));
+  if (most === 0 || most >= 1e6 || most < 1e-4) return values.map((value) => compact(value));
+  const decimals = Math.max(0, 2 - Math.floor(Math.log10(most)));
+  return values.map((value) => (value === null ? '–' : fixed(value, decimals)));
 }
 
 /** What reads the same is equally good. */

@@ -1,6 +1,6 @@
 import { describe, expect, test } from 'vitest';
 import type { Comparison, ComparisonRun, IdentifiedParameter, Polar } from '../../api/types';
-import { contour } from '../../chart/contour';
+import { contour, joined } from '../../chart/contour';
 import { runsOf } from '../../chart/heat_map';
 import { drawnPlot, ERROR_PLOTS, INPUT_PLOTS, summaryRows } from './comparison';
 import { costColumns, fitPlots } from './fit';
@@ -373,4 +373,13 @@ test('kinds of settings are grouped by what they decide, and none is lost', () =
     ['Other', ['other']],
   ]);
   expect(groups[1]?.kinds[0]?.title).toBe('Pid');
+});
+
+test('lines of equal value are named one by one', () => {
+  const apart = joined([
+    [0, 0, 1, 0],
+    [5, 5, 6, 5],
+    [2, 0, 1, 0],
+  ]);
+  expect(apart.map(({ length }) => length)).toEqual([2, 1]);
 });

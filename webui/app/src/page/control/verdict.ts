@@ -1,6 +1,6 @@
 import type { IdentifiedParameter, LeftOut, RunState } from '../../api/types';
 import { duration } from '../../text/time';
-import { compact } from '../../text/unit';
+import { compact, plainNumber } from '../../text/unit';
 import { capital, type Tone } from '../../text/word';
 
 interface VerdictWord {
@@ -29,6 +29,11 @@ export function intervalText({ low, high, verdict }: IdentifiedParameter): strin
   if (verdict === 'fixed') return '–';
   if (low === null || high === null) return 'unbounded';
   return `${compact(low)} to ${compact(high)}`;
+}
+
+/** Four digits of a parameter without zeros that say nothing. */
+export function numberText(value: number | null): string {
+  return value === null ? '–' : plainNumber(value, 4).replace('-', '\u2212');
 }
 
 /** Change in per cent of what it was; empty where that says nothing. */
