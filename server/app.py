@@ -26,6 +26,7 @@ from server.api import (
     transfers,
     vehicles,
     view,
+    whatifs,
 )
 from server.composition import MakeService, run_station
 from server.middleware import RequestGuard
@@ -45,6 +46,7 @@ ROUTERS = (
     transfers.router,
     maps.router,
     vehicles.router,
+    whatifs.router,
     config.router,
     events.router,
     alarms.router,

@@ -10,6 +10,7 @@ from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
 from autonomy.field.config import FIELD_PRESETS, FieldConfig
 from autonomy.identification.config import IDENTIFICATION_PRESETS, IdentificationConfig
 from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
+from autonomy.trial.config import TRIAL_PRESETS, TrialConfig
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
 from db.query.robots import RobotRecord
@@ -58,6 +59,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             ConfigurationKind("field", "Field map", FieldConfig, FieldConfig(), _by_variable),
             _by_vehicle("estimator", "Estimator", ESTIMATOR_PRESETS, EstimatorConfig()),
             _by_vehicle("trim", "Trim", TRIM_PRESETS, TrimConfig()),
+            _by_vehicle("trial", "What-if scenario", TRIAL_PRESETS, TrialConfig()),
             _by_vehicle(
                 "identification", "Identification", IDENTIFICATION_PRESETS, IdentificationConfig()
             ),

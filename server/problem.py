@@ -80,6 +80,14 @@ def invalid(error: ValidationError, prefix: Sequence[str | int] = ()) -> Problem
     return unprocessable(_count(len(error.errors())), _field_errors(error.errors(), prefix))
 
 
+def below(problem: Problem, *prefix: str | int) -> Problem:
+    """Return a refusal whose paths begin at the top of the request, under ``prefix``."""
+    if problem.errors is None:
+        return problem
+    errors = [FieldError(loc=[*prefix, *error.loc], msg=error.msg) for error in problem.errors]
+    return Problem(problem.status, problem.detail, errors=errors, headers=problem.headers)
+
+
 def problem_response(
     status: int,
     detail: str,

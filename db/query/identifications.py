@@ -135,12 +135,16 @@ def end_identification(
     convergence: Sequence[Mapping[str, Any]],
     result: Mapping[str, Any] | None = None,
 ) -> None:
-    """Note how a search ended; one with a result needs its checkpoint no more.
+    """Note how a search ended; one that has ended stays as it is.
+
+    One with a result needs its checkpoint no more.
 
     Raises:
         UnknownIdError: If there is no such search.
     """
     row = _row(session, identification)
+    if row.state != "running":
+        return
     row.state, row.message, row.ended_at = state, message, at
     row.convergence = [dict(point) for point in convergence]
     if result is not None:

@@ -90,12 +90,14 @@ def end_whatif(
     message: str,
     result: Mapping[str, Any] | None = None,
 ) -> None:
-    """Note how a comparison ended.
+    """Note how a comparison ended; one that has ended stays as it is.
 
     Raises:
         UnknownIdError: If there is no such comparison.
     """
     row = _row(session, whatif)
+    if row.state != "running":
+        return
     row.state, row.message, row.ended_at = state, message, at
     row.result = None if result is None else dict(result)
 

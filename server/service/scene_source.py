@@ -2,6 +2,7 @@
 
 from autonomy.site import Site
 from robot_link.messages import RobotId
+from server.service.comparison_view import ShownWhatIfs
 from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
 from server.service.picture import Picture, PlanInHand
@@ -12,11 +13,19 @@ from webui.scene.source import ComparisonView, MapView, PlanView, Pose, TrackPie
 class StationSceneSource:
     """The ``webui.scene.source.SceneSource`` of one robot of the station."""
 
-    def __init__(self, robot: RobotId, fleet: Fleet, maps: FieldMaps, vehicles: Vehicles) -> None:
+    def __init__(
+        self,
+        robot: RobotId,
+        fleet: Fleet,
+        maps: FieldMaps,
+        vehicles: Vehicles,
+        whatifs: ShownWhatIfs,
+    ) -> None:
         self._robot = robot
         self._fleet = fleet
         self._maps = maps
         self._vehicles = vehicles
+        self._whatifs = whatifs
         self._plan: tuple[PlanInHand, int | None, PlanView] | None = None
 
     @property
@@ -85,8 +94,8 @@ class StationSceneSource:
         return self._maps.views(self._robot).get((self.site.variable, model))
 
     def comparison(self) -> ComparisonView | None:
-        """Return the what-if run to draw; none is chosen."""
-        return None
+        """Return the what-if run to draw; the same object as long as nothing about it changed."""
+        return self._whatifs.view(self._robot)
 
     @property
     def _picture(self) -> Picture:

@@ -36,12 +36,15 @@ from server.service.task.problem import LOAD_PLANNER
 from server.service.upload import Uploads
 from server.service.vehicles import Vehicles
 from server.service.watch import watch_fleet
+from server.service.whatif import WhatIfs
 from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
 from webui.scene.source import SceneSource
 
 log = logging.getLogger(__name__)
 
 _TRACK_POINTS = 5000
+STUDY_NICENESS = 10
+"""What-if runs and identifications give way to the planner and to the station itself."""
 
 
 class Station:
@@ -56,6 +59,9 @@ class Station:
         store, clock = foundation.store, foundation.clock
         self.feed = LiveFeed(store, clock, lambda: foundation.alarms.unacknowledged)
         self.workers = WorkerPool(foundation.settings.worker_processes)
+        self.study_workers = WorkerPool(
+            foundation.settings.worker_processes, niceness=STUDY_NICENESS
+        )
         self.vehicles = Vehicles(store, clock, self.workers)
         self.fleet = Fleet(clock, self._robot_changed, foundation.alarms.worst_level, self.vehicles)
         self.maps = FieldMaps(store, clock)
@@ -73,6 +79,9 @@ class Station:
             self.uploads,
             self.maps,
             self.workers,
+        )
+        self.whatifs = WhatIfs(
+            foundation, self.fleet, self.vehicles, self.workers, self.study_workers
         )
         self._follower = PlanFollower(store, self.plans)
         self.ingest = Ingest(
@@ -101,6 +110,7 @@ class Station:
             await self._take_up(robot)
         await self.plans.load()
         await self.missions.load()
+        await self.whatifs.load()
         self._run("live stream", self.feed.run())
         self._run("command reports", self.commands.run())
         self._run("plan reports", self._follower.run())
@@ -123,6 +133,8 @@ class Station:
         """Stop in the reverse order; everything under way goes on at the next start."""
         self.feed.close()
         self.workers.hurry()
+        self.study_workers.hurry()
+        await self.whatifs.stop()
         await self.surveys.stop_all()
         await self.uploads.stop()
         await self.planning.stop()
@@ -133,6 +145,7 @@ class Station:
         self.ingest.flush()
         await self.scenes.stop()
         await self.workers.stop()
+        await self.study_workers.stop()
 
     async def refresh(self, robot: str) -> None:
         """Take up a robot that was added or changed, its settings and its maps."""
@@ -221,7 +234,7 @@ class Station:
     def _scene_source(self, robot: RobotId) -> SceneSource | None:
         if not self.fleet.knows(robot):
             return None
-        return StationSceneSource(robot, self.fleet, self.maps, self.vehicles)
+        return StationSceneSource(robot, self.fleet, self.maps, self.vehicles, self.whatifs.shown)
 
 
 def _memory(

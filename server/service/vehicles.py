@@ -175,7 +175,7 @@ class Vehicles:
             return await asyncio.shield(task)
         except (WorkerTaskError, WorkerEndedError) as error:
             self._polars.pop(digest, None)
-            raise _not_worked_out(error) from error
+            raise not_worked_out(error) from error
 
     async def steady(
         self, key: str, m0_kg: float, rp1_m: float, delta_rad: float
@@ -191,7 +191,7 @@ class Vehicles:
         try:
             found = await self._workers.run(STEADY, problem)
         except (WorkerTaskError, WorkerEndedError) as error:
-            raise _not_worked_out(error) from error
+            raise not_worked_out(error) from error
         if isinstance(found, Refusal):
             raise unprocessable(found.message, [FieldError(loc=["query"], msg=found.message)])
         return found
@@ -244,5 +244,6 @@ def _taken(key: str) -> Problem:
     )
 
 
-def _not_worked_out(error: Exception) -> Problem:
+def not_worked_out(error: Exception) -> Problem:
+    """Return the 503 of a question that its working process could not answer."""
     return Problem(503, f"This could not be worked out: {error}", headers={"Retry-After": "5"})

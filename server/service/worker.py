@@ -42,11 +42,12 @@ class _Process:
         self._reader = asyncio.create_task(self._read(), name="worker reader")
 
     @classmethod
-    async def start(cls) -> "_Process":
+    async def start(cls, niceness: int) -> "_Process":
         process = await asyncio.create_subprocess_exec(
             sys.executable,
             "-m",
             wire.__name__,
+            str(niceness),
             stdin=asyncio.subprocess.PIPE,
             stdout=asyncio.subprocess.PIPE,
             env={**os.environ, **_ENVIRONMENT},
@@ -109,10 +110,12 @@ class WorkerPool:
     """Runs tasks in up to ``size`` processes and keeps them warm in between.
 
     A task is named ``"module:function"`` so that its module is imported in the worker only; the
-    function takes ``(payload, report, is_cancelled)``. Belongs to one event loop.
+    function takes ``(payload, report, is_cancelled)``. With a ``niceness`` above 0 the processes
+    give way to others. Belongs to one event loop.
     """
 
-    def __init__(self, size: int = 1) -> None:
+    def __init__(self, size: int = 1, niceness: int = 0) -> None:
+        self._niceness = niceness
         self._places = asyncio.Semaphore(size)
         self._idle: list[_Process] = []
         self._busy: set[_Process] = set()
@@ -166,7 +169,7 @@ class WorkerPool:
             worker = self._idle.pop()
             if worker.is_alive:
                 return worker
-        return await _Process.start()
+        return await _Process.start(self._niceness)
 
     async def _release(self, worker: _Process) -> None:
         if worker.is_alive:

@@ -63,8 +63,10 @@ def _listen(pipe: _Pipe, calls: "queue.Queue[tuple[str, Any]]", cancelled: threa
     os._exit(0)
 
 
-def main() -> None:
-    """Serve tasks until the input closes."""
+def main(niceness: int) -> None:
+    """Serve tasks until the input closes, giving way to others by ``niceness``."""
+    if niceness and hasattr(os, "nice"):
+        os.nice(niceness)
     pipe = _Pipe()
     calls: queue.Queue[tuple[str, Any]] = queue.Queue()
     cancelled = threading.Event()
@@ -81,4 +83,4 @@ def main() -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    main(int(sys.argv[1]))

@@ -1,0 +1,130 @@
+"""What-if runs: controllers compared in one scenario, before anybody flies it."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Response
+from pydantic import Field
+
+from db.query.whatifs import WhatIfRecord
+from server.api.body import Body
+from server.api.dependency import Pilot, Viewer
+from server.api.idempotency import IdempotentRoute
+from server.api.station_dependency import StationDep, encoded
+from server.service.station import Station
+from server.service.view.whatif import (
+    StudyStartedView,
+    WhatIfSummaryView,
+    WhatIfsView,
+    WhatIfView,
+)
+from server.service.whatif import ControllerRequest
+
+router = APIRouter(prefix="/api", tags=["what-if"], route_class=IdempotentRoute)
+
+
+class ControllerBody(Body):
+    """A controller that is to be compared."""
+
+    kind: str
+    """Key of a controller, such as ``controller.pid``; see `GET /api/config`."""
+    title: str | None = Field(default=None, min_length=1, max_length=80)
+    """What it is called in plots; by default its kind's title."""
+    config: dict[str, Any] = Field(default_factory=dict)
+    """Settings that differ from what holds for the robot; null returns one to its preset."""
+
+
+class WhatIfRequest(Body):
+    """A scenario, and the controllers that are tried in it on the same seeds."""
+
+    scenario: dict[str, Any] = Field(default_factory=dict)
+    """Fields that differ from what holds for the robot; see `GET /api/config/trial/schema`."""
+    controllers: list[ControllerBody] = Field(min_length=1, max_length=6)
+    """What is compared."""
+
+
+class ShownWhatIf(Body):
+    """What the 3D view is to draw beside the robot."""
+
+    id: str | None
+    """A what-if run of the robot; null for none."""
+
+
+@router.post("/robots/{robot}/whatif", status_code=202)
+async def start_whatif(
+    caller: Pilot, robot: str, body: WhatIfRequest, station: StationDep
+) -> StudyStartedView:
+    """Begin a run in a process of its own.
+
+    422 names each wrong field by its path, or the limit of the vehicle that the reference breaks.
+    """
+    requests = [ControllerRequest(one.kind, one.title, one.config) for one in body.controllers]
+    whatif, job = await station.whatifs.start(robot, body.scenario, requests, by=caller.name)
+    return StudyStartedView(whatif, job)
+
+
+@router.get("/robots/{robot}/whatifs")
+async def list_whatifs(
+    caller: Viewer,
+    robot: str,
+    station: StationDep,
+    before: Annotated[str | None, Query(description="Id to go on before.")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 50,
+) -> WhatIfsView:
+    """Return the runs of a robot, the newest first, without their results."""
+    del caller
+    records = await station.whatifs.of_robot(robot, before, limit)
+    shown = station.whatifs.shown.id_of(robot)
+    return WhatIfsView(
+        [
+            WhatIfSummaryView(
+                id=record.id,
+                state=record.state,
+                title=record.title,
+                vehicle=record.vehicle,
+                shown=record.id == shown,
+                job=record.job,
+                created_at=record.created_at,
+                created_by=record.created_by,
+            )
+            for record in records
+        ]
+    )
+
+
+@router.get("/whatifs/{whatif}", response_model=WhatIfView)
+async def get_whatif(caller: Viewer, whatif: str, station: StationDep) -> Response:
+    """Return one run with its result."""
+    del caller
+    return encoded(_view(station, await station.whatifs.get(whatif)))
+
+
+@router.put("/robots/{robot}/whatif/shown")
+async def show_whatif(
+    caller: Pilot, robot: str, body: ShownWhatIf, station: StationDep
+) -> ShownWhatIf:
+    """Draw a run in the 3D view, beginning where the robot is now, or none.
+
+    409 says that a run has no result to draw.
+    """
+    del caller
+    await station.whatifs.shown.show(robot, body.id)
+    return ShownWhatIf(id=station.whatifs.shown.id_of(robot))
+
+
+def _view(station: Station, record: WhatIfRecord) -> WhatIfView:
+    return WhatIfView(
+        id=record.id,
+        robot=record.robot,
+        state=record.state,
+        title=record.title,
+        vehicle=record.vehicle,
+        scenario=dict(record.scenario),
+        controllers=[dict(controller) for controller in record.controllers],
+        message=record.message,
+        result=None if record.result is None else dict(record.result),
+        shown=station.whatifs.shown.id_of(record.robot) == record.id,
+        job=record.job,
+        created_at=record.created_at,
+        created_by=record.created_by,
+        ended_at=record.ended_at,
+    )

@@ -1,0 +1,45 @@
+"""Tries controllers in one scenario on the same seeds."""
+
+from collections.abc import Callable
+from typing import Any
+
+from autonomy.trial.comparison import TrialCancelledError, compare
+from autonomy.trial.run import ControllerChoice
+from autonomy.trial.setting import reference_function
+from autonomy.vehicle.steady import NoSteadyGlideError
+from server.service.task.study import Refusal, WhatIfProblem
+
+POINTS_MAX = 400
+
+
+def check(
+    problem: WhatIfProblem, report: Callable[[object], None], is_cancelled: Callable[[], bool]
+) -> Refusal | None:
+    """Tell whether the vehicle can follow the reference at all; a refusal names the limit."""
+    del report, is_cancelled
+    scenario = problem.scenario
+    try:
+        reference_function(problem.vehicle, scenario)
+    except NoSteadyGlideError as error:
+        return Refusal(str(error))
+    return None
+
+
+def run(
+    problem: WhatIfProblem,
+    report: Callable[[tuple[float, str]], None],
+    is_cancelled: Callable[[], bool],
+) -> dict[str, Any] | Refusal:
+    """Return the comparison for JSON."""
+    choices = [ControllerChoice(one.kind, one.title, one.config) for one in problem.controllers]
+    try:
+        found = compare(
+            problem.vehicle,
+            problem.scenario,
+            choices,
+            report=lambda share, message: report((share, message)),
+            is_cancelled=is_cancelled,
+        )
+    except TrialCancelledError:
+        return Refusal("The comparison was cancelled.")
+    return found.document(max_points=POINTS_MAX)
