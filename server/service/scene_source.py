@@ -1,6 +1,7 @@
 """Gives the 3D scene what it may draw of each robot."""
 
 from autonomy.site import Site
+from autonomy.vehicle.hull import Hull
 from robot_link.messages import RobotId
 from server.service.comparison_view import ShownWhatIfs
 from server.service.fleet import Fleet
@@ -42,6 +43,12 @@ class StationSceneSource:
     def vehicle(self) -> str:
         """Return the key of the built-in vehicle that the robot looks like, "" if unknown."""
         return self._vehicles.shape(self._picture.record.model)
+
+    @property
+    def hull(self) -> Hull:
+        """Return the robot's outer sizes, those of a usual one where its vehicle is unknown."""
+        vehicle = self._vehicles.find(self._picture.record.model)
+        return Hull() if vehicle is None else vehicle.hull
 
     @property
     def site(self) -> Site:

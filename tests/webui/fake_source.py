@@ -8,6 +8,7 @@ import numpy as np
 from autonomy.field.variable import VARIABLES
 from autonomy.planner.plan import Leg, PrimitiveKind
 from autonomy.site import LAKE, TANK, Site
+from autonomy.vehicle.hull import Hull
 from robot_link.messages import RobotId, RobotMode
 from webui.scene.source import ComparisonTrack, ComparisonView, MapView, PlanView, Pose, TrackPiece
 
@@ -17,7 +18,7 @@ NOON = datetime(2026, 6, 1, 12, tzinfo=UTC)
 class FakeSource:
     robot = RobotId("mini-1")
     title = "mini-1"
-    vehicle = "miniglider"
+    hull = Hull()
     fidelity_levels = 3
 
     def __init__(self, site: Site = TANK) -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from autonomy.site import LAKE, TANK
+from autonomy.vehicle.hull import Hull
 from tests.webui.fake_source import FakeSource
 from webui.scene.colour import fidelity_colours, mapped
 from webui.scene.projection import VIEW_WIDTH, Projection
@@ -60,6 +61,24 @@ def test_the_robot_is_drawn_where_it_says_it_is(scene, source):
     wanted = projection.point(np.array(source.pose().position_ned), 1.0)
     assert scene._robot._body.position == pytest.approx(wanted, abs=1e-6)
     assert scene._robot._body.visible
+
+
+@pytest.mark.parametrize("length_m", [0.57, 1.7])
+def test_a_robot_has_the_proportions_of_its_hull(length_m):
+    source = FakeSource()
+    source.hull = Hull(
+        length_m=0.7 * length_m, tail_to_nose_m=length_m, wingspan_m=0.5 * length_m,
+        width_m=0.2 * length_m, height_m=0.1 * length_m,
+    )  # fmt: skip
+    scene = RobotScene(source)
+    body, wing, port, fin = scene._robot._parts
+    scene.stop()
+    nose = body.position[0] + body.scale[0]
+    tip = scene._robot._tail.position[0] + fin.vertices[:, 0].min()
+    span = wing.vertices[:, 1].max() - port.vertices[:, 1].min()
+    assert span / (nose - tip) == pytest.approx(0.5)
+    assert np.array(body.scale) / body.scale[0] == pytest.approx([1.0, 2 / 7, 1 / 7])
+    assert nose - tip == pytest.approx(length_m * Projection.of_site(TANK).view_per_m)
 
 
 def test_an_old_pose_turns_grey(scene, source):

@@ -1,11 +1,10 @@
 """The robot itself: hull, wings and tail at its newest pose, and how well that pose is known."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import viser
 
 from autonomy.frames import ned_to_enu, quaternion_enu_from_body
+from autonomy.vehicle.hull import Hull
 from webui.scene.colour import ROBOT, ROBOT_OLD, UNCERTAINTY, Colour
 from webui.scene.projection import VIEW_WIDTH, Projection
 from webui.scene.source import Pose
@@ -17,32 +16,19 @@ STD_95 = 2.4477
 _THINNEST = 0.006 * VIEW_WIDTH
 
 
-@dataclass(frozen=True, slots=True)
-class Hull:
-    """Size of a vehicle, m."""
-
-    length_m: float
-    span_m: float
-
-
-HULLS = {"miniglider": Hull(0.57, 0.37), "grace3": Hull(1.70, 0.85)}
-"""Tail to nose and wing span (thesis section 2.1, table of robots)."""
-
-
 class RobotModel:
     """A small glider of plain shapes; positions are set, nothing is rebuilt."""
 
-    def __init__(self, scene: viser.SceneApi, projection: Projection, vehicle: str) -> None:
+    def __init__(self, scene: viser.SceneApi, projection: Projection, hull: Hull) -> None:
         self._projection = projection
-        hull = HULLS.get(vehicle, HULLS["miniglider"])
-        drawn = max(hull.length_m * projection.view_per_m, _SHORTEST)
-        self.drawn_larger_by = drawn / (hull.length_m * projection.view_per_m)
+        drawn = max(hull.tail_to_nose_m * projection.view_per_m, _SHORTEST)
+        scale = drawn / hull.tail_to_nose_m
         self._body = scene.add_frame("/robot", show_axes=False, visible=False)
-        self._parts = _parts(scene, drawn, drawn * hull.span_m / hull.length_m)
+        self._parts = _parts(scene, hull, scale)
         self._tail = scene.add_frame(
-            "/robot/tail", show_axes=False, position=(-0.34 * drawn, 0.0, 0.0)
+            "/robot/tail", show_axes=False, position=(_stern(hull) * scale, 0.0, 0.0)
         )
-        self._parts.append(_plate(scene, "/robot/tail/fin", _tail_fin(drawn), ROBOT))
+        self._parts.append(_plate(scene, "/robot/tail/fin", _tail_fin(hull, scale), ROBOT))
         self._ellipsoid = scene.add_icosphere(
             "/uncertainty", radius=1.0, color=UNCERTAINTY, opacity=0.22, visible=False,
             cast_shadow=False, receive_shadow=False,
@@ -90,34 +76,41 @@ class RobotModel:
         self._drop.visible = position_ned[2] * self._projection.view_per_m > _THINNEST / 4
 
 
-def _parts(scene: viser.SceneApi, length: float, span: float) -> list:
+def _stern(hull: Hull) -> float:
+    """Return where the hull ends and the tail begins, m; the middle of the whole is 0."""
+    return hull.tail_to_nose_m / 2 - hull.length_m
+
+
+def _parts(scene: viser.SceneApi, hull: Hull, scale: float) -> list:
     """Draw hull and wings in the body frame (x forward, y starboard, z down)."""
-    hull = scene.add_icosphere(
-        "/robot/hull", radius=1.0, color=ROBOT, scale=(0.36 * length, 0.1 * length, 0.1 * length),
-        position=(0.02 * length, 0.0, 0.0), cast_shadow=False, receive_shadow=False,
+    length, width, height = (scale * size for size in (hull.length_m, hull.width_m, hull.height_m))
+    middle = scale * (_stern(hull) + hull.length_m / 2)
+    body = scene.add_icosphere(
+        "/robot/hull", radius=1.0, color=ROBOT, scale=(length / 2, width / 2, height / 2),
+        position=(middle, 0.0, 0.0), cast_shadow=False, receive_shadow=False,
     )  # fmt: skip
-    root, tip = 0.1 * length, 0.02 * length
+    chord, span = 0.28 * length, scale * hull.wingspan_m
+    root, tip = middle + 0.5 * chord, middle - 0.3 * chord
     wing = np.array(
         [
-            [root, 0.06 * length, 0.0], [-root, 0.06 * length, 0.0],
-            [-0.1 * length, span / 2, 0.0], [tip - 0.06 * length, span / 2, 0.0],
+            [root, 0.3 * width, 0.0], [root - chord, 0.3 * width, 0.0],
+            [tip - 0.5 * chord, span / 2, 0.0], [tip, span / 2, 0.0],
         ]
     )  # fmt: skip
     port = wing * np.array([1.0, -1.0, 1.0])
     return [
-        hull,
+        body,
         _plate(scene, "/robot/starboard_wing", wing, ROBOT),
         _plate(scene, "/robot/port_wing", port, ROBOT),
     ]
 
 
-def _tail_fin(length: float) -> np.ndarray:
-    return np.array(
-        [
-            [0.06 * length, 0.0, -0.02 * length], [-0.16 * length, 0.0, -0.11 * length],
-            [-0.16 * length, 0.0, 0.11 * length], [0.06 * length, 0.0, 0.02 * length],
-        ]
-    )  # fmt: skip
+def _tail_fin(hull: Hull, scale: float) -> np.ndarray:
+    """Return the tail in the frame of its own joint, from the hull to the tip."""
+    end = scale * (hull.tail_to_nose_m - hull.length_m)
+    near, far = 0.12 * scale * hull.height_m, 0.7 * scale * hull.height_m
+    start = 0.25 * end
+    return np.array([[start, 0.0, -near], [-end, 0.0, -far], [-end, 0.0, far], [start, 0.0, near]])
 
 
 def _plate(

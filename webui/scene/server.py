@@ -38,7 +38,7 @@ class RobotScene:
         scene = self._server.scene
         self._stage = Stage(scene, projection)
         draw_surroundings(self._stage, source.site)
-        self._robot = RobotModel(scene, projection, source.vehicle)
+        self._robot = RobotModel(scene, projection, source.hull)
         self._track = Track(self._stage, source)
         self._plan = PlannedTrajectory(self._stage, source)
         self._map = FieldMap(self._stage, source)

@@ -13,6 +13,7 @@ from autonomy.arrays import FloatArray, IntArray
 from autonomy.field.variable import Variable
 from autonomy.planner.plan import Leg, PositionNed
 from autonomy.site import Site
+from autonomy.vehicle.hull import Hull
 from robot_link.messages import RobotId, RobotMode
 
 
@@ -118,8 +119,8 @@ class SceneSource(Protocol):
         ...
 
     @property
-    def vehicle(self) -> str:
-        """Return the vehicle's key in ``autonomy.vehicle.config.VEHICLES``."""
+    def hull(self) -> Hull:
+        """Return the robot's outer sizes, those of a usual one where its vehicle is unknown."""
         ...
 
     @property
