@@ -19,6 +19,11 @@ from autonomy.control.config import (
     BacksteppingConfig,
     PidConfig,
 )
+from autonomy.control.governor_config import (
+    GOVERNOR_PRESETS,
+    GOVERNOR_SIMULATION,
+    GovernorConfig,
+)
 from autonomy.control.integral_config import (
     INTEGRAL_PRESETS,
     INTEGRAL_SIMULATION,
@@ -114,6 +119,15 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
                 INTEGRAL_SIMULATION,
                 law_number.INTEGRAL,
                 IntegralConfig.packed,
+            ),
+            ControllerKind(
+                "controller.governor",
+                "Predictive backstepping controller for a slow, late mass actuator",
+                GovernorConfig,
+                GOVERNOR_PRESETS,
+                GOVERNOR_SIMULATION,
+                law_number.GOVERNOR,
+                GovernorConfig.packed,
             ),
         )
     }

@@ -6,21 +6,22 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
-from autonomy.control import integral_kernel
+from autonomy.control import governor_kernel, integral_kernel
 from autonomy.control import kernel as thesis
-from autonomy.control.law_number import BACKSTEPPING, INTEGRAL, PID
+from autonomy.control.law_number import GOVERNOR, INTEGRAL, PID
 from autonomy.vehicle import kernel as vehicle_kernel
 
-MEMORY_SIZE = 3
+MEMORY_SIZE = governor_kernel.MEMORY_SIZE
 """Numbers that a law may remember between calls; all of them 0 is a fresh start."""
 COMMAND_SIZE = 5
 """Net mass kg, sliding mass m, tail angle (or bias) rad, tail amplitude rad, frequency Hz."""
-SCRATCH_SHAPE = (3, 16)
+SCRATCH_SHAPE = (5, 16)
 """Room that ``command_into`` works in."""
 
 backstepping_into = thesis.backstepping_into
 pid_into = thesis.pid_into
 integral_into = integral_kernel.integral_into
+governor_into = governor_kernel.governor_into
 end_stops = thesis.end_stops
 """Names that numba resolves once, when it compiles."""
 
@@ -58,6 +59,8 @@ def command_into(
         pid_into(x, r, gains, p, dt_s, memory, scratch[0], out)
     elif law == INTEGRAL:
         integral_into(x, r, gains, p, dt_s, memory, scratch[0], scratch[1], scratch[2], out)
+    elif law == GOVERNOR:
+        governor_into(x, r, gains, p, dt_s, memory, scratch, out)
     else:
         backstepping_into(x, r, gains, p, 0.0, scratch[0], scratch[1], scratch[2], out)
     for i in range(3):
@@ -85,4 +88,4 @@ def warm_up() -> None:
     """Compile every kernel of this module with the argument types of real use."""
     packed = np.ones(vehicle_kernel.DELTA_RATE + 1)
     gains, memory = np.ones(32), np.zeros(MEMORY_SIZE)
-    command(BACKSTEPPING, np.zeros(12), np.zeros(12), gains, packed, 0.1, memory)
+    command(INTEGRAL, np.zeros(12), np.zeros(12), gains, packed, 0.1, memory)

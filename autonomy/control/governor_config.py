@@ -1,0 +1,49 @@
+"""Settings of the controller that knows how slow and how late the mass actuator is."""
+
+from autonomy.configuration import quantity
+from autonomy.control.config import BACKSTEPPING_SIMULATION, BacksteppingConfig
+
+
+class GovernorConfig(BacksteppingConfig):
+    """Backstepping for an actuator with a delay and a small rate.
+
+    The pitch law works on the state that the model predicts for the moment at which a command
+    takes effect, and its bandwidth is lowered to what the mass actuator can follow: at bandwidth
+    w an error e asks for a growth of the angular acceleration of w^3 e, which the actuator's rate
+    bounds. The two pitch gains are those of the greatest bandwidth.
+    """
+
+    mass_rate_share: float = quantity(
+        1.0, "", title="Known rate of the sliding mass", gt=0.0, le=2.0
+    )
+    """Greatest speed of the sliding mass as a share of the vehicle's nominal one."""
+    mass_delay_s: float = quantity(
+        0.0, "s", title="Known delay of the sliding mass", ge=0.0, le=2.0
+    )
+    """Time between a command and the beginning of the sliding mass's answer."""
+    rate_use: float = quantity(4.0, "", title="Use of the rate", gt=0.0, le=100.0, advanced=True)
+    """Growth of the angular acceleration that is asked for, as a multiple of what the sliding
+    mass's rate gives. At 1 the mass keeps up with every error; above, it lags behind large ones."""
+    error_floor_rad: float = quantity(
+        0.02,
+        "rad",
+        title="Error that is taken for noise",
+        gt=0.0,
+        le=0.5,
+        display_unit="deg",
+        advanced=True,
+    )
+    """Below this error the bandwidth is not raised any more."""
+    delay_margin: float = quantity(0.5, "", title="Delay margin", gt=0.0, le=3.0, advanced=True)
+    """Greatest product of bandwidth and delay, for a model that predicts only so well."""
+
+
+GOVERNOR_EXPERIMENT = GovernorConfig()
+"""Gains of the thesis's experiments as the greatest bandwidth; nominal actuator."""
+GOVERNOR_SIMULATION = GovernorConfig(**(BACKSTEPPING_SIMULATION.model_dump()))
+"""Gains of the thesis's simulation as the greatest bandwidth; nominal actuator."""
+GOVERNOR_PRESETS: dict[str, GovernorConfig] = {
+    "miniglider": GOVERNOR_EXPERIMENT,
+    "grace3": GOVERNOR_EXPERIMENT,
+}
+"""Settings a robot starts with, by vehicle; bandwidth follows from the model's own actuator."""

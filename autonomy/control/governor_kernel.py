@@ -1,0 +1,144 @@
+"""Compiled backstepping for a slow and late mass actuator; ``governor`` is the readable form."""
+
+import math
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.compiled import kernel
+from autonomy.control import kernel as thesis
+from autonomy.vehicle import kernel as vehicle_kernel
+
+MASS_RATE_SHARE, MASS_DELAY, RATE_USE, ERROR_FLOOR, DELAY_MARGIN = range(11, 16)
+"""Index of each number in packed gains, after those of backstepping."""
+GAINS = 16
+HISTORY = 256
+"""Set points of the sliding mass that are remembered; a longer delay is taken as this long."""
+HEAD = 3
+"""Index in the memory of where the next set point goes; before it stand the three actuators."""
+FIRST = 4
+MEMORY_SIZE = FIRST + HISTORY
+
+backstepping_into = thesis.backstepping_into
+end_stops = thesis.end_stops
+rk4_into = vehicle_kernel.rk4_into
+K_XI, K_3 = thesis.K_XI, thesis.K_3
+ERROR_HYBRID, ERROR_HYBRID_RATE = thesis.ERROR_HYBRID, thesis.ERROR_HYBRID_RATE
+SLIDE_EFFECT = thesis.SLIDE_EFFECT
+M0_RATE, RP1_RATE = vehicle_kernel.M0_RATE, vehicle_kernel.RP1_RATE
+DELTA_RATE = vehicle_kernel.DELTA_RATE
+"""Names that numba resolves once, when it compiles."""
+
+
+@kernel
+def _towards(value: float, target: float, most: float) -> float:
+    return value + min(max(target - value, -most), most)
+
+
+@kernel
+def _predict(
+    x: FloatArray,
+    r: FloatArray,
+    calls: int,
+    rate: float,
+    p: FloatArray,
+    dt_s: float,
+    memory: FloatArray,
+    scratch: FloatArray,
+) -> None:
+    """Write state and reference after ``calls`` calls into rows 3 and 4 of ``scratch``."""
+    predicted, ahead = scratch[3], scratch[4]
+    predicted[:12] = x[:12]
+    sliding, head = memory[1], int(memory[HEAD])
+    for late in range(calls, 0, -1):
+        target = memory[FIRST + (head - late) % HISTORY]
+        moved = _towards(sliding, target, rate * dt_s)
+        middle = 0.5 * (sliding + moved)
+        rk4_into(
+            predicted, memory[0], middle, memory[2], p, dt_s, scratch[0], scratch[1], scratch[2]
+        )
+        sliding = moved
+    t = calls * dt_s
+    for i in range(4):
+        ahead[i] = r[i] + t * r[4 + i] + 0.5 * t * t * r[8 + i]
+        ahead[4 + i] = r[4 + i] + t * r[8 + i]
+        ahead[8 + i] = r[8 + i]
+
+
+@kernel
+def governor_into(
+    x: FloatArray,
+    r: FloatArray,
+    gains: FloatArray,
+    p: FloatArray,
+    dt_s: float,
+    memory: FloatArray,
+    scratch: FloatArray,
+    out: FloatArray,
+) -> None:
+    """Write the inputs, not yet limited, into ``out`` and remember them in ``memory``.
+
+    ``memory`` has shape ``(MEMORY_SIZE,)``; ``scratch``, shape ``(5, 16)``, is room to work in.
+    """
+    calls = min(round(gains[MASS_DELAY] / dt_s), HISTORY - 1) if dt_s > 0.0 else 0
+    rate = gains[MASS_RATE_SHARE] * p[RP1_RATE]
+    _predict(x, r, calls, rate, p, dt_s, memory, scratch)
+    e = scratch[0]
+    backstepping_into(scratch[3], scratch[4], gains, p, 0.0, e, scratch[1], scratch[2], out)
+    greatest = math.sqrt(gains[K_XI])
+    error = abs(e[ERROR_HYBRID]) + abs(e[ERROR_HYBRID_RATE]) / greatest
+    jerk = gains[RATE_USE] * abs(e[SLIDE_EFFECT]) * rate
+    bandwidth = min(greatest, (jerk / max(error, gains[ERROR_FLOOR])) ** (1.0 / 3.0))
+    bandwidth = min(bandwidth, gains[DELAY_MARGIN] / max(calls * dt_s, 1e-9))
+    share = bandwidth / greatest
+    given_up = (1.0 - share) * gains[K_3] * e[ERROR_HYBRID_RATE]
+    given_up += (1.0 - share * share) * gains[K_XI] * e[ERROR_HYBRID]
+    sliding = out[1] + given_up / e[SLIDE_EFFECT]
+    backstepping_into(x, r, gains, p, 0.0, e, scratch[1], scratch[2], out)
+    out[1] = sliding
+    _remember(calls, rate, p, dt_s, memory, out)
+
+
+@kernel
+def _remember(
+    calls: int, rate: float, p: FloatArray, dt_s: float, memory: FloatArray, out: FloatArray
+) -> None:
+    """Note the new set points and move the actuators as they will until the next call."""
+    head = int(memory[HEAD])
+    low, high = end_stops(1, p)
+    memory[FIRST + head] = _clipped(out[1], low, high)
+    arriving = memory[FIRST + (head - calls) % HISTORY]
+    memory[HEAD] = (head + 1) % HISTORY
+    memory[1] = _towards(memory[1], arriving, rate * dt_s)
+    low, high = end_stops(0, p)
+    memory[0] = _towards(memory[0], _clipped(out[0], low, high), p[M0_RATE] * dt_s)
+    low, high = end_stops(2, p)
+    memory[2] = _towards(memory[2], _clipped(out[2], low, high), p[DELTA_RATE] * dt_s)
+
+
+@kernel
+def _clipped(value: float, low: float, high: float) -> float:
+    """Cut at the end stops; what is not a number becomes neutral and is not remembered."""
+    return 0.0 if math.isnan(value) else min(max(value, low), high)
+
+
+@kernel
+def governor(
+    state: FloatArray,
+    reference: FloatArray,
+    gains: FloatArray,
+    packed: FloatArray,
+    memory: FloatArray,
+    dt_s: float,
+) -> FloatArray:
+    """Return net mass kg, sliding mass m, tail angle rad, and remember them in ``memory``."""
+    out = np.empty(3)
+    governor_into(state, reference, gains, packed, dt_s, memory, np.empty((5, 16)), out)
+    return out
+
+
+def warm_up() -> None:
+    """Compile every kernel of this module with the argument types of real use."""
+    state, packed = np.zeros(12), np.ones(vehicle_kernel.DELTA_RATE + 1)
+    state[6] = 0.1
+    governor(state, np.zeros(12), np.ones(GAINS), packed, np.zeros(MEMORY_SIZE), 0.1)
