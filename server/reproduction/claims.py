@@ -21,7 +21,7 @@ REFERENCES: dict[str, Callable[[float], Reference]] = {
     "linear glide": linear_glide,
     "sawtooth": sawtooth,
 }
-STEP_S = 0.02
+STEP_S = 0.05
 _TRADE_RAD = math.pi / 9.0
 _SAMPLE_S = 5.0
 
