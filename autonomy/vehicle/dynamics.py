@@ -257,3 +257,12 @@ def extended_state_derivative(
     return np.concatenate(
         [rates, [actuator[0], actuator[1], tail_rate(delta, actuator[2], vehicle)]]
     )
+
+
+def electrical_power(actuator_rates: FloatArray, vehicle: Vehicle) -> float:
+    """Electrical power, W, at rates of net mass kg/s, sliding mass m/s and tail rad/s (Eq. 5.20).
+
+    Its integral is the sixteenth state of ``extended_kernel.advance``.
+    """
+    m0_rate, rp1_rate, tail_rate_rad_s = (float(rate) for rate in actuator_rates)
+    return vehicle.energy.power_w(vehicle.limits, m0_rate, rp1_rate, tail_rate_rad_s)
