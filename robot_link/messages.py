@@ -54,6 +54,10 @@ class OnboardPlanState(IntEnum):
     REFUSED = 6
 
 
+SURFACED_BY_COMMAND = "surfaced by command"
+"""Reason of a FAILED plan that a robot gives when it was told to surface: nothing went wrong."""
+
+
 class CommandKind(StrEnum):
     """What an operator can tell a robot in one short message; each is idempotent."""
 

@@ -32,6 +32,7 @@ class Upload:
         self._on_report = on_report
         self._inbox: asyncio.Queue[UploadMessage | str] = asyncio.Queue()
         self._proved = 0
+        self._has_begun = False
 
     def hear(self, message: UploadMessage) -> None:
         """Take what the robot says of missions and plans."""
@@ -42,10 +43,12 @@ class Upload:
         self._inbox.put_nowait(reason)
 
     async def run(self) -> UploadReport:
-        """Return the last report, which was also told like the ones before."""
+        """Return the last report, which was also told like the ones before.
+
+        RECEIVING is told from the moment that the radio has taken the first offer.
+        """
         timing = self._peer.timing
         ends_s = monotonic_s() + timing.upload_s + timing.upload_item_s * len(self._items)
-        self._tell(OnboardPlanState.RECEIVING)
         await self._offer()
         while (left_s := ends_s - monotonic_s()) > 0:
             try:
@@ -73,7 +76,12 @@ class Upload:
             count=len(self._items),
             mission_type=grace.MAV_MISSION_TYPE_MISSION,
         )
-        await self._peer.deliver((offer, count))
+        await self._peer.deliver((offer, count), on_taken=self._begin)
+
+    def _begin(self) -> None:
+        if not self._has_begun:
+            self._has_begun = True
+            self._tell(OnboardPlanState.RECEIVING)
 
     async def _answer(self, message: UploadMessage) -> UploadReport | None:
         match message:

@@ -46,6 +46,11 @@ def mission_items(mission: Mission, system: SystemId) -> tuple[MissionItem, ...]
     return tuple(items)
 
 
+def item_count(mission: Mission) -> int:
+    """Return how many items carry a mission."""
+    return len(mission_items(mission, SystemId(0)))
+
+
 def mission_from_items(items: Sequence[MissionItem]) -> Mission:
     """Rebuild the mission that items carry.
 

@@ -69,6 +69,8 @@ class UploadRequest(Body):
 
     start: bool = False
     """Whether the robot is told to fly it as soon as it is on board."""
+    confirmed: bool = False
+    """Whether to send a plan although it was made for another place or time; see `check`."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +89,7 @@ class TransferIdView(View):
 
 @dataclass(frozen=True, slots=True)
 class CheckView(View):
-    """What a plan breaks by the limits that hold now."""
+    """What speaks against flying a plan now."""
 
     plan_id: str
     violations: list[ViolationView]
@@ -148,13 +150,14 @@ async def get_plan(caller: Viewer, plan: str, station: StationDep) -> PlanView:
 async def upload_plan(
     caller: Pilot, plan: str, station: StationDep, body: UploadRequest | None = None
 ) -> TransferIdView:
-    """Bring a draft on board; 409 lists each limit that it breaks.
+    """Bring a draft on board; 409 lists each limit that it breaks, or why it is outdated.
 
     The robot's old plan stays until the new one is whole and proved by its hash.
     """
     del caller
-    start = body is not None and body.start
-    return TransferIdView(await station.uploads.upload(plan, start=start))
+    wanted = body or UploadRequest()
+    transfer = await station.uploads.upload(plan, start=wanted.start, confirmed=wanted.confirmed)
+    return TransferIdView(transfer)
 
 
 @router.post("/plans/{plan}/cancel", status_code=202)
@@ -167,6 +170,6 @@ async def cancel_plan(caller: Pilot, plan: str, station: StationDep) -> PlanIdVi
 
 @router.post("/plans/{plan}/check")
 async def check_plan(caller: Pilot, plan: str, station: StationDep) -> CheckView:
-    """Check a plan against the limits that hold now."""
+    """Check a plan: the limits that it breaks, and what changed since it was made."""
     del caller
     return CheckView(plan, await station.planning.check(plan))

@@ -42,12 +42,16 @@ class Draft:
     duration_s: float
     worst_std_m: float
     violations: tuple[ViolationView, ...]
+    trim_id: str | None
+    """Version of the trim in the mission; ``None`` for the preset."""
 
 
 def draft_document(draft: Draft) -> dict[str, Any]:
     """Return the part of a plan's document that a draft fills."""
     return {
+        "format": draft.mission.format,
         "settings": asdict(draft.mission.settings),
+        "trim_id": draft.trim_id,
         "legs": [asdict(leg) for leg in draft.mission.legs],
         "points": np.round(draft.points, _DECIMALS).tolist(),
         "account": asdict(
@@ -94,8 +98,13 @@ def points_of(document: Mapping[str, Any]) -> FloatArray:
 
 
 def mission_of(plan: PlanRecord) -> Mission:
-    """Return what travels to the robot; its hash is the plan's."""
-    return Mission.from_legs(MissionSettings(**plan.document["settings"]), legs_of(plan.document))
+    """Return what travels to the robot; its hash is the plan's.
+
+    A document that names no format is of the first, which had no trim.
+    """
+    document = plan.document
+    settings = MissionSettings(**document["settings"])
+    return Mission.from_legs(settings, legs_of(document), document.get("format", 1))
 
 
 def plan_view(
@@ -120,6 +129,7 @@ def plan_view(
         sha256=plan.sha256,
         config_id=document.get("config_id"),
         config=dict(plan.config),
+        trim_id=document.get("trim_id"),
         created_at=plan.created_at,
         legs=[_leg_view(leg) for leg in legs_of(document)],
         points=document.get("points", []),
@@ -179,9 +189,17 @@ def ladder_view(plan: PlanRecord) -> LadderView:
 def onboard_view(plan: PlanRecord, report: PlanReport | None) -> OnboardView | None:
     """Return how far the robot says it is with this plan, from its word or from the records."""
     if report is not None and plan.sha256 is not None and report.sha256 == plan.sha256:
-        return OnboardView(report.leg, report.legs, report.energy_used)
+        return onboard_by(plan, report)
     last = plan.document.get("onboard")
     return None if last is None else OnboardView(**last)
+
+
+def onboard_by(plan: PlanRecord, report: PlanReport) -> OnboardView:
+    """Return how far a report says that the robot is with this plan, and what it overspent."""
+    account = plan.document.get("account")
+    planned = report.energy_used if account is None else account["energy"]
+    over = max(0.0, report.energy_used - planned)
+    return OnboardView(report.leg, report.legs, report.energy_used, over)
 
 
 def _leg_view(leg: Leg) -> LegView:

@@ -4,7 +4,8 @@ from dataclasses import asdict
 
 from db.query.plans import PlanRecord, plan_by_hash
 from db.store import Store
-from robot_link.messages import OnboardPlanState, PlanReport
+from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanReport
+from server.service.plan_document import onboard_by
 from server.service.plan_ledger import ON_THE_WAY, PlanLedger
 from server.service.turn import Turns
 from server.service.view.plan import OnboardView
@@ -18,10 +19,11 @@ _STATES = {
 _BEFORE = {
     "on_board": ("draft", "sent"),
     "running": ("draft", "sent", "on_board"),
-    "done": ("sent", "on_board", "running"),
-    "failed": ("sent", "on_board", "running"),
+    **dict.fromkeys(("done", "failed", "cancelled"), ("draft", "sent", "on_board", "running")),
 }
 """States from which a robot's word leads on; reports may be missed, but never lead back."""
+_OVERSPENT = 0.05
+"""Energy units beyond the account that are worth a word."""
 
 
 class PlanFollower:
@@ -46,26 +48,27 @@ class PlanFollower:
         self._ledger.robot_said_more(report.robot)
 
     async def _follow(self, report: PlanReport) -> None:
-        state = _STATES.get(report.state)
+        state = _state_of(report)
         if state is None or report.sha256 is None:
             await self._lost(report)
             return
         sha256 = report.sha256
         plan = await self._store.query(lambda session: plan_by_hash(session, report.robot, sha256))
-        if plan is not None and plan.state in _BEFORE[state]:
+        if plan is not None and plan.state in _BEFORE[state] and not _is_of_earlier(report, plan):
             await self._advance(plan, state, report)
         await self._supersede(report, None if plan is None else plan.id)
 
     async def _advance(self, plan: PlanRecord, state: str, report: PlanReport) -> None:
+        onboard = onboard_by(plan, report)
         text = {
             "on_board": f"{plan.robot} has {plan.id} on board.",
             "running": f"{plan.robot} flies {plan.id}.",
-            "done": f"{plan.robot} flew {plan.id} to its end.",
+            "done": f"{plan.robot} flew {plan.id} to its end{_overspending(onboard)}.",
             "failed": f"{plan.robot} ended {plan.id} early: {report.reason or 'no reason given'}",
+            "cancelled": f"{plan.robot} came up as ordered; that ended {plan.id}.",
         }[state]
-        onboard = OnboardView(report.leg, report.legs, report.energy_used)
         document: dict[str, object] = {"onboard": asdict(onboard)}
-        if state == "failed":
+        if state in {"failed", "cancelled"}:
             document["message"] = text
         if state in {"running", "done"}:
             on_board = f"{plan.robot} has {plan.id} on board."
@@ -93,3 +96,25 @@ class PlanFollower:
         await self._ledger.advance(
             plan.id, state, text, only_from=ON_THE_WAY, document={"message": text}
         )
+
+
+def _state_of(report: PlanReport) -> str | None:
+    """Return the state that a report brings a plan into; a person's order is no failure."""
+    if report.state is OnboardPlanState.FAILED and report.reason == SURFACED_BY_COMMAND:
+        return "cancelled"
+    return _STATES.get(report.state)
+
+
+def _is_of_earlier(report: PlanReport, plan: PlanRecord) -> bool:
+    """Tell whether a report speaks of an earlier flight of the same legs, not of this draft."""
+    has_ended = report.state in (OnboardPlanState.DONE, OnboardPlanState.FAILED)
+    return has_ended and plan.state == "draft" and report.measured_at < plan.created_at
+
+
+def _overspending(onboard: OnboardView) -> str:
+    if onboard.overspent < _OVERSPENT:
+        return ""
+    return (
+        f" and used {onboard.energy_used:.1f} energy units, "
+        f"{onboard.overspent:.1f} more than planned"
+    )

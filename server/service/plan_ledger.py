@@ -79,7 +79,7 @@ class PlanLedger:
             record = query.change_plan(
                 session, plan, at=at, document={"config_id": config_id, "message": ""}
             )
-            _note(session, record, at, f"Planning {plan} for {robot}.")
+            note_change(session, record, at, f"Planning {plan} for {robot}.")
             return record
 
         record = await self._store.write(write)
@@ -114,7 +114,7 @@ class PlanLedger:
                 sha256=sha256,
                 document=document,
             )
-            _note(session, record, at, text)
+            note_change(session, record, at, text)
             return record
 
         record = await self._store.write(write)
@@ -211,7 +211,8 @@ def _round_text(plan: PlanRecord) -> str:
     return f"round {plan.round} of {max(rounds, plan.round)}"
 
 
-def _note(session: Session, plan: PlanRecord, at: datetime, text: str) -> None:
+def note_change(session: Session, plan: PlanRecord, at: datetime, text: str) -> None:
+    """Add the event of a plan's new state, in the transaction that brought it there."""
     add_event(
         session,
         at,

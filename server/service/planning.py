@@ -7,35 +7,28 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from autonomy.field.config import FieldConfig
-from autonomy.planner.approach import approach
-from autonomy.planner.check import violations
+from autonomy.planner.approach import approach, approach_energy
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.outcome import least_energy
-from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult, PlanStatus
+from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus
 from autonomy.site import Box
-from db.fault import StoreError
+from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
 from db.query.samples import SampleColumns, sample_columns
-from robot_link.mission import Mission, MissionSettings
 from server.foundation import Foundation
 from server.problem import FieldError, Problem, conflict, unprocessable
+from server.service.drafting import broken_limits, draft_of, outdated_by
 from server.service.fleet import Fleet
 from server.service.picture import Picture
 from server.service.plan_document import Draft, draft_document, legs_of, search_document
 from server.service.plan_ledger import PlanLedger
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
 from server.service.task.problem import PLAN_SURVEY, MapSamples, SurveyProblem
+from server.service.turn import Work, until_stored
 from server.service.view.plan import ProgressView, ViolationView
 from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
 
 log = logging.getLogger(__name__)
-
-_APPROACH_SHARE = 0.5
-"""A swim back into the domain may cost at most this share of a round's energy."""
-_PATIENCE = 2.0
-"""A robot comes up when the mission takes this many times its planned duration,"""
-_PATIENCE_S = 900.0
-"""and this much."""
 
 
 class Planning:
@@ -101,7 +94,8 @@ class Planning:
         """
         north_m, east_m, _ = self._position(robot)
         first = approach(config, (north_m, east_m))
-        if first is not None and first.energy > _APPROACH_SHARE * config.round_budget:
+        longest = config.mission.approach_share * config.round_budget
+        if first is not None and approach_energy(config, first) > longest:
             away_m = math.dist(first.start_ned, first.end_ned)
             raise conflict(
                 f"{robot} is {away_m:.2f} m outside the domain; "
@@ -113,7 +107,7 @@ class Planning:
         """Return the least energy of a further round: back into the domain, and one primitive."""
         north_m, east_m, _ = self._position(robot)
         first = approach(config, (north_m, east_m))
-        return least_energy(config) + (0.0 if first is None else first.energy)
+        return least_energy(config) + approach_energy(config, first)
 
     async def plan_survey(
         self,
@@ -166,18 +160,22 @@ class Planning:
         self._refuse_while_storage_fails()
         start = self._position(robot)
         flown = legs_from(config, (start[0], start[1]), legs)
-        draft = self._draft(robot, config, candidate_of(config, flown))
+        draft = await self._draft(robot, config, candidate_of(config, flown))
         plan = await self._ledger.add(
             robot, "primitives", config=config.model_dump(mode="json"), config_id=config_id, by=by
         )
-        return await self._ledger.move(
-            plan.id,
-            "draft",
-            f"{plan.id} for {robot} is a draft.",
-            only_from=("planning",),
-            sha256=draft.mission.sha256(),
-            document=draft_document(draft),
-        )
+        try:
+            return await self._ledger.move(
+                plan.id,
+                "draft",
+                f"{plan.id} for {robot} is a draft.",
+                only_from=("planning",),
+                sha256=draft.mission.sha256(),
+                document=draft_document(draft),
+            )
+        except StoreUnavailableError:
+            self._begin(plan.id, self._settle(plan.id, lambda: self._interrupted(plan.id)))
+            raise
 
     async def cancel(self, plan: str) -> PlanRecord:
         """Stop planning, or throw a draft away.
@@ -187,12 +185,8 @@ class Planning:
             Problem: 409 once the plan has left the station.
         """
         record = await self._ledger.get(plan)
-        task = self._tasks.get(plan)
-        if task is not None:
-            task.cancel()
-            await asyncio.wait([task])
         try:
-            return await self._ledger.move(
+            cancelled = await self._ledger.move(
                 plan,
                 "cancelled",
                 f"{plan} was cancelled.",
@@ -204,17 +198,23 @@ class Planning:
                 f"{error} Only a plan that has not left the station can be cancelled; "
                 f"surface {record.robot} to end one that it flies."
             ) from error
+        task = self._tasks.get(plan)
+        if task is not None:
+            task.cancel()
+            await asyncio.wait([task])
+        return cancelled
 
     async def check(self, plan: str) -> list[ViolationView]:
-        """Check a draft again, against the limits that hold now.
+        """Check a draft again: against its limits, and whether it still fits the robot.
 
         Raises:
             UnknownIdError: If there is no such plan.
         """
         record = await self._ledger.get(plan)
+        picture = self._fleet.picture(record.robot)
         config = PlannerConfig.model_validate(record.config)
-        legs = legs_of(record.document)
-        return list(self._violations(record.robot, config, legs))
+        limits = broken_limits(picture, config, legs_of(record.document))
+        return [*limits, *outdated_by(picture, record, self._foundation.clock.now())]
 
     def _begin(self, plan: str, work: Any) -> None:  # noqa: ANN401 - a coroutine
         task = self._foundation.background.start(f"planning {plan}", work)
@@ -224,29 +224,45 @@ class Planning:
     async def _search(
         self, plan: PlanRecord, config: PlannerConfig, start_xy: tuple[float, float], budget: float
     ) -> None:
+        """Search, then settle the plan as soon as storage takes it."""
         try:
-            problem = SurveyProblem(
-                planner=config,
-                field=await self._field_config(plan.robot, config),
-                samples=await self._samples(plan.robot),
-                start_xy=start_xy,
-                budget=budget,
-                round_number=plan.round,
-            )
-            self._ledger.set_progress(plan, ProgressView(0.0, config.planning_time_s, None, 0))
-            result: PlanResult = await self._workers.run(
-                PLAN_SURVEY,
-                problem,
-                on_progress=lambda point: self._ledger.set_progress(
-                    plan, _progress(point, config.planning_time_s)
-                ),
-            )
-            await self._finish(plan, config, result)
+            result = await self._result(plan, config, start_xy, budget)
         except (WorkerTaskError, WorkerEndedError) as error:
             log.warning("%s was not planned: %s", plan.id, error)
-            await self._fail(plan.id, f"{error} Plan again.")
-        except StoreError as error:
+            message = f"{error} Plan again."
+            await self._settle(plan.id, lambda: self._fail(plan.id, message))
+        except StoreUnavailableError as error:
             log.warning("%s was not planned: %s", plan.id, error)
+            await self._settle(plan.id, lambda: self._interrupted(plan.id))
+        else:
+            await self._settle(plan.id, lambda: self._finish(plan, config, result))
+
+    async def _result(
+        self, plan: PlanRecord, config: PlannerConfig, start_xy: tuple[float, float], budget: float
+    ) -> PlanResult:
+        problem = SurveyProblem(
+            planner=config,
+            field=await self._field_config(plan.robot, config),
+            samples=await self._samples(plan.robot),
+            start_xy=start_xy,
+            budget=budget,
+            round_number=plan.round,
+        )
+        self._ledger.set_progress(plan, ProgressView(0.0, config.planning_time_s, None, 0))
+        return await self._workers.run(
+            PLAN_SURVEY,
+            problem,
+            on_progress=lambda point: self._ledger.set_progress(
+                plan, _progress(point, config.planning_time_s)
+            ),
+        )
+
+    async def _settle(self, plan: str, step: Work) -> None:
+        """Take the last step of planning; someone else may have ended the plan meanwhile."""
+        try:
+            await until_stored(f"the end of planning {plan}", step)
+        except PlanStateError as error:
+            log.info("%s needs no end of planning: %s", plan, error)
 
     async def _finish(self, plan: PlanRecord, config: PlannerConfig, result: PlanResult) -> None:
         found = search_document(
@@ -255,7 +271,7 @@ class Planning:
         if result.best is None or result.status is PlanStatus.NOTHING_FEASIBLE:
             await self._fail(plan.id, result.message, found)
             return
-        draft = self._draft(plan.robot, config, result.best)
+        draft = await self._draft(plan.robot, config, result.best)
         await self._ledger.move(
             plan.id,
             "draft",
@@ -276,31 +292,13 @@ class Planning:
             document={**(document or {}), "message": message},
         )
 
-    def _draft(self, robot: str, config: PlannerConfig, best: Candidate) -> Draft:
-        first = best.legs[0].start_ned
-        settings = MissionSettings(
-            sample_period_s=config.primitives.point_interval_s,
-            max_uncertainty_m=config.max_uncertainty_m,
-            timeout_s=_PATIENCE * best.duration_s + _PATIENCE_S,
-            start_x_m=first[0],
-            start_y_m=first[1],
-        )
-        return Draft(
-            mission=Mission.from_legs(settings, best.legs),
-            points=best.points,
-            energy=best.energy,
-            duration_s=best.duration_s,
-            worst_std_m=best.worst_std_m,
-            violations=self._violations(robot, config, best.legs),
-        )
+    async def _interrupted(self, plan: str) -> None:
+        message = "The station's storage failed while it planned; plan again."
+        await self._fail(plan, message, {"interrupted": True})
 
-    def _violations(
-        self, robot: str, config: PlannerConfig, legs: Sequence[Leg]
-    ) -> tuple[ViolationView, ...]:
-        site = self._fleet.picture(robot).record.site
-        return tuple(
-            ViolationView(one.field, one.message) for one in violations(tuple(legs), config, site)
-        )
+    async def _draft(self, robot: str, config: PlannerConfig, best: Candidate) -> Draft:
+        trim = await self._foundation.configurations.current("trim", robot)
+        return draft_of(self._fleet.picture(robot), config, trim, best)
 
     async def _field_config(self, robot: str, planner: PlannerConfig) -> FieldConfig:
         found = await self._foundation.configurations.current("field", robot)

@@ -8,9 +8,12 @@ from typing import Protocol
 
 from db.query.robots import RobotRecord
 from robot_link.clock import Clock
+from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import (
     CommandKind,
+    CommandLevel,
     CommandNumber,
+    CommandReport,
     LinkEvent,
     LogId,
     OnboardPlanState,
@@ -24,6 +27,9 @@ from robot_link.transport.opening import open_transport
 from server.service.link import Radio
 
 log = logging.getLogger(__name__)
+
+_LOOK_S = 1.0
+"""Wall time between two looks for commands that expired."""
 
 
 class Link(Radio, Protocol):
@@ -49,7 +55,8 @@ class Road:
     """The ``Radio`` of the services. Belongs to one event loop.
 
     It stays the same while the link behind it is replaced because a robot was added. A robot
-    without a link of its own cannot be told anything: its commands wait until they expire.
+    without a link of its own cannot be told anything: its commands wait here until it gets one,
+    when whoever sent them sends them again, or until they expire.
     """
 
     def __init__(
@@ -61,6 +68,8 @@ class Road:
         self._robots: dict[RobotId, RobotEndpoint] = {}
         self._link = make({}, clock, on_event)
         self._changed = asyncio.Event()
+        self._waiting: dict[tuple[RobotId, CommandNumber], datetime] = {}
+        """When each command for a robot without a link expires."""
 
     def set_robots(self, robots: Iterable[RobotRecord]) -> bool:
         """Say which robots there are; tell whether the road changed."""
@@ -73,6 +82,7 @@ class Road:
             return False
         self._link = self._make(endpoints, self._clock, self._on_event)
         self._robots = endpoints
+        self._waiting = {key: end for key, end in self._waiting.items() if key[0] not in endpoints}
         self._changed.set()
         return True
 
@@ -83,7 +93,11 @@ class Road:
             link = asyncio.create_task(self._link.run(), name="link")
             change = asyncio.create_task(self._changed.wait(), name="link change")
             try:
-                await asyncio.wait({link, change}, return_when=asyncio.FIRST_COMPLETED)
+                while not (link.done() or change.done()):
+                    self._expire()
+                    await asyncio.wait(
+                        {link, change}, timeout=_LOOK_S, return_when=asyncio.FIRST_COMPLETED
+                    )
                 if link.done():
                     link.result()
             finally:
@@ -98,7 +112,7 @@ class Road:
                 robot=robot,
                 sha256=mission.sha256(),
                 items_sent=0,
-                items=len(mission.legs),
+                items=item_count(mission),
                 state=OnboardPlanState.FAILED,
                 reason=f"{robot} has no link; give it one.",
                 at=self._clock.now(),
@@ -123,8 +137,19 @@ class Road:
             self._link.send_command(robot, kind, number, expires, plan)
         else:
             log.warning("%s has no link; its %s order waits", robot, kind)
+            self._waiting[robot, number] = expires
 
     def acknowledge_samples(self, robot: RobotId, log: LogId, sequences: Iterable[int]) -> None:
         """Tell a robot that these samples are stored."""
         if robot in self._robots:
             self._link.acknowledge_samples(robot, log, sequences)
+
+    def _expire(self) -> None:
+        """Tell of the commands that found no link in time."""
+        now = self._clock.now()
+        for (robot, number), expires in list(self._waiting.items()):
+            if expires <= now:
+                del self._waiting[robot, number]
+                reason = f"{robot} has no link; give it one."
+                level = CommandLevel.EXPIRED
+                self._on_event(CommandReport(robot, number, level, now, "", reason))

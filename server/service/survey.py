@@ -23,6 +23,7 @@ from db.query.plans import PlanRecord
 from db.query.samples import sample_columns
 from server.foundation import Foundation
 from server.problem import Problem, conflict
+from server.service.drafting import outdated_by
 from server.service.field_model import MODEL_TITLES
 from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
@@ -259,6 +260,9 @@ class Surveys:
                 return
             case "draft" if not record.automation:
                 await self._missions.advance(mission, "ready", f"{plan.id} is ready to be sent.")
+            case "draft" if self._is_outdated(plan):
+                await self._next_round(record, plans, plan.round)
+                await self._planning.cancel(plan.id)
             case "draft" | "sent" | "on_board":
                 if record.automation:
                     await self._send(record, plan)
@@ -268,6 +272,12 @@ class Surveys:
                 await self._round_ended(record, plans)
             case _:
                 await self._plan_ended_badly(record, plans)
+
+    def _is_outdated(self, plan: PlanRecord) -> bool:
+        """Tell whether a draft that nobody sends yet was made for another place or time."""
+        picture = self._fleet.picture(plan.robot)
+        is_waiting = not self._uploads.is_under_way(plan.robot)
+        return is_waiting and bool(outdated_by(picture, plan, self._foundation.clock.now()))
 
     async def _send(self, record: MissionRecord, plan: PlanRecord) -> None:
         try:

@@ -12,6 +12,21 @@ RETRY_S = 0.5
 Work = Callable[[], Awaitable[None]]
 
 
+async def until_stored(name: str, work: Work) -> None:
+    """Do a piece of work, again while storage fails under it; whatever else it raises is passed on.
+
+    Args:
+        name: What waits, for the log.
+        work: Must mean the same if done twice.
+    """
+    while True:
+        try:
+            return await work()
+        except StoreUnavailableError as error:
+            log.warning("%s waits for the storage: %s", name, error)
+            await asyncio.sleep(RETRY_S)
+
+
 class Turns:
     """A queue of small pieces of work, done one after another by ``run``.
 
@@ -31,14 +46,7 @@ class Turns:
         """Work until cancelled."""
         while True:
             work = await self._queue.get()
-            while True:
-                try:
-                    await work()
-                except StoreUnavailableError as error:
-                    log.warning("%s wait for the storage: %s", self._name, error)
-                    await asyncio.sleep(RETRY_S)
-                except Exception:
-                    log.exception("one of the %s was dropped", self._name)
-                    break
-                else:
-                    break
+            try:
+                await until_stored(f"one of the {self._name}", work)
+            except Exception:
+                log.exception("one of the %s was dropped", self._name)

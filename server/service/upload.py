@@ -6,61 +6,30 @@ is not sent again, and one that did not is.
 """
 
 import asyncio
-import logging
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import replace
-from datetime import datetime, timedelta
 
 from sqlalchemy.orm import Session
 
-from db.fault import StoreError
 from db.query import transfers as query
-from db.query.plans import ENDED_STATES, PlanRecord, change_plan, get_plan
+from db.query.plans import ENDED_STATES, PlanRecord, get_plan
 from db.query.transfers import TransferRecord
-from robot_link.messages import (
-    CommandKind,
-    CommandLevel,
-    LinkState,
-    OnboardPlanState,
-    PlanHash,
-    PlanReport,
-    RobotId,
-    UploadReport,
-)
-from robot_link.mission import Mission
-from robot_link.station import UploadUnderWayError
+from robot_link.mavlink.mission_item import item_count
+from robot_link.messages import RobotId, UploadReport
 from server.foundation import Foundation
 from server.problem import FieldError, conflict
+from server.service.carriage import Carriage
 from server.service.command import Check, Commands
+from server.service.drafting import SENDABLE, outdated_by
 from server.service.fleet import Fleet
 from server.service.link import Radio
 from server.service.plan_document import mission_of
 from server.service.plan_ledger import PlanLedger
+from server.service.transfer_row import transfer_view, withdraw_in
 from server.service.view.plan import TransferView
 
-log = logging.getLogger(__name__)
-
-HOLDS = (OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING, OnboardPlanState.DONE)
-"""States in which a robot has the plan that it names, whole."""
-SENDABLE = ("draft", "on_board")
-"""States of a plan that can be sent; one that is on board already is only started."""
-_ATTEMPTS = 3
-_PAUSE_S = 2.0
-_POLL_S = 0.2
 _NOTICE_S = 2.0
-_START_PATIENCE_S = 20.0
-"""Wall time for a robot to say that it flies the plan after it was told to start."""
-_LIFE = timedelta(hours=24)
-"""A transfer that found no contact for this long, by the robots' clock, is given up."""
-
-
-class TransferError(Exception):
-    """The transfer cannot go on; the message says why to a person."""
-
-
-class WithdrawnError(Exception):
-    """Someone ended the transfer; it must not do anything more."""
 
 
 class Uploads:
@@ -82,9 +51,8 @@ class Uploads:
         self._commands = commands
         self._radio = radio
         self._tasks: dict[str, asyncio.Task[None]] = {}
-        self._robots: dict[str, str] = {}
-        """Transfer under way by robot."""
-        self._items_sent: dict[str, int] = {}
+        self._carriages: dict[str, Carriage] = {}
+        """What is under way to each robot."""
         self._asking: dict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
         commands.purges.append(withdraw_in)
         commands.on_surface.append(self._stop_for)
@@ -104,13 +72,20 @@ class Uploads:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
-    async def upload(self, plan: str, *, start: bool, check: Check | None = None) -> str:
+    def is_under_way(self, robot: str) -> bool:
+        """Tell whether a plan is on its way to a robot."""
+        return robot in self._carriages
+
+    async def upload(
+        self, plan: str, *, start: bool, check: Check | None = None, confirmed: bool = False
+    ) -> str:
         """Begin to bring a plan on board and return the transfer's id.
 
         Args:
             plan: Id of the plan.
             start: Whether the robot is told to fly it as soon as it is on board.
             check: Asked in the transaction; what it raises keeps the transfer from beginning.
+            confirmed: Whether a person wants it flown although it no longer fits the robot.
 
         Raises:
             UnknownIdError: If there is no such plan.
@@ -120,7 +95,7 @@ class Uploads:
         record = await self._ledger.get(plan)
         async with self._asking[record.robot]:
             under_way = await self._under_way(record, start=start)
-            return under_way or await self._new_transfer(record, start, check)
+            return under_way or await self._new_transfer(record, start, check, confirmed=confirmed)
 
     async def view(self, transfer: str) -> TransferView:
         """Return a transfer and how far it is proved.
@@ -129,17 +104,29 @@ class Uploads:
             UnknownIdError: If there is none of this id.
         """
         record = await self._store.query(lambda session: query.get_transfer(session, transfer))
-        sent = max(record.items_sent, self._items_sent.get(transfer, 0))
-        return transfer_view(replace(record, items_sent=sent))
+        carriage = self._carriages.get(record.robot)
+        if carriage is not None and carriage.transfer.id == transfer:
+            record = replace(record, items_sent=max(record.items_sent, carriage.items_sent))
+        return transfer_view(record)
 
     def take(self, report: UploadReport) -> None:
         """Take how far the link is with an upload."""
-        transfer = self._robots.get(report.robot)
-        if transfer is not None:
-            self._items_sent[transfer] = report.items_sent
+        carriage = self._carriages.get(report.robot)
+        if carriage is not None:
+            carriage.take(report)
 
-    async def _new_transfer(self, record: PlanRecord, start: bool, check: Check | None) -> str:
+    async def withdraw(self, robot: str, reason: str) -> None:
+        """End the transfer to a robot that is under way; a plan that had not arrived is a draft."""
+        at = self._clock.now()
+        await self._store.write(lambda session: withdraw_in(session, robot, at, reason))
+        await self._stop_for(robot)
+
+    async def _new_transfer(
+        self, record: PlanRecord, start: bool, check: Check | None, *, confirmed: bool
+    ) -> str:
         _check_sendable(record, await self._ledger.of_robot(record.robot, ("running",)))
+        if not confirmed:
+            self._check_fits(record)
         mission = mission_of(record)
         at = self._clock.now()
 
@@ -152,7 +139,7 @@ class Uploads:
                 session,
                 record.id,
                 record.robot,
-                items=len(mission.legs),
+                items=item_count(mission),
                 size=len(mission.canonical_bytes()),
                 start=start,
                 at=at,
@@ -169,210 +156,64 @@ class Uploads:
         Raises:
             Problem: 409 if another transfer to the robot is under way.
         """
-        transfer = self._robots.get(plan.robot)
-        if transfer is None:
+        carriage = self._carriages.get(plan.robot)
+        if carriage is None:
             return None
-        record = await self._store.query(lambda session: query.get_transfer(session, transfer))
-        if (await self._ledger.get(record.plan)).state in ENDED_STATES:
+        transfer = carriage.transfer
+        if (await self._ledger.get(transfer.plan)).state in ENDED_STATES:
             # The plan was flown already; its transfer only has to notice.
-            await asyncio.wait([self._tasks[transfer]], timeout=_NOTICE_S)
-            if transfer not in self._tasks:
+            await asyncio.wait([self._tasks[transfer.id]], timeout=_NOTICE_S)
+            if transfer.id not in self._tasks:
                 return None
-        if record.plan != plan.id or record.start != start:
+        if transfer.plan != plan.id or transfer.start != start:
             raise conflict(
-                f"{record.plan} is on its way to {plan.robot}; wait until {transfer} has ended."
+                f"{transfer.plan} is on its way to {plan.robot}; wait until {transfer.id} "
+                "has ended."
             )
-        return transfer
+        return transfer.id
+
+    def _check_fits(self, plan: PlanRecord) -> None:
+        """Refuse a plan that was made for another place or time, unless a person insists."""
+        found = outdated_by(self._fleet.picture(plan.robot), plan, self._clock.now())
+        if found:
+            reasons = " ".join(one.message for one in found)
+            raise conflict(
+                f"{plan.id} is outdated: {reasons} Plan again, or confirm that it shall be flown "
+                "all the same.",
+                [FieldError(loc=[one.field], msg=one.message) for one in found],
+            )
 
     def _begin(self, transfer: TransferRecord) -> None:
+        carriage = Carriage(
+            transfer, self._foundation, self._fleet, self._ledger, self._commands, self._radio
+        )
         task = self._foundation.background.start(
-            f"{transfer.id} to {transfer.robot}", self._carry(transfer)
+            f"{transfer.id} to {transfer.robot}", self._carry(carriage)
         )
         self._tasks[transfer.id] = task
-        self._robots[transfer.robot] = transfer.id
-        task.add_done_callback(lambda _: self._ended(transfer))
+        self._carriages[transfer.robot] = carriage
+        task.add_done_callback(lambda _: self._ended(carriage))
 
-    def _ended(self, transfer: TransferRecord) -> None:
+    async def _carry(self, carriage: Carriage) -> None:
+        reason = await carriage.run()
+        if reason:
+            for listener in self.on_failure:
+                listener(carriage.transfer.plan, reason)
+
+    def _ended(self, carriage: Carriage) -> None:
+        transfer = carriage.transfer
         self._tasks.pop(transfer.id, None)
-        self._items_sent.pop(transfer.id, None)
-        if self._robots.get(transfer.robot) == transfer.id:
-            del self._robots[transfer.robot]
-
-    async def withdraw(self, robot: str, reason: str) -> None:
-        """End the transfer to a robot that is under way; a plan that had not arrived is a draft."""
-        at = self._clock.now()
-        await self._store.write(lambda session: withdraw_in(session, robot, at, reason))
-        await self._stop_for(robot)
+        if self._carriages.get(transfer.robot) is carriage:
+            del self._carriages[transfer.robot]
 
     async def _stop_for(self, robot: str) -> None:
-        transfer = self._robots.get(robot)
-        task = None if transfer is None else self._tasks.get(transfer)
+        carriage = self._carriages.get(robot)
+        task = None if carriage is None else self._tasks.get(carriage.transfer.id)
         if task is not None:
             task.cancel()
             self._radio.cancel_upload(RobotId(robot), "it was withdrawn")
             await asyncio.wait([task])
         await self._ledger.refresh(robot)
-
-    async def _carry(self, transfer: TransferRecord) -> None:
-        try:
-            plan = await self._ledger.get(transfer.plan)
-            await self._bring_on_board(transfer, plan)
-            if transfer.start:
-                await self._start(transfer, plan)
-            await self._change(transfer, ended_at=self._clock.now())
-        except TransferError as error:
-            await self._give_up(transfer, str(error))
-        except WithdrawnError:
-            log.info("%s was withdrawn", transfer.id)
-        except StoreError as error:
-            # The row stays open: the transfer goes on when the station starts again.
-            log.warning("%s was interrupted: %s", transfer.id, error)
-
-    async def _bring_on_board(self, transfer: TransferRecord, plan: PlanRecord) -> None:
-        mission, reason = mission_of(plan), ""
-        for attempt in range(_ATTEMPTS):
-            if attempt:
-                await asyncio.sleep(_PAUSE_S)
-            await self._contact(transfer, plan)
-            if self._holds(plan):
-                break
-            reason = await self._send(transfer, plan, mission)
-            if not reason:
-                break
-        else:
-            raise TransferError(reason)
-        await self._change(
-            transfer, state="on_board", level=CommandLevel.APPLIED.value, items_sent=transfer.items
-        )
-        await self._ledger.advance(
-            plan.id,
-            "on_board",
-            f"{plan.robot} has {plan.id} on board.",
-            only_from=("draft", "sent"),
-        )
-
-    async def _send(self, transfer: TransferRecord, plan: PlanRecord, mission: Mission) -> str:
-        """Upload once; return why it did not get on board, or ""."""
-        await self._change(transfer, state="sending", level=CommandLevel.QUEUED.value)
-        await self._ledger.advance(
-            plan.id, "sent", f"{plan.id} is on its way to {plan.robot}.", only_from=("draft",)
-        )
-        try:
-            report = await self._radio.upload(RobotId(plan.robot), mission)
-        except UploadUnderWayError:
-            return "another upload had not ended"
-        if report.state is OnboardPlanState.REFUSED:
-            raise TransferError(f"{plan.robot} refused {plan.id}: {report.reason}")
-        return "" if report.state in HOLDS else report.reason or "the robot did not answer"
-
-    async def _contact(self, transfer: TransferRecord, plan: PlanRecord) -> None:
-        """Wait until the robot can be reached, or says that it has the plan."""
-        picture = self._fleet.picture(plan.robot)
-        deadline = transfer.started_at + _LIFE
-        while not (picture.link_state is LinkState.LIVE or self._holds(plan)):
-            if self._clock.now() > deadline:
-                raise TransferError(f"{plan.robot} was not heard for {_LIFE.days} day.")
-            await asyncio.sleep(_POLL_S)
-
-    async def _start(self, transfer: TransferRecord, plan: PlanRecord) -> None:
-        if plan.sha256 is None:
-            raise TransferError(f"{plan.id} has no hash.")
-        for _ in range(_ATTEMPTS):
-            if self._has_begun(plan):
-                break
-            await self._contact(transfer, plan)
-            await self._commands.send(
-                plan.robot,
-                CommandKind.START,
-                by="the station",
-                plan=PlanHash(plan.sha256),
-                check=lambda session: _check_open(session, transfer.id),
-            )
-            if await self._begins(plan):
-                break
-        else:
-            raise TransferError(f"{plan.robot} has {plan.id} on board but does not start it.")
-        await self._change(transfer, state="running")
-
-    async def _begins(self, plan: PlanRecord) -> bool:
-        """Wait for the robot to say that it flies the plan."""
-        with_patience = asyncio.get_running_loop().time() + _START_PATIENCE_S
-        while not self._has_begun(plan):
-            if asyncio.get_running_loop().time() > with_patience:
-                return False
-            await asyncio.sleep(_POLL_S)
-        return True
-
-    def _report_of(self, plan: PlanRecord) -> PlanReport | None:
-        report = self._fleet.picture(plan.robot).plan_report
-        return report if report is not None and report.sha256 == plan.sha256 else None
-
-    def _holds(self, plan: PlanRecord) -> bool:
-        report = self._report_of(plan)
-        return report is not None and report.state in HOLDS
-
-    def _has_begun(self, plan: PlanRecord) -> bool:
-        report = self._report_of(plan)
-        begun = (OnboardPlanState.RUNNING, OnboardPlanState.DONE, OnboardPlanState.FAILED)
-        return report is not None and report.state in begun
-
-    async def _change(self, transfer: TransferRecord, **changes: object) -> None:
-        await self._store.write(
-            lambda session: query.change_transfer(session, transfer.id, **changes)
-        )
-
-    async def _give_up(self, transfer: TransferRecord, reason: str) -> None:
-        at = self._clock.now()
-        record = await self._store.write(
-            lambda session: _close(session, transfer, "failed", reason, at)
-        )
-        if record is not None:
-            self._ledger.publish(record)
-        for listener in self.on_failure:
-            listener(transfer.plan, reason)
-
-
-def withdraw_in(session: Session, robot: str, at: datetime, reason: str) -> None:
-    """Withdraw the transfers to a robot, in the transaction of a surface order."""
-    for transfer in query.open_transfers(session):
-        if transfer.robot == robot:
-            _close(session, transfer, "withdrawn", reason, at)
-
-
-def transfer_view(record: TransferRecord) -> TransferView:
-    """Return a transfer as REST says it."""
-    return TransferView(
-        id=record.id,
-        robot=record.robot,
-        plan_id=record.plan,
-        state=record.state,
-        items_sent=record.items_sent,
-        items=record.items,
-        bytes=record.bytes,
-        level=record.level,
-        started_at=record.started_at,
-        ended_at=record.ended_at,
-        reason=record.reason,
-    )
-
-
-def _check_open(session: Session, transfer: str) -> None:
-    if query.get_transfer(session, transfer).ended_at is not None:
-        raise WithdrawnError
-
-
-def _close(
-    session: Session, transfer: TransferRecord, state: str, reason: str, at: datetime
-) -> PlanRecord | None:
-    """End a transfer that is open; a plan that had not arrived is a draft again."""
-    if query.get_transfer(session, transfer.id).ended_at is not None:
-        return None
-    query.change_transfer(session, transfer.id, state=state, reason=reason, ended_at=at)
-    plan = get_plan(session, transfer.plan)
-    if plan.state != "sent":
-        return change_plan(session, plan.id, at=at, document={"message": reason})
-    message = f"Not confirmed on board: {reason}"
-    return change_plan(session, plan.id, at=at, state="draft", document={"message": message})
 
 
 def _check_sendable(plan: PlanRecord, running: list[PlanRecord]) -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from robot_link.clock import Clock
-from robot_link.messages import LinkState, OnboardPlanState
+from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState
 from server.alarm import AlarmBoard
 from server.service.fleet import Fleet
 from server.service.picture import Picture
@@ -90,6 +90,8 @@ def _ended_early(picture: Picture, watch: Watch) -> Verdict | None:
     del watch
     report = picture.plan_report
     if report is None or report.state is not OnboardPlanState.FAILED:
+        return None
+    if report.reason == SURFACED_BY_COMMAND:
         return None
     return Verdict(
         "watch", f"{picture.record.id} ended its plan early: {report.reason or 'no reason given'}"

@@ -4,7 +4,12 @@ from enum import Enum, auto
 
 from autonomy.planner.config import EnergyConfig
 from autonomy.planner.plan import Leg, PrimitiveKind
-from robot_link.messages import CommandKind, OnboardPlanState, RobotMode
+from robot_link.messages import (
+    SURFACED_BY_COMMAND,
+    CommandKind,
+    OnboardPlanState,
+    RobotMode,
+)
 from robot_link.mission import Mission
 from robot_link.onboard import CommandOutcome
 from simulator.onboard.account import EnergyAccount
@@ -121,7 +126,7 @@ class Executive:
         match kind:
             case CommandKind.SURFACE:
                 if running:
-                    self._abort("surfaced by command")
+                    self._abort(SURFACED_BY_COMMAND)
                 return CommandOutcome.DONE
             case CommandKind.HOLD | CommandKind.RESUME:
                 if not running:

@@ -56,7 +56,7 @@ def test_a_plan_outside_the_domain_but_in_the_water_is_refused_for_the_domain():
 def test_the_budget_is_named_with_both_numbers():
     config = CONFIG.model_copy(update={"round_budget": 1.0})
     assert found(there_and_back(), config) == {
-        "round_budget": "The plan takes 2.408 energy units; a round may use 1."
+        "round_budget": "The plan takes 2.433 energy units; a round may use 1."
     }
 
 

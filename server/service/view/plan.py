@@ -92,6 +92,8 @@ class OnboardView(View):
     leg: int
     legs: int
     energy_used: float
+    overspent: float = 0.0
+    """Energy units that the robot used beyond the plan's account."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,6 +112,8 @@ class PlanView(View):
     config_id: str | None
     """The version of the planner's configuration that this plan was made with."""
     config: dict[str, Any]
+    trim_id: str | None
+    """The version of the robot's trim that this plan brings on board; ``null`` for the preset."""
     created_at: datetime
     legs: list[LegView]
     points: list[list[float]]

@@ -7,8 +7,10 @@ from datetime import UTC, datetime
 import numpy as np
 
 from autonomy.field.synthetic import measure
+from autonomy.planner.config import MINIGLIDER
 from autonomy.planner.primitive import position_at
 from robot_link.messages import (
+    SURFACED_BY_COMMAND,
     CommandKind,
     CommandLevel,
     CommandReport,
@@ -62,6 +64,7 @@ class FakeRobot:
         self.leg = 0
         self.energy_used = 0.0
         self.reason = ""
+        self.overspends = 0.0
         self.sequence = 0
         self.may_fly = asyncio.Event()
         self.may_fly.set()
@@ -97,7 +100,8 @@ class FakeRobot:
                 return
             for part in range(1, SAMPLES_PER_LEG + 1):
                 self.sample(position_at(leg, part / SAMPLES_PER_LEG))
-            self.energy_used += leg.energy
+            surfacing = MINIGLIDER.surfacing_energy if leg.start_ned[2] == 0.0 else 0.0
+            self.energy_used += leg.energy + surfacing + self.overspends
             self.tell(state_report(self.id, leg.end_ned, mode=RobotMode.GLIDING))
             self.say()
             await asyncio.sleep(0)
@@ -152,7 +156,8 @@ class FakeLink:
         report = UploadReport(
             robot, mission.sha256(), 1, len(mission.legs), OnboardPlanState.RECEIVING, "", _now()
         )
-        self.on_event(report)
+        if self.world.radio_takes:
+            self.on_event(report)
         await self.world.may_upload.wait()
         if self.world.refuse_upload:
             return replace(
@@ -175,7 +180,7 @@ class FakeLink:
         if kind is CommandKind.START and fake.state is OnboardPlanState.ON_BOARD:
             self.world.flights.append(asyncio.ensure_future(fake.fly()))
         if kind is CommandKind.SURFACE and fake.state is OnboardPlanState.RUNNING:
-            fake.end_early("told to surface")
+            fake.end_early(SURFACED_BY_COMMAND)
 
     def level(self, robot, number, level):
         self.on_event(CommandReport(robot, number, level, _now(), "xbee"))
@@ -196,6 +201,8 @@ class World:
         self.acknowledged = []
         self.flights = []
         self.in_reach = True
+        self.radio_takes = True
+        """Whether the radio takes the bytes of an upload."""
         self.refuse_upload = None
         self.may_upload = asyncio.Event()
         self.may_upload.set()

@@ -139,9 +139,12 @@ async def test_surface_purges_the_automation_of_that_robot(client, station, worl
 
     async def plan_ended():
         plan = (await client.get(f"/api/plans/{found['plan_id']}")).json()
-        return plan["state"] == "failed"
+        return plan["state"] == "cancelled"
 
     await until(plan_ended)
+    plan = (await client.get(f"/api/plans/{found['plan_id']}")).json()
+    assert plan["message"] == f"mini-1 came up as ordered; that ended {plan['id']}."
+    assert plan["ladder"]["running_at"] is not None
     record = await station.foundation.store.query(lambda session: get_mission(session, mission))
     assert (record.state, record.automation) == ("stopped", False)
 

@@ -2,6 +2,7 @@ import asyncio
 
 import pytest
 
+from autonomy.planner.config import MINIGLIDER
 from autonomy.planner.plan import PrimitiveKind
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState
 from server.service.plan_document import mission_of
@@ -44,7 +45,7 @@ async def test_draft_has_legs_account_and_the_hash_that_the_robot_will_echo(clie
     assert [leg["kind"] for leg in found["legs"]] == ["dive", "dive"]
     assert found["legs"][0]["start_ned"] == [1.2, 0.6, 0.0]
     assert found["account"]["energy"] == pytest.approx(
-        sum(leg["energy"] for leg in found["legs"]), abs=0.01
+        sum(leg["energy"] for leg in found["legs"]) + MINIGLIDER.surfacing_energy, abs=0.01
     )
     assert found["account"]["bytes"] > 0
     assert len(found["sha256"]) == 64
@@ -62,7 +63,7 @@ async def test_plan_is_on_board_only_after_the_robot_echoed_its_hash(client, wor
     found = await plan_in(client, plan, "on_board")
     assert world.uploads == [(MINI, found["sha256"])]
     done = await transfer_in(client, transfer, "on_board")
-    assert (done["level"], done["items_sent"]) == ("applied", 2)
+    assert (done["level"], done["items_sent"]) == ("applied", 4), "settings, trim, two legs"
     ladder = found["ladder"]
     assert ladder["draft_at"] < ladder["sent_at"] < ladder["on_board_at"]
     assert ladder["running_at"] is None
@@ -73,7 +74,7 @@ async def test_started_plan_runs_and_is_done_when_the_robot_says_so(client, worl
     plan = await draft(client)
     await upload(client, plan, start=True)
     running = await plan_in(client, plan, "running")
-    assert running["onboard"] == {"leg": 0, "legs": 2, "energy_used": 0.0}
+    assert running["onboard"] == {"leg": 0, "legs": 2, "energy_used": 0.0, "overspent": 0.0}
     world.robots[MINI].may_fly.set()
     done = await plan_in(client, plan, "done")
     assert done["onboard"]["energy_used"] == pytest.approx(done["account"]["energy"], abs=0.01)

@@ -5,7 +5,14 @@ import pytest
 
 from autonomy.site import TANK
 from db.query.robots import RobotRecord
-from robot_link.messages import LinkReport, LinkState, OnboardPlanState, PlanReport, RobotId
+from robot_link.messages import (
+    SURFACED_BY_COMMAND,
+    LinkReport,
+    LinkState,
+    OnboardPlanState,
+    PlanReport,
+    RobotId,
+)
 from server.service.picture import Picture
 from server.service.track import POINTS_MAX, Track
 from server.service.watch import RULES, Watch
@@ -72,6 +79,13 @@ def test_plan_that_ended_early_alarms_with_its_reason(picture):
     picture.plan_report = report
     assert "the floor was near" in verdicts(picture)["plan ended early"].text
     picture.plan_report = replace(report, state=OnboardPlanState.RUNNING)
+    assert verdicts(picture) == {}
+
+
+def test_plan_that_a_person_ended_is_no_cause_of_alarm(picture):
+    picture.plan_report = PlanReport(
+        MINI, None, OnboardPlanState.FAILED, 1, 3, 2.0, SURFACED_BY_COMMAND, NOW, NOW
+    )
     assert verdicts(picture) == {}
 
 

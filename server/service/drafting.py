@@ -1,0 +1,78 @@
+"""Drafts: the mission that a trajectory becomes, and what speaks against flying it now."""
+
+from collections.abc import Sequence
+from datetime import datetime
+
+from autonomy.planner.check import outdated, violations
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.plan import Candidate, Leg
+from autonomy.vehicle.trim import TrimConfig
+from db.query.plans import PlanRecord
+from robot_link.mission import Mission, MissionSettings
+from server.configuration import CurrentConfiguration
+from server.service.picture import Picture
+from server.service.plan_document import Draft, legs_of
+from server.service.view.plan import ViolationView
+
+SENDABLE = ("draft", "on_board")
+"""States of a plan that can be sent; one that is on board already is only started."""
+
+
+def draft_of(
+    picture: Picture, config: PlannerConfig, trim: CurrentConfiguration, best: Candidate
+) -> Draft:
+    """Return a trajectory as a mission, with the account that an operator decides by.
+
+    Args:
+        picture: The robot that is to fly it.
+        config: Settings that it was planned with.
+        trim: The robot's trim, which the mission brings on board.
+        best: The trajectory.
+    """
+    first = best.legs[0].start_ned
+    offsets = trim.value
+    if not isinstance(offsets, TrimConfig):
+        raise TypeError("the trim's configuration is not one")
+    settings = MissionSettings(
+        sample_period_s=config.primitives.point_interval_s,
+        max_uncertainty_m=config.max_uncertainty_m,
+        timeout_s=config.mission.patience_factor * best.duration_s + config.mission.patience_s,
+        start_x_m=first[0],
+        start_y_m=first[1],
+        net_buoyancy_offset_kg=offsets.net_buoyancy_offset_kg,
+        mass_position_offset_m=offsets.mass_position_offset_m,
+    )
+    return Draft(
+        mission=Mission.from_legs(settings, best.legs),
+        points=best.points,
+        energy=best.energy,
+        duration_s=best.duration_s,
+        worst_std_m=best.worst_std_m,
+        violations=broken_limits(picture, config, best.legs),
+        trim_id=trim.id,
+    )
+
+
+def broken_limits(
+    picture: Picture, config: PlannerConfig, legs: Sequence[Leg]
+) -> tuple[ViolationView, ...]:
+    """Return every limit that legs break, whatever the time."""
+    found = violations(tuple(legs), config, picture.record.site)
+    return tuple(ViolationView(one.field, one.message) for one in found)
+
+
+def outdated_by(picture: Picture, plan: PlanRecord, now: datetime) -> tuple[ViolationView, ...]:
+    """Return why a plan that waits to be flown no longer fits the robot.
+
+    The robot may have drifted, or the water changed; a person may let it fly all the same.
+    """
+    state = picture.state
+    if plan.state not in SENDABLE or state is None:
+        return ()
+    found = outdated(
+        legs_of(plan.document),
+        PlannerConfig.model_validate(plan.config),
+        state.position_ned[:2],
+        (now - plan.created_at).total_seconds(),
+    )
+    return tuple(ViolationView(one.field, one.message) for one in found)
