@@ -15,6 +15,7 @@ KERNEL_MODULES = (
     "autonomy.estimation.rehearsal_kernel",
     "autonomy.control.integral_kernel",
     "autonomy.control.governor_kernel",
+    "autonomy.control.swimming_kernel",
     "autonomy.control.law",
     "autonomy.trial.kernel",
     "autonomy.planner.kernel",

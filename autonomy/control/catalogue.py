@@ -29,6 +29,11 @@ from autonomy.control.integral_config import (
     INTEGRAL_SIMULATION,
     IntegralConfig,
 )
+from autonomy.control.swimming_config import (
+    SWIMMING_PRESETS,
+    SWIMMING_SIMULATION,
+    SwimmingConfig,
+)
 from autonomy.vehicle.config import Vehicle
 
 if TYPE_CHECKING:
@@ -128,6 +133,15 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
                 GOVERNOR_SIMULATION,
                 law_number.GOVERNOR,
                 GovernorConfig.packed,
+            ),
+            ControllerKind(
+                "controller.swimming",
+                "Swimming controller",
+                SwimmingConfig,
+                SWIMMING_PRESETS,
+                SWIMMING_SIMULATION,
+                law_number.SWIMMING,
+                SwimmingConfig.packed,
             ),
         )
     }

@@ -6,9 +6,9 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
-from autonomy.control import governor_kernel, integral_kernel
+from autonomy.control import governor_kernel, integral_kernel, swimming_kernel
 from autonomy.control import kernel as thesis
-from autonomy.control.law_number import GOVERNOR, INTEGRAL, PID
+from autonomy.control.law_number import GOVERNOR, INTEGRAL, PID, SWIMMING
 from autonomy.vehicle import kernel as vehicle_kernel
 
 MEMORY_SIZE = governor_kernel.MEMORY_SIZE
@@ -22,6 +22,7 @@ backstepping_into = thesis.backstepping_into
 pid_into = thesis.pid_into
 integral_into = integral_kernel.integral_into
 governor_into = governor_kernel.governor_into
+swimming_into = swimming_kernel.swimming_into
 end_stops = thesis.end_stops
 """Names that numba resolves once, when it compiles."""
 
@@ -61,11 +62,15 @@ def command_into(
         integral_into(x, r, gains, p, dt_s, memory, scratch[0], scratch[1], scratch[2], out)
     elif law == GOVERNOR:
         governor_into(x, r, gains, p, dt_s, memory, scratch, out)
+    elif law == SWIMMING:
+        swimming_into(x, r, gains, p, dt_s, memory, scratch, out)
     else:
         backstepping_into(x, r, gains, p, 0.0, scratch[0], scratch[1], scratch[2], out)
     for i in range(3):
         low, high = end_stops(i, p)
         out[i] = 0.0 if math.isnan(out[i]) else min(max(out[i], low), high)
+    if math.isnan(out[3]):
+        out[3] = 0.0
 
 
 @kernel

@@ -1,3 +1,3 @@
 """Numbers of the control laws, by which compiled code chooses; free of compiled code itself."""
 
-BACKSTEPPING, PID, INTEGRAL, GOVERNOR = range(4)
+BACKSTEPPING, PID, INTEGRAL, GOVERNOR, SWIMMING = range(5)
