@@ -1,11 +1,17 @@
-"""Settings of the onboard estimators, and presets per vehicle."""
+"""Settings of the estimators, and presets per vehicle."""
+
+import math
+from typing import Literal
 
 from autonomy.configuration import Configuration, quantity
 
 
 class EstimatorConfig(Configuration):
-    """Noise that the position filter assumes, and the velocity observer's gains."""
+    """Which filter tells the position, the noise that it assumes, the velocity observer's gains."""
 
+    method: Literal["position", "model"] = quantity("position", title="Position by", advanced=True)
+    """``position``: velocity observer and position filter, which see no current. ``model``: one
+    filter on the vehicle's model that estimates current and ballast error from fixes and depth."""
     surface_depth_m: float = quantity(0.05, "m", title="Fix depth", gt=0.0, le=2.0)
     """At this depth or above, the horizontal position can be fixed from outside."""
     fix_std_m: float = quantity(0.01, "m", title="Fix noise", gt=0.0, le=100.0)
@@ -41,3 +47,157 @@ ESTIMATOR_PRESETS: dict[str, EstimatorConfig] = {
 }
 """Settings by vehicle: cameras over a tank, and a differential GPS (3 m at 95 %) on a lake with a
 current of a few centimetres a second that dead reckoning does not see."""
+
+
+class CurrentConfig(Configuration):
+    """How the water moves where the robot works, as far as nobody knows better.
+
+    Eddies are forgotten within a dive and add up to the estimator's drift; the steady part stays
+    for many dives, so that fixes can tell it.
+    """
+
+    eddy_correlation_s: float = quantity(3.0, "s", title="Eddy correlation time", gt=0.0, le=3600.0)
+    """Time over which an eddy remembers itself."""
+    steady_std_m_s: float = quantity(0.0, "m/s", title="Steady current", ge=0.0, le=3.0)
+    """Standard deviation per axis of the current that stays."""
+    steady_correlation_s: float = quantity(
+        36000.0, "s", title="Change of the steady current", gt=0.0, le=1e7, advanced=True
+    )
+    """Time over which the steady current changes."""
+
+    def eddy_std_m_s(self, drift_m_sqrt_s: float) -> float:
+        """Return the standard deviation of the eddies that add up to a drift, per axis."""
+        return drift_m_sqrt_s / math.sqrt(2.0 * self.eddy_correlation_s)
+
+
+class OutlierConfig(Configuration):
+    """When a measurement from outside is refused, and when the filter doubts itself instead."""
+
+    limit: float = quantity(20.0, title="Outlier limit", gt=1.0, le=1e6, advanced=True)
+    """Squared distance from the prediction, in standard deviations, beyond which a measurement is
+    refused. Two true coordinates exceed 20 once in 20 000 times, four once in 2000."""
+    patience: int = quantity(10, title="Patience with outliers", ge=1, le=10_000, advanced=True)
+    """So many refusals in a row, and the next measurement is believed: the filter was lost."""
+
+
+class DeadReckoningConfig(Configuration):
+    """What dead reckoning does not see: moving water, and errors of the model's velocity."""
+
+    current: CurrentConfig = quantity(CurrentConfig(), title="Current")
+    """Motion of the water."""
+    speed_error_m_s: float = quantity(
+        0.001, "m/s", title="Error of the model's speed", ge=0.0, le=1.0, display_unit="mm/s"
+    )
+    """Standard deviation per axis of the velocity that the model gives, beyond the current."""
+    speed_error_correlation_s: float = quantity(
+        40.0, "s", title="Correlation of that error", gt=0.0, le=1e7, advanced=True
+    )
+    """Time over which it stays: about half a dive, since wrong ballast errs down and up alike."""
+    greatest_speed_m_s: float = quantity(
+        0.25, "m/s", title="Greatest speed", gt=0.0, le=5.0, advanced=True
+    )
+    """How fast the robot may have moved while nothing was measured."""
+
+
+class ModelFilterConfig(Configuration):
+    """Noise of the filter on the vehicle's model, beyond what ``EstimatorConfig`` says."""
+
+    current: CurrentConfig = quantity(CurrentConfig(), title="Current")
+    """Motion of the water."""
+    buoyancy_bias_kg: float = quantity(
+        0.0003, "kg", title="Ballast error", ge=0.0, le=1.0, display_unit="g"
+    )
+    """Standard deviation of what the feedback of the net buoyancy says too much."""
+    buoyancy_correlation_s: float = quantity(
+        86400.0, "s", title="Change of the ballast error", gt=0.0, le=1e7, advanced=True
+    )
+    """Time over which the ballast error changes."""
+    acceleration_density: float = quantity(
+        1e-9, "m^2/s^3", title="Acceleration noise", gt=0.0, le=1.0, advanced=True
+    )
+    """Spectral density per body axis of accelerations that the model does not know."""
+    rate_noise_rad_sqrt_s: float = quantity(
+        0.003, "rad/s^0.5", title="Gyro noise", ge=0.0, le=1.0, advanced=True
+    )
+    """Root density of the angular velocity's noise, which times the speed is an acceleration: the
+    gyro's deviation by the root of its period, by the ratio of forward to sideways mass."""
+    heading_std_rad: float = quantity(
+        0.008, "rad", title="Heading error", ge=0.0, le=0.5, display_unit="deg", advanced=True
+    )
+    """Standard deviation of the filtered heading; turns the way made aside."""
+    tilt_std_rad: float = quantity(
+        0.0025, "rad", title="Tilt error", ge=0.0, le=0.5, display_unit="deg", advanced=True
+    )
+    """Standard deviation of the filtered roll and pitch; adds to the vertical speed."""
+    attitude_correlation_s: float = quantity(
+        1.0, "s", title="Attitude correlation", gt=0.0, le=3600.0, advanced=True
+    )
+    """Time over which the attitude's error stays."""
+    greatest_speed_m_s: float = quantity(
+        0.25, "m/s", title="Greatest speed", gt=0.0, le=5.0, advanced=True
+    )
+    """How fast the robot may have moved while nothing was measured."""
+    outlier: OutlierConfig = quantity(OutlierConfig(), title="Outliers", advanced=True)
+    """When a fix or a depth is refused."""
+
+
+class TagFilterConfig(Configuration):
+    """Noise of the filter that fuses AprilTag poses, depth, compass and gyro."""
+
+    tag_std_m: float = quantity(0.03, "m", title="Tag position noise", gt=0.0, le=5.0)
+    """Of one tag's position, per axis."""
+    tag_heading_std_rad: float = quantity(
+        0.05, "rad", title="Tag heading noise", gt=0.0, le=3.0, display_unit="deg"
+    )
+    """Of the heading that one tag shows."""
+    depth_std_m: float = quantity(0.003, "m", title="Depth noise", gt=0.0, le=5.0)
+    """Of one depth measurement."""
+    compass_std_rad: float = quantity(
+        math.radians(2.0), "rad", title="Compass noise", gt=0.0, le=3.0, display_unit="deg"
+    )
+    """Of one heading by the compass."""
+    gyro_std_rad_s: float = quantity(
+        0.005, "rad/s", title="Gyro noise", gt=0.0, le=1.0, advanced=True
+    )
+    """Of one turn rate."""
+    acceleration_density: float = quantity(
+        4.5e-5, "m^2/s^3", title="Acceleration noise", gt=0.0, le=1.0, advanced=True
+    )
+    """Spectral density of the horizontal acceleration: eddies, drift^2 over their squared
+    correlation time; the robot changes its own speed more slowly."""
+    vertical_acceleration_density: float = quantity(
+        6e-5, "m^2/s^3", title="Vertical acceleration noise", gt=0.0, le=1.0, advanced=True
+    )
+    """Spectral density of the vertical acceleration: from 4 cm/s down to 4 cm/s up, and to rest at
+    the surface, within a hundred seconds."""
+    turn_density: float = quantity(
+        1e-5, "rad^2/s^3", title="Turn acceleration noise", gt=0.0, le=1.0, advanced=True
+    )
+    """Spectral density of the angular acceleration about the vertical."""
+    outlier: OutlierConfig = quantity(OutlierConfig(), title="Outliers", advanced=True)
+    """When a tag's pose is refused."""
+
+
+DEAD_RECKONING_PRESETS: dict[str, DeadReckoningConfig] = {
+    "miniglider": DeadReckoningConfig(),
+    "grace3": DeadReckoningConfig(
+        current=CurrentConfig(eddy_correlation_s=20.0),
+        speed_error_m_s=0.003,
+        speed_error_correlation_s=80.0,
+        greatest_speed_m_s=0.5,
+    ),
+}
+"""Settings by vehicle: a tank that the robots stir, and a lake."""
+
+MODEL_FILTER_PRESETS: dict[str, ModelFilterConfig] = {
+    "miniglider": ModelFilterConfig(),
+    "grace3": ModelFilterConfig(
+        current=CurrentConfig(eddy_correlation_s=20.0),
+        buoyancy_bias_kg=0.002,
+        rate_noise_rad_sqrt_s=0.0012,
+        heading_std_rad=0.006,
+        tilt_std_rad=0.0015,
+        greatest_speed_m_s=0.5,
+    ),
+}
+"""Settings by vehicle, for the same waters."""

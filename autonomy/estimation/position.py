@@ -112,14 +112,7 @@ class PositionFilter:
     ) -> None:
         """Begin at a position known to ``position_std_m`` per axis, at rest."""
         self._config = config
-        self._noise = np.array(
-            [
-                config.acceleration_density,
-                config.drift_m_sqrt_s,
-                config.fix_std_m,
-                config.depth_std_m,
-            ]
-        )
+        self._noise = position_noise(config)
         self._axes = np.zeros((3, 5))
         self._axes[:, 0] = position_ned
         self._axes[:, 2] = position_std_m**2
@@ -173,3 +166,15 @@ class PositionFilter:
         if not (0.0 < dt_s < math.inf and np.isfinite([*velocity, depth_m, *xy]).all()):
             raise ValueError("the position filter needs dt > 0 and finite measurements")
         step_position(self._axes, dt_s, velocity, depth_m, xy, fix is not None, self._noise)
+
+
+def position_noise(config: EstimatorConfig) -> FloatArray:
+    """Return the noise as ``kernel.step_position`` takes it, shape ``(4,)``."""
+    return np.array(
+        [
+            config.acceleration_density,
+            config.drift_m_sqrt_s,
+            config.fix_std_m,
+            config.depth_std_m,
+        ]
+    )

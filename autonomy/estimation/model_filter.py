@@ -1,0 +1,271 @@
+"""One filter on the vehicle's model: position, velocity, current and ballast error together.
+
+Where dead reckoning only knows that the water moves, this filter learns how: each fix tells how
+far the water carried the robot since the last one, and the depth tells how much lighter or
+heavier it is than the pump's feedback says. The attitude is an input, as the thesis's observer
+takes it, so that no Euler angle is ever averaged.
+"""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.estimation import model_kernel as kernel
+from autonomy.estimation.config import EstimatorConfig, ModelFilterConfig
+from autonomy.frames import rotation_ned_from_body
+from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.surroundings import Surroundings
+
+LONGEST_STEP_S = 0.1
+"""Longest Runge-Kutta step of the filter's model."""
+LONGEST_SILENCE_S = 5.0
+"""After a longer time without readings nothing but a widened covariance is claimed."""
+_FIRST_SPEED_STD_M_S = 0.05
+
+
+class ModelFilter:
+    """Square-root unscented filter on the equations of motion with a current and a ballast error.
+
+    Args:
+        estimator: Noise of depth and fixes, the eddies' drift, and how deep a fix is believed.
+        config: Noise of everything else.
+        vehicle: Its model.
+        position_ned: Position at the beginning, m.
+        position_std_m: How well the horizontal position is known, per axis.
+        attitude_rad: Roll, pitch and heading at the beginning.
+        actuators: Net mass kg, sliding mass m and tail rad at the beginning.
+    """
+
+    def __init__(
+        self,
+        estimator: EstimatorConfig,
+        config: ModelFilterConfig,
+        vehicle: Vehicle,
+        position_ned: Sequence[float],
+        position_std_m: float,
+        *,
+        attitude_rad: Sequence[float] | FloatArray,
+        actuators: Sequence[float] | FloatArray,
+    ) -> None:
+        self._estimator = estimator
+        self._config = config
+        self._packed = vehicle.packed()
+        self._still_water = Surroundings().packed()
+        self._noise = process_noise(estimator, config)
+        self._x, self._S = first_belief(estimator, config, position_ned, position_std_m)
+        self._attitude = np.array(attitude_rad, dtype=np.float64)
+        self._rates = np.zeros(3)
+        self._actuators = np.array(actuators, dtype=np.float64)
+        if not np.isfinite([*self._x, *self._S.ravel(), *self._attitude, *self._actuators]).all():
+            raise ValueError("the model filter must begin with finite numbers")
+        self._refused_fixes, self._refused_depths = np.zeros(2), np.zeros(2)
+        self._newest_fix: tuple[float, float] | None = None
+
+    @property
+    def position_ned(self) -> tuple[float, float, float]:
+        """Estimated position, m."""
+        x = self._x.tolist()
+        return (x[kernel.NORTH], x[kernel.EAST], x[kernel.DEPTH])
+
+    @property
+    def velocity_body(self) -> tuple[float, float, float]:
+        """Velocity through the water in body axes, m/s."""
+        forward, starboard, down = self._x[kernel.FORWARD : kernel.BIAS].tolist()
+        return (forward, starboard, down)
+
+    @property
+    def velocity_ned(self) -> tuple[float, float, float]:
+        """Velocity through the water in NED, m/s."""
+        rotation = rotation_ned_from_body(*self._attitude.tolist())
+        north, east, down = (rotation @ self._x[kernel.FORWARD : kernel.BIAS]).tolist()
+        return (north, east, down)
+
+    @property
+    def current_ne_m_s(self) -> tuple[float, float]:
+        """Estimated current, north and east."""
+        x = self._x.tolist()
+        return (
+            x[kernel.STEADY_NORTH] + x[kernel.EDDY_NORTH],
+            x[kernel.STEADY_EAST] + x[kernel.EDDY_EAST],
+        )
+
+    @property
+    def steady_current_ne_m_s(self) -> tuple[float, float]:
+        """The part of the current that stays, north and east."""
+        north, east = self._x[kernel.STEADY_NORTH : kernel.EDDY_NORTH].tolist()
+        return (north, east)
+
+    @property
+    def buoyancy_bias_kg(self) -> float:
+        """What the feedback of the net buoyancy says too much."""
+        return float(self._x[kernel.BIAS])
+
+    @property
+    def covariance(self) -> FloatArray:
+        """Covariance in the order of ``model_kernel``'s indices, shape ``(11, 11)``."""
+        return self._S @ self._S.T
+
+    @property
+    def position_covariance(self) -> FloatArray:
+        """Covariance of northing and easting, shape ``(2, 2)``, m2."""
+        across = self._S[kernel.NORTH : kernel.EAST + 1]
+        return across @ across.T
+
+    @property
+    def position_std_m(self) -> float:
+        """Standard deviation of the horizontal position along its worst direction, m."""
+        return math.sqrt(float(np.linalg.eigvalsh(self.position_covariance)[-1]))
+
+    @property
+    def refused(self) -> tuple[int, int]:
+        """How many fixes and depths were refused as outliers so far."""
+        return int(self._refused_fixes[1]), int(self._refused_depths[1])
+
+    def step(
+        self,
+        dt_s: float,
+        command: FloatArray,
+        time_s: float,
+        *,
+        attitude_rad: Sequence[float] | FloatArray,
+        angular_velocity_rad_s: Sequence[float] | FloatArray,
+        actuators: Sequence[float] | FloatArray,
+        depth_m: float,
+        fix_ne: tuple[float, float] | None = None,
+    ) -> None:
+        """Let ``dt_s`` pass under a command, then take in what is measured at its end.
+
+        A fix that repeats the last one to the last digit brings nothing new; a fix deeper than
+        ``surface_depth_m`` is not believed.
+
+        Args:
+            dt_s: Time since the last step, s; positive.
+            command: In force during that time, shape ``(5,)``; only the tail's part matters.
+            time_s: Time at its beginning, on the clock of the tail's flap.
+            attitude_rad: Roll, pitch and heading.
+            angular_velocity_rad_s: In body axes.
+            actuators: Net mass kg, sliding mass m, tail angle rad.
+            depth_m: From the pressure sensor.
+            fix_ne: Northing and easting from outside, or ``None``.
+
+        Raises:
+            ValueError: If ``dt_s`` is not positive or a measurement is not finite; nothing has
+                changed then.
+        """
+        attitude, rates, inside = (
+            np.array(measured, dtype=np.float64)
+            for measured in (attitude_rad, angular_velocity_rad_s, actuators)
+        )
+        numbers = (dt_s, time_s, *attitude, *rates, *inside, depth_m, *command, *(fix_ne or ()))
+        if not (dt_s > 0.0 and np.isfinite(numbers).all()):
+            raise ValueError("the model filter needs dt > 0 and finite measurements")
+        if dt_s > LONGEST_SILENCE_S:
+            self._lose_sight(dt_s)
+        else:
+            self._predict(dt_s, command, time_s, inside)
+        self._attitude, self._rates, self._actuators = attitude, rates, inside
+        outlier = self._config.outlier
+        kernel.measure_depth(
+            self._x,
+            self._S,
+            depth_m,
+            self._estimator.depth_std_m**2,
+            outlier.limit,
+            outlier.patience,
+            self._refused_depths,
+        )
+        if fix_ne is None or fix_ne == self._newest_fix:
+            return
+        self._newest_fix = fix_ne
+        if depth_m <= self._estimator.surface_depth_m:
+            kernel.measure_fix(
+                self._x,
+                self._S,
+                np.array(fix_ne, dtype=np.float64),
+                self._estimator.fix_std_m**2,
+                outlier.limit,
+                outlier.patience,
+                self._refused_fixes,
+            )
+
+    def _predict(
+        self, dt_s: float, command: FloatArray, time_s: float, actuators: FloatArray
+    ) -> None:
+        during = self._actuators.copy()
+        during[0] = 0.5 * (self._actuators[0] + actuators[0])
+        kernel.predict(
+            self._x,
+            self._S,
+            dt_s,
+            command,
+            time_s,
+            self._attitude,
+            self._rates,
+            during,
+            self._packed,
+            self._still_water,
+            self._noise,
+            math.ceil(dt_s / LONGEST_STEP_S),
+        )
+
+    def _lose_sight(self, dt_s: float) -> None:
+        """Let a silence pass: the robot may be anywhere that its speed and the water allow."""
+        first, S = first_belief(self._estimator, self._config, self.position_ned, 0.0)
+        current = self._config.current
+        first[kernel.BIAS] = self._x[kernel.BIAS]
+        first[kernel.STEADY_NORTH : kernel.EDDY_NORTH] = self.steady_current_ne_m_s
+        way = dt_s * np.array(self.steady_current_ne_m_s)
+        first[kernel.NORTH : kernel.EAST + 1] += way
+        reach = dt_s * math.hypot(self._config.greatest_speed_m_s, current.steady_std_m_s)
+        lost = [kernel.DEPTH, kernel.FORWARD, kernel.STARBOARD, kernel.DOWN]
+        lost += [kernel.EDDY_NORTH, kernel.EDDY_EAST]
+        std = np.zeros(kernel.STATES)
+        std[lost] = np.diag(S)[lost]
+        std[[kernel.DEPTH, kernel.NORTH, kernel.EAST]] = reach
+        known = self._S.T.copy()
+        known[:, lost] = 0.0
+        self._x[:] = first
+        self._S[:] = kernel.triangular(known)
+        kernel.widen(self._S, std)
+
+
+def first_belief(
+    estimator: EstimatorConfig,
+    config: ModelFilterConfig,
+    position_ned: Sequence[float],
+    position_std_m: float,
+) -> tuple[FloatArray, FloatArray]:
+    """Return estimate ``(11,)`` and factor ``(11, 11)`` of a robot about which little is known."""
+    x = np.zeros(kernel.STATES)
+    x[[kernel.NORTH, kernel.EAST, kernel.DEPTH]] = position_ned
+    current = config.current
+    std = np.zeros(kernel.STATES)
+    std[kernel.DEPTH] = estimator.depth_std_m
+    std[kernel.FORWARD : kernel.BIAS] = _FIRST_SPEED_STD_M_S
+    std[kernel.BIAS] = config.buoyancy_bias_kg
+    std[[kernel.NORTH, kernel.EAST]] = position_std_m
+    std[kernel.STEADY_NORTH : kernel.EDDY_NORTH] = current.steady_std_m_s
+    std[kernel.EDDY_NORTH :] = current.eddy_std_m_s(estimator.drift_m_sqrt_s)
+    return x, np.diag(std)
+
+
+def process_noise(estimator: EstimatorConfig, config: ModelFilterConfig) -> FloatArray:
+    """Return the process noise as ``model_kernel`` indexes it, shape ``(11,)``."""
+    current = config.current
+    return np.array(
+        [
+            config.acceleration_density,
+            config.rate_noise_rad_sqrt_s,
+            config.heading_std_rad,
+            config.tilt_std_rad,
+            config.attitude_correlation_s,
+            current.steady_std_m_s,
+            current.steady_correlation_s,
+            current.eddy_std_m_s(estimator.drift_m_sqrt_s),
+            current.eddy_correlation_s,
+            config.buoyancy_bias_kg,
+            config.buoyancy_correlation_s,
+        ]
+    )
