@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
-from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig
+from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig, PlannerConfig
 from autonomy.site import LAKE, TANK, Site
 from autonomy.vehicle.config import VEHICLES, Vehicle
 from robot_link.messages import RobotId, SystemId
@@ -40,12 +40,12 @@ class RobotDefinition:
     @property
     def estimator(self) -> EstimatorConfig:
         """Settings of its onboard filters."""
-        return ESTIMATOR_PRESETS[self.vehicle.key]
+        return ESTIMATOR_PRESETS.get(self.vehicle.key, EstimatorConfig())
 
     @property
     def energy(self) -> EnergyConfig:
         """Prices of its primitives."""
-        return PLANNER_PRESETS[self.vehicle.key].energy
+        return PLANNER_PRESETS.get(self.vehicle.key, PlannerConfig()).energy
 
 
 MINI_1 = RobotDefinition(
@@ -80,10 +80,6 @@ MINI_1 = RobotDefinition(
         capacity_wh=48.0,
         full_v=10.8,
         empty_v=8.8,
-        electronics_w=3.0,
-        pump_w=6.0,
-        mass_w=3.0,
-        tail_w=2.5,
     ),
 )
 """Miniglider in the tank; three overhead cameras fix its position at the surface."""
@@ -120,10 +116,6 @@ GRACE_1 = RobotDefinition(
         capacity_wh=2 * 388.0,
         full_v=21.0,
         empty_v=16.0,
-        electronics_w=8.0,
-        pump_w=60.0,
-        mass_w=25.0,
-        tail_w=15.0,
     ),
 )
 """GRACE 3 in the practice lake; GPS fixes its position at the surface."""

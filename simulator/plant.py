@@ -3,9 +3,9 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.extended_kernel import advance
+from autonomy.vehicle.surroundings import Surroundings
 from simulator.current import DriftingCurrent
 from simulator.onboard.hardware import SetPoints
 
@@ -18,8 +18,8 @@ class Plant:
 
     Args:
         vehicle: Model and actuator limits.
-        site: Floor and, in a tank, walls.
-        current: Water that carries the robot; advanced together with it.
+        surroundings: Floor, walls, layers and waves of the water.
+        current: Drift of that water; advanced together with the robot.
         start_ne_m: Where the robot floats at first, in the site frame.
         heading_rad: Where its nose points at first.
     """
@@ -27,22 +27,14 @@ class Plant:
     def __init__(
         self,
         vehicle: Vehicle,
-        site: Site,
+        surroundings: Surroundings,
         current: DriftingCurrent,
         start_ne_m: tuple[float, float],
         heading_rad: float,
     ) -> None:
-        water = site.water
         self._packed = vehicle.packed()
         self._current = current
-        self._surroundings = np.array(
-            [
-                *(0.0, 0.0, 0.0),
-                *(water.x_min_m, water.x_max_m, water.y_min_m, water.y_max_m),
-                water.depth_max_m,
-                1.0 if site.kind == "tank" else 0.0,
-            ]
-        )
+        self._surroundings = surroundings.packed()
         self.time_s = 0.0
         self.state: FloatArray = np.zeros(15)
         """Position NED m, Euler angles rad, velocity through the water in body axes m/s, body
@@ -51,8 +43,12 @@ class Plant:
         self.state[5] = heading_rad
         self.state[12] = 0.3 * vehicle.limits.m0_min_kg
 
-    def advance(self, command: SetPoints, duration_s: float) -> None:
-        """Move on by ``duration_s``, a multiple of ``PHYSICS_STEP_S``, under one command."""
+    def advance(self, command: SetPoints, duration_s: float) -> float:
+        """Move on by ``duration_s``, a multiple of ``PHYSICS_STEP_S``, under one command.
+
+        Returns:
+            Electrical energy that electronics and actuators used, J.
+        """
         self._current.advance(duration_s)
         self._surroundings[0:2] = self._current.velocity_ne_m_s
         set_points = np.array(
@@ -65,8 +61,8 @@ class Plant:
             ]
         )
         steps = round(duration_s / PHYSICS_STEP_S)
-        self.state = advance(
-            self.state,
+        metered = advance(
+            np.append(self.state, 0.0),
             set_points,
             self._packed,
             self._surroundings,
@@ -74,7 +70,9 @@ class Plant:
             PHYSICS_STEP_S,
             steps,
         )
+        self.state = metered[:15]
         self.time_s += steps * PHYSICS_STEP_S
+        return float(metered[15])
 
     @property
     def position_ned(self) -> tuple[float, float, float]:

@@ -74,7 +74,7 @@ async def _build(
     """Put a robot into its water, and its station's radio on a pseudo-terminal."""
     clock = settings.clock()
     started_at = clock.now()
-    robot = SimulatedRobot(definition, settings.seed, started_at)
+    robot = SimulatedRobot(definition, settings.seed, started_at, settings.conditions())
     network = XBeeNetwork(
         random.Random(f"{settings.seed} {definition.robot}"),
         settings.air(),

@@ -4,8 +4,9 @@ from datetime import datetime
 
 import numpy as np
 
-from autonomy.control.config import BACKSTEPPING_PRESETS
+from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
 from simulator.battery import Battery
+from simulator.conditions import WaterConditions
 from simulator.current import DriftingCurrent
 from simulator.fleet import RobotDefinition
 from simulator.onboard.hardware import Readings, SetPoints
@@ -20,17 +21,20 @@ class SimulatedBody:
     Args:
         definition: Which robot.
         seed: Starting point of its randomness.
+        conditions: Layers and waves of the water; by default mixed and calm.
     """
 
-    def __init__(self, definition: RobotDefinition, seed: int) -> None:
+    def __init__(
+        self, definition: RobotDefinition, seed: int, conditions: WaterConditions | None = None
+    ) -> None:
         current, sensors = np.random.default_rng([seed, definition.system_id]).spawn(2)
-        self.battery = Battery(definition.battery, definition.vehicle.limits)
+        self.battery = Battery(definition.battery)
         self.sensors = Sensors(definition.sensors, definition.site.variable, sensors)
         """Its instruments, and what their feedback is wrong by."""
         self._set_points = SetPoints(0.0, 0.0)
         self.plant = Plant(
             definition.vehicle,
-            definition.site,
+            (conditions or WaterConditions()).surroundings(definition.site),
             DriftingCurrent(definition.drift_m_sqrt_s, definition.current_correlation_s, current),
             definition.start_ne_m,
             definition.heading_rad,
@@ -53,9 +57,7 @@ class SimulatedBody:
 
     def advance(self, duration_s: float) -> None:
         """Let time pass."""
-        before = self.plant.state[12:15]
-        self.plant.advance(self._set_points, duration_s)
-        self.battery.drain((self.plant.state[12:15] - before) / duration_s, duration_s)
+        self.battery.use(self.plant.advance(self._set_points, duration_s))
 
 
 class SimulatedRobot:
@@ -65,17 +67,24 @@ class SimulatedRobot:
         definition: Which robot.
         seed: Starting point of its randomness.
         started_at: Its clock at the beginning.
+        conditions: Layers and waves of the water; by default mixed and calm.
     """
 
-    def __init__(self, definition: RobotDefinition, seed: int, started_at: datetime) -> None:
+    def __init__(
+        self,
+        definition: RobotDefinition,
+        seed: int,
+        started_at: datetime,
+        conditions: WaterConditions | None = None,
+    ) -> None:
         self.definition = definition
-        self.body = SimulatedBody(definition, seed)
+        self.body = SimulatedBody(definition, seed, conditions)
         self.program = OnboardProgram(
             definition.robot,
             definition.vehicle,
             definition.site,
             estimator=definition.estimator,
-            controller=BACKSTEPPING_PRESETS[definition.vehicle.key],
+            controller=BACKSTEPPING_PRESETS.get(definition.vehicle.key, BacksteppingConfig()),
             energy=definition.energy,
             hardware=self.body,
             started_at=started_at,

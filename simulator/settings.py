@@ -1,12 +1,15 @@
 """Settings of the simulator's process; a settings file holds them as one JSON object."""
 
 from pathlib import Path
+from typing import Self
 
-from pydantic import AwareDatetime, Field
+from pydantic import AwareDatetime, Field, model_validator
 
 from autonomy.configuration import Configuration
+from autonomy.vehicle.water import Wave
 from robot_link.clock import ScaledClock
 from robot_link.messages import RobotId
+from simulator.conditions import WaterConditions
 from simulator.fleet import FLEET
 from simulator.xbee_network import AirConditions
 
@@ -33,6 +36,17 @@ class SimulatorSettings(Configuration):
     """Mean delay of a radio frame, wall seconds."""
     duplication: float = Field(default=0.01, ge=0.0, lt=1.0)
     """Part of the radio frames that arrive twice."""
+    temperature_drop_c: float = Field(default=0.0, ge=0.0, le=20.0)
+    """How much colder, and so denser, a lake is below its thermocline; 0 is mixed water."""
+    wave_height_m: float = Field(default=0.0, ge=0.0, le=2.0)
+    """Height of the waves on a lake, from trough to crest; 0 is calm."""
+    wave_period_s: float = Field(default=2.0, gt=0.0, le=10.0)
+    """Period of the waves."""
+
+    @model_validator(mode="after")
+    def _waves_do_not_break(self) -> Self:
+        Wave(self.wave_height_m, self.wave_period_s)
+        return self
 
     def clock(self) -> ScaledClock:
         """Return the clock that station and robots share."""
@@ -45,6 +59,14 @@ class SimulatorSettings(Configuration):
             duplication=self.duplication,
             delay_s=0.5 * self.delay_s,
             jitter_s=self.delay_s,
+        )
+
+    def conditions(self) -> WaterConditions:
+        """Return what the open water is like."""
+        return WaterConditions(
+            temperature_drop_c=self.temperature_drop_c,
+            wave_height_m=self.wave_height_m,
+            wave_period_s=self.wave_period_s,
         )
 
     def link_path(self, robot: RobotId) -> Path:

@@ -7,7 +7,9 @@ import numpy as np
 import pytest
 
 from autonomy.field.synthetic import measurement_noise, truth
+from autonomy.vehicle.surroundings import Surroundings
 from simulator.battery import Battery
+from simulator.conditions import WaterConditions
 from simulator.current import DriftingCurrent
 from simulator.fleet import FLEET, GRACE_1, MINI_1
 from simulator.onboard.hardware import SetPoints
@@ -16,6 +18,8 @@ from simulator.robot import SimulatedBody
 from simulator.sensor import Sensors
 
 STILL = replace(MINI_1, drift_m_sqrt_s=0.0)
+STILL_LAKE = replace(GRACE_1, drift_m_sqrt_s=0.0)
+ROUGH = WaterConditions(temperature_drop_c=12.0, wave_height_m=0.2, wave_period_s=2.0)
 
 
 def body(definition=STILL, seed: int = 0) -> SimulatedBody:
@@ -40,7 +44,7 @@ def test_unaware_robot_drifts_with_the_root_of_time():
 def test_hull_under_water_is_carried_by_the_current():
     plant = Plant(
         MINI_1.vehicle,
-        MINI_1.site,
+        Surroundings.of_site(MINI_1.site),
         DriftingCurrent(0.05, 3.0, np.random.default_rng(1)),
         (1.0, 0.5),
         0.0,
@@ -118,20 +122,53 @@ def test_noise_of_the_sensors_does_not_depend_on_the_plant():
 
 
 def test_battery_pays_for_electronics_and_more_for_moving_actuators():
-    limits = MINI_1.vehicle.limits
-    resting, pumping = (Battery(MINI_1.battery, limits) for _ in range(2))
-    resting.drain(np.zeros(3), 3600.0)
-    pumping.drain(np.array([limits.m0_rate_kg_s, 0.0, 0.0]), 3600.0)
-    assert resting.fraction == pytest.approx(1.0 - 3.0 / 48.0)
-    assert pumping.fraction == pytest.approx(1.0 - 9.0 / 48.0)
-    assert MINI_1.battery.empty_v < pumping.voltage_v < resting.voltage_v
+    resting, pumping = body(), body()
+    pumping.actuate(SetPoints(MINI_1.vehicle.limits.m0_min_kg, 0.0))
+    begin = pumping.plant.state[12]
+    for one in (resting, pumping):
+        one.advance(5.0)
+    prices, limits = MINI_1.vehicle.energy, MINI_1.vehicle.limits
+    pumped_s = abs(pumping.plant.state[12] - begin) / limits.m0_rate_kg_s
+    used_j = 5.0 * prices.electronics_w + pumped_s * prices.pump_full_w
+    assert pumped_s > 1.0
+    expected = 1.0 - used_j / 3600.0 / MINI_1.battery.capacity_wh
+    assert pumping.battery.fraction == pytest.approx(expected, abs=1e-6)
+    assert pumping.battery.fraction < resting.battery.fraction < 1.0
+    assert MINI_1.battery.empty_v < pumping.battery.voltage_v < resting.battery.voltage_v
 
 
 def test_battery_is_never_less_than_empty():
-    battery = Battery(MINI_1.battery, MINI_1.vehicle.limits)
-    battery.drain(np.zeros(3), 1e9)
+    battery = Battery(MINI_1.battery)
+    battery.use(1e9)
     assert battery.fraction == 0.0
     assert battery.voltage_v == MINI_1.battery.empty_v
+
+
+def test_a_lake_may_be_layered_and_wavy_but_a_tank_is_not():
+    rough = WaterConditions(temperature_drop_c=8.0, wave_height_m=0.2)
+    lake = rough.surroundings(GRACE_1.site)
+    assert lake.column is not None
+    assert lake.column.temperature_at(2.0) == 22.0
+    assert lake.column.temperature_at(18.0) == 14.0
+    assert [wave.height_m for wave in lake.waves] == [0.2]
+    assert rough.surroundings(MINI_1.site) == Surroundings.of_site(MINI_1.site)
+    assert WaterConditions().surroundings(GRACE_1.site) == Surroundings.of_site(GRACE_1.site)
+
+
+def test_a_robot_sinks_slower_into_colder_water_and_rolls_on_waves():
+    calm, rough = SimulatedBody(STILL_LAKE, 0), SimulatedBody(STILL_LAKE, 0, ROUGH)
+    for one in (calm, rough):
+        one.advance(20.0)
+    assert abs(calm.plant.state[2]) < 0.02
+    heights = []
+    for _ in range(40):
+        rough.advance(0.1)
+        heights.append(rough.plant.state[2])
+    assert np.ptp(heights) == pytest.approx(ROUGH.wave_height_m, rel=0.3)
+    for one in (calm, rough):
+        one.actuate(SetPoints(0.05, 0.05))
+        one.advance(300.0)
+    assert rough.plant.position_ned[2] < calm.plant.position_ned[2] - 1.0
 
 
 def test_robots_of_the_fleet_differ_in_all_that_names_them():
