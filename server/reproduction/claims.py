@@ -110,7 +110,7 @@ def reproduce(seed: int, report: Report) -> Reproduction:
             report=lambda done, n=n, title=title: report((n + done / STARTS) / 2, title),
         )
     rows = [
-        Row(f"{title}: {quantity}", f"{duration:g} s", 100.0 * float(share), None, "%")
+        Row(f"{title}: {quantity}", f"{duration:g} s", round(100.0 * float(share), 6), None, "%")
         for title, result in races.items()
         for quantity, shares in (
             ("RMS least", result.share_by_rms()),

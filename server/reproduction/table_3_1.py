@@ -62,9 +62,9 @@ def reproduce(seed: int, report: Report) -> Reproduction:
         notes=(
             "The thesis prints neither start nor duration: origin, level, heading north, 6 cm/s "
             "and 540 s are chosen here, so absolute values are not expected to agree.",
-            "The thesis's own cells ask for different durations: its depth, pitch and hybrid "
-            "errors for 25 to 100 s, its horizontal error of the proposed controller for about "
-            "400 s.",
+            "No duration fits the thesis's own cells: on the linear glide its depth, pitch and "
+            "hybrid errors ask for less than 60 s from this start, its horizontal errors for 115, "
+            "300 and 610 s.",
             f"The weighted RMS counts the first {BEGINNING_S:g} s {BEGINNING_WEIGHT:g} times, as a "
             "solver with variable steps might sample them. It comes closer in some cells; whether "
             "the thesis did so is unknown.",

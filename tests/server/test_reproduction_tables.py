@@ -119,6 +119,13 @@ def test_with_the_nominal_actuator_nobody_oscillates_and_the_baseline_is_farther
 
 
 @pytest.mark.parametrize("trajectory", table_3_3.SCENARIOS)
+def test_from_behind_the_proposed_controller_is_closest_in_every_trial(sets, trajectory):
+    horizontal = sets[f"{trajectory}, behind"].rms()[:, :, HORIZONTAL]
+    assert (horizontal[PROPOSED] < horizontal[BASELINE]).all()
+    assert (horizontal[PROPOSED] < horizontal[PID]).all()
+
+
+@pytest.mark.parametrize("trajectory", table_3_3.SCENARIOS)
 def test_with_a_slow_mass_the_pid_alone_oscillates_and_is_farthest_off(sets, trajectory):
     errors = sets[f"{trajectory}, slow mass"].rms()
     assert (errors[:PID, :, PITCH] < table_3_3.OSCILLATION_RAD).all()
