@@ -1,7 +1,7 @@
 """Deployments: stretches of time in the water, and imported recordings."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from itertools import islice
 from typing import Any
@@ -16,6 +16,15 @@ from db.query.robots import robot_key
 from db.tables import Deployment, Robot, SampleRow, StateRow
 
 BATCH_ROWS = 5_000
+FLIGHT = (
+    "roll_rad",
+    "pitch_rad",
+    "heading_rad",
+    "net_buoyancy_kg",
+    "mass_position_m",
+    "tail_rad",
+)
+"""What a row of a recording may tell of attitude and actuators; and ``position_std_m`` of a fix."""
 
 
 class DeploymentExistsError(StoreError):
@@ -49,6 +58,8 @@ class RecordedRow:
     position_ned: tuple[float, float, float]
     values: Sequence[float]
     """In the order of the deployment's variables."""
+    flight: Mapping[str, float] = field(default_factory=dict[str, float])
+    """How the vehicle flew, by the names in ``FLIGHT``, as far as the row tells."""
 
 
 def add_recording(
@@ -94,7 +105,8 @@ def add_recording(
     while batch := list(islice(remaining, BATCH_ROWS)):
         first, last = first or batch[0].measured_at, batch[-1].measured_at
         insert_new(session, StateRow, [_state(key, row, at) for row in batch])
-        insert_new(session, SampleRow, _samples(key, log, variables, batch, count, at))
+        if variables:
+            insert_new(session, SampleRow, _samples(key, log, variables, batch, count, at))
         count += len(batch)
     if first is None:
         raise ValueError("a recording needs a row")
@@ -168,8 +180,9 @@ def _state(key: int, row: RecordedRow, received_at: datetime) -> dict[str, Any]:
         "north_m": north_m,
         "east_m": east_m,
         "depth_m": depth_m,
-        "position_std_m": 0.0,
-        "has_fix": False,
+        "position_std_m": row.flight.get("position_std_m", 0.0),
+        "has_fix": "position_std_m" in row.flight,
+        **{name: row.flight.get(name) for name in FLIGHT},
     }
 
 

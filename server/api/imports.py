@@ -38,6 +38,9 @@ async def start_import(
 ) -> ImportView:
     """Import a CSV file as a recorded deployment of a robot, which is created if not known.
 
+    The columns are ``time,latitude,longitude,depth`` and variables. With ``roll_deg``,
+    ``pitch_deg``, ``heading_deg``, ``net_buoyancy_g``, ``mass_position_mm``, ``tail_deg`` and,
+    where a position was measured, ``position_std_m``, the recording can be identified.
     With ``policy=skip`` broken rows are left out and named in the job's result; with
     ``policy=refuse`` one broken row refuses the whole file. Nothing is ever imported by half.
     """

@@ -18,6 +18,7 @@ from server.command.remote import add_remote_options, checked, open_remote
 from server.data_folder import DataFolderTakenError, hold_data_folder
 from server.job import JobError
 from server.recording import intake
+from server.recording.flight_column import FLIGHT_COLUMNS
 from server.recording.map_fit import run as fit_maps
 from server.recording.robot_id import ROBOT_ID
 from server.recording.table import Policy
@@ -28,7 +29,11 @@ POLL_PERIOD_S = 0.3
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the options of the verb."""
     parser.add_argument(
-        "file", type=Path, help="CSV: time,latitude,longitude,depth and then variables"
+        "file",
+        type=Path,
+        help="CSV: time,latitude,longitude,depth and then variables; with "
+        f"{', '.join(FLIGHT_COLUMNS)} it can be identified (an empty cell of these says that the "
+        "row does not tell; a position_std_m makes its position a fix)",
     )
     parser.add_argument("--robot", required=True, metavar="NAME", help="created if not known")
     parser.add_argument(

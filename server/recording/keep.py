@@ -1,7 +1,8 @@
 """Puts a recording into the station's memory: its robot, its rows, its deployment."""
 
 import hashlib
-from collections.abc import Generator
+import math
+from collections.abc import Generator, Mapping
 from datetime import UTC, datetime, timedelta
 from typing import IO
 
@@ -9,6 +10,7 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import FloatArray
+from autonomy.field.variable import VARIABLES
 from autonomy.frames import ned_from_wgs84
 from autonomy.site import Box, Site
 from db.fault import UnknownIdError
@@ -55,7 +57,7 @@ def keep_recording(
         DeploymentExistsError: If this very file is there already.
     """
     variables = tuple(recording.values)
-    record = _robot(session, robot, recording, variables[0], at)
+    record = _robot(session, robot, recording, next(iter((*variables, *VARIABLES))), at)
     positions = positions_ned(record.site, recording)
     if record.kind == "recorded":
         water = _union(record.site.water, _box_around(positions))
@@ -131,12 +133,23 @@ def _robot(
 
 
 def _rows(recording: Recording, positions: FloatArray) -> Generator[RecordedRow]:
-    values = np.column_stack(list(recording.values.values()))
-    for time_s, position, row in zip(
-        recording.time_s.tolist(), positions.tolist(), values.tolist(), strict=True
+    values = _rows_of(recording.values, len(positions))
+    flight = _rows_of(recording.flight, len(positions))
+    for time_s, position, row, flown in zip(
+        recording.time_s.tolist(), positions.tolist(), values, flight, strict=True
     ):
         north_m, east_m, depth_m = position
-        yield RecordedRow(_EPOCH + timedelta(seconds=time_s), (north_m, east_m, depth_m), row)
+        told = zip(recording.flight, flown, strict=True)
+        yield RecordedRow(
+            _EPOCH + timedelta(seconds=time_s),
+            (north_m, east_m, depth_m),
+            row,
+            {name: value for name, value in told if math.isfinite(value)},
+        )
+
+
+def _rows_of(columns: Mapping[str, FloatArray], count: int) -> list[list[float]]:
+    return np.array(list(columns.values()), dtype=np.float64).reshape(-1, count).T.tolist()
 
 
 def _centre(values: FloatArray) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.field.variable import VARIABLES
+from server.recording.flight_column import FLIGHT_COLUMNS
 from server.recording.order import ascending
 
 POSITION_COLUMNS = ("time", "latitude", "longitude", "depth")
@@ -51,6 +52,8 @@ class Recording:
     """Positive down."""
     values: dict[str, FloatArray]
     """By variable, in its unit; each of shape ``(n,)``."""
+    flight: dict[str, FloatArray]
+    """By ``FlightColumn.key``, SI; each of shape ``(n,)``, NaN where a row does not tell."""
     skipped: tuple[RowFault, ...]
 
 
@@ -69,11 +72,12 @@ Progress = Callable[[float], None]
 def read_recording(
     file: IO[bytes], size: int, policy: Policy, on_progress: Progress | None = None
 ) -> Recording:
-    """Read a file with the columns ``time, latitude, longitude, depth`` and variables.
+    """Read a file with the columns ``time, latitude, longitude, depth``, and what was measured.
 
     Times are Unix seconds, UTC; depth is in metres, positive down; variables are in the units of
-    ``autonomy.field.variable``. A cell that is empty, not a number or out of its range, a time
-    that does not ascend, and a row that repeats another are faults of their row.
+    ``autonomy.field.variable``, and ``FLIGHT_COLUMNS`` tell how the vehicle flew. A cell that is
+    empty (of the flight it may be), not a number or out of its range, a time that does not ascend,
+    and a row that repeats another are faults of their row.
     Empty lines, and lines that begin with ``#``, mean nothing.
 
     Args:
@@ -91,12 +95,12 @@ def read_recording(
         for number, line in enumerate(_lines(file, size, on_progress or _ignore), start=1)
         if line.strip() and not line.startswith(COMMENT)
     )
-    variables = _variables(_cells(next(lines, (1, ""))[1]))
+    measured = _measured(_cells(next(lines, (1, ""))[1]))
     found: list[tuple[int, Row]] = []
     faults: list[RowFault] = []
     for number, line in lines:
         try:
-            found.append((number, _checked((*POSITION_COLUMNS, *variables), _cells(line))))
+            found.append((number, _checked((*POSITION_COLUMNS, *measured), _cells(line))))
         except ValueError as error:
             faults.append(RowFault(number, str(error)))
     rows, misplaced = _in_order(found)
@@ -115,7 +119,16 @@ def read_recording(
         latitude_deg=columns[1],
         longitude_deg=columns[2],
         depth_m=columns[3],
-        values=dict(zip(variables, columns[4:], strict=True)),
+        values={
+            name: column
+            for name, column in zip(measured, columns[4:], strict=True)
+            if name in VARIABLES
+        },
+        flight={
+            FLIGHT_COLUMNS[name].key: column * FLIGHT_COLUMNS[name].factor
+            for name, column in zip(measured, columns[4:], strict=True)
+            if name in FLIGHT_COLUMNS
+        },
         skipped=tuple(faults),
     )
 
@@ -156,6 +169,8 @@ def _misplaced(rows: list[tuple[int, Row]], kept: set[int], index: int) -> str:
 
 def _number(column: str, cell: str) -> float:
     if not cell:
+        if column in FLIGHT_COLUMNS:
+            return math.nan
         raise ValueError(f"{column} is empty")
     try:
         value = float(cell)
@@ -176,24 +191,26 @@ _RANGES = {
     "latitude": (-90.0, 90.0),
     "longitude": (-180.0, 180.0),
     "depth": (0.0, DEPTH_MAX_M),
+    **{name: (column.low, column.high) for name, column in FLIGHT_COLUMNS.items()},
 }
 
 
-def _variables(header: list[str]) -> tuple[str, ...]:
+def _measured(header: list[str]) -> tuple[str, ...]:
     if tuple(header[:4]) != POSITION_COLUMNS:
         raise RecordingError(
             f"The header must name the columns {','.join(POSITION_COLUMNS)} and then the "
             f"variables; it is {','.join(header)[:200]!r}."
         )
-    variables = tuple(header[4:])
-    unknown = [name for name in variables if name not in VARIABLES]
-    if unknown or not variables:
+    measured = tuple(header[4:])
+    unknown = [name for name in measured if name not in VARIABLES and name not in FLIGHT_COLUMNS]
+    if unknown or not measured:
         known = ", ".join(f"{v.key} ({v.unit})" for v in VARIABLES.values())
         what = f"The variable {unknown[0]!r} is unknown" if unknown else "There is no variable"
-        raise RecordingError(f"{what}; after the position may come {known}.")
-    if len(set(variables)) != len(variables):
+        flight = ", ".join(FLIGHT_COLUMNS)
+        raise RecordingError(f"{what}; after the position may come {known}, and {flight}.")
+    if len(set(measured)) != len(measured):
         raise RecordingError("A variable appears twice in the header.")
-    return variables
+    return measured
 
 
 def _cells(line: str) -> list[str]:

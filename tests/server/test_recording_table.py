@@ -2,8 +2,10 @@
 
 import contextlib
 import io
+import math
 from itertools import combinations, pairwise
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -157,3 +159,21 @@ def test_garbage_is_refused_and_never_crashes(data):
     for text in (data, HEADER.encode() + data):
         with contextlib.suppress(RecordingError):
             assert len(read(text).time_s) > 0
+
+
+def test_columns_of_the_flight_come_in_si_and_may_have_gaps():
+    header = "time,latitude,longitude,depth,pitch_deg,net_buoyancy_g,position_std_m\n"
+    recording = read(f"{header}1000,48.9,-130.6,0.5,-90,12.5,\n1001,48.9,-130.6,0.6,,,0.05\n")
+    assert recording.values == {}
+    assert recording.flight["pitch_rad"][0] == pytest.approx(-math.pi / 2.0)
+    assert recording.flight["net_buoyancy_kg"][0] == pytest.approx(0.0125)
+    assert np.isnan(recording.flight["pitch_rad"][1])
+    assert recording.flight["position_std_m"].tolist() == pytest.approx(
+        [math.nan, 0.05], nan_ok=True
+    )
+
+
+def test_an_attitude_in_another_unit_breaks_its_row():
+    header = "time,latitude,longitude,depth,pitch_deg\n"
+    recording = read(f"{header}1000,48.9,-130.6,0.5,10\n1001,48.9,-130.6,0.6,1700\n")
+    assert recording.skipped == (RowFault(3, "pitch_deg is 1700, outside -90 .. 90"),)
