@@ -17,7 +17,7 @@ from autonomy.estimation.dead_reckoning import velocity_errors
 from autonomy.estimation.kernel import turn
 from autonomy.estimation.model_filter import LONGEST_STEP_S as MODEL_STEP_S
 from autonomy.estimation.model_filter import first_belief, process_noise
-from autonomy.estimation.position import position_noise
+from autonomy.estimation.position_filter import position_noise
 from autonomy.estimation.rehearsal import PERIOD_S, Flight
 from autonomy.estimation.tag_filter import tag_noise
 from autonomy.estimation.velocity_observer import LONGEST_STEP_S, observer_gains

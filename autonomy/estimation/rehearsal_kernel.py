@@ -277,8 +277,5 @@ def warm_up() -> None:
         x, S, command, three, three, three, two, fix, no, two, 9.0, 1, packed, water, np.ones(11),
         0.1, 2,
     )  # fmt: skip
-    tags = np.zeros((2, 1, 4))
-    follow_tags(
-        np.ones((4, 5)), two, three, three, tags, np.zeros((2, 1), np.bool_), four, np.ones(3), four,
-        9.0, 1, 0.1,
-    )  # fmt: skip
+    tags, seen = np.zeros((2, 1, 4)), np.zeros((2, 1), np.bool_)
+    follow_tags(np.ones((4, 5)), two, three, three, tags, seen, four, np.ones(3), four, 9.0, 1, 0.1)

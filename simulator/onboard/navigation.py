@@ -9,7 +9,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.estimation.attitude import AttitudeFilter
 from autonomy.estimation.config import EstimatorConfig
-from autonomy.estimation.position import PositionFilter
+from autonomy.estimation.position_filter import PositionFilter
 from autonomy.estimation.velocity_observer import VelocityObserver
 from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle

@@ -8,10 +8,10 @@ from pydantic import ValidationError
 from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
 from autonomy.estimation.position import (
     AxisCovariance,
-    PositionFilter,
     expected_position_std,
     surface_covariance,
 )
+from autonomy.estimation.position_filter import PositionFilter
 from autonomy.estimation.velocity_observer import VelocityObserver
 from autonomy.frames import rotation_ned_from_body
 from autonomy.vehicle.config import VEHICLES
