@@ -191,7 +191,7 @@ class Planning:
                 "cancelled",
                 f"{plan} was cancelled.",
                 only_from=("planning", "draft"),
-                document={"message": "Cancelled."},
+                document={"message": "It was cancelled before it left the station."},
             )
         except PlanStateError as error:
             raise conflict(

@@ -2,6 +2,7 @@
 
 import asyncio
 import dataclasses
+from contextlib import AsyncExitStack
 from pathlib import Path
 
 import pytest
@@ -243,3 +244,16 @@ def test_a_mission_rebuilt_from_its_own_integers_has_the_same_name():
     again = Mission.from_integers(plan.settings_integers(), plan.leg_integers())
     assert again == plan
     assert again.sha256() == plan.sha256()
+
+
+async def test_nothing_is_told_of_an_upload_that_no_radio_took(tmp_path: Path):
+    short = dataclasses.replace(HASTE, upload_s=0.4, upload_item_s=0.0)
+    async with AsyncExitStack() as cable, rig(tmp_path, cable=cable) as it:
+        async with it.station(short) as (station, heard):
+            await live(station)
+            await cable.aclose()
+            await until(lambda: station.link_report(MINI).state is LinkState.PORT_CLOSED)
+            last = await station.upload(MINI, mission())
+            assert last.state is OnboardPlanState.FAILED
+            assert heard.of(UploadReport) == [last]
+        assert it.robots[MINI].program.taken == []

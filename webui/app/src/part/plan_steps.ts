@@ -38,11 +38,12 @@ const SENTENCES: Record<PlanState, string> = {
   done: 'The robot says that it flew the last leg.',
   failed: 'The plan ended before its last leg.',
   superseded: 'A newer plan took its place.',
-  cancelled: 'Planning was stopped. Nothing was sent.',
+  cancelled: 'A person ended it.',
 };
 
 /** What is known of the plan's whereabouts, and no more. */
 export function planSentence(plan: Pick<Plan, 'state' | 'message'>): string {
-  const told = plan.state === 'failed' && plan.message ? ` ${plan.message}` : '';
+  const isTold = ['failed', 'cancelled'].includes(plan.state) && plan.message !== '';
+  const told = isTold ? ` ${plan.message}` : '';
   return SENTENCES[plan.state] + told;
 }

@@ -65,7 +65,11 @@ const PLANS: Record<PlanState, Word> = {
   done: { text: 'Done', tone: 'plain', help: 'The robot says that it flew the last leg.' },
   failed: { text: 'Failed', tone: 'alarm', help: 'The plan ended before its last leg.' },
   superseded: { text: 'Replaced', tone: 'plain', help: 'A newer plan took its place.' },
-  cancelled: { text: 'Cancelled', tone: 'plain', help: 'Planning was stopped by a person.' },
+  cancelled: {
+    text: 'Cancelled',
+    tone: 'plain',
+    help: 'A person ended it: its planning, the draft, or by a surface order its flight.',
+  },
 };
 
 export function planWord(state: PlanState): Word {
