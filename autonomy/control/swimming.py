@@ -8,7 +8,7 @@ from autonomy.control.controller import ActuatorCommand
 from autonomy.control.integral import integral_inputs
 from autonomy.control.reference import Reference
 from autonomy.control.swimming_config import SwimmingConfig
-from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.config import Vehicle, VehicleParameters
 
 SLOWEST_M_S = 0.01
 """Below this forward speed the pitch no longer decides where the robot goes."""
@@ -87,9 +87,8 @@ def amplitude_for(
     servo follows a flap with a share of its amplitude and no faster than its rate.
     """
     p, w = vehicle.parameters, 2.0 * math.pi * config.frequency_hz
-    follows = p.tail_response_per_s / math.hypot(p.tail_response_per_s, w)
-    water_kg = p.water_density_kg_m3 * p.tail_area_m2 * p.tail_water_length_m
-    thrust = 0.5 * water_kg * p.tail_centre_m * (w * follows) ** 2 * math.cos(bias_rad)
+    thrust, follows = _mean_thrust(p, config.frequency_hz)
+    thrust *= math.cos(bias_rad)
     pressure = 0.5 * p.water_density_kg_m3 * p.area_m2 * max(speed_m_s, 0.0) ** 2
     steady = pressure * (p.drag_0 + p.drag_delta * bias_rad**2)
     flapping = 0.5 * pressure * p.drag_delta * follows**2
@@ -101,3 +100,21 @@ def amplitude_for(
     if thrust <= flapping:
         return most if speed_m_s > 0.0 else 0.0
     return min(math.sqrt(steady / (thrust - flapping)), most)
+
+
+def swimming_speed(vehicle: Vehicle) -> float:
+    """Speed m/s at which thrust and drag of the vehicle's own gait are in balance."""
+    p, gait = vehicle.parameters, vehicle.swim
+    thrust, follows = _mean_thrust(p, gait.frequency_hz)
+    fastest = vehicle.limits.delta_rate_rad_s / (2.0 * math.pi * gait.frequency_hz)
+    squared = min(gait.amplitude_rad, fastest) ** 2
+    drag = p.drag_0 + 0.5 * p.drag_delta * follows**2 * squared
+    return math.sqrt(2.0 * thrust * squared / (p.water_density_kg_m3 * p.area_m2 * drag))
+
+
+def _mean_thrust(p: VehicleParameters, frequency_hz: float) -> tuple[float, float]:
+    """Mean thrust N by squared amplitude, and the share of an amplitude that the servo follows."""
+    w = 2.0 * math.pi * frequency_hz
+    follows = p.tail_response_per_s / math.hypot(p.tail_response_per_s, w)
+    water_kg = p.water_density_kg_m3 * p.tail_area_m2 * p.tail_water_length_m
+    return 0.5 * water_kg * p.tail_centre_m * (w * follows) ** 2, follows
