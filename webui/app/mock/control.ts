@@ -34,14 +34,14 @@ export class FakeControl {
   }
 
   ofRobot(robot: string, part: string, item: string, body: JsonObject): Answer {
-    if (part === 'whatif' && item === 'shown') return { body: {} };
+    if (part === 'whatif' && item === 'shown') {
+      this.#whatIfs.forEach((run) => (run.shown = run.id === body.id));
+      return { body: {} };
+    }
     if (part === 'whatif') return this.#startWhatIf(robot, body);
     if (part === 'whatifs') {
       return {
-        body: this.#whatIfs.map(({ id, created_at, created_by, state, controllers }) => {
-          const title = controllers.map(({ title: name, kind }) => name ?? kind).join(', ');
-          return { id, created_at, created_by, state, title };
-        }),
+        body: { whatifs: this.#whatIfs },
       };
     }
     if (part === 'identifications' && Object.keys(body).length === 0) {
@@ -99,6 +99,7 @@ export class FakeControl {
     const run: WhatIf = {
       id: `whatif-${this.#whatIfs.length + 1}`, robot, state: 'running', scenario, controllers,
       result: null, created_at: iso(this.#station.now()), created_by: 'anna', job: null,
+      title: controllers.map(({ title, kind }) => title ?? kind).join(', '), shown: false, message: '',
     }; // prettier-ignore
     const step = (job: Job) => {
       job.message = `${Math.round(job.progress * seeds)} of ${seeds} runs`;

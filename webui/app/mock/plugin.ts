@@ -159,6 +159,10 @@ function robots(
       body: { id: station.command(robot, JSON.stringify(body.kind).slice(1, -1)) },
     };
   if (part === 'track') return { body: robot.track(now - 900_000, now, points) };
+  if (part === 'missions' && method === 'GET') {
+    const own = station.surveys.filter(({ mission }) => mission.robot === id);
+    return { body: own.map(({ mission }) => mission).toReversed() };
+  }
   if (part === 'missions') {
     const total = (body.config as JsonObject).total_budget;
     if (typeof total === 'number' && total > 500) {

@@ -95,6 +95,9 @@ export class Api {
   createMission = (robot: string, kind: string, config: JsonObject) =>
     this.#json<{ id: string }>('POST', `${at(robot)}/missions`, { body: { kind, config } });
 
+  /** Missions of a robot, the newest first. */
+  missions = (robot: string) => this.#json<Mission[]>('GET', `${at(robot)}/missions`);
+
   mission = (id: string) => this.#json<Mission>('GET', `/api/missions/${part(id)}`);
   startMission = (id: string) => this.#send('POST', `/api/missions/${part(id)}/start`);
   stopMission = (id: string) => this.#send('POST', `/api/missions/${part(id)}/stop`);

@@ -61,20 +61,19 @@ export interface WhatIfListing {
   created_at: Time;
   created_by: string | null;
   state: RunState;
+  /** Its controllers and its reference. */
   title: string;
+  /** Whether the 3D view draws it now. */
+  shown: boolean;
 }
 
-export interface WhatIf {
-  id: string;
+export interface WhatIf extends WhatIfListing {
   robot: string;
-  state: RunState;
   scenario: JsonObject;
   controllers: readonly ControllerWish[];
   result: Comparison | null;
   /** Why it ended without a result. */
-  message?: string;
-  created_at: Time;
-  created_by: string | null;
+  message: string;
   job: string | null;
 }
 

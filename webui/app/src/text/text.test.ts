@@ -2,7 +2,7 @@ import { describe, expect, test } from 'vitest';
 import { wgs84 } from './frame';
 import { latitude, longitude } from './position';
 import { age, clockTime, countdown, dateTime, duration } from './time';
-import { bytes, compact, fixed, plainNumber, screenUnit } from './unit';
+import { energy, bytes, compact, fixed, plainNumber, screenUnit } from './unit';
 import { lastKnown, lower, planName, words } from './word';
 
 describe('times', () => {
@@ -19,6 +19,8 @@ describe('times', () => {
     expect(age(725)).toBe('12 min ago');
     expect(age(7300)).toBe('2 h ago');
     expect(age(200_000)).toBe('2 d ago');
+    expect(age(100 * 86400)).toBe('3 months ago');
+    expect(age(2677 * 86400)).toBe('7 years ago');
     expect(age(null)).toBe('never heard');
   });
 
@@ -105,4 +107,14 @@ test('ids become names', () => {
   expect(planName('plan-14')).toBe('plan 14');
   expect(planName('foreign')).toBe('foreign');
   expect(words('on_board')).toBe('On board');
+});
+
+test.each([
+  [0.0005, '0'],
+  [1.5, '1.5'],
+  [9.96, '10.0'],
+  [20, '20'],
+  [14.25, '14.3'],
+])('energy %s is written %s', (units, text) => {
+  expect(energy(units)).toBe(text);
 });

@@ -36,7 +36,11 @@ export function age(seconds: number | null): string {
   if (seconds < 60) return `${Math.floor(seconds)} s ago`;
   if (seconds < 3600) return `${Math.floor(seconds / 60)} min ago`;
   if (seconds < 86400) return `${Math.floor(seconds / 3600)} h ago`;
-  return `${Math.floor(seconds / 86400)} d ago`;
+  const days = Math.floor(seconds / 86400);
+  if (days < 60) return `${days} d ago`;
+  return days < 730
+    ? `${Math.floor(days / 30.44)} months ago`
+    : `${Math.floor(days / 365.25)} years ago`;
 }
 
 /** 45 s, 12 min 05 s, 3 h 20 min */
