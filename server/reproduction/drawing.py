@@ -119,6 +119,7 @@ def _line(axes: "Axes", series: Series) -> None:
     style: dict[str, Any] = {"color": colour, **_STYLES[series.mark]}
     if series.mark in {Mark.FILLED, Mark.HOLLOW} or len(series.x) <= _FEW:
         style["marker"] = _SHAPES.get(series.hue, "D")
+        style.setdefault("markersize", 5)
     if series.band is not None:
         axes.fill_between(series.x, *series.band, color=colour, alpha=0.15, linewidth=0)
     if series.x_bounds is not None:
@@ -140,4 +141,5 @@ def _legend(sheet: Any, figure: Figure, top: float) -> None:  # noqa: ANN401 - a
         ncols=len(handles),
         frameon=False,
         columnspacing=1.6,
+        handlelength=3.0,
     )
