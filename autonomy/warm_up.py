@@ -19,6 +19,7 @@ KERNEL_MODULES = (
     "autonomy.control.law",
     "autonomy.trial.kernel",
     "autonomy.planner.kernel",
+    "autonomy.identification.kernel",
 )
 """Modules with compiled functions; each has ``warm_up()``, which calls every one of them."""
 

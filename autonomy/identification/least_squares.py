@@ -1,0 +1,298 @@
+"""Damped Gauss-Newton descent in the parameters, the initial states projected out."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.identification.nuisance import (
+    refined,
+    segment_costs,
+    state_sensitivity,
+    weighted_slope,
+)
+from autonomy.identification.problem import Problem, Workers
+from autonomy.identification.progress import IdentificationError
+
+_PARAMETER_STEP = 1e-4
+"""Step of the central differences, as a part of a parameter's scale."""
+_ANCHOR_STD = 1.0
+"""Standard deviation of the prior that keeps what the data cannot tell at its present value, as a
+part of a parameter's scale; the data outweigh it by far in whatever they can tell."""
+_FIRST_DAMPING = 1e-2
+_TRIES = 8
+_ENOUGH = 1e-6
+
+
+class DivergedError(IdentificationError):
+    """The model leaves all bounds at the values where the descent should start."""
+
+
+@dataclass(frozen=True, slots=True)
+class NormalEquations:
+    """Gauss-Newton's equations of one segment, in the parameters and its initial state."""
+
+    parameters: FloatArray
+    """Shape ``(n, n)``."""
+    parameter_pull: FloatArray
+    """Half the gradient, shape ``(n,)``."""
+    state: FloatArray
+    """With the prior, shape ``(12, 12)``."""
+    state_pull: FloatArray
+    """With the prior, shape ``(12,)``."""
+    cross: FloatArray
+    """Shape ``(12, n)``."""
+
+    def eliminated(self, damping: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+        """Eliminate the initial state by the Schur complement.
+
+        Args:
+            damping: By which part the diagonal of the state's block is raised.
+
+        Returns:
+            Matrix ``(n, n)`` and half the gradient ``(n,)`` of the parameters alone, and the
+            matrix ``(12, n + 1)`` that gives the state's step: ``-(M[:, 0] + M[:, 1:] du)``.
+        """
+        hessian = self.state.copy()
+        hessian[np.diag_indices(12)] *= 1.0 + damping
+        both = np.column_stack([self.state_pull, self.cross])
+        follow = np.asarray(np.linalg.solve(hessian, both), dtype=np.float64)
+        return (
+            self.parameters - self.cross.T @ follow[:, 1:],
+            self.parameter_pull - self.cross.T @ follow[:, 0],
+            follow,
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Information:
+    """What the data say about the parameters at one point, the initial states being unknown too."""
+
+    fisher: FloatArray
+    """Information matrix in units of the scales, shape ``(n, n)``."""
+    gradient: FloatArray
+    """Half the gradient of the sum of squares, shape ``(n,)``."""
+    fisher_by_segment: FloatArray
+    """Its parts, shape ``(segments, n, n)``."""
+    gradient_by_segment: FloatArray
+    """Its parts, shape ``(segments, n)``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Descent:
+    """A point of the descent; enough to go on from."""
+
+    u: FloatArray
+    """Unknowns in units of their scales, shape ``(n,)``."""
+    initial: FloatArray
+    """Initial states, shape ``(segments, 12)``."""
+    cost: float
+    """Mean squared weighted residual."""
+    damping: float
+    steps: int = 0
+    is_done: bool = False
+
+    def document(self) -> dict[str, Any]:
+        """Return it in JSON's types; nothing is rounded."""
+        return {
+            "u": self.u.tolist(),
+            "initial": self.initial.tolist(),
+            "cost": self.cost,
+            "damping": self.damping,
+            "steps": self.steps,
+            "is_done": self.is_done,
+        }
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, Any]) -> "Descent":
+        """Read what ``document`` wrote."""
+        return cls(
+            np.array(document["u"], dtype=np.float64),
+            np.array(document["initial"], dtype=np.float64),
+            float(document["cost"]),
+            float(document["damping"]),
+            int(document["steps"]),
+            bool(document["is_done"]),
+        )
+
+
+def begin(problem: Problem, u: FloatArray, workers: Workers) -> Descent:
+    """Prepare a descent: find the initial states that fit the start best.
+
+    Args:
+        problem: The fit.
+        u: Where to start, shape ``(n,)``.
+        workers: Threads.
+
+    Raises:
+        DivergedError: If the model leaves all bounds there.
+    """
+    initial = settled(problem, u, problem.guess, workers)
+    if initial is None:
+        raise DivergedError(
+            "the model cannot follow the recording from the present parameters; try the swarm, a"
+            " smaller step, or check the vehicle"
+        )
+    return at(problem, u, initial, workers)
+
+
+def settled(
+    problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers
+) -> FloatArray | None:
+    """Return the initial states that fit best, first by the beginnings, then by whole segments.
+
+    None if the model diverges.
+    """
+    early = refined(problem, u, initial, workers, whole=False)
+    if early is None:
+        return None
+    whole = refined(problem, u, early, workers, whole=True)
+    return early if whole is None else whole
+
+
+def at(problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers) -> Descent:
+    """Return the point of a descent with given unknowns and initial states."""
+    cost = _cost(problem, u, initial, workers)
+    return Descent(u.copy(), initial.copy(), cost, _FIRST_DAMPING)
+
+
+def descend(
+    problem: Problem,
+    start: Descent,
+    workers: Workers,
+    after_step: Callable[[Descent], None] = lambda _: None,
+) -> Descent:
+    """Go down until nothing is gained or ``config.descents`` steps are done.
+
+    Args:
+        problem: The fit.
+        start: From ``begin`` or a checkpoint.
+        workers: Threads.
+        after_step: Called with each new point; may raise to stop.
+    """
+    point = start
+    while not point.is_done and point.steps < problem.config.descents:
+        point = _step(problem, point, workers)
+        after_step(point)
+    return point
+
+
+def normal_equations(
+    problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers
+) -> tuple[NormalEquations, ...] | None:
+    """Return the normal equations of each segment at one point.
+
+    Args:
+        problem: The fit.
+        u: Shape ``(n,)``.
+        initial: Shape ``(segments, 12)``.
+        workers: Threads.
+
+    Returns:
+        One set for each segment; None if the model diverges.
+    """
+    by_state = state_sensitivity(problem, u, initial, workers)
+    if by_state is None:
+        return None
+    by_parameter = parameter_sensitivity(problem, u, initial, workers)
+    residual, slope = by_state
+    rows = problem.layout.segment_row
+    found: list[NormalEquations] = []
+    for s in range(problem.layout.segments):
+        part = slice(rows[s], rows[s + 1])
+        r, jx = residual[part].ravel(), slope[part].reshape(-1, 12)
+        jp = by_parameter[part].reshape(-1, u.size)
+        found.append(
+            NormalEquations(
+                jp.T @ jp,
+                jp.T @ r,
+                jx.T @ jx + np.diag(problem.precision),
+                jx.T @ r + problem.precision * (initial[s] - problem.guess[s]),
+                jx.T @ jp,
+            )
+        )
+    return tuple(found)
+
+
+def information(equations: Sequence[NormalEquations]) -> Information:
+    """Return what the data tell of the parameters alone."""
+    eliminated = [segment.eliminated(0.0) for segment in equations]
+    fisher = np.array([part[0] for part in eliminated])
+    gradient = np.array([part[1] for part in eliminated])
+    return Information(fisher.sum(axis=0), gradient.sum(axis=0), fisher, gradient)
+
+
+def parameter_sensitivity(
+    problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers
+) -> FloatArray:
+    """Return derivatives of the weighted residuals by the unknowns, shape ``(rows, 6, n)``."""
+    n = u.size
+    moved = np.repeat(u[None], 2 * n, axis=0)
+    moved[np.arange(n), np.arange(n)] += _PARAMETER_STEP
+    moved[n + np.arange(n), np.arange(n)] -= _PARAMETER_STEP
+    starts = np.repeat(initial[None], 2 * n, axis=0)
+    predicted, _ = problem.simulate(moved, starts, workers)
+    return weighted_slope(problem, predicted[:n], predicted[n:], _PARAMETER_STEP)
+
+
+def _step(problem: Problem, point: Descent, workers: Workers) -> Descent:
+    """Return the next point; ``is_done`` where no damping helps or hardly anything is gained."""
+    done = replace(point, steps=point.steps + 1, is_done=True)
+    equations = normal_equations(problem, point.u, point.initial, workers)
+    if equations is None:
+        return done
+    before = point.cost + _anchor_cost(problem, point.u)
+    damping = point.damping
+    for _ in range(_TRIES):
+        du, dx = _damped_step(problem, point.u, equations, damping)
+        u, initial = point.u + du, point.initial + dx
+        cost = _cost(problem, u, initial, workers)
+        gained = before - cost - _anchor_cost(problem, u)
+        if gained > 0.0:
+            is_done = gained < _ENOUGH * point.cost
+            return Descent(u, initial, cost, max(damping * 0.1, 1e-9), point.steps + 1, is_done)
+        damping *= 10.0
+    return done
+
+
+def _damped_step(
+    problem: Problem, u: FloatArray, equations: Sequence[NormalEquations], damping: float
+) -> tuple[FloatArray, FloatArray]:
+    """Return a Levenberg-Marquardt step of the unknowns and the initial states."""
+    eliminated = [segment.eliminated(damping) for segment in equations]
+    anchor = np.full(u.size, _ANCHOR_STD**-2)
+    hessian = np.sum([part[0] for part in eliminated], axis=0) + np.diag(anchor)
+    hessian[np.diag_indices(u.size)] *= 1.0 + damping
+    gradient = np.sum([part[1] for part in eliminated], axis=0) + anchor * u
+    du = _within_box(hessian, gradient, problem.low - u, problem.high - u)
+    return du, np.array([-(part[2][:, 0] + part[2][:, 1:] @ du) for part in eliminated])
+
+
+def _within_box(
+    hessian: FloatArray, gradient: FloatArray, low: FloatArray, high: FloatArray
+) -> FloatArray:
+    """Return the Newton step; what would leave the box stops at its wall."""
+    free = np.ones(gradient.size, dtype=np.bool_)
+    du = np.zeros(gradient.size)
+    while free.any():
+        pull = gradient[free] + hessian[np.ix_(free, ~free)] @ du[~free]
+        du[free] = -np.linalg.solve(hessian[np.ix_(free, free)], pull)
+        outside = free & ((du < low - 1e-12) | (du > high + 1e-12))
+        if not outside.any():
+            break
+        du[outside] = np.clip(du, low, high)[outside]
+        free &= ~outside
+    return np.clip(du, low, high)
+
+
+def _cost(problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers) -> float:
+    predicted, _ = problem.simulate(u[None], initial[None], workers)
+    total = segment_costs(problem, problem.residual(predicted[0]), initial).sum()
+    return float(total) / problem.degrees if math.isfinite(total) else math.inf
+
+
+def _anchor_cost(problem: Problem, u: FloatArray) -> float:
+    return float(np.sum((u / _ANCHOR_STD) ** 2)) / problem.degrees
