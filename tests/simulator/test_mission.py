@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from autonomy.planner import primitive
+from autonomy.planner.edge import legs_duration_s, legs_energy
 from autonomy.planner.plan import Leg, PrimitiveKind
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode
 from robot_link.onboard import CommandOutcome
@@ -105,6 +106,23 @@ def test_done_is_reported_with_the_energy_of_the_plan_and_the_price_of_delays():
     delay_s = len(track) * 0.1 - sum(leg.duration_s for leg in plan.legs)
     assert (state, leg, reason) == (OnboardPlanState.DONE, 2, "")
     assert energy == pytest.approx(planned + 0.005 * delay_s, abs=0.02)
+
+
+def test_flown_time_and_energy_are_the_planned_ones_because_surfacings_are_counted():
+    there = two_dives()
+    north, east, _ = there[-1].end_ned
+    bend = primitive.spiral(TANK_PLANNER, (north, east, 0.0), 0.4, 0.35, 0.9, 0.45)
+    rise = primitive.dive(TANK_PLANNER, bend.end_ned, 0.0)
+    legs = (*there, bend, rise, *vee(rise.end_ned[:2], 0.2, 0.4))
+    flown_s = energy = 0.0
+    for seed in (1, 2, 3):
+        life = Life(seed=seed)
+        flown_s += 0.1 * len(life.fly(mission(*legs))) / 3.0
+        assert life.executive.plan_state is OnboardPlanState.DONE
+        energy += life.executive.energy_used / 3.0
+    assert flown_s == pytest.approx(legs_duration_s(TANK_PLANNER, legs), rel=0.15)
+    assert flown_s > 1.2 * sum(leg.duration_s for leg in legs)
+    assert energy == pytest.approx(legs_energy(TANK_PLANNER, legs), rel=0.02)
 
 
 def test_energy_of_a_leg_falls_due_as_it_is_flown():

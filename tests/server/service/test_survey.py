@@ -257,6 +257,23 @@ async def test_no_plan_is_accepted_while_storage_fails(client, station, tmp_path
     await until(accepted)
 
 
+async def test_started_survey_plans_an_outdated_round_again(client, station, world):
+    mission = await survey_of(client)
+    ready = await mission_in(client, mission, "ready")
+    world.tell(state_report(MINI, (2.6, 0.6, 0.0)))
+    world.robots[MINI].may_fly.clear()
+    assert (await client.post(f"/api/missions/{mission}/start")).status_code == 202
+
+    async def flies():
+        plans = await station.missions.plans(mission)
+        return plans if plans[0].state == "running" else None
+
+    plans = await until(flies, PLANNING_S)
+    assert [(plan.round, plan.state) for plan in plans] == [(1, "running"), (1, "cancelled")]
+    assert plans[1].id == ready["plan_id"]
+    assert plans[0].document["legs"][0]["start_ned"] == [2.6, 0.6, 0.0]
+
+
 async def test_progress_and_best_objective_travel_in_the_live_stream(client, station):
     texts = []
 
