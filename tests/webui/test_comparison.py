@@ -8,6 +8,7 @@ import pytest
 from tests.webui.fake_source import FakeSource
 from webui.scene.colour import REFERENCE, RUNS, linear
 from webui.scene.comparison import dashes
+from webui.scene.projection import VIEW_WIDTH
 from webui.scene.server import RobotScene
 from webui.scene.source import ComparisonTrack
 
@@ -82,6 +83,17 @@ def test_the_layers_of_the_panel_name_the_what_if(scene):
     gui = scene._server.gui
     names = {getattr(handle, "label", None) for handle in gui._gui_input_handle_from_uuid.values()}
     assert "What-if" in names
+
+
+def test_labels_of_tracks_that_leave_the_view_stay_in_it(scene, source):
+    far = np.linspace([1.0, 0.5, 0.1], [200.0, 0.5, 40.0], 500)
+    runs = tuple(replace(run, position_ned=far) for run in source.shown_comparison.runs)
+    source.shown_comparison = replace(source.shown_comparison, reference_ned=far, runs=runs)
+    scene.update()
+    projection = scene._stage.projection
+    for label in labels(scene).values():
+        placed = np.array(label.position) + np.array(projection.offset())
+        assert np.abs(placed[:2]).max() <= 0.6 * VIEW_WIDTH + 0.1
 
 
 def test_a_track_that_diverged_is_drawn_as_far_as_it_is_known(scene, source):

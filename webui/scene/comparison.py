@@ -5,6 +5,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.frames import ned_to_enu
 from webui.scene.colour import REFERENCE, RUNS, Colour
+from webui.scene.projection import VIEW_WIDTH
 from webui.scene.source import ComparisonView, SceneSource
 from webui.scene.stage import Stage
 
@@ -12,6 +13,8 @@ _DASHES = 60
 """Dashes of the longest line; the others take dashes of the same length."""
 _WIDTH_PX = 2.0
 _REFERENCE_PX = 3.0
+_IN_SIGHT = 0.6
+"""Share of the view's width, from its middle, in which labels stand."""
 
 
 class Comparison:
@@ -56,13 +59,25 @@ class Comparison:
             if _length(known) <= 0.0:
                 continue
             self._line(f"whatif/{place}", known, colour, longest / _DASHES, width_px)
-            self._label(f"whatif/label{place}", title, known[round(share * (len(known) - 1))])
+            seen = self._in_sight(known)
+            self._label(f"whatif/label{place}", title, seen[round(share * (len(seen) - 1))])
         self.show(self.visible)
+
+    def _in_sight(self, positions: FloatArray) -> FloatArray:
+        """Return the beginning of a line that leaves the view, so that its label can be read."""
+        offsets = positions[:, :2] - np.array(self._stage.projection.centre_ned[:2])
+        reach_m = _IN_SIGHT * VIEW_WIDTH / self._stage.projection.view_per_m
+        is_outside = np.abs(offsets).max(axis=1) > reach_m
+        first = int(np.argmax(is_outside)) if is_outside.any() else len(positions)
+        return positions[: max(first, 2)]
 
     def _line(
         self, name: str, positions: FloatArray, colour: Colour, dash_m: float, width_px: float
     ) -> None:
-        self._stage.lines(name, ned_to_enu(dashes(positions, dash_m)), colour, width_px)
+        segments = ned_to_enu(dashes(positions, dash_m))
+        # Of one colour for all, viser makes a darker line than of the same colour at every end.
+        shades = np.broadcast_to(np.array(colour, dtype=np.uint8), segments.shape)
+        self._stage.lines(name, segments, shades, width_px)
         self._lines.append(name)
 
     def _label(self, name: str, title: str, position: FloatArray) -> None:
