@@ -13,7 +13,16 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-AREAS = ("vehicle", "field", "planner", "telemetry")
+AREAS = (
+    "vehicle",
+    "control",
+    "claims",
+    "estimation",
+    "identification",
+    "field",
+    "planner",
+    "telemetry",
+)
 OUTPUT = Path("build/bench.json")
 
 
