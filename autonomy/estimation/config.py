@@ -12,6 +12,11 @@ class EstimatorConfig(Configuration):
     method: Literal["position", "model"] = quantity("position", title="Position by", advanced=True)
     """``position``: velocity observer and position filter, which see no current. ``model``: one
     filter on the vehicle's model that estimates current and ballast error from fixes and depth."""
+    steady_current_m_s: float = quantity(
+        0.0, "m/s", title="Steady current", ge=0.0, le=3.0, advanced=True
+    )
+    """Standard deviation per axis of a current that stays for many dives; the method ``model``
+    learns it from fixes, the method ``position`` does not know of it."""
     surface_depth_m: float = quantity(0.05, "m", title="Fix depth", gt=0.0, le=2.0)
     """At this depth or above, the horizontal position can be fixed from outside."""
     fix_std_m: float = quantity(0.01, "m", title="Fix noise", gt=0.0, le=100.0)

@@ -52,6 +52,7 @@ class ModelFilter:
         self._estimator = estimator
         self._config = config
         self._packed = vehicle.packed()
+        self._pump_rate_kg_s = vehicle.limits.m0_rate_kg_s
         self._still_water = Surroundings().packed()
         self._noise = process_noise(estimator, config)
         self._x, self._S = first_belief(estimator, config, position_ned, position_std_m)
@@ -165,6 +166,7 @@ class ModelFilter:
             self._lose_sight(dt_s)
         else:
             self._predict(dt_s, command, time_s, inside)
+        self._notice_trim(dt_s, inside)
         self._attitude, self._rates, self._actuators = attitude, rates, inside
         outlier = self._config.outlier
         kernel.measure_depth(
@@ -209,6 +211,17 @@ class ModelFilter:
             self._noise,
             math.ceil(dt_s / LONGEST_STEP_S),
         )
+
+    def _notice_trim(self, dt_s: float, actuators: FloatArray) -> None:
+        """Doubt the ballast error when the feedback jumps farther than the pump can go.
+
+        That is a new trim, or a sensor set anew: what was learned of its error holds no longer.
+        """
+        jump = abs(actuators[0] - self._actuators[0]) - self._pump_rate_kg_s * dt_s
+        if jump > 2.0 * self._config.buoyancy_bias_kg:
+            std = np.zeros(kernel.STATES)
+            std[kernel.BIAS] = jump
+            kernel.widen(self._S, std)
 
     def _lose_sight(self, dt_s: float) -> None:
         """Let a silence pass: the robot may be anywhere that its speed and the water allow."""
