@@ -8,6 +8,8 @@ from pathlib import Path
 KERNEL_MODULES = (
     "autonomy.vehicle.kernel",
     "autonomy.vehicle.water_kernel",
+    "autonomy.vehicle.extended_rates",
+    "autonomy.vehicle.steep_kernel",
     "autonomy.vehicle.extended_kernel",
     "autonomy.control.kernel",
     "autonomy.estimation.kernel",

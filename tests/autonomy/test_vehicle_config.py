@@ -6,7 +6,7 @@ import pytest
 from pydantic import ValidationError
 
 from autonomy.site import LAKE, TANK
-from autonomy.vehicle import extended_kernel, kernel
+from autonomy.vehicle import extended_kernel, extended_rates, kernel, steep_kernel, water_kernel
 from autonomy.vehicle.config import (
     GRACE3,
     MINIGLIDER,
@@ -116,7 +116,10 @@ def test_configurations_do_not_load_the_compiler():
     ("module", "entries"),
     [
         (kernel, ["state_derivative", "rk4_step"]),
-        (extended_kernel, ["extended_state_derivative", "advance"]),
+        (extended_rates, ["extended_state_derivative"]),
+        (extended_kernel, ["advance", "electrical_power"]),
+        (water_kernel, ["water_flow", "net_mass_and_density", "surface"]),
+        (steep_kernel, ["attitude_quaternion", "turn_attitude"]),
     ],
 )
 def test_warming_up_compiles_what_python_calls(module, entries):

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from autonomy.vehicle import dynamics, extended_kernel, kernel
+from autonomy.vehicle import dynamics, extended_rates, kernel
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES, VehicleParameters
 from autonomy.vehicle.surroundings import Surroundings
 
@@ -51,7 +51,7 @@ def test_compiled_extended_rates_are_the_readable_ones(vehicle):
     for state in random_states(rng, 2000, 15):
         actuator = rng.uniform(-1.0, 1.0, 4) * [0.002, 0.01, 1.9, 3.0]
         readable = dynamics.extended_state_derivative(state, actuator, vehicle, tank)
-        compiled = extended_kernel.extended_state_derivative(
+        compiled = extended_rates.extended_state_derivative(
             state, actuator, vehicle.packed(), tank.packed(), 0.0
         )
         assert relative_error(compiled, readable) < 1e-13
