@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from autonomy.control import kernel
+from autonomy.trial import kernel
 from server.reproduction import claims, fig_3_3_cases, fig_3_10
 from server.reproduction.table_3_3 import OSCILLATION_RAD
 
@@ -22,7 +22,7 @@ def measure() -> list[dict[str, Any]]:
 
 def _linear_glide() -> list[dict[str, Any]]:
     starts = claims.random_starts(claims.STARTS, np.random.default_rng(SEED))
-    race = claims.race(claims.REFERENCES["linear glide"], starts)
+    race = claims.race("linear_glide", starts)
     return [
         _row(
             f"Linear glide, proposed least RMS of {len(starts)} starts, {duration:g} s",
@@ -38,7 +38,7 @@ def _sawtooth() -> list[dict[str, Any]]:
     shares = []
     for draw in range(DRAWS):
         starts = claims.random_starts(claims.STARTS, np.random.default_rng(SEED + draw))
-        race = claims.race(claims.REFERENCES["sawtooth"], starts, (400.0,))
+        race = claims.race("sawtooth", starts, (400.0,))
         shares.append(100.0 * float(race.share_by_end()[0]))
     count = DRAWS * claims.STARTS
     name = "Sawtooth, proposed ends closest at 400 s"

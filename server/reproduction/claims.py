@@ -9,20 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import BoolArray, FloatArray
-from autonomy.control import kernel
-from autonomy.control.reference import Reference, linear_glide, sawtooth
+from autonomy.trial import kernel
+from autonomy.trial.config import ReferenceName, StartConfig, TrialConfig
+from autonomy.trial.run import ControllerChoice, fly
+from autonomy.trial.setting import packed_references
 from autonomy.vehicle.config import MINIGLIDER
 from server.reproduction.contender import CONTENDERS, Contender
 from server.reproduction.result import Figure, Hue, Mark, Panel, Report, Reproduction, Row, Series
 
 STARTS = 200
 DURATIONS_S = (100.0, 200.0, 300.0, 400.0, 600.0)
-REFERENCES: dict[str, Callable[[float], Reference]] = {
-    "linear glide": linear_glide,
-    "sawtooth": sawtooth,
-}
+REFERENCES: tuple[ReferenceName, ...] = ("linear_glide", "sawtooth")
 STEP_S = 0.05
-_TRADE_RAD = math.pi / 9.0
 _SAMPLE_S = 5.0
 
 
@@ -62,7 +60,7 @@ def random_starts(count: int, rng: np.random.Generator) -> FloatArray:
 
 
 def race(
-    reference: Callable[[float], Reference],
+    reference: ReferenceName,
     starts: FloatArray,
     durations_s: tuple[float, ...] = DURATIONS_S,
     report: Callable[[int], None] = lambda _: None,
@@ -75,18 +73,19 @@ def race(
         durations_s: Ascending; the longest is simulated.
         report: Told how many starts are done.
     """
-    steps = round(durations_s[-1] / STEP_S)
-    references = np.array([reference(n * STEP_S).packed() for n in range(steps)])
+    scenario = TrialConfig(reference=reference, duration_s=durations_s[-1], step_s=STEP_S)
+    references = packed_references(MINIGLIDER, scenario)
     upto = np.array([round(duration / STEP_S) for duration in durations_s])
     stride = round(_SAMPLE_S / STEP_S)
 
-    def run(start: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-        errors = np.array([_horizontal_error(start, references, one) for one in CONTENDERS])
+    def run(state: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+        begun = scenario.model_copy(update={"start": _start(state, references[0])})
+        errors = np.array([_horizontal_error(begun, one, references) for one in CONTENDERS])
         square_sums = np.cumsum(errors**2, axis=1)[:, upto - 1]
         return np.sqrt(square_sums / upto), errors[:, upto - 1], errors[:, ::stride]
 
     with ThreadPoolExecutor(os.cpu_count()) as threads:
-        jobs = [threads.submit(run, start) for start in starts]
+        jobs = [threads.submit(run, state) for state in starts]
         try:
             for done, _ in enumerate(as_completed(jobs), start=1):
                 report(done)
@@ -94,7 +93,7 @@ def race(
             threads.shutdown(cancel_futures=True)
             raise
     rms, end, course = (np.array(part) for part in zip(*(j.result() for j in jobs), strict=True))
-    return Race(durations_s, rms, end, STEP_S * np.arange(0.0, steps, stride), course)
+    return Race(durations_s, rms, end, STEP_S * np.arange(0.0, scenario.periods, stride), course)
 
 
 def reproduce(seed: int, report: Report) -> Reproduction:
@@ -103,7 +102,8 @@ def reproduce(seed: int, report: Report) -> Reproduction:
     kernel.warm_up()
     starts = random_starts(STARTS, np.random.default_rng(seed))
     races: dict[str, Race] = {}
-    for n, (title, reference) in enumerate(REFERENCES.items()):
+    for n, reference in enumerate(REFERENCES):
+        title = reference.replace("_", " ")
         races[title] = race(
             reference,
             starts,
@@ -124,7 +124,7 @@ def reproduce(seed: int, report: Report) -> Reproduction:
         scenario={
             "thesis": "section 3.3; the thesis shows one start of each trajectory",
             "vehicle": "Miniglider, 12 states, rate-limited actuators",
-            "trajectories": list(REFERENCES),
+            "trajectories": list(races),
             "starts": f"{STARTS}: north and east +-1 m, depth 0 .. 0.5 m, pitch +-0.5 rad, "
             "any heading, 0.1 .. 6 cm/s forward",
             "step_s": STEP_S,
@@ -144,12 +144,24 @@ def reproduce(seed: int, report: Report) -> Reproduction:
     )
 
 
+def _start(state: FloatArray, first: FloatArray) -> StartConfig:
+    """Return a state as a start, which is said against the reference's first point."""
+    north, east, down = (state[:3] - first[:3]).tolist()
+    return StartConfig(
+        north_m=north,
+        east_m=east,
+        down_m=down,
+        pitch_rad=float(state[4]),
+        heading_rad=float(state[5]),
+        forward_speed_m_s=float(state[6]),
+    )
+
+
 def _horizontal_error(
-    start: FloatArray, references: FloatArray, contender: Contender
+    scenario: TrialConfig, contender: Contender, references: FloatArray
 ) -> FloatArray:
-    law = kernel.PID if contender.hue is Hue.PID else kernel.BACKSTEPPING
-    gains, packed = contender.simulation.packed(), MINIGLIDER.packed()
-    return kernel.closed_loop(start, references, law, gains, packed, STEP_S, _TRADE_RAD)[:, 1]
+    choice = ControllerChoice(contender.kind, contender.title, contender.simulation)
+    return fly(MINIGLIDER, scenario, choice, 0, references).errors[:, 1]
 
 
 def _proposed_wins(errors: FloatArray) -> BoolArray:

@@ -159,7 +159,7 @@ def test_the_drawing_library_is_loaded_only_to_draw(only_small, monkeypatch, cap
 
 def test_on_the_linear_glide_the_proposed_controller_is_closest_from_any_start():
     starts = claims.random_starts(10, np.random.default_rng(3))
-    race = claims.race(claims.REFERENCES["linear glide"], starts)
+    race = claims.race("linear_glide", starts)
     assert race.rms_m.shape == (10, 3, 5)
     assert (race.share_by_rms() == 1.0).all()
     assert (race.share_by_end() == 1.0).all()
@@ -167,7 +167,7 @@ def test_on_the_linear_glide_the_proposed_controller_is_closest_from_any_start()
 
 def test_on_the_sawtooth_the_proposed_controller_ends_closest_but_only_in_the_long_run():
     starts = claims.random_starts(20, np.random.default_rng(3))
-    race = claims.race(claims.REFERENCES["sawtooth"], starts, (100.0, 400.0))
+    race = claims.race("sawtooth", starts, (100.0, 400.0))
     short, long = race.share_by_end()
     assert short < 0.8
     assert long >= 0.95
