@@ -105,9 +105,10 @@ export class Api {
   plan = (id: string) => this.#json<Plan>('GET', `/api/plans/${part(id)}`);
   cancelPlan = (id: string) => this.#send('POST', `/api/plans/${part(id)}/cancel`);
 
-  uploadPlan = (id: string) =>
+  /** Send a plan; `confirmed` sends also one that the robot has meanwhile moved away from. */
+  uploadPlan = (id: string, confirmed = false) =>
     this.#json<{ transfer: string }>('POST', `/api/plans/${part(id)}/upload`, {
-      body: { start: true },
+      body: { start: true, confirmed },
     });
 
   transfer = (id: string) => this.#json<Transfer>('GET', `/api/transfers/${part(id)}`);

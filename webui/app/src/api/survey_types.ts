@@ -72,6 +72,8 @@ export interface Onboard {
   leg: number;
   legs: number;
   energy_used: number;
+  /** Energy beyond the plan's account. */
+  overspent?: number;
 }
 
 /** Time from the start s, north m, east m, down m, position standard deviation m. */
