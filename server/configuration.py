@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
@@ -89,10 +89,11 @@ class ConfigurationBook:
         *,
         by: str,
         if_match: str | None = None,
+        also: Callable[[Session], None] | None = None,
     ) -> CurrentConfiguration:
         """Merge a patch into the value that holds, validate it, and save it as a new version.
 
-        A field set to null returns to its preset.
+        A field set to null returns to its preset. ``also`` is what else belongs to the change.
 
         Raises:
             Problem: 404 if there is no such kind, 412 if ``if_match`` names another version,
@@ -118,6 +119,8 @@ class ConfigurationBook:
                 robot=robot,
                 data={"kind": kind, "id": record.id},
             )
+            if also is not None:
+                also(session)
             return CurrentConfiguration(kind, robot, record.id, value, now.preset, at, by)
 
         return await self._store.write(change)

@@ -85,15 +85,26 @@ def add_identification(
     return _record(row, robot, has_checkpoint=False)
 
 
-def begin_identification(session: Session, identification: str, job: str) -> None:
-    """Note which job runs a search, at its beginning and when it goes on.
+def reopen_identification(session: Session, identification: str) -> bool:
+    """Note that a search goes on; tell whether it had ended without a result.
 
     Raises:
         UnknownIdError: If there is no such search.
     """
     row = _row(session, identification)
-    row.job_key = key_of("job", job)
+    if row.state in {"running", "done"}:
+        return False
     row.state, row.message, row.ended_at = "running", "", None
+    return True
+
+
+def set_identification_job(session: Session, identification: str, job: str) -> None:
+    """Note which job runs a search.
+
+    Raises:
+        UnknownIdError: If there is no such search.
+    """
+    _row(session, identification).job_key = key_of("job", job)
 
 
 def keep_checkpoint(

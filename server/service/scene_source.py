@@ -40,11 +40,6 @@ class StationSceneSource:
         return self._picture.record.name
 
     @property
-    def vehicle(self) -> str:
-        """Return the key of the built-in vehicle that the robot looks like, "" if unknown."""
-        return self._vehicles.shape(self._picture.record.model)
-
-    @property
     def hull(self) -> Hull:
         """Return the robot's outer sizes, those of a usual one where its vehicle is unknown."""
         vehicle = self._vehicles.find(self._picture.record.model)

@@ -19,6 +19,7 @@ from robot_link.messages import LinkEvent, PlanReport, RobotId, Sample, StateRep
 from server.foundation import Foundation
 from server.service.command import Commands
 from server.service.fleet import Fleet
+from server.service.identification import Identifications
 from server.service.ingest import Ingest, Listeners
 from server.service.job_watch import watch_jobs
 from server.service.live_feed import LiveFeed
@@ -33,6 +34,7 @@ from server.service.scene_host import SceneHost
 from server.service.scene_source import StationSceneSource
 from server.service.survey import Surveys, purge_in
 from server.service.task.problem import LOAD_PLANNER
+from server.service.trim import TrimAdvices
 from server.service.upload import Uploads
 from server.service.vehicles import Vehicles
 from server.service.watch import watch_fleet
@@ -83,6 +85,10 @@ class Station:
         self.whatifs = WhatIfs(
             foundation, self.fleet, self.vehicles, self.workers, self.study_workers
         )
+        self.identifications = Identifications(
+            foundation, self.fleet, self.vehicles, self.study_workers
+        )
+        self.trim = TrimAdvices(foundation, self.fleet, self.vehicles, self.workers)
         self._follower = PlanFollower(store, self.plans)
         self.ingest = Ingest(
             store,
@@ -111,6 +117,7 @@ class Station:
         await self.plans.load()
         await self.missions.load()
         await self.whatifs.load()
+        await self.identifications.load()
         self._run("live stream", self.feed.run())
         self._run("command reports", self.commands.run())
         self._run("plan reports", self._follower.run())
@@ -135,6 +142,7 @@ class Station:
         self.workers.hurry()
         self.study_workers.hurry()
         await self.whatifs.stop()
+        await self.identifications.stop()
         await self.surveys.stop_all()
         await self.uploads.stop()
         await self.planning.stop()

@@ -23,7 +23,7 @@ from robot_link.clock import Clock
 from server.problem import FieldError, Problem, conflict, not_found, unprocessable
 from server.service.task.study import POLAR, STEADY, Refusal, SteadyProblem
 from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
-from server.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of, nearest_built_in
+from server.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of
 
 POLARS_KEPT = 32
 """So many polars stay in memory, the last asked for."""
@@ -88,19 +88,21 @@ class Vehicles:
             message = f"must be one of {', '.join(self._entries)}"
             raise unprocessable("1 field is wrong.", [FieldError(loc=["model"], msg=message)])
 
-    def shape(self, key: str) -> str:
-        """Return the key of the built-in vehicle that looks most like another, "" for none."""
-        vehicle = self.find(key)
-        return "" if vehicle is None else nearest_built_in(vehicle)
-
     def free_key(self, wish: str) -> str:
         """Return a key that no vehicle has, as near to a wish as it gets."""
         stem = re.sub(r"[^a-z0-9_-]+", "-", wish.lower()).strip("-_")[:36] or "vehicle"
         numbered = (f"{stem}-{number}" for number in range(2, len(self._entries) + 3))
         return next(key for key in (stem, *numbered) if key not in self._entries)
 
-    async def add(self, document: Mapping[str, Any], *, origin: str, by: str) -> CatalogueEntry:
-        """Add a vehicle by its parameter document.
+    async def add(
+        self,
+        document: Mapping[str, Any],
+        *,
+        origin: str,
+        by: str,
+        also: Callable[[Session], None] | None = None,
+    ) -> CatalogueEntry:
+        """Add a vehicle by its parameter document, with what else belongs to the same change.
 
         Raises:
             Problem: 422 with the path, the name and the allowed range of each wrong entry, 409 if
@@ -111,22 +113,6 @@ class Vehicles:
             vehicle = vehicle_from_document(document)
         except VehicleFileError as error:
             raise _wrong_entries(error) from error
-        return await self.keep(vehicle, origin=origin, by=by)
-
-    async def keep(
-        self,
-        vehicle: Vehicle,
-        *,
-        origin: str,
-        by: str,
-        also: Callable[[Session], None] | None = None,
-    ) -> CatalogueEntry:
-        """Keep a vehicle, with what else belongs to the same change.
-
-        Raises:
-            Problem: 409 if the key is taken.
-            StoreUnavailableError: Nothing was kept.
-        """
         if vehicle.key in self._entries:
             raise _taken(vehicle.key)
         record = VehicleRecord(

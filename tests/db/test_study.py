@@ -8,13 +8,14 @@ from db.query.deployments import list_deployments
 from db.query.identifications import (
     accept_identification,
     add_identification,
-    begin_identification,
     end_identification,
     get_checkpoint,
     get_identification,
     interrupt_identifications,
     keep_checkpoint,
     list_identifications,
+    reopen_identification,
+    set_identification_job,
 )
 from db.query.jobs import add_job
 from db.query.robots import add_robot
@@ -148,7 +149,9 @@ def test_a_search_that_goes_on_is_running_again(store):
     search = write(store, begun)
     write(store, lambda s: interrupt_identifications(s, START, "stopped"))
     job = write(store, lambda s: add_job(s, "identification", at=START, by="ann"))
-    write(store, lambda s: begin_identification(s, search, job.id))
+    assert write(store, lambda s: reopen_identification(s, search))
+    assert not write(store, lambda s: reopen_identification(s, search))
+    write(store, lambda s: set_identification_job(s, search, job.id))
     write(store, lambda s: accept_identification(s, search, "mini-b"))
     found = read(store, lambda s: get_identification(s, search))
     assert (found.state, found.job, found.ended_at) == ("running", job.id, None)

@@ -8,8 +8,11 @@ from dataclasses import dataclass
 from typing import Any, Final
 
 from autonomy.configuration import Configuration
+from autonomy.identification.config import IdentificationConfig
+from autonomy.identification.recording import Recording
 from autonomy.trial.config import TrialConfig
 from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.trim import TrimConfig
 
 POLAR: Final = "server.service.task.vehicle_motion:polar_document"
 """Takes a ``Vehicle``, leaves the JSON document of its polar."""
@@ -19,6 +22,11 @@ CHECK_WHATIF: Final = "server.service.task.whatif:check"
 """Takes a ``WhatIfProblem``, leaves ``None`` or a ``Refusal``."""
 WHATIF: Final = "server.service.task.whatif:run"
 """Takes a ``WhatIfProblem``, reports share and message, leaves a JSON document or a ``Refusal``."""
+IDENTIFY: Final = "server.service.task.identification:run"
+"""Takes an ``IdentificationProblem``, reports ``IdentificationNews``, leaves a JSON document or a
+``Refusal``."""
+ADVISE_TRIM: Final = "server.service.task.trim_advice:run"
+"""Takes a ``TrimProblem``, leaves a JSON document or a ``Refusal``."""
 
 Document = Mapping[str, Any]
 """A JSON object."""
@@ -59,3 +67,38 @@ class WhatIfProblem:
     vehicle: Vehicle
     scenario: TrialConfig
     controllers: tuple[WhatIfController, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class IdentificationProblem:
+    """A recording in which a vehicle's parameters are sought."""
+
+    vehicle: Vehicle
+    recording: Recording
+    config: IdentificationConfig
+    resume: Document | None
+    """Checkpoint of an earlier run that is to go on."""
+
+
+@dataclass(frozen=True, slots=True)
+class IdentificationNews:
+    """How far an identification is."""
+
+    iteration: int
+    iterations: int
+    best_cost: float
+    spread: float
+    message: str
+    checkpoint: Document | None
+    """Where to go on from; not with every iteration, for it is large."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrimProblem:
+    """The last dives of a robot, and the trim that it has."""
+
+    vehicle: Vehicle
+    recording: Recording
+    present: TrimConfig
+    dives: int
+    """How many of the last dives count."""

@@ -3,10 +3,10 @@
 from collections.abc import Callable
 from typing import Any
 
+from autonomy.control.feasibility import InfeasibleReferenceError
+from autonomy.trial.check import check_scenario
 from autonomy.trial.comparison import TrialCancelledError, compare
 from autonomy.trial.run import ControllerChoice
-from autonomy.trial.setting import reference_function
-from autonomy.vehicle.steady import NoSteadyGlideError
 from server.service.task.study import Refusal, WhatIfProblem
 
 POINTS_MAX = 400
@@ -17,11 +17,12 @@ def check(
 ) -> Refusal | None:
     """Tell whether the vehicle can follow the reference at all; a refusal names the limit."""
     del report, is_cancelled
-    scenario = problem.scenario
+    kinds = {controller.kind for controller in problem.controllers}
     try:
-        reference_function(problem.vehicle, scenario)
-    except NoSteadyGlideError as error:
-        return Refusal(str(error))
+        check_scenario(problem.vehicle, problem.scenario, kinds)
+    except InfeasibleReferenceError as error:
+        text = str(error)
+        return Refusal(f"{text[0].upper()}{text[1:]}.")
     return None
 
 

@@ -102,6 +102,22 @@ async def test_every_wrong_field_is_named_by_its_path_at_once(client):
     assert (await client.get("/api/robots/mini-1/whatifs")).json()["whatifs"] == []
 
 
+async def test_a_reference_that_the_vehicle_cannot_follow_is_refused_with_the_limit(client):
+    cases = (
+        ({"reference": "straight_glide", "straight": {"vertical_speed_m_s": 0.8}}, "cm/s"),
+        ({"reference": "straight_glide", "straight": {"glide_angle_rad": -0.05}}, "glide"),
+        ({"reference": "level_swim"}, "only the swimming controller"),
+    )
+    for scenario, limit in cases:
+        body = {"scenario": {**SHORT, **scenario}, "controllers": TWO}
+        refused = await client.post("/api/robots/mini-1/whatif", json=body)
+        assert refused.status_code == 422
+        (error,) = refused.json()["errors"]
+        assert error["loc"] == ["scenario", "reference"]
+        assert limit in error["msg"]
+    assert (await client.get("/api/robots/mini-1/whatifs")).json()["whatifs"] == []
+
+
 @pytest.mark.parametrize(
     "controllers", [[], TWO * 4, [{"kind": "controller.pid", "gain": 1}], [{"config": {}}]]
 )

@@ -1,0 +1,151 @@
+"""Identifications: the parameters of a vehicle, sought in what a robot recorded."""
+
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Query, Response
+from pydantic import AwareDatetime, Field
+
+from db.query.identifications import IdentificationRecord
+from server.api.body import Body
+from server.api.dependency import Pilot, Viewer
+from server.api.idempotency import IdempotentRoute
+from server.api.station_dependency import StationDep, encoded
+from server.service.view.identification import (
+    AcceptedVehicleView,
+    ConvergenceView,
+    IdentificationSummaryView,
+    IdentificationsView,
+    IdentificationView,
+)
+from server.service.view.whatif import StudyStartedView
+
+router = APIRouter(prefix="/api", tags=["identification"], route_class=IdempotentRoute)
+
+
+class IdentificationRequest(Body):
+    """A recording, and how the parameters are sought in it."""
+
+    deployment: str
+    """A deployment of the robot, such as ``deployment-2``."""
+    start: AwareDatetime | None = None
+    """First moment; by default the deployment's."""
+    end: AwareDatetime | None = None
+    """Last moment; by default the deployment's."""
+    config: dict[str, Any] = Field(default_factory=dict)
+    """Settings that differ from what holds for the robot; see
+    `GET /api/config/identification/schema`."""
+
+
+class AcceptRequest(Body):
+    """What the vehicle is to be called."""
+
+    key: str | None = Field(default=None, pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$")
+    """Its key in the catalogue; by default one made of the robot's id."""
+    title: str | None = Field(default=None, min_length=1, max_length=80)
+    """Its title; by default one that says where it comes from."""
+
+
+@router.post("/robots/{robot}/identifications", status_code=202)
+async def start_identification(
+    caller: Pilot, robot: str, body: IdentificationRequest, station: StationDep
+) -> StudyStartedView:
+    """Begin a search in a process of its own.
+
+    409 says what a recording lacks: channels, reports from under water, or any report at all.
+    """
+    identification, job = await station.identifications.start(
+        robot, body.deployment, body.config, start=body.start, end=body.end, by=caller.name
+    )
+    return StudyStartedView(identification, job)
+
+
+@router.get("/robots/{robot}/identifications")
+async def list_identifications(
+    caller: Viewer,
+    robot: str,
+    station: StationDep,
+    before: Annotated[str | None, Query(description="Id to go on before.")] = None,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 50,
+) -> IdentificationsView:
+    """Return the searches of a robot, the newest first, without their results."""
+    del caller
+    records = await station.identifications.of_robot(robot, before, limit)
+    return IdentificationsView([_summary(record) for record in records])
+
+
+@router.get("/identifications/{identification}", response_model=IdentificationView)
+async def get_identification(caller: Viewer, identification: str, station: StationDep) -> Response:
+    """Return one search as it stands now; its convergence grows while it runs."""
+    del caller
+    return encoded(_view(await station.identifications.get(identification)))
+
+
+@router.post("/identifications/{identification}/cancel", response_model=IdentificationView)
+async def cancel_identification(
+    caller: Pilot, identification: str, station: StationDep
+) -> Response:
+    """Call a search off; the answer comes when it has stopped. It can be resumed."""
+    del caller
+    return encoded(_view(await station.identifications.cancel(identification)))
+
+
+@router.post("/identifications/{identification}/resume", status_code=202)
+async def resume_identification(
+    caller: Pilot, identification: str, station: StationDep
+) -> StudyStartedView:
+    """Let a search go on from its last checkpoint, also after a restart of the station."""
+    found, job = await station.identifications.resume(identification, by=caller.name)
+    return StudyStartedView(found, job)
+
+
+@router.post("/identifications/{identification}/accept", status_code=201)
+async def accept_identification(
+    caller: Pilot, identification: str, station: StationDep, body: AcceptRequest | None = None
+) -> AcceptedVehicleView:
+    """Keep what was found as a vehicle of the catalogue; the robot's model stays as it is."""
+    wish = body or AcceptRequest()
+    key = await station.identifications.accept(
+        identification, key=wish.key, title=wish.title, by=caller.name
+    )
+    return AcceptedVehicleView(key)
+
+
+def _summary(record: IdentificationRecord) -> IdentificationSummaryView:
+    return IdentificationSummaryView(
+        id=record.id,
+        deployment=record.deployment,
+        state=record.state,
+        method=str(record.config["method"]),
+        progress=record.progress,
+        message=record.message,
+        best_cost=record.convergence[-1]["cost"] if record.convergence else None,
+        vehicle=record.accepted_vehicle,
+        job=record.job,
+        created_at=record.created_at,
+        created_by=record.created_by,
+    )
+
+
+def _view(record: IdentificationRecord) -> IdentificationView:
+    return IdentificationView(
+        id=record.id,
+        robot=record.robot,
+        deployment=record.deployment,
+        state=record.state,
+        base_vehicle=record.vehicle,
+        config=dict(record.config),
+        data_start_at=record.data_start_at,
+        data_end_at=record.data_end_at,
+        progress=record.progress,
+        message=record.message,
+        convergence=[
+            ConvergenceView(point["iteration"], point["cost"]) for point in record.convergence
+        ],
+        has_checkpoint=record.has_checkpoint,
+        result=None if record.result is None else dict(record.result),
+        vehicle=record.accepted_vehicle,
+        job=record.job,
+        created_at=record.created_at,
+        created_by=record.created_by,
+        ended_at=record.ended_at,
+    )

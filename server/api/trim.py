@@ -1,0 +1,70 @@
+"""Trim: advice from the last dives, accepted by a person in steps."""
+
+from fastapi import APIRouter
+from pydantic import Field, field_validator
+
+from server.api.body import Body
+from server.api.dependency import Pilot
+from server.api.idempotency import IdempotentRoute
+from server.api.station_dependency import StationDep
+from server.service.trim import STEPS
+from server.service.view.identification import AdviceJobView, TrimView
+
+router = APIRouter(prefix="/api/robots/{robot}/trim", tags=["trim"], route_class=IdempotentRoute)
+
+
+class AdviceRequest(Body):
+    """Which dives are to be held against the model."""
+
+    deployment: str | None = None
+    """A deployment of the robot; by default the newest."""
+    dives: int = Field(default=10, ge=1, le=1000)
+    """How many of its last dives count."""
+
+
+class TrimAcceptance(Body):
+    """How much of an advice is taken."""
+
+    advice: str
+    """Id of the advice, such as ``advice-2``."""
+    share: float = Field(default=0.5, json_schema_extra={"enum": list(STEPS)})
+    """Half of the step, as pilots do, or all of it."""
+
+    @field_validator("share")
+    @classmethod
+    def _is_a_step(cls, share: float) -> float:
+        if share not in STEPS:
+            raise ValueError("must be 0.5 or 1")
+        return share
+
+
+@router.post("/advice", status_code=202)
+async def start_advice(
+    caller: Pilot, robot: str, station: StationDep, body: AdviceRequest | None = None
+) -> AdviceJobView:
+    """Work out by how much the trim is off.
+
+    The job's result is the advice with its `id`: the errors now and after the change, the offsets
+    after half a step and after a whole one, and whether that is worth it. The job fails in words
+    where there is too little steady gliding.
+    """
+    wish = body or AdviceRequest()
+    job = await station.trim.start(robot, wish.deployment, wish.dives, by=caller.name)
+    return AdviceJobView(job)
+
+
+@router.post("/accept")
+async def accept_advice(
+    caller: Pilot, robot: str, body: TrimAcceptance, station: StationDep
+) -> TrimView:
+    """Change the trim by half of an advice's step, or all of it; the answer says when it arrives.
+
+    409 if the trim was changed since the advice, or the advice was accepted already.
+    """
+    done = await station.trim.accept(robot, body.advice, body.share, by=caller.name)
+    return TrimView(
+        config_id=done.config_id,
+        net_buoyancy_offset_kg=done.trim.net_buoyancy_offset_kg,
+        mass_position_offset_m=done.trim.mass_position_offset_m,
+        reaches_robot=done.reaches_robot,
+    )

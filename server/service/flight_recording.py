@@ -1,0 +1,127 @@
+"""Recorded flights as the studies need them, or the sentence that says what they lack."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+
+from autonomy.arrays import BoolArray
+from autonomy.identification.recording import Recording
+from db.column import moment
+from db.query.deployments import DeploymentRecord, get_deployment, list_deployments
+from db.query.state_columns import StateColumns, state_columns
+from db.store import Store
+from server.problem import FieldError, Problem, conflict, unprocessable
+
+SURFACE_DEPTH_M = 0.05
+"""A report from above this is one from the surface."""
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """The reports of a robot from a stretch of time."""
+
+    deployment: DeploymentRecord
+    columns: StateColumns
+
+    @property
+    def start_at(self) -> datetime:
+        """Moment of the first report."""
+        return moment(int(self.columns.measured_at_us[0]))
+
+    @property
+    def end_at(self) -> datetime:
+        """Moment of the last report."""
+        return moment(int(self.columns.measured_at_us[-1]))
+
+    def recording(self) -> Recording:
+        """Return the reports with their time in seconds from the first of them."""
+        columns = self.columns
+        return Recording(
+            time_s=(columns.measured_at_us - columns.measured_at_us[0]) * 1e-6,
+            position_ned=columns.position_ned,
+            position_std_m=columns.position_std_m,
+            has_fix=columns.has_fix,
+            attitude_rad=columns.attitude_rad,
+            net_buoyancy_kg=columns.net_buoyancy_kg,
+            mass_position_m=columns.mass_position_m,
+            tail_rad=columns.tail_rad,
+            mode=None if (columns.mode < 0).all() else columns.mode,
+        )
+
+
+async def find_deployment(store: Store, robot: str, deployment: str | None) -> DeploymentRecord:
+    """Return a deployment of a robot, the newest if none is named.
+
+    Raises:
+        Problem: 422 if it is another robot's, 409 if the robot has none.
+        UnknownIdError: If there is no such deployment.
+    """
+    if deployment is None:
+        newest = await store.query(lambda s: list_deployments(s, robot=robot, limit=1))
+        if not newest:
+            raise conflict(f"{robot} has no deployment yet.")
+        return newest[0]
+    found = await store.query(lambda session: get_deployment(session, deployment))
+    if found.robot != robot:
+        message = f"{deployment} is one of {found.robot}"
+        raise unprocessable("1 field is wrong.", [FieldError(loc=["deployment"], msg=message)])
+    return found
+
+
+async def read_flight(
+    store: Store,
+    deployment: DeploymentRecord,
+    start: datetime | None = None,
+    end: datetime | None = None,
+) -> Flight:
+    """Read what a robot reported in a deployment, both ends included, all of it by default.
+
+    Raises:
+        Problem: 422 if the range is empty, 409 if nothing in it can be used; the sentence says what
+            is missing.
+    """
+    first = start or deployment.started_at
+    last = end or deployment.ended_at
+    if last is not None and first >= last:
+        message = f"must be after {first.isoformat()}"
+        raise unprocessable("1 field is wrong.", [FieldError(loc=["end"], msg=message)])
+    columns = await store.query(lambda s: state_columns(s, deployment.robot, first, last))
+    fault = _fault(columns, deployment)
+    if fault is not None:
+        raise fault
+    return Flight(deployment, columns)
+
+
+def _fault(columns: StateColumns, deployment: DeploymentRecord) -> Problem | None:
+    name = f"{deployment.id} of {deployment.robot}"
+    if not len(columns):
+        return conflict(f"{name} has no state report in this time.")
+    missing = [title for title, known in _channels(columns).items() if not known.any()]
+    if missing:
+        return conflict(
+            f"{name} has no record of {_listed(missing)}; a recording needs attitude and actuators "
+            "to be held against a model (see `grace import --help` for their columns)."
+        )
+    if (columns.position_ned[:, 2] < SURFACE_DEPTH_M).all():
+        return conflict(
+            f"{name} has no report from under water in this time: the robot spoke at the surface "
+            "only. Import what it logged on board, or take another deployment."
+        )
+    return None
+
+
+def _channels(columns: StateColumns) -> dict[str, BoolArray]:
+    roll, pitch, heading = columns.attitude_rad.T
+    return {
+        "roll": np.isfinite(roll),
+        "pitch": np.isfinite(pitch),
+        "heading": np.isfinite(heading),
+        "net buoyancy": np.isfinite(columns.net_buoyancy_kg),
+        "mass position": np.isfinite(columns.mass_position_m),
+        "tail": np.isfinite(columns.tail_rad),
+    }
+
+
+def _listed(names: list[str]) -> str:
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"

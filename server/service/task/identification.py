@@ -1,0 +1,66 @@
+"""Seeks the parameters of a vehicle in a recording."""
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from autonomy.identification.problem import problem_from
+from autonomy.identification.progress import (
+    IdentificationCancelledError,
+    IdentificationError,
+    Progress,
+)
+from autonomy.identification.run import identify
+from server.service.task.study import IdentificationNews, IdentificationProblem, Refusal
+
+CHECKPOINT_PERIOD_S = 2.0
+"""A search that is cut off loses at most this much of its work, and one iteration."""
+
+
+def run(
+    task: IdentificationProblem,
+    report: Callable[[IdentificationNews], None],
+    is_cancelled: Callable[[], bool],
+) -> dict[str, Any] | Refusal:
+    """Return what was found for JSON, or why there is nothing to find."""
+    try:
+        problem = problem_from(task.vehicle, task.recording, task.config)
+        found = identify(
+            problem,
+            task.config,
+            np.random.default_rng(task.config.seed),
+            report=_Reporter(report),
+            is_cancelled=is_cancelled,
+            resume=task.resume,
+        )
+    except IdentificationCancelledError:
+        return Refusal("The identification was cancelled.")
+    except IdentificationError as error:
+        return Refusal(str(error))
+    return found.document()
+
+
+class _Reporter:
+    """Passes progress on, with a checkpoint every now and then."""
+
+    def __init__(self, report: Callable[[IdentificationNews], None]) -> None:
+        self._report = report
+        self._kept_s = -CHECKPOINT_PERIOD_S
+
+    def __call__(self, progress: Progress) -> None:
+        now_s = time.monotonic()
+        is_due = now_s - self._kept_s >= CHECKPOINT_PERIOD_S
+        if is_due:
+            self._kept_s = now_s
+        self._report(
+            IdentificationNews(
+                iteration=progress.iteration,
+                iterations=progress.iterations,
+                best_cost=progress.best_cost,
+                spread=progress.spread,
+                message=progress.message,
+                checkpoint=progress.state if is_due else None,
+            )
+        )

@@ -1,0 +1,20 @@
+"""Says by how much a robot's trim is off, from its last dives."""
+
+from collections.abc import Callable
+from typing import Any
+
+from autonomy.identification.trim_advice import NoAdviceError, advise
+from server.service.task.study import Refusal, TrimProblem
+
+
+def run(
+    problem: TrimProblem, report: Callable[[object], None], is_cancelled: Callable[[], bool]
+) -> dict[str, Any] | Refusal:
+    """Return the advice for JSON, or why there is none."""
+    del report, is_cancelled
+    try:
+        found = advise(problem.vehicle, problem.recording, problem.present, dives=problem.dives)
+    except NoAdviceError as error:
+        text = str(error)
+        return Refusal(f"{text[0].upper()}{text[1:]}.")
+    return found.document()

@@ -1,0 +1,177 @@
+"""Trim advice: what the last dives say of a robot's ballast, accepted by a person in steps."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from autonomy.vehicle.trim import TrimConfig
+from db.query import trim as query
+from db.query.events import add_event
+from db.query.trim import TrimAdviceRecord
+from server.configuration import CurrentConfiguration
+from server.foundation import Foundation
+from server.job import JobError, JobProgress
+from server.problem import Problem, conflict, not_found
+from server.service.fleet import Fleet
+from server.service.flight_recording import find_deployment, read_flight
+from server.service.task.study import ADVISE_TRIM, Document, Refusal, TrimProblem
+from server.service.vehicles import Vehicles
+from server.service.whatif import vehicle_of
+from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+
+STEPS = {0.5: ("half_step", "half a trim step"), 1.0: ("full_step", "a whole trim step")}
+"""Shares of an advice that can be taken: their names in its document, and in words."""
+_ON_THE_WAY = {"sent": "on its way", "on_board": "on board", "running": "running"}
+
+
+@dataclass(frozen=True, slots=True)
+class AcceptedTrim:
+    """The trim of a robot after someone took an advice."""
+
+    trim: TrimConfig
+    config_id: str
+    reaches_robot: str
+    """When the robot will have it, in words."""
+
+
+class TrimAdvices:
+    """Trim advice for all robots. Belongs to one event loop."""
+
+    def __init__(
+        self, foundation: Foundation, fleet: Fleet, vehicles: Vehicles, workers: WorkerPool
+    ) -> None:
+        self._foundation = foundation
+        self._store = foundation.store
+        self._fleet = fleet
+        self._vehicles = vehicles
+        self._workers = workers
+
+    async def start(self, robot: str, deployment: str | None, dives: int, *, by: str) -> str:
+        """Begin to work an advice out; return the id of the job whose result it will be.
+
+        Raises:
+            Problem: 404 for an unknown robot, 409 for one without a vehicle or a recording that
+                cannot be used, 422 for a deployment of another robot.
+            UnknownIdError: If there is no such deployment.
+            StoreError: Nothing was begun.
+        """
+        vehicle = vehicle_of(robot, self._fleet, self._vehicles)
+        found = await find_deployment(self._store, robot, deployment)
+        flight = await read_flight(self._store, found)
+        present = await self._foundation.configurations.current("trim", robot)
+        problem = TrimProblem(vehicle, flight.recording(), trim_of(present.value), dives)
+
+        async def work(progress: JobProgress) -> Document:
+            progress.report(0.0, "Holding the last dives against the model")
+            return await self._advise(robot, found.id, problem, present, by)
+
+        job = await self._foundation.jobs.start("trim advice", work, by=by)
+        return job.id
+
+    async def accept(self, robot: str, advice: str, share: float, *, by: str) -> AcceptedTrim:
+        """Change a robot's trim by a share of an advice.
+
+        Raises:
+            Problem: 404 if it is no advice for this robot; 409 if it was accepted already, or the
+                trim changed since.
+            UnknownIdError: If there is none of this id.
+            StoreError: Nothing was changed.
+        """
+        self._fleet.picture(robot)
+        record = await self._store.query(lambda session: query.get_advice(session, advice))
+        if record.robot != robot:
+            raise not_found(f"There is no {advice} for {robot}.")
+        if record.accepted_by is not None:
+            raise conflict(f"{record.accepted_by} accepted {advice} already; ask for a new one.")
+        step, name = STEPS[share]
+        wanted = TrimConfig.model_validate(record.document[step])
+        at = self._foundation.clock.now()
+
+        def also(session: Session) -> None:
+            query.accept_advice(session, advice, share, at=at, by=by)
+            text = f"{by} accepted {name} for {robot}: {in_words(wanted)}."
+            data = {"advice": advice, "share": share, "trim": wanted.model_dump()}
+            add_event(session, at, "trim.accepted", text, robot=robot, data=data)
+
+        patch = wanted.model_dump(mode="json")
+        book, version = self._foundation.configurations, record.trim_version
+        try:
+            held = await book.patch("trim", robot, patch, by=by, if_match=version, also=also)
+        except Problem as problem:
+            if problem.status != 412:
+                raise
+            raise conflict(
+                f"The trim of {robot} was changed since {advice} was worked out; "
+                "ask for a new advice."
+            ) from problem
+        if held.id is None:
+            raise TypeError("a kept version has an id")
+        return AcceptedTrim(trim_of(held.value), held.id, self._reaches(robot))
+
+    async def _advise(
+        self,
+        robot: str,
+        deployment: str,
+        problem: TrimProblem,
+        present: CurrentConfiguration,
+        by: str,
+    ) -> Document:
+        try:
+            found = await self._workers.run(ADVISE_TRIM, problem)
+        except (WorkerTaskError, WorkerEndedError) as error:
+            raise JobError(str(error)) from error
+        if isinstance(found, Refusal):
+            raise JobError(found.message)
+        at = self._foundation.clock.now()
+
+        def write(session: Session) -> TrimAdviceRecord:
+            record = query.add_advice(
+                session,
+                robot,
+                deployment,
+                trim_version=present.etag,
+                document=found,
+                at=at,
+                by=by,
+            )
+            text = f"{by} asked for trim advice for {robot}: {found['message']}"
+            data = {"advice": record.id, "deployment": deployment}
+            add_event(session, at, "trim.advised", text, robot=robot, data=data)
+            return record
+
+        record = await self._store.write(write)
+        return advice_document(record)
+
+    def _reaches(self, robot: str) -> str:
+        plan = self._fleet.picture(robot).plan
+        if plan is not None and plan.state in _ON_THE_WAY:
+            return (
+                f"It reaches {robot} with the next plan; {plan.plan_id}, which is "
+                f"{_ON_THE_WAY[plan.state]}, keeps the trim that it was made with."
+            )
+        if plan is not None and plan.state == "draft":
+            return (
+                f"It reaches {robot} with the next plan that is made; the draft {plan.plan_id} has "
+                "the old trim, so plan again."
+            )
+        return f"It reaches {robot} with the next plan."
+
+
+def advice_document(record: TrimAdviceRecord) -> dict[str, Any]:
+    """Return an advice with its id as JSON."""
+    return {**record.document, "id": record.id, "deployment": record.deployment}
+
+
+def trim_of(value: object) -> TrimConfig:
+    """Return the trim out of the configuration book."""
+    if not isinstance(value, TrimConfig):
+        raise TypeError("the trim is not one")
+    return value
+
+
+def in_words(trim: TrimConfig) -> str:
+    """Say a trim as pilots do, in grams and millimetres."""
+    buoyancy_g = trim.net_buoyancy_offset_kg * 1e3
+    position_mm = trim.mass_position_offset_m * 1e3
+    return f"net buoyancy {buoyancy_g:+.1f} g, mass position {position_mm:+.1f} mm"
