@@ -11,16 +11,6 @@ from autonomy.vehicle.energy import EnergyPrices
 from autonomy.vehicle.hull import Hull
 from autonomy.vehicle.limits import ActuatorLimits
 
-__all__ = [
-    "GRACE3",
-    "MINIGLIDER",
-    "VEHICLES",
-    "ActuatorLimits",
-    "SwimGait",
-    "Vehicle",
-    "VehicleParameters",
-]
-
 
 class VehicleParameters(Configuration):
     """Rigid body, hydrodynamics, tail and contact of a gliding robotic fish.

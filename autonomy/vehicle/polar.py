@@ -91,7 +91,7 @@ def _balance(
     drag = p.drag_0 + p.drag_alpha * alpha**2
     lift = p.lift_0 + p.lift_alpha * alpha
     heavy = np.sign(m0)
-    with np.errstate(invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore"):
         path = np.where(drag > 0.0, np.arctan2(-heavy * drag, heavy * lift), np.nan)
         # dynamic pressure times area: lift and drag together carry the net weight
         load = np.where(m0 == 0.0, np.nan, np.abs(m0) * p.gravity_m_s2 / np.hypot(drag, lift))

@@ -114,6 +114,11 @@ def _settled(parameters: VehicleParameters, inputs: FloatArray) -> FloatArray:
     state[6] = 0.05
     steps = round(_SETTLING_S / _STEP_S)
     x = rk4_step(state, inputs, parameters.packed(), _STEP_S, steps)
+    if not np.all(np.isfinite(x)):
+        raise NoSteadyGlideError(
+            f"the model's motion at net mass {inputs[0] * 1e3:.1f} g grows without bound: no robot"
+            " with these parameters glides"
+        )
     turn_rate = (math.sin(x[3]) * x[10] + math.cos(x[3]) * x[11]) / math.cos(x[4])
     return np.array([*x[6:9], math.remainder(x[3], 2.0 * math.pi), x[4], turn_rate])
 

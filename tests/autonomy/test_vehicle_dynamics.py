@@ -164,6 +164,16 @@ def test_steps_converge_with_the_fourth_order():
     assert np.all(np.abs(orders - 4.0) < 0.5)
 
 
+@pytest.mark.parametrize(("dt", "error_m"), [(0.1, 1e-6), (0.02, 2e-9)])
+def test_a_minute_of_gliding_is_exact_to_a_micrometre(dt, error_m):
+    state = np.zeros(12)
+    state[6] = 0.06
+    inputs = np.array([0.01, 0.02, 0.3])
+    exact = kernel.rk4_step(state, inputs, PACKED, 0.0025, 24_000)
+    coarse = kernel.rk4_step(state, inputs, PACKED, dt, round(60 / dt))
+    assert np.linalg.norm((coarse - exact)[:3]) < error_m
+
+
 def test_a_long_run_mirrors_when_the_tail_does():
     state = np.array([0, 0, 5, 0.1, -0.3, 0.2, 0.06, 0.01, 0.0, 0.02, 0.01, -0.03])
     inputs = np.array([0.01, 0.02, 0.5])

@@ -135,3 +135,9 @@ def test_water_that_pushes_instead_of_drags_has_no_glide():
         MINIGLIDER, parameters=MODEL.model_copy(update={"drag_0": -1e6, "drag_alpha": 0.0})
     )
     assert np.all(np.isnan(polar(odd).speed_m_s))
+
+
+def test_a_model_without_lift_and_drag_at_the_bow_warns_of_nothing():
+    bare = {"drag_0": 0.0, "lift_0": 0.0}
+    odd = dataclasses.replace(MINIGLIDER, parameters=MODEL.model_copy(update=bare))
+    assert polar(odd, np.array([0.01]), np.array([0.0, 0.02])).speed_m_s.shape == (1, 2)

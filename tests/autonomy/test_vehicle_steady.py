@@ -74,6 +74,12 @@ def test_a_neutral_vehicle_does_not_glide():
         steady_glide(MODEL, 0.0, 0.02)
 
 
+def test_a_model_that_runs_away_has_no_steady_glide():
+    absurd = MODEL.model_copy(update={"inertia_2_kg_m2": 1e-9, "pitch_damping_m_s": 1e3})
+    with pytest.raises(NoSteadyGlideError, match="grows without bound"):
+        steady_glide(absurd, 0.01, 0.02)
+
+
 def test_straight_down_needs_no_lift():
     alpha = angle_of_attack(MODEL, -math.pi / 2)
     assert alpha == pytest.approx(-MODEL.lift_0 / MODEL.lift_alpha, abs=1e-12)

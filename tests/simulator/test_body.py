@@ -2,9 +2,11 @@
 
 import math
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
 from autonomy.field.synthetic import measurement_noise, truth
 from autonomy.vehicle.surroundings import Surroundings
@@ -16,6 +18,7 @@ from simulator.onboard.hardware import SetPoints
 from simulator.plant import Plant
 from simulator.robot import SimulatedBody
 from simulator.sensor import Sensors
+from simulator.settings import SimulatorSettings
 
 STILL = replace(MINI_1, drift_m_sqrt_s=0.0)
 STILL_LAKE = replace(GRACE_1, drift_m_sqrt_s=0.0)
@@ -153,6 +156,16 @@ def test_a_lake_may_be_layered_and_wavy_but_a_tank_is_not():
     assert [wave.height_m for wave in lake.waves] == [0.2]
     assert rough.surroundings(MINI_1.site) == Surroundings.of_site(MINI_1.site)
     assert WaterConditions().surroundings(GRACE_1.site) == Surroundings.of_site(GRACE_1.site)
+
+
+def test_settings_describe_the_water_and_refuse_breaking_waves(tmp_path):
+    now = datetime(2024, 5, 1, 12, tzinfo=UTC)
+    anchors = {"link_folder": tmp_path, "wall_anchor": now, "time_anchor": now}
+    assert SimulatorSettings(**anchors).conditions() == WaterConditions()
+    rough = SimulatorSettings(**anchors, temperature_drop_c=12.0, wave_height_m=0.2)
+    assert rough.conditions() == ROUGH
+    with pytest.raises(ValidationError, match="breaks at 0.223 m"):
+        SimulatorSettings(**anchors, wave_height_m=0.5, wave_period_s=1.0)
 
 
 def test_a_robot_sinks_slower_into_colder_water_and_rolls_on_waves():
