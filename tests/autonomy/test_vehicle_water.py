@@ -281,7 +281,7 @@ def test_a_site_takes_the_water_it_is_given():
         (lambda: Wave(-0.1, 2.0), "height of at least 0"),
         (lambda: Wave(0.1, 0.0), "period above 0"),
         (lambda: Wave(math.nan, 2.0), "height"),
-        (lambda: Wave(0.5, 1.0), "breaks at 0.223 m; 0.5 m is higher"),
+        (lambda: Wave(0.5, 1.0), r"breaks at 0\.223 m; 0\.5 m is higher"),
     ],
 )
 def test_impossible_water_is_refused_with_the_reason(make, words):

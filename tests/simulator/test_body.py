@@ -164,7 +164,7 @@ def test_settings_describe_the_water_and_refuse_breaking_waves(tmp_path):
     assert SimulatorSettings(**anchors).conditions() == WaterConditions()
     rough = SimulatorSettings(**anchors, temperature_drop_c=12.0, wave_height_m=0.2)
     assert rough.conditions() == ROUGH
-    with pytest.raises(ValidationError, match="breaks at 0.223 m"):
+    with pytest.raises(ValidationError, match=r"breaks at 0\.223 m"):
         SimulatorSettings(**anchors, wave_height_m=0.5, wave_period_s=1.0)
 
 
