@@ -6,7 +6,8 @@ from datetime import datetime
 from autonomy.planner.check import outdated, violations
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Candidate, Leg
-from autonomy.vehicle.trim import TrimConfig
+from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.trim import TrimConfig, trim_flaw
 from db.query.plans import PlanRecord
 from robot_link.mission import Mission, MissionSettings
 from server.configuration import CurrentConfiguration
@@ -19,12 +20,17 @@ SENDABLE = ("draft", "on_board")
 
 
 def draft_of(
-    picture: Picture, config: PlannerConfig, trim: CurrentConfiguration, best: Candidate
+    picture: Picture,
+    vehicle: Vehicle | None,
+    config: PlannerConfig,
+    trim: CurrentConfiguration,
+    best: Candidate,
 ) -> Draft:
     """Return a trajectory as a mission, with the account that an operator decides by.
 
     Args:
         picture: The robot that is to fly it.
+        vehicle: Its model, if it is known.
         config: Settings that it was planned with.
         trim: The robot's trim, which the mission brings on board.
         best: The trajectory.
@@ -48,17 +54,27 @@ def draft_of(
         energy=best.energy,
         duration_s=best.duration_s,
         worst_std_m=best.worst_std_m,
-        violations=broken_limits(picture, config, best.legs),
+        violations=broken_limits(picture, vehicle, config, settings, best.legs),
         trim_id=trim.id,
     )
 
 
 def broken_limits(
-    picture: Picture, config: PlannerConfig, legs: Sequence[Leg]
+    picture: Picture,
+    vehicle: Vehicle | None,
+    config: PlannerConfig,
+    settings: MissionSettings,
+    legs: Sequence[Leg],
 ) -> tuple[ViolationView, ...]:
-    """Return every limit that legs break, whatever the time."""
+    """Return every limit that legs and trim break, whatever the time."""
     found = violations(tuple(legs), config, picture.record.site)
-    return tuple(ViolationView(one.field, one.message) for one in found)
+    views = [ViolationView(one.field, one.message) for one in found]
+    if vehicle is not None:
+        offsets = (settings.net_buoyancy_offset_kg, settings.mass_position_offset_m)
+        flaw = trim_flaw(*offsets, vehicle.limits)
+        if flaw:
+            views.append(ViolationView("trim", f"{flaw[0].upper()}{flaw[1:]}."))
+    return tuple(views)
 
 
 def outdated_by(picture: Picture, plan: PlanRecord, now: datetime) -> tuple[ViolationView, ...]:

@@ -7,6 +7,7 @@ from datetime import datetime
 from autonomy.field.variable import VARIABLES
 from autonomy.frames import wgs84_from_ned
 from autonomy.planner.plan import PositionNed
+from autonomy.vehicle.config import Vehicle
 from db.query.robots import RobotRecord
 from robot_link.clock import Clock
 from robot_link.messages import LinkReport, LinkState, PlanReport, Sample, StateReport
@@ -77,6 +78,10 @@ class Fleet:
         if picture is None:
             raise not_found(f"There is no robot {robot!r}.")
         return picture
+
+    def vehicle(self, robot: str) -> Vehicle | None:
+        """Return a robot's model, ``None`` for a recording of something unknown."""
+        return self._vehicles.find(self.picture(robot).record.model)
 
     def knows(self, robot: str | None) -> bool:
         """Tell whether a robot belongs to the fleet."""

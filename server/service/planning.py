@@ -20,7 +20,7 @@ from server.problem import FieldError, Problem, conflict, unprocessable
 from server.service.drafting import broken_limits, draft_of, outdated_by
 from server.service.fleet import Fleet
 from server.service.picture import Picture
-from server.service.plan_document import Draft, draft_document, legs_of, search_document
+from server.service.plan_document import Draft, draft_document, mission_of, search_document
 from server.service.plan_ledger import PlanLedger
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
 from server.service.task.problem import PLAN_SURVEY, MapSamples, SurveyProblem
@@ -213,7 +213,10 @@ class Planning:
         record = await self._ledger.get(plan)
         picture = self._fleet.picture(record.robot)
         config = PlannerConfig.model_validate(record.config)
-        limits = broken_limits(picture, config, legs_of(record.document))
+        if "settings" not in record.document:
+            return [ViolationView("legs", "The plan has no legs.")]
+        mission, vehicle = mission_of(record), self._fleet.vehicle(record.robot)
+        limits = broken_limits(picture, vehicle, config, mission.settings, mission.legs)
         return [*limits, *outdated_by(picture, record, self._foundation.clock.now())]
 
     def _begin(self, plan: str, work: Any) -> None:  # noqa: ANN401 - a coroutine
@@ -298,7 +301,8 @@ class Planning:
 
     async def _draft(self, robot: str, config: PlannerConfig, best: Candidate) -> Draft:
         trim = await self._foundation.configurations.current("trim", robot)
-        return draft_of(self._fleet.picture(robot), config, trim, best)
+        vehicle = self._fleet.vehicle(robot)
+        return draft_of(self._fleet.picture(robot), vehicle, config, trim, best)
 
     async def _field_config(self, robot: str, planner: PlannerConfig) -> FieldConfig:
         found = await self._foundation.configurations.current("field", robot)

@@ -29,7 +29,7 @@ from simulator.onboard.maneuver import (
 )
 from simulator.onboard.navigation import Estimate
 from simulator.onboard.safety import danger, mission_over, plan_flaw
-from simulator.onboard.trim import Trim, trim_flaw
+from simulator.onboard.trim import Trim
 
 DIGITS = 12
 """Digits of a plan's hash that START names."""
@@ -163,8 +163,7 @@ class Executive:
             return CommandOutcome.DONE
         if self._stage is not Stage.IDLE:
             return CommandOutcome.NOT_NOW
-        flaw = plan_flaw(mission, self._flight.site)
-        flaw = flaw or trim_flaw(mission.settings, self._flight.vehicle.limits)
+        flaw = plan_flaw(mission, self._flight.site, self._flight.vehicle.limits)
         if flaw:
             self.plan_state, self.reason = OnboardPlanState.FAILED, flaw
             return CommandOutcome.NOT_NOW

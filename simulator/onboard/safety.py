@@ -1,6 +1,8 @@
 """Limits that bring the robot up: for good, or for the rest of one dive."""
 
 from autonomy.site import Site
+from autonomy.vehicle.config import ActuatorLimits
+from autonomy.vehicle.trim import trim_flaw
 from robot_link.mission import Mission, MissionSettings
 from simulator.onboard.maneuver import Flight
 from simulator.onboard.navigation import Estimate
@@ -45,8 +47,8 @@ def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str
     return ""
 
 
-def plan_flaw(mission: Mission, site: Site) -> str:
-    """Return why a plan cannot be flown here at all, or ""."""
+def plan_flaw(mission: Mission, site: Site, limits: ActuatorLimits) -> str:
+    """Return why a plan cannot be flown here by this robot at all, or ""."""
     if not mission.legs:
         return "the plan has no legs"
     for number, leg in enumerate(mission.legs, start=1):
@@ -54,4 +56,5 @@ def plan_flaw(mission: Mission, site: Site) -> str:
             return f"leg {number} leaves the water of {site.name}"
         if leg.speed_m_s <= 0.0:
             return f"leg {number} has no speed"
-    return ""
+    settings = mission.settings
+    return trim_flaw(settings.net_buoyancy_offset_kg, settings.mass_position_offset_m, limits)

@@ -7,10 +7,6 @@ from autonomy.vehicle.config import ActuatorLimits
 from robot_link.mission import MissionSettings
 from simulator.onboard.hardware import Readings, SetPoints
 
-_SHARE_MAX = 0.3
-"""Greatest part of an actuator's travel to either side: a robot told a wrong trim still comes up,
-for it rises with twice as much buoyancy."""
-
 
 @dataclass(frozen=True, slots=True)
 class Trim:
@@ -44,22 +40,3 @@ class Trim:
             net_buoyancy_kg=readings.net_buoyancy_kg - self.net_buoyancy_kg,
             mass_position_m=readings.mass_position_m - self.mass_position_m,
         )
-
-
-def trim_flaw(settings: MissionSettings, limits: ActuatorLimits) -> str:
-    """Return why a robot must not fly with the trim of a mission, or ""."""
-    for name, offset, travel in (
-        (
-            "net buoyancy",
-            settings.net_buoyancy_offset_kg,
-            min(-limits.m0_min_kg, limits.m0_max_kg),
-        ),
-        (
-            "mass position",
-            settings.mass_position_offset_m,
-            min(-limits.rp1_min_m, limits.rp1_max_m),
-        ),
-    ):
-        if abs(offset) > _SHARE_MAX * travel:
-            return f"the trim of the {name} is beyond {_SHARE_MAX:.0%} of the actuator's travel"
-    return ""

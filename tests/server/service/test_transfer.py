@@ -268,6 +268,21 @@ async def test_plan_brings_the_trim_of_its_robot_and_cites_the_version(client, s
     assert (settings.net_buoyancy_offset_kg, settings.mass_position_offset_m) == (0.0015, -0.002)
 
 
+async def test_plan_with_a_trim_that_the_robot_would_refuse_is_not_sent(client, station):
+    patch = {"net_buoyancy_offset_kg": 0.02}
+    await station.foundation.configurations.patch("trim", MINI, patch, by="test")
+    plan = await draft(client)
+    refused = await upload(client, plan)
+    assert refused.status_code == 409
+    assert refused.json()["errors"] == [
+        {
+            "loc": ["trim"],
+            "msg": "The trim of the net buoyancy is beyond 30% of the actuator's travel.",
+        }
+    ]
+    assert len((await client.post(f"/api/plans/{plan}/check")).json()["violations"]) == 1
+
+
 async def test_plan_that_was_stored_before_there_was_trim_keeps_its_hash(client, station):
     record = await station.plans.get(await draft(client))
     offsets = ("net_buoyancy_offset_kg", "mass_position_offset_m")
