@@ -17,7 +17,7 @@ STEEPEST_WAVE = 1.0 / 7.0
 _GRAVITY_M_S2 = 9.80665
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Flow:
     """The motion of the water at one place and time, in NED."""
 
@@ -48,7 +48,7 @@ class Flow:
         return cls(velocity_m_s, gradient, np.zeros(3))
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CurrentProfile:
     """A horizontal current that is sheared: it depends on depth."""
 
@@ -72,7 +72,7 @@ class CurrentProfile:
         return Flow.steady(velocity, gradient)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class CurrentGrid:
     """A current given on a grid; in between it is trilinear."""
 
@@ -184,7 +184,7 @@ class Wave:
         return float(number * way - frequency * time_s + phase)
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class WaterColumn:
     """Density and temperature over depth."""
 

@@ -257,6 +257,12 @@ def test_a_column_tells_temperature_and_density_in_between_and_beyond():
     assert WaterColumn(column.depth_m, column.density_kg_m3).temperature_at(5.0) is None
 
 
+def test_surroundings_can_be_compared_whatever_they_hold():
+    everything = some_water()["all"]
+    assert everything == dataclasses.replace(everything)
+    assert everything != some_water()["all"]
+
+
 def test_a_site_takes_the_water_it_is_given():
     column = WaterColumn.fresh(np.array([0.0, 10.0]), np.array([20.0, 10.0]))
     lake = Surroundings.of_site(LAKE, column=column, waves=(Wave(0.1, 2.0),))
