@@ -45,7 +45,7 @@ export class FakeControl {
       };
     }
     if (part === 'identifications' && Object.keys(body).length === 0) {
-      return { body: this.#identifications };
+      return { body: { identifications: this.#identifications } };
     }
     if (part === 'identifications') return this.#identify(robot, body);
     if (part === 'trim' && item === 'advice') return { status: 202, body: { job: this.#advise() } };
@@ -63,7 +63,7 @@ export class FakeControl {
     if (action === 'cancel') found.state = 'cancelled';
     if (action === 'resume') this.#converge(found);
     if (action === 'accept') found.vehicle = 'miniglider-1';
-    return { body: action === 'accept' ? { key: found.vehicle } : found };
+    return { body: action === 'accept' ? { vehicle: found.vehicle } : found };
   }
 
   #job(kind: string, onstep: (job: Job) => void, ondone: (job: Job) => void): Job {
@@ -120,6 +120,7 @@ export class FakeControl {
       deployment: JSON.stringify(body.deployment).slice(1, -1), state: 'running', config: body.config as JsonObject,
       progress: 0, message: '', convergence: [], result: null, vehicle: null,
       created_at: iso(this.#station.now()), created_by: 'anna', job: null,
+      data_start_at: iso(this.#station.started - 3_600_000),
     }; // prettier-ignore
     this.#identifications.unshift(found);
     this.#converge(found);
@@ -162,6 +163,13 @@ export class FakeControl {
       net_buoyancy_offset_kg: -0.0042 * share,
       mass_position_offset_m: 0.0011 * share,
     });
-    return { body: { message: `Stored. It goes to ${robot} with its next plan.` } };
+    return {
+      body: {
+        config_id: 'config-9',
+        net_buoyancy_offset_kg: -0.0042 * share,
+        mass_position_offset_m: 0.0011 * share,
+        reaches_robot: `It goes to ${robot} with its next plan.`,
+      },
+    };
   }
 }

@@ -75,6 +75,10 @@ export class Api {
   }
 
   robots = () => this.#json<Robot[]>('GET', '/api/robots');
+  /** Let a robot be another vehicle of the catalogue. */
+  setVehicle = (robot: string, key: string) =>
+    this.#send('PATCH', at(robot), { body: { model: key } });
+
   state = (robot: string) => this.#json<RobotState>('GET', `${at(robot)}/state`);
 
   samples = (robot: string, query: Query, signal?: AbortSignal) =>
@@ -186,7 +190,7 @@ export class Api {
   resumeIdentification = (id: string) => this.#send('POST', `${identificationAt(id)}/resume`);
 
   acceptIdentification = (id: string, vehicle: { key?: string; title?: string }) =>
-    this.#json<{ key: string }>('POST', `${identificationAt(id)}/accept`, { body: vehicle });
+    this.#json<{ vehicle: string }>('POST', `${identificationAt(id)}/accept`, { body: vehicle });
 
   askTrimAdvice = (robot: string, wish: { deployment?: string; dives?: number }) =>
     this.#json<{ job: string }>('POST', `${at(robot)}/trim/advice`, { body: wish });

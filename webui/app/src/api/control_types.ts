@@ -128,6 +128,8 @@ export interface Identification {
   deployment: string;
   state: RunState;
   config: JsonObject;
+  /** Moment of second 0 of the result. */
+  data_start_at: Time;
   progress: number;
   message: string;
   convergence: readonly CostPoint[];
@@ -207,8 +209,9 @@ export interface TrimAdvice extends TrimOffsets {
   is_worth_it: boolean;
 }
 
-/** Answer to an accepted step of trim. */
-export interface TrimAccepted {
-  message?: string;
-  value?: JsonObject;
+/** Trim after an accepted step. */
+export interface TrimAccepted extends TrimOffsets {
+  config_id: string;
+  /** When the robot will have it, in words. */
+  reaches_robot: string;
 }

@@ -59,7 +59,7 @@ export class Station {
     this.api.onSignedOut = () => this.#leave();
     this.#socket = new LiveSocket({
       onTick: (tick) => this.#take(tick),
-      onOpen: () => void this.#refresh(),
+      onOpen: () => void this.refresh(),
       onClose: (isRefused) => {
         if (isRefused) void this.begin();
       },
@@ -94,9 +94,9 @@ export class Station {
     this.#stop();
     this.#timers = [
       setInterval(() => (this.localNow = performance.now()), CLOCK_STEP_MS),
-      setInterval(() => void this.#refresh(), ROBOTS_EVERY_MS),
+      setInterval(() => void this.refresh(), ROBOTS_EVERY_MS),
     ];
-    await this.#refresh();
+    await this.refresh();
     this.#socket.open();
   }
 
@@ -137,7 +137,8 @@ export class Station {
     if (!this.isLive) this.clock.set(Date.parse(health.clock.now), performance.now());
   }
 
-  async #refresh(): Promise<void> {
+  /** Ask for what the live stream does not carry: robots, health, alarms. */
+  async refresh(): Promise<void> {
     try {
       const [robots, health] = await Promise.all([this.api.robots(), this.api.health()]);
       for (const robot of robots) this.live[robot.id] ??= new RobotLive();
@@ -176,7 +177,7 @@ export class Station {
     const entry = (this.live[id] ??= new RobotLive());
     entry.report = report;
     entry.receivedAt = at;
-    if (this.robot(id) === null) void this.#refresh();
+    if (this.robot(id) === null) void this.refresh();
   }
 }
 

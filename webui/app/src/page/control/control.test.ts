@@ -290,7 +290,7 @@ describe('a verdict', () => {
 
   test('of a stretch left out says when, how long and why', () => {
     const gap = { kind: 'gap', start_s: 61, end_s: 73, message: 'no sample arrived.' };
-    expect(leftOutText(gap)).toBe('At 1 min 01 s for 12 s: no sample arrived.');
+    expect(leftOutText(gap, '2026-11-21T10:00:00Z')).toBe('10:01:01Z for 12 s: no sample arrived.');
   });
 });
 

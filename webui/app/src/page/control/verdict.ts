@@ -1,5 +1,5 @@
 import type { IdentifiedParameter, LeftOut, RunState } from '../../api/types';
-import { duration } from '../../text/time';
+import { clockTime, duration } from '../../text/time';
 import { compact, plainNumber } from '../../text/unit';
 import { capital, type Tone } from '../../text/word';
 
@@ -59,10 +59,11 @@ export function verdictSummary(parameters: readonly IdentifiedParameter[]): stri
 }
 
 /** One sentence for a stretch of the recording that was not used. */
-export function leftOutText({ start_s, end_s, message, kind }: LeftOut): string {
+export function leftOutText({ start_s, end_s, message, kind }: LeftOut, from: string): string {
   const span = end_s > start_s ? ` for ${duration(end_s - start_s)}` : '';
   const said = message.trim() || kind.replaceAll('_', ' ');
-  return `At ${duration(start_s)}${span}: ${said.replace(/\.$/, '')}.`;
+  const at = clockTime(Date.parse(from) + start_s * 1000);
+  return `${at}${span}: ${said.replace(/\.$/, '')}.`;
 }
 
 const STATES: Record<RunState, VerdictWord> = {
