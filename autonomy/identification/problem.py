@@ -163,6 +163,7 @@ def problem_from(
     config: IdentificationConfig,
     *,
     sought: Sequence[Unknown] | None = None,
+    report: SegmentReport | None = None,
 ) -> Problem:
     """Lay out the fit of a vehicle's model to a recording.
 
@@ -171,6 +172,7 @@ def problem_from(
         recording: What the robot reported.
         config: What may change, the noise, and what to leave out.
         sought: What is sought, if not what ``config`` frees.
+        report: The segments of the recording, if they are known already.
 
     Raises:
         NothingToIdentifyError: If no part of the recording is sound, or nothing may change.
@@ -178,7 +180,7 @@ def problem_from(
     wanted = unknowns(vehicle, config) if sought is None else tuple(sought)
     if not wanted:
         raise NothingToIdentifyError("no parameter may change: free at least one group")
-    report = segments(recording, config.rules)
+    report = report or segments(recording, config.rules)
     if not report.segments:
         why = sorted({reason.kind.replace("_", " ") for reason in report.left_out})
         raise NothingToIdentifyError(

@@ -269,25 +269,41 @@ def _flapping(part: Recording, block: IntArray, rules: SegmentRules) -> Iterator
 
 
 def _flapping_rows(part: Recording, block: IntArray, rules: SegmentRules) -> BoolArray:
-    """Find where the tail swings to and fro: it then pushes, which 12 states do not know."""
+    """Find where the tail beats at least once, there and back and there again."""
     found = np.zeros(part.time_s.size, dtype=np.bool_)
     for number in range(int(block[-1]) + 1 if block.size else 0):
         rows = np.flatnonzero(block == number)
         time_s = part.time_s[rows]
-        turns = _turning_points(part.tail_rad[rows], rules.flap_swing_rad)
-        at = time_s[turns]
-        quick: BoolArray = np.asarray(np.diff(at) <= rules.flap_beat_s, dtype=np.bool_)
-        for first, stop in _runs(quick, np.zeros(quick.size, dtype=np.int64)):
-            if stop - first >= 3:  # four turning points in a row
-                inside = (time_s >= at[first] - rules.flap_beat_s) & (
-                    time_s <= at[stop] + rules.flap_beat_s
-                )
-                found[rows[inside]] = True
+        legs = _legs(part.tail_rad[rows], rules.flap_swing_rad)
+        begin, end = time_s[legs[:, 0]], time_s[legs[:, 1]]
+        is_quick = end - begin <= rules.flap_beat_s
+        linked: BoolArray = np.asarray(
+            is_quick[1:] & is_quick[:-1] & (begin[1:] - end[:-1] <= 0.5 * rules.flap_beat_s)
+        )
+        for first, stop in _runs(linked, np.zeros(linked.size, dtype=np.int64)):
+            if stop - first >= 2:  # three movements in a row
+                found[rows[legs[first, 0] : legs[stop, 1] + 1]] = True
     return found
 
 
+def _legs(values: FloatArray, swing: float) -> IntArray:
+    """Return first and last index of each movement between two turning points, ``(legs, 2)``.
+
+    Rest at a turning point belongs to no movement.
+    """
+    turns = _turning_points(values, swing)
+    near = swing / 3.0
+    legs: list[tuple[int, int]] = []
+    for start, goal in zip(turns[:-1].tolist(), turns[1:].tolist(), strict=True):
+        way = values[start : goal + 1]
+        left = int(np.flatnonzero(np.abs(way - way[0]) < near)[-1])
+        there = np.flatnonzero(np.abs(way[left:] - way[-1]) < near)
+        legs.append((start + left, start + left + int(there[0])))
+    return np.array(legs, dtype=np.int64).reshape(-1, 2)
+
+
 def _turning_points(values: FloatArray, swing: float) -> IntArray:
-    """Return where a series turns back by at least ``swing``."""
+    """Return where a series turns back by at least ``swing``, with the extremes at both ends."""
     turns: list[int] = []
     low = high = 0
     rising: bool | None = None
@@ -297,13 +313,13 @@ def _turning_points(values: FloatArray, swing: float) -> IntArray:
         if value < values[low]:
             low = k
         if rising is not False and values[high] - value >= swing:
-            if rising:
-                turns.append(high)
+            turns.append(high)
             rising, low, high = False, k, k
         elif rising is not True and value - values[low] >= swing:
-            if rising is False:
-                turns.append(low)
+            turns.append(low)
             rising, low, high = True, k, k
+    if rising is not None:
+        turns.append(high if rising else low)
     return np.array(turns, dtype=np.int64)
 
 

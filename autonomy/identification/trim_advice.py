@@ -1,0 +1,299 @@
+"""Advice to the operator: buoyancy and mass offsets from the last dives."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from autonomy.arrays import FloatArray, IntArray
+from autonomy.identification import least_squares
+from autonomy.identification.config import (
+    IDENTIFICATION_PRESETS,
+    IdentificationConfig,
+    SegmentRules,
+)
+from autonomy.identification.least_squares import Descent, NormalEquations
+from autonomy.identification.nuisance import refined
+from autonomy.identification.problem import Problem, Workers, problem_from
+from autonomy.identification.recording import Recording, Segment, segments
+from autonomy.identification.unknown import offset_unknowns
+from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.trim import TrimConfig
+
+_SHORTEST_S = 6.0
+_ENOUGH_S = 30.0
+_RATE_WINDOW_S = 3.0
+"""Depth rates are slopes of depth over this time."""
+_SURE = 2.0
+"""A change counts from so many standard deviations on."""
+_WORTH = 0.95
+"""A change is worth it if an error shrinks at least to this part."""
+_SIDEWAYS = 0.2
+"""Weight of roll and heading: they only keep the motion honest."""
+
+
+class NoAdviceError(ValueError):
+    """The recording does not tell the trim; the message says why."""
+
+
+@dataclass(frozen=True, slots=True)
+class GlideError:
+    """Root mean square errors of the predicted gliding."""
+
+    depth_rate_m_s: float
+    pitch_rad: float
+
+    def document(self) -> dict[str, float]:
+        """Return it in JSON's types."""
+        return {"depth_rate_m_s": self.depth_rate_m_s, "pitch_rad": self.pitch_rad}
+
+
+@dataclass(frozen=True, slots=True)
+class TrimAdvice:
+    """What the dives say of a robot's trim, beside the trim that holds now."""
+
+    dives: int
+    """Dives that were used."""
+    present: TrimConfig
+    full_step: TrimConfig
+    """The trim that would have made the robot glide as its model says."""
+    half_step: TrimConfig
+    """Half-way there from the present trim: what a careful pilot sets first."""
+    net_buoyancy_std_kg: float
+    mass_position_std_m: float
+    rmse_now: GlideError
+    rmse_proposed: GlideError
+    is_worth_it: bool
+    message: str
+
+    def document(self) -> dict[str, Any]:
+        """Return it in JSON's types."""
+        return {
+            "dives": self.dives,
+            "net_buoyancy_offset_kg": self.full_step.net_buoyancy_offset_kg,
+            "net_buoyancy_std_kg": self.net_buoyancy_std_kg,
+            "mass_position_offset_m": self.full_step.mass_position_offset_m,
+            "mass_position_std_m": self.mass_position_std_m,
+            "rmse_now": self.rmse_now.document(),
+            "rmse_proposed": self.rmse_proposed.document(),
+            "half_step": self.half_step.model_dump(),
+            "full_step": self.full_step.model_dump(),
+            "present": self.present.model_dump(),
+            "message": self.message,
+            "is_worth_it": self.is_worth_it,
+        }
+
+
+def advise(
+    vehicle: Vehicle,
+    recording: Recording,
+    present: TrimConfig,
+    *,
+    dives: int = 10,
+    threads: int = 2,
+) -> TrimAdvice:
+    """Find the trim with which the model explains the last dives best.
+
+    Pump and sliding mass obey their feedback, and the feedback is wrong by a constant: the robot
+    is as heavy as the feedback less that constant. A robot that is to be as heavy as wanted must
+    therefore be commanded that constant more, and the constant is the trim to set, whatever trim
+    held during the dives. It is found by fitting the model's depth and attitude over the gliding
+    parts, the starting velocity of each part being unknown too, so that a dive of a few seconds
+    that never gets steady counts for what it tells.
+
+    Args:
+        vehicle: The model that the robot should obey.
+        recording: Its dives; only parts under water with a quiet tail are used.
+        present: The trim that holds now, against which the advice is given.
+        dives: How many of the last dives to use.
+        threads: How many candidates are simulated at once.
+
+    Raises:
+        NoAdviceError: If there is too little gliding, or it does not tell the trim.
+    """
+    problem, count = _gliding(vehicle, recording, dives)
+    with Workers(threads) as workers:
+        try:
+            start = least_squares.begin(problem, _scaled(problem, present), workers)
+        except least_squares.DivergedError as error:
+            raise NoAdviceError(
+                "the model cannot follow the dives at all: identify the vehicle first"
+            ) from error
+        found = least_squares.descend(problem, start, workers)
+        equations = least_squares.normal_equations(problem, found.u, found.initial, workers)
+        if equations is None:
+            raise NoAdviceError("the model cannot follow the dives: identify the vehicle first")
+        now = _glide_error(problem, _scaled(problem, present), found.initial, workers)
+        proposed = _glide_error(problem, found.u, found.initial, workers)
+    std = _deviations(problem, found, equations)
+    return _advice(problem, found.u, std, present, (now, proposed), count)
+
+
+def _gliding(vehicle: Vehicle, recording: Recording, dives: int) -> tuple[Problem, int]:
+    """Return the fit of the offsets to the last dives, and how many there are."""
+    preset = IDENTIFICATION_PRESETS.get(vehicle.key, IdentificationConfig())
+    rules = preset.rules.model_copy(update={"shortest_segment_s": _SHORTEST_S})
+    config = preset.model_copy(update={"rules": rules, "model": "extended"})
+    sought = offset_unknowns(vehicle)
+    report = segments(recording, rules)
+    if not report.segments:
+        raise NoAdviceError("there is no gliding with a quiet tail in the recording")
+    numbers = _dive_numbers(recording, report.segments, rules)
+    last = np.unique(numbers)[-dives:]
+    chosen = tuple(
+        segment for segment, number in zip(report.segments, numbers, strict=True) if number in last
+    )
+    report = replace(report, segments=chosen)
+    if report.duration_s < _ENOUGH_S:
+        raise NoAdviceError(
+            f"only {report.duration_s:.0f} s of gliding with a quiet tail; at least"
+            f" {_ENOUGH_S:.0f} s are needed"
+        )
+    problem = problem_from(vehicle, recording, config, sought=sought, report=report)
+    weight = problem.layout.weight * np.array([0.0, 0.0, 1.0, _SIDEWAYS, 1.0, _SIDEWAYS])
+    return replace(problem, layout=replace(problem.layout, weight=weight)), last.size
+
+
+def _dive_numbers(recording: Recording, parts: Sequence[Segment], rules: SegmentRules) -> IntArray:
+    """Number the dives of segments: between two dives the robot was at the surface."""
+    shallow = np.cumsum(recording.position_ned[:, 2] < rules.surface_depth_m)
+    seen = np.array([shallow[part.rows[0]] for part in parts])
+    return np.concatenate([[0], np.cumsum(np.diff(seen) > 0)]).astype(np.int64)
+
+
+def _scaled(problem: Problem, trim: TrimConfig) -> FloatArray:
+    """Return a trim in units of the unknowns."""
+    values = np.array([trim.net_buoyancy_offset_kg, trim.mass_position_offset_m])
+    return values / np.array([unknown.scale for unknown in problem.sought])
+
+
+def _glide_error(
+    problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers
+) -> GlideError:
+    """Return the errors of depth rate and pitch with a trim, from its best initial states."""
+    best = refined(problem, u, initial, workers, whole=True)
+    start = initial if best is None else best
+    predicted, _ = problem.simulate(u[None], start[None], workers)
+    layout = problem.layout
+    rates: list[FloatArray] = []
+    for s in range(layout.segments):
+        part = slice(layout.segment_row[s], layout.segment_row[s + 1])
+        missed = predicted[0, part, 2] - layout.measured[part, 2]
+        rates.append(_slopes(layout.time_s[part], missed))
+    pitch = predicted[0, :, 4] - layout.measured[:, 4]
+    return GlideError(
+        float(np.sqrt(np.mean(np.concatenate(rates) ** 2))), float(np.sqrt(np.mean(pitch**2)))
+    )
+
+
+def _slopes(time_s: FloatArray, values: FloatArray) -> FloatArray:
+    """Return slopes of straight lines through windows that do not overlap, one for each window."""
+    windows = max(int((time_s[-1] - time_s[0]) / _RATE_WINDOW_S), 1)
+    number = np.minimum((time_s - time_s[0]) / _RATE_WINDOW_S, windows - 1).astype(np.int64)
+    found: list[float] = []
+    for k in range(windows):
+        inside = number == k
+        if np.count_nonzero(inside) >= 2:
+            at = time_s[inside] - time_s[inside].mean()
+            found.append(float(at @ values[inside] / (at @ at)))
+    return np.array(found)
+
+
+def _deviations(
+    problem: Problem, found: Descent, equations: Sequence[NormalEquations]
+) -> FloatArray:
+    """Return standard deviations of both offsets in their own units, shape ``(2,)``.
+
+    The greater of two: what the noise allows, and how much the answer moves when one segment is
+    left out (jackknife), which also feels a model that is wrong.
+
+    Raises:
+        NoAdviceError: If the dives do not tell one of the offsets.
+    """
+    info = least_squares.information(equations)
+    if np.linalg.cond(info.fisher) > 1e12:
+        raise NoAdviceError("the dives do not tell buoyancy and mass position apart")
+    noise = np.sqrt(np.diag(np.linalg.inv(info.fisher)) * max(found.cost, 1.0))
+    count = len(equations)
+    moved = np.zeros((count, 2))
+    for k in range(count if count > 1 else 0):
+        rest = info.fisher - info.fisher_by_segment[k]
+        pull = info.gradient - info.gradient_by_segment[k]
+        moved[k] = -np.linalg.lstsq(rest, pull, rcond=None)[0]
+    jackknife = np.sqrt((count - 1) / count * np.sum((moved - moved.mean(axis=0)) ** 2, axis=0))
+    scale = np.array([unknown.scale for unknown in problem.sought])
+    return np.maximum(noise, jackknife) * scale
+
+
+def _advice(
+    problem: Problem,
+    u: FloatArray,
+    std: FloatArray,
+    present: TrimConfig,
+    errors: tuple[GlideError, GlideError],
+    dives: int,
+) -> TrimAdvice:
+    offset_kg, offset_m = (
+        unknown.value(float(value)) for unknown, value in zip(problem.sought, u, strict=True)
+    )
+    for name, value, spread, unknown in (
+        ("net buoyancy", offset_kg, std[0], problem.sought[0]),
+        ("mass position", offset_m, std[1], problem.sought[1]),
+    ):
+        if spread > unknown.scale * 0.25:
+            raise NoAdviceError(f"the dives do not tell the {name}'s offset: fly longer glides")
+        if abs(value) > 0.499 * unknown.scale:
+            raise NoAdviceError(
+                f"the {name} is off by more than a trim should mend: check the ballast first, or"
+                " identify the vehicle"
+            )
+    full, half = (
+        _stepped(present, offset_kg, offset_m, 1.0),
+        _stepped(present, offset_kg, offset_m, 0.5),
+    )
+    now, proposed = errors
+    change_kg = offset_kg - present.net_buoyancy_offset_kg
+    change_m = offset_m - present.mass_position_offset_m
+    is_sure = abs(change_kg) > _SURE * std[0] or abs(change_m) > _SURE * std[1]
+    gains = (
+        proposed.depth_rate_m_s < _WORTH * now.depth_rate_m_s
+        or proposed.pitch_rad < _WORTH * now.pitch_rad
+    )
+    is_worth_it = bool(is_sure and gains)
+    return TrimAdvice(
+        dives,
+        present,
+        full,
+        half,
+        float(std[0]),
+        float(std[1]),
+        now,
+        proposed,
+        is_worth_it,
+        _message(dives, change_kg, change_m, std, is_worth_it=is_worth_it),
+    )
+
+
+def _stepped(present: TrimConfig, offset_kg: float, offset_m: float, share: float) -> TrimConfig:
+    """Return the trim part of the way to the one that was found, checked against its limits."""
+    now_kg, now_m = present.net_buoyancy_offset_kg, present.mass_position_offset_m
+    return TrimConfig(
+        net_buoyancy_offset_kg=now_kg + share * (offset_kg - now_kg),
+        mass_position_offset_m=now_m + share * (offset_m - now_m),
+    )
+
+
+def _message(
+    dives: int, change_kg: float, change_m: float, std: FloatArray, *, is_worth_it: bool
+) -> str:
+    weight = "lighter" if change_kg > 0.0 else "heavier"
+    place = "aft of" if change_m > 0.0 else "ahead of"
+    said = (
+        f"In {dives} dive{'s' if dives != 1 else ''} the robot was {abs(change_kg) * 1e3:.2f} g"
+        f" (+-{std[0] * 1e3:.2f}) {weight} than wanted, and its sliding mass"
+        f" {abs(change_m) * 1e3:.1f} mm (+-{std[1] * 1e3:.1f}) {place} where it was wanted."
+    )
+    if is_worth_it:
+        return f"{said} A half step is recommended; fly and judge again."
+    return f"{said} That is not worth a change of trim."
