@@ -54,7 +54,10 @@ def observed_velocity(
     flight: Flight, vehicle: Vehicle, estimator: EstimatorConfig
 ) -> tuple[FloatArray, FloatArray]:
     """Return what the velocity observer reports, in body axes and in NED, both ``(n, 3)``."""
+    start = np.zeros(15)
+    start[2] = flight.depth_m[0]
     return rehearsal_kernel.follow_observer(
+        start,
         flight.command,
         flight.attitude,
         flight.rates,

@@ -87,6 +87,7 @@ def follow_attitude(
 
 @kernel
 def follow_observer(
+    start: FloatArray,
     command: FloatArray,
     attitude: FloatArray,
     rates: FloatArray,
@@ -101,12 +102,12 @@ def follow_observer(
 ) -> tuple[FloatArray, FloatArray]:
     """Velocities in body axes and in NED that the observer reports, both ``(n, 3)``.
 
-    As on board, the net buoyancy that would lift a floating robot out of the water counts as none.
+    The observer begins with the states ``start``, shape ``(15,)``. As on board, the net buoyancy
+    that would lift a floating robot out of the water counts as none.
     """
     n = command.shape[0]
     body, ned = np.empty((n, 3)), np.empty((n, 3))
-    state = np.zeros(15)
-    state[2] = depth_m[0]
+    state = start
     for k in range(n):
         inside, order = actuators[k].copy(), command[k].copy()
         if depth_m[k] < surface_depth_m:
@@ -259,7 +260,18 @@ def warm_up() -> None:
     fly(np.zeros(15), command, current, packed, water, 0.1, 5)
     follow_attitude(three, three, 0.1, 0.1, 0.1)
     follow_observer(
-        command, three, three, three, np.zeros(2), 0.0, np.zeros(2), packed, water, 0.1, 5
+        np.zeros(15),
+        command,
+        three,
+        three,
+        three,
+        np.zeros(2),
+        0.0,
+        np.zeros(2),
+        packed,
+        water,
+        0.1,
+        5,
     )
     follow_position(
         np.ones((3, 5)),

@@ -1,0 +1,212 @@
+"""Rehearsed flights: every estimator's errors are as large as it says, and the table of gains."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from autonomy.estimation.config import (
+    DEAD_RECKONING_PRESETS,
+    ESTIMATOR_PRESETS,
+    MODEL_FILTER_PRESETS,
+    CurrentConfig,
+    TagFilterConfig,
+)
+from autonomy.estimation.consistency import bounds, consistency, normalized_error_squared
+from autonomy.estimation.follow import (
+    by_dead_reckoning,
+    by_model_filter,
+    by_position_filter,
+    by_tag_filter,
+    observed_velocity,
+)
+from autonomy.estimation.model_filter import ModelFilter
+from autonomy.estimation.rehearsal import PERIOD_S, Flight, TagErrors, sightings
+from benchmarks.estimation import (
+    STEADY_M_S,
+    TANK_DIVE_S,
+    flight,
+    physical_position_filter,
+    squares,
+)
+from benchmarks.observer_table import Case, errors, true_run
+from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
+
+RUNS = 10
+ROBOTS = pytest.mark.parametrize("robot", [MINI_1, GRACE_1], ids=["miniglider", "grace3"])
+
+
+@pytest.fixture(scope="module")
+def flights() -> dict[str, list[Flight]]:
+    """Seeded flights of each robot in a steady current and eddies."""
+    return {
+        robot.vehicle.key: [
+            flight(robot, seed, STEADY_M_S[robot.vehicle.key], dive_s) for seed in range(RUNS)
+        ]
+        for robot, dive_s in ((MINI_1, 150.0), (GRACE_1, 300.0))
+    }
+
+
+def water(robot: RobotDefinition) -> CurrentConfig:
+    return CurrentConfig(
+        eddy_correlation_s=robot.current_correlation_s,
+        steady_std_m_s=STEADY_M_S[robot.vehicle.key],
+    )
+
+
+def judge(values: list[np.ndarray], dimensions: int):
+    return consistency(np.array(values)[:, 10:], dimensions)
+
+
+@ROBOTS
+def test_model_filter_and_dead_reckoning_err_as_they_say_and_the_filter_far_less(
+    robot: RobotDefinition, flights: dict[str, list[Flight]]
+) -> None:
+    key = robot.vehicle.key
+    estimator = ESTIMATOR_PRESETS[key]
+    change = {"current": water(robot)}
+    reckoned, modelled = [], []
+    for flown in flights[key]:
+        _, ned = observed_velocity(flown, robot.vehicle, estimator)
+        config = DEAD_RECKONING_PRESETS[key].model_copy(update=change)
+        reckoned.append(by_dead_reckoning(flown, ned, estimator, config))
+        model = MODEL_FILTER_PRESETS[key].model_copy(update=change)
+        modelled.append(by_model_filter(flown, robot.vehicle, estimator, model).position)
+    for tracks in (reckoned, modelled):
+        assert judge([squares(track) for track in tracks], 2).is_consistent
+    late = [flown.truth[3000:, 2] > 0.1 for flown in flights[key]]
+    without, with_filter = (
+        math.sqrt(
+            np.mean(
+                np.concatenate(
+                    [np.square(t.error[3000:][u]).sum(1) for t, u in zip(tracks, late, strict=True)]
+                )
+            )
+        )
+        for tracks in (reckoned, modelled)
+    )
+    assert with_filter < 0.5 * without
+
+
+def test_velocity_and_ballast_of_the_model_filter_err_as_it_says() -> None:
+    estimator, model = ESTIMATOR_PRESETS["miniglider"], MODEL_FILTER_PRESETS["miniglider"]
+    velocity, bias = [], []
+    for seed in range(RUNS):
+        flown = flight(MINI_1, seed, 0.0, 150.0)
+        track = by_model_filter(flown, MINI_1.vehicle, estimator, model)
+        dive = slice(16, 60)  # seconds of the first dive: at the surface the robot rests
+        velocity.append(squares(track.velocity)[dive])
+        bias.append(track.bias.error[-1, 0])
+    judged = consistency(np.array(velocity), 3)
+    assert judged.low < judged.mean < judged.high
+    assert np.sqrt(np.mean(np.square(bias))) < 0.3 * MINI_1.sensors.buoyancy_bias_kg
+
+
+@ROBOTS
+def test_the_position_filter_errs_as_it_says_if_its_velocity_may_follow_the_eddies(
+    robot: RobotDefinition,
+) -> None:
+    estimator = ESTIMATOR_PRESETS[robot.vehicle.key]
+    dive_s = {"miniglider": 150.0, "grace3": 300.0}[robot.vehicle.key]
+    values = []
+    for seed in range(RUNS):
+        flown = flight(robot, seed, 0.0, dive_s)
+        _, ned = observed_velocity(flown, robot.vehicle, estimator)
+        track = by_position_filter(flown, ned, physical_position_filter(robot, estimator))
+        values.append(squares(track))
+    assert judge(values, 2).is_consistent
+
+
+def test_the_tag_filter_errs_as_it_says_with_outliers_and_long_gaps() -> None:
+    values = []
+    for seed in range(RUNS):
+        flown = flight(MINI_1, seed, 0.0, TANK_DIVE_S)
+        poses, seen = sightings(flown, TagErrors(), np.random.default_rng([seed, 7]))
+        assert 0.4 < seen.mean() < 0.9
+        values.append(squares(by_tag_filter(flown, poses, seen, TagFilterConfig())))
+    assert judge(values, 4).is_consistent
+
+
+def test_rehearsals_and_the_filter_on_board_are_the_same_filter(
+    flights: dict[str, list[Flight]],
+) -> None:
+    flown = flights["miniglider"][0]
+    estimator = ESTIMATOR_PRESETS["miniglider"]
+    model = MODEL_FILTER_PRESETS["miniglider"]
+    follower = ModelFilter(
+        estimator,
+        model,
+        MINI_1.vehicle,
+        (0.0, 0.0, 0.0),
+        estimator.fix_std_m,
+        attitude_rad=flown.attitude[0],
+        actuators=flown.actuators[0],
+    )
+    follower._rates = flown.gyro[0].copy()
+    for k in range(800):
+        fix = tuple(flown.fix_ne[k].tolist()) if flown.has_fix[k] else None
+        follower.step(
+            PERIOD_S,
+            flown.command[k],
+            k * PERIOD_S,
+            attitude_rad=flown.attitude[k],
+            angular_velocity_rad_s=flown.gyro[k],
+            actuators=flown.actuators[k],
+            depth_m=float(flown.depth_m[k]),
+            fix_ne=fix,
+        )
+    track = by_model_filter(flown, MINI_1.vehicle, estimator, model)
+    error = flown.truth[799, :2] - follower.position_ned[:2]
+    assert error == pytest.approx(track.position.error[799], abs=1e-9)
+    assert follower.position_covariance == pytest.approx(track.position.covariance[799], rel=1e-9)
+
+
+def test_the_same_seed_flies_the_same_flight_and_another_does_not() -> None:
+    a, b, c = (flight(MINI_1, seed, 0.02, 150.0) for seed in (4, 4, 5))
+    assert np.array_equal(a.truth, b.truth)
+    assert np.array_equal(a.depth_m, b.depth_m)
+    assert not np.array_equal(a.truth, c.truth)
+
+
+def test_errors_drawn_from_their_covariance_are_consistent_and_bolder_ones_are_not() -> None:
+    rng = np.random.default_rng(0)
+    A = rng.standard_normal((3, 3))
+    P = A @ A.T + np.eye(3)
+    error = rng.standard_normal((100, 200, 3)) @ np.linalg.cholesky(P).T
+    honest = consistency(normalized_error_squared(error, np.broadcast_to(P, (100, 200, 3, 3))), 3)
+    assert honest.is_consistent
+    assert honest.mean == pytest.approx(3.0, abs=0.06)
+    assert 0.9 < honest.share_inside <= 1.0
+    bold = normalized_error_squared(error, np.broadcast_to(P / 2, (100, 200, 3, 3)))
+    assert not consistency(bold, 3).is_consistent
+    assert bounds(100, 2) == pytest.approx((1.627, 2.411), abs=0.001)
+
+
+def test_consistency_of_nothing_or_of_no_number_is_refused() -> None:
+    for bad in (np.empty((0, 3)), np.full((2, 2), math.nan), np.zeros(3)):
+        with pytest.raises(ValueError, match="finite squares"):
+            consistency(bad, 2)
+
+
+def test_an_observer_with_injection_forgets_a_wrong_start_and_strong_gains_let_noise_in() -> None:
+    runs = [true_run(seed) for seed in range(4)]
+
+    def error(gains: tuple[float, float], case: Case) -> np.ndarray:
+        return 1e3 * np.array([errors(run, gains, case, k) for k, run in enumerate(runs)])
+
+    exact = {gains: error(gains, Case("exact")) for gains in ((0.0, 0.0), (0.25, 1.0), (1.0, 2.0))}
+    size = {gains: np.median(np.linalg.norm(e, axis=2), axis=0) for gains, e in exact.items()}
+    assert all(later[299] < 0.15 * later[99] for later in size.values())
+    assert size[1.0, 2.0][99] < size[0.25, 1.0][99] < size[0.0, 0.0][99]
+
+    def rms(gains: tuple[float, float], case: Case) -> np.ndarray:
+        return np.sqrt(np.mean(error(gains, case)[:, -600:] ** 2, axis=(0, 1)))
+
+    noise, bias = Case("noise", 1.0), Case("bias", 1.0, bias_kg=0.002)
+    assert rms((0.0, 0.0), bias)[0] == pytest.approx(4.5, abs=0.6)
+    assert rms((0.25, 1.0), bias)[0] == pytest.approx(2.4, abs=0.4)
+    assert rms((1.0, 2.0), bias)[0] == pytest.approx(1.5, abs=0.3)
+    assert rms((0.25, 1.0), noise) == pytest.approx([0.12, 0.18, 0.15], abs=0.08)
+    assert rms((25.0, 10.0), noise)[0] > 3.0
+    assert rms((0.25, 1.0), replace(noise, parameter_error=0.1)).max() < 3.0
