@@ -30,6 +30,16 @@ DELTA_RATE = vehicle_kernel.DELTA_RATE
 """Names that numba resolves once, when it compiles."""
 
 
+Rows = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
+"""Room to work in: five arrays of shape ``(16,)``; a tuple costs nothing to take apart."""
+
+
+@kernel
+def rows() -> Rows:
+    """Return room to work in."""
+    return np.empty(16), np.empty(16), np.empty(16), np.empty(16), np.empty(16)
+
+
 @kernel
 def _towards(value: float, target: float, most: float) -> float:
     return value + min(max(target - value, -most), most)
@@ -44,7 +54,7 @@ def _predict(
     p: FloatArray,
     dt_s: float,
     memory: FloatArray,
-    scratch: FloatArray,
+    scratch: Rows,
 ) -> None:
     """Write state and reference after ``calls`` calls into rows 3 and 4 of ``scratch``."""
     predicted, ahead = scratch[3], scratch[4]
@@ -73,12 +83,12 @@ def governor_into(
     p: FloatArray,
     dt_s: float,
     memory: FloatArray,
-    scratch: FloatArray,
+    scratch: Rows,
     out: FloatArray,
 ) -> None:
     """Write the inputs, not yet limited, into ``out`` and remember them in ``memory``.
 
-    ``memory`` has shape ``(MEMORY_SIZE,)``; ``scratch``, shape ``(5, 16)``, is room to work in.
+    ``memory`` has shape ``(MEMORY_SIZE,)``; ``scratch`` is from ``rows``.
     """
     calls = min(round(gains[MASS_DELAY] / dt_s), HISTORY - 1) if dt_s > 0.0 else 0
     rate = gains[MASS_RATE_SHARE] * p[RP1_RATE]
@@ -133,7 +143,7 @@ def governor(
 ) -> FloatArray:
     """Return net mass kg, sliding mass m, tail angle rad, and remember them in ``memory``."""
     out = np.empty(3)
-    governor_into(state, reference, gains, packed, dt_s, memory, np.empty((5, 16)), out)
+    governor_into(state, reference, gains, packed, dt_s, memory, rows(), out)
     return out
 
 

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inlined_kernel, kernel
 from autonomy.vehicle import kernel as vehicle_kernel
 
 K_Z, K_1, K_PSI, K_2, K_XI, K_3, PITCH_TRADE, TAIL_EFFECT_MIN, NEAR, NEAR_OFFSET = range(10)
@@ -17,13 +17,10 @@ TAIL_CLIPPED_FIRST = 10
 """Index of each number in packed backstepping gains."""
 PID_NEAR, PID_NEAR_OFFSET, PID_ANTI_WINDUP, PID_WINDUP_RECOVERY = range(9, 13)
 """Index in packed PID gains; before them stand P, I, D of depth, pitch and direction."""
-BACKSTEPPING, PID = 0, 1
-"""Which controller ``closed_loop`` runs."""
 HOLD, BACK_CALCULATION = 1, 2
 """Packed choices of anti-windup; 0 is none."""
 
 derivative_into = vehicle_kernel.derivative_into
-rk4_into = vehicle_kernel.rk4_into
 
 (
     ERROR_DEPTH,
@@ -207,7 +204,7 @@ def backstepping_into(
     e[SLIDE_EFFECT] = f32
 
 
-@kernel
+@inlined_kernel
 def end_stops(i: int, p: FloatArray) -> tuple[float, float]:
     """Lowest and highest set point of net mass (0), sliding mass (1) or tail (2)."""
     if i == 0:
@@ -245,7 +242,8 @@ def pid_into(
             wanted -= by_integral * now[i] * dt_s
         elif gains[PID_ANTI_WINDUP] == BACK_CALCULATION and by_integral != 0.0:
             grown -= min(dt_s / gains[PID_WINDUP_RECOVERY], 1.0) * cut / by_integral
-        integrals[i] = grown
+        if not math.isnan(grown):
+            integrals[i] = grown
         out[i] = wanted
 
 
@@ -275,66 +273,9 @@ def pid(
     return out
 
 
-@kernel
-def _actuate(u: FloatArray, wanted: FloatArray, p: FloatArray, dt_s: float) -> None:
-    """Move the actuators in ``u`` towards what is wanted, within end stops and rates."""
-    v = vehicle_kernel
-    low = (p[v.M0_MIN], p[v.RP1_MIN], -p[v.DELTA_MAX])
-    high = (p[v.M0_MAX], p[v.RP1_MAX], p[v.DELTA_MAX])
-    rate = (p[v.M0_RATE], p[v.RP1_RATE], p[v.DELTA_RATE])
-    for i in range(3):
-        target = min(max(wanted[i], low[i]), high[i])
-        u[i] += min(max(target - u[i], -rate[i] * dt_s), rate[i] * dt_s)
-
-
-@kernel
-def closed_loop(
-    state: FloatArray,
-    references: FloatArray,
-    controller: int,
-    gains: FloatArray,
-    packed: FloatArray,
-    dt_s: float,
-    reported_trade: float,
-) -> FloatArray:
-    """Run a controller around the 12-state model whose actuators start at 0.
-
-    Args:
-        state: The 12 states at the start.
-        references: Packed reference of every step, shape ``(n, 12)``.
-        controller: ``BACKSTEPPING`` or ``PID``.
-        gains: Packed gains of that controller.
-        packed: ``Vehicle.packed()``.
-        dt_s: Step of controller and model.
-        reported_trade: ``c`` of the reported hybrid error, which the thesis's tables evaluate
-            alike for every controller.
-
-    Returns:
-        Depth, horizontal, pitch and hybrid error at every step, shape ``(n, 4)``.
-    """
-    x = state.copy()
-    u, wanted, integrals = np.zeros(3), np.empty(3), np.zeros(3)
-    slope, total, probe, e = np.empty(12), np.empty(12), np.empty(12), np.empty(16)
-    history = np.empty((references.shape[0], 4))
-    for n in range(references.shape[0]):
-        r = references[n]
-        if controller == BACKSTEPPING:
-            backstepping_into(x, r, gains, packed, 0.0, e, probe, slope, wanted)
-        else:
-            pid_into(x, r, gains, packed, dt_s, integrals, e, wanted)
-        history[n, 0], history[n, 1] = e[ERROR_DEPTH], e[ERROR_DISTANCE]
-        history[n, 2] = e[ERROR_PITCH]
-        traded = reported_trade * math.tanh(x[4]) * math.tanh(e[ERROR_TRADED])
-        history[n, 3] = e[ERROR_PITCH] - traded
-        _actuate(u, wanted, packed, dt_s)
-        rk4_into(x, u[0], u[1], u[2], packed, dt_s, slope, total, probe)
-    return history
-
-
 def warm_up() -> None:
     """Compile every kernel of this module with the argument types of real use."""
     state, reference, packed = np.zeros(12), np.zeros(12), np.ones(vehicle_kernel.DELTA_RATE + 1)
     state[6] = 0.1
     backstepping(state, reference, np.ones(11), packed)
     pid(state, reference, np.ones(13), packed, np.zeros(3), 0.1)
-    closed_loop(state, np.zeros((1, 12)), BACKSTEPPING, np.ones(11), packed, 0.01, 0.0)

@@ -5,9 +5,10 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inlined_kernel, kernel
 from autonomy.control import governor_kernel, integral_kernel, swimming_kernel
 from autonomy.control import kernel as thesis
+from autonomy.control.governor_kernel import Rows
 from autonomy.control.law_number import GOVERNOR, INTEGRAL, PID, SWIMMING
 from autonomy.vehicle import kernel as vehicle_kernel
 
@@ -15,19 +16,18 @@ MEMORY_SIZE = governor_kernel.MEMORY_SIZE
 """Numbers that a law may remember between calls; all of them 0 is a fresh start."""
 COMMAND_SIZE = 5
 """Net mass kg, sliding mass m, tail angle (or bias) rad, tail amplitude rad, frequency Hz."""
-SCRATCH_SHAPE = (5, 16)
-"""Room that ``command_into`` works in."""
 
 backstepping_into = thesis.backstepping_into
 pid_into = thesis.pid_into
 integral_into = integral_kernel.integral_into
 governor_into = governor_kernel.governor_into
 swimming_into = swimming_kernel.swimming_into
+rows = governor_kernel.rows
 end_stops = thesis.end_stops
 """Names that numba resolves once, when it compiles."""
 
 
-@kernel
+@inlined_kernel
 def command_into(
     law: int,
     x: FloatArray,
@@ -36,7 +36,7 @@ def command_into(
     p: FloatArray,
     dt_s: float,
     memory: FloatArray,
-    scratch: FloatArray,
+    scratch: Rows,
     out: FloatArray,
 ) -> None:
     """Write the command of a law, cut at the end stops, into ``out``, shape ``(5,)``.
@@ -51,7 +51,7 @@ def command_into(
         p: ``Vehicle.packed()``.
         dt_s: Time since the last call, s.
         memory: What the law remembers, shape ``(MEMORY_SIZE,)``; changed in place.
-        scratch: Shape ``SCRATCH_SHAPE``.
+        scratch: From ``rows``.
         out: The command.
     """
     out[3] = 0.0
@@ -85,7 +85,7 @@ def command(
 ) -> FloatArray:
     """Return the command of a law, shape ``(5,)``; arguments as of ``command_into``."""
     out = np.empty(COMMAND_SIZE)
-    command_into(law, state, reference, gains, packed, dt_s, memory, np.empty(SCRATCH_SHAPE), out)
+    command_into(law, state, reference, gains, packed, dt_s, memory, rows(), out)
     return out
 
 

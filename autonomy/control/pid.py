@@ -30,7 +30,8 @@ def pid_inputs(
         dt_s: Time since the last call.
 
     Returns:
-        The inputs and the new integrals, shape ``(3,)`` each.
+        The inputs and the new integrals, shape ``(3,)`` each; an error that is not a number is
+        not integrated.
 
     Source:
         Thesis section 3.3; the direction error is heading minus direction to the target.
@@ -63,4 +64,4 @@ def pid_inputs(
         works = gains[:, 1] != 0.0
         share = min(dt_s / config.windup_recovery_s, 1.0)
         grown -= np.where(works, share * cut / np.where(works, gains[:, 1], 1.0), 0.0)
-    return inputs, grown
+    return inputs, np.where(np.isnan(grown), integrals, grown)

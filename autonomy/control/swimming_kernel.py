@@ -6,8 +6,9 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
-from autonomy.control import integral_kernel
+from autonomy.control import governor_kernel, integral_kernel
 from autonomy.control import kernel as thesis
+from autonomy.control.governor_kernel import Rows
 from autonomy.vehicle import kernel as v
 
 (
@@ -27,6 +28,7 @@ SLOWEST_M_S, TURNING_SHARE = 0.01, 0.5
 """As in ``swimming``."""
 
 integral_into = integral_kernel.integral_into
+rows = governor_kernel.rows
 end_stops = thesis.end_stops
 """Names that numba resolves once, when it compiles."""
 
@@ -56,12 +58,12 @@ def swimming_into(
     p: FloatArray,
     dt_s: float,
     learned: FloatArray,
-    scratch: FloatArray,
+    scratch: Rows,
     out: FloatArray,
 ) -> None:
     """Write the command, masses not yet limited, into ``out``, shape ``(5,)``.
 
-    ``learned`` is as of ``integral_into``; ``scratch``, shape ``(5, 16)``, is room to work in.
+    ``learned`` is as of ``integral_into``; ``scratch`` is from ``rows``.
     """
     st, ct = math.sin(x[4]), math.cos(x[4])
     sp, cp = math.sin(x[5]), math.cos(x[5])
@@ -96,7 +98,7 @@ def swimming(
 ) -> FloatArray:
     """Return the command, masses not yet limited, shape ``(5,)``, and learn in ``learned``."""
     out = np.empty(5)
-    swimming_into(state, reference, gains, packed, dt_s, learned, np.empty((5, 16)), out)
+    swimming_into(state, reference, gains, packed, dt_s, learned, rows(), out)
     return out
 
 

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inlined_kernel, kernel
 from autonomy.control import kernel as thesis_law
 from autonomy.control import law as laws
 from autonomy.control.law_number import BACKSTEPPING
@@ -19,15 +19,11 @@ derivative_into = body.derivative_into
 rk4_into = body.rk4_into
 advance = extended_kernel.advance
 command_into = laws.command_into
-error_into = thesis_law.error_into
+rows = laws.rows
 end_stops = thesis_law.end_stops
 """Names that numba resolves once, when it compiles."""
 
-COMMAND_SIZE, SCRATCH_SHAPE = laws.COMMAND_SIZE, laws.SCRATCH_SHAPE
-ERROR_DEPTH, ERROR_DISTANCE = thesis_law.ERROR_DEPTH, thesis_law.ERROR_DISTANCE
-ERROR_PITCH, ERROR_HYBRID = thesis_law.ERROR_PITCH, thesis_law.ERROR_HYBRID
-NEAR_M, NEAR_OFFSET_M = 0.05, 0.15
-"""Only the direction error depends on these, which is not recorded."""
+COMMAND_SIZE, MEMORY_SIZE = laws.COMMAND_SIZE, laws.MEMORY_SIZE
 REPORTED_TRADE_RAD = math.pi / 9.0
 """``c`` of the recorded hybrid error, alike for every controller as in the thesis's tables."""
 
@@ -49,6 +45,18 @@ _RATE_INDEX = (body.M0_RATE, body.RP1_RATE, body.DELTA_RATE)
 
 
 @kernel
+def correlate(noise: FloatArray, columns: int, keep: float) -> None:
+    """Turn white noise in the first columns into noise that keeps a share from row to row.
+
+    The standard deviation stays; ``noise`` has shape ``(n, m)`` and is changed in place.
+    """
+    fresh = math.sqrt(1.0 - keep * keep)
+    for k in range(1, noise.shape[0]):
+        for i in range(columns):
+            noise[k, i] = keep * noise[k - 1, i] + fresh * noise[k, i]
+
+
+@inlined_kernel
 def actuate(u: FloatArray, wanted: FloatArray, p: FloatArray, dt_s: float) -> None:
     """Move the actuators in ``u`` towards what is wanted, within end stops and rates."""
     for i in range(3):
@@ -133,63 +141,78 @@ def _measure(x: FloatArray, noise: FloatArray, belief: FloatArray, is_first: boo
     return depth
 
 
-@kernel
+@inlined_kernel
 def _record(
-    row: FloatArray,
+    record: FloatArray,
+    k: int,
     x: FloatArray,
     estimate: FloatArray,
     inputs: FloatArray,
     command: FloatArray,
     r: FloatArray,
-    errors: FloatArray,
 ) -> None:
-    """Write state, estimate, sensed actuators, command and true errors of one moment."""
-    error_into(x, r, REPORTED_TRADE_RAD, NEAR_M, NEAR_OFFSET_M, 0.0, errors)
+    """Write state, estimate, sensed actuators, command and true errors in row ``k``."""
     for i in range(12):
-        row[STATE + i] = x[i]
-        row[ESTIMATE + i] = estimate[i]
+        record[k, STATE + i] = x[i]
+        record[k, ESTIMATE + i] = estimate[i]
     for i in range(3):
-        row[INPUTS + i] = inputs[i]
+        record[k, INPUTS + i] = inputs[i]
     for i in range(COMMAND_SIZE):
-        row[COMMANDS + i] = command[i]
-    row[ERRORS] = errors[ERROR_DEPTH]
-    row[ERRORS + 1] = errors[ERROR_DISTANCE]
-    row[ERRORS + 2] = errors[ERROR_PITCH]
-    row[ERRORS + 3] = errors[ERROR_HYBRID]
+        record[k, COMMANDS + i] = command[i]
+    north, east = r[0] - x[0], r[1] - x[1]
+    along = north * math.cos(x[5]) + east * math.sin(x[5])
+    record[k, ERRORS] = r[2] - x[2]
+    record[k, ERRORS + 1] = math.sqrt(north * north + east * east)
+    record[k, ERRORS + 2] = r[3] - x[4]
+    record[k, ERRORS + 3] = r[3] - x[4] - REPORTED_TRADE_RAD * math.tanh(x[4]) * math.tanh(along)
 
 
 @kernel
-def _move(
+def _move_extended(
     x: FloatArray,
     inputs: FloatArray,
     applied: FloatArray,
     true: FloatArray,
     surroundings: FloatArray,
     conditions: FloatArray,
-    is_extended: bool,
     time_s: float,
     dt_s: float,
-    scratch: FloatArray,
 ) -> None:
-    """Advance robot ``x`` and its sensed actuators ``inputs`` by one step under a command."""
+    """Advance the 15-state robot ``x`` and its sensed actuators by one step under a command.
+
+    The model moves the true masses, whose end stops are as far off as their sensors.
+    """
     m0_error, rp1_error = conditions[NET_BUOYANCY_ERROR], conditions[MASS_POSITION_ERROR]
-    if is_extended:
-        # the model moves the true masses, whose end stops are as far off as the sensors
-        biased = true.copy()
-        biased[body.M0_MIN] += m0_error
-        biased[body.M0_MAX] += m0_error
-        biased[body.RP1_MIN] += rp1_error
-        biased[body.RP1_MAX] += rp1_error
-        wanted = applied.copy()
-        wanted[0] += m0_error
-        wanted[1] += rp1_error
-        x[12], x[13], x[14] = inputs[0] + m0_error, inputs[1] + rp1_error, inputs[2]
-        x[:] = advance(x, wanted, biased, surroundings, time_s, dt_s, 1)
-        inputs[0], inputs[1], inputs[2] = x[12] - m0_error, x[13] - rp1_error, x[14]
-        return
+    biased = true.copy()
+    biased[body.M0_MIN] += m0_error
+    biased[body.M0_MAX] += m0_error
+    biased[body.RP1_MIN] += rp1_error
+    biased[body.RP1_MAX] += rp1_error
+    wanted = applied.copy()
+    wanted[0] += m0_error
+    wanted[1] += rp1_error
+    x[12], x[13], x[14] = inputs[0] + m0_error, inputs[1] + rp1_error, inputs[2]
+    x[:] = advance(x, wanted, biased, surroundings, time_s, dt_s, 1)
+    inputs[0], inputs[1], inputs[2] = x[12] - m0_error, x[13] - rp1_error, x[14]
+
+
+@inlined_kernel
+def _move(
+    x: FloatArray,
+    inputs: FloatArray,
+    applied: FloatArray,
+    true: FloatArray,
+    conditions: FloatArray,
+    dt_s: float,
+    slope: FloatArray,
+    total: FloatArray,
+    probe: FloatArray,
+) -> None:
+    """Advance the 12-state robot ``x`` and its sensed actuators by one step under a command."""
     actuate(inputs, applied, true, dt_s)
-    m0, rp1 = inputs[0] + m0_error, inputs[1] + rp1_error
-    rk4_into(x, m0, rp1, inputs[2], true, dt_s, scratch[0], scratch[1], scratch[2])
+    m0 = inputs[0] + conditions[NET_BUOYANCY_ERROR]
+    rp1 = inputs[1] + conditions[MASS_POSITION_ERROR]
+    rk4_into(x, m0, rp1, inputs[2], true, dt_s, slope, total, probe)
     x[0] += conditions[CURRENT_NORTH] * dt_s
     x[1] += conditions[CURRENT_EAST] * dt_s
 
@@ -237,9 +260,10 @@ def fly(
     x, belief, estimate = np.zeros(15), np.zeros(12), np.zeros(12)
     x[:12] = start
     inputs, before = np.zeros(3), np.zeros(3)
-    memory, scratch = np.zeros(laws.MEMORY_SIZE), np.empty(SCRATCH_SHAPE)
+    memory, scratch = np.zeros(MEMORY_SIZE), rows()
+    slope, total, probe = np.empty(12), np.empty(12), np.empty(12)
     late, command, applied = np.zeros(delay_steps + 1), np.zeros(COMMAND_SIZE), np.zeros(5)
-    period_s, depth = steps * dt_s, 0.0
+    period_s, depth, slot = steps * dt_s, 0.0, 0
     for k in range(n):
         if noise.shape[0] == 0:
             estimate[:] = x[:12]
@@ -250,33 +274,30 @@ def fly(
                     belief, inputs, depth, conditions, believed, command, start_s, period_s, steps
                 )
             elif k > 0:
-                _observe(belief, inputs, depth, conditions, believed, period_s, scratch[0])
+                _observe(belief, inputs, depth, conditions, believed, period_s, slope)
             depth = _measure(x, noise[k], belief, k == 0)
             estimate[:] = belief
             estimate[2] = depth
         r = references[k]
         command_into(law, estimate, r, gains, believed, period_s, memory, scratch, command)
-        _record(record[k], x, estimate, inputs, command, r, scratch[0])
+        _record(record, k, x, estimate, inputs, command, r)
         applied[:] = command
         for step in range(k * steps, (k + 1) * steps):
-            late[step % (delay_steps + 1)] = command[1]
-            applied[1] = late[(step + 1) % (delay_steps + 1)]
+            late[slot] = command[1]
+            slot = slot + 1 if slot < delay_steps else 0
+            applied[1] = late[slot]
             before[:] = inputs
-            _move(
-                x,
-                inputs,
-                applied,
-                true,
-                surroundings,
-                conditions,
-                is_extended,
-                step * dt_s,
-                dt_s,
-                scratch,
-            )
+            if is_extended:
+                _move_extended(
+                    x, inputs, applied, true, surroundings, conditions, step * dt_s, dt_s
+                )
+            else:
+                _move(x, inputs, applied, true, conditions, dt_s, slope, total, probe)
             for i in range(3):
-                effort[0, i] += abs(inputs[i] - before[i])
-                effort[1, i] += (inputs[i] - before[i]) ** 2 / dt_s
+                moved = inputs[i] - before[i]
+                effort[0, i] += abs(moved)
+                effort[1, i] += moved * moved
+    effort[1] /= dt_s
     return record, effort
 
 
@@ -286,6 +307,7 @@ def warm_up() -> None:
     start[6] = 0.1
     one, water, conditions = np.zeros((1, 12)), np.zeros(9), np.zeros(6)
     gains, noise = np.ones(32), np.zeros((0, 9))
+    correlate(np.zeros((2, 9)), 2, 0.5)
     fly(
         BACKSTEPPING, gains, packed, packed, start, one, noise, conditions, water, False, 0.01, 1, 0
     )

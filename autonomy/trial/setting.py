@@ -16,6 +16,7 @@ from autonomy.control.reference import (
     straight_glide,
 )
 from autonomy.trial.config import StraightConfig, TrialConfig
+from autonomy.trial.kernel import correlate
 from autonomy.vehicle.config import Vehicle, VehicleParameters
 from autonomy.vehicle.steady import angle_of_attack
 from autonomy.vehicle.surroundings import Surroundings
@@ -154,10 +155,8 @@ def _noise(config: TrialConfig, seed: int, count: int) -> FloatArray:
         return np.empty((0, 9))
     white = np.random.default_rng([seed, _NOISE]).standard_normal((count, 9))
     if sensing.position_correlation_s > 0.0:
-        keep = math.exp(-config.period_s / sensing.position_correlation_s)
-        fresh = math.sqrt(1.0 - keep**2)
-        for k in range(1, count):
-            white[k, :2] = keep * white[k - 1, :2] + fresh * white[k, :2]
+        correlate(white, 2, math.exp(-config.period_s / sensing.position_correlation_s))
     s = sensing
-    std = [s.position_std_m] * 2 + [s.depth_std_m] + [s.tilt_std_rad] * 2
-    return white * np.array([*std, s.heading_std_rad, *[s.gyro_std_rad_s] * 3])
+    std = [s.position_std_m] * 2 + [s.depth_std_m] + [s.tilt_std_rad] * 2 + [s.heading_std_rad]
+    white *= np.array(std + [s.gyro_std_rad_s] * 3)
+    return white

@@ -23,7 +23,6 @@ GOLDEN = json.loads((Path(__file__).parent / "golden_vehicle.json").read_text())
 GAINS = {"sim": config.BACKSTEPPING_SIMULATION, "exp": config.BACKSTEPPING_EXPERIMENT}
 PACKED = MINIGLIDER.packed()
 TRADE = math.pi / 9
-STEP_S = 0.01
 
 
 def random_state(rng):
@@ -185,40 +184,6 @@ def start():
     state = np.zeros(12)
     state[6] = 0.06
     return state
-
-
-CONTROLLERS = {
-    "prop": (kernel.BACKSTEPPING, config.BACKSTEPPING_SIMULATION),
-    "bs": (
-        kernel.BACKSTEPPING,
-        config.BACKSTEPPING_SIMULATION.model_copy(update={"pitch_trade_rad": 0.0}),
-    ),
-    "pid": (kernel.PID, config.PID_SIMULATION),
-}
-
-
-def track(name, trajectory, duration_s):
-    references = np.array(
-        [trajectory(n * STEP_S).packed() for n in range(round(duration_s / STEP_S))]
-    )
-    controller, gains = CONTROLLERS[name]
-    return kernel.closed_loop(
-        start(), references, controller, gains.packed(), PACKED, STEP_S, TRADE
-    )
-
-
-@pytest.mark.parametrize("name", CONTROLLERS)
-def test_closed_loop_tracks_the_linear_glide_as_well_as_the_golden_run(name):
-    errors = track(name, THESIS_REFERENCES[0], 540.0)
-    rms = np.sqrt(np.mean(errors**2, axis=0))
-    assert rms == pytest.approx(GOLDEN["closed_loop_rms"][f"linear/{name}"], rel=0.01)
-
-
-def test_proposed_controller_alone_wins_back_the_distance():
-    ends = {name: track(name, THESIS_REFERENCES[1], 540.0)[-1, 1] for name in CONTROLLERS}
-    assert ends["prop"] < ends["bs"]
-    assert ends["prop"] < ends["pid"]
-    assert track("prop", THESIS_REFERENCES[0], 540.0)[-1, 1] < 0.25
 
 
 @pytest.mark.parametrize("key", VEHICLES)

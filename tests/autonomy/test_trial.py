@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from autonomy.control.catalogue import CONTROLLERS
+from autonomy.control.feasibility import InfeasibleReferenceError
+from autonomy.control.reference import Reference
+from autonomy.trial.check import check_scenario
 from autonomy.trial.comparison import TrialCancelledError, compare
 from autonomy.trial.config import (
     TABLE_3_1_LINEAR,
@@ -17,6 +20,7 @@ from autonomy.trial.config import (
     SensingConfig,
     TrialConfig,
 )
+from autonomy.trial.monte_carlo import monte_carlo
 from autonomy.trial.run import ControllerChoice, run_trial
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
 
@@ -29,6 +33,10 @@ def choice(name, *, simulation=False, vehicle="miniglider"):
     kind = CONTROLLERS[f"controller.{name}"]
     config = kind.simulation_preset if simulation else kind.preset(vehicle)
     return ControllerChoice(kind.key, kind.title, config)
+
+
+def trial_reference():
+    return Reference((3.0, 1.0, 2.0), -0.4, (0.02, 0.01, 0.02))
 
 
 def changed(config, **parts):
@@ -212,3 +220,76 @@ def test_a_comparison_of_nothing_is_refused():
 def test_a_scenario_that_cannot_be_run_is_refused(wrong):
     with pytest.raises(ValueError, match="validation error"):
         changed(TABLE_3_1_LINEAR, **wrong)
+
+
+def test_monte_carlo_gives_what_single_trials_give_on_any_number_of_threads():
+    config = changed(SHORT, runs=4, disturbance=DisturbanceConfig(parameter_error=0.1))
+    many = [
+        monte_carlo(MINIGLIDER, config, choice("backstepping"), threads=threads)
+        for threads in (1, 2)
+    ]
+    assert np.array_equal(many[0].state, many[1].state)
+    for n, seed in enumerate(config.seeds):
+        single = run_trial(MINIGLIDER, config, choice("backstepping"), seed)
+        assert np.array_equal(many[0].state[n], single.state[-1])
+        assert np.array_equal(many[0].end[n], single.errors[-1])
+        assert np.array_equal(many[0].rms[n], single.rms())
+        assert np.array_equal(many[0].travel[n], single.travel)
+
+
+@pytest.mark.parametrize(
+    ("parts", "kinds", "words"),
+    [
+        (
+            {"reference": "straight_glide", "straight": {"glide_angle_rad": -0.2}},
+            ["pid"],
+            "flatter than this vehicle glides",
+        ),
+        (
+            {"reference": "straight_glide", "straight": {"vertical_speed_m_s": 0.2}},
+            ["pid"],
+            "buoyancy allows at most",
+        ),
+        ({}, ["swimming", "pid"], "needs the extended model"),
+        ({"reference": "level_swim", "model": "extended"}, ["pid"], "only the swimming"),
+        (
+            {
+                "reference": "level_swim",
+                "model": "extended",
+                "straight": {"swim_speed_m_s": 0.5},
+            },
+            ["swimming"],
+            "Miniglider swims at most",
+        ),
+    ],
+)
+def test_a_scenario_beyond_a_limit_is_refused_by_its_name(parts, kinds, words):
+    with pytest.raises(InfeasibleReferenceError, match=words):
+        check_scenario(
+            MINIGLIDER, changed(TABLE_3_1_LINEAR, **parts), {f"controller.{kind}" for kind in kinds}
+        )
+
+
+def test_scenarios_of_the_thesis_are_accepted_for_every_controller():
+    for scenario in (TABLE_3_1_LINEAR, TABLE_3_1_SAWTOOTH, TABLE_3_3_DIAGONAL):
+        check_scenario(MINIGLIDER, changed(scenario, model="extended"), set(CONTROLLERS))
+
+
+def test_nonsense_from_sensors_never_reaches_an_actuator():
+    broken = changed(SHORT, duration_s=5.0, sensing={"exact": False, "tilt_std_rad": 1.0})
+    for name in CONTROLLERS:
+        trial = run_trial(MINIGLIDER, broken, choice(name.partition(".")[2]), 1)
+        assert np.all(np.isfinite(trial.commands))
+        assert np.all(np.isfinite(trial.inputs))
+
+
+def test_every_law_answers_an_estimate_that_is_not_a_number_with_neutral_set_points():
+    far = trial_reference()
+    for kind in CONTROLLERS.values():
+        controller = kind.make(MINIGLIDER, kind.preset("miniglider"))
+        command = controller.command(np.full(12, np.nan), far, 0.1)
+        assert (command.m0_kg, command.rp1_m, command.delta_rad) == (0.0, 0.0, 0.0)
+        assert command.tail_amplitude_rad == 0.0
+        fresh = kind.make(MINIGLIDER, kind.preset("miniglider"))
+        state = np.full(12, 0.05)
+        assert controller.command(state, far, 0.1) == fresh.command(state, far, 0.1)
