@@ -18,8 +18,10 @@ from server.composition import run_station
 from server.security.register import create_token
 from server.security.role import Role
 from server.service.station import Station
+from server.service.worker import WorkerPool
 from server.settings import Settings
 from tests.server.service.fake_link import World, state_report
+from tests.server.service.in_thread import run_in_thread
 
 MINI = RobotId("mini-1")
 GRACE = RobotId("grace-1")
@@ -103,6 +105,12 @@ def _cold_worker(monkeypatch):
         del station
 
     monkeypatch.setattr(Station, "_warm_up", stay_cold)
+
+
+@pytest.fixture
+def in_threads(monkeypatch):
+    """Let tasks run here: a process of its own takes a second to load its compiled code."""
+    monkeypatch.setattr(WorkerPool, "run", run_in_thread)
 
 
 @pytest_asyncio.fixture

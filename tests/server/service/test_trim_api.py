@@ -13,6 +13,8 @@ from server.service.trim import in_words
 from tests.server.service.conftest import api_client, until
 from tests.server.service.test_identification_api import deployed
 
+pytestmark = pytest.mark.usefixtures("in_threads")
+
 BIAS_KG = 0.003
 ACCEPT = "/api/robots/mini-1/trim/accept"
 

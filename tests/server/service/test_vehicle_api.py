@@ -12,6 +12,8 @@ from server.security.role import Role
 from server.service import vehicles
 from tests.server.service.conftest import MINI, api_client, open_station
 
+pytestmark = pytest.mark.usefixtures("in_threads")
+
 
 def document(key="mini-b", base=MINIGLIDER, **head):
     return {**vehicle_document(base), "key": key, "title": "Miniglider B", **head}

