@@ -118,14 +118,15 @@ class ModelFilterConfig(Configuration):
     )
     """Time over which the ballast error changes."""
     acceleration_density: float = quantity(
-        1e-9, "m^2/s^3", title="Acceleration noise", gt=0.0, le=1.0, advanced=True
+        1.5e-10, "m^2/s^3", title="Acceleration noise", gt=0.0, le=1.0, advanced=True
     )
-    """Spectral density per body axis of accelerations that the model does not know."""
+    """Spectral density per body axis of accelerations that the model does not know. The default
+    holds for a right model; one whose coefficients are 10 % wrong needs about 2e-7."""
     rate_noise_rad_sqrt_s: float = quantity(
-        0.003, "rad/s^0.5", title="Gyro noise", ge=0.0, le=1.0, advanced=True
+        0.0016, "rad/s^0.5", title="Gyro noise", ge=0.0, le=1.0, advanced=True
     )
-    """Root density of the angular velocity's noise, which times the speed is an acceleration: the
-    gyro's deviation by the root of its period, by the ratio of forward to sideways mass."""
+    """Root density of the angular velocity's noise: the gyro's deviation by the root of its
+    period. With the robot's speed it is a Coriolis acceleration."""
     heading_std_rad: float = quantity(
         0.008, "rad", title="Heading error", ge=0.0, le=0.5, display_unit="deg", advanced=True
     )
@@ -199,7 +200,7 @@ MODEL_FILTER_PRESETS: dict[str, ModelFilterConfig] = {
     "grace3": ModelFilterConfig(
         current=CurrentConfig(eddy_correlation_s=20.0),
         buoyancy_bias_kg=0.002,
-        rate_noise_rad_sqrt_s=0.0012,
+        rate_noise_rad_sqrt_s=0.00063,
         heading_std_rad=0.006,
         tilt_std_rad=0.0015,
         greatest_speed_m_s=0.5,

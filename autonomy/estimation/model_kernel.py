@@ -19,6 +19,7 @@ from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
 from autonomy.estimation.kernel import LOST, REFUSED, judge
 from autonomy.vehicle.extended_kernel import advance
+from autonomy.vehicle.kernel import MASS_1
 
 # fmt: off
 (
@@ -131,15 +132,28 @@ def _carry(column: FloatArray, dt_s: float, kept: FloatArray, out: FloatArray) -
 
 @kernel
 def _disturb(
-    rows: FloatArray, first: int, dt_s: float, kept: FloatArray, speed: float, noise: FloatArray
+    rows: FloatArray,
+    first: int,
+    dt_s: float,
+    kept: FloatArray,
+    velocity: FloatArray,
+    p: FloatArray,
+    noise: FloatArray,
 ) -> None:
-    """Write the factor of the process noise into the rows from ``first`` on."""
+    """Write the factor of the process noise into the rows from ``first`` on.
+
+    The gyro's noise pushes the robot by its Coriolis acceleration, ``M^-1 (M v) x w``.
+    """
+    speed = math.sqrt(velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2)
     wander = speed * math.sqrt(2.0 * noise[ATTITUDE_CORRELATION] * dt_s)
-    push = math.sqrt((noise[ACCELERATION] + (speed * noise[RATE_NOISE]) ** 2) * dt_s)
     steady = noise[STEADY_STD] * math.sqrt(1.0 - kept[0] * kept[0])
     eddy = noise[EDDY_STD] * math.sqrt(1.0 - kept[1] * kept[1])
     for i in range(3):
-        rows[first + FORWARD + i, FORWARD + i] = push
+        j, k = (i + 1) % 3, (i + 2) % 3
+        across = p[MASS_1 + j] * velocity[j] / p[MASS_1 + i]
+        over = p[MASS_1 + k] * velocity[k] / p[MASS_1 + i]
+        push = noise[ACCELERATION] + (across**2 + over**2) * noise[RATE_NOISE] ** 2
+        rows[first + FORWARD + i, FORWARD + i] = math.sqrt(push * dt_s)
     rows[first + DEPTH, DEPTH] = noise[TILT_STD] * wander
     rows[first + NORTH, NORTH] = noise[HEADING_STD] * wander
     rows[first + EAST, EAST] = noise[HEADING_STD] * wander
@@ -192,7 +206,7 @@ def predict(
     centre = _swim(
         x[:BENT], dt_s, command, time_s, attitude, rates, actuators, packed, water, steps
     )
-    speed = math.sqrt(x[FORWARD] ** 2 + x[STARBOARD] ** 2 + x[DOWN] ** 2)
+    velocity = x[FORWARD:BIAS].copy()
     mean = centre.copy()
     for i in range(STATES):
         _carry(S[:, i], dt_s, kept, rows[i])
@@ -228,7 +242,7 @@ def predict(
             mean[k] += bend / (2.0 * _SPREAD**2)
             rows[i, bent[k]] += (ahead[k] - behind[k]) / (2.0 * _SPREAD)
             rows[STATES + i, bent[k]] = _CURVATURE * bend
-    _disturb(rows, STATES + BENT, dt_s, kept, speed, noise)
+    _disturb(rows, STATES + BENT, dt_s, kept, velocity, packed, noise)
     later = np.zeros(STATES)
     _carry(x, dt_s, kept, later)
     for k in range(6):
