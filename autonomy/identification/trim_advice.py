@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from autonomy.arrays import FloatArray, IntArray
+from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.identification import least_squares
 from autonomy.identification.config import (
     IDENTIFICATION_PRESETS,
@@ -29,6 +29,13 @@ _SURE = 2.0
 """A change counts from so many standard deviations on."""
 _WORTH = 0.95
 """A change is worth it if an error shrinks at least to this part."""
+_ROUNDS = 5
+_OUTLIER = 6.0
+_QUIET = 0.1
+"""A part whose mean squared residual is beyond ``_OUTLIER`` times that of the best quarter, or of
+this where filters on board made the recording quieter than its sensors, is not explained."""
+_LONGEST_SHARE = 0.4
+"""Shorter parts than an identification's: what disturbs one spoils less."""
 _SIDEWAYS = 0.2
 """Weight of roll and heading: they only keep the motion honest."""
 
@@ -112,30 +119,91 @@ def advise(
     Raises:
         NoAdviceError: If there is too little gliding, or it does not tell the trim.
     """
-    problem, count = _gliding(vehicle, recording, dives)
+    problem = _gliding(vehicle, recording, dives)
     with Workers(threads) as workers:
+        problem, found, equations = _fitted(problem, present, workers)
+        now = _glide_error(problem, _scaled(problem, present), found.initial, workers)
+        proposed = _glide_error(problem, found.u, found.initial, workers)
+    std = _deviations(problem, found, equations)
+    count = np.unique(_dive_numbers(recording, problem.report.segments, problem.config.rules)).size
+    return _advice(problem, found.u, std, present, (now, proposed), count)
+
+
+def _fitted(
+    problem: Problem, present: TrimConfig, workers: Workers
+) -> tuple[Problem, Descent, Sequence[NormalEquations]]:
+    """Fit the offsets; parts that the model explains far worse than the best are left out.
+
+    A kick of the tail or a touch of the wall is not in the model, and spoils its part alone.
+
+    Raises:
+        NoAdviceError: If the model cannot follow, or explains too few parts.
+    """
+    u = _scaled(problem, present)
+    for _ in range(_ROUNDS):
         try:
-            start = least_squares.begin(problem, _scaled(problem, present), workers)
+            start = least_squares.begin(problem, u, workers)
         except least_squares.DivergedError as error:
             raise NoAdviceError(
                 "the model cannot follow the dives at all: identify the vehicle first"
             ) from error
         found = least_squares.descend(problem, start, workers)
-        equations = least_squares.normal_equations(problem, found.u, found.initial, workers)
-        if equations is None:
-            raise NoAdviceError("the model cannot follow the dives: identify the vehicle first")
-        now = _glide_error(problem, _scaled(problem, present), found.initial, workers)
-        proposed = _glide_error(problem, found.u, found.initial, workers)
-    std = _deviations(problem, found, equations)
-    return _advice(problem, found.u, std, present, (now, proposed), count)
+        cost = _segment_means(problem, found, workers)
+        good = cost <= _OUTLIER * max(float(np.quantile(cost, 0.25)), _QUIET)
+        if good.all():
+            equations = least_squares.normal_equations(problem, found.u, found.initial, workers)
+            if equations is not None:
+                return problem, found, equations
+            break
+        problem, u = _without(problem, ~good), found.u
+    raise NoAdviceError("the model does not explain the dives: identify the vehicle first")
 
 
-def _gliding(vehicle: Vehicle, recording: Recording, dives: int) -> tuple[Problem, int]:
-    """Return the fit of the offsets to the last dives, and how many there are."""
+def _segment_means(problem: Problem, found: Descent, workers: Workers) -> FloatArray:
+    """Return the mean squared residual of each segment."""
+    predicted, _ = problem.simulate(found.u[None], found.initial[None], workers)
+    total = least_squares.segment_costs(problem, problem.residual(predicted[0]), found.initial)
+    rows = problem.layout.segment_row
+    seen = np.add.reduceat(np.count_nonzero(problem.layout.weight, axis=1), rows[:-1])
+    return total / seen
+
+
+def _without(problem: Problem, bad: BoolArray) -> Problem:
+    """Return the fit without some of its segments."""
+    parts = problem.report.segments
+    return _quiet_problem(
+        problem,
+        tuple(part for part, is_bad in zip(parts, bad.tolist(), strict=True) if not is_bad),
+    )
+
+
+def _quiet_problem(problem: Problem, chosen: tuple[Segment, ...]) -> Problem:
+    """Return the fit to some segments, depth and pitch leading.
+
+    Raises:
+        NoAdviceError: If they are too short together.
+    """
+    report = replace(problem.report, segments=chosen)
+    if report.duration_s < _ENOUGH_S:
+        raise NoAdviceError(
+            f"only {report.duration_s:.0f} s of gliding with a quiet tail that the model explains;"
+            f" at least {_ENOUGH_S:.0f} s are needed"
+        )
+    found = problem_from(
+        problem.vehicle, problem.recording, problem.config, sought=problem.sought, report=report
+    )
+    weight = found.layout.weight * np.array([0.0, 0.0, 1.0, _SIDEWAYS, 1.0, _SIDEWAYS])
+    return replace(found, layout=replace(found.layout, weight=weight))
+
+
+def _gliding(vehicle: Vehicle, recording: Recording, dives: int) -> Problem:
+    """Return the fit of the offsets to the last dives."""
     preset = IDENTIFICATION_PRESETS.get(vehicle.key, IdentificationConfig())
-    rules = preset.rules.model_copy(update={"shortest_segment_s": _SHORTEST_S})
+    longest_s = _LONGEST_SHARE * preset.rules.longest_segment_s
+    rules = preset.rules.model_copy(
+        update={"shortest_segment_s": _SHORTEST_S, "longest_segment_s": longest_s}
+    )
     config = preset.model_copy(update={"rules": rules, "model": "extended"})
-    sought = offset_unknowns(vehicle)
     report = segments(recording, rules)
     if not report.segments:
         raise NoAdviceError("there is no gliding with a quiet tail in the recording")
@@ -144,15 +212,8 @@ def _gliding(vehicle: Vehicle, recording: Recording, dives: int) -> tuple[Proble
     chosen = tuple(
         segment for segment, number in zip(report.segments, numbers, strict=True) if number in last
     )
-    report = replace(report, segments=chosen)
-    if report.duration_s < _ENOUGH_S:
-        raise NoAdviceError(
-            f"only {report.duration_s:.0f} s of gliding with a quiet tail; at least"
-            f" {_ENOUGH_S:.0f} s are needed"
-        )
-    problem = problem_from(vehicle, recording, config, sought=sought, report=report)
-    weight = problem.layout.weight * np.array([0.0, 0.0, 1.0, _SIDEWAYS, 1.0, _SIDEWAYS])
-    return replace(problem, layout=replace(problem.layout, weight=weight)), last.size
+    whole = problem_from(vehicle, recording, config, sought=offset_unknowns(vehicle), report=report)
+    return _quiet_problem(whole, chosen)
 
 
 def _dive_numbers(recording: Recording, parts: Sequence[Segment], rules: SegmentRules) -> IntArray:
