@@ -7,7 +7,7 @@ import random
 import signal
 from contextlib import AsyncExitStack, suppress
 
-from robot_link.clock import Clock, monotonic_s
+from robot_link.clock import Clock
 from robot_link.messages import LogId
 from robot_link.onboard import RobotLink
 from robot_link.plan_store import MemoryPlanStore
@@ -19,8 +19,12 @@ from simulator.settings import SimulatorSettings
 from simulator.xbee_network import XBeeNetwork
 
 _STATE_INTERVAL_S = 0.1
-"""Wall time between two state reports of a robot."""
+"""Wall time between two state reports of a robot whose clock is not fast."""
+_STATE_GAP_S = 1.0
+"""Time between two state reports by the robot's own clock, at most: a record of a flight that
+leaves out more is of no use to learn a vehicle from."""
 _SLEEP_MIN_S = 0.02
+"""The radio needs about as long to take a report before the next one replaces it."""
 _STEPS_AT_ONCE = 50
 """Steps of one robot before the event loop gets its turn: some ten milliseconds."""
 _CATCHING_UP_SLEEP_S = 0.001
@@ -96,17 +100,26 @@ async def _build(
 
 async def _live(robot: SimulatedRobot, link: RobotLink, clock: Clock) -> None:
     """Let a robot live by the clock, sleeping in between."""
-    report_at_s = monotonic_s()
+    at_speed_s = max(_STATE_GAP_S, 2.0 * _SLEEP_MIN_S * clock.speed)
+    interval_s = min(_STATE_INTERVAL_S * clock.speed, at_speed_s)
+    reported_s = robot.program.time_s
     while True:
         lag_s = (clock.now() - robot.program.now).total_seconds()
         steps = int(lag_s / PERIOD_S)
+        is_late = steps > _STEPS_AT_ONCE
+        due_s = reported_s + (at_speed_s if is_late else interval_s) - 0.5 * PERIOD_S
+        has_reported = False
         for _ in range(min(steps, _STEPS_AT_ONCE)):
             robot.step(link)
-        if monotonic_s() >= report_at_s:
-            report_at_s = monotonic_s() + _STATE_INTERVAL_S
-            link.report_state(robot.program.state_report())
-        pause_s = max(PERIOD_S / clock.speed, _SLEEP_MIN_S)
-        await asyncio.sleep(_CATCHING_UP_SLEEP_S if steps > _STEPS_AT_ONCE else pause_s)
+            if robot.program.time_s >= due_s:
+                reported_s = robot.program.time_s
+                link.report_state(robot.program.state_report())
+                has_reported = True
+                break
+        if is_late:
+            await asyncio.sleep(_SLEEP_MIN_S if has_reported else _CATCHING_UP_SLEEP_S)
+        else:
+            await asyncio.sleep(max(PERIOD_S / clock.speed, _SLEEP_MIN_S))
 
 
 async def _watch(parent_pid: int, stopped: asyncio.Event) -> None:
