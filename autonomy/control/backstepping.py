@@ -85,7 +85,8 @@ def solve(
     f25 = drift.yaw_acceleration / ct + w3 * w2 * st / ct**2
     f23 = drift.tail_yaw / ct
     f23 = math.copysign(max(abs(f23), config.tail_effect_min), p.yaw_delta_m)
-    tail = (-f25 - config.k_2 * error.direction_rate - config.k_psi * error.direction) / f23
+    wanted = -f25 - config.k_2 * error.direction_rate - config.k_psi * error.direction
+    tail = wanted / f23 if f23 != 0.0 else 0.0
     stop = vehicle.limits.delta_max_rad
     reachable = min(max(tail, -stop), stop) if config.is_tail_clipped_first else tail
 

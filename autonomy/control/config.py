@@ -1,9 +1,10 @@
 """Gains of the trajectory controllers of the thesis."""
 
 import math
-from typing import Literal, get_args
+from typing import Literal, Self, get_args
 
 import numpy as np
+from pydantic import model_validator
 
 from autonomy.arrays import FloatArray
 from autonomy.configuration import Configuration, quantity
@@ -43,16 +44,24 @@ class BacksteppingConfig(Configuration):
         1.0, "1/s2", title="Smallest tail effect", ge=0.0, advanced=True
     )
     """Floor of the tail's modelled effect on the heading; 0 is the literal law of Eq. 3.19, which
-    asks for hundreds of radians at low speed. 1 makes the tail command the wanted acceleration."""
+    asks for hundreds of radians at low speed and, at rest, for nothing. 1 makes the tail command
+    the wanted acceleration."""
     near_m: float = quantity(0.05, "m", title="Near the target", gt=0.0, advanced=True)
     """Within this distance the direction to the target is averaged over two points (epsilon_0)."""
     near_offset_m: float = quantity(0.15, "m", title="Offset near target", gt=0.0, advanced=True)
-    """Distance of those two points to either side of the target (l)."""
+    """Distance of those two points to either side of the target (l), not below ``near_m``: a robot
+    at one of them has no direction."""
     is_tail_clipped_first: bool = quantity(
         True, title="Depth counts on the reachable tail", advanced=True
     )
     """Whether the depth law counts on the tail angle within its end stops; if not, on the angle
     that was asked for, which the literal law with a small tail effect makes hundreds of radians."""
+
+    @model_validator(mode="after")
+    def _points_lie_outside(self) -> Self:
+        if self.near_offset_m < self.near_m:
+            raise ValueError("near_offset_m must not be below near_m")
+        return self
 
     def packed(self) -> FloatArray:
         """Return the values in the order of declaration, shape ``(11,)``."""
@@ -91,7 +100,8 @@ class PidConfig(Configuration):
     near_m: float = quantity(0.05, "m", title="Near the target", gt=0.0, advanced=True)
     """Within this distance the direction to the target is averaged over two points (epsilon_0)."""
     near_offset_m: float = quantity(0.15, "m", title="Offset near target", gt=0.0, advanced=True)
-    """Distance of those two points to either side of the target (l)."""
+    """Distance of those two points to either side of the target (l), not below ``near_m``: a robot
+    at one of them has no direction."""
 
     anti_windup: AntiWindup = quantity("none", title="Anti-windup", advanced=True)
     """At an end stop an integral grows on (none), stops growing into the stop (hold: conditional
@@ -100,6 +110,12 @@ class PidConfig(Configuration):
         5.0, "s", title="Anti-windup recovery", gt=0.0, le=1000.0, advanced=True
     )
     """Time constant with which back calculation runs an integral back."""
+
+    @model_validator(mode="after")
+    def _points_lie_outside(self) -> Self:
+        if self.near_offset_m < self.near_m:
+            raise ValueError("near_offset_m must not be below near_m")
+        return self
 
     def packed(self) -> FloatArray:
         """Return the values in the order of declaration, shape ``(13,)``; a choice as its index."""

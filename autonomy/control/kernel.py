@@ -183,7 +183,7 @@ def backstepping_into(
         max(abs(yaw_by_tail / ct), gains[TAIL_EFFECT_MIN]), p[vehicle_kernel.YAW_DELTA]
     )
     wanted = -f25 - gains[K_2] * e[ERROR_DIRECTION_RATE] - gains[K_PSI] * e[ERROR_DIRECTION]
-    tail = wanted / f23
+    tail = wanted / f23 if f23 != 0.0 else 0.0
     stop = p[vehicle_kernel.DELTA_MAX]
     reachable = min(max(tail, -stop), stop) if gains[TAIL_CLIPPED_FIRST] != 0.0 else tail
 

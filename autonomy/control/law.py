@@ -23,8 +23,15 @@ integral_into = integral_kernel.integral_into
 governor_into = governor_kernel.governor_into
 swimming_into = swimming_kernel.swimming_into
 rows = governor_kernel.rows
-end_stops = thesis.end_stops
+M0_MIN, M0_MAX = vehicle_kernel.M0_MIN, vehicle_kernel.M0_MAX
+RP1_MIN, RP1_MAX = vehicle_kernel.RP1_MIN, vehicle_kernel.RP1_MAX
+DELTA_MAX = vehicle_kernel.DELTA_MAX
 """Names that numba resolves once, when it compiles."""
+
+
+@inlined_kernel
+def _clipped(value: float, low: float, high: float) -> float:
+    return 0.0 if math.isnan(value) else min(max(value, low), high)
 
 
 @inlined_kernel
@@ -66,9 +73,10 @@ def command_into(
         swimming_into(x, r, gains, p, dt_s, memory, scratch, out)
     else:
         backstepping_into(x, r, gains, p, 0.0, scratch[0], scratch[1], scratch[2], out)
-    for i in range(3):
-        low, high = end_stops(i, p)
-        out[i] = 0.0 if math.isnan(out[i]) else min(max(out[i], low), high)
+    stop = p[DELTA_MAX]
+    out[0] = _clipped(out[0], p[M0_MIN], p[M0_MAX])
+    out[1] = _clipped(out[1], p[RP1_MIN], p[RP1_MAX])
+    out[2] = _clipped(out[2], -stop, stop)
     if math.isnan(out[3]):
         out[3] = 0.0
 

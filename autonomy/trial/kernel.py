@@ -9,7 +9,6 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import inlined_kernel, kernel
-from autonomy.control import kernel as thesis_law
 from autonomy.control import law as laws
 from autonomy.control.law_number import BACKSTEPPING
 from autonomy.vehicle import extended_kernel
@@ -20,12 +19,9 @@ rk4_into = body.rk4_into
 advance = extended_kernel.advance
 command_into = laws.command_into
 rows = laws.rows
-end_stops = thesis_law.end_stops
 """Names that numba resolves once, when it compiles."""
 
 COMMAND_SIZE, MEMORY_SIZE = laws.COMMAND_SIZE, laws.MEMORY_SIZE
-REPORTED_TRADE_RAD = math.pi / 9.0
-"""``c`` of the recorded hybrid error, alike for every controller as in the thesis's tables."""
 
 (
     NET_BUOYANCY_ERROR,
@@ -37,11 +33,9 @@ REPORTED_TRADE_RAD = math.pi / 9.0
 ) = range(6)
 """Index of each number in the conditions of a flight."""
 
-STATE, ESTIMATE, INPUTS, COMMANDS, ERRORS = 0, 12, 24, 27, 32
-RECORD_SIZE = 36
-"""First column of each part of a flight's record."""
+STATE, INPUTS, COMMANDS, ESTIMATE, RECORD_SIZE = 0, 12, 15, 20, 32
+"""First column of each part of a flight's record; the estimate is left out of an exact one."""
 _OBSERVER_PARTS = 5
-_RATE_INDEX = (body.M0_RATE, body.RP1_RATE, body.DELTA_RATE)
 
 
 @kernel
@@ -57,13 +51,19 @@ def correlate(noise: FloatArray, columns: int, keep: float) -> None:
 
 
 @inlined_kernel
+def _towards(value: float, target: float, low: float, high: float, most: float) -> float:
+    step = min(max(target, low), high) - value
+    return value + min(max(step, -most), most)
+
+
+@inlined_kernel
 def actuate(u: FloatArray, wanted: FloatArray, p: FloatArray, dt_s: float) -> None:
     """Move the actuators in ``u`` towards what is wanted, within end stops and rates."""
-    for i in range(3):
-        low, high = end_stops(i, p)
-        target = min(max(wanted[i], low), high)
-        most = p[_RATE_INDEX[i]] * dt_s
-        u[i] += min(max(target - u[i], -most), most)
+    m0, rp1, delta = body.M0_RATE, body.RP1_RATE, body.DELTA_RATE
+    stop = p[body.DELTA_MAX]
+    u[0] = _towards(u[0], wanted[0], p[body.M0_MIN], p[body.M0_MAX], p[m0] * dt_s)
+    u[1] = _towards(u[1], wanted[1], p[body.RP1_MIN], p[body.RP1_MAX], p[rp1] * dt_s)
+    u[2] = _towards(u[2], wanted[2], -stop, stop, p[delta] * dt_s)
 
 
 @kernel
@@ -149,22 +149,16 @@ def _record(
     estimate: FloatArray,
     inputs: FloatArray,
     command: FloatArray,
-    r: FloatArray,
 ) -> None:
-    """Write state, estimate, sensed actuators, command and true errors in row ``k``."""
+    """Write state, sensed actuators, command and estimate in row ``k``."""
     for i in range(12):
         record[k, STATE + i] = x[i]
-        record[k, ESTIMATE + i] = estimate[i]
     for i in range(3):
         record[k, INPUTS + i] = inputs[i]
     for i in range(COMMAND_SIZE):
         record[k, COMMANDS + i] = command[i]
-    north, east = r[0] - x[0], r[1] - x[1]
-    along = north * math.cos(x[5]) + east * math.sin(x[5])
-    record[k, ERRORS] = r[2] - x[2]
-    record[k, ERRORS + 1] = math.sqrt(north * north + east * east)
-    record[k, ERRORS + 2] = r[3] - x[4]
-    record[k, ERRORS + 3] = r[3] - x[4] - REPORTED_TRADE_RAD * math.tanh(x[4]) * math.tanh(along)
+    for i in range(record.shape[1] - ESTIMATE):
+        record[k, ESTIMATE + i] = estimate[i]
 
 
 @kernel
@@ -252,11 +246,13 @@ def fly(
         delay_steps: Steps by which the sliding mass's commands come late.
 
     Returns:
-        The record at each command before it takes effect, shape ``(n, RECORD_SIZE)``, and what the
-        actuators did, shape ``(2, 3)``: way, and integral of the squared rate.
+        The record at each command before it takes effect, shape ``(n, RECORD_SIZE)``, or
+        ``(n, ESTIMATE)`` where the estimate is the state; and what the actuators did, shape
+        ``(2, 3)``: way, and integral of the squared rate.
     """
     n = references.shape[0]
-    record, effort = np.empty((n, RECORD_SIZE)), np.zeros((2, 3))
+    width = ESTIMATE if noise.shape[0] == 0 else RECORD_SIZE
+    record, effort = np.empty((n, width)), np.zeros((2, 3))
     x, belief, estimate = np.zeros(15), np.zeros(12), np.zeros(12)
     x[:12] = start
     inputs, before = np.zeros(3), np.zeros(3)
@@ -280,7 +276,7 @@ def fly(
             estimate[2] = depth
         r = references[k]
         command_into(law, estimate, r, gains, believed, period_s, memory, scratch, command)
-        _record(record, k, x, estimate, inputs, command, r)
+        _record(record, k, x, estimate, inputs, command)
         applied[:] = command
         for step in range(k * steps, (k + 1) * steps):
             late[slot] = command[1]

@@ -8,7 +8,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.trial import kernel
 from autonomy.trial.config import TrialConfig
-from autonomy.trial.run import ControllerChoice, fly_setting
+from autonomy.trial.run import ControllerChoice, fly_setting, trial_errors
 from autonomy.trial.setting import packed_references, setting
 from autonomy.vehicle.config import Vehicle
 
@@ -46,10 +46,10 @@ def monte_carlo(
     def dive(seed: int) -> FloatArray:
         drawn = setting(vehicle, config, seed, references)
         record, effort = fly_setting(vehicle, config, choice, drawn)
-        errors = record[:, kernel.ERRORS :]
+        errors = trial_errors(record[:, kernel.STATE : kernel.INPUTS], references)
         rms = np.sqrt(np.mean(errors**2, axis=0))
-        last = record[-1]
-        return np.concatenate([rms, errors[-1], last[kernel.STATE : kernel.ESTIMATE], effort[0]])
+        last = record[-1, kernel.STATE : kernel.INPUTS]
+        return np.concatenate([rms, errors[-1], last, effort[0]])
 
     with ThreadPoolExecutor(threads) as pool:
         rows = np.array(list(pool.map(dive, config.seeds)))

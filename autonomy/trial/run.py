@@ -1,5 +1,6 @@
 """One controller in one scenario on one seed."""
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,9 @@ from autonomy.trial import kernel
 from autonomy.trial.config import TrialConfig
 from autonomy.trial.setting import Setting, packed_references, setting
 from autonomy.vehicle.config import Vehicle
+
+REPORTED_TRADE_RAD = math.pi / 9.0
+"""``c`` of the reported hybrid error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +58,23 @@ class Trial:
         return np.sqrt(np.mean(self.errors**2, axis=0))
 
 
+def trial_errors(state: FloatArray, references: FloatArray) -> FloatArray:
+    """Depth, horizontal, pitch and hybrid error of true states, shape ``(n, 4)``.
+
+    The hybrid error is evaluated with the thesis's ``c`` for every controller, as in its tables.
+
+    Args:
+        state: Shape ``(n, 12)``.
+        references: Packed references, shape ``(n, 12)``.
+    """
+    north, east = references[:, 0] - state[:, 0], references[:, 1] - state[:, 1]
+    along = north * np.cos(state[:, 5]) + east * np.sin(state[:, 5])
+    pitch = references[:, 3] - state[:, 4]
+    traded = REPORTED_TRADE_RAD * np.tanh(state[:, 4]) * np.tanh(along)
+    depth = references[:, 2] - state[:, 2]
+    return np.stack([depth, np.hypot(north, east), pitch, pitch - traded], axis=1)
+
+
 def run_trial(vehicle: Vehicle, config: TrialConfig, choice: ControllerChoice, seed: int) -> Trial:
     """Let one controller track the scenario's reference once.
 
@@ -81,16 +102,17 @@ def fly(
     """Run as ``run_trial`` with references that were packed once for many runs."""
     drawn = setting(vehicle, config, seed, references)
     record, effort = fly_setting(vehicle, config, choice, drawn)
+    state = record[:, kernel.STATE : kernel.INPUTS]
     prices = vehicle.energy.packed(vehicle.limits)
     return Trial(
         seed=seed,
         time_s=config.period_s * np.arange(len(record), dtype=np.float64),
-        state=record[:, kernel.STATE : kernel.ESTIMATE],
-        estimate=record[:, kernel.ESTIMATE : kernel.INPUTS],
+        state=state,
+        estimate=state if config.sensing.exact else record[:, kernel.ESTIMATE :],
         inputs=record[:, kernel.INPUTS : kernel.COMMANDS],
         commands=record[:, kernel.COMMANDS : kernel.COMMANDS + 3],
-        flap=record[:, kernel.COMMANDS + 3 : kernel.ERRORS],
-        errors=record[:, kernel.ERRORS :],
+        flap=record[:, kernel.COMMANDS + 3 : kernel.ESTIMATE],
+        errors=trial_errors(state, references),
         reference=references,
         travel=effort[0],
         energy_j=float(prices[0] * config.period_s * len(record) + prices[1:] @ effort[1]),

@@ -122,6 +122,22 @@ def test_a_robot_at_rest_gets_a_finite_command():
     assert compiled == pytest.approx(readable, rel=1e-9)
 
 
+def test_the_literal_law_leaves_a_tail_without_effect_straight():
+    literal = config.BACKSTEPPING_EXPERIMENT.model_copy(update={"tail_effect_min": 0.0})
+    reference = straight_glide((3.0, 1.0, 0.0), (0.02, 0.0, 0.03), -0.7, 0.0)
+    readable = backstepping_inputs(np.zeros(12), reference, literal, MINIGLIDER)
+    assert readable[2] == 0.0
+    compiled = kernel.backstepping(np.zeros(12), reference.packed(), literal.packed(), PACKED)
+    assert compiled == pytest.approx(readable, rel=1e-9)
+
+
+@pytest.mark.parametrize("model", [config.BacksteppingConfig, config.PidConfig])
+def test_points_beside_the_target_must_lie_outside_the_nearness(model):
+    assert model(near_m=0.15).near_offset_m == 0.15
+    with pytest.raises(ValueError, match="near_offset_m must not be below near_m"):
+        model(near_m=0.16)
+
+
 @pytest.mark.parametrize("near", [False, True])
 def test_error_rates_are_the_derivatives_of_the_errors(near):
     rng = np.random.default_rng(2)
