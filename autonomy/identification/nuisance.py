@@ -18,7 +18,7 @@ wrong parameters would lead them astray."""
 _WINDOW_TRUST = 0.25
 """Weight of what the beginning says of the initial states when the whole segment is projected: a
 linear change that the beginning contradicts is not believed."""
-_REFINEMENTS = 12
+_REFINEMENTS = 20
 _FIRST_DAMPING = 1e-2
 
 
@@ -157,7 +157,7 @@ def refined(
                 break
             found = moved
         idle = idle + 1 if gained < 1e-4 * float(totals.sum()) else 0
-        if idle == 2:
+        if idle == 3:
             break
     return best
 
