@@ -26,7 +26,7 @@ class NoiseLevels(Configuration):
 class SegmentRules(Configuration):
     """Which parts of a recording can be held against the model."""
 
-    longest_gap_s: float = quantity(2.0, "s", title="Longest gap", gt=0.0, le=60.0)
+    longest_gap_s: float = quantity(3.0, "s", title="Longest gap", gt=0.0, le=60.0)
     """Where no row came for longer, the recording is cut: what the actuators did is unknown."""
     shortest_segment_s: float = quantity(8.0, "s", title="Shortest segment", gt=0.0, le=600.0)
     """Shorter pieces are left out: their unknown starting velocity says all that they could."""
