@@ -120,7 +120,7 @@ export class FakeControl {
       deployment: JSON.stringify(body.deployment).slice(1, -1), state: 'running', config: body.config as JsonObject,
       progress: 0, message: '', convergence: [], result: null, vehicle: null,
       created_at: iso(this.#station.now()), created_by: 'anna', job: null,
-      data_start_at: iso(this.#station.started - 3_600_000),
+      has_checkpoint: true, data_start_at: iso(this.#station.started - 3_600_000),
     }; // prettier-ignore
     this.#identifications.unshift(found);
     this.#converge(found);
@@ -145,7 +145,7 @@ export class FakeControl {
   #advise(): string {
     const ondone = (job: Job) => {
       job.result = {
-        id: 'advice-1', dives: 4, net_buoyancy_offset_kg: -0.0042, net_buoyancy_std_kg: 0.0006,
+        id: 'advice-1', present: { net_buoyancy_offset_kg: 0, mass_position_offset_m: 0 }, dives: 4, net_buoyancy_offset_kg: -0.0042, net_buoyancy_std_kg: 0.0006,
         mass_position_offset_m: 0.0011, mass_position_std_m: 0.0002,
         rmse_now: { depth_rate_m_s: 0.0061, pitch_rad: 0.041 },
         rmse_proposed: { depth_rate_m_s: 0.0018, pitch_rad: 0.012 },

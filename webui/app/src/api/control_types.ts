@@ -133,6 +133,8 @@ export interface Identification {
   progress: number;
   message: string;
   convergence: readonly CostPoint[];
+  /** Whether it would go on from where it was. */
+  has_checkpoint: boolean;
   result: IdentificationResult | null;
   /** Key of the vehicle that it was kept as. */
   vehicle: string | null;
@@ -200,6 +202,8 @@ export interface TrimAdvice extends TrimOffsets {
   dives: number;
   net_buoyancy_std_kg: number;
   mass_position_std_m: number;
+  /** Trim that it was given against. */
+  present: TrimOffsets;
   rmse_now: TrimRmse;
   rmse_proposed: TrimRmse;
   /** What the trim would be after half a step. */

@@ -96,7 +96,7 @@ export function chartOptions(
         size: 26,
         space: 76,
         values: (_chart, values) => values.map((value) => acrossTick(wish.across, value, values)),
-        incrs: wish.across === 'time' ? TIME_STEPS : PLAIN_STEPS,
+        incrs: STEPS[wish.across],
       },
       {
         ...axis,
@@ -131,6 +131,12 @@ const TIME_STEPS = [
   604800, 1209600, 2592000,
 ];
 const PLAIN_STEPS = [0.1, 0.2, 0.5, 1, 2, 5, 10, 20, 50, 100, 200, 500, 1000, 2000, 5000];
+
+const STEPS = {
+  time: TIME_STEPS,
+  seconds: PLAIN_STEPS,
+  count: PLAIN_STEPS.filter((step) => step >= 1),
+};
 
 /** As fine as the steps between ticks: seconds, minutes or days. */
 function timeTick(value: number, values: readonly number[]): string {

@@ -321,6 +321,14 @@ describe('a fit', () => {
     expect(plots.map(({ isDownwards }) => isDownwards)).toEqual([true, false]);
   });
 
+  test('shows a part that was left out as a gap', () => {
+    const depth_m = [1, 2, 3, 4];
+    const fit = { measured: { depth_m }, before: { depth_m }, after: { depth_m } };
+    const [plot] = fitPlots({ time_s: [0, 1, 2, 60], ...fit });
+    expect(plot?.data[0]).toEqual([0, 1, 2, 31, 60]);
+    expect(plot?.data[3]).toEqual([1, 2, 3, null, 4]);
+  });
+
   test('has no place for a cost of 0 on a scale of tenfold steps', () => {
     const curve = [
       { iteration: 2, cost: 0 },
@@ -354,10 +362,11 @@ describe('a trim', () => {
       half_step: offsets,
       full_step: offsets,
       message: '',
+      present: offsetsOf({}),
       is_worth_it: true,
     };
-    const rows = adviceRows(advice, offsetsOf({}));
-    expect(rows[0]).toMatchObject({ now: '0.0 g', proposed: '+2.0 g ± 0.3' });
+    const rows = adviceRows(advice, advice.present);
+    expect(rows[0]).toMatchObject({ now: '0.0 g', proposed: '+2.0 ± 0.3 g' });
     expect(rows[2]).toMatchObject({ now: '4.0 mm/s', proposed: '1.0 mm/s' });
     expect(rows[3]).toMatchObject({ now: '1.15 °', proposed: '0.57 °' });
   });

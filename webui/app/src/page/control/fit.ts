@@ -1,5 +1,6 @@
 import type { CostPoint, IdentificationResult } from '../../api/types';
 import type { Line } from '../../chart/line_chart';
+import { withGaps, type Series } from '../../chart/series';
 import { screenUnit } from '../../text/unit';
 import { words } from '../../text/word';
 
@@ -40,11 +41,15 @@ export function fitPlots(fit: IdentificationResult['fit']): FitPlot[] {
       decimals: 2,
     };
     const { factor, label } = screenUnit(channel.unit, channel.displayUnit);
-    const column = (values: readonly (number | null)[] | undefined): Column =>
-      fit.time_s.map((_, i) => {
-        const value = values?.[i] ?? null;
-        return value === null ? null : value * factor;
+    const column = (values: readonly (number | null)[] | undefined): Series =>
+      withGaps({
+        t: [...fit.time_s],
+        v: fit.time_s.map((_, i) => {
+          const value = values?.[i] ?? null;
+          return value === null ? null : value * factor;
+        }),
       });
+    const columns = [fit.measured[key], fit.before[key], fit.after[key]].map(column);
     const line = (name: string, colour: string, dash?: readonly number[]): Line => ({
       label: name,
       unit: label,
@@ -61,12 +66,7 @@ export function fitPlots(fit: IdentificationResult['fit']): FitPlot[] {
         line('predicted before', '--muted', [2, 4]),
         line('predicted after', '--accent', [8, 4]),
       ],
-      data: [
-        [...fit.time_s],
-        column(fit.measured[key]),
-        column(fit.before[key]),
-        column(fit.after[key]),
-      ],
+      data: [columns[0]?.t ?? [], ...columns.map(({ v }) => v)],
     };
   });
 }

@@ -12,8 +12,14 @@ export function millimetres(metres: number): string {
   return signed(metres * 1000, 'mm');
 }
 
-function signed(value: number, unit: string): string {
-  const text = fixed(value, 1);
+/** "+0.70 ± 0.03 g": as many decimals as the deviation needs to be told. */
+function withDeviation(value: number, deviation: number, unit: string): string {
+  const decimals = deviation < 0.05 ? 2 : 1;
+  return `${signed(value, '', decimals).trim()} ± ${fixed(deviation, decimals)} ${unit}`;
+}
+
+function signed(value: number, unit: string, decimals = 1): string {
+  const text = fixed(value, decimals);
   return `${value > 0 && Number(text) !== 0 ? '+' : ''}${text} ${unit}`;
 }
 
@@ -38,13 +44,21 @@ export function adviceRows(advice: TrimAdvice, now: TrimOffsets): AdviceRow[] {
       title: 'Net buoyancy offset',
       help: 'Added to every net buoyancy that the robot is asked for; the ± is one standard deviation.',
       now: grams(now.net_buoyancy_offset_kg),
-      proposed: `${grams(advice.net_buoyancy_offset_kg)} ± ${fixed(advice.net_buoyancy_std_kg * 1000, 1)}`,
+      proposed: withDeviation(
+        advice.net_buoyancy_offset_kg * 1000,
+        advice.net_buoyancy_std_kg * 1000,
+        'g',
+      ),
     },
     {
       title: 'Mass position offset',
       help: 'Added to every mass position that the robot is asked for; the ± is one standard deviation.',
       now: millimetres(now.mass_position_offset_m),
-      proposed: `${millimetres(advice.mass_position_offset_m)} ± ${fixed(advice.mass_position_std_m * 1000, 1)}`,
+      proposed: withDeviation(
+        advice.mass_position_offset_m * 1000,
+        advice.mass_position_std_m * 1000,
+        'mm',
+      ),
     },
     {
       title: 'Error of depth rate, RMSE',

@@ -10,7 +10,7 @@ interface VerdictWord {
 
 /** What the data say of a parameter, and why. */
 export function verdictWord(parameter: IdentifiedParameter): VerdictWord {
-  const reason = parameter.reason.trim().replace(/\.$/, '');
+  const reason = signed(parameter.reason.trim().replace(/\.$/, ''));
   const because = reason ? `: ${reason}` : '';
   switch (parameter.verdict) {
     case 'identified':
@@ -22,6 +22,11 @@ export function verdictWord(parameter: IdentifiedParameter): VerdictWord {
     default:
       return { text: `not identifiable${because}`, tone: 'watch' };
   }
+}
+
+/** `+-` as it is printed. */
+export function signed(text: string): string {
+  return text.replaceAll('+-', '±');
 }
 
 /** "0.21 to 0.24", or that the data set no bounds. */
