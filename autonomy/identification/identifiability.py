@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.identification.least_squares import Information
 from autonomy.identification.unknown import Unknown
 
 Verdict = Literal["identified", "weak", "not identifiable", "fixed"]
@@ -48,28 +49,30 @@ class Judgement:
 
 
 def judge(
-    sought: Sequence[Unknown], u: FloatArray, fisher: FloatArray, cost: float
+    sought: Sequence[Unknown], u: FloatArray, information: Information, cost: float
 ) -> tuple[tuple[Judgement, ...], tuple[Direction, ...]]:
     """Judge each unknown by the information about it.
 
     Null directions are taken out before the rest is inverted, so that what they do not touch
-    keeps an honest standard deviation.
+    keeps an honest standard deviation. That is the greater of what the noise allows and of how much
+    the answer moves when one segment is left out (jackknife), which feels a wrong model as well.
 
     Args:
         sought: The unknowns.
         u: Where they ended, in units of their scales, shape ``(n,)``.
-        fisher: Information matrix in the same units, shape ``(n, n)``.
+        information: What the data tell there, in the same units.
         cost: Mean squared weighted residual; beyond 1 the noise was assumed too small, or the
             model is wrong, and all deviations grow with its root.
 
     Returns:
         One judgement for each unknown, and the directions that are null or weak, worst first.
     """
-    values, vectors = np.linalg.eigh(fisher / max(cost, 1.0))
+    values, vectors = np.linalg.eigh(information.fisher / max(cost, 1.0))
     stds = np.where(values > 0.0, 1.0 / np.sqrt(np.maximum(values, 1e-300)), np.inf)
     told = stds <= _NULL
     covariance = (vectors[:, told] * stds[told] ** 2) @ vectors[:, told].T
     std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
+    std = np.maximum(std, jackknife(information, vectors[:, told]))
     directions = tuple(
         _direction(sought, vectors[:, k], float(stds[k]))
         for k in np.argsort(-stds)
@@ -79,6 +82,26 @@ def judge(
         _judgement(sought[k], k, float(u[k]), float(std[k]), directions) for k in range(u.size)
     ]
     return tuple(judged), directions
+
+
+def jackknife(information: Information, told: FloatArray) -> FloatArray:
+    """Return the standard deviations by leaving out one segment at a time, shape ``(n,)``.
+
+    Args:
+        information: Near the best point.
+        told: Orthonormal directions in which there is an answer, shape ``(n, k)``.
+
+    Returns:
+        Zeros where there is but one segment.
+    """
+    count = information.gradient_by_segment.shape[0]
+    moved = np.zeros((count, told.shape[0]))
+    for s in range(count if count > 1 else 0):
+        rest = told.T @ (information.fisher - information.fisher_by_segment[s]) @ told
+        pull = told.T @ (information.gradient - information.gradient_by_segment[s])
+        moved[s] = -told @ np.linalg.lstsq(rest, pull, rcond=None)[0]
+    spread = np.sum((moved - moved.mean(axis=0)) ** 2, axis=0)
+    return np.asarray(np.sqrt((count - 1) / count * spread), dtype=np.float64)
 
 
 def _judgement(
@@ -105,6 +128,8 @@ def _direction(sought: Sequence[Unknown], vector: FloatArray, std: float) -> Dir
     order = np.argsort(-np.abs(vector))
     largest = abs(vector[order[0]])
     members = tuple(int(k) for k in order if abs(vector[k]) > _MEMBER * largest)
+    if len(members) == 2:
+        members = (min(members), max(members))
     # seen in the logarithm of the magnitudes, products and ratios are sums and differences
     grows = [vector[k] * math.copysign(1.0, sought[k].nominal) > 0.0 for k in members]
     titles = [_lower(sought[k].title) for k in members]

@@ -185,9 +185,10 @@ def _settled(problem: Problem, u: FloatArray, initial: FloatArray, workers: Work
 
 def _result(problem: Problem, point: Descent, log: _Log, workers: Workers) -> IdentificationResult:
     equations = least_squares.normal_equations(problem, point.u, point.initial, workers)
-    n = point.u.size
-    fisher = np.zeros((n, n)) if equations is None else least_squares.information(equations).fisher
-    judged, directions = judge(problem.sought, point.u, fisher, point.cost)
+    if equations is None:
+        raise DivergedError("the model cannot follow the recording at the point that was found")
+    info = least_squares.information(equations)
+    judged, directions = judge(problem.sought, point.u, info, point.cost)
     cost_before, before = _before(problem, workers)
     after, _ = problem.simulate(point.u[None], point.initial[None], workers)
     return IdentificationResult(

@@ -13,6 +13,7 @@ from autonomy.identification.config import (
     IdentificationConfig,
     SegmentRules,
 )
+from autonomy.identification.identifiability import jackknife
 from autonomy.identification.least_squares import Descent, NormalEquations
 from autonomy.identification.nuisance import refined
 from autonomy.identification.problem import Problem, Workers, problem_from
@@ -276,15 +277,9 @@ def _deviations(
     if np.linalg.cond(info.fisher) > 1e12:
         raise NoAdviceError("the dives do not tell buoyancy and mass position apart")
     noise = np.sqrt(np.diag(np.linalg.inv(info.fisher)) * max(found.cost, 1.0))
-    count = len(equations)
-    moved = np.zeros((count, 2))
-    for k in range(count if count > 1 else 0):
-        rest = info.fisher - info.fisher_by_segment[k]
-        pull = info.gradient - info.gradient_by_segment[k]
-        moved[k] = -np.linalg.lstsq(rest, pull, rcond=None)[0]
-    jackknife = np.sqrt((count - 1) / count * np.sum((moved - moved.mean(axis=0)) ** 2, axis=0))
+    scattered = jackknife(info, np.eye(2))
     scale = np.array([unknown.scale for unknown in problem.sought])
-    return np.maximum(noise, jackknife) * scale
+    return np.maximum(noise, scattered) * scale
 
 
 def _advice(

@@ -265,6 +265,24 @@ def named(name: str, nominal: float = 1.0) -> Unknown:
     return Unknown(name, name, "", nominal, abs(nominal), -0.5, 0.5, 0)
 
 
+def information(*fishers: np.ndarray, pulls=None) -> least_squares.Information:
+    """What one or several segments tell."""
+    n = fishers[0].shape[0]
+    parts = np.array(fishers)
+    gradients = np.zeros((len(fishers), n)) if pulls is None else np.array(pulls)
+    return least_squares.Information(parts.sum(axis=0), gradients.sum(axis=0), parts, gradients)
+
+
+def test_segments_that_disagree_widen_the_interval():
+    one = np.array([[1e6]])
+    agreeing, _ = judge((named("a"),), np.zeros(1), information(one, one), 1.0)
+    told = information(one, one, pulls=[[1e5], [-1e5]])
+    disagreeing, _ = judge((named("a"),), np.zeros(1), told, 1.0)
+    assert agreeing[0].std == pytest.approx(1.0 / np.sqrt(2e6))
+    assert disagreeing[0].std == pytest.approx(0.1)
+    assert disagreeing[0].verdict == "weak"
+
+
 @pytest.mark.parametrize(
     ("nominal", "vector", "message"),
     [
@@ -279,14 +297,14 @@ def test_null_direction_is_named(nominal, vector, message):
     direction = np.array(vector) / np.linalg.norm(vector)
     fisher = 1e6 * (np.eye(3) - np.outer(direction, direction))
     sought = (named("a", nominal), named("b"), named("c"))
-    judged, directions = judge(sought, np.zeros(3), fisher, 1.0)
+    judged, directions = judge(sought, np.zeros(3), information(fisher), 1.0)
     assert any(message in found.message for found in directions)
     members = [judgement.verdict == "not identifiable" for judgement in judged]
     assert members == [abs(value) > 0.0 for value in vector]
 
 
 def test_parameter_at_the_border_of_the_box_is_weak():
-    judged, _ = judge((named("a"),), np.array([0.5]), np.array([[1e8]]), 1.0)
+    judged, _ = judge((named("a"),), np.array([0.5]), information(np.array([[1e8]])), 1.0)
     assert judged[0].verdict == "weak"
     assert "border" in judged[0].reason
 
