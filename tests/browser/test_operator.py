@@ -3,26 +3,13 @@
 Screenshots of every page at 1600x950 and 820x1180 are written to ``build/screenshots``.
 """
 
-import os
 import re
-import shutil
-from pathlib import Path
 
 import pytest
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import expect
 
+from tests.browser.walk import CHROMIUM, SIZES, browser_page, hold, open_page, shoot
 from tests.e2e.demo import Demo
-
-CHROMIUM = (
-    os.environ.get("CHROMIUM") or shutil.which("chromium") or shutil.which("chromium-browser")
-)
-FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--disable-quic",
-         "--no-first-run", "--disable-background-networking", "--disable-component-update",
-         "--disable-sync"]  # fmt: skip
-SHOTS = Path("build/screenshots")
-SIZES = {"wide": (1600, 950), "tablet": (820, 1180)}
-KNOWN_PAGE_ERROR = "Evaluating a string as JavaScript violates"
-"""viser's client asks for ``Function()`` once; the scene draws without it (docs/decisions/0008)."""
 
 pytestmark = [
     pytest.mark.browser,
@@ -41,44 +28,8 @@ def demo(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def page(demo):
-    SHOTS.mkdir(parents=True, exist_ok=True)
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        page = browser.new_page(viewport={"width": 1600, "height": 950})
-        page.set_default_timeout(60_000)
-        faults: list[str] = []
-        page.on("pageerror", lambda error: faults.append(str(error)))
-        page.on("request", lambda request: _note_foreign(request.url, demo.url, faults))
-        page.goto(demo.sign_in_url)
+    with browser_page(demo) as page:
         yield page
-        browser.close()
-    assert [fault for fault in faults if KNOWN_PAGE_ERROR not in fault] == []
-
-
-def _note_foreign(url: str, own: str, faults: list[str]) -> None:
-    if not url.startswith((own, own.replace("http", "ws"), "data:", "blob:")):
-        faults.append(f"a request left the station: {url}")
-
-
-def open_page(page: Page, demo: Demo, path: str) -> None:
-    page.goto(f"{demo.url}{path}")
-    expect(page.get_by_role("status").get_by_text("Live", exact=True)).to_be_visible()
-
-
-def shoot(page: Page, name: str) -> None:
-    for size, (width, height) in SIZES.items():
-        page.set_viewport_size({"width": width, "height": height})
-        page.wait_for_timeout(800)
-        page.screenshot(path=SHOTS / f"{name}-{size}.png", timeout=120_000)
-    page.set_viewport_size({"width": 1600, "height": 950})
-
-
-def hold(page: Page, name: re.Pattern) -> None:
-    box = page.get_by_role("button", name=name).bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
-    page.mouse.down()
-    page.wait_for_timeout(1500)
-    page.mouse.up()
 
 
 def test_the_one_time_address_signs_in_and_shows_both_robots(page, demo):

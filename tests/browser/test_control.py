@@ -1,0 +1,139 @@
+"""A pilot on the Control page: polar, what-if run, identification and trim of a robot that dives.
+
+The demo is slower than the other walk's: reports of a robot at a high speed lie too far apart to
+tell how it glides.
+"""
+
+import re
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.browser.walk import CHROMIUM, browser_page, open_page, shoot
+from tests.e2e.demo import Demo
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.process,
+    pytest.mark.timeout(420),
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
+]
+
+DIVES = 3
+HERE_M = (1.3, 0.7)
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    demo = Demo(tmp_path_factory.mktemp("demo"), "--speed", "5")
+    yield demo
+    demo.stop()
+
+
+@pytest.fixture(scope="module")
+def page(demo):
+    with browser_page(demo) as page:
+        yield page
+
+
+@pytest.fixture(scope="module")
+def station(demo, page):
+    """The same station by REST; the one-time address has gone to the browser."""
+    [cookie] = [each for each in page.context.cookies() if each["httpOnly"]]
+    demo.client.cookies.set(cookie["name"], cookie["value"])
+    demo.client.headers["X-CSRF-Token"] = demo.get("/api/session")["csrf_token"]
+    return demo
+
+
+@pytest.fixture(scope="module", autouse=True)
+def dive(station):
+    """The plan that mini-1 flies while the polar and the what-if run are looked at."""
+    down = {"kind": "dive", "end_ned": [*HERE_M, 0.5]}
+    up = {"kind": "dive", "end_ned": [*HERE_M, 0.0]}
+    legs = [{"kind": "swim", "end_ned": [*HERE_M, 0.0]}, *[down, up] * DIVES]
+    plan = station.post("/api/robots/mini-1/plans", {"kind": "primitives", "legs": legs})["id"]
+    station.wait("draft", lambda: station.get(f"/api/plans/{plan}")["state"] == "draft", 60.0)
+    station.post(f"/api/plans/{plan}/upload", {"start": True})
+    return plan
+
+
+@pytest.fixture(scope="module")
+def recording(station, dive):
+    """The dives are over."""
+    path = f"/api/plans/{dive}"
+    station.wait("flown plan", lambda: station.get(path)["state"] == "done", 200.0)
+
+
+def test_the_polar_of_a_robot_is_read_cell_by_cell(page, demo):
+    open_page(page, demo, "/control/mini-1#polar")
+    expect(page.get_by_text("Glider polar")).to_be_visible(timeout=180_000)
+    picture = page.get_by_role("button", name=re.compile("Speed against net buoyancy"))
+    box = picture.bounding_box()
+    picture.click(position={"x": 0.7 * box["width"], "y": 0.9 * box["height"]})
+    reading = page.get_by_role("region", name="Polar as a map")
+    expect(reading.get_by_text("Angle of attack")).to_be_visible()
+    before = reading.locator("dd").first.inner_text()
+    page.mouse.move(0, 0)
+    picture.press("ArrowUp")
+    picture.press("ArrowUp")
+    expect(reading.locator("dd").first).not_to_have_text(before)
+    expect(page.get_by_text(re.compile("a disturbance (halves|doubles) every"))).to_be_visible()
+    page.get_by_label("Tail angle").fill("10")
+    page.get_by_role("button", name="Work out this motion").click()
+    expect(page.get_by_text(re.compile("radius [0-9.]+ m"))).to_be_visible()
+    shoot(page, "control-polar")
+
+
+def test_a_scaled_vehicle_is_said_to_be_one(page, demo):
+    open_page(page, demo, "/control/grace-1#polar")
+    expect(page.get_by_text("scaled, not identified", exact=False)).to_be_visible(timeout=180_000)
+
+
+def test_two_controllers_are_compared_before_anybody_flies(page, demo):
+    open_page(page, demo, "/control/mini-1#what-if")
+    expect(page.get_by_text("No what-if run yet")).to_be_visible()
+    page.get_by_label("Duration").fill("60")
+    page.get_by_role("button", name="Run what-if on mini-1").click()
+    table = page.get_by_role("table")
+    expect(table.get_by_text("Less is better")).to_be_visible(timeout=300_000)
+    for title in ("Backstepping controller", "PID controller"):
+        expect(table.get_by_text(title)).to_be_visible()
+    expect(page.get_by_text("(best)").first).to_be_attached()
+    for name in ("Depth error", "Horizontal error", "Pitch error", "Tail angle"):
+        expect(page.get_by_role("img", name=re.compile(f"{name}.*predicted"))).to_be_visible()
+    page.get_by_role("button", name="Show in 3D").click()
+    expect(page.get_by_role("button", name="Take it out of 3D")).to_be_visible()
+    canvas = page.frame_locator("iframe").locator("canvas").first
+    expect(canvas).to_be_visible(timeout=90_000)
+    page.wait_for_timeout(4000)
+    shoot(page, "control-what-if")
+
+
+def test_a_wrong_scenario_is_refused_beside_its_field(page, demo):
+    open_page(page, demo, "/control/mini-1#what-if")
+    page.get_by_label("Duration").fill("-5")
+    expect(page.get_by_text("More than 0 s.")).to_be_visible()
+    expect(page.get_by_role("button", name="Run what-if on mini-1")).to_be_disabled()
+
+
+@pytest.mark.usefixtures("recording")
+def test_half_a_step_of_trim_is_accepted(page, demo):
+    open_page(page, demo, "/control/mini-1#identify")
+    expect(page.get_by_text("now 0.0 g, 0.0 mm")).to_be_visible()
+    page.get_by_role("button", name="Ask for advice on mini-1").click()
+    half = page.get_by_role("button", name="Accept half a step")
+    expect(half).to_be_visible(timeout=240_000)
+    half.click()
+    expect(page.get_by_text(re.compile("Half a step is stored"))).to_be_visible()
+    expect(page.get_by_text("now 0.0 g, 0.0 mm")).not_to_be_visible()
+
+
+@pytest.mark.usefixtures("recording")
+def test_an_identification_is_started_watched_and_called_off(page, demo):
+    open_page(page, demo, "/control/mini-1#identify")
+    page.get_by_role("button", name="Identify mini-1", exact=True).click()
+    curve = page.get_by_role("img", name=re.compile("Cost of the best parameters"))
+    expect(curve).to_be_visible(timeout=240_000)
+    shoot(page, "control-identify")
+    page.get_by_role("button", name="Cancel this identification").click()
+    expect(page.get_by_role("button", name="Resume identification 1")).to_be_visible()
