@@ -35,6 +35,15 @@ def _clipped(value: float, low: float, high: float) -> float:
 
 
 @inlined_kernel
+def clip_into(p: FloatArray, out: FloatArray) -> None:
+    """Cut the first three set points at the end stops; what is not a number becomes neutral."""
+    stop = p[DELTA_MAX]
+    out[0] = _clipped(out[0], p[M0_MIN], p[M0_MAX])
+    out[1] = _clipped(out[1], p[RP1_MIN], p[RP1_MAX])
+    out[2] = _clipped(out[2], -stop, stop)
+
+
+@inlined_kernel
 def command_into(
     law: int,
     x: FloatArray,
@@ -73,10 +82,7 @@ def command_into(
         swimming_into(x, r, gains, p, dt_s, memory, scratch, out)
     else:
         backstepping_into(x, r, gains, p, 0.0, scratch[0], scratch[1], scratch[2], out)
-    stop = p[DELTA_MAX]
-    out[0] = _clipped(out[0], p[M0_MIN], p[M0_MAX])
-    out[1] = _clipped(out[1], p[RP1_MIN], p[RP1_MAX])
-    out[2] = _clipped(out[2], -stop, stop)
+    clip_into(p, out)
     if math.isnan(out[3]):
         out[3] = 0.0
 

@@ -18,6 +18,8 @@ derivative_into = body.derivative_into
 rk4_into = body.rk4_into
 advance = extended_kernel.advance
 command_into = laws.command_into
+clip_into = laws.clip_into
+backstepping_into = laws.backstepping_into
 rows = laws.rows
 """Names that numba resolves once, when it compiles."""
 
@@ -257,7 +259,7 @@ def fly(
     x[:12] = start
     inputs, before = np.zeros(3), np.zeros(3)
     memory, scratch = np.zeros(MEMORY_SIZE), rows()
-    slope, total, probe = np.empty(12), np.empty(12), np.empty(12)
+    slope, total, probe, errors = np.empty(12), np.empty(12), np.empty(12), np.empty(16)
     late, command, applied = np.zeros(delay_steps + 1), np.zeros(COMMAND_SIZE), np.zeros(5)
     period_s, depth, slot = steps * dt_s, 0.0, 0
     for k in range(n):
@@ -275,7 +277,12 @@ def fly(
             estimate[:] = belief
             estimate[2] = depth
         r = references[k]
-        command_into(law, estimate, r, gains, believed, period_s, memory, scratch, command)
+        if law == BACKSTEPPING:
+            # without the choice among all laws, which takes a tenth of a step's time
+            backstepping_into(estimate, r, gains, believed, 0.0, errors, probe, slope, command)
+            clip_into(believed, command)
+        else:
+            command_into(law, estimate, r, gains, believed, period_s, memory, scratch, command)
         _record(record, k, x, estimate, inputs, command)
         applied[:] = command
         for step in range(k * steps, (k + 1) * steps):
