@@ -34,7 +34,7 @@ def measure() -> list[tuple[str, float, str, float | None]]:
         ("Rates against the golden vectors", _rates_error(golden["rhs"]), "rel", RATES_BAR),
         ("Steady glides against golden", _glide_error(golden["glide"]), "rel", GLIDE_BAR),
         (energy.format(ENERGY_STEP_S), _energy_drift_j(ENERGY_STEP_S), "J", ENERGY_BAR_J),
-        (energy.format(COARSE_STEP_S), _energy_drift_j(COARSE_STEP_S), "J", None),
+        (energy.format(COARSE_STEP_S), _energy_drift_j(COARSE_STEP_S), "J", ENERGY_BAR_J),
         (twins.format("12"), _disagreement(), "rel", AGREEMENT_BAR),
         (twins.format("15, open water"), _disagreement_in(Surroundings()), "rel", AGREEMENT_BAR),
         (twins.format("15, rich water"), _disagreement_in(_water()), "rel", AGREEMENT_BAR),
