@@ -34,7 +34,7 @@ from server.recording.table import (
     RowFault,
     read_recording,
 )
-from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+from server.service.worker import WORKER_FAILURES, WorkerPool
 
 SHOWN_FAULTS = 100
 """So many broken rows are named in an answer; their number is always told."""
@@ -194,7 +194,7 @@ async def _fit_in_worker(problem: FitProblem, progress: JobProgress) -> Outcomes
     pool = WorkerPool()
     try:
         return await pool.run(TASK, problem, on_progress=told)
-    except (WorkerTaskError, WorkerEndedError) as error:
+    except WORKER_FAILURES as error:
         return [FitFailure(variable, str(error)) for variable in problem.values]
     finally:
         await pool.stop()

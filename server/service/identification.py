@@ -36,7 +36,7 @@ from server.service.task.study import (
 )
 from server.service.vehicles import Vehicles
 from server.service.whatif import vehicle_of
-from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+from server.service.worker import WORKER_FAILURES, WorkerPool
 
 log = logging.getLogger(__name__)
 
@@ -259,7 +259,7 @@ class Identifications:
             await self._running.keep(
                 lambda session: self._write_result(session, record, result), progress
             )
-        except (WorkerTaskError, WorkerEndedError) as error:
+        except WORKER_FAILURES as error:
             await self._end(record, "failed", f"{error} Resume it.")
             raise JobError(str(error)) from error
         except BaseException:

@@ -26,7 +26,7 @@ from server.service.primitive_legs import LegRequest, candidate_of, legs_from
 from server.service.task.problem import PLAN_SURVEY, MapSamples, SurveyProblem
 from server.service.turn import Work, until_stored
 from server.service.view.plan import ProgressView, ViolationView
-from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+from server.service.worker import WORKER_FAILURES, WorkerPool
 
 log = logging.getLogger(__name__)
 
@@ -230,7 +230,7 @@ class Planning:
         """Search, then settle the plan as soon as storage takes it."""
         try:
             result = await self._result(plan, config, start_xy, budget)
-        except (WorkerTaskError, WorkerEndedError) as error:
+        except WORKER_FAILURES as error:
             log.warning("%s was not planned: %s", plan.id, error)
             message = f"{error} Plan again."
             await self._settle(plan.id, lambda: self._fail(plan.id, message))

@@ -39,7 +39,7 @@ from server.service.upload import Uploads
 from server.service.vehicles import Vehicles
 from server.service.watch import watch_fleet
 from server.service.whatif import WhatIfs
-from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+from server.service.worker import WORKER_FAILURES, WorkerPool
 from webui.scene.source import SceneSource
 
 log = logging.getLogger(__name__)
@@ -173,7 +173,7 @@ class Station:
         """Let a worker load the planner, so that nobody waits for it later."""
         try:
             await self.workers.run(LOAD_PLANNER, None)
-        except (WorkerTaskError, WorkerEndedError) as error:
+        except WORKER_FAILURES as error:
             log.warning("the planner could not be loaded ahead: %s", error)
 
     async def _take_up(self, robot: RobotRecord) -> None:

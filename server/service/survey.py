@@ -33,7 +33,7 @@ from server.service.planning import Planning, field_config_of, map_samples
 from server.service.task.problem import SCORE_SURVEY, ScoreProblem
 from server.service.upload import Uploads
 from server.service.view.mission import ScoresView
-from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+from server.service.worker import WORKER_FAILURES, WorkerPool
 
 log = logging.getLogger(__name__)
 
@@ -350,7 +350,7 @@ class Surveys:
         )
         try:
             scores: dict[str, Scores] = await self._workers.run(SCORE_SURVEY, problem)
-        except (WorkerTaskError, WorkerEndedError) as error:
+        except WORKER_FAILURES as error:
             await self._missions.advance(record.id, "done", f"The map was not scored: {error}")
             return
         views = {

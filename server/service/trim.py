@@ -18,7 +18,7 @@ from server.service.flight_recording import find_deployment, read_flight
 from server.service.task.study import ADVISE_TRIM, Document, Refusal, TrimProblem
 from server.service.vehicles import Vehicles
 from server.service.whatif import vehicle_of
-from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+from server.service.worker import WORKER_FAILURES, WorkerPool
 
 STEPS = {0.5: ("half_step", "half a trim step"), 1.0: ("full_step", "a whole trim step")}
 """Shares of an advice that can be taken: their names in its document, and in words."""
@@ -119,7 +119,7 @@ class TrimAdvices:
     ) -> Document:
         try:
             found = await self._workers.run(ADVISE_TRIM, problem)
-        except (WorkerTaskError, WorkerEndedError) as error:
+        except WORKER_FAILURES as error:
             raise JobError(str(error)) from error
         if isinstance(found, Refusal):
             raise JobError(found.message)

@@ -22,7 +22,7 @@ from db.store import Store
 from robot_link.clock import Clock
 from server.problem import FieldError, Problem, conflict, not_found, unprocessable
 from server.service.task.study import POLAR, STEADY, Refusal, SteadyProblem
-from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+from server.service.worker import WORKER_FAILURES, WorkerPool
 from server.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of
 
 POLARS_KEPT = 32
@@ -159,7 +159,7 @@ class Vehicles:
         try:
             # Shielded: one who does not wait any longer must not take it from the others.
             return await asyncio.shield(task)
-        except (WorkerTaskError, WorkerEndedError) as error:
+        except WORKER_FAILURES as error:
             self._polars.pop(digest, None)
             raise not_worked_out(error) from error
 
@@ -176,7 +176,7 @@ class Vehicles:
         _check_stops(problem)
         try:
             found = await self._workers.run(STEADY, problem)
-        except (WorkerTaskError, WorkerEndedError) as error:
+        except WORKER_FAILURES as error:
             raise not_worked_out(error) from error
         if isinstance(found, Refusal):
             raise unprocessable(found.message, [FieldError(loc=["query"], msg=found.message)])

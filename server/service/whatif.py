@@ -30,9 +30,7 @@ from server.service.task.study import (
     WhatIfProblem,
 )
 from server.service.vehicles import Vehicles, not_worked_out
-from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
-
-_WORKER_FAILURES = (WorkerTaskError, WorkerEndedError)
+from server.service.worker import WORKER_FAILURES, WorkerPool
 
 
 @dataclass(frozen=True, slots=True)
@@ -172,7 +170,7 @@ class WhatIfs:
     async def _check(self, problem: WhatIfProblem) -> None:
         try:
             refusal = await self._quick.run(CHECK_WHATIF, problem)
-        except _WORKER_FAILURES as error:
+        except WORKER_FAILURES as error:
             raise not_worked_out(error) from error
         if isinstance(refusal, Refusal):
             error = FieldError(loc=["scenario", "reference"], msg=refusal.message)
@@ -189,7 +187,7 @@ class WhatIfs:
             await self._running.keep(
                 lambda session: self._write_result(session, record, result), progress
             )
-        except _WORKER_FAILURES as error:
+        except WORKER_FAILURES as error:
             await self._end(record, "failed", str(error))
             raise JobError(str(error)) from error
         except BaseException:

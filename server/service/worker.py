@@ -21,6 +21,7 @@ CANCEL_GRACE_S = 3.0
 """How long a task may take to notice that it was cancelled before its process is ended."""
 _ENVIRONMENT = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """One thread a process: threads of algebra that wait for each other cost more than they bring."""
+_LARGE_BYTES = 1 << 16
 _ENDED = "The working process ended unexpectedly; nothing was changed."
 T = TypeVar("T")
 
@@ -31,6 +32,10 @@ class WorkerTaskError(Exception):
 
 class WorkerEndedError(Exception):
     """The process ended in the middle of a task; nothing was changed. It may be tried again."""
+
+
+WORKER_FAILURES = (WorkerTaskError, WorkerEndedError)
+"""What a task can come to beside its result."""
 
 
 class _Process:
@@ -60,10 +65,10 @@ class _Process:
     def is_alive(self) -> bool:
         return self.process.returncode is None
 
-    async def send(self, *message: object) -> None:
+    async def send(self, frame: bytes) -> None:
         stdin = _pipe(self.process.stdin)
         try:
-            stdin.write(wire.frame(message))
+            stdin.write(frame)
             await stdin.drain()
         except (BrokenPipeError, ConnectionResetError) as error:
             raise WorkerEndedError(_ENDED) from error
@@ -95,9 +100,16 @@ class _Process:
             while True:
                 head = await stdout.readexactly(wire.LENGTH.size)
                 body = await stdout.readexactly(wire.LENGTH.unpack(head)[0])
-                self._received.put_nowait(pickle.loads(body))
+                self._received.put_nowait(await _unpacked(body))
         await self.process.wait()
         self._received.put_nowait(None)
+
+
+async def _unpacked(body: bytes) -> tuple[Any, ...]:
+    """Read a message; a large one beside the event loop, which others need meanwhile."""
+    if len(body) < _LARGE_BYTES:
+        return pickle.loads(body)
+    return await asyncio.to_thread(pickle.loads, body)
 
 
 def _pipe(end: T | None) -> T:
@@ -138,10 +150,12 @@ class WorkerPool:
             WorkerEndedError: The process died.
         """
         async with self._places:
+            # A long recording takes its time to be packed, and the event loop is needed meanwhile.
+            call = await asyncio.to_thread(wire.frame, (wire.CALL, task, payload))
             worker = await self._acquire()
             self._busy.add(worker)
             try:
-                await worker.send(wire.CALL, task, payload)
+                await worker.send(call)
                 return await self._follow(worker, on_progress)
             except asyncio.CancelledError:
                 await asyncio.shield(asyncio.ensure_future(self._withdraw(worker)))
@@ -188,12 +202,12 @@ class WorkerPool:
     async def _withdraw(self, worker: _Process) -> None:
         """Let a cancelled task end by itself, else end its process."""
         try:
-            await worker.send(wire.CANCEL)
+            await worker.send(wire.frame((wire.CANCEL,)))
             async with asyncio.timeout(self._grace_s):
                 await self._follow(worker, None)
         except TimeoutError:
             await worker.kill()
             if self._grace_s:
                 log.warning("A worker did not stop when asked to and was ended")
-        except (WorkerTaskError, WorkerEndedError):
+        except WORKER_FAILURES:
             return

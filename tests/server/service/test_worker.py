@@ -1,6 +1,7 @@
 import asyncio
 import os
 import signal
+import threading
 import time
 from collections.abc import AsyncIterator, Callable
 
@@ -21,6 +22,25 @@ def double(payload: int, report: Callable[[int], None], _: Callable[[], bool]) -
 
 def fail(payload: str, _: Callable[[int], None], __: Callable[[], bool]) -> None:
     raise ValueError(payload)
+
+
+class Large:
+    """Notes the threads that pack it here and unpack what comes back."""
+
+    packed_by: int | None = None
+    unpacked_by: int | None = None
+
+    def __getstate__(self) -> dict[str, bytes]:
+        Large.packed_by = threading.get_ident()
+        return {"body": bytes(1 << 17)}
+
+    def __setstate__(self, state: dict[str, bytes]) -> None:
+        Large.unpacked_by = threading.get_ident()
+        self.body = state["body"]
+
+
+def give_back(payload: Large, _: Callable[[int], None], __: Callable[[], bool]) -> Large:
+    return payload
 
 
 def wait_for_cancel(_: None, report: Callable[[int], None], cancelled: Callable[[], bool]) -> str:
@@ -48,6 +68,13 @@ async def test_second_task_reuses_the_warm_process(pool: WorkerPool) -> None:
     first = pool.process_ids()
     await pool.run(f"{HERE}:double", 1)
     assert pool.process_ids() == first
+
+
+async def test_what_is_large_is_packed_and_unpacked_beside_the_event_loop(pool: WorkerPool) -> None:
+    found = await pool.run(f"{HERE}:give_back", Large())
+    assert len(found.body) == 1 << 17
+    assert Large.packed_by not in {None, threading.get_ident()}
+    assert Large.unpacked_by not in {None, threading.get_ident()}
 
 
 async def test_error_in_a_task_reaches_the_caller_and_spares_the_process(pool: WorkerPool) -> None:
