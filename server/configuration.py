@@ -5,7 +5,7 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
@@ -20,6 +20,8 @@ from robot_link.clock import Clock
 from server.configuration_kind import ConfigurationKind, find_kind
 from server.problem import Problem, invalid
 from server.vehicle_catalogue import preset_key
+
+_Model = TypeVar("_Model", bound=Configuration)
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,6 +44,16 @@ class CurrentConfiguration:
             return f'"{self.id}"'
         digest = hashlib.sha256(self.value.model_dump_json().encode()).hexdigest()
         return f'"preset-{digest[:16]}"'
+
+    def value_as(self, model: type[_Model]) -> _Model:
+        """Return the value as what its kind's model makes it.
+
+        Raises:
+            TypeError: If it is of another kind.
+        """
+        if not isinstance(self.value, model):
+            raise TypeError(f"the configuration {self.kind} is no {model.__name__}")
+        return self.value
 
 
 class ConfigurationBook:

@@ -36,9 +36,7 @@ def draft_of(
         best: The trajectory.
     """
     first = best.legs[0].start_ned
-    offsets = trim.value
-    if not isinstance(offsets, TrimConfig):
-        raise TypeError("the trim's configuration is not one")
+    offsets = trim.value_as(TrimConfig)
     settings = MissionSettings(
         sample_period_s=config.primitives.point_interval_s,
         max_uncertainty_m=config.max_uncertainty_m,

@@ -6,15 +6,19 @@ from datetime import datetime
 import numpy as np
 
 from autonomy.arrays import BoolArray
+from autonomy.identification.config import SegmentRules
 from autonomy.identification.recording import Recording
 from db.column import moment
 from db.query.deployments import DeploymentRecord, get_deployment, list_deployments
-from db.query.state_columns import StateColumns, state_columns
+from db.query.state_columns import StateColumns, begin_of_last_dives, state_columns
 from db.store import Store
 from server.problem import FieldError, Problem, conflict, unprocessable
 
 SURFACE_DEPTH_M = 0.05
 """A report from above this is one from the surface."""
+
+ROWS_MAX = 50_000
+"""Longest recording that is held against a model: 14 hours at one report a second."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,19 +82,57 @@ async def read_flight(
     """Read what a robot reported in a deployment, both ends included, all of it by default.
 
     Raises:
-        Problem: 422 if the range is empty, 409 if nothing in it can be used; the sentence says what
-            is missing.
+        Problem: 422 if the range is empty, 409 if nothing in it can be used or it is too long; the
+            sentence says what is missing, or what to name.
     """
     first = start or deployment.started_at
     last = end or deployment.ended_at
     if last is not None and first >= last:
         message = f"must be after {first.isoformat()}"
         raise unprocessable("1 field is wrong.", [FieldError(loc=["end"], msg=message)])
-    columns = await store.query(lambda s: state_columns(s, deployment.robot, first, last))
-    fault = _fault(columns, deployment)
+    columns = await store.query(
+        lambda s: state_columns(s, deployment.robot, first, last, limit=ROWS_MAX + 1)
+    )
+    fault = _too_long(columns, deployment) or _fault(columns, deployment)
     if fault is not None:
         raise fault
     return Flight(deployment, columns)
+
+
+async def read_last_dives(
+    store: Store, deployment: DeploymentRecord, dives: int, rules: SegmentRules
+) -> Flight:
+    """Read what a robot reported in the last dives of a deployment, as far as ``ROWS_MAX`` goes.
+
+    Raises:
+        Problem: As ``read_flight``.
+    """
+    begin = await store.query(
+        lambda session: begin_of_last_dives(
+            session,
+            deployment.robot,
+            deployment.started_at,
+            deployment.ended_at,
+            dives=dives,
+            surface_depth_m=rules.surface_depth_m,
+            shortest_s=rules.shortest_segment_s,
+            limit=ROWS_MAX,
+        )
+    )
+    if begin is None or begin == deployment.ended_at:
+        return await read_flight(store, deployment)
+    return await read_flight(store, deployment, begin)
+
+
+def _too_long(columns: StateColumns, deployment: DeploymentRecord) -> Problem | None:
+    if len(columns) <= ROWS_MAX:
+        return None
+    first, last = (moment(int(columns.measured_at_us[row])) for row in (0, ROWS_MAX - 1))
+    return conflict(
+        f"{deployment.id} of {deployment.robot} has more than {ROWS_MAX:,} state reports in this "
+        "time, too many to hold against a model at once; name start and end so that they are "
+        f"fewer, such as {first:%Y-%m-%dT%H:%M:%SZ} and {last:%Y-%m-%dT%H:%M:%SZ}."
+    )
 
 
 def _fault(columns: StateColumns, deployment: DeploymentRecord) -> Problem | None:

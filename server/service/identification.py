@@ -105,7 +105,7 @@ class Identifications:
             found = await self._foundation.configurations.merged("identification", robot, patch)
         except Problem as problem:
             raise below(problem, "config") from problem
-        config = _config_of(found.value)
+        config = found.value_as(IdentificationConfig)
         flight = await read_flight(
             self._store, await find_deployment(self._store, robot, deployment), start, end
         )
@@ -338,12 +338,6 @@ class Identifications:
             robot=record.robot,
             data={"id": record.id, "message": message},
         )
-
-
-def _config_of(value: object) -> IdentificationConfig:
-    if not isinstance(value, IdentificationConfig):
-        raise TypeError("the identification's configuration is not one")
-    return value
 
 
 def _seen(kept: "Future[None]") -> None:

@@ -15,6 +15,7 @@ from autonomy.site import Box
 from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
 from db.query.samples import SampleColumns, sample_columns
+from server.configuration import CurrentConfiguration
 from server.foundation import Foundation
 from server.problem import FieldError, Problem, conflict, unprocessable
 from server.service.drafting import broken_limits, draft_of, outdated_by
@@ -78,7 +79,7 @@ class Planning:
             wanted = await book.merged("planner", robot, patch)
         except Problem as problem:
             raise _below_config(problem) from problem
-        config = planner_config_of(wanted.value)
+        config = wanted.value_as(PlannerConfig)
         _check_domain(config.domain, picture)
         if holds.id is None or config != holds.value:
             holds = await book.patch("planner", robot, patch, by=by)
@@ -306,7 +307,7 @@ class Planning:
 
     async def _field_config(self, robot: str, planner: PlannerConfig) -> FieldConfig:
         found = await self._foundation.configurations.current("field", robot)
-        return field_config_of(found.value, planner)
+        return field_config_of(found, planner)
 
     async def _samples(self, robot: str) -> MapSamples:
         variable = self._fleet.picture(robot).record.site.variable
@@ -333,17 +334,9 @@ class Planning:
             )
 
 
-def planner_config_of(value: object) -> PlannerConfig:
-    """Return the planner's settings out of the configuration book."""
-    if not isinstance(value, PlannerConfig):
-        raise TypeError("the planner's configuration is not one")
-    return value
-
-
-def field_config_of(value: object, planner: PlannerConfig) -> FieldConfig:
+def field_config_of(found: CurrentConfiguration, planner: PlannerConfig) -> FieldConfig:
     """Return a field's settings with the planner's fidelity thresholds, where they fit."""
-    if not isinstance(value, FieldConfig):
-        raise TypeError("the field's configuration is not one")
+    value = found.value_as(FieldConfig)
     thresholds_m = planner.fidelity_thresholds_m
     if len(thresholds_m) != len(value.fidelity_thresholds_m):
         return value

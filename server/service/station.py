@@ -28,7 +28,7 @@ from server.service.mission_ledger import MissionLedger
 from server.service.picture import remembered_link
 from server.service.plan_follow import PlanFollower
 from server.service.plan_ledger import PlanLedger
-from server.service.planning import Planning, field_config_of, planner_config_of
+from server.service.planning import Planning, field_config_of
 from server.service.road import LinkFactory, Road, open_link
 from server.service.scene_host import SceneHost
 from server.service.scene_source import StationSceneSource
@@ -187,7 +187,9 @@ class Station:
             picture.remembered = remembered_link(
                 picture.state, radio_under_water=robot.site.radio_under_water
             )
-        picture.track.replace((point.position_ned, point.position_std_m) for point in track.points)
+        picture.track.replace(
+            (point.position_ned, point.position_std_m, point.mode) for point in track.points
+        )
 
     async def _open_maps(self, robot: RobotRecord) -> None:
         if robot.kind == "recorded":
@@ -195,11 +197,11 @@ class Station:
             return
         planner = await self._planner(robot.id)
         found = await self._foundation.configurations.current("field", robot.id)
-        await self.maps.open(robot.id, field_config_of(found.value, planner), planner.domain)
+        await self.maps.open(robot.id, field_config_of(found, planner), planner.domain)
 
     async def _planner(self, robot: str) -> PlannerConfig:
         found = await self._foundation.configurations.current("planner", robot)
-        return planner_config_of(found.value)
+        return found.value_as(PlannerConfig)
 
     def _take_event(self, event: LinkEvent) -> None:
         self.ingest.take(event)

@@ -345,9 +345,7 @@ class Surveys:
         columns = await self._foundation.store.query(
             lambda session: sample_columns(session, record.robot, variable)
         )
-        problem = ScoreProblem(
-            field_config_of(found.value, config), config.domain, map_samples(columns)
-        )
+        problem = ScoreProblem(field_config_of(found, config), config.domain, map_samples(columns))
         try:
             scores: dict[str, Scores] = await self._workers.run(SCORE_SURVEY, problem)
         except WORKER_FAILURES as error:

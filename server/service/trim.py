@@ -5,6 +5,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from autonomy.identification.config import IdentificationConfig
 from autonomy.vehicle.trim import TrimConfig
 from db.query import trim as query
 from db.query.events import add_event
@@ -14,7 +15,7 @@ from server.foundation import Foundation
 from server.job import JobError, JobProgress
 from server.problem import Problem, conflict, not_found
 from server.service.fleet import Fleet
-from server.service.flight_recording import find_deployment, read_flight
+from server.service.flight_recording import find_deployment, read_last_dives
 from server.service.task.study import ADVISE_TRIM, Document, Refusal, TrimProblem
 from server.service.vehicles import Vehicles
 from server.service.whatif import vehicle_of
@@ -58,9 +59,11 @@ class TrimAdvices:
         """
         vehicle = vehicle_of(robot, self._fleet, self._vehicles)
         found = await find_deployment(self._store, robot, deployment)
-        flight = await read_flight(self._store, found)
+        settings = await self._foundation.configurations.current("identification", robot)
+        rules = settings.value_as(IdentificationConfig).rules
+        flight = await read_last_dives(self._store, found, dives, rules)
         present = await self._foundation.configurations.current("trim", robot)
-        problem = TrimProblem(vehicle, flight.recording(), trim_of(present.value), dives)
+        problem = TrimProblem(vehicle, flight.recording(), present.value_as(TrimConfig), dives)
 
         async def work(progress: JobProgress) -> Document:
             progress.report(0.0, "Holding the last dives against the model")
@@ -107,7 +110,7 @@ class TrimAdvices:
             ) from problem
         if held.id is None:
             raise TypeError("a kept version has an id")
-        return AcceptedTrim(trim_of(held.value), held.id, self._reaches(robot))
+        return AcceptedTrim(held.value_as(TrimConfig), held.id, self._reaches(robot))
 
     async def _advise(
         self,
@@ -161,13 +164,6 @@ class TrimAdvices:
 def advice_document(record: TrimAdviceRecord) -> dict[str, Any]:
     """Return an advice with its id as JSON."""
     return {**record.document, "id": record.id, "deployment": record.deployment}
-
-
-def trim_of(value: object) -> TrimConfig:
-    """Return the trim out of the configuration book."""
-    if not isinstance(value, TrimConfig):
-        raise TypeError("the trim is not one")
-    return value
 
 
 def in_words(trim: TrimConfig) -> str:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from db.column import moment
 from db.fault import UnknownIdError
 from db.query.deployments import list_deployments
 from db.query.identifications import (
@@ -19,7 +20,7 @@ from db.query.identifications import (
 )
 from db.query.jobs import add_job
 from db.query.robots import add_robot
-from db.query.state_columns import state_columns
+from db.query.state_columns import begin_of_last_dives, state_columns
 from db.query.trim import accept_advice, add_advice, get_advice
 from db.query.vehicles import (
     VehicleExistsError,
@@ -208,3 +209,51 @@ def test_no_report_gives_empty_arrays_of_the_right_shape(store):
     columns = read(store, lambda s: state_columns(s, "mini-1"))
     assert columns.position_ned.shape == columns.attitude_rad.shape == (0, 3)
     assert len(columns) == 0
+
+
+def test_only_the_first_reports_come_where_no_more_are_wanted(store):
+    store.append([report(second) for second in range(4)]).result(5)
+    columns = read(store, lambda s: state_columns(s, "mini-1", limit=3))
+    assert moment(int(columns.measured_at_us[-1])) == START.replace(second=2)
+
+
+DEPTHS_M = [0.0, 0.5, 0.5, 0.5, 0.0, 0.0, 0.5, 0.0, 0.5, 0.5, 0.5, 0.0, 0.5, 0.5]
+"""Every second: a dive, a splash of one report, a dive, and the one that the robot is on."""
+
+
+@pytest.mark.parametrize(
+    ("dives", "limit", "second"), [(1, 100, 12), (2, 100, 8), (3, 100, 1), (9, 100, 0), (9, 5, 9)]
+)
+def test_the_last_dives_begin_under_water(store, dives, limit, second):
+    store.append([report(at, depth_m) for at, depth_m in enumerate(DEPTHS_M)]).result(5)
+    begin = read(
+        store,
+        lambda session: begin_of_last_dives(
+            session,
+            "mini-1",
+            None,
+            None,
+            dives=dives,
+            surface_depth_m=0.05,
+            shortest_s=1.5,
+            limit=limit,
+        ),
+    )
+    assert begin == START.replace(second=second)
+
+
+def test_a_robot_without_reports_has_no_last_dive(store):
+    begin = read(
+        store,
+        lambda session: begin_of_last_dives(
+            session,
+            "mini-1",
+            START,
+            START,
+            dives=1,
+            surface_depth_m=0.05,
+            shortest_s=1.5,
+            limit=9,
+        ),
+    )
+    assert begin is None

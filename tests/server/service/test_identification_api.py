@@ -1,6 +1,7 @@
 """Identifications by REST: begun on a recording, watched, called off, resumed, accepted."""
 
 import asyncio
+import re
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -17,6 +18,7 @@ from db.query import identifications as query
 from db.tables import Deployment
 from robot_link.messages import RobotMode
 from server.security.role import Role
+from server.service import flight_recording
 from server.service.task import identification as identification_task
 from server.service.task.study import IdentificationProblem, Refusal
 from tests.server.service.conftest import MINI, api_client, open_station, until
@@ -376,3 +378,19 @@ def test_a_search_that_is_cancelled_at_once_says_so(recording):
 
 def identification_config():
     return IdentificationConfig.model_validate(QUICK)
+
+
+async def test_a_recording_that_is_too_long_is_refused_with_what_to_name(
+    client, station, recording, monkeypatch
+):
+    body = await deployed(station, recording)
+    monkeypatch.setattr(flight_recording, "ROWS_MAX", 100)
+    path = "/api/robots/mini-1/identifications"
+    refused = await client.post(path, json=body)
+    assert refused.status_code == 409
+    detail = refused.json()["detail"]
+    assert "more than 100 state reports" in detail
+    begin, end = re.search(r"such as (\S+) and (\S+)\.", detail).groups()
+    assert begin == "2026-11-20T08:00:00Z"
+    begun = await start(client, {"deployment": body["deployment"], "start": begin, "end": end})
+    assert (await ended(client, begun))["state"] == "done"

@@ -1,5 +1,7 @@
 """Trim advice by REST: worked out of recorded dives, accepted by a person in steps."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -8,10 +10,12 @@ from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.trim import TrimConfig
 from db.fault import StoreUnavailableError
 from db.query import trim as query
+from db.query.state_columns import state_columns
 from server.security.role import Role
+from server.service import flight_recording
 from server.service.trim import in_words
 from tests.server.service.conftest import api_client, until
-from tests.server.service.test_identification_api import deployed
+from tests.server.service.test_identification_api import BEGIN, deployed
 
 pytestmark = pytest.mark.usefixtures("in_threads")
 
@@ -173,3 +177,29 @@ async def test_a_robot_that_was_never_under_water_gets_no_advice(client):
 def test_a_trim_is_told_in_the_units_of_pilots():
     trim = TrimConfig(net_buoyancy_offset_kg=-0.0024, mass_position_offset_m=0.0011)
     assert in_words(trim) == "net buoyancy -2.4 g, mass position +1.1 mm"
+
+
+async def test_only_the_last_dives_are_read(client, station, recording, monkeypatch):
+    between = (recording.time_s > 38.0) & (recording.time_s < 42.0)
+    position_ned = np.where(between[:, None], 0.0, recording.position_ned)
+    await deployed(station, replace(recording, position_ned=position_ned))
+    read = []
+
+    def spied(session, robot, start, *rest, **limits):
+        read.append(start)
+        return state_columns(session, robot, start, *rest, **limits)
+
+    monkeypatch.setattr(flight_recording, "state_columns", spied)
+    await advised(client, {"deployment": "deployment-1", "dives": 1})
+    await advised(client, {"deployment": "deployment-1", "dives": 2})
+    at_s = [(start - BEGIN).total_seconds() for start in read]
+    assert at_s == [50.0, 0.0]
+
+
+async def test_a_robot_that_dived_for_too_long_is_advised_by_its_newest_reports(
+    client, station, recording, monkeypatch
+):
+    await deployed(station, recording)
+    monkeypatch.setattr(flight_recording, "ROWS_MAX", 300)
+    job = await advised(client, {"deployment": "deployment-1"})
+    assert job["state"] == "done", job["message"]
