@@ -91,7 +91,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
         for kind in (
             ControllerKind(
                 "controller.backstepping",
-                "Backstepping controller",
+                "Backstepping",
                 BacksteppingConfig,
                 BACKSTEPPING_PRESETS,
                 BACKSTEPPING_SIMULATION,
@@ -100,7 +100,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
             ),
             ControllerKind(
                 "controller.baseline",
-                "Baseline backstepping controller",
+                "Baseline backstepping",
                 BacksteppingConfig,
                 {key: _without_trade(value) for key, value in BACKSTEPPING_PRESETS.items()},
                 _without_trade(BACKSTEPPING_SIMULATION),
@@ -109,7 +109,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
             ),
             ControllerKind(
                 "controller.pid",
-                "PID controller",
+                "PID",
                 PidConfig,
                 PID_PRESETS,
                 PID_SIMULATION,
@@ -118,7 +118,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
             ),
             ControllerKind(
                 "controller.integral",
-                "Integral backstepping controller",
+                "Integral backstepping",
                 IntegralConfig,
                 INTEGRAL_PRESETS,
                 INTEGRAL_SIMULATION,
@@ -127,7 +127,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
             ),
             ControllerKind(
                 "controller.governor",
-                "Predictive backstepping controller for a slow, late mass actuator",
+                "Predictive backstepping",
                 GovernorConfig,
                 GOVERNOR_PRESETS,
                 GOVERNOR_SIMULATION,
@@ -136,7 +136,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
             ),
             ControllerKind(
                 "controller.swimming",
-                "Swimming controller",
+                "Swimming",
                 SwimmingConfig,
                 SWIMMING_PRESETS,
                 SWIMMING_SIMULATION,

@@ -255,8 +255,8 @@ def vehicle_of(robot: str, fleet: Fleet, vehicles: Vehicles) -> Vehicle:
 
 
 def _title(problem: WhatIfProblem) -> str:
-    names = " and ".join(controller.title for controller in problem.controllers)
-    return f"{names}, {problem.scenario.reference.replace('_', ' ')}"
+    names = ", ".join(controller.title for controller in problem.controllers)
+    return f"{names}: {problem.scenario.reference.replace('_', ' ')}"
 
 
 def _free_title(title: str, others: Sequence[WhatIfController]) -> str:

@@ -39,11 +39,11 @@ async def test_controllers_are_compared_on_the_same_seeds(client):
     begun = await start(client)
     found = await ended(client, begun)
     assert found["state"] == "done", found["message"]
-    assert found["title"] == "Backstepping controller and Mine, linear glide"
+    assert found["title"] == "Backstepping, Mine: linear glide"
     assert found["scenario"]["disturbance"]["net_buoyancy_error_kg"] == 0.002
     assert found["vehicle"] == "miniglider"
     result = found["result"]
-    assert [run["title"] for run in result["runs"]] == ["Backstepping controller", "Mine"]
+    assert [run["title"] for run in result["runs"]] == ["Backstepping", "Mine"]
     assert len(result["seeds"]) == 2
     for run in result["runs"]:
         assert len(run["north_m"]) == len(result["time_s"])
@@ -64,7 +64,7 @@ async def test_what_is_not_given_is_what_holds_for_the_robot(client):
     controllers = [{"kind": "controller.pid", "config": {"z_derivative": 0.5}}] * 2
     found = await ended(client, await start(client, {}, controllers))
     assert found["scenario"]["duration_s"] == 30.0
-    assert [one["title"] for one in found["controllers"]] == ["PID controller", "PID controller 2"]
+    assert [one["title"] for one in found["controllers"]] == ["PID", "PID 2"]
     config = found["controllers"][0]["config"]
     assert (config["z_integral"], config["z_derivative"]) == (0.01, 0.5)
     held = (await client.get("/api/config/controller.pid?robot=mini-1")).json()["value"]
@@ -169,7 +169,7 @@ async def test_a_run_is_shown_in_3d_from_where_the_robot_is(tmp_path, world):
         assert (await pilot.put(path, json={"id": begun["id"]})).json() == {"id": begun["id"]}
         view = source.comparison()
         assert view is source.comparison()
-        assert [run.title for run in view.runs] == ["Backstepping controller", "Mine"]
+        assert [run.title for run in view.runs] == ["Backstepping", "Mine"]
         run = found["result"]["runs"][0]
         expected = np.column_stack([run["north_m"], run["east_m"], run["depth_m"]])
         np.testing.assert_allclose(
