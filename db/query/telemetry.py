@@ -60,6 +60,8 @@ class TrackPoint:
     position_ned: tuple[float, float, float]
     position_std_m: float
     has_fix: bool
+    mode: RobotMode | None
+    """What it was doing, ``None`` in a recording of something that does not say so."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -165,12 +167,24 @@ def track(
         StateRow.measured_at,
         StateRow.depth_m,
         (StateRow.robot_key == robot_key(session, robot),),
-        (StateRow.north_m, StateRow.east_m, StateRow.position_std_m, StateRow.has_fix),
+        (
+            StateRow.north_m,
+            StateRow.east_m,
+            StateRow.position_std_m,
+            StateRow.has_fix,
+            StateRow.mode,
+        ),
     )
     rows, decimated = thinned_rows(session, series, start, end, max_points)
     points = [
-        TrackPoint(at, (north_m, east_m, depth_m), std_m, has_fix)
-        for at, depth_m, north_m, east_m, std_m, has_fix in rows
+        TrackPoint(
+            at,
+            (north_m, east_m, depth_m),
+            std_m,
+            has_fix,
+            None if mode is None else RobotMode(mode),
+        )
+        for at, depth_m, north_m, east_m, std_m, has_fix, mode in rows
     ]
     return Track(points, decimated)
 

@@ -27,6 +27,7 @@ from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.problem import FieldError, conflict, not_found, unprocessable
 from server.service.channel import CHANNELS
+from server.service.track import DRIFT_MODES
 from server.service.view.robot import RobotView, SamplesView, StateView, TrackView
 
 router = APIRouter(prefix="/api/robots", tags=["robots"], route_class=IdempotentRoute)
@@ -198,6 +199,7 @@ async def get_track(
             depth_m=positions[:, 2].tolist(),
             std_m=std_m.tolist(),
             fidelity=fidelity_level(std_m, thresholds_m).tolist(),
+            adrift=[point.mode in DRIFT_MODES for point in found.points],
             latitude_deg=geodetic[:, 0].tolist(),
             longitude_deg=geodetic[:, 1].tolist(),
             decimated=found.decimated,

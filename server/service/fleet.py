@@ -97,7 +97,7 @@ class Fleet:
         picture = self._pictures[report.robot]
         if picture.state is None or report.measured_at >= picture.state.measured_at:
             picture.state = report
-            picture.track.add(report.position_ned, report.position_std_m)
+            picture.track.add(report.position_ned, report.position_std_m, report.mode)
             self.touch(report.robot)
 
     def take_sample(self, sample: Sample) -> None:

@@ -7,8 +7,11 @@ import numpy as np
 
 from autonomy.field.fidelity import fidelity_level
 from autonomy.planner.plan import PositionNed
+from robot_link.messages import RobotMode
 from webui.scene.source import TrackPiece
 
+DRIFT_MODES = frozenset((RobotMode.IDLE, RobotMode.SURFACED, RobotMode.HOLDING))
+"""Modes in which the robot floats at the surface and goes where the water takes it."""
 POINTS_MAX = 20_000
 _GENERATION = 2**32
 """A cursor is the generation of the track times this, plus the number of points seen."""
@@ -23,7 +26,7 @@ class Track:
     def __init__(self, spacing_m: float, thresholds_m: Sequence[float]) -> None:
         self._spacing_m = spacing_m
         self._thresholds_m = tuple(thresholds_m)
-        self._points: list[tuple[float, float, float, float]] = []
+        self._points: list[tuple[float, float, float, float, bool]] = []
         self._generation = 1
 
     @property
@@ -36,22 +39,22 @@ class Track:
         """Position uncertainties that part the fidelity levels."""
         return self._thresholds_m
 
-    def add(self, position_ned: PositionNed, position_std_m: float) -> None:
+    def add(self, position_ned: PositionNed, position_std_m: float, mode: RobotMode | None) -> None:
         """Append a point unless it lies closer than the spacing to the last one."""
         if self._points and math.dist(self._points[-1][:3], position_ned) < self._spacing_m:
             return
-        self._points.append((*position_ned, position_std_m))
+        self._points.append((*position_ned, position_std_m, mode in DRIFT_MODES))
         if len(self._points) > POINTS_MAX:
             self._points = self._points[::2]
             self._spacing_m *= 2.0
             self._generation += 1
 
-    def replace(self, points: Iterable[tuple[PositionNed, float]]) -> None:
-        """Forget the track and begin again from positions with their standard deviations."""
+    def replace(self, points: Iterable[tuple[PositionNed, float, RobotMode | None]]) -> None:
+        """Begin again from positions with their standard deviations and modes."""
         self._points = []
         self._generation += 1
-        for position_ned, position_std_m in points:
-            self.add(position_ned, position_std_m)
+        for position_ned, position_std_m, mode in points:
+            self.add(position_ned, position_std_m, mode)
 
     def set_thresholds(self, thresholds_m: Sequence[float]) -> None:
         """Assign all points anew to fidelity levels."""
@@ -65,11 +68,12 @@ class Track:
         seen_generation, seen = divmod(cursor, _GENERATION)
         restarted = seen_generation != generation
         end = len(points)
-        piece = np.array(points[0 if restarted else seen : end]).reshape(-1, 4)  # (n, 4)
+        piece = np.array(points[0 if restarted else seen : end]).reshape(-1, 5)  # (n, 5)
         return TrackPiece(
             cursor=generation * _GENERATION + end,
             restarted=restarted,
             position_ned=piece[:, :3],
             position_std_m=piece[:, 3],
             fidelity=fidelity_level(piece[:, 3], thresholds_m),
+            is_adrift=piece[:, 4].astype(np.bool_),
         )

@@ -30,6 +30,7 @@ class FakeSource:
         )
         self.track_ned = self._inside(_helix(400))
         self.std_m = 0.02 + 0.1 * self.track_ned[:, 2] / box.depth_max_m
+        self.is_adrift = np.zeros(len(self.track_ned), np.bool_)
         self.restarted = False
         self._plan = self._a_plan()
         self.map = self._a_map()
@@ -50,8 +51,9 @@ class FakeSource:
         points = self.track_ned[cursor:]
         fidelity = np.digitize(-self.std_m[cursor:], [-0.09, -0.05]).astype(np.int64)
         return TrackPiece(
-            len(self.track_ned), self.restarted, points, self.std_m[cursor:], fidelity
-        )
+            len(self.track_ned), self.restarted, points, self.std_m[cursor:], fidelity,
+            self.is_adrift[cursor:],
+        )  # fmt: skip
 
     def plan(self) -> PlanView:
         return self._plan

@@ -89,27 +89,58 @@ def test_an_old_pose_turns_grey(scene, source):
     assert tuple(scene._robot._parts[0].color) != alive
 
 
+def lengthen(source, track_ned, is_adrift=False):
+    """Let the source have flown on, or drifted."""
+    source.track_ned = np.concatenate([source.track_ned, track_ned])
+    source.std_m = np.full(len(source.track_ned), 0.02)
+    source.is_adrift = np.concatenate([source.is_adrift, np.full(len(track_ned), is_adrift)])
+
+
 def test_a_long_track_is_sent_in_chunks_and_only_the_tail_again(scene, source):
-    source.track_ned = np.repeat(source.track_ned, 10, axis=0)
-    source.std_m = np.repeat(source.std_m, 10)
+    lengthen(source, np.repeat(source.track_ned, 9, axis=0))
     scene.update()
-    chunks = list(scene._track._chunks)
-    assert len(chunks) == len(source.track_ned) // CHUNK_POINTS
-    source.track_ned = np.concatenate([source.track_ned, source.track_ned[-5:]])
-    source.std_m = np.concatenate([source.std_m, source.std_m[-5:]])
+    before = dict(scene._track.survey.pieces)
+    assert len(before) - 1 == len(source.track_ned) // CHUNK_POINTS
+    lengthen(source, source.track_ned[-5:])
     scene.update()
-    assert scene._track._chunks == chunks
-    assert len(scene._track._points) < CHUNK_POINTS + 6
+    after = scene._track.survey.pieces
+    assert [piece for piece in before if after[piece] is not before[piece]] == ["tail"]
+    assert len(after["tail"].points) < CHUNK_POINTS + 6
 
 
 def test_a_restarted_track_replaces_what_was_drawn(scene, source):
+    lengthen(source, np.repeat(source.track_ned, 9, axis=0))
     scene.update()
     source.restarted = True
     source.track_ned = source.track_ned[:10]
     source.std_m = source.std_m[:10]
+    source.is_adrift = source.is_adrift[:10]
     scene._track._cursor = 0
     scene.update()
-    assert len(scene._track._points) == 10
+    [tail] = scene._track.survey.pieces.values()
+    assert len(tail.points) == 9
+
+
+def test_drift_is_a_layer_of_its_own_that_is_hidden_at_first(scene, source):
+    flown = len(source.track_ned) - 1
+    lengthen(source, source.track_ned[:40] + 0.1, is_adrift=True)
+    scene.update()
+    survey, drift = scene._track.survey.pieces["tail"], scene._track.drift.pieces["tail"]
+    assert (len(survey.points), len(drift.points)) == (flown, 40)
+    assert (survey.visible, drift.visible) == (True, False)
+    assert len(np.unique(drift.colors.reshape(-1, 3), axis=0)) == 1
+    assert drift.thickness < survey.thickness
+    scene._track.drift.show(True)
+    lengthen(source, source.track_ned[:3] + 0.2, is_adrift=True)
+    scene.update()
+    assert scene._track.drift.pieces["tail"].visible
+
+
+def test_the_panel_offers_drift_switched_off(scene):
+    boxes = scene._server.gui._gui_input_handle_from_uuid.values()
+    states = {box.label: box.value for box in boxes if isinstance(box.value, bool)}
+    assert states["Track"]
+    assert not states["Drift"]
 
 
 def test_a_new_version_of_the_map_changes_colours_in_place(scene, source):

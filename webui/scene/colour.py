@@ -24,6 +24,8 @@ PRIMITIVE: dict[str, Colour] = {
     "dive": (255, 176, 92),
     "swim": (120, 220, 160),
 }
+DRIFT: Colour = (104, 116, 128)
+"""Where the robot floated at the surface between missions; no measurement of it matters."""
 REFERENCE: Colour = (214, 222, 230)
 RUNS: tuple[Colour, ...] = (
     (86, 180, 233), (230, 159, 0), (72, 199, 142), (240, 228, 66), (222, 140, 190), (236, 112, 64),

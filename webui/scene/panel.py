@@ -13,6 +13,11 @@ _MODEL_TITLES = {"recursive": "three fidelities", "single": "one fidelity"}
 class Layer(Protocol):
     """A part of the scene that can be switched off."""
 
+    @property
+    def visible(self) -> bool:
+        """Whether it is shown."""
+        ...
+
     def show(self, visible: bool) -> None:
         """Show or hide all of it."""
         ...
@@ -31,7 +36,7 @@ class Panel:
         gui.set_panel_label("Layers")
         self._map = field_map
         for label, layer in layers.items():
-            box = gui.add_checkbox(label, True)
+            box = gui.add_checkbox(label, layer.visible)
             box.on_update(lambda event, layer=layer: layer.show(event.target.value))
         self._quantity = gui.add_dropdown("Quantity", QUANTITIES)
         self._form = gui.add_dropdown("Form", FORMS)

@@ -45,7 +45,8 @@ class RobotScene:
         self._comparison = Comparison(self._stage, source)
         layers = {
             "Map": self._map,
-            "Track": self._track,
+            "Track": self._track.survey,
+            "Drift": self._track.drift,
             "Plan": self._plan,
             "What-if": self._comparison,
         }

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Protocol
 
-from autonomy.arrays import FloatArray, IntArray
+from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.field.variable import Variable
 from autonomy.planner.plan import Leg, PositionNed
 from autonomy.site import Site
@@ -48,6 +48,8 @@ class TrackPiece:
     """Shape ``(n,)``."""
     fidelity: IntArray
     """Fidelity level of each point, shape ``(n,)``; the highest is the best located."""
+    is_adrift: BoolArray
+    """Whether the robot floated at the surface there with nothing to fly, shape ``(n,)``."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -163,6 +163,8 @@ class TrackView(View):
     std_m: list[float]
     fidelity: list[int]
     """Fidelity level by the planner's thresholds; the highest is the best located."""
+    adrift: list[bool]
+    """Whether it floated at the surface with nothing to fly there."""
     latitude_deg: list[float]
     longitude_deg: list[float]
     decimated: bool

@@ -12,6 +12,7 @@ from robot_link.messages import (
     OnboardPlanState,
     PlanReport,
     RobotId,
+    RobotMode,
 )
 from server.service.picture import Picture
 from server.service.track import POINTS_MAX, Track
@@ -99,9 +100,9 @@ def test_battery_alarms_by_its_charge(picture):
 def test_long_track_is_thinned_and_asks_to_be_drawn_anew():
     track = Track(0.5, (0.05, 0.12))
     for number in range(POINTS_MAX):
-        track.add((float(number), 0.0, 0.0), 0.02)
+        track.add((float(number), 0.0, 0.0), 0.02, RobotMode.GLIDING)
     before = track.since(0)
-    track.add((float(POINTS_MAX), 0.0, 0.0), 0.02)
+    track.add((float(POINTS_MAX), 0.0, 0.0), 0.02, RobotMode.GLIDING)
     after = track.since(before.cursor)
     assert after.restarted
     assert len(after.position_ned) == POINTS_MAX // 2 + 1
@@ -110,8 +111,16 @@ def test_long_track_is_thinned_and_asks_to_be_drawn_anew():
 
 def test_track_sorts_its_points_anew_when_thresholds_change():
     track = Track(0.01, (0.05, 0.12))
-    track.add((0.0, 0.0, 0.0), 0.08)
+    track.add((0.0, 0.0, 0.0), 0.08, None)
     assert track.since(0).fidelity.tolist() == [1]
     track.set_thresholds((0.1, 0.2))
     assert track.since(0).fidelity.tolist() == [2]
     assert track.levels == 3
+
+
+def test_track_tells_what_floated_from_what_was_flown():
+    track = Track(0.01, (0.05, 0.12))
+    modes = [RobotMode.IDLE, RobotMode.SWIMMING, RobotMode.SURFACED, None, RobotMode.HOLDING]
+    for number, mode in enumerate(modes):
+        track.add((float(number), 0.0, 0.0), 0.02, mode)
+    assert track.since(0).is_adrift.tolist() == [True, False, True, False, True]
