@@ -8,13 +8,17 @@ from typing import Any
 from sqlalchemy import select, update
 from sqlalchemy.orm import Session, defer
 
-from db.fault import UnknownIdError
+from db.fault import StoreError, UnknownIdError
 from db.identity import key_of, public_id
 from db.query.robots import robot_key
 from db.study_tables import Identification
 from db.tables import Robot
 
 _HAS_CHECKPOINT = Identification.checkpoint.is_not(None)
+
+
+class AcceptedAlreadyError(StoreError):
+    """A vehicle was made of this search already."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -136,6 +140,16 @@ def keep_checkpoint(
         raise UnknownIdError("identification", identification)
 
 
+def drop_checkpoint(session: Session, identification: str) -> None:
+    """Forget how far a search is, so that it begins anew when it is resumed.
+
+    Raises:
+        UnknownIdError: If there is no such search.
+    """
+    row = _row(session, identification)
+    row.checkpoint, row.progress, row.convergence = None, 0.0, []
+
+
 def end_identification(
     session: Session,
     identification: str,
@@ -180,8 +194,14 @@ def accept_identification(session: Session, identification: str, vehicle: str) -
 
     Raises:
         UnknownIdError: If there is no such search.
+        AcceptedAlreadyError: If a vehicle was made of it before.
     """
-    _row(session, identification).accepted_vehicle = vehicle
+    row = _row(session, identification)
+    if row.accepted_vehicle is not None:
+        raise AcceptedAlreadyError(
+            f"{identification} was accepted already, as {row.accepted_vehicle}."
+        )
+    row.accepted_vehicle = vehicle
 
 
 def get_identification(session: Session, identification: str) -> IdentificationRecord:

@@ -7,7 +7,6 @@ database, from which it goes on after it was cancelled, or after the station was
 import logging
 from collections.abc import Mapping
 from concurrent.futures import Future
-from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from typing import Any
@@ -28,6 +27,7 @@ from server.service.fleet import Fleet
 from server.service.flight_recording import find_deployment, read_flight
 from server.service.study import STOPPED, RunningStudies
 from server.service.task.study import (
+    CHECKPOINT,
     IDENTIFY,
     Document,
     IdentificationNews,
@@ -135,6 +135,7 @@ class Identifications:
             UnknownIdError: If there is none of this id.
             StoreError: Nothing was begun.
         """
+        await self._running.settle(identification)
         record = await self.get(identification)
         if record.state in {"running", "done"}:
             raise conflict(f"{identification} is {record.state}; it cannot go on.")
@@ -220,8 +221,9 @@ class Identifications:
         return [self._with_news(record) for record in records]
 
     def _with_news(self, record: IdentificationRecord) -> IdentificationRecord:
+        record = self._running.as_it_stands(record)
         live = self._live.get(record.id)
-        if live is None:
+        if live is None or record.state != "running":
             return record
         return replace(
             record,
@@ -240,12 +242,12 @@ class Identifications:
                 "identification", lambda progress: self._work(record, problem, progress), by=by
             )
         except StoreError:
-            with suppress(StoreError):
-                await self._end(record, "failed", "The storage failed; resume it.")
+            await self._end(record, "failed", "The storage failed; resume it.")
             self._live.pop(record.id, None)
             raise
-        self._running.begun(record.id, job.id)
-        await self._store.write(lambda s: query.set_identification_job(s, record.id, job.id))
+        await self._running.begun(
+            record.id, job.id, lambda s: query.set_identification_job(s, record.id, job.id)
+        )
         return job.id
 
     async def _work(
@@ -257,7 +259,7 @@ class Identifications:
                 IDENTIFY, problem, on_progress=lambda news: self._take(record, news, progress)
             )
             await self._running.keep(
-                lambda session: self._write_result(session, record, result), progress
+                record.id, lambda session: self._write_result(session, record, result), progress
             )
         except WORKER_FAILURES as error:
             await self._end(record, "failed", f"{error} Resume it.")
@@ -298,28 +300,38 @@ class Identifications:
         kept.add_done_callback(_seen)
 
     async def _end(self, record: IdentificationRecord, state: str, message: str) -> None:
-        await self._running.keep_if_possible(
-            record.id, lambda session: self._write_end(session, record, state, message)
+        live = self._live.get(record.id, _Live())
+        await self._running.keep_end(
+            record.id,
+            state,
+            message,
+            lambda session: self._write_end(session, record, live, state, message),
         )
 
     def _write_result(
         self, session: Session, record: IdentificationRecord, result: Document | Refusal
     ) -> None:
-        if isinstance(result, Refusal):
-            self._write_end(session, record, "failed", result.message)
+        live = self._live.get(record.id, _Live())
+        if not isinstance(result, Refusal):
+            self._write_end(session, record, live, "done", "", result)
+        elif result.loc == CHECKPOINT:
+            # It fits no longer, so it would stop every further try.
+            query.drop_checkpoint(session, record.id)
+            message = f"{result.message} Resume it to begin anew."
+            self._write_end(session, record, _Live(), "failed", message)
         else:
-            self._write_end(session, record, "done", "", result)
+            self._write_end(session, record, live, "failed", result.message)
 
     def _write_end(
         self,
         session: Session,
         record: IdentificationRecord,
+        live: _Live,
         state: str,
         message: str,
         result: Document | None = None,
     ) -> None:
         at = self._foundation.clock.now()
-        live = self._live.get(record.id, _Live())
         query.end_identification(
             session,
             record.id,

@@ -1,7 +1,6 @@
 """What-if runs: controllers in one scenario on the same seeds, before anybody flies it."""
 
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -111,11 +110,11 @@ class WhatIfs:
                 "whatif", lambda progress: self._work(record, problem, progress), by=by
             )
         except StoreError:
-            with suppress(StoreError):
-                await self._end(record, "failed", "The storage failed; start it again.")
+            await self._end(record, "failed", "The storage failed; start it again.")
             raise
-        self._running.begun(record.id, job.id)
-        await self._store.write(lambda session: query.set_whatif_job(session, record.id, job.id))
+        await self._running.begun(
+            record.id, job.id, lambda session: query.set_whatif_job(session, record.id, job.id)
+        )
         return record.id, job.id
 
     async def get(self, whatif: str) -> WhatIfRecord:
@@ -124,14 +123,16 @@ class WhatIfs:
         Raises:
             UnknownIdError: If there is none of this id.
         """
-        return await self._store.query(lambda session: query.get_whatif(session, whatif))
+        record = await self._store.query(lambda session: query.get_whatif(session, whatif))
+        return self._running.as_it_stands(record)
 
     async def of_robot(self, robot: str, before: str | None, limit: int) -> list[WhatIfRecord]:
         """Return the runs of a robot without their results, the newest first."""
         self._fleet.picture(robot)
-        return await self._store.query(
+        records = await self._store.query(
             lambda session: query.list_whatifs(session, robot, before=before, limit=limit)
         )
+        return [self._running.as_it_stands(record) for record in records]
 
     async def _problem(
         self,
@@ -144,8 +145,7 @@ class WhatIfs:
         errors: list[FieldError] = []
         config = TrialConfig()
         try:
-            found = (await book.merged("trial", robot, scenario)).value
-            config = found if isinstance(found, TrialConfig) else config
+            config = (await book.merged("trial", robot, scenario)).value_as(TrialConfig)
         except Problem as problem:
             errors += below(problem, "scenario").errors or _reraise(problem)
         choices: list[WhatIfController] = []
@@ -173,7 +173,7 @@ class WhatIfs:
         except WORKER_FAILURES as error:
             raise not_worked_out(error) from error
         if isinstance(refusal, Refusal):
-            error = FieldError(loc=["scenario", "reference"], msg=refusal.message)
+            error = FieldError(loc=list(refusal.loc), msg=refusal.message)
             raise unprocessable(refusal.message, [error])
 
     async def _work(
@@ -185,7 +185,7 @@ class WhatIfs:
                 WHATIF, problem, on_progress=lambda news: progress.report(*news)
             )
             await self._running.keep(
-                lambda session: self._write_result(session, record, result), progress
+                record.id, lambda session: self._write_result(session, record, result), progress
             )
         except WORKER_FAILURES as error:
             await self._end(record, "failed", str(error))
@@ -211,8 +211,11 @@ class WhatIfs:
             self._write_end(session, record, "done", "", result)
 
     async def _end(self, record: WhatIfRecord, state: str, message: str) -> None:
-        await self._running.keep_if_possible(
-            record.id, lambda session: self._write_end(session, record, state, message)
+        await self._running.keep_end(
+            record.id,
+            state,
+            message,
+            lambda session: self._write_end(session, record, state, message),
         )
 
     def _write_end(

@@ -7,6 +7,7 @@ from db.column import moment
 from db.fault import UnknownIdError
 from db.query.deployments import list_deployments
 from db.query.identifications import (
+    AcceptedAlreadyError,
     accept_identification,
     add_identification,
     end_identification,
@@ -157,6 +158,8 @@ def test_a_search_that_goes_on_is_running_again(store):
     found = read(store, lambda s: get_identification(s, search))
     assert (found.state, found.job, found.ended_at) == ("running", job.id, None)
     assert found.accepted_vehicle == "mini-b"
+    with pytest.raises(AcceptedAlreadyError, match="as mini-b"):
+        write(store, lambda s: accept_identification(s, search, "mini-c"))
 
 
 @pytest.mark.parametrize("identity", ["identification-9", "whatif-1", "identification-x"])

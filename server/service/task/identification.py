@@ -8,12 +8,18 @@ import numpy as np
 
 from autonomy.identification.problem import problem_from
 from autonomy.identification.progress import (
+    CheckpointError,
     IdentificationCancelledError,
     IdentificationError,
     Progress,
 )
 from autonomy.identification.run import identify
-from server.service.task.study import IdentificationNews, IdentificationProblem, Refusal
+from server.service.task.study import (
+    CHECKPOINT,
+    IdentificationNews,
+    IdentificationProblem,
+    Refusal,
+)
 
 CHECKPOINT_PERIOD_S = 2.0
 """A search that is cut off loses at most this much of its work, and one iteration."""
@@ -37,9 +43,16 @@ def run(
         )
     except IdentificationCancelledError:
         return Refusal("The identification was cancelled.")
+    except CheckpointError as error:
+        return Refusal(_sentence(error), CHECKPOINT)
     except IdentificationError as error:
-        return Refusal(str(error))
+        return Refusal(_sentence(error))
     return found.document()
+
+
+def _sentence(error: IdentificationError) -> str:
+    text = str(error).rstrip(".")
+    return f"{text[0].upper()}{text[1:]}."
 
 
 class _Reporter:

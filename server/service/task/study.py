@@ -31,6 +31,9 @@ ADVISE_TRIM: Final = "server.service.task.trim_advice:run"
 Document = Mapping[str, Any]
 """A JSON object."""
 
+CHECKPOINT: Final = ("resume",)
+"""Place of a refusal to go on from a checkpoint: it does not fit the recording as it is now."""
+
 
 @dataclass(frozen=True, slots=True)
 class Refusal:

@@ -183,7 +183,7 @@ async def test_a_search_that_was_killed_with_the_station_is_interrupted(tmp_path
         begun = await start(pilot, await deployed(station, recording), SLOW)
         await checkpointed(pilot, begun)
         # Nobody notes how it ended: so it looks in the database after SIGKILL.
-        station.identifications._running.keep_if_possible = _keep_nothing
+        station.identifications._running.keep_end = _keep_nothing
     async with open_station(tmp_path, world) as station, api_client(station, Role.PILOT) as pilot:
         found = await get(pilot, begun)
         assert (found["state"], found["has_checkpoint"]) == ("interrupted", True)
@@ -191,8 +191,8 @@ async def test_a_search_that_was_killed_with_the_station_is_interrupted(tmp_path
         assert (await pilot.get(f"/api/jobs/{begun['job']}")).json()["state"] != "running"
 
 
-async def _keep_nothing(study, write):
-    del study, write
+async def _keep_nothing(study, state, message, write):
+    del study, state, message, write
 
 
 async def test_a_search_converges_while_it_is_watched(client, station, recording):
