@@ -127,7 +127,7 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
             ),
             ControllerKind(
                 "controller.governor",
-                "Predictive backstepping",
+                "Robust backstepping",
                 GovernorConfig,
                 GOVERNOR_PRESETS,
                 GOVERNOR_SIMULATION,

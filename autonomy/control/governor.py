@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.control.backstepping import solve
+from autonomy.control.backstepping import Solution, solve
 from autonomy.control.governor_config import GovernorConfig
+from autonomy.control.integral import apply_learned
 from autonomy.control.reference import Reference
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.kernel import rk4_step
@@ -30,59 +31,98 @@ class SentCommands:
 def governor_inputs(
     state: FloatArray,
     reference: Reference,
+    learned: FloatArray,
     sent: SentCommands,
     config: GovernorConfig,
     vehicle: Vehicle,
     dt_s: float,
-) -> tuple[FloatArray, SentCommands]:
-    """Net mass kg, sliding mass m and tail angle rad, not yet limited, and what was sent.
+) -> tuple[FloatArray, FloatArray, SentCommands]:
+    """Net mass kg, sliding mass m and tail angle rad, not yet limited; what is learned and sent.
 
-    Net mass and tail are those of the backstepping law. The sliding mass is that of the law for
-    the state at which its command arrives, with the two pitch gains lowered to a bandwidth that
-    its rate can follow.
+    Net mass and tail are those of the integral backstepping law. The sliding mass is that of the
+    law for the state at which its command arrives, with the pitch gains lowered to a bandwidth
+    that its rate can follow; its integral learns from the present error, which shows what the
+    prediction has wrong.
 
     Args:
         state: The 12 states or their estimate.
         reference: Where the vehicle should be.
+        learned: As of ``integral_inputs``.
         sent: The controller's own commands so far.
         config: Gains, and what is known of the mass actuator.
         vehicle: The model and the end stops.
         dt_s: Time since the last call.
     """
-    calls = round(config.mass_delay_s / dt_s) if dt_s > 0.0 else 0
+    calls = config.delay_calls(dt_s)
     rate = config.mass_rate_share * vehicle.limits.rp1_rate_m_s
+    predicted = _predicted(state, learned, sent, calls, rate, vehicle, dt_s)
+    ahead = _extrapolated(reference, calls * dt_s)
+    distance = float(learned[2])
+    law = solve(predicted, ahead, config, vehicle, added_along_m=distance)
+    share = _bandwidth_share(law, config, rate, calls * dt_s)
+    given_up = (1.0 - share) * config.k_3 * law.error.hybrid_rate
+    given_up += (1.0 - share**2) * config.k_xi * law.error.hybrid
+
+    now = solve(state, reference, config, vehicle, added_along_m=distance)
+    wanted = now.inputs.copy()
+    wanted[1] = law.inputs[1] + given_up / law.slide_effect
+    inputs, learned = apply_learned(wanted, now, learned, config, vehicle, dt_s, share**3)
+    return inputs, learned, _remembered(inputs, sent, calls, rate, vehicle, dt_s)
+
+
+def _predicted(
+    state: FloatArray,
+    learned: FloatArray,
+    sent: SentCommands,
+    calls: int,
+    rate_m_s: float,
+    vehicle: Vehicle,
+    dt_s: float,
+) -> FloatArray:
+    """Return the state after ``calls`` calls, under the commands that are on their way."""
     predicted, sliding = state.copy(), sent.actuators[1]
     for late in range(calls, 0, -1):
-        moved = _towards(sliding, sent.before(late), rate * dt_s)
+        moved = _towards(sliding, sent.before(late), rate_m_s * dt_s)
         inputs = np.array([sent.actuators[0], 0.5 * (sliding + moved), sent.actuators[2]])
+        inputs[:2] += learned[:2]
         predicted = rk4_step(predicted, inputs, vehicle.packed(), dt_s, 1)
         sliding = moved
-    ahead = _extrapolated(reference, calls * dt_s)
+    return predicted
 
-    inputs = solve(state, reference, config, vehicle).inputs
-    law = solve(predicted, ahead, config, vehicle)
+
+def _bandwidth_share(
+    law: Solution, config: GovernorConfig, rate_m_s: float, delay_s: float
+) -> float:
+    """Share of the greatest bandwidth that the mass actuator can follow at the present error."""
     greatest = math.sqrt(config.k_xi)
     error = abs(law.error.hybrid) + abs(law.error.hybrid_rate) / greatest
-    jerk = config.rate_use * abs(law.slide_effect) * rate
+    jerk = config.rate_use * abs(law.slide_effect) * rate_m_s
     bandwidth = min(
         greatest,
         math.cbrt(jerk / max(error, config.error_floor_rad)),
-        config.delay_margin / max(calls * dt_s, 1e-9),
+        config.delay_margin / max(delay_s, 1e-9),
     )
-    share = bandwidth / greatest
-    given_up = (1.0 - share) * config.k_3 * law.error.hybrid_rate
-    given_up += (1.0 - share**2) * config.k_xi * law.error.hybrid
-    inputs[1] = law.inputs[1] + given_up / law.slide_effect
+    return bandwidth / greatest
 
-    m0, rp1, tail = vehicle.limits.clip(*inputs.tolist())
-    now = SentCommands(sent.actuators, (*sent.sliding_m, rp1))
+
+def _remembered(
+    inputs: FloatArray,
+    sent: SentCommands,
+    calls: int,
+    rate_m_s: float,
+    vehicle: Vehicle,
+    dt_s: float,
+) -> SentCommands:
+    """Note the new set points and move the actuators as they will until the next call."""
     limits = vehicle.limits
+    m0, rp1, tail = limits.clip(*inputs.tolist())
+    now = SentCommands(sent.actuators, (*sent.sliding_m, rp1))
     actuators = (
         _towards(sent.actuators[0], m0, limits.m0_rate_kg_s * dt_s),
-        _towards(sent.actuators[1], now.before(calls + 1), rate * dt_s),
+        _towards(sent.actuators[1], now.before(calls + 1), rate_m_s * dt_s),
         _towards(sent.actuators[2], tail, limits.delta_rate_rad_s * dt_s),
     )
-    return inputs, SentCommands(actuators, now.sliding_m)
+    return SentCommands(actuators, now.sliding_m)
 
 
 def _towards(value: float, target: float, most: float) -> float:

@@ -1,18 +1,34 @@
 """Settings of the controller that knows how slow and how late the mass actuator is."""
 
 from autonomy.configuration import quantity
-from autonomy.control.config import BACKSTEPPING_SIMULATION, BacksteppingConfig
+from autonomy.control.integral_config import (
+    INTEGRAL_PRESETS,
+    INTEGRAL_SIMULATION,
+    IntegralConfig,
+)
+
+MOST_DELAY_CALLS = 255
+"""Commands that may be on their way to the sliding mass; a longer delay is taken as this long."""
 
 
-class GovernorConfig(BacksteppingConfig):
-    """Backstepping for an actuator with a delay and a small rate.
+class GovernorConfig(IntegralConfig):
+    """Backstepping that learns its offsets, for an actuator with a delay and a small rate.
 
     The pitch law works on the state that the model predicts for the moment at which a command
     takes effect, and its bandwidth is lowered to what the mass actuator can follow: at bandwidth
     w an error e asks for a growth of the angular acceleration of w^3 e, which the actuator's rate
-    bounds. The two pitch gains are those of the greatest bandwidth.
+    bounds. The three pitch gains are those of the greatest bandwidth. What is learned as in
+    integral backstepping corrects the model that predicts; with integral gains of 0 it stays 0.
     """
 
+    k_pitch_integral: float = quantity(0.2, "1/s3", title="Pitch integral gain", ge=0.0)
+    """Angular acceleration by integral of the hybrid error at the greatest bandwidth w; it falls
+    with w^3. Accepted below pitch gain x pitch rate gain (Routh)."""
+    k_along_integral: float = quantity(
+        0.0, "1/s", title="Distance integral gain", ge=0.0, advanced=True
+    )
+    """Growth of the added distance by the distance to the target ahead; learning it gives up more
+    pitch, which a slow actuator has to follow."""
     mass_rate_share: float = quantity(
         1.0, "", title="Known rate of the sliding mass", gt=0.0, le=2.0
     )
@@ -37,13 +53,21 @@ class GovernorConfig(BacksteppingConfig):
     delay_margin: float = quantity(0.5, "", title="Delay margin", gt=0.0, le=3.0, advanced=True)
     """Greatest product of bandwidth and delay, for a model that predicts only so well."""
 
+    def delay_calls(self, dt_s: float) -> int:
+        """How many calls, ``dt_s`` apart, a command of the sliding mass is taken to be late."""
+        return min(round(self.mass_delay_s / dt_s), MOST_DELAY_CALLS) if dt_s > 0.0 else 0
+
 
 GOVERNOR_EXPERIMENT = GovernorConfig()
 """Gains of the thesis's experiments as the greatest bandwidth; nominal actuator."""
-GOVERNOR_SIMULATION = GovernorConfig(**(BACKSTEPPING_SIMULATION.model_dump()))
+GOVERNOR_SIMULATION = GovernorConfig.model_validate(
+    {**INTEGRAL_SIMULATION.model_dump(), "k_along_integral": 0.0}
+)
 """Gains of the thesis's simulation as the greatest bandwidth; nominal actuator."""
 GOVERNOR_PRESETS: dict[str, GovernorConfig] = {
-    "miniglider": GOVERNOR_EXPERIMENT,
-    "grace3": GOVERNOR_EXPERIMENT,
+    key: GovernorConfig.model_validate(
+        {**preset.model_dump(), "k_along_integral": 0.0, "k_pitch_integral": 0.2}
+    )
+    for key, preset in INTEGRAL_PRESETS.items()
 }
 """Settings a robot starts with, by vehicle; bandwidth follows from the model's own actuator."""

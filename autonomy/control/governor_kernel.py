@@ -6,20 +6,27 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
+from autonomy.control import integral_kernel
 from autonomy.control import kernel as thesis
+from autonomy.control.governor_config import MOST_DELAY_CALLS
 from autonomy.vehicle import kernel as vehicle_kernel
 
-MASS_RATE_SHARE, MASS_DELAY, RATE_USE, ERROR_FLOOR, DELAY_MARGIN = range(11, 16)
-"""Index of each number in packed gains, after those of backstepping."""
-GAINS = 16
-HISTORY = 256
-"""Set points of the sliding mass that are remembered; a longer delay is taken as this long."""
-HEAD = 3
-"""Index in the memory of where the next set point goes; before it stand the three actuators."""
-FIRST = 4
+MASS_RATE_SHARE, MASS_DELAY, RATE_USE, ERROR_FLOOR, DELAY_MARGIN = range(20, 25)
+"""Index of each number in packed gains, after those of integral backstepping."""
+GAINS = 25
+HISTORY = MOST_DELAY_CALLS + 1
+"""Set points of the sliding mass that are remembered, the newest included."""
+SENT = 3
+"""Index in the memory of the three actuators; before them stands what integral backstepping
+learns."""
+HEAD = 6
+"""Index in the memory of where the next set point goes."""
+FIRST = 7
 MEMORY_SIZE = FIRST + HISTORY
 
 backstepping_into = thesis.backstepping_into
+learn_offset = integral_kernel.learn_offset
+learn_distance = integral_kernel.learn_distance
 end_stops = thesis.end_stops
 rk4_into = vehicle_kernel.rk4_into
 K_XI, K_3 = thesis.K_XI, thesis.K_3
@@ -59,14 +66,13 @@ def _predict(
     """Write state and reference after ``calls`` calls into rows 3 and 4 of ``scratch``."""
     predicted, ahead = scratch[3], scratch[4]
     predicted[:12] = x[:12]
-    sliding, head = memory[1], int(memory[HEAD])
+    m0, tail = memory[SENT] + memory[0], memory[SENT + 2]
+    sliding, head = memory[SENT + 1], int(memory[HEAD])
     for late in range(calls, 0, -1):
         target = memory[FIRST + (head - late) % HISTORY]
         moved = _towards(sliding, target, rate * dt_s)
-        middle = 0.5 * (sliding + moved)
-        rk4_into(
-            predicted, memory[0], middle, memory[2], p, dt_s, scratch[0], scratch[1], scratch[2]
-        )
+        rp1 = 0.5 * (sliding + moved) + memory[1]
+        rk4_into(predicted, m0, rp1, tail, p, dt_s, scratch[0], scratch[1], scratch[2])
         sliding = moved
     t = calls * dt_s
     for i in range(4):
@@ -93,8 +99,8 @@ def governor_into(
     calls = min(round(gains[MASS_DELAY] / dt_s), HISTORY - 1) if dt_s > 0.0 else 0
     rate = gains[MASS_RATE_SHARE] * p[RP1_RATE]
     _predict(x, r, calls, rate, p, dt_s, memory, scratch)
-    e = scratch[0]
-    backstepping_into(scratch[3], scratch[4], gains, p, 0.0, e, scratch[1], scratch[2], out)
+    e, distance = scratch[0], memory[2]
+    backstepping_into(scratch[3], scratch[4], gains, p, distance, e, scratch[1], scratch[2], out)
     greatest = math.sqrt(gains[K_XI])
     error = abs(e[ERROR_HYBRID]) + abs(e[ERROR_HYBRID_RATE]) / greatest
     jerk = gains[RATE_USE] * abs(e[SLIDE_EFFECT]) * rate
@@ -104,8 +110,12 @@ def governor_into(
     given_up = (1.0 - share) * gains[K_3] * e[ERROR_HYBRID_RATE]
     given_up += (1.0 - share * share) * gains[K_XI] * e[ERROR_HYBRID]
     sliding = out[1] + given_up / e[SLIDE_EFFECT]
-    backstepping_into(x, r, gains, p, 0.0, e, scratch[1], scratch[2], out)
+    backstepping_into(x, r, gains, p, distance, e, scratch[1], scratch[2], out)
     out[1] = sliding
+    for i in range(2):
+        learn_offset(i, out[i], e, gains, p, dt_s, share * share * share if i else 1.0, memory)
+        out[i] -= memory[i]
+    learn_distance(e, gains, dt_s, memory)
     _remember(calls, rate, p, dt_s, memory, out)
 
 
@@ -119,11 +129,11 @@ def _remember(
     memory[FIRST + head] = _clipped(out[1], low, high)
     arriving = memory[FIRST + (head - calls) % HISTORY]
     memory[HEAD] = (head + 1) % HISTORY
-    memory[1] = _towards(memory[1], arriving, rate * dt_s)
+    memory[SENT + 1] = _towards(memory[SENT + 1], arriving, rate * dt_s)
     low, high = end_stops(0, p)
-    memory[0] = _towards(memory[0], _clipped(out[0], low, high), p[M0_RATE] * dt_s)
+    memory[SENT] = _towards(memory[SENT], _clipped(out[0], low, high), p[M0_RATE] * dt_s)
     low, high = end_stops(2, p)
-    memory[2] = _towards(memory[2], _clipped(out[2], low, high), p[DELTA_RATE] * dt_s)
+    memory[SENT + 2] = _towards(memory[SENT + 2], _clipped(out[2], low, high), p[DELTA_RATE] * dt_s)
 
 
 @kernel

@@ -3,7 +3,7 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.control.backstepping import solve
+from autonomy.control.backstepping import Solution, solve
 from autonomy.control.integral_config import IntegralConfig
 from autonomy.control.reference import Reference
 from autonomy.vehicle.config import Vehicle
@@ -39,17 +39,45 @@ def integral_inputs(
     Returns:
         The inputs and what is learned now, shape ``(3,)`` each.
     """
-    k = config
     law = solve(state, reference, config, vehicle, added_along_m=float(learned[2]))
+    inputs, learned = apply_learned(law.inputs, law, learned, config, vehicle, dt_s)
+    return inputs, learned
+
+
+def apply_learned(
+    wanted: FloatArray,
+    law: Solution,
+    learned: FloatArray,
+    config: IntegralConfig,
+    vehicle: Vehicle,
+    dt_s: float,
+    pitch_share: float = 1.0,
+) -> tuple[FloatArray, FloatArray]:
+    """Go on learning, and take what is learned off the inputs.
+
+    Args:
+        wanted: Inputs of a model without offsets, shape ``(3,)``.
+        law: Errors and effects at the present state.
+        learned: As of ``integral_inputs``.
+        config: Gains.
+        vehicle: The end stops.
+        dt_s: Time since the last call.
+        pitch_share: Share of the pitch integral gain that is in use.
+
+    Returns:
+        The inputs and what is learned now, shape ``(3,)`` each.
+    """
+    k = config
     errors = (law.error.depth, law.error.hybrid)
     gains = (k.k_depth_integral / law.mass_effect, k.k_pitch_integral / law.slide_effect)
+    shares = (1.0, pitch_share)
     windows = (k.depth_window_m, k.pitch_window_rad)
     most = (k.net_buoyancy_most_kg, k.mass_position_most_m)
-    inputs, learned = law.inputs.copy(), learned.copy()
+    inputs, learned = wanted.copy(), learned.copy()
     for i in range(2):
-        wanted = law.inputs - learned
-        cut = wanted - np.array(vehicle.limits.clip(*wanted.tolist()))
-        step = gains[i] * errors[i] * dt_s
+        asked = wanted - learned
+        cut = asked - np.array(vehicle.limits.clip(*asked.tolist()))
+        step = shares[i] * gains[i] * errors[i] * dt_s
         # more of what is learned means less of the input
         if abs(errors[i]) <= windows[i] and cut[i] * step >= 0.0:
             learned[i] = min(max(learned[i] + step, -most[i]), most[i])

@@ -1,6 +1,9 @@
 """Settings of the integral backstepping controller."""
 
 import math
+from typing import Self
+
+from pydantic import model_validator
 
 from autonomy.configuration import quantity
 from autonomy.control.config import BACKSTEPPING_SIMULATION, BacksteppingConfig
@@ -16,10 +19,11 @@ class IntegralConfig(BacksteppingConfig):
     """
 
     k_depth_integral: float = quantity(0.006, "1/s3", title="Depth integral gain", ge=0.0)
-    """Acceleration by integral of the depth error; stable below depth gain x depth rate gain."""
+    """Acceleration by integral of the depth error; stable, and accepted, below depth gain x
+    depth rate gain (Routh)."""
     k_pitch_integral: float = quantity(0.8, "1/s3", title="Pitch integral gain", ge=0.0)
-    """Angular acceleration by integral of the hybrid error; stable below pitch gain x pitch rate
-    gain."""
+    """Angular acceleration by integral of the hybrid error; stable, and accepted, below pitch gain
+    x pitch rate gain (Routh)."""
     k_along_integral: float = quantity(0.003, "1/s", title="Distance integral gain", ge=0.0)
     """Growth of the added distance by the distance to the target ahead."""
     depth_window_m: float = quantity(0.3, "m", title="Learn depth within", gt=0.0, advanced=True)
@@ -42,6 +46,16 @@ class IntegralConfig(BacksteppingConfig):
         1.0, "m", title="Most distance added", ge=0.0, le=3.0, advanced=True
     )
     """Greatest added distance; the pitch that wins back distance is nearly all given up at 2 m."""
+
+    @model_validator(mode="after")
+    def _integrals_are_stable(self) -> Self:
+        for name, value, most in (
+            ("k_depth_integral", self.k_depth_integral, self.k_z * self.k_1),
+            ("k_pitch_integral", self.k_pitch_integral, self.k_xi * self.k_3),
+        ):
+            if value >= most:
+                raise ValueError(f"{name} must be below {most:g}, gain x rate gain, to be stable")
+        return self
 
 
 INTEGRAL_EXPERIMENT = IntegralConfig()

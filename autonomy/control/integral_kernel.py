@@ -3,7 +3,7 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inlined_kernel, kernel
 from autonomy.control import kernel as thesis
 from autonomy.vehicle import kernel as vehicle_kernel
 
@@ -29,6 +29,41 @@ MASS_EFFECT, SLIDE_EFFECT = thesis.MASS_EFFECT, thesis.SLIDE_EFFECT
 """Names that numba resolves once, when it compiles."""
 
 
+@inlined_kernel
+def learn_offset(
+    i: int,
+    wanted: float,
+    e: FloatArray,
+    gains: FloatArray,
+    p: FloatArray,
+    dt_s: float,
+    share: float,
+    learned: FloatArray,
+) -> None:
+    """Learn net mass (0) or mass position (1), unless that leads further into its end stop.
+
+    ``wanted`` is the input without what was learned, ``share`` that of the integral gain in use;
+    ``e`` has the errors and effects of ``backstepping_into``.
+    """
+    error = e[ERROR_DEPTH] if i == 0 else e[ERROR_HYBRID]
+    effect = e[MASS_EFFECT] if i == 0 else e[SLIDE_EFFECT]
+    low, high = end_stops(i, p)
+    wanted -= learned[i]
+    cut = wanted - min(max(wanted, low), high)
+    step = share * gains[K_DEPTH + i] / effect * error * dt_s
+    if abs(error) <= gains[DEPTH_WINDOW + i] and cut * step >= 0.0:
+        most = gains[NET_BUOYANCY_MOST + i]
+        learned[i] = min(max(learned[i] + step, -most), most)
+
+
+@inlined_kernel
+def learn_distance(e: FloatArray, gains: FloatArray, dt_s: float, learned: FloatArray) -> None:
+    """Learn the added distance from the errors ``e`` of ``backstepping_into``."""
+    if e[ERROR_DISTANCE] <= gains[ALONG_WINDOW]:
+        grown = learned[2] + gains[K_ALONG] * e[ERROR_ALONG] * dt_s
+        learned[2] = min(max(grown, -gains[ALONG_MOST]), gains[ALONG_MOST])
+
+
 @kernel
 def integral_into(
     x: FloatArray,
@@ -47,20 +82,10 @@ def integral_into(
     ``e``, shape ``(16,)``, ``level`` and ``drift``, ``(12,)``, are scratch.
     """
     backstepping_into(x, r, gains, p, learned[2], e, level, drift, out)
-    errors = (e[ERROR_DEPTH], e[ERROR_HYBRID])
-    effects = (e[MASS_EFFECT], e[SLIDE_EFFECT])
     for i in range(2):
-        low, high = end_stops(i, p)
-        wanted = out[i] - learned[i]
-        cut = wanted - min(max(wanted, low), high)
-        step = gains[K_DEPTH + i] / effects[i] * errors[i] * dt_s
-        if abs(errors[i]) <= gains[DEPTH_WINDOW + i] and cut * step >= 0.0:
-            most = gains[NET_BUOYANCY_MOST + i]
-            learned[i] = min(max(learned[i] + step, -most), most)
+        learn_offset(i, out[i], e, gains, p, dt_s, 1.0, learned)
         out[i] -= learned[i]
-    if e[ERROR_DISTANCE] <= gains[ALONG_WINDOW]:
-        grown = learned[2] + gains[K_ALONG] * e[ERROR_ALONG] * dt_s
-        learned[2] = min(max(grown, -gains[ALONG_MOST]), gains[ALONG_MOST])
+    learn_distance(e, gains, dt_s, learned)
 
 
 @kernel

@@ -7,15 +7,18 @@ from typing import Any
 
 import numpy as np
 
-from autonomy.arrays import FloatArray
+from autonomy.arrays import FloatArray, IntArray
 from autonomy.trial.config import TrialConfig
 from autonomy.trial.run import ControllerChoice, Trial, fly
 from autonomy.trial.setting import packed_references
+from autonomy.trial.work import check_work
 from autonomy.vehicle.config import Vehicle
 
 _BAND = (0.05, 0.95)
 """Quantiles over the seeds: 90 % of the runs lie between."""
 _THREADS = 2
+MOST_POINTS = 400
+"""Moments that are kept of each run: 65 kB, whatever the length of the trial."""
 _ERROR_NAMES = ("depth_m", "horizontal_m", "pitch_rad", "hybrid_rad")
 
 
@@ -24,29 +27,49 @@ class TrialCancelledError(Exception):
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class KeptRun:
+    """What a comparison keeps of one trial, so that many of them fit in memory."""
+
+    seed: int
+    time_s: FloatArray
+    """At most ``MOST_POINTS`` moments, evenly spread, first and last included, shape ``(n,)``."""
+    state: FloatArray
+    """The true 12 states at these moments, shape ``(n, 12)``."""
+    inputs: FloatArray
+    """Where the actuators were, kg, m, rad, shape ``(n, 3)``."""
+    errors: FloatArray
+    """Depth, horizontal, pitch and hybrid error, shape ``(n, 4)``."""
+    rms: FloatArray
+    """Root mean square of each error at all commands, shape ``(4,)``."""
+    travel: FloatArray
+    """Way of each actuator, kg, m, rad, shape ``(3,)``."""
+    energy_j: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class ControllerResult:
     """Every run of one controller."""
 
     choice: ControllerChoice
-    trials: tuple[Trial, ...]
+    runs: tuple[KeptRun, ...]
     """One a seed, in the order of the seeds."""
 
     @property
     def rms(self) -> FloatArray:
         """Root mean square of depth, horizontal, pitch and hybrid error, shape ``(seeds, 4)``."""
-        return np.array([trial.rms() for trial in self.trials])
+        return np.array([run.rms for run in self.runs])
 
     @property
-    def shown(self) -> Trial:
+    def shown(self) -> KeptRun:
         """The run whose horizontal error is the median one."""
         order = np.argsort(self.rms[:, 1], kind="stable")
-        return self.trials[int(order[(len(order) - 1) // 2])]
+        return self.runs[int(order[(len(order) - 1) // 2])]
 
     def summary(self) -> dict[str, Any]:
         """Medians over the seeds."""
         rms = np.median(self.rms, axis=0)
-        end = np.median([trial.errors[-1, 1] for trial in self.trials])
-        travel = np.median([trial.travel for trial in self.trials], axis=0)
+        end = np.median([run.errors[-1, 1] for run in self.runs])
+        travel = np.median([run.travel for run in self.runs], axis=0)
         return {
             "depth_rms_m": _number(rms[0]),
             "horizontal_rms_m": _number(rms[1]),
@@ -57,7 +80,7 @@ class ControllerResult:
                 name: _number(value)
                 for name, value in zip(("m0_kg", "rp1_m", "delta_rad"), travel, strict=True)
             },
-            "energy_j": _number(np.median([trial.energy_j for trial in self.trials])),
+            "energy_j": _number(np.median([run.energy_j for run in self.runs])),
         }
 
 
@@ -67,9 +90,11 @@ class Comparison:
 
     vehicle: Vehicle
     config: TrialConfig
+    reference: FloatArray
+    """Packed reference at the moments that are kept of each run, shape ``(n, 12)``."""
     results: tuple[ControllerResult, ...]
 
-    def document(self, max_points: int = 400) -> dict[str, Any]:
+    def document(self, max_points: int = MOST_POINTS) -> dict[str, Any]:
         """Return what a page draws, JSON-able: SI units, angles in rad.
 
         A track and the actuators are those of the run with the median horizontal error; errors
@@ -77,14 +102,14 @@ class Comparison:
         finite is None.
 
         Args:
-            max_points: At most so many moments, evenly spread, the last one included.
+            max_points: At most so many moments, and no more than are kept, evenly spread, the
+                last one included.
         """
-        first = self.results[0].trials[0]
-        count = len(first.time_s)
-        at = np.unique(np.linspace(0, count - 1, min(count, max_points)).round().astype(int))
-        reference = first.reference[at]
+        time_s = self.results[0].runs[0].time_s
+        at = _spread(len(time_s), max_points)
+        reference = self.reference[at]
         return {
-            "time_s": _numbers(first.time_s[at]),
+            "time_s": _numbers(time_s[at]),
             "reference": {
                 "north_m": _numbers(reference[:, 0]),
                 "east_m": _numbers(reference[:, 1]),
@@ -117,19 +142,26 @@ def compare(
 
     Raises:
         ValueError: If there is no controller.
+        TooMuchWorkError: If it takes more steps than are worked out.
         TrialCancelledError: If it was cancelled.
         NoSteadyGlideError: If the reference is a glide flatter than the vehicle can glide.
     """
     if not choices:
         raise ValueError("a comparison needs at least one controller")
+    check_work(vehicle, config, choices)
     references = packed_references(vehicle, config)
+    at = _spread(len(references), MOST_POINTS)
+
+    def fly_and_keep(choice: ControllerChoice, seed: int) -> KeptRun:
+        return _kept(fly(vehicle, config, choice, seed, references), at)
+
     total = len(choices) * config.runs
     with ThreadPoolExecutor(_THREADS) as threads:
         jobs = [
-            [threads.submit(fly, vehicle, config, choice, seed, references) for choice in choices]
+            [threads.submit(fly_and_keep, choice, seed) for choice in choices]
             for seed in config.seeds
         ]
-        waiting: set[Future[Trial]] = {job for row in jobs for job in row}
+        waiting: set[Future[KeptRun]] = {job for row in jobs for job in row}
         try:
             while waiting and not is_cancelled():
                 done, waiting = wait(waiting, timeout=0.2)
@@ -145,12 +177,30 @@ def compare(
         ControllerResult(choice, tuple(job.result() for job in column))
         for choice, column in zip(choices, columns, strict=True)
     )
-    return Comparison(vehicle, config, results)
+    return Comparison(vehicle, config, references[at], results)
 
 
-def _run_document(result: ControllerResult, at: Any) -> dict[str, Any]:  # noqa: ANN401 - an index
+def _kept(trial: Trial, at: IntArray) -> KeptRun:
+    return KeptRun(
+        seed=trial.seed,
+        time_s=trial.time_s[at],
+        state=trial.state[at],
+        inputs=trial.inputs[at],
+        errors=trial.errors[at],
+        rms=trial.rms(),
+        travel=trial.travel,
+        energy_j=trial.energy_j,
+    )
+
+
+def _spread(count: int, most: int) -> IntArray:
+    """Return at most so many of ``count`` indices, the last one included."""
+    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
+
+
+def _run_document(result: ControllerResult, at: IntArray) -> dict[str, Any]:
     shown = result.shown
-    errors = np.array([trial.errors[at] for trial in result.trials])
+    errors = np.array([run.errors[at] for run in result.runs])
     middle = np.median(errors, axis=0)
     low, high = np.quantile(errors, _BAND, axis=0)
     return {

@@ -71,11 +71,14 @@ class DisturbanceConfig(Configuration):
     net_buoyancy_error_kg: float = quantity(
         0.0, "kg", title="Net buoyancy error", ge=-1.0, le=1.0, display_unit="g"
     )
-    """Net mass that is there and that no sensor sees; positive sinks."""
+    """Net mass that is there and that no sensor sees; positive sinks, as a positive offset of a
+    robot's trim does: an error of -1 g and a trim of +1 g cancel. A trial flies without the
+    robot's trim, so what its pump leaves uncorrected stands here."""
     mass_position_error_m: float = quantity(
         0.0, "m", title="Mass position error", ge=-0.2, le=0.2, display_unit="mm"
     )
-    """How far the sliding mass stands forward of what its sensor says."""
+    """How far the sliding mass stands forward of what its sensor says; an offset of a robot's trim
+    with the opposite sign cancels it."""
     current_north_m_s: float = quantity(0.0, "m/s", title="Current north", ge=-2.0, le=2.0)
     """Northward velocity of the water."""
     current_east_m_s: float = quantity(0.0, "m/s", title="Current east", ge=-2.0, le=2.0)
@@ -139,7 +142,7 @@ class TrialConfig(Configuration):
     )
     """Time for which a command is held, rounded to whole steps; 0 lets the controller work at
     every step."""
-    step_s: float = quantity(0.01, "s", title="Step of the model", gt=0.0, le=0.1, advanced=True)
+    step_s: float = quantity(0.01, "s", title="Step of the model", ge=1e-4, le=0.1, advanced=True)
     """Step of the Runge-Kutta integration."""
     model: Literal["thesis", "extended"] = quantity("thesis", title="Model")
     """The 12 states of chapter 3 with actuators that only have a greatest rate, or the 15 states

@@ -164,7 +164,7 @@ def _record(
 
 
 @kernel
-def _move_extended(
+def move_extended(
     x: FloatArray,
     inputs: FloatArray,
     applied: FloatArray,
@@ -193,7 +193,7 @@ def _move_extended(
 
 
 @inlined_kernel
-def _move(
+def move_within_rates(
     x: FloatArray,
     inputs: FloatArray,
     applied: FloatArray,
@@ -291,11 +291,9 @@ def fly(
             applied[1] = late[slot]
             before[:] = inputs
             if is_extended:
-                _move_extended(
-                    x, inputs, applied, true, surroundings, conditions, step * dt_s, dt_s
-                )
+                move_extended(x, inputs, applied, true, surroundings, conditions, step * dt_s, dt_s)
             else:
-                _move(x, inputs, applied, true, conditions, dt_s, slope, total, probe)
+                move_within_rates(x, inputs, applied, true, conditions, dt_s, slope, total, probe)
             for i in range(3):
                 moved = inputs[i] - before[i]
                 effort[0, i] += abs(moved)

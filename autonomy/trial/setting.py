@@ -67,7 +67,10 @@ def reference_function(vehicle: Vehicle, config: TrialConfig) -> Callable[[float
 def packed_references(vehicle: Vehicle, config: TrialConfig) -> FloatArray:
     """Return the packed reference at each command, shape ``(n, 12)``."""
     trajectory = reference_function(vehicle, config)
-    return np.array([trajectory(k * config.period_s).packed() for k in range(config.periods)])
+    packed = np.empty((config.periods, 12))
+    for k in range(config.periods):
+        packed[k] = trajectory(k * config.period_s).packed()
+    return packed
 
 
 def setting(vehicle: Vehicle, config: TrialConfig, seed: int, references: FloatArray) -> Setting:

@@ -5,9 +5,11 @@ import pytest
 
 from autonomy.control import integral_kernel
 from autonomy.control.catalogue import CONTROLLERS
+from autonomy.control.governor_config import GovernorConfig
 from autonomy.control.integral import integral_inputs
 from autonomy.control.integral_config import INTEGRAL_EXPERIMENT, IntegralConfig
 from autonomy.control.reference import Reference
+from autonomy.control.swimming_config import SwimmingConfig
 from autonomy.trial.config import TABLE_3_1_LINEAR, TABLE_3_3_DIAGONAL, TrialConfig
 from autonomy.trial.run import ControllerChoice, run_trial
 from autonomy.vehicle.config import MINIGLIDER
@@ -64,6 +66,16 @@ def test_packed_gains_stand_in_the_order_that_the_kernel_reads():
     assert names[integral_kernel.MASS_POSITION_MOST] == "mass_position_most_m"
     assert names[integral_kernel.ALONG_MOST] == "along_most_m"
     assert len(names) == integral_kernel.GAINS == INTEGRAL_EXPERIMENT.packed().size
+
+
+@pytest.mark.parametrize(
+    ("name", "limit"), [("k_depth_integral", 0.08 * 0.9), ("k_pitch_integral", 16.0)]
+)
+@pytest.mark.parametrize("model", [IntegralConfig, GovernorConfig, SwimmingConfig])
+def test_an_integral_gain_beyond_the_limit_of_stability_is_refused(model, name, limit):
+    assert getattr(model(**{name: 0.99 * limit}), name) == pytest.approx(0.99 * limit)
+    with pytest.raises(ValueError, match=f"{name} must be below {limit:g}"):
+        model(**{name: limit})
 
 
 def test_depth_offset_of_a_wrong_net_buoyancy_is_removed():

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 from autonomy.control.feasibility import InfeasibleReferenceError
-from autonomy.trial.check import check_scenario
+from autonomy.trial.check import UnfitControllerError, check_scenario
 from autonomy.trial.comparison import TrialCancelledError, compare
 from autonomy.trial.run import ControllerChoice
+from autonomy.trial.work import TooMuchWorkError
 from server.service.task.study import Refusal, WhatIfProblem
 
 POINTS_MAX = 400
@@ -15,14 +16,19 @@ POINTS_MAX = 400
 def check(
     problem: WhatIfProblem, report: Callable[[object], None], is_cancelled: Callable[[], bool]
 ) -> Refusal | None:
-    """Tell whether the vehicle can follow the reference at all; a refusal names the limit."""
+    """Tell whether the vehicle can follow the reference, and the station work it out in time.
+
+    A refusal names the limit and the field.
+    """
     del report, is_cancelled
-    kinds = {controller.kind for controller in problem.controllers}
     try:
-        check_scenario(problem.vehicle, problem.scenario, kinds)
+        check_scenario(problem.vehicle, problem.scenario, _choices(problem))
     except InfeasibleReferenceError as error:
-        text = str(error)
-        return Refusal(f"{text[0].upper()}{text[1:]}.")
+        return _refusal(error, "scenario", "reference")
+    except TooMuchWorkError as error:
+        return _refusal(error, "scenario", "runs")
+    except UnfitControllerError as error:
+        return _refusal(error, "controllers", error.number, "config", "mass_delay_s")
     return None
 
 
@@ -32,15 +38,23 @@ def run(
     is_cancelled: Callable[[], bool],
 ) -> dict[str, Any] | Refusal:
     """Return the comparison for JSON."""
-    choices = [ControllerChoice(one.kind, one.title, one.config) for one in problem.controllers]
     try:
         found = compare(
             problem.vehicle,
             problem.scenario,
-            choices,
+            _choices(problem),
             report=lambda share, message: report((share, message)),
             is_cancelled=is_cancelled,
         )
     except TrialCancelledError:
         return Refusal("The comparison was cancelled.")
     return found.document(max_points=POINTS_MAX)
+
+
+def _choices(problem: WhatIfProblem) -> list[ControllerChoice]:
+    return [ControllerChoice(one.kind, one.title, one.config) for one in problem.controllers]
+
+
+def _refusal(error: Exception, *loc: str | int) -> Refusal:
+    text = str(error)
+    return Refusal(f"{text[0].upper()}{text[1:]}.", loc)
