@@ -1,5 +1,7 @@
 """The vehicles that a station knows: those it brings along, and those that its people added."""
 
+import hashlib
+import json
 import math
 from dataclasses import dataclass
 from datetime import datetime
@@ -7,7 +9,7 @@ from datetime import datetime
 from sqlalchemy.orm import Session
 
 from autonomy.vehicle.config import VEHICLES, Vehicle
-from autonomy.vehicle.parameter_file import vehicle_from_document
+from autonomy.vehicle.parameter_file import vehicle_document, vehicle_from_document
 from db.query.vehicles import VehicleRecord, get_vehicle
 
 BUILT_IN = "built-in"
@@ -33,6 +35,12 @@ def entry_of(record: VehicleRecord) -> CatalogueEntry:
     """
     vehicle = vehicle_from_document(record.document)
     return CatalogueEntry(vehicle, record.origin, record.created_at, record.created_by)
+
+
+def vehicle_digest(vehicle: Vehicle) -> str:
+    """Return what two vehicles have in common only if every entry of them is the same."""
+    document = json.dumps(vehicle_document(vehicle), sort_keys=True)
+    return hashlib.sha256(document.encode()).hexdigest()
 
 
 def preset_key(session: Session, model: str) -> str:

@@ -12,6 +12,7 @@ from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.service.view.identification import (
     AcceptedVehicleView,
+    ActuatorOffsetView,
     ConvergenceView,
     IdentificationSummaryView,
     IdentificationsView,
@@ -102,12 +103,24 @@ async def resume_identification(
 async def accept_identification(
     caller: Pilot, identification: str, station: StationDep, body: AcceptRequest | None = None
 ) -> AcceptedVehicleView:
-    """Keep what was found as a vehicle of the catalogue; the robot's model stays as it is."""
+    """Keep what was found as a vehicle of the catalogue; the robot's model stays as it is.
+
+    Offsets of the actuators that were found with it are named in its note and in the answer, and
+    offered as a trim advice.
+    """
     wish = body or AcceptRequest()
-    key = await station.identifications.accept(
+    done = await station.identifications.accept(
         identification, key=wish.key, title=wish.title, by=caller.name
     )
-    return AcceptedVehicleView(key)
+    return AcceptedVehicleView(
+        vehicle=done.vehicle,
+        offsets=[
+            ActuatorOffsetView(one.name, one.unit, one.value, one.std, one.verdict)
+            for one in done.offsets
+        ],
+        trim_advice=None if done.advice is None else dict(done.advice),
+        trim_message=done.message,
+    )
 
 
 def _summary(record: IdentificationRecord) -> IdentificationSummaryView:

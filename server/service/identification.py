@@ -23,8 +23,10 @@ from db.query.identifications import IdentificationRecord
 from server.foundation import Foundation
 from server.job import JobError, JobProgress
 from server.problem import Problem, below, conflict
+from server.service.accepted import AcceptedIdentification, keep_offer
 from server.service.fleet import Fleet
 from server.service.flight_recording import find_deployment, read_flight
+from server.service.identified import note_of, offsets_of
 from server.service.study import STOPPED, RunningStudies
 from server.service.task.study import (
     CHECKPOINT,
@@ -168,8 +170,8 @@ class Identifications:
 
     async def accept(
         self, identification: str, *, key: str | None, title: str | None, by: str
-    ) -> str:
-        """Keep what a search found as a vehicle of the catalogue; return the vehicle's key.
+    ) -> AcceptedIdentification:
+        """Keep what a search found as a vehicle of the catalogue, and offer the trim it needs.
 
         Raises:
             Problem: 409 if it has no result, was accepted already, or the key is taken; 422 for a
@@ -184,22 +186,29 @@ class Identifications:
             raise conflict(f"{identification} was accepted already, as {record.accepted_vehicle}.")
         wish = key or self._vehicles.free_key(f"{record.robot}-identified")
         base = vehicle_from_document(record.vehicle_document)
+        offsets = offsets_of(record.result)
         document = {
             **record.result["vehicle"],
             "key": wish,
             "title": title or f"{base.title} of {record.robot}, identified",
-            "note": f"identified from {record.deployment} by {record.id}",
+            "note": note_of(identification, record.deployment, offsets),
         }
+        accepted: list[AcceptedIdentification] = []
 
         def also(session: Session) -> None:
             query.accept_identification(session, identification, wish)
-            text = f"{by} accepted {identification} of {record.robot} as the vehicle {wish}."
             at, data = self._foundation.clock.now(), {"id": identification, "vehicle": wish}
+            vehicle = vehicle_from_document(document)
+            accepted.append(keep_offer(session, record, offsets, vehicle, at=at, by=by))
+            text = f"{by} accepted {identification} of {record.robot} as the vehicle {wish}."
             kind = "identification.accepted"
             add_event(session, at, kind, text, robot=record.robot, data=data)
 
-        await self._vehicles.add(document, origin="identified", by=by, also=also)
-        return wish
+        try:
+            await self._vehicles.add(document, origin="identified", by=by, also=also)
+        except query.AcceptedAlreadyError as error:
+            raise conflict(str(error)) from error
+        return accepted[-1]
 
     async def get(self, identification: str) -> IdentificationRecord:
         """Return one search as it stands now.

@@ -88,7 +88,7 @@ class Station:
         self.identifications = Identifications(
             foundation, self.fleet, self.vehicles, self.study_workers
         )
-        self.trim = TrimAdvices(foundation, self.fleet, self.vehicles, self.workers)
+        self.trim = TrimAdvices(foundation, self.fleet, self.vehicles, self.study_workers)
         self._follower = PlanFollower(store, self.plans)
         self.ingest = Ingest(
             store,

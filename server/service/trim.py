@@ -1,14 +1,15 @@
 """Trim advice: what the last dives say of a robot's ballast, accepted by a person in steps."""
 
 from dataclasses import dataclass
-from typing import Any
 
 from sqlalchemy.orm import Session
 
 from autonomy.identification.config import IdentificationConfig
-from autonomy.vehicle.trim import TrimConfig
+from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.trim import TrimConfig, trim_flaw
 from db.query import trim as query
 from db.query.events import add_event
+from db.query.robots import get_robot
 from db.query.trim import TrimAdviceRecord
 from server.configuration import CurrentConfiguration
 from server.foundation import Foundation
@@ -17,6 +18,7 @@ from server.problem import Problem, conflict, not_found
 from server.service.fleet import Fleet
 from server.service.flight_recording import find_deployment, read_last_dives
 from server.service.task.study import ADVISE_TRIM, Document, Refusal, TrimProblem
+from server.service.trim_advice import advice_document, fits, for_vehicle, in_words
 from server.service.vehicles import Vehicles
 from server.service.whatif import vehicle_of
 from server.service.worker import WORKER_FAILURES, WorkerPool
@@ -76,12 +78,12 @@ class TrimAdvices:
         """Change a robot's trim by a share of an advice.
 
         Raises:
-            Problem: 404 if it is no advice for this robot; 409 if it was accepted already, or the
-                trim changed since.
+            Problem: 404 if it is no advice for this robot; 409 if it was accepted already, the trim
+                or the vehicle changed since, or no draft could hold the trim.
             UnknownIdError: If there is none of this id.
             StoreError: Nothing was changed.
         """
-        self._fleet.picture(robot)
+        vehicle = vehicle_of(robot, self._fleet, self._vehicles)
         record = await self._store.query(lambda session: query.get_advice(session, advice))
         if record.robot != robot:
             raise not_found(f"There is no {advice} for {robot}.")
@@ -89,9 +91,12 @@ class TrimAdvices:
             raise conflict(f"{record.accepted_by} accepted {advice} already; ask for a new one.")
         step, name = STEPS[share]
         wanted = TrimConfig.model_validate(record.document[step])
+        _refuse_flaw(wanted, vehicle)
         at = self._foundation.clock.now()
 
         def also(session: Session) -> None:
+            if get_robot(session, robot).model != vehicle.key or not fits(record, vehicle):
+                raise conflict(_other_vehicle(record))
             query.accept_advice(session, advice, share, at=at, by=by)
             text = f"{by} accepted {name} for {robot}: {in_words(wanted)}."
             data = {"advice": advice, "share": share, "trim": wanted.model_dump()}
@@ -134,7 +139,7 @@ class TrimAdvices:
                 robot,
                 deployment,
                 trim_version=present.etag,
-                document=found,
+                document=for_vehicle(found, problem.vehicle),
                 at=at,
                 by=by,
             )
@@ -161,13 +166,14 @@ class TrimAdvices:
         return f"It reaches {robot} with the next plan."
 
 
-def advice_document(record: TrimAdviceRecord) -> dict[str, Any]:
-    """Return an advice with its id as JSON."""
-    return {**record.document, "id": record.id, "deployment": record.deployment}
+def _refuse_flaw(trim: TrimConfig, vehicle: Vehicle) -> None:
+    flaw = trim_flaw(trim.net_buoyancy_offset_kg, trim.mass_position_offset_m, vehicle.limits)
+    if flaw:
+        raise conflict(f"No plan could hold this: {flaw}. Mend the ballast first.")
 
 
-def in_words(trim: TrimConfig) -> str:
-    """Say a trim as pilots do, in grams and millimetres."""
-    buoyancy_g = trim.net_buoyancy_offset_kg * 1e3
-    position_mm = trim.mass_position_offset_m * 1e3
-    return f"net buoyancy {buoyancy_g:+.1f} g, mass position {position_mm:+.1f} mm"
+def _other_vehicle(record: TrimAdviceRecord) -> str:
+    return (
+        f"{record.id} is for the vehicle {record.document.get('vehicle', '')}, which {record.robot} is not "
+        "now; change the robot's model, or ask for a new advice."
+    )

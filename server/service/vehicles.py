@@ -1,8 +1,6 @@
 """The catalogue of vehicles, and what each of them does with its actuators held still."""
 
 import asyncio
-import hashlib
-import json
 import re
 from collections import OrderedDict
 from collections.abc import Callable, Mapping
@@ -23,7 +21,7 @@ from robot_link.clock import Clock
 from server.problem import FieldError, Problem, conflict, not_found, unprocessable
 from server.service.task.study import POLAR, STEADY, Refusal, SteadyProblem
 from server.service.worker import WORKER_FAILURES, WorkerPool
-from server.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of
+from server.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of, vehicle_digest
 
 POLARS_KEPT = 32
 """So many polars stay in memory, the last asked for."""
@@ -147,7 +145,7 @@ class Vehicles:
             Problem: 404 for an unknown vehicle, 503 if the working process ended.
         """
         vehicle = self.get(key).vehicle
-        digest = _digest(vehicle)
+        digest = vehicle_digest(vehicle)
         task = self._polars.get(digest)
         if task is None:
             task = asyncio.create_task(self._workers.run(POLAR, vehicle), name=f"polar of {key}")
@@ -194,11 +192,6 @@ def _seen(task: asyncio.Task[Mapping[str, Any]]) -> None:
     """Look at a failure of which everyone who waited is gone."""
     if not task.cancelled():
         task.exception()
-
-
-def _digest(vehicle: Vehicle) -> str:
-    document = json.dumps(vehicle_document(vehicle), sort_keys=True)
-    return hashlib.sha256(document.encode()).hexdigest()
 
 
 def _check_stops(problem: SteadyProblem) -> None:

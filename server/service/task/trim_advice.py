@@ -3,6 +3,8 @@
 from collections.abc import Callable
 from typing import Any
 
+from pydantic import ValidationError
+
 from autonomy.identification.trim_advice import NoAdviceError, advise
 from server.service.task.study import Refusal, TrimProblem
 
@@ -17,4 +19,7 @@ def run(
     except NoAdviceError as error:
         text = str(error)
         return Refusal(f"{text[0].upper()}{text[1:]}.")
+    except ValidationError:
+        # Of a vehicle with long travel, what the dives tell may be more than a trim can hold.
+        return Refusal("The robot is off by more than a trim can hold; mend its ballast first.")
     return found.document()

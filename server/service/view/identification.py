@@ -80,11 +80,31 @@ class IdentificationView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class ActuatorOffsetView(View):
+    """Constant error of an actuator's feedback: what it reports less what is true."""
+
+    name: str
+    """``net_buoyancy_offset_kg`` or ``mass_position_offset_m``."""
+    unit: str
+    value: float
+    std: float | None
+    """Null where the recording does not tell it."""
+    verdict: str
+
+
+@dataclass(frozen=True, slots=True)
 class AcceptedVehicleView(View):
     """The vehicle that was made of an identification."""
 
     vehicle: str
     """Its key; `PATCH /api/robots/{robot}` with this model switches the robot to it."""
+    offsets: list[ActuatorOffsetView]
+    """Found together with its parameters, and part of what makes the model fit."""
+    trim_advice: dict[str, Any] | None
+    """Takes the offsets away; to be accepted by `POST /api/robots/{robot}/trim/accept` once the
+    robot has this model. Shaped like every advice, but without errors of flown glides."""
+    trim_message: str
+    """What the advice is about, or why there is none."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -142,7 +142,12 @@ async def test_a_search_finds_what_differs_and_becomes_a_vehicle(client, station
 
     accepted = await client.post(f"/api/identifications/{begun['id']}/accept", json={})
     assert accepted.status_code == 201
-    assert accepted.json() == {"vehicle": "mini-1-identified"}
+    assert accepted.json() == {
+        "vehicle": "mini-1-identified",
+        "offsets": [],
+        "trim_advice": None,
+        "trim_message": "identification-1 did not seek offsets of the actuators.",
+    }
     vehicles = (await client.get("/api/vehicles")).json()["vehicles"]
     assert [(one["key"], one["origin"], one["robots"]) for one in vehicles][-1] == (
         "mini-1-identified",
@@ -351,7 +356,7 @@ async def test_an_accepted_vehicle_has_the_key_and_title_that_were_asked_for(
     assert (await client.post(path, json={"key": "miniglider"})).status_code == 409
     assert (await get(client, begun))["vehicle"] is None
     accepted = await client.post(path, json={"key": "mini-c", "title": "Refitted"})
-    assert accepted.json() == {"vehicle": "mini-c"}
+    assert accepted.json()["vehicle"] == "mini-c"
     assert (await get(client, begun))["vehicle"] == "mini-c"
     assert (await client.get("/api/vehicles/mini-c")).json()["title"] == "Refitted"
 

@@ -7,13 +7,14 @@ import pytest
 
 from autonomy.identification.synthetic import open_loop_recording
 from autonomy.vehicle.config import MINIGLIDER
+from autonomy.vehicle.parameter_file import vehicle_document
 from autonomy.vehicle.trim import TrimConfig
 from db.fault import StoreUnavailableError
 from db.query import trim as query
 from db.query.state_columns import state_columns
 from server.security.role import Role
-from server.service import flight_recording
-from server.service.trim import in_words
+from server.service import flight_recording, trim
+from server.service.trim_advice import in_words
 from tests.server.service.conftest import api_client, until
 from tests.server.service.test_identification_api import BEGIN, deployed
 
@@ -122,6 +123,25 @@ async def test_advice_for_another_trim_than_the_present_is_refused(client, advic
     assert "changed since advice-1" in refused.json()["detail"]
     held = (await trim_of(client))["value"]
     assert held["net_buoyancy_offset_kg"] == 0.001
+
+
+async def test_advice_for_another_vehicle_than_the_present_is_refused(client, advice):
+    other = {**vehicle_document(MINIGLIDER), "key": "mini-b"}
+    assert (await client.post("/api/vehicles", json=other)).status_code == 201
+    await client.patch("/api/robots/mini-1", json={"model": "mini-b"})
+    refused = await client.post(ACCEPT, json={"advice": advice["id"]})
+    assert refused.status_code == 409
+    assert "for the vehicle miniglider, which mini-1 is not now" in refused.json()["detail"]
+    assert (await trim_of(client))["id"] is None
+    await client.patch("/api/robots/mini-1", json={"model": "miniglider"})
+    assert (await client.post(ACCEPT, json={"advice": advice["id"]})).status_code == 200
+
+
+async def test_a_trim_that_no_plan_could_hold_is_refused(client, advice, monkeypatch):
+    monkeypatch.setattr(trim, "trim_flaw", lambda *_: "the trim is beyond the travel")
+    refused = await client.post(ACCEPT, json={"advice": advice["id"]})
+    assert refused.status_code == 409
+    assert "No plan could hold this: the trim is beyond" in refused.json()["detail"]
 
 
 async def test_an_acceptance_that_cannot_be_kept_changes_nothing(client, advice, monkeypatch):
