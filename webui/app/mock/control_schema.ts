@@ -105,16 +105,16 @@ interface Kind {
 
 export const CONTROL_KINDS: Record<string, Kind> = {
   'controller.backstepping': {
-    title: 'Backstepping controller',
+    title: 'Backstepping',
     schema: GAINS,
     value: GAIN_VALUES,
   },
   'controller.baseline': {
-    title: 'Baseline backstepping controller',
+    title: 'Baseline backstepping',
     schema: GAINS,
     value: { ...GAIN_VALUES, pitch_trade_rad: 0 },
   },
-  'controller.governor': { title: 'Reference governor', schema: GAINS, value: GAIN_VALUES },
+  'controller.governor': { title: 'Predictive backstepping', schema: GAINS, value: GAIN_VALUES },
   trial: { title: 'What-if scenario', schema: TRIAL, value: TRIAL_VALUE },
   identification: {
     title: 'Identification',

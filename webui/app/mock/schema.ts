@@ -113,7 +113,7 @@ export const KINDS: Record<string, { title: string; schema: JsonObject; value: J
   },
   ...CONTROL_KINDS,
   'controller.pid': {
-    title: 'PID controller',
+    title: 'PID',
     schema: PID,
     value: Object.fromEntries(Object.keys(PID.properties as JsonObject).map((key) => [key, 1.2])),
   },

@@ -177,6 +177,8 @@ export interface IdentificationResult {
   cost_after: number;
   convergence: readonly CostPoint[];
   parameters: readonly IdentifiedParameter[];
+  /** What the data cannot tell, in words, worst first. */
+  findings?: readonly string[];
   fit: {
     time_s: readonly number[];
     measured: FitChannels;

@@ -184,6 +184,8 @@ export interface ConfigDocument {
   preset: JsonObject;
   /** Gains of a controller for exact states. */
   simulation_preset?: JsonObject | null;
+  /** Whether it goes to the robot: `station`, `plan` or `robot`. */
+  reach?: string;
   changed_at: Time | null;
   changed_by: string | null;
 }

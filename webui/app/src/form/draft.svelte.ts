@@ -4,6 +4,9 @@ import { fault } from './check';
 import { formTree, type FormNode, type GroupNode } from './schema';
 import { difference, isSame, leaves, valueAt, withValue } from './value';
 
+/** Whether a field, by its path, means anything beside the form's other values. */
+export type Needs = (path: readonly string[], value: JsonObject) => boolean;
+
 /** A form being filled: a model's schema, its stored value, and what the person changed. */
 export class Draft {
   readonly tree: GroupNode;
@@ -15,9 +18,18 @@ export class Draft {
   #unreadable = $state.raw<Readonly<Record<string, string>>>({});
   readonly #preset: JsonObject;
 
-  constructor(schema: JsonObject, stored: JsonObject, preset: JsonObject) {
+  readonly #needs: Needs;
+
+  /** `needs` tells which fields mean nothing with what stands in others. */
+  constructor(
+    schema: JsonObject,
+    stored: JsonObject,
+    preset: JsonObject,
+    needs: Needs = () => true,
+  ) {
     this.tree = formTree(schema);
     this.#preset = preset;
+    this.#needs = needs;
     this.load(stored);
   }
 
@@ -74,6 +86,13 @@ export class Draft {
   isDefault(node: FormNode): boolean {
     const known = this.default(node);
     return known === undefined || isSame(known, this.at(node));
+  }
+
+  /** Whether a field is worth showing; what is wrong always is. */
+  isInUse(node: FormNode): boolean {
+    return (
+      this.#needs(node.path, this.value) || leaves(node).some((each) => this.error(each) !== null)
+    );
   }
 
   isUnsaved(node: FormNode): boolean {

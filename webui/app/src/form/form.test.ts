@@ -200,3 +200,17 @@ describe('a draft', () => {
     expect(domain && draft.error(domain)).toBe('“North edge” must exceed x_min_m');
   });
 });
+
+test('a field that means nothing beside the others is not shown, unless it is wrong', () => {
+  const needs = (path: readonly string[], value: JsonObject) =>
+    path[0] !== 'domain' || value.objective === 'ergodic';
+  const draft = new Draft(SCHEMA, { ...STORED, objective: 'ergodic' }, STORED, needs);
+  const domain = nodeAt(draft.tree, ['domain']) as FormNode;
+  const objective = nodeAt(draft.tree, ['objective']) as FormNode;
+  const depth = nodeAt(draft.tree, ['domain', 'depth_max_m']) as FormNode;
+  expect(draft.isInUse(domain)).toBe(true);
+  draft.set(objective, 'information_gain');
+  expect(draft.isInUse(domain)).toBe(false);
+  draft.setUnreadable(depth, 'A number is needed.');
+  expect(draft.isInUse(domain)).toBe(true);
+});

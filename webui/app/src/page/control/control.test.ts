@@ -1,9 +1,8 @@
 import { describe, expect, test } from 'vitest';
-import type { Comparison, ComparisonRun, IdentifiedParameter, Polar } from '../../api/types';
+import type { Comparison, ComparisonRun, Polar } from '../../api/types';
 import { contour, joined } from '../../chart/contour';
 import { runsOf } from '../../chart/heat_map';
 import { drawnPlot, ERROR_PLOTS, INPUT_PLOTS, summaryRows } from './comparison';
-import { costColumns, fitPlots } from './fit';
 import { kindGroups } from './kind_groups';
 import { pickTitle } from './pick';
 import {
@@ -16,9 +15,9 @@ import {
   reach,
   screenValues,
   stabilitySentence,
+  usualGlide,
 } from './polar';
 import { adviceRows, offsetsOf, offsetsText } from './trim';
-import { changeText, intervalText, leftOutText, verdictSummary, verdictWord } from './verdict';
 
 /** Three buoyancies by three mass positions; the middle row hangs still, one glide is unstable. */
 function smallPolar(): Polar {
@@ -236,108 +235,9 @@ describe('a comparison', () => {
   });
 
   test('names a second controller of a kind so that plots can tell them apart', () => {
-    const kinds = [{ kind: 'controller.pid', title: 'PID controller', robots: [] }];
-    expect(pickTitle(kinds, 'controller.pid', [])).toBe('PID controller');
-    expect(pickTitle(kinds, 'controller.pid', [{ title: 'PID controller' }])).toBe(
-      'PID controller 2',
-    );
-  });
-});
-
-function parameter(change: Partial<IdentifiedParameter>): IdentifiedParameter {
-  return {
-    name: 'drag_0',
-    title: 'Drag',
-    unit: '',
-    before: 2,
-    after: 2.5,
-    low: 2.4,
-    high: 2.6,
-    std: 0.05,
-    verdict: 'identified',
-    reason: '',
-    ...change,
-  };
-}
-
-describe('a verdict', () => {
-  test('is words with the reason', () => {
-    expect(verdictWord(parameter({}))).toEqual({ text: 'identified', tone: 'ok' });
-    expect(
-      verdictWord(
-        parameter({ verdict: 'not identifiable', reason: 'Only the product m_w r_w3 enters.' }),
-      ).text,
-    ).toBe('not identifiable: Only the product m_w r_w3 enters');
-    expect(verdictWord(parameter({ verdict: 'weak' })).tone).toBe('watch');
-  });
-
-  test('says what changed and in which bounds', () => {
-    expect(changeText(parameter({}))).toBe('+25 %');
-    expect(changeText(parameter({ after: 1.9 }))).toBe('−5.0 %');
-    expect(changeText(parameter({ after: 2.0000001 }))).toBe('');
-    expect(changeText(parameter({ before: 0 }))).toBe('');
-    expect(intervalText(parameter({}))).toBe('2.40 to 2.60');
-    expect(intervalText(parameter({ low: null }))).toBe('unbounded');
-  });
-
-  test('is counted in one sentence', () => {
-    const verdicts = ['identified', 'identified', 'weak', 'fixed'] as const;
-    expect(verdictSummary(verdicts.map((verdict) => parameter({ verdict })))).toBe(
-      '2 identified, 1 weak.',
-    );
-    expect(verdictSummary([parameter({ verdict: 'fixed' })])).toBe('No parameter was searched.');
-  });
-
-  test('of a stretch left out says when, how long and why', () => {
-    const gap = { kind: 'gap', start_s: 61, end_s: 73, message: 'no sample arrived.' };
-    expect(leftOutText(gap, '2026-11-21T10:00:00Z')).toBe('10:01:01Z for 12 s: no sample arrived.');
-  });
-});
-
-describe('a fit', () => {
-  test('puts measured beside predicted in the units of the screen, holes kept', () => {
-    const [plot] = fitPlots({
-      time_s: [0, 1],
-      measured: { pitch_rad: [Math.PI / 2, null] },
-      before: { pitch_rad: [0, 0] },
-      after: { pitch_rad: [Math.PI / 4, 0] },
-    });
-    expect(plot?.data).toEqual([
-      [0, 1],
-      [90, null],
-      [0, 0],
-      [45, 0],
-    ]);
-    expect(plot?.lines.map(({ label, dash }) => [label, dash !== undefined])).toEqual([
-      ['measured', false],
-      ['predicted before', true],
-      ['predicted after', true],
-    ]);
-  });
-
-  test('turns depth downwards only', () => {
-    const values = { depth_m: [1], pitch_rad: [1] };
-    const plots = fitPlots({ time_s: [0], measured: values, before: values, after: values });
-    expect(plots.map(({ isDownwards }) => isDownwards)).toEqual([true, false]);
-  });
-
-  test('shows a part that was left out as a gap', () => {
-    const depth_m = [1, 2, 3, 4];
-    const fit = { measured: { depth_m }, before: { depth_m }, after: { depth_m } };
-    const [plot] = fitPlots({ time_s: [0, 1, 2, 60], ...fit });
-    expect(plot?.data[0]).toEqual([0, 1, 2, 31, 60]);
-    expect(plot?.data[3]).toEqual([1, 2, 3, null, 4]);
-  });
-
-  test('has no place for a cost of 0 on a scale of tenfold steps', () => {
-    const curve = [
-      { iteration: 2, cost: 0 },
-      { iteration: 1, cost: 4 },
-    ];
-    expect(costColumns(curve)).toEqual([
-      [1, 2],
-      [4, null],
-    ]);
+    const kinds = [{ kind: 'controller.pid', title: 'PID', robots: [] }];
+    expect(pickTitle(kinds, 'controller.pid', [])).toBe('PID');
+    expect(pickTitle(kinds, 'controller.pid', [{ title: 'PID' }])).toBe('PID 2');
   });
 });
 
@@ -391,4 +291,15 @@ test('lines of equal value are named one by one', () => {
     [2, 0, 1, 0],
   ]);
   expect(apart.map(({ length }) => length)).toEqual([2, 1]);
+});
+
+test('the usual glide is the same part of every glider’s range', () => {
+  expect(usualGlide({ m0_kg: [-0.0279, 0.0225], rp1_m: [-0.0555, 0.0445] })).toEqual({
+    m0_kg: 0.01,
+    rp1_m: 0.02,
+  });
+  expect(usualGlide({ m0_kg: [-0.23, 0.189], rp1_m: [-0.139, 0.11125] })).toEqual({
+    m0_kg: 0.084,
+    rp1_m: 0.05,
+  });
 });

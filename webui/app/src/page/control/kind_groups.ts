@@ -13,7 +13,7 @@ const HELP: Record<string, string> = {
   'controller.baseline': 'The proposed controller without pitch for horizontal error.',
   'controller.pid': 'Three plain loops, one for each actuator.',
   'controller.integral': 'The proposed controller that also learns what stays wrong.',
-  'controller.governor': 'Knows how fast and how late the actuators are.',
+  'controller.governor': 'Backstepping that foresees a slow, late mass actuator.',
   'controller.swimming': 'Beats the tail to swim.',
 };
 

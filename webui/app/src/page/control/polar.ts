@@ -245,3 +245,17 @@ export function bestGlide(polar: Polar, direction: 'down' | 'up'): PolarPoint | 
 export function reach(glide: PolarPoint): number {
   return glide.horizontal / Math.abs(glide.vertical);
 }
+
+/** Shares of the way to the heaviest and to the foremost at which any of these gliders glides. */
+const USUAL_BUOYANCY = 4 / 9;
+const USUAL_MASS = 0.45;
+
+/** Inputs of a glide downwards that is neither steep nor feeble: 10 g and 20 mm of a miniglider. */
+export function usualGlide({ m0_kg, rp1_m }: Pick<Polar, 'm0_kg' | 'rp1_m'>): {
+  m0_kg: number;
+  rp1_m: number;
+} {
+  const part = (ends: readonly number[], share: number) =>
+    Number((Math.max(0, ends.at(-1) ?? 0) * share).toPrecision(2));
+  return { m0_kg: part(m0_kg, USUAL_BUOYANCY), rp1_m: part(rp1_m, USUAL_MASS) };
+}

@@ -1,6 +1,6 @@
-import type { IdentifiedParameter, LeftOut, RunState } from '../../api/types';
+import type { CostPoint, IdentifiedParameter, LeftOut, RunState, Verdict } from '../../api/types';
 import { clockTime, duration } from '../../text/time';
-import { compact, plainNumber } from '../../text/unit';
+import { compact, fixed, plainNumber, screenUnit } from '../../text/unit';
 import { capital, type Tone } from '../../text/word';
 
 interface VerdictWord {
@@ -8,20 +8,61 @@ interface VerdictWord {
   tone: Tone;
 }
 
-/** What the data say of a parameter, and why. */
-export function verdictWord(parameter: IdentifiedParameter): VerdictWord {
-  const reason = signed(parameter.reason.trim().replace(/\.$/, ''));
-  const because = reason ? `: ${reason}` : '';
-  switch (parameter.verdict) {
-    case 'identified':
-      return { text: `identified${because}`, tone: 'ok' };
-    case 'weak':
-      return { text: `weak${because}`, tone: 'watch' };
-    case 'fixed':
-      return { text: `fixed, not searched${because}`, tone: 'plain' };
-    default:
-      return { text: `not identifiable${because}`, tone: 'watch' };
-  }
+const VERDICTS: Record<Verdict, Tone> = {
+  identified: 'ok',
+  weak: 'watch',
+  fixed: 'plain',
+  'not identifiable': 'watch',
+};
+
+/** What the data say of a parameter: the verdict, how far off it may be, and why. */
+export interface VerdictText extends VerdictWord {
+  /** "±12 %"; empty where the data set no bounds. */
+  figure: string;
+  /** A sentence, or nothing. */
+  reason: string;
+}
+
+export function verdictText({ verdict, reason }: IdentifiedParameter): VerdictText {
+  const said = signed(reason.trim().replace(/\.$/, ''));
+  const [, figure = '', rest = ''] = /^(±[\d.]+ %)?(?:[;,:] *)?(.*)$/s.exec(said) ?? [];
+  return {
+    text: verdict,
+    tone: VERDICTS[verdict],
+    figure,
+    reason: rest && `${capital(rest)}.`,
+  };
+}
+
+/** Names of the two actuators' standing errors, which are no parameters of the vehicle. */
+const OFFSETS: Readonly<Record<string, { title: string; shown: string }>> = {
+  net_buoyancy_offset_kg: { title: 'Net buoyancy', shown: 'g' },
+  mass_position_offset_m: { title: 'Mass position', shown: 'mm' },
+};
+
+export function isOffset({ name }: IdentifiedParameter): boolean {
+  return name in OFFSETS;
+}
+
+/** "Net buoyancy +1.20 ± 0.30 g": what an actuator's own sensor was found to be off by. */
+export function offsetText({ name, title, after, std, unit }: IdentifiedParameter): string {
+  const known = OFFSETS[name];
+  const { factor, label } = screenUnit(unit, known?.shown);
+  if (after === null) return known?.title ?? title;
+  const value = after * factor;
+  const spread = std === null ? ', not identifiable' : ` ± ${fixed(std * factor, 2)} ${label}`;
+  const sign = value > 0.005 ? '+' : '';
+  const bare = std === null ? ` ${label}` : '';
+  return `${known?.title ?? title} ${sign}${fixed(value, 2)}${bare}${spread}`;
+}
+
+/** What a search has reached, from its newest costs; empty before the first. */
+export function searchText(message: string, curve: readonly CostPoint[]): string {
+  const said = signed(message.trim());
+  const best = curve.at(-1);
+  if (!best || /cost/i.test(said)) return said;
+  const reached = `move ${best.iteration}, best cost ${compact(best.cost)}`;
+  return said ? `${said}, ${reached}` : reached;
 }
 
 /** `+-` as it is printed. */
