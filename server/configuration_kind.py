@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
+from typing import Literal
 
 from autonomy.configuration import Configuration
 from autonomy.control.catalogue import CONTROLLERS, ControllerKind
@@ -18,6 +19,23 @@ from server.problem import not_found
 
 
 @dataclass(frozen=True, slots=True)
+class Reach:
+    """How far a setting gets."""
+
+    key: Literal["station", "mission", "none"]
+    words: str
+    """For a person who changes it."""
+
+
+AT_STATION = Reach("station", "Used by the station, from the next plan, map or run on.")
+WITH_MISSION = Reach("mission", "Reaches the robot with the next plan that is made.")
+TRIED_ONLY = Reach(
+    "none", "Used in what-if runs only. Not on board: the robot flies its own settings."
+)
+NOT_ON_BOARD = Reach("none", "Not on board: the robot flies its own settings.")
+
+
+@dataclass(frozen=True, slots=True)
 class ConfigurationKind:
     """One tunable model."""
 
@@ -29,20 +47,27 @@ class ConfigurationKind:
     preset: Callable[[RobotRecord, str], Configuration]
     """The value for a robot for which nobody has saved one, by the robot and the key of the
     vehicle whose presets it has."""
+    reach: Reach = AT_STATION
     simulation_preset: Configuration | None = None
     """Of a controller: its gains for exact states, which a what-if may begin with."""
 
 
 def _by_vehicle(
-    key: str, title: str, presets: Mapping[str, Configuration], default: Configuration
+    key: str,
+    title: str,
+    presets: Mapping[str, Configuration],
+    default: Configuration,
+    reach: Reach = AT_STATION,
 ) -> ConfigurationKind:
     return ConfigurationKind(
-        key, title, type(default), default, lambda _, vehicle: presets.get(vehicle, default)
+        key, title, type(default), default, lambda _, vehicle: presets.get(vehicle, default), reach
     )
 
 
 def _of_controller(kind: ControllerKind) -> ConfigurationKind:
-    like_others = _by_vehicle(kind.key, kind.title, kind.presets, kind.preset(MINIGLIDER.key))
+    like_others = _by_vehicle(
+        kind.key, kind.title, kind.presets, kind.preset(MINIGLIDER.key), TRIED_ONLY
+    )
     return replace(like_others, simulation_preset=kind.simulation_preset)
 
 
@@ -57,8 +82,10 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
         for kind in (
             _by_vehicle("planner", "Planner", PLANNER_PRESETS, PlannerConfig()),
             ConfigurationKind("field", "Field map", FieldConfig, FieldConfig(), _by_variable),
-            _by_vehicle("estimator", "Estimator", ESTIMATOR_PRESETS, EstimatorConfig()),
-            _by_vehicle("trim", "Trim", TRIM_PRESETS, TrimConfig()),
+            _by_vehicle(
+                "estimator", "Estimator", ESTIMATOR_PRESETS, EstimatorConfig(), NOT_ON_BOARD
+            ),
+            _by_vehicle("trim", "Trim", TRIM_PRESETS, TrimConfig(), WITH_MISSION),
             _by_vehicle("trial", "What-if scenario", TRIAL_PRESETS, TrialConfig()),
             _by_vehicle(
                 "identification", "Identification", IDENTIFICATION_PRESETS, IdentificationConfig()

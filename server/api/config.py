@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Header, Query, Response
 
@@ -42,6 +42,11 @@ class ConfigurationView(View):
     """What a field returns to when it is set to null."""
     simulation_preset: dict[str, Any] | None
     """Of a controller: its gains for exact states, which a what-if may begin with."""
+    reach: Literal["station", "mission", "none"]
+    """How far a change gets: the station uses it, the next mission brings it to the robot, or
+    neither."""
+    reach_text: str
+    """The same in words."""
     changed_at: datetime | None
     changed_by: str | None
 
@@ -140,7 +145,8 @@ async def patch_config(
 
 
 def _view(found: CurrentConfiguration) -> ConfigurationView:
-    simulated = find_kind(found.kind).simulation_preset
+    kind = find_kind(found.kind)
+    simulated = kind.simulation_preset
     return ConfigurationView(
         kind=found.kind,
         robot=found.robot,
@@ -148,6 +154,8 @@ def _view(found: CurrentConfiguration) -> ConfigurationView:
         value=found.value.model_dump(mode="json"),
         preset=found.preset.model_dump(mode="json"),
         simulation_preset=None if simulated is None else simulated.model_dump(mode="json"),
+        reach=kind.reach.key,
+        reach_text=kind.reach.words,
         changed_at=found.changed_at,
         changed_by=found.changed_by,
     )

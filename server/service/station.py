@@ -90,24 +90,9 @@ class Station:
         )
         self.trim = TrimAdvices(foundation, self.fleet, self.vehicles, self.study_workers)
         self._follower = PlanFollower(store, self.plans)
-        self.ingest = Ingest(
-            store,
-            self.fleet,
-            clock,
-            Listeners(
-                acknowledge=self.road.acknowledge_samples,
-                samples=self.maps.feed,
-                plan=self._take_plan_report,
-                upload=self.uploads.take,
-                command=self.commands.take,
-            ),
-        )
+        self.ingest = Ingest(store, self.fleet, clock, self._listeners())
         self.scenes = SceneHost(self._scene_source)
-        self.plans.listeners.append(self.surveys.plan_changed)
-        self.uploads.on_failure.append(self.surveys.upload_failed)
-        self.commands.purges.append(purge_in)
-        self.commands.on_surface.append(self._show_missions)
-        self.feed.listeners.append(self._event_happened)
+        self._connect()
 
     async def start(self) -> None:
         """Take up the fleet as the database knows it, and go on with what was under way."""
@@ -162,6 +147,24 @@ class Station:
         await self._open_maps(record)
         if self.road.set_robots([picture.record for picture in self.fleet.pictures]):
             await self.commands.resume()
+
+    def _listeners(self) -> Listeners:
+        """Return who is told what robots say."""
+        return Listeners(
+            acknowledge=self.road.acknowledge_samples,
+            samples=self.maps.feed,
+            plan=self._take_plan_report,
+            upload=self.uploads.take,
+            command=self.commands.take,
+        )
+
+    def _connect(self) -> None:
+        """Let the services follow each other."""
+        self.plans.listeners.append(self.surveys.plan_changed)
+        self.uploads.on_failure.append(self.surveys.upload_failed)
+        self.commands.purges.append(purge_in)
+        self.commands.on_surface.append(self._show_missions)
+        self.feed.listeners.append(self._event_happened)
 
     def _run(self, name: str, work: Coroutine[Any, Any, None]) -> None:
         self._tasks.append(self._foundation.background.start(name, work))

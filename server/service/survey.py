@@ -14,25 +14,21 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from autonomy.field.score import Scores
 from autonomy.planner.config import PlannerConfig
 from db.fault import StoreError
 from db.query.events import add_event
 from db.query.missions import MissionRecord, change_mission, get_mission, list_missions
 from db.query.plans import PlanRecord
-from db.query.samples import sample_columns
 from server.foundation import Foundation
 from server.problem import Problem, conflict
 from server.service.drafting import outdated_by
-from server.service.field_model import MODEL_TITLES
 from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
 from server.service.mission_ledger import ENDED, MissionLedger
 from server.service.plan_ledger import ON_THE_WAY
-from server.service.planning import Planning, field_config_of, map_samples
-from server.service.task.problem import SCORE_SURVEY, ScoreProblem
+from server.service.planning import Planning
+from server.service.survey_score import map_scores
 from server.service.upload import Uploads
-from server.service.view.mission import ScoresView
 from server.service.worker import WORKER_FAILURES, WorkerPool
 
 log = logging.getLogger(__name__)
@@ -341,31 +337,19 @@ class Surveys:
             return
         await self._missions.advance(record.id, "scoring", "The budget is spent; scoring the map.")
         variable = picture.record.site.variable
-        found = await self._foundation.configurations.current("field", record.robot)
-        columns = await self._foundation.store.query(
-            lambda session: sample_columns(session, record.robot, variable)
-        )
-        problem = ScoreProblem(field_config_of(found, config), config.domain, map_samples(columns))
         try:
-            scores: dict[str, Scores] = await self._workers.run(SCORE_SURVEY, problem)
+            views = await map_scores(
+                self._foundation, self._workers, record.robot, variable, config
+            )
         except WORKER_FAILURES as error:
             await self._missions.advance(record.id, "done", f"The map was not scored: {error}")
             return
-        views = {
-            (variable, model): ScoresView(
-                model=model,
-                title=MODEL_TITLES[model],
-                **asdict(one),
-                samples=len(columns),
-            )
-            for model, one in scores.items()
-        }
-        self._maps.set_scores(record.robot, views)
+        self._maps.set_scores(record.robot, {(variable, view.model): view for view in views})
         await self._missions.advance(
             record.id,
             "done",
             "The budget is spent and the map is scored.",
-            scores=[asdict(view) for view in views.values()],
+            scores=[asdict(view) for view in views],
         )
 
     @staticmethod

@@ -173,7 +173,8 @@ def _refuse_flaw(trim: TrimConfig, vehicle: Vehicle) -> None:
 
 
 def _other_vehicle(record: TrimAdviceRecord) -> str:
+    vehicle = record.document.get("vehicle", "of another version of the station")
     return (
-        f"{record.id} is for the vehicle {record.document.get('vehicle', '')}, which {record.robot} is not "
-        "now; change the robot's model, or ask for a new advice."
+        f"{record.id} is for the vehicle {vehicle}, which {record.robot} is not now; change the "
+        "robot's model, or ask for a new advice."
     )

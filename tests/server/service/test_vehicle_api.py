@@ -219,3 +219,19 @@ async def test_only_the_last_polars_are_kept(station, monkeypatch):
 )
 async def test_a_free_key_is_as_near_to_the_wish_as_it_gets(station, wish, key):
     assert station.vehicles.free_key(wish) == key
+
+
+@pytest.mark.parametrize(
+    ("kind", "reach", "words"),
+    [
+        ("planner", "station", "Used by the station"),
+        ("field", "station", "Used by the station"),
+        ("trim", "mission", "with the next plan"),
+        ("estimator", "none", "Not on board"),
+        *((kind, "none", "Not on board") for kind in CONTROLLERS),
+    ],
+)
+async def test_settings_say_how_far_they_reach(client, kind, reach, words):
+    found = (await client.get(f"/api/config/{kind}?robot=mini-1")).json()
+    assert found["reach"] == reach
+    assert words in found["reach_text"]
