@@ -8,8 +8,9 @@ from autonomy.trial import kernel
 from server.reproduction import claims, fig_3_3_cases, fig_3_10
 from server.reproduction.table_3_3 import OSCILLATION_RAD
 
-DRAWS = 4
-"""Sets of starts on the sawtooth: one set of 200 leaves a share of 99 % uncertain by 1.4 %."""
+DRAWS = 8
+"""Sets of starts on the sawtooth. One set of 200 leaves a share of 99 % uncertain by 1.4 %, so all
+of them together carry the bar, and the sets tell how much a single one says."""
 SEED = 0
 PITCH, HORIZONTAL = 2, 1
 
@@ -35,17 +36,20 @@ def _linear_glide() -> list[dict[str, Any]]:
 
 
 def _sawtooth() -> list[dict[str, Any]]:
-    shares = []
+    won: list[int] = []
     for draw in range(DRAWS):
         starts = claims.random_starts(claims.STARTS, np.random.default_rng(SEED + draw))
         race = claims.race("sawtooth", starts, (400.0,))
-        shares.append(100.0 * float(race.share_by_end()[0]))
+        won.append(round(claims.STARTS * float(race.share_by_end()[0])))
     count = DRAWS * claims.STARTS
     name = "Sawtooth, proposed ends closest at 400 s"
+    shares = [100.0 * each / claims.STARTS for each in won]
+    of_a_draw = f"of {DRAWS} draws of {claims.STARTS}"
     return [
-        _row(f"{name}, first {claims.STARTS} starts", shares[0], "%", 99.0),
-        _row(f"{name}, {count} starts", round(float(np.mean(shares)), 6), "%", 99.0),
-        _row(f"{name}, worst of {DRAWS} draws of {claims.STARTS}", min(shares), "%"),
+        _row(f"{name}, {count} starts", 100.0 * sum(won) / count, "%", 99.0),
+        _row(f"{name}, not so", float(count - sum(won)), f"of {count} starts"),
+        _row(f"{name}, least {of_a_draw}", min(shares), "%"),
+        _row(f"{name}, greatest {of_a_draw}", max(shares), "%"),
     ]
 
 

@@ -7,15 +7,8 @@ from autonomy.arrays import FloatArray
 from autonomy.control.controller import ActuatorCommand
 from autonomy.control.integral import integral_inputs
 from autonomy.control.reference import Reference
-from autonomy.control.swimming_config import SwimmingConfig
+from autonomy.control.swimming_config import SLOWEST_M_S, TURNING_SHARE, SwimmingConfig
 from autonomy.vehicle.config import Vehicle, VehicleParameters
-
-SLOWEST_M_S = 0.01
-"""Below this forward speed the pitch no longer decides where the robot goes."""
-
-
-TURNING_SHARE = 0.5
-"""Least speed as a share of the wanted one: only a flapping tail turns a robot that stands."""
 
 
 @dataclass(frozen=True, slots=True)

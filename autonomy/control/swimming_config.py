@@ -6,6 +6,11 @@ from autonomy.configuration import quantity
 from autonomy.control.integral_config import INTEGRAL_PRESETS, IntegralConfig
 from autonomy.vehicle.config import VEHICLES
 
+SLOWEST_M_S = 0.01
+"""Below this forward speed the pitch no longer decides where the robot goes."""
+TURNING_SHARE = 0.5
+"""Least speed as a share of the wanted one: only a flapping tail turns a robot that stands."""
+
 
 class SwimmingConfig(IntegralConfig):
     """How a robot swims along a reference with its tail (thesis section 5.3).

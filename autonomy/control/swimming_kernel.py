@@ -6,7 +6,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
-from autonomy.control import governor_kernel, integral_kernel
+from autonomy.control import governor_kernel, integral_kernel, swimming_config
 from autonomy.control import kernel as thesis
 from autonomy.control.governor_kernel import Rows
 from autonomy.vehicle import kernel as v
@@ -24,9 +24,8 @@ from autonomy.vehicle import kernel as v
 ) = range(20, 29)
 """Index of each number in packed gains, after those of integral backstepping."""
 GAINS = 29
-SLOWEST_M_S, TURNING_SHARE = 0.01, 0.5
-"""As in ``swimming``."""
 
+SLOWEST_M_S, TURNING_SHARE = swimming_config.SLOWEST_M_S, swimming_config.TURNING_SHARE
 integral_into = integral_kernel.integral_into
 rows = governor_kernel.rows
 end_stops = thesis.end_stops
