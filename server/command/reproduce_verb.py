@@ -25,7 +25,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--out",
         type=Path,
         metavar="DIR",
-        help="write NAME.json, NAME.csv and NAME.png there; without it, print the table",
+        help="write NAME.json, NAME.csv and NAME.png there as well",
     )
     parser.add_argument(
         "--seed",
@@ -38,7 +38,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 
 
 def run(arguments: Namespace) -> int:
-    """Work it out; progress goes to stderr, the result to stdout or into the folder."""
+    """Work it out; progress goes to stderr, the table to stdout, files into the folder."""
     if arguments.list:
         for name, title in REPRODUCTIONS.items():
             print(f"{name:14} {title}")
@@ -53,8 +53,8 @@ def run(arguments: Namespace) -> int:
     if arguments.out is not None and arguments.out.exists() and not arguments.out.is_dir():
         raise CommandError(f"{arguments.out} is a file; name a folder.", status=2)
     result = _work_out(arguments.name, arguments.seed)
+    _print(result)
     if arguments.out is None:
-        _print(result)
         return 0
     try:
         files = write(result, arguments.out)
