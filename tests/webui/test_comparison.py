@@ -8,7 +8,8 @@ import pytest
 from tests.webui.fake_source import FakeSource
 from webui.scene.colour import REFERENCE, RUNS, linear
 from webui.scene.comparison import dashes
-from webui.scene.projection import VIEW_WIDTH
+from webui.scene.framing import FIELD_OF_VIEW_RAD, WATER, frame_of
+from webui.scene.panel import WHAT_IF
 from webui.scene.server import RobotScene
 from webui.scene.source import ComparisonTrack
 
@@ -85,15 +86,66 @@ def test_the_layers_of_the_panel_name_the_what_if(scene):
     assert "What-if" in names
 
 
-def test_labels_of_tracks_that_leave_the_view_stay_in_it(scene, source):
+@pytest.fixture
+def far_scene(scene, source):
+    """A what-if run that goes many waters far, with one controller that loses its way."""
     far = np.linspace([1.0, 0.5, 0.1], [200.0, 0.5, 40.0], 500)
-    runs = tuple(replace(run, position_ned=far) for run in source.shown_comparison.runs)
+    first, second = source.shown_comparison.runs
+    runs = (replace(first, position_ned=far + 1.0), replace(second, position_ned=far * 100.0))
     source.shown_comparison = replace(source.shown_comparison, reference_ned=far, runs=runs)
     scene.update()
-    projection = scene._stage.projection
-    for label in labels(scene).values():
-        placed = np.array(label.position) + np.array(projection.offset())
-        assert np.abs(placed[:2]).max() <= 0.6 * VIEW_WIDTH + 0.1
+    return scene
+
+
+def sees(frame, points, aspect):
+    """Angles of points from a camera's axis, as shares of its half fields of view."""
+    axis = frame.look_at - frame.position
+    axis = axis / np.linalg.norm(axis)
+    right = np.cross(axis, [0.0, 0.0, 1.0])
+    right = right / np.linalg.norm(right)
+    rays = points - frame.position
+    ahead = rays @ axis
+    half = np.tan(FIELD_OF_VIEW_RAD / 2)
+    across = rays @ right / ahead / (half * aspect)
+    upward = rays @ np.cross(right, axis) / ahead / half
+    return ahead, np.abs(np.stack([across, upward])).max()
+
+
+@pytest.mark.parametrize("aspect", [0.6, 1.0, 1.8])
+def test_a_run_that_leaves_the_water_is_framed_whole_with_its_labels(far_scene, source, aspect):
+    points = far_scene._comparison.extent()
+    assert far_scene._comparison.leaves_water
+    projection = far_scene._stage.projection
+    places = [np.array(label.position) for label in labels(far_scene).values()]
+    shown = np.array(places) + np.array(projection.offset())
+    reference = projection.point(source.shown_comparison.reference_ned, 1.0)
+    for wanted in (points, shown, reference):
+        ahead, share = sees(frame_of(points, aspect), wanted, aspect)
+        assert (ahead > 0.0).all()
+        assert share < 0.95
+
+
+def test_a_run_inside_the_water_leaves_the_camera_where_it_is(scene):
+    assert not scene._comparison.leaves_water
+    assert tuple(scene._server.initial_camera.position) == pytest.approx(tuple(WATER.position))
+
+
+def test_later_browsers_begin_with_a_run_that_is_shown_and_with_the_water_after_it(
+    far_scene, source
+):
+    camera = far_scene._server.initial_camera
+    assert np.linalg.norm(camera.position) > 5 * np.linalg.norm(WATER.position)
+    source.shown_comparison = None
+    far_scene.update()
+    assert tuple(camera.position) == pytest.approx(tuple(WATER.position))
+
+
+def test_the_panel_frames_a_what_if_only_while_there_is_one(scene, source):
+    button = scene._panel._views[WHAT_IF]
+    assert button.visible
+    source.shown_comparison = None
+    scene.update()
+    assert not button.visible
 
 
 def test_a_track_that_diverged_is_drawn_as_far_as_it_is_known(scene, source):

@@ -13,8 +13,10 @@ _DASHES = 60
 """Dashes of the longest line; the others take dashes of the same length."""
 _WIDTH_PX = 2.0
 _REFERENCE_PX = 3.0
-_IN_SIGHT = 0.6
-"""Share of the view's width, from its middle, in which labels stand."""
+_NEAR = 0.6
+"""What stays within this share of the view's width from its middle is seen with the water."""
+_FARTHEST = 1.5
+"""Tracks are framed as far from the reference's middle as this many of its lengths."""
 
 
 class Comparison:
@@ -28,15 +30,35 @@ class Comparison:
         self._labels: list[str] = []
         self.visible = True
 
-    def update(self) -> None:
-        """Fetch the comparison and draw it if it changed."""
+    def update(self) -> bool:
+        """Fetch the comparison, draw it if it changed, and tell whether it did."""
         view = self._source.comparison()
         if view is self._shown:
-            return
+            return False
         self._clear()
         self._shown = view
         if view is not None:
             self._draw(view)
+        return True
+
+    def extent(self) -> FloatArray | None:
+        """Return the reference and what of the tracks is near it, view units; None if nothing is.
+
+        A controller that loses its way must not make the reference a dot.
+        """
+        view = self._shown
+        if view is None:
+            return None
+        reference = _known(view.reference_ned)
+        points = [reference, *(_near(_known(run.position_ned), reference) for run in view.runs)]
+        placed = self._stage.projection.point(np.concatenate(points), self._stage.exaggeration)
+        return placed if len(placed) > 0 else None
+
+    @property
+    def leaves_water(self) -> bool:
+        """Whether a camera that sees the water misses part of it."""
+        points = self.extent()
+        return points is not None and bool(np.abs(points).max() > _NEAR * VIEW_WIDTH)
 
     def show(self, visible: bool) -> None:
         """Show or hide all of it."""
@@ -55,21 +77,13 @@ class Comparison:
             tracks.append((run.title, run.position_ned, colour, _WIDTH_PX, share))
         longest = max(_length(positions) for _, positions, _, _, _ in tracks)
         for place, (title, positions, colour, width_px, share) in enumerate(tracks):
-            known = positions[np.isfinite(positions).all(axis=1)]
+            known = _known(positions)
             if _length(known) <= 0.0:
                 continue
             self._line(f"whatif/{place}", known, colour, longest / _DASHES, width_px)
-            seen = self._in_sight(known)
+            seen = _near(known, _known(view.reference_ned))
             self._label(f"whatif/label{place}", title, seen[round(share * (len(seen) - 1))])
         self.show(self.visible)
-
-    def _in_sight(self, positions: FloatArray) -> FloatArray:
-        """Return the beginning of a line that leaves the view, so that its label can be read."""
-        offsets = positions[:, :2] - np.array(self._stage.projection.centre_ned[:2])
-        reach_m = _IN_SIGHT * VIEW_WIDTH / self._stage.projection.view_per_m
-        is_outside = np.abs(offsets).max(axis=1) > reach_m
-        first = int(np.argmax(is_outside)) if is_outside.any() else len(positions)
-        return positions[: max(first, 2)]
 
     def _line(
         self, name: str, positions: FloatArray, colour: Colour, dash_m: float, width_px: float
@@ -110,6 +124,21 @@ def dashes(positions: FloatArray, dash_m: float) -> FloatArray:
     is_drawn = (knots[:-1] + knots[1:]) / 2 % period_m < dash_m
     points = np.stack([np.interp(knots, along, positions[:, c]) for c in range(3)], axis=-1)
     return np.stack([points[:-1], points[1:]], axis=1)[is_drawn]
+
+
+def _known(positions: FloatArray) -> FloatArray:
+    return positions[np.isfinite(positions).all(axis=1)]
+
+
+def _near(track: FloatArray, reference: FloatArray) -> FloatArray:
+    """Return the beginning of a track, up to where it leaves the reference's surroundings."""
+    if len(reference) == 0 or len(track) == 0:
+        return track
+    low, high = reference.min(axis=0), reference.max(axis=0)
+    reach_m = _FARTHEST * max(float(np.linalg.norm(high - low)), 1e-9)
+    is_far = np.linalg.norm(track - (low + high) / 2, axis=1) > reach_m
+    first = int(np.argmax(is_far)) if is_far.any() else len(track)
+    return track[: max(first, 1)]
 
 
 def _length(positions: FloatArray) -> float:

@@ -1,6 +1,6 @@
 """Layer switches of the view; everybody who looks at a robot shares them."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Protocol
 
 import viser
@@ -8,6 +8,10 @@ import viser
 from webui.scene.field_map import FORMS, QUANTITIES, FieldMap
 
 _MODEL_TITLES = {"recursive": "three fidelities", "single": "one fidelity"}
+
+
+WATER = "Frame the water"
+WHAT_IF = "Frame the what-if"
 
 
 class Layer(Protocol):
@@ -32,6 +36,7 @@ class Panel:
         field_map: FieldMap,
         layers: Mapping[str, Layer],
         exaggeration: float,
+        views: Mapping[str, Callable[[viser.ClientHandle], None]],
     ) -> None:
         gui.set_panel_label("Layers")
         self._map = field_map
@@ -46,8 +51,26 @@ class Panel:
         self._exaggeration = gui.add_slider(
             "Vertical x", 1.0, max(40.0, 2 * exaggeration), 0.5, exaggeration
         )
+        self._views = {label: self._view(gui, label, look) for label, look in views.items()}
+        self.offer(WHAT_IF, False)
         self._legend = gui.add_markdown("")
         gui.main_panel.minimize()
+
+    def offer(self, view: str, offered: bool) -> None:
+        """Show or hide the button of a view."""
+        self._views[view].visible = offered
+
+    def _view(
+        self, gui: viser.GuiApi, label: str, look: Callable[[viser.ClientHandle], None]
+    ) -> viser.GuiButtonHandle:
+        button = gui.add_button(label, hint="Moves your camera only")
+
+        @button.on_click
+        def _(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
+            if event.client is not None:
+                look(event.client)
+
+        return button
 
     @property
     def exaggeration(self) -> float:

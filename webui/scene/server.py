@@ -5,9 +5,10 @@ import viser
 
 from webui.scene.comparison import Comparison
 from webui.scene.field_map import FieldMap
-from webui.scene.panel import Panel
+from webui.scene.framing import begin, look
+from webui.scene.panel import WATER, WHAT_IF, Panel
 from webui.scene.plan import PlannedTrajectory
-from webui.scene.projection import VIEW_WIDTH, Projection
+from webui.scene.projection import Projection
 from webui.scene.robot import RobotModel
 from webui.scene.source import SceneSource
 from webui.scene.stage import Stage
@@ -43,6 +44,7 @@ class RobotScene:
         self._plan = PlannedTrajectory(self._stage, source)
         self._map = FieldMap(self._stage, source)
         self._comparison = Comparison(self._stage, source)
+        self._is_framed = False
         layers = {
             "Map": self._map,
             "Track": self._track.survey,
@@ -50,7 +52,16 @@ class RobotScene:
             "Plan": self._plan,
             "What-if": self._comparison,
         }
-        self._panel = Panel(self._server.gui, self._map, layers, self._stage.exaggeration)
+        self._panel = Panel(
+            self._server.gui,
+            self._map,
+            layers,
+            self._stage.exaggeration,
+            {
+                WATER: lambda client: look([client], None),
+                WHAT_IF: lambda client: look([client], self._comparison.extent()),
+            },
+        )
 
     @property
     def port(self) -> int:
@@ -71,8 +82,19 @@ class RobotScene:
             self._robot.show(self._source.pose(), self._stage.exaggeration)
             self._track.update()
             self._plan.update()
-            self._comparison.update()
+            if self._comparison.update():
+                self._frame()
             self._map.update()
+
+    def _frame(self) -> None:
+        """Let everybody see all of a what-if run that leaves the water, and the water after it."""
+        self._panel.offer(WHAT_IF, self._comparison.extent() is not None)
+        points = self._comparison.extent() if self._comparison.leaves_water else None
+        if points is None and not self._is_framed:
+            return
+        self._is_framed = points is not None
+        begin(self._server.initial_camera, points)
+        look(self._server.get_clients().values(), points)
 
     def stop(self) -> None:
         """Close the port and end viser's thread."""
@@ -85,8 +107,4 @@ class RobotScene:
         shade = np.linspace(0.0, 1.0, 64)[:, None, None]
         sky = (1 - shade) * np.array(_SKY[0]) + shade * np.array(_SKY[1])
         scene.set_background_image(np.repeat(sky, 2, axis=1).astype(np.uint8))
-        camera = self._server.initial_camera
-        camera.position = (0.55 * VIEW_WIDTH, -1.35 * VIEW_WIDTH, 0.8 * VIEW_WIDTH)
-        camera.look_at = (0.0, 0.0, -0.16 * VIEW_WIDTH)
-        camera.up = (0.0, 0.0, 1.0)
-        camera.fov = 0.7
+        begin(self._server.initial_camera, None)
