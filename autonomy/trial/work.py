@@ -9,8 +9,8 @@ from autonomy.vehicle.config import Vehicle
 
 MOST_STEPS_TOGETHER = 100_000_000
 """Most steps of the model in one comparison, all runs of all controllers: one to four minutes of
-one processor, at 0.4 to 2.2 us a step with its law, sensors and observer. ``TrialConfig`` bounds the
-memory of one run by its own ``MOST_STEPS``; a comparison keeps a few hundred rows of each run."""
+one processor, at 0.4 to 2.2 us a step with its law, sensors and observer. ``TrialConfig`` bounds
+the memory of one run by its own ``MOST_STEPS``; a comparison keeps a few hundred rows of each."""
 _STIFF, _MOST_PARTS = 1.5, 1000
 """As the extended model cuts its steps where the water's pitch damping would make them unstable."""
 
