@@ -1,13 +1,16 @@
 """Are the estimators' covariances honest, and how well does each know the position?
 
-Every flight is 600 s of true dynamics with the sensors and the current of a simulated robot.
+Every flight is 600 s of true dynamics with the sensors and the current of a simulated robot. What
+uses the vehicle's model is judged with the right one and with one of which every coefficient of
+force and moment is 10 % too large or too small. An estimator must not be overconfident, by bounds
+from the spread between the flights (``autonomy.estimation.consistency``), and its doubt has an end.
 """
 
 import math
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import Any, TypeVar
 
@@ -19,7 +22,6 @@ from autonomy.estimation.config import (
     ESTIMATOR_PRESETS,
     MODEL_FILTER_PRESETS,
     CurrentConfig,
-    EstimatorConfig,
     TagFilterConfig,
 )
 from autonomy.estimation.consistency import consistency, normalized_error_squared
@@ -30,6 +32,7 @@ from autonomy.estimation.follow import (
     by_position_filter,
     by_tag_filter,
     observed_velocity,
+    observer_covariance,
 )
 from autonomy.estimation.rehearsal import (
     Flight,
@@ -40,10 +43,11 @@ from autonomy.estimation.rehearsal import (
     rehearse,
     sightings,
 )
+from autonomy.vehicle.config import Vehicle
 from benchmarks import observer_table
 from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
 
-RUNS = 100
+RUNS = 24
 DURATION_S = 600.0
 WORKERS = 2
 EVERY = 10
@@ -55,19 +59,39 @@ DIVE_S = {"miniglider": 150.0, "grace3": 300.0}
 TANK_DIVE_S = 75.0
 SHARE_BAR = 0.5
 """The model filter's error is at most this part of dead reckoning's in a steady current."""
+DOUBT_BAR = 1.5
+"""Standard deviations may be stated this much larger than the errors are."""
+MODEL_DOUBT_BAR = 3.0
+"""The same for velocities by a model that is better than it has to be."""
+MODEL_ERROR = 0.1
+COEFFICIENTS = (
+    *("drag_0", "drag_alpha", "drag_delta", "side_beta", "side_delta", "lift_0", "lift_alpha"),
+    *("roll_beta_m", "roll_damping_m_s", "pitch_0_m", "pitch_alpha_m", "pitch_damping_m_s"),
+    *("yaw_beta_m", "yaw_damping_m_s", "yaw_delta_m"),
+)
 
 T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What every estimator made of one flight, once a second."""
+class Modelled:
+    """What the estimators that use a model made of one flight, once a second."""
 
     squares: dict[str, np.ndarray]
-    under_water: np.ndarray
-    dead_reckoning_m: np.ndarray
     model_filter_m: np.ndarray
-    velocity_error: np.ndarray
+    velocity_m_s: dict[str, np.ndarray]
+    """Error of the velocity's amount."""
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What every estimator made of one flight in a steady current, once a second."""
+
+    reckoned: np.ndarray
+    dead_reckoning_m: np.ndarray
+    by_model: dict[str, Modelled]
+    """With the right model and with a wrong one."""
+    under_water: np.ndarray
 
 
 def sensor_errors(robot: RobotDefinition) -> SensorErrors:
@@ -96,38 +120,76 @@ def flight(robot: RobotDefinition, seed: int, steady_m_s: float, dive_s: float) 
     return rehearse(robot.vehicle, sensor_errors(robot), water, command, rng)
 
 
-def dive_outcome(robot: RobotDefinition, steady_m_s: float, seed: int) -> Outcome:
+def wrong_model(vehicle: Vehicle, seed: int, error: float = MODEL_ERROR) -> Vehicle:
+    """Return a model of which each coefficient is too large or too small by this share."""
+    signs = np.random.default_rng([seed, 3]).choice([-1.0, 1.0], len(COEFFICIENTS))
+    right = vehicle.parameters
+    changed = {
+        name: getattr(right, name) * (1.0 + error * sign)
+        for name, sign in zip(COEFFICIENTS, signs.tolist(), strict=True)
+    }
+    return replace(vehicle, parameters=right.model_copy(update=changed))
+
+
+def position_filter_squares(robot: RobotDefinition, seed: int) -> np.ndarray:
+    """Judge the position filter in eddies alone, for it knows of no steady current."""
+    key = robot.vehicle.key
+    flown = flight(robot, seed, 0.0, DIVE_S[key])
+    estimator = ESTIMATOR_PRESETS[key]
+    _, ned = observed_velocity(flown, robot.vehicle, estimator)
+    return squares(by_position_filter(flown, ned, estimator))
+
+
+def dive_outcome(robot: RobotDefinition, seed: int) -> Outcome:
     """Fly one seed and follow it with every estimator that needs no tags."""
     key = robot.vehicle.key
+    steady_m_s = STEADY_M_S[key]
     flown = flight(robot, seed, steady_m_s, DIVE_S[key])
-    water = CurrentConfig(eddy_correlation_s=robot.current_correlation_s, steady_std_m_s=steady_m_s)
+    water = water_of(robot, steady_m_s)
     reckoning = DEAD_RECKONING_PRESETS[key].model_copy(update={"current": water})
-    model = MODEL_FILTER_PRESETS[key].model_copy(update={"current": water})
-    estimator = ESTIMATOR_PRESETS[key]
-    body, ned = observed_velocity(flown, robot.vehicle, estimator)
-    reckoned = by_dead_reckoning(flown, ned, estimator, reckoning)
-    modelled = by_model_filter(flown, robot.vehicle, estimator, model)
-    judged_tracks = {"Dead reckoning": reckoned, "Model filter": modelled.position}
-    if steady_m_s == 0.0:  # the position filter knows of none
-        physical = physical_position_filter(robot, estimator)
-        judged_tracks |= {
-            "Model filter's velocity under water": modelled.velocity,
-            "Position filter as preset": by_position_filter(flown, ned, estimator),
-            "Position filter that follows the eddies": by_position_filter(flown, ned, physical),
-        }
+    _, ned = observed_velocity(flown, robot.vehicle, ESTIMATOR_PRESETS[key])
+    reckoned = by_dead_reckoning(flown, ned, ESTIMATOR_PRESETS[key], reckoning)
     return Outcome(
-        {name: squares(track) for name, track in judged_tracks.items()},
-        flown.truth[::EVERY, 2] > 0.1,
+        squares(reckoned),
         np.hypot(*reckoned.error[::EVERY].T),
-        np.hypot(*modelled.position.error[::EVERY].T),
-        (flown.truth[:, 6:9] - body)[::EVERY],
+        {
+            "right model": modelled(robot, flown, robot.vehicle),
+            f"{100 * MODEL_ERROR:g} % wrong model": modelled(
+                robot, flown, wrong_model(robot.vehicle, seed)
+            ),
+        },
+        flown.truth[::EVERY, 2] > 0.1,
     )
 
 
-def physical_position_filter(robot: RobotDefinition, estimator: EstimatorConfig) -> EstimatorConfig:
-    """Let the velocity change as fast as the eddies change it, and the robot's dives as much."""
-    density = 2.0 * (robot.drift_m_sqrt_s / robot.current_correlation_s) ** 2
-    return estimator.model_copy(update={"acceleration_density": density})
+def modelled(robot: RobotDefinition, flown: Flight, model: Vehicle) -> Modelled:
+    """Follow a flight with what uses a model, and judge the velocities too."""
+    key = model.key
+    estimator = ESTIMATOR_PRESETS[key]
+    water = water_of(robot, STEADY_M_S[key])
+    config = MODEL_FILTER_PRESETS[key].model_copy(update={"current": water})
+    filtered = by_model_filter(flown, model, estimator, config)
+    body, _ = observed_velocity(flown, model, estimator)
+    doubt = observer_covariance(flown, body, model, estimator, config)
+    observed = Track(flown.truth[:, 6:9] - body, doubt)
+    tracks = {
+        "Model filter's position": filtered.position,
+        "Model filter's velocity": filtered.velocity,
+        "Velocity observer": observed,
+    }
+    return Modelled(
+        {name: squares(track) for name, track in tracks.items()},
+        np.hypot(*filtered.position.error[::EVERY].T),
+        {
+            name: np.linalg.norm(tracks[name].error[::EVERY], axis=1)
+            for name in ("Model filter's velocity", "Velocity observer")
+        },
+    )
+
+
+def water_of(robot: RobotDefinition, steady_m_s: float) -> CurrentConfig:
+    """Return how the water moves where a simulated robot works."""
+    return CurrentConfig(eddy_correlation_s=robot.current_correlation_s, steady_std_m_s=steady_m_s)
 
 
 def tag_squares(seed: int) -> np.ndarray:
@@ -151,16 +213,14 @@ def measure(runs: int = RUNS) -> list[dict[str, Any]]:
     begin = time.perf_counter()
     rows: list[dict[str, Any]] = []
     for robot in (MINI_1, GRACE_1):
-        steady_m_s = STEADY_M_S[robot.vehicle.key]
-        still = in_parallel(partial(dive_outcome, robot, 0.0), range(runs))
-        steady = in_parallel(partial(dive_outcome, robot, steady_m_s), range(runs, 2 * runs))
         title = robot.vehicle.title
-        rows += dive_rows(title, still)
-        rows += judged(f"Velocity observer, {title}", observer_squares(still, steady), 3)
-        rows += dive_rows(f"{title}, steady current {100 * steady_m_s:g} cm/s", steady, SHARE_BAR)
+        still = in_parallel(partial(position_filter_squares, robot), range(runs))
+        rows += judged(f"Position filter, {title}", np.array(still)[:, SETTLED:], 2)
+        steady = in_parallel(partial(dive_outcome, robot), range(runs, 2 * runs))
+        rows += dive_rows(f"{title}, steady {100 * STEADY_M_S[robot.vehicle.key]:g} cm/s", steady)
     tags = np.array(in_parallel(tag_squares, range(runs)))
     rows += judged("AprilTag filter, pose, Miniglider", tags[:, SETTLED:], 4)
-    flights = (4 + 1) * runs
+    flights = (2 * 2 + 1) * runs
     rows.append(row(f"{flights} flights of 600 s and their filters", seconds_since(begin), "s"))
     return rows + observer_table.rows()
 
@@ -169,67 +229,56 @@ def seconds_since(begin: float) -> float:
     return time.perf_counter() - begin
 
 
-def dive_rows(
-    place: str, outcomes: list[Outcome], share_bar: float | None = None
-) -> list[dict[str, Any]]:
-    """Judge the flights of one robot in one kind of water."""
+def dive_rows(place: str, outcomes: list[Outcome]) -> list[dict[str, Any]]:
+    """Judge the flights of one robot in a steady current."""
     under = np.array([outcome.under_water for outcome in outcomes])
-    rows: list[dict[str, Any]] = []
-    for name in outcomes[0].squares:
-        values = np.array([outcome.squares[name] for outcome in outcomes])
-        if "velocity" in name:
-            # at the surface the robot rests, which the filter's noise of motion does not know
-            rows += judged(f"{name}, {place}", values[:, under.all(axis=0)], 3)
-        else:
-            rows += judged(f"{name}, {place}", values[:, SETTLED:], 2)
-    return rows + position_rows(place, outcomes, under, share_bar)
-
-
-def observer_squares(outcomes: list[Outcome], others: list[Outcome]) -> np.ndarray:
-    """Normalize the observer's errors by the covariance that other flights had at that time.
-
-    A current does not matter to a velocity through the water.
-    """
-    errors, other = (
-        np.array([outcome.velocity_error for outcome in group])[:, SETTLED:]
-        for group in (outcomes, others)
-    )
-    runs = len(other)
-    moment = np.einsum("rti,rtj->tij", other, other) / runs
-    unbiased = (runs - 4) / runs  # the inverse of an estimated covariance is too large by this
-    return unbiased * normalized_error_squared(
-        errors, np.broadcast_to(moment, (len(errors), *moment.shape))
-    )
-
-
-def position_rows(
-    place: str, outcomes: list[Outcome], under: np.ndarray, share_bar: float | None
-) -> list[dict[str, Any]]:
-    """Compare dead reckoning with the model filter under water, in the second half."""
     late = under.copy()
     late[:, : late.shape[1] // 2] = False
-    reckoned = rms(np.array([outcome.dead_reckoning_m for outcome in outcomes])[late])
-    modelled = rms(np.array([outcome.model_filter_m for outcome in outcomes])[late])
-    share = modelled / reckoned
-    met = None if share_bar is None else share <= share_bar
-    return [
-        row(f"Position under water by dead reckoning, {place}", reckoned, "m RMS"),
-        row(f"Position under water by model filter, {place}", modelled, "m RMS"),
-        row(f"Model filter against dead reckoning, {place}", share, "x", share_bar, met),
-    ]
+    # at the surface the robot rests, which noise of a motion does not know
+    dive = under.all(axis=0)
+    reckoned = np.array([outcome.reckoned for outcome in outcomes])[:, SETTLED:]
+    rows = judged(f"Dead reckoning, {place}", reckoned, 2)
+    reckoned_m = rms(np.array([outcome.dead_reckoning_m for outcome in outcomes])[late])
+    rows.append(row(f"Position under water by dead reckoning, {place}", reckoned_m, "m RMS"))
+    for kind in outcomes[0].by_model:
+        of_kind = [outcome.by_model[kind] for outcome in outcomes]
+        where = f"{kind}, {place}"
+        for name in of_kind[0].squares:
+            values = np.array([one.squares[name] for one in of_kind])
+            if name.endswith("position"):
+                rows += judged(f"{name}, {where}", values[:, SETTLED:], 2)
+            else:
+                rows += judged(f"{name} under water, {where}", values[:, dive], 3, MODEL_DOUBT_BAR)
+        for name in of_kind[0].velocity_m_s:
+            errors = np.array([one.velocity_m_s[name] for one in of_kind])[:, dive]
+            rows.append(row(f"{name} under water, {where}", 1e3 * rms(errors), "mm/s RMS"))
+        modelled_m = rms(np.array([one.model_filter_m for one in of_kind])[late])
+        share = modelled_m / reckoned_m
+        rows += [
+            row(f"Position under water by model filter, {where}", modelled_m, "m RMS"),
+            row(f"Model filter over dead reckoning, {where}", share, "x", SHARE_BAR,
+                share <= SHARE_BAR),
+        ]  # fmt: skip
+    return rows
 
 
 def rms(values: np.ndarray) -> float:
     return math.sqrt(float(np.mean(np.square(values))))
 
 
-def judged(name: str, values: np.ndarray, dimensions: int) -> list[dict[str, Any]]:
+def judged(
+    name: str, values: np.ndarray, dimensions: int, doubt_bar: float = DOUBT_BAR
+) -> list[dict[str, Any]]:
+    """Judge normalized errors squared by the spread between the runs, and how much is doubted."""
     result = consistency(values, dimensions)
-    bar = f"{result.low:.2f} to {result.high:.2f}"
+    bar = f"at most {result.high:.2f}"
+    draws = f"{result.runs} runs of {result.draws:.1f} draws"
     return [
-        row(f"{name}: NEES of {result.runs} runs", result.mean, "", bar, result.is_consistent),
+        row(f"{name}: NEES of {draws}", result.mean, "", bar, not result.is_overconfident),
+        row(f"{name}: stated over true std", result.doubt, "x", doubt_bar,
+            result.doubt <= doubt_bar),
         row(f"{name}: time inside the bounds", 100.0 * result.share_inside, "%"),
-    ]
+    ]  # fmt: skip
 
 
 def row(

@@ -3,11 +3,20 @@
 An estimator is consistent if its errors are as large as it says: for ``d`` numbers the mean of
 ``e' P^-1 e`` is ``d``. More is overconfidence, less is needless doubt.
 
+An average over runs is judged by the draws that it really holds. Were the errors of a run all
+independent, ``N`` runs of ``m`` moments would give ``N m d`` degrees of freedom of a chi square;
+were they one error that lasts, ``N d``. What they are shows in the runs themselves: the average of
+one run has variance ``2 mean^2 / (d n)`` if it holds ``n`` independent draws, so ``n`` follows from
+the spread between the runs, which are independent by their seeds. The bounds are those of a chi
+square of ``N n d`` degrees of freedom, with ``n`` between 1 and the number of moments: never wider
+than one draw a run, and the narrower the more alike the runs are.
+
 Source:
     Bar-Shalom, Li and Kirubarajan, Estimation with Applications to Tracking and Navigation
     (2001), section 5.4.2.
 """
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,11 +32,14 @@ class Consistency:
     mean: float
     """Normalized estimation error squared, averaged over runs and time; ``dimensions`` is best."""
     low: float
-    """Below it an average over this many runs is unlikely (2.5 %)."""
+    """Below it an average over these runs is unlikely (2.5 %)."""
     high: float
-    """Above it an average over this many runs is unlikely (2.5 %)."""
+    """Above it an average over these runs is unlikely (2.5 %)."""
     share_inside: float
-    """Part of the time for which the average over the runs lies between both."""
+    """Part of the time for which the average over the runs lies inside the 95 % bounds of one
+    moment, one draw a run; 0.95 if every moment is honest."""
+    draws: float
+    """Effective number of independent draws in one run."""
     runs: int
     dimensions: int
 
@@ -35,6 +47,16 @@ class Consistency:
     def is_consistent(self) -> bool:
         """Whether the average lies inside its 95 % bounds."""
         return self.low <= self.mean <= self.high
+
+    @property
+    def is_overconfident(self) -> bool:
+        """Whether the errors are larger than the estimator says."""
+        return self.mean > self.high
+
+    @property
+    def doubt(self) -> float:
+        """How many times larger than the errors the stated standard deviations are."""
+        return math.sqrt(self.dimensions / self.mean) if self.mean else math.inf
 
 
 def normalized_error_squared(error: FloatArray, covariance: FloatArray) -> FloatArray:
@@ -55,19 +77,16 @@ def normalized_error_squared(error: FloatArray, covariance: FloatArray) -> Float
     return np.sum(whitened**2, axis=-1)
 
 
-def bounds(runs: int, dimensions: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return between what the average over independent runs lies with this probability."""
+def bounds(draws: float, dimensions: int, confidence: float = 0.95) -> tuple[float, float]:
+    """Return between what the average over independent draws lies with this probability."""
     tail = 0.5 * (1.0 - confidence)
-    freedom = runs * dimensions
-    low, high = chi2.ppf([tail, 1.0 - tail], freedom) / runs
+    freedom = draws * dimensions
+    low, high = chi2.ppf([tail, 1.0 - tail], freedom) / draws
     return float(low), float(high)
 
 
 def consistency(squares: FloatArray, dimensions: int) -> Consistency:
     """Judge normalized errors squared of independent runs.
-
-    The errors of one run are alike for a long time, so the bounds count each run once however long
-    it is.
 
     Args:
         squares: Shape ``(runs, times)``.
@@ -78,10 +97,13 @@ def consistency(squares: FloatArray, dimensions: int) -> Consistency:
     """
     if squares.ndim != 2 or squares.size == 0 or not np.isfinite(squares).all():
         raise ValueError("consistency needs finite squares of shape (runs, times)")
-    runs = len(squares)
-    low, high = bounds(runs, dimensions)
+    runs, moments = squares.shape
+    mean = float(squares.mean())
+    spread = float(np.var(squares.mean(axis=1), ddof=1)) if runs > 1 else math.inf
+    fewest = 2.0 * mean**2 / (dimensions * moments)
+    draws = max(2.0 * mean**2 / (dimensions * max(spread, fewest)), 1.0) if mean else 1.0
+    low, high = bounds(runs * draws, dimensions)
+    floor, ceiling = bounds(runs, dimensions)
     at_each_time = squares.mean(axis=0)
-    inside = (at_each_time >= low) & (at_each_time <= high)
-    return Consistency(
-        float(at_each_time.mean()), low, high, float(inside.mean()), runs, dimensions
-    )
+    inside = (at_each_time >= floor) & (at_each_time <= ceiling)
+    return Consistency(mean, low, high, float(inside.mean()), draws, runs, dimensions)

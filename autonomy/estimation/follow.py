@@ -72,6 +72,38 @@ def observed_velocity(
     )
 
 
+def observer_covariance(
+    flight: Flight,
+    body: FloatArray,
+    vehicle: Vehicle,
+    estimator: EstimatorConfig,
+    config: ModelFilterConfig,
+) -> FloatArray:
+    """Return how well the observer knows the velocities ``body``, shape ``(n, 3, 3)``, m2/s2.
+
+    It is propagated from the stated noise of depth, gyro and attitude, the ballast error, and the
+    error of the model's coefficients.
+    """
+    _, S = first_belief(estimator, config, (0.0, 0.0, 0.0), 0.0)
+    return rehearsal_kernel.follow_doubt(
+        S,
+        body,
+        flight.command,
+        flight.attitude,
+        flight.rates,
+        flight.actuators,
+        flight.depth_m,
+        estimator.surface_depth_m,
+        estimator.depth_std_m**2,
+        observer_gains(estimator),
+        vehicle.packed(),
+        Surroundings().packed(),
+        process_noise(estimator, config),
+        PERIOD_S,
+        math.ceil(PERIOD_S / MODEL_STEP_S),
+    )
+
+
 def by_position_filter(
     flight: Flight, velocity_ned: FloatArray, estimator: EstimatorConfig
 ) -> Track:
@@ -139,7 +171,7 @@ def by_model_filter(
     )
     place = slice(model_kernel.NORTH, model_kernel.EAST + 1)
     motion = slice(model_kernel.FORWARD, model_kernel.BIAS)
-    ballast = slice(model_kernel.BIAS, model_kernel.NORTH)
+    ballast = slice(model_kernel.BIAS, model_kernel.DRAG)
     steady = states[:, model_kernel.STEADY_NORTH : model_kernel.EDDY_NORTH]
     return ModelTrack(
         Track(flight.truth[:, :2] - states[:, place], covariances[:, place, place]),

@@ -28,6 +28,9 @@ _FIRST_SPEED_STD_M_S = 0.05
 class ModelFilter:
     """Square-root unscented filter on the equations of motion with a current and a ballast error.
 
+    The model's coefficients may be wrong by what ``config.model_error`` says; the filter learns how
+    far as it learns the ballast error.
+
     Args:
         estimator: Noise of depth and fixes, the eddies' drift, and how deep a fix is believed.
         config: Noise of everything else.
@@ -35,6 +38,7 @@ class ModelFilter:
         position_ned: Position at the beginning, m.
         position_std_m: How well the horizontal position is known, per axis.
         attitude_rad: Roll, pitch and heading at the beginning.
+        angular_velocity_rad_s: In body axes at the beginning.
         actuators: Net mass kg, sliding mass m and tail rad at the beginning.
     """
 
@@ -48,6 +52,7 @@ class ModelFilter:
         *,
         attitude_rad: Sequence[float] | FloatArray,
         actuators: Sequence[float] | FloatArray,
+        angular_velocity_rad_s: Sequence[float] | FloatArray = (0.0, 0.0, 0.0),
     ) -> None:
         self._estimator = estimator
         self._config = config
@@ -57,9 +62,10 @@ class ModelFilter:
         self._noise = process_noise(estimator, config)
         self._x, self._S = first_belief(estimator, config, position_ned, position_std_m)
         self._attitude = np.array(attitude_rad, dtype=np.float64)
-        self._rates = np.zeros(3)
+        self._rates = np.array(angular_velocity_rad_s, dtype=np.float64)
         self._actuators = np.array(actuators, dtype=np.float64)
-        if not np.isfinite([*self._x, *self._S.ravel(), *self._attitude, *self._actuators]).all():
+        measured = (*self._attitude, *self._rates, *self._actuators)
+        if not np.isfinite([*self._x, *self._S.ravel(), *measured]).all():
             raise ValueError("the model filter must begin with finite numbers")
         self._refused_fixes, self._refused_depths = np.zeros(2), np.zeros(2)
         self._newest_fix: tuple[float, float] | None = None
@@ -105,7 +111,7 @@ class ModelFilter:
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance in the order of ``model_kernel``'s indices, shape ``(11, 11)``."""
+        """Covariance in the order of ``model_kernel``'s indices, shape ``(14, 14)``."""
         return self._S @ self._S.T
 
     @property
@@ -227,7 +233,7 @@ class ModelFilter:
         """Let a silence pass: the robot may be anywhere that its speed and the water allow."""
         first, S = first_belief(self._estimator, self._config, self.position_ned, 0.0)
         current = self._config.current
-        first[kernel.BIAS] = self._x[kernel.BIAS]
+        first[kernel.BIAS : kernel.NORTH] = self._x[kernel.BIAS : kernel.NORTH]
         first[kernel.STEADY_NORTH : kernel.EDDY_NORTH] = self.steady_current_ne_m_s
         way = dt_s * np.array(self.steady_current_ne_m_s)
         first[kernel.NORTH : kernel.EAST + 1] += way
@@ -250,7 +256,7 @@ def first_belief(
     position_ned: Sequence[float],
     position_std_m: float,
 ) -> tuple[FloatArray, FloatArray]:
-    """Return estimate ``(11,)`` and factor ``(11, 11)`` of a robot about which little is known."""
+    """Return estimate ``(14,)`` and factor ``(14, 14)`` of a robot about which little is known."""
     x = np.zeros(kernel.STATES)
     x[[kernel.NORTH, kernel.EAST, kernel.DEPTH]] = position_ned
     current = config.current
@@ -258,6 +264,7 @@ def first_belief(
     std[kernel.DEPTH] = estimator.depth_std_m
     std[kernel.FORWARD : kernel.BIAS] = _FIRST_SPEED_STD_M_S
     std[kernel.BIAS] = config.buoyancy_bias_kg
+    std[kernel.DRAG : kernel.NORTH] = config.model_error
     std[[kernel.NORTH, kernel.EAST]] = position_std_m
     std[kernel.STEADY_NORTH : kernel.EDDY_NORTH] = current.steady_std_m_s
     std[kernel.EDDY_NORTH :] = current.eddy_std_m_s(estimator.drift_m_sqrt_s)
@@ -265,7 +272,7 @@ def first_belief(
 
 
 def process_noise(estimator: EstimatorConfig, config: ModelFilterConfig) -> FloatArray:
-    """Return the process noise as ``model_kernel`` indexes it, shape ``(11,)``."""
+    """Return the process noise as ``model_kernel`` indexes it, shape ``(13,)``."""
     current = config.current
     return np.array(
         [
@@ -280,5 +287,7 @@ def process_noise(estimator: EstimatorConfig, config: ModelFilterConfig) -> Floa
             current.eddy_correlation_s,
             config.buoyancy_bias_kg,
             config.buoyancy_correlation_s,
+            config.model_error,
+            config.model_error_correlation_s,
         ]
     )

@@ -1,8 +1,12 @@
 """Compiled steps of the filter on the vehicle's model.
 
 The covariance is kept as a lower triangular factor ``S`` with ``P = S S'``: it cannot lose symmetry
-or become negative. The states that the vehicle's equations bend come first, so only the first five
+or become negative. The states that the vehicle's equations bend come first, so only the first eight
 columns of the factor need probes of the model; the others move linearly, exactly.
+
+The vehicle's coefficients are wrong by an unknown share. It is a state for drag, side force and
+lift, so that its errors grow with the dynamic pressure and last from one step to the next, as those
+of a wrong model do; white noise would be forgotten where they are not.
 
 Source:
     Norgaard, Poulsen and Ravn, "New developments in state estimation for nonlinear systems",
@@ -18,27 +22,29 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
 from autonomy.estimation.kernel import LOST, REFUSED, judge
+from autonomy.vehicle import kernel as body
 from autonomy.vehicle.extended_kernel import advance
-from autonomy.vehicle.kernel import MASS_1
 
 # fmt: off
 (
-    DEPTH, FORWARD, STARBOARD, DOWN, BIAS, NORTH, EAST,
+    DEPTH, FORWARD, STARBOARD, DOWN, BIAS, DRAG, SIDE, LIFT, NORTH, EAST,
     STEADY_NORTH, STEADY_EAST, EDDY_NORTH, EDDY_EAST,
-) = range(11)
+) = range(14)
 # fmt: on
 """Index of each state: depth m, velocity through the water in body axes m/s, what the feedback of
-the net buoyancy says too much kg, position m, and the two parts of the current m/s."""
+the net buoyancy says too much kg, share by which the model's drag, side force and lift are too
+small, position m, and the two parts of the current m/s."""
 
-STATES = 11
-BENT = 5
+STATES = 14
+BENT = 8
 """So many states come first that the vehicle's equations bend."""
 
 # fmt: off
 (
     ACCELERATION, RATE_NOISE, HEADING_STD, TILT_STD, ATTITUDE_CORRELATION,
     STEADY_STD, STEADY_CORRELATION, EDDY_STD, EDDY_CORRELATION, BIAS_STD, BIAS_CORRELATION,
-) = range(11)
+    MODEL_STD, MODEL_CORRELATION,
+) = range(13)
 # fmt: on
 """Index of each number of the process noise."""
 
@@ -84,27 +90,29 @@ def triangular(rows: FloatArray) -> FloatArray:
 @kernel
 def _swim(
     probe: FloatArray,
-    dt_s: float,
+    start: FloatArray,
     command: FloatArray,
     time_s: float,
-    attitude: FloatArray,
-    rates: FloatArray,
-    actuators: FloatArray,
     packed: FloatArray,
     water: FloatArray,
+    dt_s: float,
     steps: int,
 ) -> FloatArray:
-    """Depth, velocity in body axes, and way made north and east of one probe, shape ``(6,)``."""
-    x, order = np.zeros(15), command.copy()
+    """Depth, velocity in body axes, and way made north and east of one probe, shape ``(6,)``.
+
+    ``start`` has what the sensors say of the 15 states; the probe has the rest. A rudder with more
+    effect has less slip against it here: it is their ratio that turns the way aside.
+    """
+    x, order, p = start.copy(), command.copy(), packed.copy()
     x[2] = probe[DEPTH]
-    for i in range(3):
-        x[3 + i] = attitude[i]
-        x[6 + i] = probe[FORWARD + i]
-        x[9 + i] = rates[i]
-    x[12] = actuators[0] - probe[BIAS]
-    x[13], x[14] = actuators[1], actuators[2]
+    x[6:9] = probe[FORWARD:BIAS]
+    x[12] -= probe[BIAS]
     order[0], order[1] = x[12], x[13]
-    y = advance(x, order, packed, water, time_s, dt_s / steps, steps)
+    p[body.DRAG_0 : body.DRAG_DELTA + 1] *= 1.0 + probe[DRAG]
+    p[body.SIDE_BETA] *= 1.0 - probe[SIDE]
+    p[body.SIDE_DELTA] *= 1.0 + probe[SIDE]
+    p[body.LIFT_0 : body.LIFT_ALPHA + 1] *= 1.0 + probe[LIFT]
+    y = advance(x, order, p, water, time_s, dt_s / steps, steps)
     out = np.empty(6)
     out[0] = y[2]
     out[1:4] = y[6:9]
@@ -114,15 +122,17 @@ def _swim(
 
 @kernel
 def _carry(column: FloatArray, dt_s: float, kept: FloatArray, out: FloatArray) -> None:
-    """Carry what moves linearly on: position by current, currents and bias by their memory.
+    """Carry what moves linearly on: position by current; currents, bias and shares by their memory.
 
     Args:
-        column: State or column of its factor, shape ``(11,)``.
+        column: State or column of its factor, shape ``(14,)``.
         dt_s: Time step.
-        kept: What is left of steady current, eddies and bias after it.
+        kept: What is left of steady current, eddies, bias and shares after it.
         out: Where to write; its first four are left as they are.
     """
     out[BIAS] = kept[2] * column[BIAS]
+    for i in range(DRAG, NORTH):
+        out[i] = kept[3] * column[i]
     for i in range(2):
         current = column[STEADY_NORTH + i] + column[EDDY_NORTH + i]
         out[NORTH + i] = column[NORTH + i] + dt_s * current
@@ -131,36 +141,65 @@ def _carry(column: FloatArray, dt_s: float, kept: FloatArray, out: FloatArray) -
 
 
 @kernel
+def _bend(
+    x: FloatArray,
+    S: FloatArray,
+    start: FloatArray,
+    command: FloatArray,
+    time_s: float,
+    packed: FloatArray,
+    water: FloatArray,
+    dt_s: float,
+    steps: int,
+    later: FloatArray,
+    rows: FloatArray,
+) -> None:
+    """Add to ``later`` and to the factor's ``rows`` what the vehicle's equations make of both."""
+    bent = (DEPTH, FORWARD, STARBOARD, DOWN, NORTH, EAST)
+    centre = _swim(x[:BENT], start, command, time_s, packed, water, dt_s, steps)
+    for k in range(6):
+        later[bent[k]] += centre[k]
+    for i in range(BENT):
+        reach = _SPREAD * S[:BENT, i]
+        ahead = _swim(x[:BENT] + reach, start, command, time_s, packed, water, dt_s, steps)
+        behind = _swim(x[:BENT] - reach, start, command, time_s, packed, water, dt_s, steps)
+        for k in range(6):
+            bend = ahead[k] + behind[k] - 2.0 * centre[k]
+            later[bent[k]] += bend / (2.0 * _SPREAD**2)
+            rows[i, bent[k]] += (ahead[k] - behind[k]) / (2.0 * _SPREAD)
+            rows[STATES + i, bent[k]] = _CURVATURE * bend
+
+
+@kernel
 def _disturb(
     rows: FloatArray,
-    first: int,
     dt_s: float,
     kept: FloatArray,
     velocity: FloatArray,
     p: FloatArray,
     noise: FloatArray,
 ) -> None:
-    """Write the factor of the process noise into the rows from ``first`` on.
+    """Write the factor of the process noise into ``rows``, shape ``(14, 14)``.
 
     The gyro's noise pushes the robot by its Coriolis acceleration, ``M^-1 (M v) x w``.
     """
     speed = math.sqrt(velocity[0] ** 2 + velocity[1] ** 2 + velocity[2] ** 2)
     wander = speed * math.sqrt(2.0 * noise[ATTITUDE_CORRELATION] * dt_s)
-    steady = noise[STEADY_STD] * math.sqrt(1.0 - kept[0] * kept[0])
-    eddy = noise[EDDY_STD] * math.sqrt(1.0 - kept[1] * kept[1])
+    fresh = np.sqrt(1.0 - kept * kept)
     for i in range(3):
         j, k = (i + 1) % 3, (i + 2) % 3
-        across = p[MASS_1 + j] * velocity[j] / p[MASS_1 + i]
-        over = p[MASS_1 + k] * velocity[k] / p[MASS_1 + i]
+        across = p[body.MASS_1 + j] * velocity[j] / p[body.MASS_1 + i]
+        over = p[body.MASS_1 + k] * velocity[k] / p[body.MASS_1 + i]
         push = noise[ACCELERATION] + (across**2 + over**2) * noise[RATE_NOISE] ** 2
-        rows[first + FORWARD + i, FORWARD + i] = math.sqrt(push * dt_s)
-    rows[first + DEPTH, DEPTH] = noise[TILT_STD] * wander
-    rows[first + NORTH, NORTH] = noise[HEADING_STD] * wander
-    rows[first + EAST, EAST] = noise[HEADING_STD] * wander
+        rows[FORWARD + i, FORWARD + i] = math.sqrt(push * dt_s)
+        rows[DRAG + i, DRAG + i] = noise[MODEL_STD] * fresh[3]
+    rows[DEPTH, DEPTH] = noise[TILT_STD] * wander
+    rows[NORTH, NORTH] = noise[HEADING_STD] * wander
+    rows[EAST, EAST] = noise[HEADING_STD] * wander
     for i in range(2):
-        rows[first + STEADY_NORTH + i, STEADY_NORTH + i] = steady
-        rows[first + EDDY_NORTH + i, EDDY_NORTH + i] = eddy
-    rows[first + BIAS, BIAS] = noise[BIAS_STD] * math.sqrt(1.0 - kept[2] * kept[2])
+        rows[STEADY_NORTH + i, STEADY_NORTH + i] = noise[STEADY_STD] * fresh[0]
+        rows[EDDY_NORTH + i, EDDY_NORTH + i] = noise[EDDY_STD] * fresh[1]
+    rows[BIAS, BIAS] = noise[BIAS_STD] * fresh[2]
 
 
 @kernel
@@ -181,8 +220,8 @@ def predict(
     """Advance estimate and factor in place by the vehicle's equations.
 
     Args:
-        x: Estimate, shape ``(11,)``.
-        S: Lower triangular factor of its covariance, shape ``(11, 11)``.
+        x: Estimate, shape ``(14,)``.
+        S: Lower triangular factor of its covariance, shape ``(14, 14)``.
         dt_s: Time step, s.
         command: In force during it, shape ``(5,)``.
         time_s: Time at its beginning, on the clock of the tail's flap.
@@ -191,73 +230,42 @@ def predict(
         actuators: Net mass, sliding mass and tail during it.
         packed: ``Vehicle.packed()``.
         water: ``Surroundings.packed()`` of open, still water.
-        noise: Process noise, shape ``(11,)``.
+        noise: Process noise, shape ``(13,)``.
         steps: Runge-Kutta steps.
     """
-    kept = np.array(
-        [
-            math.exp(-dt_s / noise[STEADY_CORRELATION]),
-            math.exp(-dt_s / noise[EDDY_CORRELATION]),
-            math.exp(-dt_s / noise[BIAS_CORRELATION]),
-        ]
-    )
-    bent = (DEPTH, FORWARD, STARBOARD, DOWN, NORTH, EAST)
-    rows = np.zeros((2 * STATES + BENT, STATES))
-    centre = _swim(
-        x[:BENT], dt_s, command, time_s, attitude, rates, actuators, packed, water, steps
-    )
-    velocity = x[FORWARD:BIAS].copy()
-    mean = centre.copy()
+    memory = (STEADY_CORRELATION, EDDY_CORRELATION, BIAS_CORRELATION, MODEL_CORRELATION)
+    kept = np.empty(len(memory))
+    for i in range(len(memory)):
+        kept[i] = math.exp(-dt_s / noise[memory[i]])
+    start = np.zeros(15)
+    start[3:6], start[9:12], start[12:15] = attitude, rates, actuators
+    later, rows = np.zeros(STATES), np.zeros((2 * STATES + BENT, STATES))
+    _carry(x, dt_s, kept, later)
     for i in range(STATES):
         _carry(S[:, i], dt_s, kept, rows[i])
-        if i >= BENT:
-            continue
-        reach = _SPREAD * S[:BENT, i]
-        ahead = _swim(
-            x[:BENT] + reach,
-            dt_s,
-            command,
-            time_s,
-            attitude,
-            rates,
-            actuators,
-            packed,
-            water,
-            steps,
-        )
-        behind = _swim(
-            x[:BENT] - reach,
-            dt_s,
-            command,
-            time_s,
-            attitude,
-            rates,
-            actuators,
-            packed,
-            water,
-            steps,
-        )
-        for k in range(6):
-            bend = ahead[k] + behind[k] - 2.0 * centre[k]
-            mean[k] += bend / (2.0 * _SPREAD**2)
-            rows[i, bent[k]] += (ahead[k] - behind[k]) / (2.0 * _SPREAD)
-            rows[STATES + i, bent[k]] = _CURVATURE * bend
-    _disturb(rows, STATES + BENT, dt_s, kept, velocity, packed, noise)
-    later = np.zeros(STATES)
-    _carry(x, dt_s, kept, later)
-    for k in range(6):
-        later[bent[k]] += mean[k]
+    _bend(x, S, start, command, time_s, packed, water, dt_s, steps, later, rows)
+    _disturb(rows[STATES + BENT :], dt_s, kept, x[FORWARD:BIAS], packed, noise)
     x[:] = later
     S[:, :] = triangular(rows)
 
 
 @kernel
 def widen(S: FloatArray, std: FloatArray) -> None:
-    """Add independent errors of these standard deviations, shape ``(11,)``, to the covariance."""
+    """Add independent errors of these standard deviations, shape ``(14,)``, to the covariance."""
     rows = np.zeros((2 * STATES, STATES))
     rows[:STATES] = S.T
     for i in range(STATES):
         rows[STATES + i, i] = std[i]
+    S[:, :] = triangular(rows)
+
+
+@kernel
+def correct(S: FloatArray, index: int, gain: FloatArray, variance: float) -> None:
+    """Let a measurement of one state correct all by a chosen gain, shape ``(14,)`` (Joseph)."""
+    rows = np.empty((STATES + 1, STATES))
+    for i in range(STATES):
+        rows[i] = S[:, i] - gain * S[index, i]
+    rows[STATES] = gain * math.sqrt(variance)
     S[:, :] = triangular(rows)
 
 
@@ -346,8 +354,9 @@ def warm_up() -> None:
     """Compile every kernel of this module with the argument types of real use."""
     x, S, three = np.zeros(STATES), np.eye(STATES), np.zeros(3)
     predict(
-        x, S, 0.1, np.zeros(5), 0.0, three, three, three, np.ones(46), np.zeros(9), np.ones(11), 2
+        x, S, 0.1, np.zeros(5), 0.0, three, three, three, np.ones(46), np.zeros(9), np.ones(13), 2
     )
     widen(S, np.zeros(STATES))
+    correct(S, DEPTH, np.zeros(STATES), 1.0)
     measure_depth(x, S, 0.0, 1.0, 9.0, 1, np.zeros(2))
     measure_fix(x, S, np.zeros(2), 1.0, 9.0, 1, np.zeros(2))

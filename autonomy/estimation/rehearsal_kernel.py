@@ -7,6 +7,7 @@ import numpy as np
 from autonomy.arrays import BoolArray, FloatArray
 from autonomy.compiled import kernel
 from autonomy.estimation.kernel import (
+    down_in_body,
     fix_reckoning,
     horizontal_velocity,
     measure_tag,
@@ -16,7 +17,16 @@ from autonomy.estimation.kernel import (
     step_position,
     step_tags,
 )
-from autonomy.estimation.model_kernel import STATES, measure_depth, measure_fix, predict
+from autonomy.estimation.model_kernel import (
+    BIAS,
+    DEPTH,
+    FORWARD,
+    STATES,
+    correct,
+    measure_depth,
+    measure_fix,
+    predict,
+)
 from autonomy.vehicle.extended_kernel import advance
 
 
@@ -126,6 +136,51 @@ def follow_observer(
 
 
 @kernel
+def follow_doubt(
+    S: FloatArray,
+    body: FloatArray,
+    command: FloatArray,
+    attitude: FloatArray,
+    rates: FloatArray,
+    actuators: FloatArray,
+    depth_m: FloatArray,
+    surface_depth_m: float,
+    depth_variance: float,
+    gains: FloatArray,
+    packed: FloatArray,
+    water: FloatArray,
+    noise: FloatArray,
+    dt_s: float,
+    steps: int,
+) -> FloatArray:
+    """Covariance of the observer's velocity in body axes, shape ``(n, 3, 3)``.
+
+    The model filter's covariance along the velocities ``body`` that the observer reported, under
+    the observer's gains: it learns no ballast error and no share, but suffers both.
+    """
+    n = command.shape[0]
+    covariances = np.empty((n, 3, 3))
+    x, gain = np.zeros(STATES), np.zeros(STATES)
+    gain[DEPTH] = dt_s * gains[1]
+    for k in range(n):
+        before = max(k - 1, 0)
+        x[DEPTH], x[FORWARD:BIAS], x[BIAS:] = depth_m[before], body[before], 0.0
+        inside = actuators[before].copy()
+        if depth_m[before] < surface_depth_m:
+            inside[0] = max(inside[0], 0.0)
+        predict(
+            x, S, dt_s, command[k], k * dt_s, attitude[before], rates[before], inside,
+            packed, water, noise, steps,
+        )  # fmt: skip
+        down = down_in_body(attitude[k])
+        for i in range(3):
+            gain[FORWARD + i] = dt_s * gains[0] * down[i]
+        correct(S, DEPTH, gain, depth_variance)
+        covariances[k] = S[FORWARD:BIAS] @ S[FORWARD:BIAS].T
+    return covariances
+
+
+@kernel
 def follow_position(
     axes: FloatArray,
     velocity_ned: FloatArray,
@@ -186,7 +241,7 @@ def follow_model(
     dt_s: float,
     steps: int,
 ) -> tuple[FloatArray, FloatArray]:
-    """Estimates ``(n, 11)`` and their covariances ``(n, 11, 11)`` of the model filter.
+    """Estimates ``(n, 14)`` and their covariances ``(n, 14, 14)`` of the model filter.
 
     ``variance`` is of a depth and of a fix; the rest is as in ``model_kernel``.
     """
@@ -284,9 +339,13 @@ def warm_up() -> None:
     )
     x, S, two, four = np.zeros(STATES), np.eye(STATES), np.ones(2), np.ones(4)
     no, fix = np.zeros(2, np.bool_), np.zeros((2, 2))
+    follow_doubt(
+        S, three, command, three, three, three, two, 0.0, 1.0, two, packed, water, np.ones(13),
+        0.1, 2,
+    )  # fmt: skip
     follow_reckoning(np.ones((2, 5)), three, fix, no, 1.0, np.ones((3, 2)), 0.1)
     follow_model(
-        x, S, command, three, three, three, two, fix, no, two, 9.0, 1, packed, water, np.ones(11),
+        x, S, command, three, three, three, two, fix, no, two, 9.0, 1, packed, water, np.ones(13),
         0.1, 2,
     )  # fmt: skip
     tags, seen = np.zeros((2, 1, 4)), np.zeros((2, 1), np.bool_)

@@ -53,28 +53,21 @@ class Estimate:
         return float(self.state[4])
 
 
+@dataclass(frozen=True, slots=True)
+class WaterState:
+    """Where the robot is and how it moves through the water."""
+
+    position_ned: tuple[float, float, float]
+    position_std_m: float
+    """Of the horizontal position, larger axis."""
+    velocity_body: tuple[float, float, float]
+    """Through the water in body axes, m/s."""
+    velocity_ned: tuple[float, float, float]
+    """Through the water in NED, m/s."""
+
+
 class WaterTrack(Protocol):
-    """Where the robot is and how it moves through the water, from one step to the next."""
-
-    @property
-    def position_ned(self) -> tuple[float, float, float]:
-        """Estimated position, m."""
-        ...
-
-    @property
-    def position_std_m(self) -> float:
-        """Of the horizontal position, larger axis."""
-        ...
-
-    @property
-    def velocity_body(self) -> tuple[float, float, float]:
-        """Through the water in body axes, m/s."""
-        ...
-
-    @property
-    def velocity_ned(self) -> tuple[float, float, float]:
-        """Through the water in NED, m/s."""
-        ...
+    """What tells position and velocity, from one step to the next."""
 
     def step(
         self,
@@ -83,7 +76,7 @@ class WaterTrack(Protocol):
         time_s: float,
         attitude: AttitudeFilter,
         readings: Readings,
-    ) -> None:
+    ) -> WaterState:
         """Let ``dt_s`` pass under set points, then take in the readings at its end."""
         ...
 
@@ -111,26 +104,6 @@ class ObserverTrack:
         self._filter = PositionFilter(config, position_ned, position_std_m)
         self._observer = VelocityObserver(config, vehicle, readings.depth_m)
 
-    @property
-    def position_ned(self) -> tuple[float, float, float]:
-        """Estimated position, m."""
-        return self._filter.position_ned
-
-    @property
-    def position_std_m(self) -> float:
-        """Of the horizontal position, larger axis."""
-        return self._filter.position_std_m
-
-    @property
-    def velocity_body(self) -> tuple[float, float, float]:
-        """Through the water in body axes, m/s."""
-        return self._observer.velocity_body
-
-    @property
-    def velocity_ned(self) -> tuple[float, float, float]:
-        """Through the water in NED, m/s."""
-        return self._observer.velocity_ned
-
     def step(
         self,
         dt_s: float,
@@ -138,13 +111,14 @@ class ObserverTrack:
         time_s: float,
         attitude: AttitudeFilter,
         readings: Readings,
-    ) -> None:
+    ) -> WaterState:
         """Let ``dt_s`` pass under set points, then take in the readings at its end."""
         net_buoyancy = readings.net_buoyancy_kg
         if readings.depth_m < self._surface_depth_m:
             # the air carries no robot: what would lift it out of the water does not accelerate it
             net_buoyancy = max(net_buoyancy, 0.0)
-        self._observer.step(
+        observer, position = self._observer, self._filter
+        observer.step(
             dt_s,
             _packed(command, net_buoyancy),
             time_s,
@@ -153,7 +127,11 @@ class ObserverTrack:
             actuators=(net_buoyancy, readings.mass_position_m, readings.tail_rad),
             depth_m=readings.depth_m,
         )
-        self._filter.step(dt_s, self._observer.velocity_ned, readings.depth_m, readings.fix_ne_m)
+        velocity_ned = observer.velocity_ned
+        position.step(dt_s, velocity_ned, readings.depth_m, readings.fix_ne_m)
+        return WaterState(
+            position.position_ned, position.position_std_m, observer.velocity_body, velocity_ned
+        )
 
 
 class ModelTrack:
@@ -184,28 +162,9 @@ class ModelTrack:
             position_ned,
             position_std_m,
             attitude_rad=_angles(readings),
+            angular_velocity_rad_s=readings.gyro_rad_s,
             actuators=_actuators(readings),
         )
-
-    @property
-    def position_ned(self) -> tuple[float, float, float]:
-        """Estimated position, m."""
-        return self._filter.position_ned
-
-    @property
-    def position_std_m(self) -> float:
-        """Of the horizontal position, larger axis."""
-        return self._filter.position_std_m
-
-    @property
-    def velocity_body(self) -> tuple[float, float, float]:
-        """Through the water in body axes, m/s."""
-        return self._filter.velocity_body
-
-    @property
-    def velocity_ned(self) -> tuple[float, float, float]:
-        """Through the water in NED, m/s."""
-        return self._filter.velocity_ned
 
     def step(
         self,
@@ -214,9 +173,10 @@ class ModelTrack:
         time_s: float,
         attitude: AttitudeFilter,
         readings: Readings,
-    ) -> None:
+    ) -> WaterState:
         """Let ``dt_s`` pass under set points, then take in the readings at its end."""
-        self._filter.step(
+        belief = self._filter
+        belief.step(
             dt_s,
             _packed(command, readings.net_buoyancy_kg),
             time_s,
@@ -226,6 +186,9 @@ class ModelTrack:
             actuators=_actuators(readings),
             depth_m=readings.depth_m,
             fix_ne=readings.fix_ne_m,
+        )
+        return WaterState(
+            belief.position_ned, belief.position_std_m, belief.velocity_body, belief.velocity_ned
         )
 
 
@@ -288,17 +251,16 @@ class Navigator:
         dt_s = self._period_s
         readings = self._usable(readings)
         self._attitude.step(dt_s, _angles(readings), readings.gyro_rad_s)
-        track = self._track
-        track.step(dt_s, command, time_s, self._attitude, readings)
+        now = self._track.step(dt_s, command, time_s, self._attitude, readings)
         self._since_fix_s = 0.0 if readings.fix_ne_m else self._since_fix_s + dt_s
-        north, east, down = track.position_ned
+        north, east, down = now.position_ned
         position = (north, east, max(down, 0.0))
         attitude, rates = self._attitude.attitude_rad, self._attitude.rates_rad_s
         return Estimate(
             position_ned=position,
-            position_std_m=track.position_std_m,
-            velocity_ned=track.velocity_ned,
-            state=np.concatenate([position, attitude, track.velocity_body, rates]),
+            position_std_m=now.position_std_m,
+            velocity_ned=now.velocity_ned,
+            state=np.concatenate([position, attitude, now.velocity_body, rates]),
             readings=readings,
             course_heading_rad=self._mean_heading(),
             has_fix=self._since_fix_s < _FIX_HOLDS_S,

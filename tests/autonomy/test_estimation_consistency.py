@@ -10,16 +10,17 @@ from autonomy.estimation.config import (
     DEAD_RECKONING_PRESETS,
     ESTIMATOR_PRESETS,
     MODEL_FILTER_PRESETS,
-    CurrentConfig,
     TagFilterConfig,
 )
 from autonomy.estimation.consistency import bounds, consistency, normalized_error_squared
 from autonomy.estimation.follow import (
+    Track,
     by_dead_reckoning,
     by_model_filter,
     by_position_filter,
     by_tag_filter,
     observed_velocity,
+    observer_covariance,
 )
 from autonomy.estimation.model_filter import ModelFilter
 from autonomy.estimation.rehearsal import PERIOD_S, Flight, TagErrors, sightings
@@ -27,8 +28,9 @@ from benchmarks.estimation import (
     STEADY_M_S,
     TANK_DIVE_S,
     flight,
-    physical_position_filter,
     squares,
+    water_of,
+    wrong_model,
 )
 from benchmarks.observer_table import Case, errors, true_run
 from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
@@ -48,13 +50,6 @@ def flights() -> dict[str, list[Flight]]:
     }
 
 
-def water(robot: RobotDefinition) -> CurrentConfig:
-    return CurrentConfig(
-        eddy_correlation_s=robot.current_correlation_s,
-        steady_std_m_s=STEADY_M_S[robot.vehicle.key],
-    )
-
-
 def judge(values: list[np.ndarray], dimensions: int):
     return consistency(np.array(values)[:, 10:], dimensions)
 
@@ -65,7 +60,7 @@ def test_model_filter_and_dead_reckoning_err_as_they_say_and_the_filter_far_less
 ) -> None:
     key = robot.vehicle.key
     estimator = ESTIMATOR_PRESETS[key]
-    change = {"current": water(robot)}
+    change = {"current": water_of(robot, STEADY_M_S[key])}
     reckoned, modelled = [], []
     for flown in flights[key]:
         _, ned = observed_velocity(flown, robot.vehicle, estimator)
@@ -74,7 +69,9 @@ def test_model_filter_and_dead_reckoning_err_as_they_say_and_the_filter_far_less
         model = MODEL_FILTER_PRESETS[key].model_copy(update=change)
         modelled.append(by_model_filter(flown, robot.vehicle, estimator, model).position)
     for tracks in (reckoned, modelled):
-        assert judge([squares(track) for track in tracks], 2).is_consistent
+        judged = judge([squares(track) for track in tracks], 2)
+        assert not judged.is_overconfident
+        assert judged.doubt < 1.5
     late = [flown.truth[3000:, 2] > 0.1 for flown in flights[key]]
     without, with_filter = (
         math.sqrt(
@@ -89,33 +86,59 @@ def test_model_filter_and_dead_reckoning_err_as_they_say_and_the_filter_far_less
     assert with_filter < 0.5 * without
 
 
-def test_velocity_and_ballast_of_the_model_filter_err_as_it_says() -> None:
-    estimator, model = ESTIMATOR_PRESETS["miniglider"], MODEL_FILTER_PRESETS["miniglider"]
-    velocity, bias = [], []
-    for seed in range(RUNS):
-        flown = flight(MINI_1, seed, 0.0, 150.0)
-        track = by_model_filter(flown, MINI_1.vehicle, estimator, model)
-        dive = slice(16, 60)  # seconds of the first dive: at the surface the robot rests
-        velocity.append(squares(track.velocity)[dive])
-        bias.append(track.bias.error[-1, 0])
-    judged = consistency(np.array(velocity), 3)
-    assert judged.low < judged.mean < judged.high
-    assert np.sqrt(np.mean(np.square(bias))) < 0.3 * MINI_1.sensors.buoyancy_bias_kg
+@ROBOTS
+def test_velocities_and_ballast_by_a_wrong_model_err_no_more_than_they_say(
+    robot: RobotDefinition, flights: dict[str, list[Flight]]
+) -> None:
+    key = robot.vehicle.key
+    estimator, model = ESTIMATOR_PRESETS[key], MODEL_FILTER_PRESETS[key]
+    blind = model.model_copy(update={"model_error": 0.0})
+    under = np.all([flown.truth[::10, 2] > 0.1 for flown in flights[key]], axis=0)
+    values = {name: [] for name in ("filter", "blind", "right", "observer", "ballast")}
+    for seed, flown in enumerate(flights[key][:6]):
+        wrong = wrong_model(robot.vehicle, seed)
+        track = by_model_filter(flown, wrong, estimator, model)
+        values["filter"].append(squares(track.velocity)[under])
+        values["ballast"].append(squares(track.bias)[300:])
+        by_blind = by_model_filter(flown, wrong, estimator, blind).velocity
+        values["blind"].append(squares(by_blind)[under])
+        by_right = by_model_filter(flown, robot.vehicle, estimator, model).velocity
+        values["right"].append(squares(by_right)[under])
+        body, _ = observed_velocity(flown, wrong, estimator)
+        doubt = observer_covariance(flown, body, wrong, estimator, model)
+        observed = Track(flown.truth[:, 6:9] - body, doubt)
+        values["observer"].append(squares(observed)[under])
+    judged = {
+        name: consistency(np.array(found), 1 if name == "ballast" else 3)
+        for name, found in values.items()
+    }
+    for name in ("filter", "right", "observer", "ballast"):
+        assert not judged[name].is_overconfident, name
+    assert judged["filter"].doubt < 2.0
+    assert judged["observer"].doubt < 2.0
+    assert judged["right"].doubt < 3.0
+    assert judged["blind"].mean > 100.0
 
 
 @ROBOTS
-def test_the_position_filter_errs_as_it_says_if_its_velocity_may_follow_the_eddies(
+def test_the_position_filter_errs_as_it_says_because_its_velocity_follows_the_eddies(
     robot: RobotDefinition,
 ) -> None:
     estimator = ESTIMATOR_PRESETS[robot.vehicle.key]
     dive_s = {"miniglider": 150.0, "grace3": 300.0}[robot.vehicle.key]
-    values = []
-    for seed in range(RUNS):
+    stiff = estimator.model_copy(
+        update={"acceleration_density": estimator.acceleration_density / 30.0}
+    )
+    values, by_stiff = [], []
+    for seed in range(2 * RUNS):
         flown = flight(robot, seed, 0.0, dive_s)
         _, ned = observed_velocity(flown, robot.vehicle, estimator)
-        track = by_position_filter(flown, ned, physical_position_filter(robot, estimator))
-        values.append(squares(track))
-    assert judge(values, 2).is_consistent
+        values.append(squares(by_position_filter(flown, ned, estimator)))
+        by_stiff.append(squares(by_position_filter(flown, ned, stiff)))
+    judged = judge(values, 2)
+    assert not judged.is_overconfident
+    assert judged.doubt < 1.3
+    assert judge(by_stiff, 2).is_overconfident
 
 
 def test_the_tag_filter_errs_as_it_says_with_outliers_and_long_gaps() -> None:
@@ -125,7 +148,9 @@ def test_the_tag_filter_errs_as_it_says_with_outliers_and_long_gaps() -> None:
         poses, seen = sightings(flown, TagErrors(), np.random.default_rng([seed, 7]))
         assert 0.4 < seen.mean() < 0.9
         values.append(squares(by_tag_filter(flown, poses, seen, TagFilterConfig())))
-    assert judge(values, 4).is_consistent
+    judged = judge(values, 4)
+    assert not judged.is_overconfident
+    assert judged.doubt < 1.1
 
 
 def test_rehearsals_and_the_filter_on_board_are_the_same_filter(
@@ -141,9 +166,9 @@ def test_rehearsals_and_the_filter_on_board_are_the_same_filter(
         (0.0, 0.0, 0.0),
         estimator.fix_std_m,
         attitude_rad=flown.attitude[0],
+        angular_velocity_rad_s=flown.gyro[0],
         actuators=flown.actuators[0],
     )
-    follower._rates = flown.gyro[0].copy()
     for k in range(800):
         fix = tuple(flown.fix_ne[k].tolist()) if flown.has_fix[k] else None
         follower.step(
@@ -178,9 +203,28 @@ def test_errors_drawn_from_their_covariance_are_consistent_and_bolder_ones_are_n
     assert honest.is_consistent
     assert honest.mean == pytest.approx(3.0, abs=0.06)
     assert 0.9 < honest.share_inside <= 1.0
-    bold = normalized_error_squared(error, np.broadcast_to(P / 2, (100, 200, 3, 3)))
-    assert not consistency(bold, 3).is_consistent
+    assert honest.doubt == pytest.approx(1.0, abs=0.01)
+    bold = normalized_error_squared(error, np.broadcast_to(P / 1.1, (100, 200, 3, 3)))
+    assert consistency(bold, 3).is_overconfident
     assert bounds(100, 2) == pytest.approx((1.627, 2.411), abs=0.001)
+
+
+@pytest.mark.parametrize(("correlation", "draws"), [(1, 600.0), (20, 30.0), (600, 1.0)])
+def test_errors_that_last_count_as_fewer_draws(correlation: int, draws: float) -> None:
+    rng = np.random.default_rng(1)
+    error = np.repeat(rng.standard_normal((200, 600 // correlation, 2)), correlation, axis=1)
+    judged = consistency(np.sum(error**2, axis=2), 2)
+    assert judged.draws == pytest.approx(draws, rel=0.3)
+    assert (judged.low, judged.high) == pytest.approx(bounds(200 * judged.draws, 2))
+
+
+def test_ten_runs_are_enough_to_find_a_covariance_that_is_too_small() -> None:
+    rng = np.random.default_rng(2)
+    error = np.repeat(rng.standard_normal((10, 20, 2)), 30, axis=1)
+    honest = np.sum(error**2, axis=2)
+    assert not consistency(honest, 2).is_overconfident
+    assert consistency(1.6 * honest, 2).is_overconfident
+    assert bounds(10, 2)[1] > 1.6 * 2.0
 
 
 def test_consistency_of_nothing_or_of_no_number_is_refused() -> None:

@@ -268,7 +268,7 @@ def test_a_new_trim_makes_the_ballast_error_unknown_again() -> None:
 
 def test_the_model_filter_stays_positive_definite_for_hours_of_dives() -> None:
     follower = model_filter()
-    for k in range(4320):
+    for k in range(2160):
         surfaced = k % 60 < 20
         fix = (0.001 * math.sin(k), 0.001 * math.cos(k)) if surfaced else None
         drift_by(follower, 0.0 if surfaced else 1.0, fix, dt_s=5.0)
@@ -280,9 +280,9 @@ def test_the_model_filter_stays_positive_definite_for_hours_of_dives() -> None:
 
 def test_the_triangular_update_is_the_kalman_update() -> None:
     rng = np.random.default_rng(3)
-    A = rng.standard_normal((11, 11))
+    A = rng.standard_normal((14, 14))
     S = kernel.triangular(A.copy())
-    P, x = A.T @ A, rng.standard_normal(11)
+    P, x = A.T @ A, rng.standard_normal(14)
     assert pytest.approx(P, abs=1e-12) == S @ S.T
     assert np.array_equal(S, np.tril(S))
     for index in (kernel.DEPTH, kernel.EAST):
@@ -293,8 +293,21 @@ def test_the_triangular_update_is_the_kalman_update() -> None:
         assert x == pytest.approx(expected, abs=1e-12)
         assert pytest.approx(P, abs=1e-12) == S @ S.T
         assert np.array_equal(S, np.tril(S))
-    kernel.widen(S, np.full(11, 2.0))
-    assert pytest.approx(P + 4.0 * np.eye(11), abs=1e-12) == S @ S.T
+    kernel.widen(S, np.full(14, 2.0))
+    P = P + 4.0 * np.eye(14)
+    assert pytest.approx(P, abs=1e-12) == S @ S.T
+
+
+def test_a_correction_by_any_gain_leaves_the_covariance_of_its_errors() -> None:
+    rng = np.random.default_rng(4)
+    A = rng.standard_normal((14, 14))
+    S = kernel.triangular(A.copy())
+    gain = rng.standard_normal(14)
+    left = np.eye(14) - np.outer(gain, np.eye(14)[kernel.DEPTH])
+    expected = left @ A.T @ A @ left.T + 0.3 * np.outer(gain, gain)
+    kernel.correct(S, kernel.DEPTH, gain, 0.3)
+    assert pytest.approx(expected, abs=1e-12) == S @ S.T
+    assert np.array_equal(S, np.tril(S))
 
 
 nonsense = st.sampled_from([math.nan, math.inf, -math.inf])
