@@ -8,6 +8,7 @@ from fastapi import FastAPI
 
 from server.api import (
     alarms,
+    coefficients,
     commands,
     config,
     deployments,
@@ -48,6 +49,7 @@ ROUTERS = (
     transfers.router,
     maps.router,
     vehicles.router,
+    coefficients.router,
     whatifs.router,
     identifications.router,
     trim.router,

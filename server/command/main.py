@@ -20,6 +20,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "token": "create, list and revoke the tokens of scripts",
         "user": "add people, change their role or password, make a sign-in link",
         "db": "upgrade, inspect or copy the database",
+        "coefficients": "coefficients of a vehicle from forces and moments of a tunnel or CFD",
         "reproduce": "work out a table or figure of the thesis, ours beside the printed numbers",
         "compile": "compile the numeric kernels ahead of time",
     }

@@ -46,7 +46,7 @@ class ActuatorOffset:
         title, scale, unit = _OFFSETS[self.name]
         if self.std is None or not self.is_known:
             return f"{title} {self.value * scale:+.2f} {unit} ({self.verdict})"
-        return f"{title} {self.value * scale:+.2f} {unit} (+-{self.std * scale:.2f})"
+        return f"{title} {self.value * scale:+.2f} {unit} (±{self.std * scale:.2f})"
 
 
 @dataclass(frozen=True, slots=True)

@@ -89,7 +89,7 @@ def test_an_offset_that_the_data_do_not_tell_stays_as_the_robot_has_it():
     assert offered.document["half_step"]["net_buoyancy_offset_kg"] == 0.002
     assert offered.document["mass_position_std_m"] is None
     assert offered.document["is_worth_it"]
-    assert "net buoyancy +4.00 g (+-0.20)" in offered.message
+    assert "net buoyancy +4.00 g (±0.20)" in offered.message
     assert "mass position" not in offered.message
 
 
@@ -124,7 +124,7 @@ def test_a_vehicle_s_note_names_what_was_found_with_it():
         "identified from deployment-2 by identification-1"
     )
     assert note_of("identification-1", "deployment-2", [BUOYANCY, POSITION]).endswith(
-        "net buoyancy +4.00 g (+-0.20) and mass position +1.00 mm (not identifiable)"
+        "net buoyancy +4.00 g (±0.20) and mass position +1.00 mm (not identifiable)"
     )
 
 
