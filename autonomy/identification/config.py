@@ -11,6 +11,10 @@ class NoiseLevels(Configuration):
 
     horizontal_m: float = quantity(0.05, "m", title="Horizontal position", gt=0.0, le=100.0)
     """Of a position fix, per axis; a fix that was recorded with a larger one keeps that."""
+    fix_hold_s: float = quantity(2.0, "s", title="Fix, held for", ge=0.0, le=60.0, advanced=True)
+    """A robot goes on saying that it has a fix for so long after one arrived, while its position
+    is a filter's: of reports within this time only the first counts as a fix. 0 if every row has
+    a fix of its own, as from cameras."""
     depth_m: float = quantity(0.005, "m", title="Depth", gt=0.0, le=10.0)
     """Of one depth measurement."""
     tilt_rad: float = quantity(

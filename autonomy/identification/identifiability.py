@@ -17,8 +17,8 @@ _WEAK = 0.05
 """A standard deviation beyond this part of a parameter's value makes it weak."""
 _NULL = 1.0
 """A direction whose standard deviation exceeds the values themselves is not in the data."""
-_MEMBER = 0.25
-"""A parameter belongs to a direction with more than this part of its largest component."""
+FEWEST_SEGMENTS = 6
+"""Fewer parts of a recording cannot contradict each other: what they say alike may be wrong."""
 _MOST_NAMED = 5
 
 
@@ -49,13 +49,18 @@ class Judgement:
 
 
 def judge(
-    sought: Sequence[Unknown], u: FloatArray, information: Information, cost: float
+    sought: Sequence[Unknown],
+    u: FloatArray,
+    information: Information,
+    cost: float,
+    drift: FloatArray | None = None,
 ) -> tuple[tuple[Judgement, ...], tuple[Direction, ...]]:
     """Judge each unknown by the information about it.
 
-    Null directions are taken out before the rest is inverted, so that what they do not touch
-    keeps an honest standard deviation. That is the greater of what the noise allows and of how much
-    the answer moves when one segment is left out (jackknife), which feels a wrong model as well.
+    Null directions are taken out before the rest is inverted; what little they move an unknown
+    within the box is added to its deviation. The rest is the greater of what the noise allows and
+    of how much the answer moves when one segment is left out (jackknife), which feels a wrong model
+    as well; and beside it how far the answer hangs on what was not reported.
 
     Args:
         sought: The unknowns.
@@ -63,6 +68,7 @@ def judge(
         information: What the data tell there, in the same units.
         cost: Mean squared weighted residual; beyond 1 the noise was assumed too small, or the
             model is wrong, and all deviations grow with its root.
+        drift: Changes of half the gradient in other readings of the recording, shape ``(m, n)``.
 
     Returns:
         One judgement for each unknown, and the directions that are null or weak, worst first.
@@ -70,18 +76,47 @@ def judge(
     values, vectors = np.linalg.eigh(information.fisher / max(cost, 1.0))
     stds = np.where(values > 0.0, 1.0 / np.sqrt(np.maximum(values, 1e-300)), np.inf)
     told = stds <= _NULL
-    covariance = (vectors[:, told] * stds[told] ** 2) @ vectors[:, told].T
-    std = np.sqrt(np.maximum(np.diag(covariance), 0.0))
-    std = np.maximum(std, jackknife(information, vectors[:, told]))
+    reach = np.array([_reach(sought, vectors[:, k]) for k in range(u.size)])
+    variance = (vectors[:, told] ** 2) @ stds[told] ** 2
+    within = np.maximum(np.sqrt(variance), jackknife(information, vectors[:, told]))
+    unseen = _moved_by(information, vectors[:, told], drift)
+    beyond = (vectors[:, ~told] ** 2) @ np.minimum(stds, reach)[~told] ** 2
+    std = np.sqrt(within**2 + unseen**2 + beyond)
     directions = tuple(
-        _direction(sought, vectors[:, k], float(stds[k]))
+        _direction(sought, vectors[:, k], float(stds[k]), float(reach[k]))
         for k in np.argsort(-stds)
         if stds[k] > _WEAK
     )
+    count = information.fisher_by_segment.shape[0]
     judged = [
-        _judgement(sought[k], k, float(u[k]), float(std[k]), directions) for k in range(u.size)
+        _judgement(sought[k], k, float(u[k]), float(std[k]), float(unseen[k]), directions, count)
+        for k in range(u.size)
     ]
     return tuple(judged), directions
+
+
+def unjudged(sought: Sequence[Unknown]) -> tuple[Judgement, ...]:
+    """Return the judgement of a search that did not end at a minimum: there are no deviations."""
+    judgement = Judgement(
+        "weak", math.inf, "the search has not ended at a minimum: nothing is known of its error"
+    )
+    return tuple(judgement for _ in sought)
+
+
+def _reach(sought: Sequence[Unknown], vector: FloatArray) -> float:
+    """Return how far a direction can be followed from the middle of the box."""
+    half = np.array([0.5 * (unknown.high - unknown.low) for unknown in sought])
+    return float(np.min(half / np.maximum(np.abs(vector), 1e-12)))
+
+
+def _moved_by(information: Information, told: FloatArray, drift: FloatArray | None) -> FloatArray:
+    """Return how far other readings of the recording move the answer at most, shape ``(n,)``."""
+    if drift is None or told.shape[1] == 0:
+        return np.zeros(told.shape[0])
+    if not np.isfinite(drift).all():
+        return np.full(told.shape[0], np.inf)
+    moved = told @ np.linalg.solve(told.T @ information.fisher @ told, told.T @ drift.T)
+    return np.asarray(np.abs(moved).max(axis=1), dtype=np.float64)
 
 
 def jackknife(information: Information, told: FloatArray) -> FloatArray:
@@ -92,7 +127,8 @@ def jackknife(information: Information, told: FloatArray) -> FloatArray:
         told: Orthonormal directions in which there is an answer, shape ``(n, k)``.
 
     Returns:
-        Zeros where there is but one segment.
+        Zeros where there is but one segment. Few segments give a deviation that is itself
+        uncertain; as with Student's distribution it is raised so that twice of it holds 95 %.
     """
     count = information.gradient_by_segment.shape[0]
     moved = np.zeros((count, told.shape[0]))
@@ -101,11 +137,18 @@ def jackknife(information: Information, told: FloatArray) -> FloatArray:
         pull = told.T @ (information.gradient - information.gradient_by_segment[s])
         moved[s] = -told @ np.linalg.lstsq(rest, pull, rcond=None)[0]
     spread = np.sum((moved - moved.mean(axis=0)) ** 2, axis=0)
-    return np.asarray(np.sqrt((count - 1) / count * spread), dtype=np.float64)
+    few = 1.0 + 1.5 / max(count - 1, 1)
+    return np.asarray(few * np.sqrt((count - 1) / count * spread), dtype=np.float64)
 
 
 def _judgement(
-    unknown: Unknown, place: int, u: float, std: float, directions: Sequence[Direction]
+    unknown: Unknown,
+    place: int,
+    u: float,
+    std: float,
+    unseen: float,
+    directions: Sequence[Direction],
+    segments: int,
 ) -> Judgement:
     mine = [direction for direction in directions if place in direction.members]
     null = [direction for direction in mine if direction.is_null]
@@ -115,19 +158,38 @@ def _judgement(
         return Judgement(
             "weak", std, "stopped at the border of the box: widen the box, or hold it fixed"
         )
+    said = _deviation(unknown, std)
     if std > _WEAK:
+        if unseen > 0.7 * std:
+            return Judgement(
+                "weak", std, f"{said}; the actuators were reported too seldom to tell it better"
+            )
         partners = [d.message for d in mine if len(d.members) > 1]
-        return Judgement(
-            "weak", std, f"+-{std * 100:.0f} %" + (f"; {partners[0]}" if partners else "")
-        )
-    return Judgement("identified", std, f"+-{std * 100:.1f} %")
+        return Judgement("weak", std, said + (f"; {partners[0]}" if partners else ""))
+    if segments < FEWEST_SEGMENTS:
+        return Judgement("weak", std, f"{said}, if {segments} segments can be trusted")
+    return Judgement("identified", std, said)
 
 
-def _direction(sought: Sequence[Unknown], vector: FloatArray, std: float) -> Direction:
-    """Name a direction by what can be moved along it without a trace."""
+def _deviation(unknown: Unknown, std: float) -> str:
+    """Return a standard deviation as it is read: of a parameter as a part of its value."""
+    if not math.isfinite(std):
+        return "no bound"
+    if unknown.nominal != 0.0:
+        return f"±{std * 100:.{0 if std > _WEAK else 1}f} %"
+    return f"±{std * unknown.scale * 1e3:.2g} {'g' if unknown.unit == 'kg' else 'm' + unknown.unit}"
+
+
+def _direction(
+    sought: Sequence[Unknown], vector: FloatArray, std: float, reach: float
+) -> Direction:
+    """Name a direction by what can be moved along it without a trace.
+
+    An unknown takes part if the direction alone makes it weak.
+    """
     order = np.argsort(-np.abs(vector))
-    largest = abs(vector[order[0]])
-    members = tuple(int(k) for k in order if abs(vector[k]) > _MEMBER * largest)
+    apart = min(std, reach)
+    members = tuple(int(k) for k in order if abs(vector[k]) * apart > _WEAK) or (int(order[0]),)
     if len(members) == 2:
         members = (min(members), max(members))
     # seen in the logarithm of the magnitudes, products and ratios are sums and differences
@@ -145,9 +207,9 @@ def _message(titles: Sequence[str], grows: Sequence[bool], std: float) -> str:
             return f"only the {joint[0]} {titles[0]} {joint[1]} {titles[1]} enters"
         return f"only ratios of {_listed(titles)} enter: measure one of them and hold it fixed"
     if len(titles) == 1:
-        return f"the {titles[0]} is weak: +-{std * 100:.0f} %"
+        return f"the {titles[0]} is weak: ±{std * 100:.0f} %"
     return (
-        f"{_listed(titles)} can change together with little trace (+-{std * 100:.0f} %): measure"
+        f"{_listed(titles)} can change together with little trace (±{std * 100:.0f} %): measure"
         " one of them and hold it fixed"
     )
 

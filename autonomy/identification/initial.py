@@ -13,6 +13,10 @@ _POSITION_STD_M = 10.0
 _DEPTH_STD_M = 1.0
 _ATTITUDE_STD_RAD = 0.5
 _RATE_STD_RAD_S = 0.2
+_STEEP = 0.2
+_USUAL_SHARE = 0.4
+_LEAST_SHARE = 0.2
+"""Forward speeds at the start as parts of the top speed."""
 
 
 def initial_precision(vehicle: Vehicle) -> FloatArray:
@@ -50,7 +54,7 @@ def initial_guess(
     """Return the most likely first state of each segment by its first rows, ``(segments, 12)``.
 
     Position and attitude are those of a straight line through the first seconds; the velocity is
-    the smallest that has the measured rate of depth.
+    straight ahead.
 
     Args:
         time_s: Shape ``(rows,)``.
@@ -84,14 +88,14 @@ def _horizontal(table: FloatArray, row: int) -> FloatArray:
 
 
 def _velocity(pitch: float, depth_rate: float, speed: float) -> FloatArray:
-    """Return the least unlikely velocity with a given rate of depth; sliding is a third as likely.
+    """Return a velocity straight ahead, as fast as the rate of depth says where the pitch is steep.
 
-    It minimises ``(v1 / speed)^2 + (3 v3 / speed)^2`` subject to the rate of depth.
+    A start that slides sideways, as the rate of depth of a level robot would have it, leads the
+    descent into motions that tumble.
     """
-    along, across = -math.sin(pitch), math.cos(pitch)
-    variance = np.array([speed**2, 0.0, (speed / 3.0) ** 2])
-    gain = variance * np.array([along, 0.0, across])
-    return gain * depth_rate / (along * gain[0] + across * gain[2])
+    along = -math.sin(pitch)
+    ahead = depth_rate / along if abs(along) > _STEEP else _USUAL_SHARE * speed
+    return np.array([min(max(ahead, _LEAST_SHARE * speed), speed), 0.0, 0.0])
 
 
 def _body_rates(attitude: FloatArray, euler_rates: FloatArray) -> FloatArray:

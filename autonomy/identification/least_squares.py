@@ -175,9 +175,38 @@ def descend(
     """
     point = start
     while not point.is_done and point.steps < problem.config.descents:
-        point = _step(problem, point, workers)
+        point = stepped(problem, point, workers)
         after_step(point)
     return point
+
+
+def stepped(problem: Problem, point: Descent, workers: Workers) -> Descent:
+    """Return the next point; it is done where nothing helps, not even other initial states."""
+    found = _step(problem, point, workers)
+    return _resettled(problem, found, workers) if found.is_done else found
+
+
+def decrement(problem: Problem, u: FloatArray, data: Information, cost: float) -> float:
+    """Return how far a point is from the minimum, in standard deviations of the noise.
+
+    It is the root of Newton's decrement, over the unknowns that do not press against the box: what
+    the next step would gain in the sum of squares if that were a parabola.
+
+    Args:
+        problem: The fit.
+        u: The point, shape ``(n,)``.
+        data: What the data say there.
+        cost: Mean squared weighted residual there.
+    """
+    anchor = _ANCHOR_STD**-2
+    pull = data.gradient + anchor * u
+    pressed = ((u <= problem.low + 1e-9) & (pull > 0.0)) | (
+        (u >= problem.high - 1e-9) & (pull < 0.0)
+    )
+    free = np.flatnonzero(~pressed)
+    hessian = data.fisher[np.ix_(free, free)] + anchor * np.eye(free.size)
+    squared = float(pull[free] @ np.linalg.solve(hessian, pull[free]))
+    return math.sqrt(max(squared, 0.0) / max(cost, 1.0))
 
 
 def normal_equations(
@@ -194,6 +223,18 @@ def normal_equations(
     Returns:
         One set for each segment; None if the model diverges.
     """
+    found: list[NormalEquations] = []
+    for places, part in problem.pieces():
+        equations = _equations(part, u, initial[places], workers)
+        if equations is None:
+            return None
+        found += equations
+    return tuple(found)
+
+
+def _equations(
+    problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers
+) -> list[NormalEquations] | None:
     by_state = state_sensitivity(problem, u, initial, workers)
     if by_state is None:
         return None
@@ -214,7 +255,7 @@ def normal_equations(
                 jx.T @ jp,
             )
         )
-    return tuple(found)
+    return found
 
 
 def information(equations: Sequence[NormalEquations]) -> Information:
@@ -236,6 +277,40 @@ def parameter_sensitivity(
     starts = np.repeat(initial[None], 2 * n, axis=0)
     predicted, _ = problem.simulate(moved, starts, workers)
     return weighted_slope(problem, predicted[:n], predicted[n:], _PARAMETER_STEP)
+
+
+def best_settled(
+    problem: Problem, u: FloatArray, starts: Sequence[FloatArray], workers: Workers
+) -> FloatArray | None:
+    """Return the best initial states that are reached from several starts, segment by segment.
+
+    None if the model diverges from each of them.
+    """
+    best: FloatArray | None = None
+    least = np.zeros(0)
+    for start in starts:
+        found = settled(problem, u, start, workers)
+        if found is None:
+            continue
+        predicted, _ = problem.simulate(u[None], found[None], workers)
+        total = segment_costs(problem, problem.residual(predicted[0]), found)
+        if best is None:
+            best, least = found, total
+        else:
+            better = total < least
+            best, least = np.where(better[:, None], found, best), np.minimum(total, least)
+    return best
+
+
+def _resettled(problem: Problem, point: Descent, workers: Workers) -> Descent:
+    """Look whether a segment follows better from another start; if so, the descent goes on."""
+    initial = best_settled(problem, point.u, (point.initial, problem.guess), workers)
+    if initial is None:
+        return point
+    cost = _cost(problem, point.u, initial, workers)
+    if point.cost - cost < _ENOUGH * point.cost:
+        return point
+    return Descent(point.u, initial, cost, _FIRST_DAMPING, point.steps)
 
 
 def _step(problem: Problem, point: Descent, workers: Workers) -> Descent:

@@ -134,6 +134,18 @@ def refined(
     Returns:
         Shape ``(segments, 12)``; None if the candidate diverges from the start.
     """
+    found: list[FloatArray] = []
+    for places, part in problem.pieces():
+        best = _refined(part, u, initial[places], workers, whole=whole)
+        if best is None:
+            return None
+        found.append(best)
+    return np.concatenate(found)
+
+
+def _refined(
+    problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers, *, whole: bool
+) -> FloatArray | None:
     mask = 1.0 if whole else _beginning(problem)
     best = initial.copy()
     found = state_sensitivity(problem, u, best, workers)
@@ -167,12 +179,25 @@ def profile_of(problem: Problem, u: FloatArray, initial: FloatArray, workers: Wo
 
     Where the candidate diverges they act not at all, and only the prior counts.
     """
-    found = state_sensitivity(problem, u, initial, workers)
-    slope = np.zeros((*problem.layout.measured.shape, 12)) if found is None else found[1]
+    shape = (*problem.layout.measured.shape, 12)
+    basis, lean = np.empty(shape), np.empty_like(initial)
+    away = initial - problem.guess
+    for places, part in problem.pieces():
+        rows = slice(
+            problem.layout.segment_row[places.start], problem.layout.segment_row[places.stop]
+        )
+        found = state_sensitivity(part, u, initial[places], workers)
+        slope = np.zeros((rows.stop - rows.start, 6, 12)) if found is None else found[1]
+        _orthonormal(part, slope, away[places], basis[rows], lean[places])
+    return Profile(initial, basis, lean, float(np.sum(problem.precision * away**2)))
+
+
+def _orthonormal(
+    problem: Problem, slope: FloatArray, away: FloatArray, basis: FloatArray, lean: FloatArray
+) -> None:
+    """Write ``basis`` and ``lean`` of a profile for some segments."""
     early = slope * _beginning(problem)[..., None]
     rows = problem.layout.segment_row
-    away = initial - problem.guess
-    basis, lean = np.empty_like(slope), np.empty_like(initial)
     for s in range(problem.layout.segments):
         part = slice(rows[s], rows[s + 1])
         jacobian, start = slope[part].reshape(-1, 12), early[part].reshape(-1, 12)
@@ -180,7 +205,6 @@ def profile_of(problem: Problem, u: FloatArray, initial: FloatArray, workers: Wo
         root = np.linalg.cholesky(hessian + np.diag(problem.precision))
         basis[part] = np.linalg.solve(root, jacobian.T).T.reshape(slope[part].shape)
         lean[s] = np.linalg.solve(root, problem.precision * away[s])
-    return Profile(initial, basis, lean, float(np.sum(problem.precision * away**2)))
 
 
 def _beginning(problem: Problem) -> FloatArray:

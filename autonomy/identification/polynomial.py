@@ -142,7 +142,7 @@ def _flaws(name: str, values: FloatArray, rows: int | None) -> list[str]:
         return ["must be greater than 0 m/s"]
     if name in _ANGLES and (np.abs(values) > _STEEPEST_RAD).any():
         worst = float(np.max(np.abs(values)))
-        return [f"reaches {worst:.3g}: must be within +-{_STEEPEST_RAD:.3f} rad; is it in degrees?"]
+        return [f"reaches {worst:.3g}: must be within ±{_STEEPEST_RAD:.3f} rad; is it in degrees?"]
     return []
 
 

@@ -1,9 +1,9 @@
 """The fit as arrays: segments, measurements and their weights, and what a candidate predicts."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,6 +18,9 @@ from autonomy.vehicle.config import Vehicle
 
 CHANNELS = ("north_m", "east_m", "depth_m", "roll_rad", "pitch_rad", "heading_rad")
 """Columns of what is measured and predicted."""
+_MOST_ROWS = 4000
+_LOST = 1e9
+"""A prediction this far off is one of a motion that left all bounds; its square may overflow."""
 
 
 class NothingToIdentifyError(IdentificationError):
@@ -91,6 +94,39 @@ class Problem:
         )
         return max(int(np.count_nonzero(self.layout.weight)) - seen, 1)
 
+    def piece(self, first: int, stop: int) -> "Problem":
+        """Return the same fit to some segments in a row; the arrays are shared."""
+        layout = self.layout
+        node, row = layout.segment_node[first], layout.segment_row[first]
+        nodes = slice(node, layout.segment_node[stop])
+        rows = slice(row, layout.segment_row[stop])
+        marks = layout.node_row[nodes]
+        part = Layout(
+            layout.segment_node[first : stop + 1] - node,
+            layout.node_inputs[nodes],
+            layout.node_step_s[nodes],
+            np.where(marks >= 0, marks - row, -1),
+            layout.segment_row[first : stop + 1] - row,
+            layout.time_s[rows],
+            layout.measured[rows],
+            layout.weight[rows],
+        )
+        report = replace(self.report, segments=self.report.segments[first:stop])
+        return replace(self, layout=part, report=report, guess=self.guess[first:stop])
+
+    def pieces(self) -> Iterator[tuple[slice, "Problem"]]:
+        """Yield places of segments and the fit to them, each of them small enough for memory.
+
+        Sensitivities hold hundreds of numbers a row, which a long recording cannot afford at once.
+        """
+        rows = self.layout.segment_row
+        first = 0
+        while first < self.layout.segments:
+            reach = int(np.searchsorted(rows, rows[first] + _MOST_ROWS, side="right")) - 1
+            stop = min(max(reach, first + 1), self.layout.segments)
+            yield slice(first, stop), self.piece(first, stop)
+            first = stop
+
     def simulate(
         self, u: FloatArray, initial: FloatArray, workers: "Workers"
     ) -> tuple[FloatArray, BoolArray]:
@@ -129,6 +165,7 @@ class Problem:
     def residual(self, predicted: FloatArray) -> FloatArray:
         """Return weighted residuals, shape ``(..., rows, 6)``; angles are compared as angles."""
         error = predicted - self.layout.measured
+        error[~(np.abs(error) < _LOST)] = np.nan
         angle = error[..., 3:]
         angle -= 2.0 * math.pi * np.floor(angle / (2.0 * math.pi) + 0.5)
         return np.where(self.layout.weight > 0.0, error * self.layout.weight, 0.0)
@@ -240,10 +277,23 @@ def _weights(used: Recording, noise: NoiseLevels) -> FloatArray:
     """Return one over the standard deviation of each measurement, 0 where there is none."""
     stated = np.where(np.isfinite(used.position_std_m), used.position_std_m, 0.0)
     horizontal = 1.0 / np.maximum(stated, noise.horizontal_m)
-    known = used.has_fix & np.isfinite(used.position_ned[:, :2]).all(axis=1)
+    known = _arrived(used, noise.fix_hold_s)
+    known &= np.isfinite(used.position_ned[:, :2]).all(axis=1)
     weight = np.empty((used.time_s.size, 6))
     weight[:, :2] = np.where(known, horizontal, 0.0)[:, None]
     weight[:, 2] = 1.0 / noise.depth_m
     weight[:, 3:5] = 1.0 / noise.tilt_rad
     weight[:, 5] = 1.0 / noise.heading_rad
     return weight
+
+
+def _arrived(used: Recording, hold_s: float) -> BoolArray:
+    """Find the rows that stand for a fix of their own: the first of each time a fix is held for."""
+    found = used.has_fix.copy()
+    last_s = -math.inf
+    for row in np.flatnonzero(used.has_fix).tolist():
+        now_s = float(used.time_s[row])
+        found[row] = not 0.0 <= now_s - last_s < hold_s - 1e-9
+        if found[row]:
+            last_s = now_s
+    return found

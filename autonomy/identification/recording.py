@@ -11,7 +11,15 @@ from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.identification.config import SegmentRules
 
 ReasonKind = Literal[
-    "not_a_number", "repeated", "backward", "gap", "stuck", "flapping", "surface", "short"
+    "not_a_number",
+    "repeated",
+    "backward",
+    "gap",
+    "stuck",
+    "flapping",
+    "surface",
+    "short",
+    "unexplained",
 ]
 
 _RARELY = 0.2
@@ -355,7 +363,9 @@ def _cut(
     borders = np.linspace(start, end, parts + 1)
     for k in range(parts):
         first = int(np.searchsorted(time_s, borders[k] - 1e-9))
-        last = int(np.searchsorted(time_s, borders[k + 1] + 1e-9, side="right"))
+        # a row on the border between two segments is the later one's
+        reach = borders[k + 1] + (1e-9 if k == parts - 1 else -1e-9)
+        last = int(np.searchsorted(time_s, reach, side="right"))
         piece = rows[first:last]
         if piece.size >= 2:
             yield Segment(piece, float(time_s[first]), float(time_s[last - 1]))

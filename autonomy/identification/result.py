@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from autonomy.arrays import FloatArray, IntArray
-from autonomy.identification.identifiability import Direction, Judgement, Verdict
+from autonomy.identification.identifiability import Judgement, Verdict
 from autonomy.identification.problem import Problem
 from autonomy.identification.recording import SegmentReport
 from autonomy.identification.unknown import (
@@ -88,21 +88,52 @@ class Fit:
 
 
 @dataclass(frozen=True, slots=True)
+class ActuatorOffsets:
+    """Constant errors of the feedback that were found with the parameters and belong to them.
+
+    They are what ``TrimConfig`` calls offsets: the parameters hold for a robot that is commanded so
+    much more.
+    """
+
+    net_buoyancy_kg: float
+    net_buoyancy_std_kg: float | None
+    mass_position_m: float
+    mass_position_std_m: float | None
+
+    def document(self) -> dict[str, float | None]:
+        """Return it in JSON's types."""
+        return {
+            "net_buoyancy_offset_kg": self.net_buoyancy_kg,
+            "net_buoyancy_std_kg": self.net_buoyancy_std_kg,
+            "mass_position_offset_m": self.mass_position_m,
+            "mass_position_std_m": self.mass_position_std_m,
+        }
+
+
+@dataclass(frozen=True, slots=True)
 class IdentificationResult:
     """The outcome of one identification."""
 
     method: str
     vehicle: Vehicle
     """The vehicle with the parameters that were found."""
+    cost_as_is: float | None
+    """Of the present parameters, without offsets of the actuators; None if the model of before
+    could not follow the recording."""
     cost_before: float | None
-    """None if the model of before could not follow the recording."""
+    """Of the present parameters with the best offsets, if offsets were sought: what the parameters
+    gained is the way from here to ``cost_after``."""
     cost_after: float
-    """Mean squared residual in units of the noise."""
+    """Mean squared residual in units of the noise, all costs of the same segments."""
+    is_converged: bool
+    """Whether the search ended at a minimum; if not there are no intervals."""
     convergence: tuple[tuple[int, float], ...]
     """Iteration and least cost so far."""
     parameters: tuple[ParameterEstimate, ...]
+    offsets: "ActuatorOffsets | None"
+    """None if they were not sought."""
     findings: tuple[str, ...]
-    """What the data cannot tell, worst first."""
+    """What speaks against the result, and then what the data cannot tell, worst first."""
     fit: Fit
     report: SegmentReport
 
@@ -121,10 +152,13 @@ class IdentificationResult:
         """Return it in JSON's types."""
         return {
             "method": self.method,
+            "cost_as_is": self.cost_as_is,
             "cost_before": self.cost_before,
             "cost_after": self.cost_after,
+            "is_converged": self.is_converged,
             "convergence": [{"iteration": k, "cost": cost} for k, cost in self.convergence],
             "parameters": [estimate.document() for estimate in self.parameters],
+            "offsets": None if self.offsets is None else self.offsets.document(),
             "findings": list(self.findings),
             "fit": self.fit.document(),
             "segments": [
@@ -145,12 +179,39 @@ def identified_vehicle(problem: Problem, u: FloatArray, cost: float) -> Vehicle:
     }
     values = problem.vehicle.parameters.model_dump() | found
     report = problem.report
-    return replace(
-        problem.vehicle,
-        parameters=VehicleParameters(**values),
-        note=f"identified from {report.duration_s:.0f} s of flight in {len(report.segments)}"
-        f" segments, cost {cost:.2f}",
+    note = (
+        f"identified from {report.duration_s:.0f} s of flight in {len(report.segments)} segments,"
+        f" cost {cost:.2f}"
     )
+    if problem.config.fits_offsets:
+        offset_kg, offset_m = _offset_values(problem, u)
+        note += (
+            f"; belongs with a trim of {offset_kg * 1e3:+.2f} g and {offset_m * 1e3:+.2f} mm, which"
+            " were found with it"
+        )
+    return replace(problem.vehicle, parameters=VehicleParameters(**values), note=note)
+
+
+def _offset_values(problem: Problem, u: FloatArray) -> tuple[float, float]:
+    found = {
+        unknown.name: unknown.value(float(value))
+        for unknown, value in zip(problem.sought, u, strict=True)
+    }
+    return found.get(NET_BUOYANCY_OFFSET, 0.0), found.get(MASS_POSITION_OFFSET, 0.0)
+
+
+def offsets_of(
+    problem: Problem, u: FloatArray, judged: tuple[Judgement, ...]
+) -> ActuatorOffsets | None:
+    """Return the offsets of the actuators that belong to a candidate, if they were sought."""
+    std = {
+        unknown.name: judgement.std * unknown.scale if math.isfinite(judgement.std) else None
+        for unknown, judgement in zip(problem.sought, judged, strict=True)
+    }
+    if NET_BUOYANCY_OFFSET not in std:
+        return None
+    offset_kg, offset_m = _offset_values(problem, u)
+    return ActuatorOffsets(offset_kg, std[NET_BUOYANCY_OFFSET], offset_m, std[MASS_POSITION_OFFSET])
 
 
 def estimates(
@@ -182,11 +243,6 @@ def estimates(
             rows.append(ParameterEstimate(name, title, unit, value, value, None, "fixed", reason))
     offsets = (NET_BUOYANCY_OFFSET, MASS_POSITION_OFFSET)
     return (*rows, *(found[name] for name in offsets if name in found))
-
-
-def findings(directions: tuple[Direction, ...]) -> tuple[str, ...]:
-    """Return what the data cannot tell, in words."""
-    return tuple(direction.message for direction in directions)
 
 
 def fit_of(problem: Problem, before: FloatArray | None, after: FloatArray) -> Fit:

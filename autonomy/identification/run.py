@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.identification import least_squares, swarm
+from autonomy.identification import kernel, least_squares, screening, swarm
+from autonomy.identification.conclusion import concluded
 from autonomy.identification.config import IdentificationConfig
-from autonomy.identification.identifiability import judge
 from autonomy.identification.least_squares import Descent, DivergedError
 from autonomy.identification.problem import Problem, Workers
 from autonomy.identification.progress import (
@@ -20,16 +20,12 @@ from autonomy.identification.progress import (
     Progress,
     Report,
 )
-from autonomy.identification.result import (
-    IdentificationResult,
-    estimates,
-    findings,
-    fit_of,
-    identified_vehicle,
-)
+from autonomy.identification.result import IdentificationResult
 from autonomy.identification.swarm import Swarm
 
-_FORMAT = 1
+_FORMAT = 2
+_SCREENED_EVERY = 12
+"""Steps of the descent between two looks at what spoils it."""
 
 
 def identify(
@@ -68,10 +64,10 @@ def identify(
         log.read(resume)
     with Workers(threads) as workers:
         if config.method == "swarm":
-            point = _swarm(problem, seed, log, resume, workers)
+            fit, point = _swarm(problem, seed, log, resume, workers)
         else:
-            point = _descent(problem, np.zeros(len(problem.sought)), None, log, resume, workers)
-        return _result(problem, point, log, workers)
+            fit, point = _descent(problem, None, log, resume, workers)
+        return concluded(fit, point, tuple(log.convergence), workers)
 
 
 class _Log:
@@ -79,6 +75,8 @@ class _Log:
 
     def __init__(self, problem: Problem, report: Report, is_cancelled: IsCancelled) -> None:
         config = problem.config
+        self.cuts: tuple[screening.Cut, ...] = ()
+        """Parts of the segments that the descent uses."""
         self.convergence: list[tuple[int, float]] = []
         self._moves = config.iterations * config.runs if config.method == "swarm" else 0
         descends = config.polish or config.method == "least_squares"
@@ -100,12 +98,14 @@ class _Log:
         """Note a move of the swarm."""
         done = now.run * self._problem.config.iterations + now.iteration
         spread = now.spread(self._problem)
-        self._note(done, now.cost, spread, "the swarm searches", {"swarm": now.document()})
+        said = f"the swarm searches: move {done} of {self._moves}, cost {_rounded(now.cost)}"
+        self._note(done, now.cost, spread, said, {"swarm": now.document()})
 
     def descended(self, now: Descent) -> None:
         """Note a step of the descent."""
-        state = {"descent": now.document()}
-        self._note(self._moves + now.steps, now.cost, 0.0, "least squares descend", state)
+        state = {"descent": now.document(), "cuts": [list(cut) for cut in self.cuts]}
+        said = f"least squares descend: step {now.steps}, cost {_rounded(now.cost)}"
+        self._note(self._moves + now.steps, now.cost, 0.0, said, state)
 
     def _note(
         self, done: int, cost: float, spread: float, message: str, stage: dict[str, Any]
@@ -120,6 +120,11 @@ class _Log:
         self._report(Progress(done, self._all, cost, spread, message, state))
         if self._is_cancelled():
             raise IdentificationCancelledError(state)
+
+
+def _rounded(cost: float) -> str:
+    """Return a cost as it is read: what diverged has none."""
+    return f"{cost:.3g}" if cost < kernel.DIVERGED else "none yet"
 
 
 def fingerprint(problem: Problem) -> str:
@@ -140,75 +145,59 @@ def fingerprint(problem: Problem) -> str:
 
 def _swarm(
     problem: Problem, seed: int, log: _Log, resume: Checkpoint | None, workers: Workers
-) -> Descent:
-    """Search, and then polish if that is wanted."""
+) -> tuple[Problem, Descent]:
+    """Search, and then polish if that is wanted; return the fit to what was used, and its point."""
     if resume is not None and "descent" in resume:
-        return _descent(problem, None, None, log, resume, workers)
+        return _descent(problem, None, log, resume, workers)
     if resume is not None:
         start = Swarm.from_document(resume["swarm"])
     else:
         start = swarm.begin(problem, seed, workers)
     found = swarm.search(problem, start, workers, log.moved)
+    point = _settled(problem, found.u, found.u_initial, workers)
     if problem.config.polish:
-        return _descent(problem, found.u, found.u_initial, log, None, workers)
-    return _settled(problem, found.u, found.u_initial, workers)
+        return _descent(problem, point, log, None, workers)
+    return problem, point
 
 
 def _descent(
     problem: Problem,
-    u: FloatArray | None,
-    initial: FloatArray | None,
+    start: Descent | None,
     log: _Log,
     resume: Checkpoint | None,
     workers: Workers,
-) -> Descent:
+) -> tuple[Problem, Descent]:
+    """Descend, and leave out what the model cannot explain on the way."""
+    fit, log.cuts = problem, screening.whole(problem)
     if resume is not None:
-        start = Descent.from_document(resume["descent"])
-    elif initial is None or u is None:
-        start = least_squares.begin(problem, np.zeros(len(problem.sought)), workers)
+        log.cuts = tuple((int(k), int(first), int(stop)) for k, first, stop in resume["cuts"])
+        fit = screening.reduced(problem, log.cuts)
+        point = Descent.from_document(resume["descent"])
+    elif start is not None:
+        point = start
     else:
-        start = _settled(problem, u, initial, workers)
-    return least_squares.descend(problem, start, workers, log.descended)
+        point = least_squares.begin(problem, np.zeros(len(problem.sought)), workers)
+    while True:
+        # by the number of steps, so that a resumed descent looks at the same points
+        if point.is_done or (point.steps and point.steps % _SCREENED_EVERY == 0):
+            kept = screening.screened(fit, log.cuts, point, workers)
+            if kept != log.cuts:
+                fit = screening.reduced(problem, kept)
+                point = screening.carried(log.cuts, kept, fit, point, workers)
+                log.cuts = kept
+                continue
+        if point.is_done or point.steps >= problem.config.descents:
+            return fit, point
+        point = least_squares.stepped(fit, point, workers)
+        log.descended(point)
 
 
 def _settled(problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers) -> Descent:
     """Return a point with the initial states that fit it best."""
-    for start in (initial, problem.guess):
-        found = least_squares.settled(problem, u, start, workers)
-        if found is not None:
-            return least_squares.at(problem, u, found, workers)
-    raise DivergedError(
-        "no candidate of the swarm can follow the recording: widen the box, take more particles,"
-        " or check the vehicle"
-    )
-
-
-def _result(problem: Problem, point: Descent, log: _Log, workers: Workers) -> IdentificationResult:
-    equations = least_squares.normal_equations(problem, point.u, point.initial, workers)
-    if equations is None:
-        raise DivergedError("the model cannot follow the recording at the point that was found")
-    info = least_squares.information(equations)
-    judged, directions = judge(problem.sought, point.u, info, point.cost)
-    cost_before, before = _before(problem, workers)
-    after, _ = problem.simulate(point.u[None], point.initial[None], workers)
-    return IdentificationResult(
-        problem.config.method,
-        identified_vehicle(problem, point.u, point.cost),
-        cost_before,
-        point.cost,
-        tuple(log.convergence),
-        estimates(problem, point.u, judged),
-        findings(directions),
-        fit_of(problem, before, after[0]),
-        problem.report,
-    )
-
-
-def _before(problem: Problem, workers: Workers) -> tuple[float | None, FloatArray | None]:
-    """Return cost and prediction of the present parameters, as far as they can follow."""
-    present = np.zeros(len(problem.sought))
-    initial = least_squares.settled(problem, present, problem.guess, workers)
-    if initial is None:
-        return None, None
-    predicted, _ = problem.simulate(present[None], initial[None], workers)
-    return least_squares.at(problem, present, initial, workers).cost, predicted[0]
+    found = least_squares.best_settled(problem, u, (initial, problem.guess), workers)
+    if found is None:
+        raise DivergedError(
+            "no candidate of the swarm can follow the recording: widen the box, take more"
+            " particles, or check the vehicle"
+        )
+    return least_squares.at(problem, u, found, workers)

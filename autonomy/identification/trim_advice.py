@@ -18,6 +18,7 @@ from autonomy.identification.least_squares import Descent, NormalEquations
 from autonomy.identification.nuisance import refined
 from autonomy.identification.problem import Problem, Workers, problem_from
 from autonomy.identification.recording import Recording, Segment, segments
+from autonomy.identification.screening import explained, segment_means
 from autonomy.identification.unknown import offset_unknowns
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.trim import TrimConfig
@@ -31,10 +32,6 @@ _SURE = 2.0
 _WORTH = 0.95
 """A change is worth it if an error shrinks at least to this part."""
 _ROUNDS = 5
-_OUTLIER = 6.0
-_QUIET = 0.1
-"""A part whose mean squared residual is beyond ``_OUTLIER`` times that of the best quarter, or of
-this where filters on board made the recording quieter than its sensors, is not explained."""
 _LONGEST_SHARE = 0.4
 """Shorter parts than an identification's: what disturbs one spoils less."""
 _SIDEWAYS = 0.2
@@ -149,8 +146,7 @@ def _fitted(
                 "the model cannot follow the dives at all: identify the vehicle first"
             ) from error
         found = least_squares.descend(problem, start, workers)
-        cost = _segment_means(problem, found, workers)
-        good = cost <= _OUTLIER * max(float(np.quantile(cost, 0.25)), _QUIET)
+        good = np.array(explained(segment_means(problem, found, workers)))
         if good.all():
             equations = least_squares.normal_equations(problem, found.u, found.initial, workers)
             if equations is not None:
@@ -158,15 +154,6 @@ def _fitted(
             break
         problem, u = _without(problem, ~good), found.u
     raise NoAdviceError("the model does not explain the dives: identify the vehicle first")
-
-
-def _segment_means(problem: Problem, found: Descent, workers: Workers) -> FloatArray:
-    """Return the mean squared residual of each segment."""
-    predicted, _ = problem.simulate(found.u[None], found.initial[None], workers)
-    total = least_squares.segment_costs(problem, problem.residual(predicted[0]), found.initial)
-    rows = problem.layout.segment_row
-    seen = np.add.reduceat(np.count_nonzero(problem.layout.weight, axis=1), rows[:-1])
-    return total / seen
 
 
 def _without(problem: Problem, bad: BoolArray) -> Problem:
@@ -345,10 +332,12 @@ def _message(
 ) -> str:
     weight = "lighter" if change_kg > 0.0 else "heavier"
     place = "aft of" if change_m > 0.0 else "ahead of"
+    # the dives may have been flown with an older trim, so nothing is said of what was wanted then
     said = (
-        f"In {dives} dive{'s' if dives != 1 else ''} the robot was {abs(change_kg) * 1e3:.2f} g"
-        f" (+-{std[0] * 1e3:.2f}) {weight} than wanted, and its sliding mass"
-        f" {abs(change_m) * 1e3:.1f} mm (+-{std[1] * 1e3:.1f}) {place} where it was wanted."
+        f"By {dives} dive{'s' if dives != 1 else ''}, with the present trim the robot is"
+        f" {abs(change_kg) * 1e3:.2f} g (±{std[0] * 1e3:.2f}) {weight} than wanted, and its"
+        f" sliding mass {abs(change_m) * 1e3:.1f} mm (±{std[1] * 1e3:.1f}) {place} where it is"
+        " wanted."
     )
     if is_worth_it:
         return f"{said} A half step is recommended; fly and judge again."

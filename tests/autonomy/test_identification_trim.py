@@ -147,7 +147,7 @@ def test_recording_at_the_surface_gives_no_advice():
 
 def test_ballast_beyond_a_trim_is_said():
     with pytest.raises(NoAdviceError):
-        advise(MINIGLIDER, synthetic(0.012, 0.0), TrimConfig())
+        advise(MINIGLIDER, synthetic(0.016, 0.0, runs=2), TrimConfig())
 
 
 def test_flown_tank_robot_gets_its_bias_back():
