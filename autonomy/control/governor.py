@@ -1,4 +1,7 @@
-"""Backstepping for a slow, late mass actuator, readable; ``governor_kernel`` is the fast twin."""
+"""The robust controller, readable: wrong masses and a slow, late mass actuator.
+
+``governor_kernel`` is the fast twin.
+"""
 
 import math
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Settings of the controller that knows how slow and how late the mass actuator is."""
+"""Settings of the robust controller, which learns offsets and knows a slow, late mass actuator."""
 
 from autonomy.configuration import quantity
 from autonomy.control.integral_config import (
@@ -17,13 +17,11 @@ class GovernorConfig(IntegralConfig):
     The pitch law works on the state that the model predicts for the moment at which a command
     takes effect, and its bandwidth is lowered to what the mass actuator can follow: at bandwidth
     w an error e asks for a growth of the angular acceleration of w^3 e, which the actuator's rate
-    bounds. The three pitch gains are those of the greatest bandwidth. What is learned as in
-    integral backstepping corrects the model that predicts; with integral gains of 0 it stays 0.
+    bounds. The three pitch gains are those of the greatest bandwidth, and fall with w, w^2 and
+    w^3. What is learned, as in integral backstepping, corrects the model that predicts; with
+    integral gains of 0 nothing is.
     """
 
-    k_pitch_integral: float = quantity(0.2, "1/s3", title="Pitch integral gain", ge=0.0)
-    """Angular acceleration by integral of the hybrid error at the greatest bandwidth w; it falls
-    with w^3. Accepted below pitch gain x pitch rate gain (Routh)."""
     k_along_integral: float = quantity(
         0.0, "1/s", title="Distance integral gain", ge=0.0, advanced=True
     )
@@ -65,9 +63,7 @@ GOVERNOR_SIMULATION = GovernorConfig.model_validate(
 )
 """Gains of the thesis's simulation as the greatest bandwidth; nominal actuator."""
 GOVERNOR_PRESETS: dict[str, GovernorConfig] = {
-    key: GovernorConfig.model_validate(
-        {**preset.model_dump(), "k_along_integral": 0.0, "k_pitch_integral": 0.2}
-    )
+    key: GovernorConfig.model_validate({**preset.model_dump(), "k_along_integral": 0.0})
     for key, preset in INTEGRAL_PRESETS.items()
 }
 """Settings a robot starts with, by vehicle; bandwidth follows from the model's own actuator."""

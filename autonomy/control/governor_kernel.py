@@ -1,4 +1,7 @@
-"""Compiled backstepping for a slow and late mass actuator; ``governor`` is the readable form."""
+"""Compiled robust controller, for wrong masses and a slow, late actuator.
+
+``governor`` is the readable form.
+"""
 
 import math
 
