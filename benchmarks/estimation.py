@@ -61,9 +61,10 @@ SHARE_BAR = 0.5
 """The model filter's error is at most this part of dead reckoning's in a steady current."""
 DOUBT_BAR = 1.5
 """Standard deviations may be stated this much larger than the errors are."""
-MODEL_DOUBT_BAR = 3.0
-"""The same for velocities by a model that is better than it has to be."""
 MODEL_ERROR = 0.1
+RIGHT, WRONG = "right model", f"{100 * MODEL_ERROR:g} % wrong model"
+VELOCITY_DOUBT_BAR = {RIGHT: 3.0, WRONG: 2.0}
+"""The same of a velocity, whose filter allows for a model that is wrong by more than this one."""
 COEFFICIENTS = (
     *("drag_0", "drag_alpha", "drag_delta", "side_beta", "side_delta", "lift_0", "lift_alpha"),
     *("roll_beta_m", "roll_damping_m_s", "pitch_0_m", "pitch_alpha_m", "pitch_damping_m_s"),
@@ -153,10 +154,8 @@ def dive_outcome(robot: RobotDefinition, seed: int) -> Outcome:
         squares(reckoned),
         np.hypot(*reckoned.error[::EVERY].T),
         {
-            "right model": modelled(robot, flown, robot.vehicle),
-            f"{100 * MODEL_ERROR:g} % wrong model": modelled(
-                robot, flown, wrong_model(robot.vehicle, seed)
-            ),
+            RIGHT: modelled(robot, flown, robot.vehicle),
+            WRONG: modelled(robot, flown, wrong_model(robot.vehicle, seed)),
         },
         flown.truth[::EVERY, 2] > 0.1,
     )
@@ -248,7 +247,8 @@ def dive_rows(place: str, outcomes: list[Outcome]) -> list[dict[str, Any]]:
             if name.endswith("position"):
                 rows += judged(f"{name}, {where}", values[:, SETTLED:], 2)
             else:
-                rows += judged(f"{name} under water, {where}", values[:, dive], 3, MODEL_DOUBT_BAR)
+                bar = VELOCITY_DOUBT_BAR[kind]
+                rows += judged(f"{name} under water, {where}", values[:, dive], 3, bar)
         for name in of_kind[0].velocity_m_s:
             errors = np.array([one.velocity_m_s[name] for one in of_kind])[:, dive]
             rows.append(row(f"{name} under water, {where}", 1e3 * rms(errors), "mm/s RMS"))
