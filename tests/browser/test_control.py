@@ -119,13 +119,13 @@ def test_a_wrong_scenario_is_refused_beside_its_field(page, demo):
 @pytest.mark.usefixtures("recording")
 def test_half_a_step_of_trim_is_accepted(page, demo):
     open_page(page, demo, "/control/mini-1#identify")
-    expect(page.get_by_text("now 0.0 g, 0.0 mm")).to_be_visible()
+    expect(page.get_by_text("now 0.00 g, 0.0 mm")).to_be_visible()
     page.get_by_role("button", name="Ask for advice on mini-1").click()
     half = page.get_by_role("button", name="Accept half a step")
     expect(half).to_be_visible(timeout=240_000)
     half.click()
     expect(page.get_by_text(re.compile("Half a step is stored"))).to_be_visible()
-    expect(page.get_by_text("now 0.0 g, 0.0 mm")).not_to_be_visible()
+    expect(page.get_by_text("now 0.00 g, 0.0 mm")).not_to_be_visible()
 
 
 @pytest.mark.usefixtures("recording")

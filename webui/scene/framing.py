@@ -53,7 +53,7 @@ def frame_of(points: FloatArray, aspect: float) -> Frame:
 
 def begin(camera: viser.InitialCameraConfig, points: FloatArray | None) -> None:
     """Let cameras of later browsers begin so; see ``look``."""
-    frame = WATER if points is None else frame_of(points, _NARROWEST)
+    frame = WATER if points is None else frame_of(points, 1.0)
     camera.position = frame.position
     camera.look_at = frame.look_at
     camera.up = (0.0, 0.0, 1.0)

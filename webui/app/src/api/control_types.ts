@@ -74,6 +74,8 @@ export interface WhatIf extends WhatIfListing {
   result: Comparison | null;
   /** Why it ended without a result. */
   message: string;
+  /** What is odd about the scenario, such as a reference that leaves the water. */
+  notices?: readonly string[];
   job: string | null;
 }
 
@@ -202,12 +204,12 @@ export interface TrimRmse {
 export interface TrimAdvice extends TrimOffsets {
   id: string;
   dives: number;
-  net_buoyancy_std_kg: number;
-  mass_position_std_m: number;
+  net_buoyancy_std_kg: number | null;
+  mass_position_std_m: number | null;
   /** Trim that it was given against. */
   present: TrimOffsets;
-  rmse_now: TrimRmse;
-  rmse_proposed: TrimRmse;
+  rmse_now: TrimRmse | null;
+  rmse_proposed: TrimRmse | null;
   /** What the trim would be after half a step. */
   half_step: TrimOffsets;
   full_step: TrimOffsets;

@@ -184,8 +184,10 @@ export interface ConfigDocument {
   preset: JsonObject;
   /** Gains of a controller for exact states. */
   simulation_preset?: JsonObject | null;
-  /** Whether it goes to the robot: `station`, `plan` or `robot`. */
-  reach?: string;
+  /** How far it goes: used at the `station`, with a `mission` to the robot, or not on board. */
+  reach?: 'station' | 'mission' | 'none';
+  /** The same in a sentence. */
+  reach_text?: string;
   changed_at: Time | null;
   changed_by: string | null;
 }

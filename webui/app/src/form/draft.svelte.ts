@@ -55,7 +55,9 @@ export class Draft {
 
   /** Errors of the station that belong to no field of the form. */
   readonly strays = $derived.by(() =>
-    this.refused.filter(({ path }) => nodeAt(this.tree, path) === null || path.length === 0),
+    this.refused
+      .filter(({ path }) => nodeAt(this.tree, path) === null || path.length === 0)
+      .map(({ path, message }) => ({ path, message: worded(message, this.tree) })),
   );
 
   /** The changed members alone. */
@@ -107,6 +109,11 @@ export class Draft {
     return node.kind === 'group' ? null : fault(node, this.at(node));
   }
 
+  /** What was refused is asked for again. */
+  forgive(): void {
+    this.refused = [];
+  }
+
   /** Show a refusal beside the fields it names. */
   refuse(problem: Problem): void {
     this.refused = problem.errors;
@@ -115,7 +122,7 @@ export class Draft {
   #forget(node: FormNode): void {
     const { [node.path.join('.')]: _typed, ...others } = this.#unreadable;
     this.#unreadable = others;
-    this.refused = this.refused.filter(({ path }) => !leadsTo(this.tree, path, node));
+    this.refused = this.refused.filter(({ path }) => !isAbove(this.tree, path, node));
   }
 }
 
@@ -123,8 +130,9 @@ export class Draft {
 function worded(message: string, node: FormNode): string {
   if (node.kind !== 'group') return message;
   return message.replaceAll(/\b[a-z][a-z0-9_]*\b/g, (key) => {
-    const member = node.members.find(({ path }) => path.at(-1) === key);
-    return member && key.includes('_') ? `“${member.title}”` : key;
+    if (!key.includes('_')) return key;
+    const member = [...node.members, ...leaves(node)].find(({ path }) => path.at(-1) === key);
+    return member ? `“${member.title}”` : key;
   });
 }
 
@@ -138,6 +146,18 @@ export function nodeAt(tree: GroupNode, path: readonly string[]): FormNode | nul
     node = next;
   }
   return node;
+}
+
+/** Whether a path of the station leads to a field, to a group around it, or to no field. */
+function isAbove(tree: GroupNode, path: readonly string[], node: FormNode): boolean {
+  const found = nodeAt(tree, path);
+  return (
+    found === null || (found.path.length <= node.path.length && isPrefix(found.path, node.path))
+  );
+}
+
+function isPrefix(short: readonly string[], long: readonly string[]): boolean {
+  return short.every((key, i) => key === long[i]);
 }
 
 function leadsTo(tree: GroupNode, path: readonly string[], node: FormNode): boolean {

@@ -244,9 +244,9 @@ describe('a comparison', () => {
 describe('a trim', () => {
   test('has a sign, because it is a change', () => {
     expect(offsetsText({ net_buoyancy_offset_kg: 0.0021, mass_position_offset_m: -0.0004 })).toBe(
-      '+2.1 g, −0.4 mm',
+      '+2.10 g, −0.4 mm',
     );
-    expect(offsetsText(offsetsOf({}))).toBe('0.0 g, 0.0 mm');
+    expect(offsetsText(offsetsOf({}))).toBe('0.00 g, 0.0 mm');
   });
 
   test('advice puts now beside proposed with how sure it is', () => {
@@ -266,7 +266,7 @@ describe('a trim', () => {
       is_worth_it: true,
     };
     const rows = adviceRows(advice, advice.present);
-    expect(rows[0]).toMatchObject({ now: '0.0 g', proposed: '+2.0 ± 0.3 g' });
+    expect(rows[0]).toMatchObject({ now: '0.00 g', proposed: '+2.0 ± 0.3 g' });
     expect(rows[2]).toMatchObject({ now: '4.0 mm/s', proposed: '1.0 mm/s' });
     expect(rows[3]).toMatchObject({ now: '1.15 °', proposed: '0.57 °' });
   });

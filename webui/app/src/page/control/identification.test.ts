@@ -70,6 +70,7 @@ describe('a verdict', () => {
     expect(changeText(parameter({ after: 1.9 }))).toBe('−5.0 %');
     expect(changeText(parameter({ after: 2.0000001 }))).toBe('');
     expect(changeText(parameter({ before: 0 }))).toBe('');
+    expect(changeText(parameter({ before: -12.1, after: -8.98 }))).toBe('−26 %');
     expect(intervalText(parameter({}))).toBe('2.40 to 2.60');
     expect(intervalText(parameter({ low: null }))).toBe('unbounded');
   });

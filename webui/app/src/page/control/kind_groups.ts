@@ -13,7 +13,8 @@ const HELP: Record<string, string> = {
   'controller.baseline': 'The proposed controller without pitch for horizontal error.',
   'controller.pid': 'Three plain loops, one for each actuator.',
   'controller.integral': 'The proposed controller that also learns what stays wrong.',
-  'controller.governor': 'Backstepping that foresees a slow, late mass actuator.',
+  'controller.governor':
+    'Backstepping that learns offsets and foresees a slow, late mass actuator.',
   'controller.swimming': 'Beats the tail to swim.',
 };
 

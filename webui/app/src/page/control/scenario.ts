@@ -1,5 +1,9 @@
-import type { JsonObject } from '../../api/types';
-import { isObject } from '../../form/schema';
+import type { Json, JsonObject } from '../../api/types';
+import type { Draft } from '../../form/draft.svelte';
+import { isObject, type FormNode } from '../../form/schema';
+import { isSame, leaves, valueAt } from '../../form/value';
+import { plainNumber, screenUnit } from '../../text/unit';
+import { lower } from '../../text/word';
 
 /** References that a field of the scenario is for; a field that is not here is for all. */
 const ONLY_FOR: Readonly<Record<string, readonly string[]>> = {
@@ -17,4 +21,41 @@ export function isScenarioField(path: readonly string[], scenario: JsonObject): 
   }
   const references = ONLY_FOR[path.join('.')];
   return typeof reference !== 'string' || !references || references.includes(reference);
+}
+
+/** Told of every scenario, whether it is as it was delivered or not. */
+const ALWAYS = ['duration_s', 'model'];
+
+/** A scenario in words: what it always has, then what differs from the preset. */
+export function scenarioWords(form: Draft, scenario: JsonObject): string[] {
+  const told = leaves(form.tree).filter((node) => {
+    const [first = ''] = node.path;
+    if (first === 'reference' || !isMeant(node.path, scenario)) return false;
+    const known = form.default(node);
+    return ALWAYS.includes(first) || !isSame(known, valueAt(scenario, node.path));
+  });
+  const rank = ({ path }: FormNode) => (ALWAYS.includes(path[0] ?? '') ? 0 : 1);
+  return told
+    .toSorted((a, b) => rank(a) - rank(b))
+    .map((node) => {
+      const group = form.tree.members.find(({ path }) => path[0] === node.path[0]);
+      const name =
+        node.path.length > 1 && group ? `${group.title}: ${lower(node.title)}` : node.title;
+      return `${name} ${valueWords(node, valueAt(scenario, node.path))}`;
+    });
+}
+
+/** Whether a field and every group around it mean something. */
+function isMeant(path: readonly string[], scenario: JsonObject): boolean {
+  return path.every((_, i) => isScenarioField(path.slice(0, i + 1), scenario));
+}
+
+function valueWords(node: FormNode, value: Json | undefined): string {
+  if (typeof value === 'boolean') return value ? 'yes' : 'no';
+  if (node.kind === 'choice') {
+    return node.choices.find((choice) => choice.value === value)?.title.toLowerCase() ?? '–';
+  }
+  if (node.kind !== 'number' || typeof value !== 'number') return JSON.stringify(value);
+  const { factor, label } = screenUnit(node.unit, node.displayUnit);
+  return `${plainNumber(value * factor, 4).replace('-', '\u2212')}${label ? ` ${label}` : ''}`;
 }

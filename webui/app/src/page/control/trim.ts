@@ -9,16 +9,21 @@ export function grams(kilograms: number): string {
 }
 
 export function millimetres(metres: number): string {
-  return signed(metres * 1000, 'mm');
+  return signed(metres * 1000, 'mm', 1);
 }
 
 /** "+0.70 ± 0.03 g": as many decimals as the deviation needs to be told. */
-function withDeviation(value: number, deviation: number, unit: string): string {
+function withDeviation(value: number, deviation: number | null, unit: string): string {
+  if (deviation === null) return signed(value, unit);
   const decimals = deviation < 0.05 ? 2 : 1;
   return `${signed(value, '', decimals).trim()} ± ${fixed(deviation, decimals)} ${unit}`;
 }
 
-function signed(value: number, unit: string, decimals = 1): string {
+function inThousandths(value: number | null): number | null {
+  return value === null ? null : value * 1000;
+}
+
+function signed(value: number, unit: string, decimals = 2): string {
   const text = fixed(value, decimals);
   return `${value > 0 && Number(text) !== 0 ? '+' : ''}${text} ${unit}`;
 }
@@ -37,8 +42,10 @@ export interface AdviceRow {
 
 export function adviceRows(advice: TrimAdvice, now: TrimOffsets): AdviceRow[] {
   const { rmse_now: before, rmse_proposed: after } = advice;
-  const speed = (value: number) => `${fixed(value * 1000, 1)} mm/s`;
-  const angle = (value: number) => `${fixed(value * DEGREES, 2)} °`;
+  const speed = (value: number | undefined) =>
+    value === undefined ? '–' : `${fixed(value * 1000, 1)} mm/s`;
+  const angle = (value: number | undefined) =>
+    value === undefined ? '–' : `${fixed(value * DEGREES, 2)} °`;
   return [
     {
       title: 'Net buoyancy offset',
@@ -46,7 +53,7 @@ export function adviceRows(advice: TrimAdvice, now: TrimOffsets): AdviceRow[] {
       now: grams(now.net_buoyancy_offset_kg),
       proposed: withDeviation(
         advice.net_buoyancy_offset_kg * 1000,
-        advice.net_buoyancy_std_kg * 1000,
+        inThousandths(advice.net_buoyancy_std_kg),
         'g',
       ),
     },
@@ -56,21 +63,21 @@ export function adviceRows(advice: TrimAdvice, now: TrimOffsets): AdviceRow[] {
       now: millimetres(now.mass_position_offset_m),
       proposed: withDeviation(
         advice.mass_position_offset_m * 1000,
-        advice.mass_position_std_m * 1000,
+        inThousandths(advice.mass_position_std_m),
         'mm',
       ),
     },
     {
       title: 'Error of depth rate, RMSE',
       help: 'Model against measurement in steady glides of these dives.',
-      now: speed(before.depth_rate_m_s),
-      proposed: speed(after.depth_rate_m_s),
+      now: speed(before?.depth_rate_m_s),
+      proposed: speed(after?.depth_rate_m_s),
     },
     {
       title: 'Error of pitch, RMSE',
       help: 'Model against measurement in steady glides of these dives.',
-      now: angle(before.pitch_rad),
-      proposed: angle(after.pitch_rad),
+      now: angle(before?.pitch_rad),
+      proposed: angle(after?.pitch_rad),
     },
   ];
 }

@@ -85,7 +85,8 @@ export function numberText(value: number | null): string {
 /** Change in per cent of what it was; empty where that says nothing. */
 export function changeText({ before, after }: IdentifiedParameter): string {
   if (before === null || after === null || before === 0 || before === after) return '';
-  const percent = ((after - before) / Math.abs(before)) * 100;
+  // Of a coefficient below 0 its size is what grows or shrinks.
+  const percent = (after / before - 1) * 100;
   const size = Math.abs(percent);
   const digits = size < 10 ? 1 : 0;
   if (Number(size.toFixed(digits)) === 0) return '';
