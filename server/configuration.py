@@ -186,7 +186,7 @@ def _patched(
         # From JSON, as a file or a wire would bring it: lists become tuples, nothing else bends.
         return kind.model.model_validate_json(json.dumps(value))
     except ValidationError as error:
-        raise invalid(error) from error
+        raise invalid(error, kind.model) from error
 
 
 def merge(

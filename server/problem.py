@@ -14,6 +14,7 @@ from starlette.exceptions import HTTPException
 from db.fault import StoreClosedError, StoreUnavailableError, UnknownIdError
 
 MEDIA_TYPE = "application/problem+json"
+_UNKNOWN = "extra_forbidden"
 logger = logging.getLogger(__name__)
 
 
@@ -75,9 +76,26 @@ def unprocessable(detail: str, errors: Sequence[FieldError]) -> Problem:
     return Problem(HTTPStatus.UNPROCESSABLE_ENTITY, detail, errors=errors)
 
 
-def invalid(error: ValidationError, prefix: Sequence[str | int] = ()) -> Problem:
-    """Return the 422 of a model's own validation, each path preceded by ``prefix``."""
-    return unprocessable(_count(len(error.errors())), _field_errors(error.errors(), prefix))
+def invalid(error: ValidationError, model: type[BaseModel] | None = None) -> Problem:
+    """Return the 422 of a model's own validation; of a given model, with the fields there are."""
+    errors = _field_errors(error.errors())
+    if model is not None:
+        for one, detail in zip(errors, error.errors(), strict=True):
+            names = _fields_at(model, one.loc[:-1]) if detail["type"] == _UNKNOWN else ()
+            if names:
+                one.msg += f"; there are {', '.join(names)}"
+    return unprocessable(_count(len(errors)), errors)
+
+
+def _fields_at(model: type[BaseModel], path: Sequence[str | int]) -> Sequence[str]:
+    """Return the names of the fields of a model, or of one within it; none if it is a list."""
+    for part in path:
+        field = model.model_fields.get(str(part))
+        inner = None if field is None else field.annotation
+        if not (isinstance(inner, type) and issubclass(inner, BaseModel)):
+            return ()
+        model = inner
+    return tuple(model.model_fields)
 
 
 def below(problem: Problem, *prefix: str | int) -> Problem:
@@ -163,12 +181,14 @@ async def _on_failure(request: Request, error: Exception) -> Response:
     return problem_response(500, "The station failed at this; its log says why.")
 
 
-def _field_errors(details: Sequence[Any], prefix: Sequence[str | int] = ()) -> list[FieldError]:
+def _field_errors(details: Sequence[Any]) -> list[FieldError]:
     errors: list[FieldError] = []
     for detail in details:
         path = [part for part in detail["loc"] if part != "body"]
-        message = str(detail["msg"]).removeprefix("Value error, ")
-        errors.append(FieldError(loc=[*prefix, *path], msg=message))
+        is_unknown = detail["type"] == _UNKNOWN
+        message = "there is no such field" if is_unknown else str(detail["msg"])
+        message = message.removeprefix("Value error, ")
+        errors.append(FieldError(loc=path, msg=message))
     return errors
 
 

@@ -140,7 +140,7 @@ async def _asked(request: Request) -> tuple[Sequence[Row], CoefficientRequest]:
             text = (await file.read()).decode("utf-8")
             return csv_rows(text), CoefficientRequest.model_validate(fields)
     except ValidationError as error:
-        raise invalid(error) from error
+        raise invalid(error, CoefficientRequest) from error
     except UnicodeDecodeError as error:
         wrong = [FieldError(loc=["file"], msg="must be text in UTF-8")]
         raise unprocessable("1 field is wrong.", wrong) from error

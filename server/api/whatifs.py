@@ -17,6 +17,7 @@ from server.service.view.whatif import (
     WhatIfsView,
     WhatIfView,
 )
+from server.service.water_notice import water_notices
 from server.service.whatif import ControllerRequest
 
 router = APIRouter(prefix="/api", tags=["what-if"], route_class=IdempotentRoute)
@@ -112,6 +113,7 @@ async def show_whatif(
 
 
 def _view(station: Station, record: WhatIfRecord) -> WhatIfView:
+    site = station.fleet.picture(record.robot).record.site
     return WhatIfView(
         id=record.id,
         robot=record.robot,
@@ -121,6 +123,7 @@ def _view(station: Station, record: WhatIfRecord) -> WhatIfView:
         scenario=dict(record.scenario),
         controllers=[dict(controller) for controller in record.controllers],
         message=record.message,
+        notices=[] if record.result is None else water_notices(record.result["reference"], site),
         result=None if record.result is None else dict(record.result),
         shown=station.whatifs.shown.id_of(record.robot) == record.id,
         job=record.job,

@@ -58,6 +58,8 @@ class WhatIfView(View):
     """``kind``, ``title`` and the whole ``config`` of each controller."""
     message: str
     """Why it has no result."""
+    notices: list[str]
+    """Where its reference leaves the robot's water; a run has neither walls nor floor."""
     result: dict[str, Any] | None
     """Reference, tracks, errors, actuator use and summary of each controller; null before the
     end."""
