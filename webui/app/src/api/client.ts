@@ -190,7 +190,11 @@ export class Api {
   resumeIdentification = (id: string) => this.#send('POST', `${identificationAt(id)}/resume`);
 
   acceptIdentification = (id: string, vehicle: { key?: string; title?: string }) =>
-    this.#json<{ vehicle: string }>('POST', `${identificationAt(id)}/accept`, { body: vehicle });
+    this.#json<{ vehicle: string; trim_message?: string }>(
+      'POST',
+      `${identificationAt(id)}/accept`,
+      { body: vehicle },
+    );
 
   askTrimAdvice = (robot: string, wish: { deployment?: string; dives?: number }) =>
     this.#json<{ job: string }>('POST', `${at(robot)}/trim/advice`, { body: wish });
