@@ -123,6 +123,7 @@ def derived_preset(variable_key: str, rng: np.random.Generator) -> FieldConfig:
         update={
             "fix_std_m": uncertain.fix_std_m / 100.0,
             "drift_m_sqrt_s": uncertain.drift_m_sqrt_s / 100.0,
+            "acceleration_density": uncertain.acceleration_density / 100.0**2,
         }
     )
     survey = simulate_survey(variable_key, domain, motion, uncertain, 1000, rng)
