@@ -1,7 +1,8 @@
 """Identification of the Miniglider from six noisy open-loop runs of 80 s, and what it costs.
 
-The swarm is given 20 moves and then polished by least squares, which is the product's default
-order of work with fewer moves, so that the whole measurement stays under a minute.
+Errors are the worst of several recordings and guesses. The swarm is given 20 moves and then
+polished by least squares, which is the product's default order of work with fewer moves, so that
+the whole measurement stays under a minute.
 """
 
 import math
@@ -12,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from autonomy.identification import least_squares, nuisance
-from autonomy.identification.config import IdentificationConfig
+from autonomy.identification.config import IdentificationConfig, NoiseLevels
 from autonomy.identification.problem import Problem, Workers, problem_from
 from autonomy.identification.result import IdentificationResult
 from autonomy.identification.run import identify
@@ -26,21 +27,29 @@ MOVES = 20
 ITERATION_BAR_S = 0.5
 ERROR_BAR = 0.03
 COST_BAR = 1.02
+CASES = ((3, 7), (13, 17), (23, 27))
+"""Seeds of recording and guess."""
 WELL_KNOWN = ("mass_1_kg", "drag_0", "drag_alpha", "drag_delta", "lift_0", "lift_alpha")
 PRODUCT = ("offset_mass_kg", "offset_mass_depth_m")
 
 
 def measure() -> list[dict[str, Any]]:
-    recording = open_loop_recording(MINIGLIDER, np.random.default_rng(3))
+    recording = open_loop_recording(MINIGLIDER, np.random.default_rng(CASES[0][0]))
     config = IdentificationConfig(
-        model="thesis", fits_offsets=False, iterations=MOVES, particles=PARTICLES
+        model="thesis",
+        fits_offsets=False,
+        iterations=MOVES,
+        particles=PARTICLES,
+        noise=NoiseLevels(fix_hold_s=0.0),
     )
-    start = _guess(config)
+    start = _guess(config, CASES[0][1])
     problem = problem_from(start, recording, config)
     exact = problem_from(start, recording, config.model_copy(update={"step_s": 0.05}))
     one_s, two_s = _iteration_s(exact, 1), _iteration_s(exact, 2)
     swarm, swarm_s = _timed(problem, config)
-    descent, descent_s = _timed(problem, config.model_copy(update={"method": "least_squares"}))
+    by_descent = config.model_copy(update={"method": "least_squares"})
+    descent, descent_s = _timed(problem, by_descent)
+    others = [_other(by_descent, *seeds) for seeds in CASES[1:]]
     truth = _cost_of_truth(recording, config)
     found = all(
         result.parameter(name).verdict == "not identifiable"
@@ -53,7 +62,12 @@ def measure() -> list[dict[str, Any]]:
         _row(f"Swarm of {MOVES} moves with polish", swarm_s, "s"),
         _row("Least squares from up to 15 % off", descent_s, "s"),
         _row("Worst of six parameters, swarm with polish", _worst(swarm), "", ERROR_BAR),
-        _row("Worst of six parameters, least squares", _worst(descent), "", ERROR_BAR),
+        _row(
+            f"Worst of six parameters, least squares, {len(CASES)} recordings and guesses",
+            max(_worst(result) for result in (descent, *others)),
+            "",
+            ERROR_BAR,
+        ),
         _row(
             "Cost after swarm with polish / cost of truth", swarm.cost_after / truth, "", COST_BAR
         ),
@@ -70,9 +84,16 @@ def measure() -> list[dict[str, Any]]:
     ]
 
 
-def _guess(config: IdentificationConfig) -> Vehicle:
+def _other(config: IdentificationConfig, flown: int, guessed: int) -> IdentificationResult:
+    """Return the result of another recording from another guess, recorded half as often."""
+    recording = open_loop_recording(MINIGLIDER, np.random.default_rng(flown), period_s=0.2)
+    coarse = config.model_copy(update={"step_s": 0.2})
+    return _timed(problem_from(_guess(config, guessed), recording, coarse), coarse)[0]
+
+
+def _guess(config: IdentificationConfig, seed: int) -> Vehicle:
     """Return the Miniglider with every free parameter wrong by up to 15 %."""
-    generator = np.random.default_rng(7)
+    generator = np.random.default_rng(seed)
     values = MINIGLIDER.parameters.model_dump()
     wrong = {
         name: values[name] * (1.0 + 0.15 * generator.uniform(-1.0, 1.0))

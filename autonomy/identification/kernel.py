@@ -104,11 +104,8 @@ def _parts(x: FloatArray, p: FloatArray, dt_s: float) -> int:
 @kernel
 def roll_out(
     x: FloatArray,
-    first: int,
-    last: int,
-    node_inputs: FloatArray,
-    node_step_s: FloatArray,
-    node_row: IntArray,
+    segment: int,
+    nodes: tuple[IntArray, FloatArray, FloatArray, IntArray],
     offset: FloatArray,
     p: FloatArray,
     extended: bool,
@@ -119,12 +116,10 @@ def roll_out(
 
     Args:
         x: State at the first node, shape ``(12,)``; changed in place.
-        first: First node of the segment.
-        last: Its last node.
-        node_inputs: Net mass, sliding mass and tail at each node, shape ``(nodes, 3)``; between
-            two nodes they are interpolated.
-        node_step_s: Time from each node to the next, shape ``(nodes,)``.
-        node_row: Row of ``predicted`` that belongs to each node, or -1.
+        segment: Number of the segment.
+        nodes: First node of each segment and one past the last, ``(segments + 1,)``; net mass,
+            sliding mass and tail at each node, ``(nodes, 3)``, interpolated between two; time from
+            each node to the next, ``(nodes,)``; row of ``predicted`` that belongs to each, or -1.
         offset: What is subtracted from the feedback of net mass and sliding mass, shape ``(2,)``.
         p: Packed vehicle.
         extended: Whether the water's forces are those of Eq. 5.18.
@@ -134,6 +129,8 @@ def roll_out(
     Returns:
         Whether the motion stayed within all bounds.
     """
+    segment_node, node_inputs, node_step_s, node_row = nodes
+    first, last = segment_node[segment], segment_node[segment + 1] - 1
     change = scratch[3]
     for node in range(first, last + 1):
         row = node_row[node]
@@ -188,24 +185,22 @@ def predict(
         initial: Initial state of each segment, shape ``(m, segments, 12)``.
         extended: As in ``roll_out``.
         segment_node: First node of each segment, and one past the last, ``(segments + 1,)``.
-        node_inputs: As in ``roll_out``.
-        node_step_s: As in ``roll_out``.
-        node_row: As in ``roll_out``.
+        node_inputs: As ``nodes`` of ``roll_out``.
+        node_step_s: Likewise.
+        node_row: Likewise.
         predicted: Shape ``(m, rows, 6)``; written.
         sound: Whether the candidate stayed within all bounds, shape ``(m,)``; written.
     """
     scratch = np.empty((4, 12))
+    nodes = (segment_node, node_inputs, node_step_s, node_row)
     for candidate in range(packed.shape[0]):
         sound[candidate] = True
         for segment in range(segment_node.size - 1):
             x = initial[candidate, segment].copy()
             stayed = roll_out(
                 x,
-                segment_node[segment],
-                segment_node[segment + 1] - 1,
-                node_inputs,
-                node_step_s,
-                node_row,
+                segment,
+                nodes,
                 offsets[candidate],
                 packed[candidate],
                 extended,
@@ -244,9 +239,9 @@ def costs_into(
         initial: Shape ``(segments, 12)``, for all candidates.
         extended: As in ``roll_out``.
         segment_node: As in ``predict``.
-        node_inputs: As in ``roll_out``.
-        node_step_s: As in ``roll_out``.
-        node_row: As in ``roll_out``.
+        node_inputs: As ``nodes`` of ``roll_out``.
+        node_step_s: Likewise.
+        node_row: Likewise.
         segment_row: First row of each segment, and one past the last, ``(segments + 1,)``.
         measured: Position NED and attitude, shape ``(rows, 6)``.
         weight: One over the standard deviation, 0 where nothing was measured, ``(rows, 6)``.
@@ -256,6 +251,7 @@ def costs_into(
         costs: Shape ``(m,)``; written.
     """
     scratch = np.empty((4, 12))
+    nodes = (segment_node, node_inputs, node_step_s, node_row)
     predicted = np.empty((measured.shape[0], 6))
     x = np.empty(12)
     shadow = np.empty(12)
@@ -265,20 +261,8 @@ def costs_into(
             for i in range(12):
                 x[i] = initial[segment, i]
                 shadow[i] = lean[segment, i]
-            stayed = roll_out(
-                x,
-                segment_node[segment],
-                segment_node[segment + 1] - 1,
-                node_inputs,
-                node_step_s,
-                node_row,
-                offsets[candidate],
-                packed[candidate],
-                extended,
-                scratch,
-                predicted,
-            )
-            if not stayed:
+            offset, p = offsets[candidate], packed[candidate]
+            if not roll_out(x, segment, nodes, offset, p, extended, scratch, predicted):
                 total = DIVERGED
                 break
             for row in range(segment_row[segment], segment_row[segment + 1]):

@@ -102,18 +102,14 @@ def _fly(vehicle: Vehicle, inputs: FloatArray, period_s: float, extended: bool) 
     state[2], state[6] = 3.0, 0.05
     node_row = np.where(np.arange(nodes) % parts == 0, np.arange(nodes) // parts, -1)
     flown = np.empty((rows, 6))
-    stayed = kernel.roll_out(
-        state,
-        0,
-        nodes - 1,
+    recorded = (
+        np.array([0, nodes]),
         np.column_stack([np.interp(at, np.arange(rows), inputs[:, k]) for k in range(3)]),
         np.full(nodes, period_s / parts),
         node_row,
-        np.zeros(2),
-        vehicle.packed(),
-        extended,
-        np.empty((4, 12)),
-        flown,
+    )
+    stayed = kernel.roll_out(
+        state, 0, recorded, np.zeros(2), vehicle.packed(), extended, np.empty((4, 12)), flown
     )
     if not stayed:
         raise ValueError("the vehicle's motion leaves all bounds")
