@@ -175,7 +175,10 @@ export interface LeftOut {
 
 export interface IdentificationResult {
   method: string;
-  cost_before: number;
+  /** With the best actuator offsets; `null` where the model of before cannot follow. */
+  cost_before: number | null;
+  /** Whether the search had come to rest; if not, nothing is told of intervals. */
+  is_converged?: boolean;
   cost_after: number;
   convergence: readonly CostPoint[];
   parameters: readonly IdentifiedParameter[];
