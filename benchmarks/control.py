@@ -17,6 +17,7 @@ from autonomy.control.config import BACKSTEPPING_EXPERIMENT, BACKSTEPPING_SIMULA
 from autonomy.control.governor_config import GOVERNOR_EXPERIMENT
 from autonomy.control.kernel import backstepping
 from autonomy.control.reference import THESIS_REFERENCES
+from autonomy.trial.comparison import compare
 from autonomy.trial.config import (
     TABLE_3_1_LINEAR,
     DisturbanceConfig,
@@ -24,7 +25,6 @@ from autonomy.trial.config import (
     StartConfig,
     TrialConfig,
 )
-from autonomy.trial.monte_carlo import monte_carlo
 from autonomy.trial.run import ControllerChoice, fly_setting, run_trial
 from autonomy.trial.setting import Setting, packed_references, setting
 from autonomy.vehicle.config import MINIGLIDER
@@ -109,14 +109,14 @@ def _many_dives() -> list[dict[str, Any]]:
     """Time the dives on one thread and on two, and on the same machine at the same moment what two
     threads gain that never need the interpreter: on a busy machine nothing can gain more."""
     choice = _choice("backstepping")
-    monte_carlo(MINIGLIDER, DIVES.model_copy(update={"runs": 2}), choice)
+    compare(MINIGLIDER, DIVES.model_copy(update={"runs": 2}), [choice])
     long = DIVES.model_copy(update={"duration_s": 18_000.0, "sensing": SensingConfig()})
     drawn = setting(MINIGLIDER, long, 1, packed_references(MINIGLIDER, long))
     dives, alone = [math.inf, math.inf], [math.inf, math.inf]
     for _ in range(4):
         for n in range(2):
             begin = time.perf_counter()
-            monte_carlo(MINIGLIDER, DIVES, choice, threads=n + 1)
+            compare(MINIGLIDER, DIVES, [choice], threads=n + 1)
             dives[n] = min(dives[n], time.perf_counter() - begin)
             begin = time.perf_counter()
             _kernels_alone(long, drawn, n + 1)

@@ -130,8 +130,9 @@ def compare(
     *,
     report: Callable[[float, str], None] = lambda _share, _message: None,
     is_cancelled: Callable[[], bool] = lambda: False,
+    threads: int = _THREADS,
 ) -> Comparison:
-    """Run every controller on every seed of a scenario, two at once.
+    """Run every controller on every seed of a scenario, some at once.
 
     Args:
         vehicle: The robot, as the controllers believe it to be.
@@ -139,6 +140,7 @@ def compare(
         choices: The controllers.
         report: Told the share that is done and what is being done, in the caller's thread.
         is_cancelled: Asked between runs.
+        threads: Runs at once; the result does not depend on it.
 
     Raises:
         ValueError: If there is no controller.
@@ -156,10 +158,9 @@ def compare(
         return _kept(fly(vehicle, config, choice, seed, references), at)
 
     total = len(choices) * config.runs
-    with ThreadPoolExecutor(_THREADS) as threads:
+    with ThreadPoolExecutor(threads) as pool:
         jobs = [
-            [threads.submit(fly_and_keep, choice, seed) for choice in choices]
-            for seed in config.seeds
+            [pool.submit(fly_and_keep, choice, seed) for choice in choices] for seed in config.seeds
         ]
         waiting: set[Future[KeptRun]] = {job for row in jobs for job in row}
         try:
@@ -169,7 +170,7 @@ def compare(
                     job.result()
                 report(1.0 - len(waiting) / total, f"{total - len(waiting)} of {total} runs")
         finally:
-            threads.shutdown(cancel_futures=True)
+            pool.shutdown(cancel_futures=True)
     if waiting:
         raise TrialCancelledError("the comparison was cancelled")
     columns = zip(*jobs, strict=True)

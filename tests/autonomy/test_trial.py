@@ -20,7 +20,6 @@ from autonomy.trial.config import (
     SensingConfig,
     TrialConfig,
 )
-from autonomy.trial.monte_carlo import monte_carlo
 from autonomy.trial.run import ControllerChoice, run_trial
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
 
@@ -236,19 +235,19 @@ def test_a_scenario_that_cannot_be_run_is_refused(wrong):
         changed(TABLE_3_1_LINEAR, **wrong)
 
 
-def test_monte_carlo_gives_what_single_trials_give_on_any_number_of_threads():
+def test_many_runs_give_what_single_trials_give_on_any_number_of_threads():
     config = changed(SHORT, runs=4, disturbance=DisturbanceConfig(parameter_error=0.1))
     many = [
-        monte_carlo(MINIGLIDER, config, choice("backstepping"), threads=threads)
+        compare(MINIGLIDER, config, [choice("backstepping")], threads=threads).results[0].runs
         for threads in (1, 2)
     ]
-    assert np.array_equal(many[0].state, many[1].state)
-    for n, seed in enumerate(config.seeds):
+    for alone, together, seed in zip(*many, config.seeds, strict=True):
         single = run_trial(MINIGLIDER, config, choice("backstepping"), seed)
-        assert np.array_equal(many[0].state[n], single.state[-1])
-        assert np.array_equal(many[0].end[n], single.errors[-1])
-        assert np.array_equal(many[0].rms[n], single.rms())
-        assert np.array_equal(many[0].travel[n], single.travel)
+        for run in (alone, together):
+            assert np.array_equal(run.state[-1], single.state[-1])
+            assert np.array_equal(run.errors[-1], single.errors[-1])
+            assert np.array_equal(run.rms, single.rms())
+            assert np.array_equal(run.travel, single.travel)
 
 
 @pytest.mark.parametrize(
