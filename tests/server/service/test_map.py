@@ -161,7 +161,9 @@ async def test_recorded_robot_shows_the_map_that_its_import_kept(client, station
 
 
 async def test_scene_draws_pose_track_plan_and_map_of_the_same_robot(client, station, world):
-    source = StationSceneSource(MINI, station.fleet, station.maps)
+    source = StationSceneSource(
+        MINI, station.fleet, station.maps, station.vehicles, station.whatifs.shown
+    )
     world.tell(state_report(MINI, (1.3, 0.7, 0.4)))
     assert source.pose().position_ned == (1.3, 0.7, 0.4)
     first = source.track_since(0)
