@@ -19,6 +19,7 @@ AREAS = (
     "claims",
     "estimation",
     "identification",
+    "identification_coverage",
     "field",
     "planner",
     "telemetry",
