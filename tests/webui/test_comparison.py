@@ -125,6 +125,18 @@ def test_a_run_that_leaves_the_water_is_framed_whole_with_its_labels(far_scene, 
         assert share < 0.95
 
 
+def test_labels_stay_apart_where_tracks_begin_far_from_a_short_reference(scene, source):
+    reference = np.linspace([1.0, 0.5, 0.0], [1.2, 0.5, 0.1], 50)
+    track = np.linspace([-1.0, -0.5, 0.0], [1.2, 0.5, 0.1], 50)
+    runs = tuple(replace(run, position_ned=track) for run in source.shown_comparison.runs)
+    source.shown_comparison = replace(
+        source.shown_comparison, reference_ned=reference, runs=runs, version="short"
+    )
+    scene.update()
+    first, second = [np.array(label.position) for label in list(labels(scene).values())[1:]]
+    assert np.linalg.norm(first - second) > 0.5
+
+
 def test_a_run_inside_the_water_leaves_the_camera_where_it_is(scene):
     assert not scene._comparison.leaves_water
     assert tuple(scene._server.initial_camera.position) == pytest.approx(tuple(WATER.position))

@@ -16,7 +16,8 @@ _REFERENCE_PX = 3.0
 _NEAR = 0.6
 """What stays within this share of the view's width from its middle is seen with the water."""
 _FARTHEST = 1.5
-"""Tracks are framed as far from the reference's middle as this many of its lengths."""
+"""Tracks are framed as far from the reference's middle as this many of its lengths, or of the
+distance at which they begin."""
 
 
 class Comparison:
@@ -135,8 +136,8 @@ def _near(track: FloatArray, reference: FloatArray) -> FloatArray:
     if len(reference) == 0 or len(track) == 0:
         return track
     low, high = reference.min(axis=0), reference.max(axis=0)
-    reach_m = _FARTHEST * max(float(np.linalg.norm(high - low)), 1e-9)
-    is_far = np.linalg.norm(track - (low + high) / 2, axis=1) > reach_m
+    away_m = np.linalg.norm(track - (low + high) / 2, axis=1)
+    is_far = away_m > _FARTHEST * max(float(np.linalg.norm(high - low)), float(away_m[0]), 1e-9)
     first = int(np.argmax(is_far)) if is_far.any() else len(track)
     return track[: max(first, 1)]
 
