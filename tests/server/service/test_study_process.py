@@ -28,8 +28,8 @@ async def test_two_runs_at_once_do_not_disturb_each_other(client, station):
     alone = await ended(client, await start(client))
     begun = await asyncio.gather(start(client), start(client, {**SHORT, "seed": 7}))
     assert begun[0]["id"] != begun[1]["id"]
-    await until(lambda: len(station.study_workers._busy) == 2)
     same, other = [await ended(client, one) for one in begun]
+    assert len(station.study_workers.process_ids()) == 2
     assert same["result"] == alone["result"]
     assert other["result"]["seeds"] == [7, 8]
 
