@@ -5,8 +5,10 @@ import re
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 
+from PIL import Image
 from playwright.sync_api import Page, expect, sync_playwright
 
 from tests.e2e.demo import Demo
@@ -19,6 +21,9 @@ FLAGS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader
          "--disable-sync"]  # fmt: skip
 SHOTS = Path("build/screenshots")
 SIZES = {"wide": (1600, 950), "tablet": (820, 1180)}
+PLAIN_COLOURS = 200
+"""The shade behind the scene has fewer."""
+DRAWN_TRIES = 60
 KNOWN_PAGE_ERROR = "Evaluating a string as JavaScript violates"
 """viser's client asks for ``Function()`` once; the scene draws without it (docs/decisions/0008)."""
 
@@ -48,6 +53,20 @@ def _note_foreign(url: str, own: str, faults: list[str]) -> None:
 def open_page(page: Page, demo: Demo, path: str) -> None:
     page.goto(f"{demo.url}{path}")
     expect(page.get_by_role("status").get_by_text("Live", exact=True)).to_be_visible()
+
+
+def expect_scene(page: Page) -> None:
+    """Wait until the 3D view has drawn: the middle of an empty one is a plain shade."""
+    canvas = page.frame_locator("iframe").locator("canvas").first
+    expect(canvas).to_be_visible(timeout=90_000)
+    for _ in range(DRAWN_TRIES):
+        picture = Image.open(BytesIO(canvas.screenshot(timeout=120_000))).convert("RGB")
+        width, height = picture.size
+        middle = picture.crop((width // 3, height // 3, 2 * width // 3, 5 * height // 6))
+        if middle.getcolors(PLAIN_COLOURS) is None:
+            return
+        page.wait_for_timeout(1000)
+    raise AssertionError("the 3D view stays empty")
 
 
 def shoot(page: Page, name: str) -> None:

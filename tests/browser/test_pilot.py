@@ -1,16 +1,11 @@
-"""A pilot on the Control page: polar, what-if run, identification and trim of a robot that dives.
-
-The demo is slower than the other walk's: reports of a robot at a high speed lie too far apart to
-tell how it glides.
-"""
+"""A pilot on the Control page: polar, what-if run, identification and trim after some dives."""
 
 import re
 
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.walk import CHROMIUM, browser_page, open_page, shoot
-from tests.e2e.demo import Demo
+from tests.browser.walk import CHROMIUM, expect_scene, open_page, shoot
 
 pytestmark = [
     pytest.mark.browser,
@@ -20,34 +15,21 @@ pytestmark = [
 ]
 
 DIVES = 3
+ENDED = {"done", "stopped", "failed"}
 HERE_M = (1.3, 0.7)
 
 
-@pytest.fixture(scope="module")
-def demo(tmp_path_factory):
-    demo = Demo(tmp_path_factory.mktemp("demo"), "--speed", "5")
-    yield demo
-    demo.stop()
-
-
-@pytest.fixture(scope="module")
-def page(demo):
-    with browser_page(demo) as page:
-        yield page
-
-
-@pytest.fixture(scope="module")
-def station(demo, page):
-    """The same station by REST; the one-time address has gone to the browser."""
-    [cookie] = [each for each in page.context.cookies() if each["httpOnly"]]
-    demo.client.cookies.set(cookie["name"], cookie["value"])
-    demo.client.headers["X-CSRF-Token"] = demo.get("/api/session")["csrf_token"]
-    return demo
+def is_free(station):
+    """Whether mini-1 waits at the surface with no survey to go on with."""
+    [robot] = [each for each in station.get("/api/robots") if each["id"] == "mini-1"]
+    missions = station.get("/api/robots/mini-1/missions")
+    return robot["mode"] == "idle" and all(each["state"] in ENDED for each in missions)
 
 
 @pytest.fixture(scope="module", autouse=True)
 def dive(station):
     """The plan that mini-1 flies while the polar and the what-if run are looked at."""
+    station.wait("robot without a mission", lambda: is_free(station), 240.0)
     down = {"kind": "dive", "end_ned": [*HERE_M, 0.5]}
     up = {"kind": "dive", "end_ned": [*HERE_M, 0.0]}
     legs = [{"kind": "swim", "end_ned": [*HERE_M, 0.0]}, *[down, up] * DIVES]
@@ -98,15 +80,35 @@ def test_two_controllers_are_compared_before_anybody_flies(page, demo):
     expect(table.get_by_text("Less is better")).to_be_visible(timeout=300_000)
     for title in ("Backstepping", "PID"):
         expect(table.get_by_text(title, exact=True)).to_be_visible()
+    expect(table.get_by_role("columnheader")).to_have_count(3)
     expect(page.get_by_text("(best)").first).to_be_attached()
     for name in ("Depth error", "Horizontal error", "Pitch error", "Tail angle"):
         expect(page.get_by_role("img", name=re.compile(f"{name}.*predicted"))).to_be_visible()
     page.get_by_role("button", name="Show in 3D").click()
     expect(page.get_by_role("button", name="Take it out of 3D")).to_be_visible()
-    canvas = page.frame_locator("iframe").locator("canvas").first
-    expect(canvas).to_be_visible(timeout=90_000)
-    page.wait_for_timeout(4000)
+    expect_scene(page)
     shoot(page, "control-what-if")
+
+
+def test_the_page_opens_with_what_was_run_and_says_what_it_was(page, demo):
+    open_page(page, demo, "/control/mini-1#what-if")
+    expect(page.get_by_text("Duration 60 s; Model thesis")).to_be_visible()
+    expect(page.get_by_label("Duration")).to_have_value("60")
+    expect(page.get_by_text("Straight path")).to_have_count(0)
+    page.get_by_label("Reference", exact=True).select_option(label="Level swim")
+    page.get_by_text("Straight path").click()
+    expect(page.get_by_label("Swimming speed")).to_be_visible()
+    page.get_by_role("button", name="Use these settings").click()
+    expect(page.get_by_text("Straight path")).to_have_count(0)
+
+
+def test_settings_that_stay_at_the_station_say_so(page, demo):
+    open_page(page, demo, "/control/mini-1#settings")
+    page.get_by_role("button", name="PID", exact=True).click()
+    expect(page.get_by_text("Not on board: the robot flies its own settings")).to_be_visible()
+    page.get_by_role("button", name="Planner", exact=True).click()
+    expect(page.get_by_role("heading", name="Planner of mini-1")).to_be_visible()
+    expect(page.get_by_text("Not on board")).to_have_count(0)
 
 
 def test_a_wrong_scenario_is_refused_beside_its_field(page, demo):
