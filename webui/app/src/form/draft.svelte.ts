@@ -40,6 +40,16 @@ export class Draft {
     this.#unreadable = {};
   }
 
+  /** Load what of a document this form knows; what the document lacks stays as it is. */
+  loadKnown(document: JsonObject): void {
+    let next = this.value;
+    for (const { path } of leaves(this.tree)) {
+      const known = valueAt(document, path);
+      if (known !== undefined) next = withValue(next, path, known);
+    }
+    this.load(next);
+  }
+
   /** Take what is in the form for stored. */
   keep(): void {
     this.stored = this.value;

@@ -214,3 +214,13 @@ test('a field that means nothing beside the others is not shown, unless it is wr
   draft.setUnreadable(depth, 'A number is needed.');
   expect(draft.isInUse(domain)).toBe(true);
 });
+
+test('a document of another version fills what the form knows of it', () => {
+  const draft = new Draft(SCHEMA, STORED, STORED);
+  draft.loadKnown({ domain: { depth_max_m: 3 }, forgotten: 7 });
+  expect(draft.value).toEqual({
+    ...STORED,
+    domain: { ...(STORED.domain as JsonObject), depth_max_m: 3 },
+  });
+  expect(draft.isValid).toBe(true);
+});
