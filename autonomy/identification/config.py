@@ -101,7 +101,7 @@ class IdentificationConfig(Configuration):
     """How far a parameter may move from its present value, as a part of it."""
     starts_at_present: bool = quantity(True, title="Seed one particle")
     """Let one particle start at the present values, measured or from fluid dynamics."""
-    descents: int = quantity(60, title="Steps of least squares", ge=1, le=200, advanced=True)
+    descents: int = quantity(100, title="Steps of least squares", ge=1, le=200, advanced=True)
     """Most steps of the least-squares descent."""
     seed: int = quantity(1, title="Seed", ge=0, le=2**31 - 1)
     """The same seed and recording give the same result."""
