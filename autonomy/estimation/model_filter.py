@@ -90,15 +90,6 @@ class ModelFilter:
         return (north, east, down)
 
     @property
-    def current_ne_m_s(self) -> tuple[float, float]:
-        """Estimated current, north and east."""
-        x = self._x.tolist()
-        return (
-            x[kernel.STEADY_NORTH] + x[kernel.EDDY_NORTH],
-            x[kernel.STEADY_EAST] + x[kernel.EDDY_EAST],
-        )
-
-    @property
     def steady_current_ne_m_s(self) -> tuple[float, float]:
         """The part of the current that stays, north and east."""
         north, east = self._x[kernel.STEADY_NORTH : kernel.EDDY_NORTH].tolist()
