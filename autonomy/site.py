@@ -1,10 +1,26 @@
 """Where a robot works: the water body, its frame, and the part of it that may be explored."""
 
-from typing import Literal, Self
+import itertools
+from typing import Annotated, Literal, Self
 
-from pydantic import model_validator
+import numpy as np
+import numpy.typing as npt
+from pydantic import Field, field_validator, model_validator
 
+from autonomy.arrays import BoolArray, FloatArray
 from autonomy.configuration import Configuration, quantity
+
+NorthEast = tuple[float, float]
+"""North and east in the site's frame, m."""
+
+_CORNERS_MIN = 3
+_CORNERS_MAX = 64
+_LINES_MIN = 2
+_LINES_MAX = 256
+_THICKNESS_MIN = 1e-6
+"""Least area of a polygon, as a share of the square of its circumference."""
+
+Lines = Annotated[tuple[float, ...], Field(min_length=_LINES_MIN, max_length=_LINES_MAX)]
 
 
 class Box(Configuration):
@@ -44,6 +60,123 @@ class Box(Configuration):
         )
 
 
+class Area(Configuration):
+    """A part of the surface with a name and straight sides: a lake's outline, or a keep-out."""
+
+    name: str = Field(min_length=1, max_length=60, title="Name")
+    """What operators call it; sentences about a plan name it."""
+    corners_m: tuple[NorthEast, ...] = quantity(..., "m", title="Corners (north, east)")
+    """Corners one after the other along the outline, 3 to 64, in the site frame. The last is
+    joined to the first; the sides must not cross each other."""
+
+    @field_validator("corners_m")
+    @classmethod
+    def _is_simple(cls, corners: tuple[NorthEast, ...]) -> tuple[NorthEast, ...]:
+        if not _CORNERS_MIN <= len(corners) <= _CORNERS_MAX:
+            raise ValueError(
+                f"corners_m needs {_CORNERS_MIN} to {_CORNERS_MAX} corners, not {len(corners)}"
+            )
+        sides = _sides(np.array(corners))
+        lengths = np.hypot(*(sides[1] - sides[0]).T)
+        if not lengths.all():
+            number = int(lengths.argmin()) + 1
+            raise ValueError(
+                f"corners_m has the same corner twice in a row, number {number}"
+                " (the last is joined to the first without repeating it)"
+            )
+        for i, j in itertools.combinations(range(len(corners)), 2):
+            are_neighbours = j == i + 1 or (i == 0 and j == len(corners) - 1)
+            if not are_neighbours and _cross(sides[:, i], sides[:, j]):
+                raise ValueError(
+                    f"corners_m crosses itself: the side after corner {i + 1}"
+                    f" meets the side after corner {j + 1}"
+                )
+        north, east = np.array(corners).T
+        area = 0.5 * abs(float(north @ np.roll(east, -1) - east @ np.roll(north, -1)))
+        if area < _THICKNESS_MIN * float(lengths.sum()) ** 2:
+            raise ValueError("corners_m encloses no area: all its corners lie on one line")
+        return corners
+
+    def contains(self, north_m: npt.ArrayLike, east_m: npt.ArrayLike) -> BoolArray:
+        """Tell which points lie inside the outline.
+
+        Args:
+            north_m: Northings, any shape.
+            east_m: Eastings, of a shape that goes with it.
+        """
+        x, y = np.broadcast_arrays(np.asarray(north_m, float), np.asarray(east_m, float))
+        inside = np.zeros(x.shape, dtype=np.bool_)
+        for (x0, y0), (x1, y1) in zip(*_sides(np.array(self.corners_m)), strict=True):
+            if y0 != y1:
+                spans = (y0 <= y) != (y1 <= y)
+                inside ^= spans & (x < x0 + (y - y0) * ((x1 - x0) / (y1 - y0)))
+        return inside
+
+    def distance_m(self, north_m: npt.ArrayLike, east_m: npt.ArrayLike) -> FloatArray:
+        """Return how far points are from the outline, positive outside and negative inside.
+
+        Args:
+            north_m: Northings, any shape.
+            east_m: Eastings, of a shape that goes with it.
+        """
+        x, y = np.broadcast_arrays(np.asarray(north_m, float), np.asarray(east_m, float))
+        squared = np.full(x.shape, np.inf)
+        for (x0, y0), (x1, y1) in zip(*_sides(np.array(self.corners_m)), strict=True):
+            dx, dy = x1 - x0, y1 - y0
+            part = np.clip(((x - x0) * dx + (y - y0) * dy) / (dx * dx + dy * dy), 0.0, 1.0)
+            squared = np.minimum(squared, (x - x0 - part * dx) ** 2 + (y - y0 - part * dy) ** 2)
+        return np.where(self.contains(x, y), -1.0, 1.0) * np.sqrt(squared)
+
+
+class Bathymetry(Configuration):
+    """Depth of the floor at the crossings of north and east lines, bilinear in between."""
+
+    north_m: Lines = quantity(..., "m", title="North lines")
+    """Northings of the lines, ascending, 2 to 256."""
+    east_m: Lines = quantity(..., "m", title="East lines")
+    """Eastings of the lines, ascending, 2 to 256."""
+    depth_m: tuple[tuple[float, ...], ...] = quantity(..., "m", title="Depths")
+    """Depth of the floor below the surface: a row for each north line, in it a depth for each
+    east line; 0 or less on land."""
+
+    @field_validator("north_m", "east_m")
+    @classmethod
+    def _ascends(cls, lines: tuple[float, ...]) -> tuple[float, ...]:
+        for before, after in itertools.pairwise(lines):
+            if after <= before:
+                raise ValueError(f"lines must ascend, but {after:g} m follows {before:g} m")
+        return lines
+
+    @model_validator(mode="after")
+    def _is_rectangular(self) -> Self:
+        rows, columns = len(self.north_m), len(self.east_m)
+        if len(self.depth_m) != rows:
+            raise ValueError(
+                f"depth_m needs {rows} rows, one a north line, not {len(self.depth_m)}"
+            )
+        for number, row in enumerate(self.depth_m, start=1):
+            if len(row) != columns:
+                raise ValueError(
+                    f"row {number} of depth_m needs {columns} depths, one an east line,"
+                    f" not {len(row)}"
+                )
+        return self
+
+    def floor_m(self, north_m: npt.ArrayLike, east_m: npt.ArrayLike) -> FloatArray:
+        """Return the floor's depth; beyond the outermost lines it goes on as it is there.
+
+        Args:
+            north_m: Northings, any shape.
+            east_m: Eastings, of a shape that goes with it.
+        """
+        depth = np.array(self.depth_m)
+        i, along = _between_lines(np.array(self.north_m), np.asarray(north_m, float))
+        j, across = _between_lines(np.array(self.east_m), np.asarray(east_m, float))
+        south = depth[i, j] + across * (depth[i, j + 1] - depth[i, j])
+        north = depth[i + 1, j] + across * (depth[i + 1, j + 1] - depth[i + 1, j])
+        return np.asarray(south + along * (north - south))
+
+
 class Site(Configuration):
     """A water body with a local NED frame; the frame's origin lies at the surface."""
 
@@ -63,6 +196,51 @@ class Site(Configuration):
     """Whether radio reaches a submerged robot (a shallow tank) or only a surfaced one."""
     variable: str
     """The field that a survey maps here, a key of ``autonomy.field.variable``."""
+    shoreline: Area | None = None
+    """Outline of the water inside of the box; without one the box is all water."""
+    bathymetry: Bathymetry | None = None
+    """Depth of the floor; without one the floor is flat, as deep as the box."""
+
+    def floor_m(self, north_m: npt.ArrayLike, east_m: npt.ArrayLike) -> FloatArray:
+        """Return the depth of the floor, never deeper than the box of water, 0 or less on land.
+
+        Args:
+            north_m: Northings, any shape.
+            east_m: Eastings, of a shape that goes with it.
+        """
+        deepest = self.water.depth_max_m
+        if self.bathymetry is None:
+            shape = np.broadcast_shapes(np.shape(north_m), np.shape(east_m))
+            return np.full(shape, deepest)
+        return np.minimum(self.bathymetry.floor_m(north_m, east_m), deepest)
+
+
+def _sides(corners: FloatArray) -> FloatArray:
+    """Return where each side begins and ends, shape ``(2, n, 2)``."""
+    return np.stack([corners, np.roll(corners, -1, axis=0)])
+
+
+def _cross(first: FloatArray, second: FloatArray) -> bool:
+    """Tell whether two segments, shape ``(2, 2)`` each, have a point in common."""
+    a, b = first
+    c, d = second
+    if (np.maximum(a, b) < np.minimum(c, d)).any() or (np.maximum(c, d) < np.minimum(a, b)).any():
+        return False
+    return _turn(a, b, c) * _turn(a, b, d) <= 0.0 and _turn(c, d, a) * _turn(c, d, b) <= 0.0
+
+
+def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
+    """Return the sign of the turn from the way a-b to the way a-c; 0 on one line."""
+    return float(np.sign((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])))
+
+
+def _between_lines(
+    lines: FloatArray, values: FloatArray
+) -> tuple[npt.NDArray[np.intp], FloatArray]:
+    """Return the line below each value, and how far (0..1) the value is on to the next."""
+    below = np.clip(np.searchsorted(lines, values, side="right") - 1, 0, len(lines) - 2)
+    part = (values - lines[below]) / (lines[below + 1] - lines[below])
+    return below, np.clip(part, 0.0, 1.0)
 
 
 TANK = Site(
