@@ -137,7 +137,7 @@ def belief(seed: int) -> FieldBelief:
         mean=np.zeros(len(TEST_POINTS)),
         std=np.ones(len(TEST_POINTS)),
     )
-    seen = to_model("blue_light", sample_field("blue_light", samples, rng))
+    seen = to_model("log", sample_field("blue_light", samples, rng))
     posterior = GaussianProcess(blank.kernel(), samples, seen)
     return dataclasses.replace(
         blank,

@@ -1,17 +1,24 @@
 """Settings of a field map: model, kernel of each fidelity level, grid; presets per variable."""
 
 from itertools import pairwise
-from typing import Literal, Self
+from typing import Any, Literal, Self
 
+import numpy as np
 from pydantic import Field, model_validator
 
+from autonomy.arrays import FloatArray
 from autonomy.configuration import Configuration, quantity
-from autonomy.field.variable import VARIABLES
+from autonomy.field.variable import VARIABLES, Scale
+
+KernelShape = Literal["matern12", "matern32", "matern52", "squared_exponential"]
+FieldModelKey = Literal["single", "recursive", "joint", "position_noise"]
 
 
 class KernelParameters(Configuration):
-    """Matern-3/2 kernel with one length scale per axis, and the noise of the measurements."""
+    """Kernel with one length scale per axis, and the noise of the measurements."""
 
+    shape: KernelShape = quantity("matern32", title="Kernel shape", advanced=True)
+    """How smooth the field is: a Matern-1/2 field has edges, a squared exponential one none."""
     signal_variance: float = quantity(5.27, title="Signal variance", gt=0.0, le=1e6)
     """Prior variance of the field about its mean, in the model's scale squared."""
     length_x_m: float = quantity(2.41, "m", title="Length scale north", gt=0.0, le=1e6)
@@ -39,26 +46,71 @@ class GridShape(Configuration):
     """Grid points from the surface to the deepest level."""
 
 
+class LearningConfig(Configuration):
+    """How kernels are learned from the samples of a map."""
+
+    online: bool = quantity(False, title="Learn between dives")
+    """Learn the kernels again in the background after a dive, and keep what was found."""
+    starts: int = quantity(3, title="Starts", ge=1, le=20, advanced=True)
+    """Places where the search begins; the best end wins."""
+    mean: Literal["fixed", "constant", "linear"] = quantity("fixed", title="Prior mean")
+    """Keep the prior mean, learn a constant one, or learn one that rises along each axis."""
+    noise_floor_share: float = quantity(1e-3, title="Noise floor", gt=0.0, le=1.0, advanced=True)
+    """Smallest noise variance that is believed, as a share of the variance of the values."""
+    prior_strength: float = quantity(1.0, title="Prior strength", ge=0.0, le=100.0, advanced=True)
+    """How strongly the present kernel holds the learned one back: one over the standard deviation,
+    in decades, of a log-normal prior about it; 0 for none."""
+    least_new_samples: int = quantity(60, title="New samples", ge=1, le=100_000, advanced=True)
+    """Samples that must have come in before the station learns again."""
+
+
 class FieldConfig(Configuration):
     """How the map of one variable is made."""
 
     variable: str = quantity("blue_light", title="Variable")
     """The mapped quantity, a key of ``autonomy.field.variable``."""
-    model: Literal["single", "recursive"] = quantity("recursive", title="Model")
-    """The thesis's recursive model has one Gaussian process per level of position uncertainty; the
-    single model takes every position for exact."""
+    model: FieldModelKey = quantity("recursive", title="Model")
+    """The single model takes every position for exact. The recursive one of the thesis and the
+    joint auto-regressive one have a Gaussian process per level of position uncertainty. The model
+    with position-dependent noise counts how much a sample taken elsewhere than believed differs."""
+    scale: Literal["variable", "linear", "log"] = quantity("variable", title="Scale", advanced=True)
+    """Whether the model sees values or their logarithms; "variable" is the variable's own."""
     prior_mean: float = quantity(0.0, title="Prior mean", ge=-1e6, le=1e6, advanced=True)
-    """Value of the field where nothing was measured, in the model's scale."""
+    """Value of the field where nothing was measured, at the frame's origin, in its scale."""
+    slope_north_per_m: float = quantity(
+        0.0, "1/m", title="Prior slope north", ge=-1e6, le=1e6, advanced=True
+    )
+    """How much the prior mean rises per metre north, in the model's scale."""
+    slope_east_per_m: float = quantity(
+        0.0, "1/m", title="Prior slope east", ge=-1e6, le=1e6, advanced=True
+    )
+    """How much the prior mean rises per metre east, in the model's scale."""
+    slope_depth_per_m: float = quantity(
+        0.0, "1/m", title="Prior slope in depth", ge=-1e6, le=1e6, advanced=True
+    )
+    """How much the prior mean rises per metre of depth, in the model's scale."""
+    memory_s: float = quantity(0.0, "s", title="Memory", ge=0.0, le=1e9, advanced=True)
+    """Time after which a sample tells a third (1/e) of what it told; 0 for a field that stays."""
     single: KernelParameters = quantity(KernelParameters(), title="Single model")
-    """Kernel of the single-fidelity model."""
+    """Kernel of the single model and of the model with position-dependent noise."""
     levels: tuple[KernelParameters, ...] = Field(
         default=(KernelParameters(), KernelParameters(), KernelParameters()),
         title="Fidelity levels",
         min_length=1,
         max_length=5,
     )
-    """Kernel of each fidelity level, worst located first; level i models what the levels below
-    leave unexplained."""
+    """Kernel of each fidelity level of the recursive model, worst located first; level i models
+    what the levels below leave unexplained."""
+    joint_levels: tuple[KernelParameters, ...] = Field(
+        default=(KernelParameters(), KernelParameters(), KernelParameters()),
+        title="Joint levels",
+        min_length=1,
+        max_length=5,
+    )
+    """Kernel of each fidelity level of the joint model, worst located first; as many as levels,
+    and the same where nothing is said."""
+    rho: float = quantity(1.0, title="Correlation of levels", ge=-10.0, le=10.0, advanced=True)
+    """Factor by which the field of a level enters the one above, in the models with levels."""
     fidelity_thresholds_m: tuple[float, ...] = Field(
         default=(0.05, 0.12),
         title="Fidelity thresholds",
@@ -71,6 +123,22 @@ class FieldConfig(Configuration):
     max_samples: int = quantity(2000, title="Most samples kept", ge=50, le=20_000, advanced=True)
     """When a map holds more samples than this it keeps an evenly spread part of them, so that
     memory (8 bytes x samples x grid points) and time stay bounded."""
+    beyond: Literal["thin", "inducing"] = quantity(
+        "thin", title="Beyond most samples", advanced=True
+    )
+    """What a full map does: keep an evenly spread part of its samples, or keep all and sum them up
+    at inducing points."""
+    inducing_points: int = quantity(512, title="Inducing points", ge=16, le=4096, advanced=True)
+    """Points at which a map with more samples than it can hold sums them up."""
+    learning: LearningConfig = quantity(LearningConfig(), title="Learning")
+    """How kernels are learned from the samples."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _joint_levels_are_levels(cls, data: Any) -> Any:  # noqa: ANN401 - what a caller hands in
+        if not isinstance(data, dict) or "joint_levels" in data or "levels" not in data:
+            return data
+        return data | {"joint_levels": data["levels"]}
 
     @model_validator(mode="after")
     def _is_consistent(self) -> Self:
@@ -79,11 +147,24 @@ class FieldConfig(Configuration):
         thresholds = self.fidelity_thresholds_m
         if len(thresholds) != len(self.levels) - 1:
             raise ValueError("fidelity_thresholds_m needs one number fewer than levels")
+        if len(self.joint_levels) != len(self.levels):
+            raise ValueError("joint_levels needs as many kernels as levels")
+        if self.model == "position_noise" and self.single.shape == "matern12":
+            raise ValueError("single.shape must be smoother than matern12 for position_noise")
         if any(threshold <= 0 for threshold in thresholds):
             raise ValueError("fidelity_thresholds_m must be positive")
         if any(b <= a for a, b in pairwise(thresholds)):
             raise ValueError("fidelity_thresholds_m must ascend")
         return self
+
+    def resolved_scale(self) -> Scale:
+        """Return the scale in which the model sees values."""
+        return VARIABLES[self.variable].scale if self.scale == "variable" else self.scale
+
+    def prior_mean_at(self, points: FloatArray) -> FloatArray:
+        """Return the linear prior mean at NED points ``(n, 3)``, in the model's scale, ``(n,)``."""
+        slope = (self.slope_north_per_m, self.slope_east_per_m, self.slope_depth_per_m)
+        return self.prior_mean + points @ np.array(slope)
 
     def with_thresholds(self, fidelity_thresholds_m: tuple[float, ...]) -> "FieldConfig":
         """Return the same settings with the thresholds of one mission.

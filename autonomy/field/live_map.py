@@ -98,7 +98,7 @@ class LiveMap:
         points, values, position_std = _checked(points, values, position_std)
         if not len(values):
             return
-        seen = to_model(self.config.variable, values)
+        seen = to_model(self.config.resolved_scale(), values)
         fidelity = fidelity_level(position_std, self.config.fidelity_thresholds_m)
         if len(self.values) + len(values) > self.config.max_samples:
             points, seen, fidelity = self._thinned(points, seen, fidelity)

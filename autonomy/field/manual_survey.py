@@ -128,7 +128,7 @@ def derived_preset(variable_key: str, rng: np.random.Generator) -> FieldConfig:
     )
     survey = simulate_survey(variable_key, domain, motion, uncertain, 1000, rng)
     exact_survey = simulate_survey(variable_key, domain, motion, exact, 500, rng)
-    prior_mean = float(np.mean(to_model(variable_key, survey.values)))
+    prior_mean = float(np.mean(to_model(preset.resolved_scale(), survey.values)))
     return learned_config(
         preset.model_copy(update={"prior_mean": prior_mean}), survey, exact_survey
     )
@@ -146,9 +146,10 @@ def learned_config(base: FieldConfig, survey: Survey, exact: Survey) -> FieldCon
     """
     noise = synthetic.measurement_noise(base.variable) ** 2
     floor = _NOISE_FLOOR_SHARE * noise
-    truth = to_model(base.variable, exact.values) - base.prior_mean
+    scale = base.resolved_scale()
+    truth = to_model(scale, exact.values) - base.prior_mean
     single = learn(exact.points, truth, _starts(exact.points, truth, noise), noise_floor=floor)
-    values = to_model(base.variable, survey.values) - base.prior_mean
+    values = to_model(scale, survey.values) - base.prior_mean
     sample_levels = fidelity_level(survey.position_std, base.fidelity_thresholds_m)
     levels: list[KernelParameters] = []
     for level, known in enumerate(base.levels):

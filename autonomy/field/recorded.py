@@ -13,6 +13,7 @@ from autonomy.field.live_map import LiveMap
 from autonomy.field.scale import to_model
 from autonomy.field.score import Scores, score
 from autonomy.field.thinning import space_filling
+from autonomy.field.variable import VARIABLES
 from autonomy.site import Box
 
 _FEWEST_SAMPLES = 20
@@ -71,7 +72,7 @@ def fit_recording(
         ValueError: If a number is not finite, or fewer than 20 samples are above the limit.
     """
     used = _usable(points, values, depth_limit_m)
-    points, seen = points[used], to_model(variable_key, values[used])
+    points, seen = points[used], to_model(VARIABLES[variable_key].scale, values[used])
     mean, std = float(np.mean(seen)), max(float(np.std(seen)), 1e-9)
     standard = (seen - mean) / std
     extent = np.maximum(np.ptp(points, axis=0), 1.0)

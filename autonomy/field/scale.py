@@ -3,21 +3,21 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.field.variable import VARIABLES
+from autonomy.field.variable import Scale
 
 SMALLEST_OF_LOG = 0.5
-"""A logarithmic variable below this is read as this: half a count of a converter."""
+"""A value below this is read as this in the logarithmic scale: half a count of a converter."""
 
 
-def to_model(variable_key: str, values: FloatArray) -> FloatArray:
+def to_model(scale: Scale, values: FloatArray) -> FloatArray:
     """Bring measured values, in the variable's unit, to the model's scale."""
-    if VARIABLES[variable_key].scale == "log":
+    if scale == "log":
         return np.log(np.maximum(values, SMALLEST_OF_LOG))
     return np.asarray(values, dtype=np.float64)
 
 
-def from_model(variable_key: str, values: FloatArray) -> FloatArray:
+def from_model(scale: Scale, values: FloatArray) -> FloatArray:
     """Bring values in the model's scale back to the variable's unit."""
-    if VARIABLES[variable_key].scale == "log":
+    if scale == "log":
         return np.exp(values)
     return np.asarray(values, dtype=np.float64)

@@ -3,6 +3,9 @@
 from dataclasses import dataclass
 from typing import Literal
 
+Scale = Literal["linear", "log"]
+"""Whether a Gaussian process sees a value or its natural logarithm."""
+
 
 @dataclass(frozen=True, slots=True)
 class Variable:
@@ -11,8 +14,8 @@ class Variable:
     key: str
     title: str
     unit: str
-    scale: Literal["linear", "log"]
-    """Whether the Gaussian process sees the value or its natural logarithm."""
+    scale: Scale
+    """How a Gaussian process sees the value where the map's settings do not say otherwise."""
     wire_index: int
     """Number of the variable in a ``GRACE_SAMPLE`` message."""
 

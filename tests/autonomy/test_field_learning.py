@@ -50,7 +50,7 @@ def test_gradient_of_the_likelihood_agrees_with_finite_differences() -> None:
 def test_likelihood_is_that_of_the_gaussian_process() -> None:
     points, values = drawn_samples(30, seed=1)
     squared = np.square(points.T[:, :, None] - points.T[:, None, :])
-    theta = np.log(list(TRUE_KERNEL.model_dump().values()))
+    theta = np.log(list(TRUE_KERNEL.model_dump(exclude={"shape"}).values()))
     expected = -GaussianProcess(TRUE_KERNEL, points, values).log_marginal_likelihood()
     assert negative_log_likelihood(theta, squared, values)[0] == pytest.approx(expected, rel=1e-12)
 
@@ -62,7 +62,7 @@ def test_learning_finds_the_kernel_that_drew_the_samples() -> None:
     )
     learned = learn(points, values, [start], noise_floor=1e-6)
     assert learned.converged
-    for name, true in TRUE_KERNEL.model_dump().items():
+    for name, true in TRUE_KERNEL.model_dump(exclude={"shape"}).items():
         assert getattr(learned.parameters, name) == pytest.approx(true, rel=0.6), name
     truth = GaussianProcess(TRUE_KERNEL, points, values).log_marginal_likelihood()
     assert learned.log_likelihood >= truth
@@ -95,7 +95,7 @@ def test_presets_are_what_the_simulated_manual_survey_yields(key: str) -> None:
     assert derived.prior_mean == pytest.approx(preset.prior_mean, rel=0.01)
     learned, stored = (derived.single, *derived.levels), (preset.single, *preset.levels)
     for ours, theirs in zip(learned, stored, strict=True):
-        for name, value in theirs.model_dump().items():
+        for name, value in theirs.model_dump(exclude={"shape"}).items():
             assert getattr(ours, name) == pytest.approx(value, rel=0.03), name
 
 

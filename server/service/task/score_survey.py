@@ -18,7 +18,7 @@ def run(
     The points of comparison depend on the domain alone, so scores of different runs compare.
     """
     points = domain_points(problem.domain, SCORING)
-    exact = to_model(problem.field.variable, truth(problem.field.variable, points))
+    exact = to_model(problem.field.resolved_scale(), truth(problem.field.variable, points))
     scores: dict[str, Scores] = {}
     for model in MODELS:
         if is_cancelled():
