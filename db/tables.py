@@ -1,4 +1,6 @@
-"""Every table of the station's memory.
+"""The tables of what robots said and were told, and what they share with the others.
+
+Vehicles and studies are in ``study_tables``, maps in ``map_tables``, people in ``person_tables``.
 
 Integer keys stay inside ``db``; what leaves carries a public id such as ``plan-14``
 (``db.identity``). Times are aware UTC. JSON columns hold documents that no query looks into.
@@ -313,52 +315,6 @@ class Job(Base):
     ended_at: Mapped[datetime | None]
 
 
-class Person(Base):
-    """Someone who may sign in."""
-
-    __tablename__ = "person"
-    __table_args__ = APPENDED_ONLY
-
-    key: Mapped[int] = mapped_column(Key, primary_key=True)
-    name: Mapped[str] = mapped_column(unique=True)
-    role: Mapped[str]
-    password_hash: Mapped[str | None]
-    created_at: Mapped[datetime]
-    disabled_at: Mapped[datetime | None]
-
-
-class Session(Base):
-    """A browser that signed in; the secret itself is known to the browser alone."""
-
-    __tablename__ = "session"
-    __table_args__ = APPENDED_ONLY
-
-    key: Mapped[int] = mapped_column(Key, primary_key=True)
-    secret_hash: Mapped[str] = mapped_column(unique=True)
-    csrf_token: Mapped[str]
-    person_key: Mapped[int] = mapped_column(ForeignKey("person.key"), index=True)
-    created_at: Mapped[datetime]
-    expires_at: Mapped[datetime]
-
-
-class Token(Base):
-    """A bearer token of a script, or a one-time sign-in."""
-
-    __tablename__ = "token"
-    __table_args__ = APPENDED_ONLY
-
-    key: Mapped[int] = mapped_column(Key, primary_key=True)
-    secret_hash: Mapped[str] = mapped_column(unique=True)
-    name: Mapped[str]
-    role: Mapped[str]
-    person_key: Mapped[int | None] = mapped_column(ForeignKey("person.key"), index=True)
-    one_time: Mapped[bool]
-    created_at: Mapped[datetime]
-    expires_at: Mapped[datetime]
-    used_at: Mapped[datetime | None]
-    revoked_at: Mapped[datetime | None]
-
-
 class Deployment(Base):
     """A stretch of time that a robot spent in the water, or one imported recording."""
 
@@ -379,22 +335,6 @@ class Deployment(Base):
     rows: Mapped[int]
     variables: Mapped[list[str]]
     document: Mapped[Document]
-
-
-class MapSnapshot(Base):
-    """A field map as it was after some samples, for the time slider and for a restart."""
-
-    __tablename__ = "map_snapshot"
-    __table_args__ = (Index(None, "robot_key", "variable", "model", "key"), APPENDED_ONLY)
-
-    key: Mapped[int] = mapped_column(Key, primary_key=True)
-    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"))
-    variable: Mapped[str]
-    model: Mapped[str]
-    at: Mapped[datetime]
-    samples: Mapped[int]
-    document: Mapped[Document]
-    grid: Mapped[bytes]
 
 
 class Idempotency(Base):

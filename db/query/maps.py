@@ -9,7 +9,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from db.query.robots import robot_key
-from db.tables import MapSnapshot
+from db.map_tables import MapSnapshot
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,10 +9,10 @@ from datetime import datetime
 from sqlalchemy import delete, func, select, update
 from sqlalchemy.orm import Session
 
-from db import tables
+from db import person_tables
 from db.fault import StoreError, UnknownIdError
 from db.identity import key_of, public_id
-from db.tables import Person, Token
+from db.person_tables import Person, Token
 
 
 class PersonExistsError(StoreError):
@@ -109,7 +109,9 @@ def change_person(
         row.password_hash = password_hash
     if disabled is not None:
         row.disabled_at = at if disabled else None
-    session.execute(delete(tables.Session).where(tables.Session.person_key == row.key))
+    session.execute(
+        delete(person_tables.Session).where(person_tables.Session.person_key == row.key)
+    )
     session.flush()
     return _person(row)
 
@@ -131,9 +133,9 @@ def add_session(
     key = session.scalar(select(Person.key).where(Person.name == person))
     if key is None:
         raise UnknownIdError("person", person)
-    session.execute(delete(tables.Session).where(tables.Session.expires_at <= at))
+    session.execute(delete(person_tables.Session).where(person_tables.Session.expires_at <= at))
     session.add(
-        tables.Session(
+        person_tables.Session(
             secret_hash=secret_hash,
             csrf_token=csrf_token,
             person_key=key,
@@ -146,11 +148,11 @@ def add_session(
 def find_session(session: Session, secret_hash: str, at: datetime) -> SessionRecord | None:
     """Return the session of this secret, unless it expired or its person was disabled."""
     found = session.execute(
-        select(tables.Session, Person)
-        .join(Person, tables.Session.person_key == Person.key)
+        select(person_tables.Session, Person)
+        .join(Person, person_tables.Session.person_key == Person.key)
         .where(
-            tables.Session.secret_hash == secret_hash,
-            tables.Session.expires_at > at,
+            person_tables.Session.secret_hash == secret_hash,
+            person_tables.Session.expires_at > at,
             Person.disabled_at.is_(None),
         )
     ).one_or_none()
@@ -162,7 +164,9 @@ def find_session(session: Session, secret_hash: str, at: datetime) -> SessionRec
 
 def end_session(session: Session, secret_hash: str) -> None:
     """End the session of this secret."""
-    session.execute(delete(tables.Session).where(tables.Session.secret_hash == secret_hash))
+    session.execute(
+        delete(person_tables.Session).where(person_tables.Session.secret_hash == secret_hash)
+    )
 
 
 def add_token(
