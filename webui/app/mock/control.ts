@@ -23,6 +23,14 @@ export class FakeControl {
   }
 
   vehicles(key: string, part: string, query: URLSearchParams): Answer {
+    if (part === 'capability') {
+      return {
+        body: {
+          primitives: { glide_angle_rad: 0.82, glide_speed_m_s: 0.024 },
+          energy: { dive: 1.2 },
+        },
+      };
+    }
     if (part === 'polar') {
       const note = /grace/i.test(key) ? 'Scaled, not identified.' : '';
       return { body: fakePolar(key, /grace/i.test(key) ? 'GRACE 3' : 'Miniglider', note) };

@@ -2,7 +2,6 @@ import type { IncomingMessage, Server, ServerResponse } from 'node:http';
 import type { Plugin } from 'vite';
 import { WebSocketServer } from 'ws';
 import type { JsonObject } from '../src/api/types';
-import { fakeMap } from './field';
 import { iso } from './robot';
 import { SCENE } from './scene';
 import { KINDS } from './schema';
@@ -85,14 +84,17 @@ function problem(status: number, detail: string, errors: unknown[] = []): NonNul
 }
 
 function route(station: FakeStation, request: IncomingMessage, url: URL, body: JsonObject): Answer {
-  const [, first = '', second = '', third = '', fourth = ''] = url.pathname.split('/').slice(1);
+  const [, first = '', second = '', third = '', fourth = '', fifth = ''] = url.pathname
+    .split('/')
+    .slice(1);
   const method = request.method ?? 'GET';
   if (first === 'health') return { body: health(station) };
   if (first === 'session') return session(station, method, body);
   if (!station.isSignedIn) return problem(401, 'Sign in first.');
-  if (first === 'robots') return robots(station, method, url, [second, third, fourth], body);
+  if (first === 'robots') return robots(station, method, url, [second, third, fourth, fifth], body);
   if (first === 'missions') return missions(station, method, second, third);
-  if (first === 'plans') return plans(station, second, third);
+  if (first === 'plans') return plans(station, second, third, body);
+  if (first === 'surveys') return surveys(station, body);
   if (first === 'commands') return { body: station.commands.get(second) };
   if (first === 'config') return config(station, request, url, second, third, body);
   if (first === 'events') return events(station, url);
@@ -137,7 +139,7 @@ function robots(
   station: FakeStation,
   method: string,
   url: URL,
-  [id, part, item]: [string, string, string],
+  [id, part, item, action]: [string, string, string, string],
   body: JsonObject,
 ): Answer {
   const now = station.now();
@@ -173,17 +175,18 @@ function robots(
     const survey = station.survey(robot, body.config as JsonObject, body.automation === true);
     return { status: 202, body: { id: survey.mission.id } };
   }
-  if (part === 'maps' && item === '') {
-    const { variable, title, unit } = fakeMap(robot, 'single', now);
-    return { body: [{ variable, title, unit, models: ['recursive', 'single'] }] };
+  if (part === 'view') return station.maps.view(robot, method === 'PATCH' ? body : {});
+  if (part === 'maps') {
+    const model = url.searchParams.get('model') ?? '';
+    return station.maps.ofRobot(robot, item, action, method, model);
   }
-  if (part === 'maps') return { body: fakeMap(robot, url.searchParams.get('model') ?? '', now) };
   if (part !== 'samples') return null;
   const channel = url.searchParams.get('channel') ?? '';
   const times = Array.from({ length: points }, (_, i) => start + ((end - start) * i) / points);
   const gap = (at: number) => Math.floor(at / 60_000) % 7 === 3 && at < now - 120_000;
   const kept = times.filter((at) => !gap(at));
   const unit = robot.live(now).channels[channel]?.unit ?? '';
+  const taken = url.searchParams.has('positions') ? robot.track(start, end, points) : null;
   return {
     body: {
       robot: id,
@@ -192,8 +195,27 @@ function robots(
       measured_at: kept.map(iso),
       value: kept.map((at) => robot.sample(channel, at)),
       decimated: true,
+      ...(taken && {
+        measured_at: taken.measured_at,
+        value: taken.measured_at.map((at) => robot.sample(channel, Date.parse(at))),
+        north_m: taken.north_m,
+        east_m: taken.east_m,
+        depth_m: taken.depth_m,
+        fidelity: taken.fidelity,
+        smoothed: taken.fidelity.map((_, i) => i < points * 0.7),
+      }),
     },
   };
+}
+
+function surveys(station: FakeStation, body: JsonObject): Answer {
+  const begun = (body.robots as string[]).flatMap((id) => {
+    const robot = station.robot(id);
+    if (!robot) return [];
+    const survey = station.survey(robot, body.config as JsonObject, body.automation === true);
+    return [{ robot: id, mission: survey.mission.id }];
+  });
+  return { status: 202, body: { missions: begun } };
 }
 
 function missions(station: FakeStation, method: string, id: string, action: string): Answer {
@@ -205,12 +227,16 @@ function missions(station: FakeStation, method: string, id: string, action: stri
   return { status: 202, body: {} };
 }
 
-function plans(station: FakeStation, id: string, action: string): Answer {
+function plans(station: FakeStation, id: string, action: string, body: JsonObject): Answer {
   const survey = station.surveys.find((each) => each.plans.some((plan) => plan.id === id));
   const plan = survey?.plans.find((each) => each.id === id);
   if (!survey || !plan) return problem(404, `There is no plan '${id}'.`);
   if (action === 'upload') survey.send(station.now());
   if (action === 'cancel') survey.cancel(station.now());
+  if (action === 'choose') {
+    return { status: 202, body: { id: survey.choose(Number(body.runner_up), station.now()) } };
+  }
+  if (action === 'continue') return { status: 202, body: { id: survey.searchOn(station.now()) } };
   return action ? { status: 202, body: { transfer: 'transfer-1' } } : { body: plan };
 }
 

@@ -11,6 +11,13 @@ export const TANK: Site = {
   variable: 'blue_light',
 };
 
+const SHORE_RADII_M = [238, 222, 246, 231, 205, 228, 244, 236, 219, 240, 248, 226];
+const SHORE: [number, number][] = SHORE_RADII_M.map((radius, i) => {
+  const angle = (i / SHORE_RADII_M.length) * 2 * Math.PI;
+  return [250 + radius * Math.cos(angle), 250 + radius * Math.sin(angle)];
+});
+const SOUNDINGS = Array.from({ length: 11 }, (_, i) => 50 * i);
+
 export const LAKE: Site = {
   name: 'Practice lake',
   kind: 'lake',
@@ -20,6 +27,16 @@ export const LAKE: Site = {
   origin_longitude_deg: -84.38,
   radio_under_water: false,
   variable: 'chlorophyll',
+  shoreline: { name: 'Shore', corners_m: SHORE },
+  bathymetry: {
+    north_m: SOUNDINGS,
+    east_m: SOUNDINGS,
+    depth_m: SOUNDINGS.map((n) =>
+      SOUNDINGS.map((e) =>
+        Math.max(0.5, 20 - 15 * (Math.hypot(n - 250, (e - 250) * 1.1) / 260) ** 2),
+      ),
+    ),
+  },
 };
 
 interface Motion {
@@ -189,6 +206,7 @@ export class FakeRobot {
       depth_m: motions.map(({ ned }) => ned[2]),
       std_m: motions.map(({ std }) => std),
       fidelity: motions.map(({ std }) => (std < worst * 0.35 ? 2 : std < worst * 0.7 ? 1 : 0)),
+      adrift: motions.map(() => false),
       latitude_deg: [],
       longitude_deg: [],
     };

@@ -10,6 +10,7 @@ import type {
 } from '../src/api/types';
 import { isObject } from '../src/form/schema';
 import { FakeControl } from './control';
+import { FakeMaps } from './map';
 import { FakeSurvey } from './survey';
 import { FakeRobot, iso, LAKE, TANK } from './robot';
 import { KINDS } from './schema';
@@ -20,9 +21,11 @@ export class FakeStation {
   readonly speed = Number(process.env.MOCK_SPEED ?? 1);
   robots = [
     new FakeRobot('mini-1', 'Miniglider', 'Identified in the tank.', 1, TANK),
+    new FakeRobot('mini-2', 'Miniglider', 'Identified in the tank.', 3, TANK),
     new FakeRobot('grace-1', 'GRACE 3', 'Scaled, not identified.', 2, LAKE),
   ];
   readonly control = new FakeControl(this);
+  readonly maps = new FakeMaps(this);
   surveys: FakeSurvey[] = [];
   commands = new Map<string, Command>();
   events: StationEvent[] = [];
@@ -187,9 +190,9 @@ export class FakeStation {
       robots: Object.fromEntries(this.robots.map((robot) => [robot.id, robot.live(now)])),
       events: this.events.filter((event) => event.cursor > after),
       plans: Object.fromEntries(
-        plans.map(({ id, state, progress, ladder, onboard }) => [
+        plans.map(({ id, state, progress, ladder, onboard, stage }) => [
           id,
-          { state, progress, ladder, onboard },
+          { state, progress, ladder, onboard, stage: stage ?? null },
         ]),
       ),
       missions: Object.fromEntries(

@@ -1,10 +1,22 @@
-import type { Leg, Mission, Ned, Plan, PlanState, Site } from '../src/api/types';
+import type {
+  FlownPoint,
+  Leg,
+  Mission,
+  Ned,
+  Plan,
+  PlanPoint,
+  PlanState,
+  Rehearsal,
+  RunnerUp,
+  Site,
+} from '../src/api/types';
 import { SCORES } from './field';
 import { iso, type FakeRobot } from './robot';
 
 const PLANNING_S = 8;
+const REHEARSING_S = 4;
 
-function fakeLegs(site: Site): Leg[] {
+function fakeLegs(site: Site, turned = 0): Leg[] {
   const { domain } = site;
   const at = (n: number, e: number, d: number): Ned => [
     domain.x_min_m + (domain.x_max_m - domain.x_min_m) * n,
@@ -12,11 +24,11 @@ function fakeLegs(site: Site): Leg[] {
     domain.depth_max_m * d,
   ];
   const stops: [Leg['kind'], Ned][] = [
-    ['glide', at(0.35, 0.3, 0.8)],
-    ['glide', at(0.6, 0.5, 0)],
-    ['dive', at(0.6, 0.5, 0.9)],
-    ['dive', at(0.6, 0.5, 0)],
-    ['swim', at(0.8, 0.3, 0)],
+    ['glide', at(0.35, 0.3 + turned, 0.8)],
+    ['glide', at(0.6, 0.5 - turned, 0)],
+    ['dive', at(0.6, 0.5 - turned, 0.9)],
+    ['dive', at(0.6, 0.5 - turned, 0)],
+    ['swim', at(0.8, 0.3 + turned, 0)],
     ['glide', at(0.65, 0.75, 0.85)],
     ['spiral', at(0.55, 0.75, 0)],
     ['swim', at(0.3, 0.85, 0)],
@@ -43,11 +55,49 @@ function fakeLegs(site: Site): Leg[] {
   });
 }
 
+/** The promised track: the position grows uncertain under water and certain again at a fix. */
+function fakePoints(legs: readonly Leg[], scale: number): PlanPoint[] {
+  const points: PlanPoint[] = [];
+  let t = 0;
+  let variance = 0;
+  for (const leg of legs) {
+    const steps = 8;
+    for (let i = 0; i < steps; i++) {
+      const share = i / steps;
+      const [n, e, d] = leg.start_ned.map((v, c) => v + ((leg.end_ned[c] ?? v) - v) * share) as [
+        number,
+        number,
+        number,
+      ];
+      variance =
+        d < 0.02 * scale
+          ? 1e-4 * scale ** 2
+          : variance + (leg.duration_s / steps) * 0.0006 * scale ** 2;
+      points.push([t + leg.duration_s * share, n, e, d, Math.sqrt(variance)]);
+    }
+    t += leg.duration_s;
+  }
+  return points;
+}
+
+function fakeRehearsal(points: readonly PlanPoint[], scale: number): Rehearsal {
+  const flown = points.map(([t, n, e, d, std], i): FlownPoint => {
+    const off = std * 0.8 * Math.sin(i / 9);
+    return [t * 1.04, n + off, e - off * 0.6, Math.max(0, d * 0.97), std * 1.1];
+  });
+  return {
+    state: 'done', completed: true, rms_error_m: 0.11 * scale, worst_error_m: 0.24 * scale,
+    surfacing_error_m: 0.13 * scale, duration_s: (flown.at(-1)?.[0] ?? 0), energy: 19.6, flown,
+    message: 'The rehearsal completed every leg.',
+  }; // prettier-ignore
+}
+
 /** A survey whose planning, sending and flying take a few seconds each. */
 export class FakeSurvey {
   plans: Plan[] = [];
   mission: Mission;
   #planningSince = 0;
+  #rehearsingSince = 0;
   readonly #ended: (text: string, kind: string) => void;
 
   constructor(
@@ -73,6 +123,10 @@ export class FakeSurvey {
       scores: null,
       message: '',
       created_at: iso(nowMs),
+      map_std: 0.41,
+      target_std: 0.2,
+      exploitation: 0.2,
+      ahead: null,
     };
     robot.missionId = this.mission.id;
     this.#beginPlan(nowMs);
@@ -94,6 +148,10 @@ export class FakeSurvey {
       state: 'planning',
       sha256: null,
       config_id: 'config-3',
+      config: this.mission.config,
+      trim_id: null,
+      rehearsal: null,
+      stage: 'searching',
       created_at: iso(nowMs),
       legs: [],
       points: [],
@@ -129,6 +187,7 @@ export class FakeSurvey {
   step(nowMs: number): void {
     const { plan } = this;
     if (plan?.state === 'planning') this.#search(plan, nowMs);
+    if (plan?.stage === 'rehearsing') this.#rehearse(plan, nowMs);
     if (plan?.state === 'running') this.#fly(plan, nowMs);
   }
 
@@ -145,33 +204,63 @@ export class FakeSurvey {
     if (objective) plan.history = [...plan.history, { elapsed_s: elapsed, objective, candidates }];
     if (elapsed < PLANNING_S) return;
     plan.progress = null;
-    plan.legs = fakeLegs(this.robot.site);
-    let t = 0;
-    plan.points = plan.legs.flatMap((leg) => {
-      const from = t;
-      t += leg.duration_s;
-      return [0, 0.5, 1].map(
-        (share) =>
-          [
-            from + leg.duration_s * share,
-            ...leg.start_ned.map((v, i) => v + ((leg.end_ned[i] ?? v) - v) * share),
-            0.12,
-          ] as unknown as Plan['points'][number],
-      );
-    });
+    this.#lay(plan, fakeLegs(this.robot.site));
+    const t = plan.points.at(-1)?.[0] ?? 0;
     plan.objective = objective;
     plan.sha256 = '3fa91c07be5d24668a1b0c9e7d5f2238a90b1c6d4e8f70123456789abcdef012';
-    plan.account = { energy: 18.9, duration_s: t, worst_std_m: 0.274, bytes: 412, credits: 0 };
-    plan.runners_up = [40.9, 40.2, 39.8].map((value, i) => ({
-      objective: value,
-      energy: 19.4 - i * 0.6,
-      duration_s: t - i * 14,
-      worst_std_m: 0.26 + i * 0.01,
-    }));
+    plan.account = {
+      energy: 18.9, duration_s: t, worst_std_m: 0.274, bytes: 412, credits: 0, surfacings: 6,
+      satellite_bytes: 600,
+    }; // prettier-ignore
+    plan.runners_up = [40.9, 40.2, 39.8].map((value, i): RunnerUp => {
+      const legs = fakeLegs(this.robot.site, 0.08 * (i + 1));
+      return {
+        objective: value, energy: 19.4 - i * 0.6, duration_s: t - i * 14, worst_std_m: 0.26 + i * 0.01,
+        legs, points: fakePoints(legs, this.#scale),
+      };
+    }); // prettier-ignore
     plan.message = 'Found in 8.0 s; the last 3.1 s brought nothing better.';
     this.#enter(plan, 'draft', nowMs);
     this.mission.state = 'ready';
     if (plan.round > 1 && this.mission.automation) this.send(nowMs);
+  }
+
+  get #scale(): number {
+    return this.robot.site.kind === 'tank' ? 1 : 25;
+  }
+
+  #lay(plan: Plan, legs: Leg[]): void {
+    plan.legs = legs;
+    plan.points = fakePoints(legs, this.#scale);
+    plan.rehearsal = { ...fakeRehearsal([], 0), state: 'working', completed: false, message: '' };
+    plan.stage = 'rehearsing';
+    this.#rehearsingSince = this.#planningSince + PLANNING_S * 1000;
+  }
+
+  #rehearse(plan: Plan, nowMs: number): void {
+    if (nowMs - this.#rehearsingSince < REHEARSING_S * 1000) return;
+    plan.rehearsal = fakeRehearsal(plan.points, this.#scale);
+    plan.stage = null;
+  }
+
+  /** A runner-up takes the draft's place. */
+  choose(which: number, nowMs: number): string {
+    const old = this.plan;
+    const other = old?.runners_up[which];
+    if (!old || !other) return old?.id ?? '';
+    this.#enter(old, 'superseded', nowMs);
+    this.#beginPlan(nowMs - PLANNING_S * 1000);
+    const plan = this.plan as Plan;
+    Object.assign(plan, { ...old, id: plan.id, objective: other.objective, progress: null });
+    this.#lay(plan, other.legs ?? []);
+    this.#enter(plan, 'draft', nowMs);
+    return plan.id;
+  }
+
+  searchOn(nowMs: number): string {
+    if (this.plan) this.#enter(this.plan, 'superseded', nowMs);
+    this.#beginPlan(nowMs);
+    return this.plan?.id ?? '';
   }
 
   send(nowMs: number): void {
@@ -197,6 +286,9 @@ export class FakeSurvey {
       legs: plan.legs.length,
       age_s: 0.4,
     };
+    this.mission.map_std = 0.41 - 0.05 * (plan.round - 1 + share);
+    this.mission.exploitation = 0.1 + 0.15 * (plan.round - 1);
+    this.mission.ahead = share > 0.4 && plan.round < 4 ? `${plan.id}-ahead` : null;
     this.robot.roundText = `round ${plan.round} of 4`;
     if (share < 1) return;
     this.#enter(plan, 'done', nowMs);

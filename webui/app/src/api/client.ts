@@ -14,6 +14,7 @@ import type {
   IdentificationListing,
   Job,
   JsonObject,
+  MapComparison,
   MapListing,
   Mission,
   NewToken,
@@ -24,6 +25,8 @@ import type {
   RobotState,
   Role,
   Samples,
+  SceneChange,
+  SceneView,
   Session,
   SteadyMotion,
   Token,
@@ -106,8 +109,26 @@ export class Api {
   startMission = (id: string) => this.#send('POST', `/api/missions/${part(id)}/start`);
   stopMission = (id: string) => this.#send('POST', `/api/missions/${part(id)}/stop`);
 
+  /** Begin surveys of several robots of one site, planned one after the other. */
+  createSurvey = (robots: readonly string[], config: JsonObject, automation: boolean) =>
+    this.#json<{ missions: { robot: string; mission: string }[] }>('POST', '/api/surveys', {
+      body: { robots, config, automation },
+    });
+
   plan = (id: string) => this.#json<Plan>('GET', `/api/plans/${part(id)}`);
   cancelPlan = (id: string) => this.#send('POST', `/api/plans/${part(id)}/cancel`);
+
+  /** Let a runner-up take the draft's place. */
+  chooseRunnerUp = (id: string, runnerUp: number) =>
+    this.#json<{ id: string }>('POST', `/api/plans/${part(id)}/choose`, {
+      body: { runner_up: runnerUp },
+    });
+
+  /** Search on from a draft and its runners-up. */
+  searchOn = (id: string, planning_time_s: number | null) =>
+    this.#json<{ id: string }>('POST', `/api/plans/${part(id)}/continue`, {
+      body: planning_time_s === null ? {} : { planning_time_s },
+    });
 
   /** Send a plan; `confirmed` sends also one that the robot has meanwhile moved away from. */
   uploadPlan = (id: string, confirmed = false) =>
@@ -124,6 +145,21 @@ export class Api {
       query: { model, format: 'json' },
       signal,
     });
+
+  comparison = (robot: string, variable: string, signal?: AbortSignal) =>
+    this.#json<MapComparison>('GET', `${at(robot)}/maps/${part(variable)}/comparison`, { signal });
+
+  compareModels = (robot: string, variable: string) =>
+    this.#json<{ job: string }>('POST', `${at(robot)}/maps/${part(variable)}/comparison`);
+
+  learnKernels = (robot: string, variable: string) =>
+    this.#json<{ job: string }>('POST', `${at(robot)}/maps/${part(variable)}/learning`);
+
+  sceneView = (robot: string, signal?: AbortSignal) =>
+    this.#json<SceneView>('GET', `${at(robot)}/view`, { signal });
+
+  changeSceneView = (robot: string, change: SceneChange) =>
+    this.#json<SceneView>('PATCH', `${at(robot)}/view`, { body: change });
 
   configKinds = () => this.#json<ConfigKind[]>('GET', '/api/config');
 
@@ -148,6 +184,13 @@ export class Api {
     });
     return versioned<ConfigDocument>(response);
   }
+
+  /** Motion and energy of the planner, worked out from the vehicle's polar. */
+  capability = (vehicle: string) =>
+    this.#json<{ primitives: JsonObject; energy: JsonObject; message?: string }>(
+      'GET',
+      `${vehicleAt(vehicle)}/capability`,
+    );
 
   polar = (vehicle: string, signal?: AbortSignal) =>
     this.#json<Polar>('GET', `${vehicleAt(vehicle)}/polar`, { signal });

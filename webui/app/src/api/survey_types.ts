@@ -1,4 +1,4 @@
-/** Shapes of plans, missions, transfers and maps; conventions as in `types.ts`. */
+/** Shapes of plans, missions and transfers; conventions as in `types.ts`. */
 
 import type { JsonObject, Ned, Time } from './types';
 
@@ -22,6 +22,10 @@ export interface Account {
   worst_std_m: number;
   bytes: number;
   credits: number;
+  /** How often the robot comes up. */
+  surfacings?: number;
+  /** What the round says by satellite. */
+  satellite_bytes?: number;
 }
 
 export interface Violation {
@@ -47,6 +51,24 @@ export interface RunnerUp {
   energy: number;
   duration_s: number;
   worst_std_m: number;
+  legs?: Leg[];
+  points?: PlanPoint[];
+}
+
+/** Time s, north, east, down m, and the standard deviation that the robot would state, m. */
+export type FlownPoint = readonly [number, number, number, number, number];
+
+/** A draft flown through the full dynamics before it is offered. */
+export interface Rehearsal {
+  state: 'working' | 'done' | 'failed' | 'skipped';
+  completed: boolean;
+  rms_error_m: number | null;
+  worst_error_m: number | null;
+  surfacing_error_m: number | null;
+  duration_s: number | null;
+  energy: number | null;
+  flown: FlownPoint[];
+  message: string;
 }
 
 export interface PlanLadder {
@@ -88,6 +110,10 @@ export interface Plan {
   state: PlanState;
   sha256: string | null;
   config_id: string | null;
+  /** Settings that it was planned with. */
+  config?: JsonObject;
+  /** Version of the trim that it brings on board; `null` for the preset. */
+  trim_id?: string | null;
   created_at: Time;
   legs: Leg[];
   points: PlanPoint[];
@@ -101,6 +127,8 @@ export interface Plan {
   message: string;
   ladder: PlanLadder;
   onboard: Onboard | null;
+  rehearsal?: Rehearsal | null;
+  stage?: 'searching' | 'rehearsing' | null;
 }
 
 export interface MissionRound {
@@ -144,6 +172,14 @@ export interface Mission {
   scores: Scores[] | null;
   message: string;
   created_at: Time;
+  /** Mean standard deviation of the map over the domain, in the model's scale. */
+  map_std?: number | null;
+  /** The survey ends when the map is as sure as this; 0 or absent: never for this reason. */
+  target_std?: number | null;
+  /** Share of exploitation now in force, 0 to 1. */
+  exploitation?: number | null;
+  /** Plan of the next round, made while the robot flies this one. */
+  ahead?: string | null;
 }
 
 export interface Transfer {
@@ -158,29 +194,4 @@ export interface Transfer {
   started_at: Time;
   ended_at: Time | null;
   reason: string;
-}
-
-export interface FieldMap {
-  robot: string;
-  variable: string;
-  title: string;
-  unit: string;
-  scale: 'linear' | 'log';
-  model: string;
-  axes: { x_m: number[]; y_m: number[]; z_m: number[] };
-  mean: (number | null)[];
-  std: (number | null)[];
-  samples: { total: number; per_fidelity: number[] };
-  updated_at: Time | null;
-  scores: Scores | null;
-}
-
-export interface MapListing {
-  variable: string;
-  title: string;
-  unit: string;
-  /** The default first. */
-  models: string[];
-  samples: number;
-  updated_at: Time | null;
 }

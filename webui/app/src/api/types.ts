@@ -9,6 +9,7 @@
 import type { Mission, Plan, Scores } from './survey_types';
 
 export * from './control_types';
+export * from './map_types';
 export * from './survey_types';
 
 export type Ned = readonly [north: number, east: number, down: number];
@@ -27,6 +28,19 @@ export interface Box {
   depth_max_m: number;
 }
 
+/** A polygon in the site's frame; north and east of each corner. */
+export interface Area {
+  name: string;
+  corners_m: [number, number][];
+}
+
+/** Depth of the floor on a grid, bilinear between; a row a northing. */
+export interface Bathymetry {
+  north_m: number[];
+  east_m: number[];
+  depth_m: number[][];
+}
+
 export interface Site {
   name: string;
   kind: 'tank' | 'lake' | 'sea';
@@ -36,6 +50,9 @@ export interface Site {
   origin_longitude_deg: number;
   radio_under_water: boolean;
   variable: string;
+  /** The water lies inside. */
+  shoreline?: Area | null;
+  bathymetry?: Bathymetry | null;
 }
 
 export interface Link {
@@ -133,6 +150,13 @@ export interface Samples {
   measured_at: Time[];
   value: (number | null)[];
   decimated: boolean;
+  /** Where each was taken, where positions were asked for. */
+  north_m?: (number | null)[];
+  east_m?: (number | null)[];
+  depth_m?: (number | null)[];
+  fidelity?: (number | null)[];
+  /** Whether its position was corrected after the dive. */
+  smoothed?: boolean[];
 }
 
 export interface Track {
@@ -143,6 +167,8 @@ export interface Track {
   depth_m: number[];
   std_m: number[];
   fidelity: (number | null)[];
+  /** Whether it floated at the surface there with nothing to fly. */
+  adrift?: boolean[];
   latitude_deg: number[];
   longitude_deg: number[];
 }
