@@ -2,13 +2,16 @@
 
 import itertools
 import math
-from typing import Literal, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import model_validator
+from pydantic import Field, model_validator
 
 from autonomy.configuration import Configuration, quantity
 from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
-from autonomy.site import LAKE, TANK, Box
+from autonomy.site import LAKE, TANK, Area, Box
+
+_KEEP_OUTS_MAX = 32
+_SWITCH_SHARE = 0.5
 
 
 class PrimitiveConfig(Configuration):
@@ -114,6 +117,16 @@ class ErgodicConfig(Configuration):
     exploitation: float = quantity(0.2, title="Exploitation", ge=0.0, le=1.0)
     """Weight of the map's mean against its standard deviation: 0 looks only for what is unknown,
     1 only for high values."""
+    schedule: Literal["constant", "linear", "switch"] = quantity(
+        "constant", title="Schedule of exploitation", advanced=True
+    )
+    """How exploitation goes on to its final value while the total budget is spent: constant stays
+    as it begins, linear follows the share that is spent, switch changes when half is spent."""
+    exploitation_end: float | None = quantity(
+        None, title="Exploitation at the end", ge=0.0, le=1.0, advanced=True
+    )
+    """Exploitation when the whole budget is spent, for a schedule that is not constant; without a
+    value it stays as it begins."""
     reach_north_m: float = quantity(0.25, "m", title="Reach to the north", gt=0.0, advanced=True)
     """Standard deviation, northward, of the region that one sample stands for."""
     reach_east_m: float = quantity(0.25, "m", title="Reach to the east", gt=0.0, advanced=True)
@@ -178,6 +191,10 @@ class MissionConfig(Configuration):
     approach_share: float = quantity(0.5, title="Longest way to the domain", ge=0.0, le=1.0)
     """A robot outside the domain may spend at most this part of a round's budget on the swim back;
     farther away it is not planned for."""
+    surfacing_bytes: int = quantity(
+        100, "B", title="Message of a surfacing", ge=0, le=100_000, advanced=True
+    )
+    """Satellite bytes that each surfacing takes: the robot's report and the samples it sends."""
     patience_factor: float = quantity(2.0, title="Patience, relative", ge=1.0, le=10.0)
     """The robot comes up and ends its mission when that takes this many times its planned
     duration, and the time of the following setting on top."""
@@ -189,6 +206,29 @@ class MissionConfig(Configuration):
     """A draft counts as outdated this long after it was made."""
 
 
+class CurrentConfig(Configuration):
+    """A steady horizontal current that the planner allows for."""
+
+    north_m_s: float = quantity(0.0, "m/s", title="Current to the north", ge=-3.0, le=3.0)
+    """Speed at which the water moves north. The robot does not feel it under water: a plan aims
+    off by it, so that the robot surfaces where it was meant to."""
+    east_m_s: float = quantity(0.0, "m/s", title="Current to the east", ge=-3.0, le=3.0)
+    """Speed at which the water moves east."""
+
+
+class AdaptiveConfig(Configuration):
+    """What happens between the rounds of a survey."""
+
+    plan_ahead: bool = quantity(True, title="Plan ahead")
+    """Plan the next round while the robot still flies the present one, from where it will
+    surface; the plan is made anew if the map or the place turns out otherwise."""
+    warm_start: bool = quantity(True, title="Begin with known plans")
+    """Begin the search with the rest and the alternatives of the round before."""
+    rehearse: bool = quantity(True, title="Rehearse plans")
+    """Fly each draft with the robot's full dynamics before it is offered, and show how far planned
+    and flown track lie apart."""
+
+
 class PlannerConfig(Configuration):
     """Everything that a survey's planner can be told."""
 
@@ -198,11 +238,27 @@ class PlannerConfig(Configuration):
     """Energy units for the whole survey: a glide or spiral costs 1.5, a dive 1, and time."""
     round_budget: float = quantity(20.0, title="Energy budget of a round", gt=0.0)
     """Energy units for one round, after which the map is updated and the next round planned."""
-    objective: Literal["information_gain", "ergodic"] = quantity(
+    time_budget_s: float = quantity(
+        0.0, "s", title="Time budget of a round", ge=0.0, le=2_592_000.0
+    )
+    """Longest duration of one round, surfacings included; 0 sets no limit."""
+    satellite_bytes: int = quantity(
+        0, "B", title="Satellite budget of a round", ge=0, advanced=True
+    )
+    """Most bytes that the surfacings of one round may send by satellite; 0 sets no limit."""
+    target_std: float = quantity(0.0, title="Map is good enough at", ge=0.0, advanced=True)
+    """The survey ends when the map's standard deviation, averaged over the domain in the scale of
+    the field's model, is at or below this; 0 never ends it before the budget is spent."""
+    objective: Literal["information_gain", "ergodic", "weighted"] = quantity(
         "information_gain", title="Objective"
     )
     """information_gain removes as much uncertainty from the map as possible; ergodic spends time
-    where the map is high or uncertain."""
+    where the map is high or uncertain; weighted adds both up."""
+    information_weight: float = quantity(
+        0.5, title="Weight of information", ge=0.0, le=1.0, advanced=True
+    )
+    """Weight of information gain against the ergodic objective where the objective is weighted:
+    1 is information gain alone, 0 ergodic alone."""
     max_uncertainty_m: float = quantity(0.25, "m", title="Maximum position uncertainty", gt=0.0)
     """Greatest standard deviation of the horizontal position that a plan may reach before the
     robot surfaces for a fix."""
@@ -216,6 +272,20 @@ class PlannerConfig(Configuration):
     counts the same wherever it was taken."""
     seed: int = quantity(0, title="Random seed", ge=0, advanced=True)
     """Starting point of the random search; the same seed repeats it."""
+    keep_outs: Annotated[tuple[Area, ...], Field(max_length=_KEEP_OUTS_MAX)] = quantity(
+        (), title="Keep-outs"
+    )
+    """Areas that no leg may enter at any depth, such as moorings, nets or a bathing place."""
+    margin_m: float = quantity(
+        0.0, "m", title="Margin to the sides", ge=0.0, le=10_000.0, advanced=True
+    )
+    """Every leg stays at least this far from the shoreline and from keep-outs."""
+    floor_margin_m: float = quantity(
+        0.0, "m", title="Margin to the floor", ge=0.0, le=1000.0, advanced=True
+    )
+    """Every leg stays at least this far above the floor."""
+    current: CurrentConfig = quantity(CurrentConfig(), title="Current")
+    """Current that plans allow for."""
     primitives: PrimitiveConfig = quantity(PrimitiveConfig(), title="Motion", advanced=True)
     """Primitives that the robot can fly."""
     energy: EnergyConfig = quantity(EnergyConfig(), title="Energy", advanced=True)
@@ -230,6 +300,8 @@ class PlannerConfig(Configuration):
     """Settings of the search itself."""
     mission: MissionConfig = quantity(MissionConfig(), title="Mission", advanced=True)
     """What surrounds the legs of a plan."""
+    adaptive: AdaptiveConfig = quantity(AdaptiveConfig(), title="Between rounds", advanced=True)
+    """What happens between the rounds of a survey."""
 
     def counted_thresholds_m(self) -> tuple[float, ...]:
         """Return the fidelity thresholds that information gain heeds."""
@@ -247,11 +319,30 @@ class PlannerConfig(Configuration):
         levels = (0.0, *self.fidelity_thresholds_m)
         if any(low >= high for low, high in itertools.pairwise(levels)):
             raise ValueError("fidelity_thresholds_m must be positive and ascend strictly")
+        names = [area.name for area in self.keep_outs]
+        if len(set(names)) < len(names):
+            raise ValueError("keep_outs must have different names")
         if self.primitives.depth_change_min_m > self.domain.depth_max_m:
             raise ValueError(
                 "primitives.depth_change_min_m must not exceed the domain's depth_max_m"
             )
         return self
+
+
+def exploitation_at(config: PlannerConfig, spent_share: float) -> float:
+    """Return the weight of the map's mean in the ergodic objective at one time of a survey.
+
+    Args:
+        config: Where it begins and ends, and on which schedule.
+        spent_share: Part (0..1) of the total budget that is spent.
+    """
+    begin, end = config.ergodic.exploitation, config.ergodic.exploitation_end
+    share = min(max(spent_share, 0.0), 1.0)
+    if end is None or config.ergodic.schedule == "constant":
+        return begin
+    if config.ergodic.schedule == "switch":
+        return end if share >= _SWITCH_SHARE else begin
+    return begin + share * (end - begin)
 
 
 MINIGLIDER = PlannerConfig(

@@ -5,7 +5,12 @@ import sys
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig, PrimitiveConfig
+from autonomy.planner.config import (
+    PLANNER_PRESETS,
+    PlannerConfig,
+    PrimitiveConfig,
+    exploitation_at,
+)
 from autonomy.site import LAKE, TANK, Box
 from autonomy.vehicle.config import VEHICLES
 from autonomy.vehicle.steady import glide_inputs, steady_glide
@@ -93,10 +98,13 @@ def test_an_operator_meets_few_fields_first():
         "domain",
         "total_budget",
         "round_budget",
+        "time_budget_s",
         "objective",
         "max_uncertainty_m",
         "planning_time_s",
         "fidelity_thresholds_m",
+        "keep_outs",
+        "current",
     ]
 
 
@@ -114,6 +122,55 @@ def test_an_operator_meets_few_fields_first():
 def test_settings_that_contradict_each_other_are_refused(values, reason):
     with pytest.raises(ValidationError, match=reason):
         PlannerConfig.model_validate(values)
+
+
+TRIANGLE = {"name": "Moorings", "corners_m": ((0.0, 0.0), (1.0, 0.0), (0.0, 1.0))}
+
+
+@pytest.mark.parametrize(
+    ("corners", "reason"),
+    [
+        (((0.0, 0.0), (1.0, 1.0)), "3 to 64 corners, not 2"),
+        (((0.0, 0.0), (1.0, 1.0), (1.0, 0.0), (0.0, 1.0)), "corners_m crosses itself"),
+        (((0.0, 0.0), (1.0, 1.0), (2.0, 2.0)), "encloses no area"),
+        (((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (0.0, 1.0)), "same corner twice"),
+        (((0.0, 0.0), (1.0, math.nan), (0.0, 1.0)), "finite"),
+    ],
+)
+def test_a_keep_out_that_is_no_area_is_refused_by_its_place_in_the_settings(corners, reason):
+    with pytest.raises(ValidationError, match=reason) as refusal:
+        PlannerConfig.model_validate({"keep_outs": [{"name": "Nets", "corners_m": corners}]})
+    assert refusal.value.errors()[0]["loc"][:3] == ("keep_outs", 0, "corners_m")
+
+
+def test_two_keep_outs_of_one_name_are_refused():
+    with pytest.raises(ValidationError, match="different names"):
+        PlannerConfig.model_validate({"keep_outs": [TRIANGLE, TRIANGLE]})
+
+
+def test_settings_stored_before_there_were_keep_outs_and_currents_are_still_valid():
+    stored = PLANNER_PRESETS["grace3"].model_dump()
+    for name in ("keep_outs", "current", "margin_m", "floor_margin_m", "adaptive", "target_std"):
+        del stored[name]
+    for name in ("time_budget_s", "satellite_bytes", "information_weight"):
+        del stored[name]
+    del stored["mission"]["surfacing_bytes"]
+    del stored["ergodic"]["schedule"], stored["ergodic"]["exploitation_end"]
+    config = PlannerConfig.model_validate(stored)
+    assert config.keep_outs == ()
+    assert (config.current.north_m_s, config.current.east_m_s) == (0.0, 0.0)
+
+
+def test_exploitation_follows_its_schedule_over_the_budget():
+    def over(schedule, end=0.8):
+        ergodic = {"exploitation": 0.2, "exploitation_end": end, "schedule": schedule}
+        config = PlannerConfig.model_validate({"ergodic": ergodic})
+        return [exploitation_at(config, share) for share in (0.0, 0.25, 0.5, 1.0, 1.2)]
+
+    assert over("constant") == [0.2] * 5
+    assert over("switch") == [0.2, 0.2, 0.8, 0.8, 0.8]
+    assert over("linear") == pytest.approx([0.2, 0.35, 0.5, 0.8, 0.8])
+    assert over("linear", end=None) == [0.2] * 5
 
 
 def test_unknown_settings_are_refused():
