@@ -36,6 +36,8 @@ class RobotDefinition:
     """Deeper than this no radio passes, unless the site lets it."""
     sensors: SensorModel
     battery: BatteryModel
+    current_ne_m_s: tuple[float, float] = (0.0, 0.0)
+    """Current that stays, which the robot does not know of."""
 
     @property
     def estimator(self) -> EstimatorConfig:

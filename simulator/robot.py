@@ -35,7 +35,12 @@ class SimulatedBody:
         self.plant = Plant(
             definition.vehicle,
             (conditions or WaterConditions()).surroundings(definition.site),
-            DriftingCurrent(definition.drift_m_sqrt_s, definition.current_correlation_s, current),
+            DriftingCurrent(
+                definition.drift_m_sqrt_s,
+                definition.current_correlation_s,
+                current,
+                definition.current_ne_m_s,
+            ),
             definition.start_ne_m,
             definition.heading_rad,
         )

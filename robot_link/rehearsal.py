@@ -1,0 +1,91 @@
+"""What a rehearsal is given and leaves: a mission flown against the full dynamics, ashore.
+
+The rehearsal itself needs the simulated robot, so a worker process runs it by its name.
+"""
+
+from dataclasses import asdict, dataclass
+from typing import Any, Final
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.site import Site
+from autonomy.vehicle.config import Vehicle
+from robot_link.mission import Mission
+
+REHEARSE: Final = "simulator.rehearsal:run"
+"""Name of the task: takes a ``RehearsalProblem``, reports the share that is done, leaves a
+``Rehearsal``."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RehearsalProblem:
+    """A mission, the robot that is to fly it, and the water that it is thought to meet."""
+
+    mission: Mission
+    planned_points: FloatArray
+    """What the plan promises, shape ``(n, 5)``: time s (surfacings left out), north, east, down m,
+    position standard deviation m."""
+    vehicle: Vehicle
+    """Its key names the robot whose instruments and manners are taken."""
+    site: Site
+    start_ne_m: tuple[float, float]
+    """Where the robot floats before it starts."""
+    heading_rad: float
+    drift_m_sqrt_s: float
+    """How fast the water carries it away unseen, m per sqrt(s), per axis."""
+    current_ne_m_s: tuple[float, float] = (0.0, 0.0)
+    """Current that stays and that the robot does not know of."""
+    runs: int = 3
+    """How many times it is flown, each in other eddies."""
+    seed: int = 0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class RehearsedTrack:
+    """One flight; all arrays have a row for each moment on a leg, about a second apart."""
+
+    time_s: FloatArray
+    """Since the start, surfacings included, shape ``(n,)``."""
+    true_ned: FloatArray
+    """Where the robot really was, shape ``(n, 3)``, m."""
+    believed_ned: FloatArray
+    """Where it believed to be, shape ``(n, 3)``, m."""
+    stated_std_m: FloatArray
+    """What it said of that, shape ``(n,)``, m."""
+    planned_ned: FloatArray
+    """Where the plan has it at the same share of the same leg, shape ``(n, 3)``, m."""
+    planned_std_m: FloatArray
+    """Uncertainty of the position that the plan predicts there, shape ``(n,)``, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class Rehearsal:
+    """How a mission goes when it is flown against the full dynamics."""
+
+    completed: bool
+    """Whether every run flew the whole mission."""
+    message: str
+    """How it went, for a person."""
+    rms_error_m: float
+    """Horizontal distance between flown and planned place, root mean square of all runs."""
+    worst_error_m: float
+    surfacing_error_m: float
+    """Greatest distance between a planned surfacing and the real one."""
+    planned_worst_std_m: float
+    within_share: float
+    """Part of the flown moments nearer to the planned place than its 95 % circle says."""
+    duration_s: float
+    """Mean of the runs, surfacings included."""
+    energy: float
+    """Mean of the runs, energy units."""
+    runs: int
+    track: RehearsedTrack
+    """First run."""
+
+    def document(self) -> dict[str, Any]:
+        """Return it as a JSON object; the track is rows of time, true north, east, down, std."""
+        values = {key: value for key, value in asdict(self).items() if key != "track"}
+        track = self.track
+        rows = np.column_stack([track.time_s, track.true_ned, track.stated_std_m])
+        return values | {"flown": rows.round(3).tolist()}

@@ -1,0 +1,258 @@
+"""Flies a plan against the full dynamics before anybody sends it.
+
+The rehearsing robot is the simulated one: same onboard program, same body. Its instruments have
+noise, its actuators just the offsets that the mission's trim corrects, and the water has eddies
+that carry it away as fast as the planner assumes.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from datetime import UTC, datetime
+
+import numpy as np
+
+from autonomy.arrays import FloatArray, IntArray
+from autonomy.planner.plan import PositionNed
+from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, StateReport
+from robot_link.onboard import CommandOutcome
+from robot_link.rehearsal import Rehearsal, RehearsalProblem, RehearsedTrack
+from simulator.fleet import FLEET, RobotDefinition
+from simulator.onboard.profile import FLIGHT_PROFILES
+from simulator.robot import SimulatedRobot
+
+_EPOCH = datetime(2000, 1, 1, tzinfo=UTC)
+_SETTLING_S = 20.0
+"""Time at the surface before the start, in which the robot's estimate settles."""
+_CIRCLE_95 = math.sqrt(-2.0 * math.log(0.05))
+"""Radius of the circle that holds 95 % of a round Gaussian, in standard deviations."""
+_ROW_EVERY = 10
+"""Steps of the onboard program between two rows of a track."""
+_ROWS_MAX = 600
+_AT_SURFACE_M = 0.01
+"""Planned depth of a surfacing, but for rounding."""
+_LOOK_EVERY = 500
+"""Steps between two questions whether to go on."""
+
+
+class RehearsalCancelledError(Exception):
+    """Whoever asked does not want to know any more."""
+
+
+def run(
+    problem: RehearsalProblem,
+    report: Callable[[float], None],
+    is_cancelled: Callable[[], bool],
+) -> Rehearsal:
+    """Fly a mission some times and compare the flights with the plan.
+
+    Raises:
+        ValueError: If there is no simulated robot of this vehicle.
+        RehearsalCancelledError: It was stopped.
+    """
+    flights: list[_Flight] = []
+    for number in range(problem.runs):
+        flights.append(_fly(problem, problem.seed + number, is_cancelled))
+        report((number + 1) / problem.runs)
+    return _compared(problem, flights)
+
+
+@dataclass
+class _Notebook:
+    """A radio beside the robot: everything it says is heard at once."""
+
+    unacknowledged_samples: int = 0
+    reason: str = ""
+
+    def set_mode(self, mode: RobotMode) -> None:
+        pass
+
+    def report_state(self, state: StateReport) -> None:
+        pass
+
+    def record_sample(
+        self,
+        variable: str,
+        value: float,
+        position_ned: PositionNed,
+        position_std_m: float,
+        measured_at: datetime,
+    ) -> int:
+        return 0
+
+    def report_plan(
+        self, state: OnboardPlanState, *, leg: int = 0, energy_used: float = 0.0, reason: str = ""
+    ) -> None:
+        self.reason = reason
+
+
+@dataclass
+class _Flight:
+    """One run: rows of time, leg, true NED, believed NED, stated std."""
+
+    rows: list[tuple[float, ...]] = field(default_factory=list)
+    surfaced: dict[int, tuple[float, float]] = field(default_factory=dict)
+    """Where the robot truly was when the leg of this number ended at the surface."""
+    duration_s: float = 0.0
+    energy: float = 0.0
+    reason: str = ""
+    """Why it did not fly the whole mission; empty if it did."""
+    leg: int = -1
+    """Leg flown last."""
+
+
+def _definition(problem: RehearsalProblem) -> RobotDefinition:
+    for known in FLEET.values():
+        if known.vehicle.key == problem.vehicle.key:
+            return replace(
+                known,
+                vehicle=problem.vehicle,
+                site=problem.site,
+                start_ne_m=problem.start_ne_m,
+                heading_rad=problem.heading_rad,
+                drift_m_sqrt_s=problem.drift_m_sqrt_s,
+                current_ne_m_s=problem.current_ne_m_s,
+            )
+    raise ValueError(f"there is no simulated robot of the vehicle {problem.vehicle.key}")
+
+
+def _robot(problem: RehearsalProblem, seed: int) -> SimulatedRobot:
+    """Return a robot that floats at the start, with the faults that the trim is for."""
+    robot = SimulatedRobot(_definition(problem), seed, _EPOCH)
+    settings = problem.mission.settings
+    robot.body.sensors.buoyancy_bias_kg = settings.net_buoyancy_offset_kg
+    robot.body.sensors.mass_position_bias_m = settings.mass_position_offset_m
+    return robot
+
+
+def _fly(problem: RehearsalProblem, seed: int, is_cancelled: Callable[[], bool]) -> _Flight:
+    robot, radio, flight = _robot(problem, seed), _Notebook(), _Flight()
+    program, executive = robot.program, robot.program.executive
+    while program.time_s < _SETTLING_S:
+        robot.step(radio)
+    program.take_plan(problem.mission)
+    if program.obey(CommandKind.START, problem.mission.sha256()) is not CommandOutcome.DONE:
+        flight.reason = executive.reason or "the robot did not start"
+        return flight
+    began_s, steps = program.time_s, 0
+    while executive.plan_state is OnboardPlanState.RUNNING:
+        if steps % _LOOK_EVERY == 0 and is_cancelled():
+            raise RehearsalCancelledError
+        robot.step(radio)
+        steps += 1
+        _note(flight, robot, program.time_s - began_s, steps)
+    flight.duration_s = program.time_s - began_s
+    flight.energy = executive.energy_used
+    if executive.plan_state is not OnboardPlanState.DONE:
+        flight.reason = executive.reason
+    return flight
+
+
+def _note(flight: _Flight, robot: SimulatedRobot, time_s: float, steps: int) -> None:
+    """Write down where the robot is on a leg, and where it came up after it."""
+    truth, program = robot.body.plant.position_ned, robot.program
+    if program.executive.is_sampling:
+        flight.leg = program.executive.leg
+        if steps % _ROW_EVERY == 0:
+            estimate = program.estimate
+            place = (*truth, *estimate.position_ned, estimate.position_std_m)
+            flight.rows.append((time_s, flight.leg, *place))
+    elif truth[2] < FLIGHT_PROFILES[robot.definition.vehicle.key].surfaced_m:
+        flight.surfaced.setdefault(flight.leg, (truth[0], truth[1]))
+
+
+class _Plan:
+    """The plan by leg: where it has the robot at a share of a leg."""
+
+    def __init__(self, problem: RehearsalProblem) -> None:
+        settings, legs = problem.mission.settings, problem.mission.legs
+        begin = np.array([[0.0, settings.start_x_m, settings.start_y_m, 0.0, np.nan]])
+        begin[0, 4] = problem.planned_points[0, 4]
+        self._points = np.concatenate([begin, problem.planned_points])
+        self._ends_s = np.cumsum([leg.duration_s for leg in legs])
+        self._durations_s = np.array([leg.duration_s for leg in legs])
+
+    def at(self, leg: IntArray, share: FloatArray) -> FloatArray:
+        """Return north, east, down and position std at shares of legs, shape ``(n, 4)``."""
+        time_s = self._ends_s[leg] - (1.0 - share) * self._durations_s[leg]
+        points = self._points
+        return np.column_stack([np.interp(time_s, points[:, 0], points[:, k]) for k in range(1, 5)])
+
+
+def _track(plan: _Plan, flight: _Flight) -> RehearsedTrack:
+    rows = np.array(flight.rows).reshape(-1, 9)
+    time_s, leg = rows[:, 0], rows[:, 1].astype(np.int64)
+    share = np.empty(len(rows))
+    for number in np.unique(leg):
+        mine = leg == number
+        passed_s = time_s[mine] - time_s[mine][0]
+        share[mine] = passed_s / max(float(passed_s[-1]), 1.0)
+    planned = plan.at(leg, share)
+    return RehearsedTrack(
+        time_s=time_s,
+        true_ned=rows[:, 2:5],
+        believed_ned=rows[:, 5:8],
+        stated_std_m=rows[:, 8],
+        planned_ned=planned[:, :3],
+        planned_std_m=planned[:, 3],
+    )
+
+
+def _surfacing_errors(plan: _Plan, flight: _Flight) -> list[float]:
+    """Return how far from its planned place each dive came up, m."""
+    errors: list[float] = []
+    for leg, place in flight.surfaced.items():
+        if leg >= 0:
+            planned = plan.at(np.array([leg]), np.ones(1))[0]
+            if planned[2] < _AT_SURFACE_M:
+                errors.append(math.dist(place, planned[:2].tolist()))
+    return errors
+
+
+def _compared(problem: RehearsalProblem, flights: list[_Flight]) -> Rehearsal:
+    plan = _Plan(problem)
+    tracks = [_track(plan, flight) for flight in flights]
+    offsets = [track.true_ned[:, :2] - track.planned_ned[:, :2] for track in tracks]
+    error_m = np.linalg.norm(np.concatenate(offsets), axis=1)
+    std_m = np.concatenate([track.planned_std_m for track in tracks])
+    surfacings = [error for flight in flights for error in _surfacing_errors(plan, flight)]
+    reasons = [flight.reason for flight in flights if flight.reason]
+    flown = bool(len(error_m))
+    rms_m = float(np.sqrt(np.mean(error_m**2))) if flown else 0.0
+    worst_m = float(error_m.max()) if flown else 0.0
+    within = float(np.mean(error_m <= _CIRCLE_95 * std_m)) if flown else 0.0
+    return Rehearsal(
+        completed=not reasons,
+        message=_sentence(len(flights), reasons, rms_m, worst_m),
+        rms_error_m=rms_m,
+        worst_error_m=worst_m,
+        surfacing_error_m=max(surfacings, default=0.0),
+        planned_worst_std_m=float(problem.planned_points[:, 4].max()),
+        within_share=within,
+        duration_s=float(np.mean([flight.duration_s for flight in flights])),
+        energy=float(np.mean([flight.energy for flight in flights])),
+        runs=len(flights),
+        track=_thinned(tracks[0]),
+    )
+
+
+def _sentence(runs: int, reasons: list[str], rms_m: float, worst_m: float) -> str:
+    if reasons:
+        times = f"{len(reasons)} of {runs} times" if runs > 1 else "The robot"
+        return f"{times} did not fly the whole plan: {reasons[0]}."
+    return (
+        f"Flown {runs} times against the full dynamics: {rms_m:.2g} m from the plan in the mean, "
+        f"{worst_m:.2g} m at worst."
+    )
+
+
+def _thinned(track: RehearsedTrack) -> RehearsedTrack:
+    step = max(1, -(-len(track.time_s) // _ROWS_MAX))
+    return RehearsedTrack(
+        track.time_s[::step],
+        track.true_ned[::step],
+        track.believed_ned[::step],
+        track.stated_std_m[::step],
+        track.planned_ned[::step],
+        track.planned_std_m[::step],
+    )

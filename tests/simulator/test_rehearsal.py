@@ -1,0 +1,99 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from autonomy.planner import edge, outcome
+from autonomy.planner.config import PLANNER_PRESETS
+from autonomy.site import TANK
+from autonomy.vehicle.config import VEHICLES
+from robot_link.mission import Mission, MissionSettings
+from robot_link.rehearsal import RehearsalProblem
+from simulator import rehearsal
+from tests.simulator.flight import two_dives
+
+CONFIG = PLANNER_PRESETS["miniglider"]
+
+
+def problem(legs=None, *, drift=None, timeout_s=5000.0, runs=1, **changes):
+    """Return what the planner would hand over for two dives in the tank."""
+    legs = legs or two_dives()
+    config = CONFIG
+    edges = [
+        edge.Edge(pair, edge.planned_points(config, pair), sum(leg.energy for leg in pair))
+        for pair in (legs[:2], legs[2:])
+    ]
+    candidate = outcome.as_candidate(config, edges, 0.0)
+    start = legs[0].start_ned[:2]
+    settings = MissionSettings(2.0, 10.0, timeout_s, *start)
+    return dataclasses.replace(
+        RehearsalProblem(
+            mission=Mission.from_legs(settings, tuple(legs)),
+            planned_points=candidate.points,
+            vehicle=VEHICLES["miniglider"],
+            site=TANK,
+            start_ne_m=start,
+            heading_rad=0.4,
+            drift_m_sqrt_s=CONFIG.position_filter.drift_m_sqrt_s if drift is None else drift,
+            runs=runs,
+        ),
+        **changes,
+    )
+
+
+def rehearse(asked, reports=None, cancelled=lambda: False):
+    told = [] if reports is None else reports
+    return rehearsal.run(asked, told.append, cancelled)
+
+
+def test_a_plan_is_flown_whole_and_compared_with_what_it_promised():
+    reports = []
+    done = rehearse(problem(runs=2), reports)
+    assert done.completed, done.message
+    assert reports == [0.5, 1.0]
+    assert 0.0 < done.rms_error_m < done.worst_error_m < 1.0
+    assert 0.0 < done.surfacing_error_m < 1.0
+    planned = sum(leg.duration_s for leg in two_dives())
+    assert planned < done.duration_s < 2.0 * planned
+    assert len(done.document()["flown"]) == len(done.track.time_s)
+
+
+def test_what_the_water_does_unseen_shows_in_the_error():
+    calm = rehearse(problem(drift=0.001))
+    carried = rehearse(problem(drift=0.001, current_ne_m_s=(0.0, 0.01)))
+    assert carried.surfacing_error_m > calm.surfacing_error_m + 0.15
+    drift = carried.track.true_ned[:, 1] - carried.track.believed_ned[:, 1]
+    assert drift.max() > 0.2
+
+
+def test_trim_is_taken_to_be_right():
+    plain = rehearse(problem(drift=0.001))
+    settings = dataclasses.replace(
+        problem().mission.settings, net_buoyancy_offset_kg=-0.002, mass_position_offset_m=0.001
+    )
+    trimmed = Mission.from_legs(settings, two_dives())
+    same = rehearse(problem(drift=0.001, mission=trimmed))
+    assert same.rms_error_m == pytest.approx(plain.rms_error_m, rel=0.15)
+
+
+def test_a_mission_that_runs_out_of_time_is_said_so():
+    done = rehearse(problem(timeout_s=60.0))
+    assert not done.completed
+    assert "did not fly the whole plan" in done.message
+
+
+def test_it_stops_when_nobody_wants_to_know():
+    with pytest.raises(rehearsal.RehearsalCancelledError):
+        rehearse(problem(), cancelled=lambda: True)
+
+
+def test_the_same_seed_flies_the_same_way():
+    np.testing.assert_array_equal(
+        rehearse(problem()).track.true_ned, rehearse(problem()).track.true_ned
+    )
+
+
+def test_a_vehicle_without_a_simulated_robot_is_refused_by_name():
+    own = dataclasses.replace(VEHICLES["miniglider"], key="seal")
+    with pytest.raises(ValueError, match="seal"):
+        rehearse(problem(vehicle=own))
