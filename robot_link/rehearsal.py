@@ -72,6 +72,11 @@ class Rehearsal:
     worst_error_m: float
     surfacing_error_m: float
     """Greatest distance between a planned surfacing and the real one."""
+    position_error_m: float
+    """Horizontal distance between where the robot was and where it believed to be, root mean
+    square of all runs."""
+    predicted_error_m: float
+    """The same as the plan predicts it."""
     planned_worst_std_m: float
     within_share: float
     """Part of the flown moments nearer to the planned place than its 95 % circle says."""

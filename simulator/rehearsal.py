@@ -214,11 +214,12 @@ def _compared(problem: RehearsalProblem, flights: list[_Flight]) -> Rehearsal:
     tracks = [_track(plan, flight) for flight in flights]
     offsets = [track.true_ned[:, :2] - track.planned_ned[:, :2] for track in tracks]
     error_m = np.linalg.norm(np.concatenate(offsets), axis=1)
+    lost = np.concatenate([(one.true_ned - one.believed_ned)[:, :2] for one in tracks])
     std_m = np.concatenate([track.planned_std_m for track in tracks])
     surfacings = [error for flight in flights for error in _surfacing_errors(plan, flight)]
     reasons = [flight.reason for flight in flights if flight.reason]
     flown = bool(len(error_m))
-    rms_m = float(np.sqrt(np.mean(error_m**2))) if flown else 0.0
+    rms_m = _root_mean_square(error_m)
     worst_m = float(error_m.max()) if flown else 0.0
     within = float(np.mean(error_m <= _CIRCLE_95 * std_m)) if flown else 0.0
     return Rehearsal(
@@ -227,6 +228,8 @@ def _compared(problem: RehearsalProblem, flights: list[_Flight]) -> Rehearsal:
         rms_error_m=rms_m,
         worst_error_m=worst_m,
         surfacing_error_m=max(surfacings, default=0.0),
+        position_error_m=_root_mean_square(np.linalg.norm(lost, axis=1)),
+        predicted_error_m=_root_mean_square(math.sqrt(2.0) * std_m),
         planned_worst_std_m=float(problem.planned_points[:, 4].max()),
         within_share=within,
         duration_s=float(np.mean([flight.duration_s for flight in flights])),
@@ -234,6 +237,10 @@ def _compared(problem: RehearsalProblem, flights: list[_Flight]) -> Rehearsal:
         runs=len(flights),
         track=_thinned(tracks[0]),
     )
+
+
+def _root_mean_square(values: FloatArray) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0
 
 
 def _sentence(runs: int, reasons: list[str], rms_m: float, worst_m: float) -> str:
