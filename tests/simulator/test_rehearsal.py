@@ -64,7 +64,7 @@ def test_what_the_water_does_unseen_shows_in_the_error():
     assert carried.surfacing_error_m > calm.surfacing_error_m + 0.15
     drift = carried.track.true_ned[:, 1] - carried.track.believed_ned[:, 1]
     assert drift.max() > 0.2
-    assert carried.position_error_m > 2.0 * carried.predicted_error_m
+    assert carried.position_error_m > 1.5 * carried.predicted_error_m
     assert calm.position_error_m < calm.predicted_error_m
 
 
