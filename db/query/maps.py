@@ -8,8 +8,8 @@ from typing import Any
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from db.query.robots import robot_key
 from db.map_tables import MapSnapshot
+from db.query.robots import robot_key
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,15 +1,15 @@
 """Measurements of fields."""
 
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
 import numpy as np
-from sqlalchemy import func, select
+from sqlalchemy import BigInteger, and_, func, select, type_coerce
 from sqlalchemy.orm import Session
 
-from autonomy.arrays import FloatArray, IntArray
-from db.column import microseconds
+from autonomy.arrays import BoolArray, FloatArray, IntArray
+from db.map_tables import SmoothedSample
 from db.query.robots import robot_key
 from db.tables import SampleRow
 from robot_link.messages import LogId, RobotId, Sample
@@ -20,49 +20,84 @@ class SampleColumns:
     """Measurements of one variable as arrays, in the order in which they were taken."""
 
     position_ned: FloatArray
-    """Shape ``(n, 3)``, m."""
+    """Where the robot believed to be, shape ``(n, 3)``, m."""
     position_std_m: FloatArray
-    """Shape ``(n,)``."""
+    """What it said of that, shape ``(n,)``."""
+    smoothed_ned: FloatArray
+    """Where it most probably was: smoothed where that was done, else as it believed, ``(n, 3)``."""
+    smoothed_std_m: FloatArray
+    """Shape ``(n,)``; never above ``position_std_m``."""
     value: FloatArray
     """Shape ``(n,)``, in the variable's unit."""
     measured_at_us: IntArray
     """Shape ``(n,)``, microseconds from the epoch."""
+    robot: IntArray
+    """Which of the robots that were asked for took it, shape ``(n,)``."""
     log: IntArray
     """Shape ``(n,)``."""
     sequence: IntArray
-    """Shape ``(n,)``; unique within its log."""
+    """Shape ``(n,)``; unique within its robot's log."""
 
     def __len__(self) -> int:
         return len(self.value)
 
+    @property
+    def is_smoothed(self) -> BoolArray:
+        """Whether smoothing located a sample better, shape ``(n,)``."""
+        return self.smoothed_std_m < self.position_std_m
+
 
 def sample_columns(
     session: Session,
-    robot: str,
+    robots: str | Sequence[str],
     variable: str,
     start: datetime | None = None,
     end: datetime | None = None,
     log: int | None = None,
 ) -> SampleColumns:
-    """Return a robot's measurements of one variable, both ends of the time range included.
+    """Return the measurements of one variable, both ends of the time range included.
+
+    Args:
+        session: A reading session.
+        robots: Id of the robot that took them, or of several, whose samples are then in one order
+            of time.
+        variable: Key of the variable.
+        start: First moment, ``None`` for the beginning.
+        end: Last moment, ``None`` for now.
+        log: Only those of this log.
 
     Raises:
         UnknownIdError: If there is no such robot.
     """
-    key = robot_key(session, robot)
+    named = (robots,) if isinstance(robots, str) else tuple(robots)
+    keys = [robot_key(session, robot) for robot in named]
+    better = SmoothedSample
     statement = (
         select(
             SampleRow.north_m,
             SampleRow.east_m,
             SampleRow.depth_m,
             SampleRow.position_std_m,
+            func.coalesce(better.north_m, SampleRow.north_m),
+            func.coalesce(better.east_m, SampleRow.east_m),
+            func.coalesce(better.depth_m, SampleRow.depth_m),
+            func.coalesce(better.position_std_m, SampleRow.position_std_m),
             SampleRow.value,
-            SampleRow.measured_at,
+            type_coerce(SampleRow.measured_at, BigInteger),
+            SampleRow.robot_key,
             SampleRow.log,
             SampleRow.sequence,
         )
-        .where(SampleRow.robot_key == key, SampleRow.variable == variable)
-        .order_by(SampleRow.measured_at, SampleRow.log, SampleRow.sequence)
+        .outerjoin(
+            better,
+            and_(
+                better.robot_key == SampleRow.robot_key,
+                better.log == SampleRow.log,
+                better.sequence == SampleRow.sequence,
+            ),
+        )
+        .where(SampleRow.robot_key.in_(keys), SampleRow.variable == variable)
+        .order_by(SampleRow.measured_at, SampleRow.robot_key, SampleRow.log, SampleRow.sequence)
     )
     if start is not None:
         statement = statement.where(SampleRow.measured_at >= start)
@@ -71,17 +106,20 @@ def sample_columns(
     if log is not None:
         statement = statement.where(SampleRow.log == log)
     rows = session.execute(statement).all()
-    numbers = np.array([row[:5] for row in rows], dtype=np.float64).reshape(-1, 5)
-    names = np.array(
-        [(microseconds(row[5]), row[6], row[7]) for row in rows], dtype=np.int64
-    ).reshape(-1, 3)
+    numbers = np.array([row[:9] for row in rows], dtype=np.float64).reshape(-1, 9)
+    names = np.array([row[9:] for row in rows], dtype=np.int64).reshape(-1, 4)
+    order = np.argsort(keys)
+    place = order[np.searchsorted(np.asarray(keys)[order], names[:, 1])] if keys else names[:, 1]
     return SampleColumns(
         position_ned=numbers[:, :3],
         position_std_m=numbers[:, 3],
-        value=numbers[:, 4],
+        smoothed_ned=numbers[:, 4:7],
+        smoothed_std_m=numbers[:, 7],
+        value=numbers[:, 8],
         measured_at_us=names[:, 0],
-        log=names[:, 1],
-        sequence=names[:, 2],
+        robot=place.astype(np.int64),
+        log=names[:, 2],
+        sequence=names[:, 3],
     )
 
 
