@@ -11,7 +11,7 @@ from scipy.linalg import cholesky as scipy_cholesky
 from autonomy.arrays import FloatArray
 
 (_trtrs,) = get_lapack_funcs(("trtrs",), dtype=np.float64)
-_gemv, _gemm = get_blas_funcs(("gemv", "gemm"), dtype=np.float64)
+_gemv, _gemm, _trsm = get_blas_funcs(("gemv", "gemm", "trsm"), dtype=np.float64)
 
 _FIRST_JITTER = 1e-10
 _LAST_JITTER = 1e-2
@@ -56,6 +56,19 @@ def solve_lower(factor: FloatArray, right: FloatArray) -> FloatArray:
     """
     solution, _ = _trtrs(factor, right, lower=1)
     return solution
+
+
+def whiten_in_place(factor: FloatArray, rows: FloatArray) -> FloatArray:
+    """Return ``L^-1`` times each of some vectors, which are overwritten.
+
+    Args:
+        factor: Lower triangular, shape ``(n, n)``, Fortran order.
+        rows: One vector a row, shape ``(m, n)``, C order.
+
+    Returns:
+        One whitened vector a row, shape ``(m, n)``; the memory of ``rows``.
+    """
+    return _trsm(1.0, factor, rows.T, lower=1, overwrite_b=1).T
 
 
 def solve_lower_transposed(factor: FloatArray, right: FloatArray) -> FloatArray:

@@ -1,0 +1,184 @@
+"""What a field model believes before it has samples: covariances between places."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from autonomy.arrays import BoolArray, FloatArray, IntArray
+from autonomy.field.config import KernelParameters
+from autonomy.field.kernel import covariance, noise_variance
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Places:
+    """Where, in which fidelity level and when a field is looked at, ``n`` times."""
+
+    points: FloatArray
+    """NED, shape ``(n, 3)``, m."""
+    level: IntArray
+    """Fidelity level, shape ``(n,)``; 0 in models that have none."""
+    time_s: FloatArray
+    """Shape ``(n,)``."""
+
+    @classmethod
+    def of(
+        cls, points: FloatArray, *, level: int | IntArray = 0, time_s: float | FloatArray = 0.0
+    ) -> "Places":
+        """Make places of points, all of one level or time where a scalar is given."""
+        n = len(points)
+        return cls(
+            points,
+            np.broadcast_to(np.asarray(level, dtype=np.int64), (n,)),
+            np.broadcast_to(np.asarray(time_s, dtype=np.float64), (n,)),
+        )
+
+    def __len__(self) -> int:
+        """Number of places."""
+        return len(self.points)
+
+    def __getitem__(self, chosen: slice | IntArray | BoolArray) -> "Places":
+        """Return some of the places, by slice, indices or mask."""
+        return Places(self.points[chosen], self.level[chosen], self.time_s[chosen])
+
+
+class Prior(Protocol):
+    """Covariance of a zero-mean field between places that stand still in time."""
+
+    @property
+    def variance(self) -> float:
+        """Prior variance of the field that is mapped."""
+        ...
+
+    @property
+    def top_level(self) -> int:
+        """Level of the field that is mapped."""
+        ...
+
+    def covariance(self, a: Places, b: Places) -> FloatArray:
+        """Return covariances between ``n`` and ``m`` places, shape ``(n, m)``."""
+        ...
+
+    def noise(self, places: Places) -> FloatArray:
+        """Return the noise variance of measurements at places, shape ``(n,)``."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class SinglePrior:
+    """One kernel for every sample."""
+
+    kernel: KernelParameters
+
+    @property
+    def variance(self) -> float:
+        """Prior variance of the field."""
+        return self.kernel.signal_variance
+
+    @property
+    def top_level(self) -> int:
+        """There is one level."""
+        return 0
+
+    def covariance(self, a: Places, b: Places) -> FloatArray:
+        """Return covariances, shape ``(n, m)``."""
+        return covariance(a.points, b.points, self.kernel)
+
+    def noise(self, places: Places) -> FloatArray:
+        """Return the kernel's noise variance for every place, shape ``(n,)``."""
+        return np.full(len(places), noise_variance(self.kernel))
+
+
+@dataclass(frozen=True, slots=True)
+class JointPrior:
+    r"""A field of every level, each the one below times rho and something of its own.
+
+    With :math:`f_i = \rho f_{i-1} + g_i`,
+    :math:`Cov(f_i(x), f_k(x')) = \sum_{j \le \min(i,k)} \rho^{i-j} \rho^{k-j} k_j(x, x')`.
+
+    Source:
+        Kennedy and O'Hagan, Biometrika 87 (2000); what Emukit calls a linear multi-fidelity
+        model.
+    """
+
+    levels: tuple[KernelParameters, ...]
+    rho: float = 1.0
+
+    @property
+    def variance(self) -> float:
+        """Prior variance of the field of the best located level."""
+        top = self.top_level
+        return sum(
+            self.rho ** (2 * (top - j)) * kernel.signal_variance
+            for j, kernel in enumerate(self.levels)
+        )
+
+    @property
+    def top_level(self) -> int:
+        """The best located level."""
+        return len(self.levels) - 1
+
+    def covariance(self, a: Places, b: Places) -> FloatArray:
+        """Return covariances, shape ``(n, m)``."""
+        total = covariance(a.points, b.points, self.levels[0])
+        self._weight(total, a.level, b.level)
+        for j, kernel in enumerate(self.levels[1:], start=1):
+            rows, columns = np.flatnonzero(a.level >= j), np.flatnonzero(b.level >= j)
+            if not len(rows) or not len(columns):
+                continue
+            part = covariance(a.points[rows], b.points[columns], kernel)
+            self._weight(part, a.level[rows] - j, b.level[columns] - j)
+            if len(rows) == len(a) and len(columns) == len(b):
+                total += part
+            elif len(columns) == len(b):
+                total[rows] += part
+            else:
+                total[np.ix_(rows, columns)] += part
+        return total
+
+    def noise(self, places: Places) -> FloatArray:
+        """Return the noise variance of each place's level, shape ``(n,)``."""
+        return np.array([noise_variance(kernel) for kernel in self.levels])[places.level]
+
+    def _weight(self, part: FloatArray, above_a: IntArray, above_b: IntArray) -> None:
+        if self.rho != 1.0:
+            part *= np.multiply.outer(
+                np.power(self.rho, above_a, dtype=np.float64),
+                np.power(self.rho, above_b, dtype=np.float64),
+            )
+
+
+@dataclass(frozen=True, slots=True)
+class AgeingPrior:
+    r"""Another prior whose field changes: covariances fade by :math:`e^{-|\Delta t| / \tau}`."""
+
+    still: Prior
+    memory_s: float
+    """Time constant; 0 for a field that stays."""
+
+    @property
+    def variance(self) -> float:
+        """Prior variance of the field that is mapped."""
+        return self.still.variance
+
+    @property
+    def top_level(self) -> int:
+        """Level of the field that is mapped."""
+        return self.still.top_level
+
+    def covariance(self, a: Places, b: Places) -> FloatArray:
+        """Return covariances, shape ``(n, m)``."""
+        result = self.still.covariance(a, b)
+        if self.memory_s > 0.0:
+            result *= np.exp(-np.abs(np.subtract.outer(a.time_s, b.time_s)) / self.memory_s)
+        return result
+
+    def noise(self, places: Places) -> FloatArray:
+        """Return the noise variance of measurements at places, shape ``(n,)``."""
+        return self.still.noise(places)
+
+
+def levels_in(kernels: Sequence[KernelParameters], fidelity: IntArray) -> IntArray:
+    """Return the level of samples in a model that may have fewer levels than fidelities."""
+    return np.minimum(fidelity, len(kernels) - 1)
