@@ -1,7 +1,8 @@
-"""The two robots of the simulation: what they are, where they float, and how good they are."""
+"""The robots of the simulation: what they are, where they float, and how good they are."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
 from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig, PlannerConfig
@@ -86,6 +87,18 @@ MINI_1 = RobotDefinition(
 )
 """Miniglider in the tank; three overhead cameras fix its position at the surface."""
 
+MINI_2 = replace(
+    MINI_1,
+    robot=RobotId("mini-2"),
+    system_id=SystemId(3),
+    radio_address=Address(0x0013A20041F00003),
+    station_address=Address(0x0013A20041F000A3),
+    link_name="tank-2",
+    start_ne_m=(2.1, 0.9),
+    heading_rad=-2.6,
+)
+"""A second Miniglider in the same tank, for surveys by several robots."""
+
 GRACE_1 = RobotDefinition(
     robot=RobotId("grace-1"),
     system_id=SystemId(2),
@@ -123,6 +136,22 @@ GRACE_1 = RobotDefinition(
 """GRACE 3 in the practice lake; GPS fixes its position at the surface."""
 
 FLEET: dict[RobotId, RobotDefinition] = {
-    definition.robot: definition for definition in (MINI_1, GRACE_1)
+    definition.robot: definition for definition in (MINI_1, MINI_2, GRACE_1)
 }
 """Every simulated robot by its name."""
+
+USUAL_ROBOTS: tuple[RobotId, ...] = (MINI_1.robot, GRACE_1.robot)
+"""Those that are simulated where nobody asks for others."""
+
+
+def robots_named(names: Iterable[str]) -> tuple[RobotId, ...]:
+    """Return robots by their names, each once.
+
+    Raises:
+        ValueError: If there is no robot of a name, or none is named; the sentence lists all.
+    """
+    wanted = tuple(dict.fromkeys(RobotId(name) for name in names))
+    unknown = [name for name in wanted if name not in FLEET]
+    if unknown or not wanted:
+        raise ValueError(f"no robot {', '.join(unknown) or 'named'}; there are {', '.join(FLEET)}")
+    return wanted

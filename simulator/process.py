@@ -60,12 +60,13 @@ async def serve(settings: SimulatorSettings, stopped: asyncio.Event) -> None:
         if settings.parent_pid is not None:
             watch = _watch(settings.parent_pid, stopped)
             tasks.append(group.create_task(watch, name="parent watch"))
-        for definition in FLEET.values():
+        for name in settings.robots:
+            definition = FLEET[name]
             robot, link = await _build(settings, definition, links)
             life = _live(robot, link, settings.clock())
             tasks.append(group.create_task(link.run(), name=f"{definition.robot} link"))
             tasks.append(group.create_task(life, name=f"{definition.robot} life"))
-        _log.info("simulating %s at speed %g", ", ".join(FLEET), settings.speed)
+        _log.info("simulating %s at speed %g", ", ".join(settings.robots), settings.speed)
         await stopped.wait()
         for task in tasks:
             task.cancel()

@@ -3,14 +3,14 @@
 from pathlib import Path
 from typing import Self
 
-from pydantic import AwareDatetime, Field, model_validator
+from pydantic import AwareDatetime, Field, field_validator, model_validator
 
 from autonomy.configuration import Configuration
 from autonomy.vehicle.water import Wave
 from robot_link.clock import ScaledClock
 from robot_link.messages import RobotId
 from simulator.conditions import WaterConditions
-from simulator.fleet import FLEET
+from simulator.fleet import FLEET, USUAL_ROBOTS, robots_named
 from simulator.xbee_network import AirConditions
 
 
@@ -26,6 +26,8 @@ class SimulatorSettings(Configuration):
     """Time that the robots' clock shows at ``wall_anchor``."""
     speed: float = Field(default=1.0, ge=0.1, le=50.0)
     """Seconds of the robots per second of the wall."""
+    robots: tuple[RobotId, ...] = USUAL_ROBOTS
+    """Which robots live."""
     seed: int = Field(default=0, ge=0)
     """Starting point of all randomness: currents, sensors, links."""
     parent_pid: int | None = Field(default=None, gt=0)
@@ -42,6 +44,11 @@ class SimulatorSettings(Configuration):
     """Height of the waves on a lake, from trough to crest; 0 is calm."""
     wave_period_s: float = Field(default=2.0, gt=0.0, le=10.0)
     """Period of the waves."""
+
+    @field_validator("robots")
+    @classmethod
+    def _robots_exist(cls, robots: tuple[RobotId, ...]) -> tuple[RobotId, ...]:
+        return robots_named(robots)
 
     @model_validator(mode="after")
     def _waves_do_not_break(self) -> Self:

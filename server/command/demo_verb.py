@@ -1,4 +1,4 @@
-"""``grace demo``: a station and two robots that do not exist."""
+"""``grace demo``: a station and some robots that do not exist."""
 
 import asyncio
 import os
@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from db.query.people import add_person, find_person
 from db.query.robots import RobotRecord, add_robot, change_robot, list_robots
 from robot_link.clock import Clock
+from robot_link.messages import RobotId
 from server.clock_file import read_clock, start_clock, stop_clock
 from server.command.data import add_data_option, open_store, settings_of
 from server.command.failure import CommandError
@@ -26,7 +27,7 @@ from server.command.supervisor import Child, Supervisor
 from server.data_folder import CLOCK_FILE
 from server.security import register
 from server.security.role import Role
-from simulator.fleet import FLEET, RobotDefinition
+from simulator.fleet import FLEET, USUAL_ROBOTS, RobotDefinition, robots_named
 
 DEFAULT_PORT = 8000
 PORTS_TRIED = 20
@@ -41,6 +42,11 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--speed", type=float, default=1.0, help="how many times faster than life")
     parser.add_argument("--port", type=int, help=f"port to listen on (default: {DEFAULT_PORT})")
     parser.add_argument("--seed", type=int, default=0, help="starting point of all randomness")
+    parser.add_argument(
+        "--robots",
+        default=",".join(USUAL_ROBOTS),
+        help=f"which of {', '.join(FLEET)} (default: %(default)s)",
+    )
     parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
 
 
@@ -48,10 +54,14 @@ def run(arguments: Namespace) -> int:
     """Run station and simulator until Ctrl-C."""
     if not 0.1 <= arguments.speed <= 50.0:
         raise CommandError("--speed lies between 0.1 and 50.", status=2)
+    try:
+        robots = robots_named(arguments.robots.split(","))
+    except ValueError as error:
+        raise CommandError(f"--robots: {error}", status=2) from error
     with _listener(arguments.port) as listener, _data_folder(arguments.data) as folder:
         clock_file = folder / CLOCK_FILE
         start_clock(clock_file, arguments.speed)
-        sign_in = _prepare(folder, read_clock(clock_file))
+        sign_in = _prepare(folder, read_clock(clock_file), robots)
         try:
             return asyncio.run(_supervise(arguments, folder, listener, sign_in))
         finally:
@@ -66,7 +76,8 @@ async def _supervise(
     data = ("--data", str(folder), "--parent-pid", str(os.getpid()))
     clock = ("--clock-file", str(folder / CLOCK_FILE))
     port = ("--port", str(listener.getsockname()[1]), "--listen-fd", str(listener.fileno()))
-    simulator = Child("simulator", (*grace, "simulate", *data, "--seed", str(arguments.seed)))
+    lives = ("--seed", str(arguments.seed), "--robots", arguments.robots)
+    simulator = Child("simulator", (*grace, "simulate", *data, *lives))
     station = Child(
         "station",
         (*grace, "serve", *data, *clock, *port, "--simulation"),
@@ -84,14 +95,14 @@ async def _supervise(
     return await Supervisor((simulator, station), folder / "log", ready).run()
 
 
-def _prepare(folder: Path, clock: Clock) -> str:
+def _prepare(folder: Path, clock: Clock, robots: tuple[RobotId, ...]) -> str:
     """Make the robots and the person known to the folder's database; return a one-time sign-in."""
     at = clock.now()
 
     def prepare(session: Session) -> str:
         known = {robot.id for robot in list_robots(session)}
-        for definition in FLEET.values():
-            robot = _record(definition, folder, at)
+        for name in robots:
+            robot = _record(FLEET[name], folder, at)
             if robot.id in known:
                 change_robot(session, robot.id, links=robot.links)
             else:

@@ -20,6 +20,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         "--speed", type=float, help="how many times faster than life (default: as it was, or 1)"
     )
     parser.add_argument("--seed", type=int, default=0, help="starting point of all randomness")
+    parser.add_argument("--robots", help="names of the robots, comma between them")
     parser.add_argument("--loss", type=float, help="part of the radio frames that are lost")
     parser.add_argument("--parent-pid", type=int, help=SUPPRESS)
 
@@ -47,6 +48,7 @@ def run(arguments: Namespace) -> int:
         "seed": arguments.seed,
         "parent_pid": arguments.parent_pid,
         "loss": arguments.loss,
+        "robots": arguments.robots and arguments.robots.split(","),
     }
     try:
         settings = SimulatorSettings.model_validate(

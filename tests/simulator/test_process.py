@@ -26,7 +26,7 @@ from robot_link.messages import (
 )
 from robot_link.station import RobotEndpoint, StationLink
 from robot_link.transport.opening import open_transport
-from simulator.fleet import FLEET, GRACE_1, MINI_1
+from simulator.fleet import FLEET, GRACE_1, MINI_1, USUAL_ROBOTS
 from simulator.process import serve
 from simulator.robot import SimulatedRobot
 from simulator.settings import SimulatorSettings
@@ -55,18 +55,19 @@ async def simulation(chosen: SimulatorSettings) -> AsyncIterator[None]:
 
 
 def links(chosen: SimulatorSettings) -> list[Path]:
-    return [chosen.link_path(robot) for robot in FLEET]
+    return [chosen.link_path(robot) for robot in USUAL_ROBOTS]
 
 
 @asynccontextmanager
 async def station(chosen: SimulatorSettings) -> AsyncIterator[tuple[StationLink, Heard]]:
-    uris = {robot: f"xbee://{chosen.link_path(robot)}" for robot in FLEET}
+    uris = {robot: f"xbee://{chosen.link_path(robot)}" for robot in USUAL_ROBOTS}
     heard = Heard()
     link = StationLink(
         {uri: open_transport(uri) for uri in uris.values()},
         {
             robot: RobotEndpoint(definition.system_id, uris[robot], definition.radio_address)
             for robot, definition in FLEET.items()
+            if robot in USUAL_ROBOTS
         },
         chosen.clock(),
         heard,
@@ -80,7 +81,7 @@ async def test_plan_travels_is_flown_and_its_samples_arrive(tmp_path):
     chosen = settings(tmp_path)
     plan = mission(*vee())
     async with simulation(chosen), station(chosen) as (link, heard):
-        await until(lambda: {report.robot for report in heard.of(StateReport)} == set(FLEET))
+        await until(lambda: {report.robot for report in heard.of(StateReport)} == set(USUAL_ROBOTS))
         report = await link.upload(MINI_1.robot, plan)
         assert report.state is OnboardPlanState.ON_BOARD
         link.send_command(
