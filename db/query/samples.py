@@ -1,7 +1,7 @@
 """Measurements of fields."""
 
 from collections.abc import Generator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import datetime
 
 import numpy as np
@@ -45,6 +45,10 @@ class SampleColumns:
     def is_smoothed(self) -> BoolArray:
         """Whether smoothing located a sample better, shape ``(n,)``."""
         return self.smoothed_std_m < self.position_std_m
+
+    def chosen(self, rows: BoolArray) -> "SampleColumns":
+        """Return some of the measurements, by a mask of shape ``(n,)``."""
+        return SampleColumns(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
 
 
 def sample_columns(

@@ -5,7 +5,7 @@ one that lay in no dive and stayed where it was: a sample without a row is one t
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Any
 
@@ -45,6 +45,10 @@ class TrackColumns:
         """Whether it came with a sample, shape ``(n,)``."""
         return self.log >= 0
 
+    def until(self, end: int) -> "TrackColumns":
+        """Return the first ``end`` rows."""
+        return TrackColumns(**{one.name: getattr(self, one.name)[:end] for one in fields(self)})
+
 
 @dataclass(frozen=True, slots=True)
 class SmoothedPlace:
@@ -56,8 +60,8 @@ class SmoothedPlace:
     position_std_m: float
 
 
-def first_unjudged(session: Session, robot: str, before: datetime) -> datetime | None:
-    """Return when the first sample before a moment was taken that smoothing has not looked at.
+def unjudged_span(session: Session, robot: str) -> tuple[datetime, datetime] | None:
+    """Return when the first and the last sample were taken that smoothing has not looked at.
 
     Raises:
         UnknownIdError: If there is no such robot.
@@ -67,15 +71,12 @@ def first_unjudged(session: Session, robot: str, before: datetime) -> datetime |
         SmoothedSample.log == SampleRow.log,
         SmoothedSample.sequence == SampleRow.sequence,
     )
-    return session.scalar(
-        select(func.min(SampleRow.measured_at))
+    count, first, last = session.execute(
+        select(func.count(), func.min(SampleRow.measured_at), func.max(SampleRow.measured_at))
         .outerjoin(SmoothedSample, known)
-        .where(
-            SampleRow.robot_key == robot_key(session, robot),
-            SampleRow.measured_at < before,
-            SmoothedSample.log.is_(None),
-        )
-    )
+        .where(SampleRow.robot_key == robot_key(session, robot), SmoothedSample.log.is_(None))
+    ).one()
+    return (first, last) if count else None
 
 
 def newest_fix(session: Session, robot: str, before: datetime | None = None) -> datetime | None:

@@ -1,0 +1,111 @@
+"""The samples behind a map: those of all robots of one water, where they most probably were.
+
+Robots share a map if they work at one site, in one frame, and are all real or all simulated: what
+is computed never enters a map of what was measured. A recording has a map of its own.
+"""
+
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from autonomy.arrays import IntArray
+from autonomy.field.samples import FieldSamples
+from db.query.robots import RobotRecord, get_robot, list_robots
+from db.query.samples import SampleColumns, sample_columns
+
+log = logging.getLogger(__name__)
+
+_DIVES_PER_ROBOT = 1 << 32
+"""Numbers of dives of different robots lie this far apart."""
+
+
+@dataclass(frozen=True, slots=True)
+class Water:
+    """What robots have in common that share a map."""
+
+    name: str
+    latitude_deg: float
+    longitude_deg: float
+    """Origin of the frame in which they say where they are."""
+    kind: str
+    """``real`` or ``simulated``; a recording is its own, by its id."""
+
+    @classmethod
+    def of(cls, robot: RobotRecord) -> "Water":
+        """Return the water of a robot."""
+        site = robot.site
+        kind = robot.id if robot.kind == "recorded" else robot.kind
+        return cls(site.name, site.origin_latitude_deg, site.origin_longitude_deg, kind)
+
+
+def site_robots(session: Session, robot: str) -> tuple[str, ...]:
+    """Return the ids of the robots that share the map of one, in the order they were added.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    water = Water.of(get_robot(session, robot))
+    return tuple(other.id for other in list_robots(session) if Water.of(other) == water)
+
+
+def site_samples(session: Session, robot: str, variable: str) -> FieldSamples:
+    """Return every sample of a variable that belongs to the map of a robot, in order of time.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    robots = site_robots(session, robot)
+    return field_samples(sample_columns(session, robots, variable))
+
+
+def field_samples(columns: SampleColumns) -> FieldSamples:
+    """Return stored samples as the field models take them; those that are no numbers left out.
+
+    Dives are numbered for each robot by itself, so that no two robots share one.
+    """
+    columns = usable(columns)
+    return FieldSamples.of(
+        columns.smoothed_ned,
+        columns.value,
+        columns.smoothed_std_m,
+        filtered_std_m=columns.position_std_m,
+        dive=_dives(columns),
+        time_s=columns.measured_at_us * 1e-6,
+    )
+
+
+def usable(columns: SampleColumns) -> SampleColumns:
+    """Return the samples of which every number is one, and log how many are not."""
+    numbers = np.column_stack(
+        [
+            columns.position_ned,
+            columns.position_std_m,
+            columns.smoothed_ned,
+            columns.smoothed_std_m,
+            columns.value,
+        ]
+    )
+    good = np.isfinite(numbers).all(axis=1) & (columns.smoothed_std_m >= 0.0)
+    if good.all():
+        return columns
+    log.warning("%d stored samples are no numbers and are left out of the map", (~good).sum())
+    return columns.chosen(good)
+
+
+def first_dive(robots: Sequence[str], robot: str) -> int:
+    """Return the number from which the dives of one of the robots of a map are counted."""
+    return robots.index(robot) * _DIVES_PER_ROBOT
+
+
+def _dives(columns: SampleColumns) -> IntArray:
+    dives = np.zeros(len(columns), dtype=np.int64)
+    for robot in np.unique(columns.robot).tolist():
+        mine = columns.robot == robot
+        alone = FieldSamples.of(
+            columns.position_ned[mine], columns.value[mine], columns.position_std_m[mine]
+        )
+        dives[mine] = robot * _DIVES_PER_ROBOT + alone.dive
+    return dives
