@@ -1,0 +1,184 @@
+r"""A Gaussian process that knows how badly its samples are located: the reference of the live map.
+
+A sample taken :math:`e_i` away from where it is believed differs from the field there by about
+:math:`e_i \cdot g_i`, with :math:`g_i` the field's horizontal slope. The errors of one dive are one
+random walk, hence alike for neighbours, and so are slopes. To the samples' noise this adds
+
+.. math::
+    P_{ij} \, (m_i \cdot m_j + c_i c_j r_{ij}),
+
+where :math:`P_{ij}` is the covariance of the position errors on each axis
+(``samples.position_error_covariance``), :math:`m_i` and :math:`c_i` are mean and standard deviation
+of the slope given the samples, and :math:`r_{ij}` is the prior correlation of slopes. Being an
+entrywise product of covariances it is one itself. The slope is known only after the noise, so both
+are found in turn, from the prior slope on.
+
+Source:
+    McHutchon and Rasmussen, Gaussian process training with input noise, 2011, for errors that are
+    independent of each other. That they are not within a dive is used here: whole dives are moved
+    in the mind, and what they share is not mistaken for agreement.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+
+from autonomy.arrays import BoolArray, FloatArray, IntArray
+from autonomy.field.config import KernelParameters
+from autonomy.field.gaussian_process import Ageing, GaussianProcess
+from autonomy.field.kernel import (
+    gradient_covariance,
+    gradient_gradient_covariance,
+    gradient_variance,
+    noise_variance,
+)
+from autonomy.field.posterior import Posterior, PosteriorAtPoints
+from autonomy.field.samples import FieldSamples, position_error_covariance
+
+ITERATIONS = 3
+"""Times that slope and noise follow from each other; more change the scores by under 1 %."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Slope:
+    """The field's horizontal slope at ``n`` samples, in the model's scale per m."""
+
+    mean: FloatArray
+    """North and east, shape ``(n, 2)``."""
+    std: FloatArray
+    """Root of the variance of both axes together, shape ``(n,)``."""
+
+    @classmethod
+    def of_prior(cls, count: int, parameters: KernelParameters) -> Self:
+        """Return the slope at ``count`` places of which nothing is known."""
+        std = np.sqrt(sum(gradient_variance(parameters)))
+        return cls(np.zeros((count, 2)), np.full(count, std))
+
+    def __getitem__(self, chosen: slice | IntArray | BoolArray) -> "Slope":
+        """Return the slope at some of the samples, by slice, indices or mask."""
+        return Slope(self.mean[chosen], self.std[chosen])
+
+
+def slope_given(
+    posterior: Posterior,
+    sample_points: FloatArray,
+    points: FloatArray,
+    parameters: KernelParameters,
+    fade: FloatArray | None = None,
+) -> Slope:
+    """Return the slope at points, given samples.
+
+    Args:
+        posterior: The samples' Gaussian process, with one kernel.
+        sample_points: Where its samples were taken, shape ``(n, 3)``, m.
+        points: Where to look, shape ``(m, 3)``, m.
+        parameters: The kernel.
+        fade: Part of the covariance that time has left between ``points`` and samples, shape
+            ``(m, n)``; none is lost without it.
+
+    Raises:
+        ValueError: If the kernel is Matern-1/2, whose field has no slope.
+    """
+    slope = Slope.of_prior(len(points), parameters)
+    if not len(sample_points):
+        return slope
+    variance = np.square(slope.std)
+    for axis, cross in enumerate(gradient_covariance(points, sample_points, parameters)):
+        seen = cross if fade is None else cross * fade  # (m, n)
+        slope.mean[:, axis] = seen @ posterior.weights
+        whitened = posterior.whitened(np.asfortranarray(seen.T))  # (n, m)
+        variance -= np.einsum("nm,nm->m", whitened, whitened)
+    return Slope(slope.mean, np.sqrt(np.maximum(variance, 0.0)))
+
+
+def slope_correlation(a: FloatArray, b: FloatArray, parameters: KernelParameters) -> FloatArray:
+    """Return the prior correlation of horizontal slopes between points, shape ``(n, m)``.
+
+    Args:
+        a: Points, shape ``(n, 3)``, m.
+        b: Points, shape ``(m, 3)``, m.
+        parameters: The kernel.
+    """
+    north, east, _ = gradient_gradient_covariance(a, b, parameters)
+    return (north + east) / sum(gradient_variance(parameters))
+
+
+def position_noise(
+    a: FieldSamples,
+    b: FieldSamples,
+    slope_a: Slope,
+    slope_b: Slope,
+    parameters: KernelParameters,
+) -> FloatArray:
+    """Return the covariance of what position errors add to measurements, shape ``(n, m)``.
+
+    Args:
+        a: ``n`` samples.
+        b: ``m`` samples; 0 stands between samples of different dives.
+        slope_a: Slope at the samples ``a``.
+        slope_b: Slope at the samples ``b``.
+        parameters: The kernel.
+    """
+    likeness = slope_correlation(a.points, b.points, parameters)
+    likeness *= np.multiply.outer(slope_a.std, slope_b.std)
+    likeness += slope_a.mean @ slope_b.mean.T
+    return position_error_covariance(a, b) * likeness
+
+
+class PositionNoiseGaussianProcess(PosteriorAtPoints):
+    """One Gaussian process whose samples' noise follows from position errors and the slope."""
+
+    def __init__(
+        self,
+        parameters: KernelParameters,
+        samples: FieldSamples,
+        values: FloatArray,
+        *,
+        ageing: Ageing | None = None,
+        iterations: int = ITERATIONS,
+    ) -> None:
+        """Condition on samples.
+
+        Args:
+            parameters: Kernel, and the noise of a measurement at an exactly known place.
+            samples: Where and how well located, and in which dive.
+            values: Measurements in the model's scale, less the prior mean, shape ``(n,)``.
+            ageing: Times, if the field changes.
+            iterations: Times that the slope is found anew; 0 for the prior slope.
+
+        Raises:
+            ValueError: If the kernel is Matern-1/2, whose field has no slope.
+        """
+        fade = None if ageing is None or ageing.memory_s <= 0.0 else _fade(ageing)
+        points = samples.points
+        slope = Slope.of_prior(len(samples), parameters)
+        extra, process = _conditioned(parameters, samples, values, slope, ageing)
+        for _ in range(iterations):
+            slope = slope_given(process.posterior, points, points, parameters, fade)
+            extra, process = _conditioned(parameters, samples, values, slope, ageing)
+        super().__init__(process.posterior, 0, 0.0 if ageing is None else ageing.now_s)
+        self.slope = slope
+        """Slope at the samples that their noise follows from."""
+        self.position_noise_covariance = extra
+        """What position errors add to the samples' covariance, shape ``(n, n)``."""
+        self.noise_covariance = extra + noise_variance(parameters) * np.eye(len(samples))
+        """Noise of the samples, that of the measurement included, shape ``(n, n)``."""
+
+
+def _conditioned(
+    parameters: KernelParameters,
+    samples: FieldSamples,
+    values: FloatArray,
+    slope: Slope,
+    ageing: Ageing | None,
+) -> tuple[FloatArray, GaussianProcess]:
+    """Return what a slope adds to the samples' covariance, and the process that follows."""
+    extra = position_noise(samples, samples, slope, slope, parameters)
+    noise = extra + noise_variance(parameters) * np.eye(len(samples))
+    return extra, GaussianProcess(parameters, samples.points, values, noise=noise, ageing=ageing)
+
+
+def _fade(ageing: Ageing) -> FloatArray:
+    between = np.abs(np.subtract.outer(ageing.time_s, ageing.time_s))
+    return np.exp(-between / ageing.memory_s)
