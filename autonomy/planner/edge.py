@@ -1,5 +1,6 @@
 """Trajectories between two surfacings: the readable form of PlanEdges (thesis 5.4.2)."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,9 +10,10 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.estimation.position import surface_covariance
-from autonomy.planner import primitive
+from autonomy.planner import drift, primitive
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
+from autonomy.planner.waterway import Waterway, chords, holds_line, waterway_of
 
 POINT_TIME, POINT_NORTH, POINT_EAST, POINT_DOWN, POINT_STD = range(5)
 """Columns of planned points."""
@@ -53,18 +55,29 @@ def propose_edge(
     goal_xy: tuple[float, float],
     budget: float,
     shape: FloatArray,
+    waterway: Waterway | None = None,
 ) -> Edge | None:
     """Build the trajectory of a shape between two points of the surface.
 
-    Each primitive that would leave the domain is left out, and the goal reached by one or two
-    closing primitives.
+    Each primitive that would leave the domain or the water is left out, and the goal reached by
+    one or two closing primitives. In a current the legs aim off, so that the robot really gets
+    there; every limit is judged on where it really is.
+
+    Args:
+        config: What edges are made from.
+        start_xy: North and east of the surfacing that the edge leaves.
+        goal_xy: North and east of the surfacing that it must reach.
+        budget: Most energy units.
+        shape: What the primitives are made from (``random_shape``).
+        waterway: Shore, floor and keep-outs; None for the settings' keep-outs alone.
 
     Returns:
         The trajectory, or None if it breaks the budget or the limit on the position's uncertainty,
         or does not reach the goal.
     """
-    legs = _shaped_legs(config, start_xy, goal_xy, shape)
-    closing = _closing_legs(config, legs[-1].end_ned if legs else (*start_xy, 0.0), goal_xy)
+    water = waterway_of(config, None) if waterway is None else waterway
+    legs, here, under_s = _shaped_legs(config, water, start_xy, goal_xy, shape)
+    closing = _closing_legs(config, water, here, under_s, goal_xy)
     if closing is None:
         return None
     legs += closing
@@ -99,6 +112,8 @@ def legs_duration_s(config: PlannerConfig, legs: Sequence[Leg]) -> float:
 def planned_points(config: PlannerConfig, legs: tuple[Leg, ...]) -> FloatArray:
     """Return the points of an edge, one each ``point_interval_s`` after its start, and its end.
 
+    They are where the robot really is, which in a current is not where it believes to be.
+
     Returns:
         Shape ``(m, 5)``: time, north, east, down, position std; the first is one interval after
         the start, the last is the end, where the robot surfaces.
@@ -109,10 +124,11 @@ def planned_points(config: PlannerConfig, legs: tuple[Leg, ...]) -> FloatArray:
     times = np.minimum(np.arange(1, count + 1) * interval, ends[-1])  # (m,)
     points = np.empty((count, 5))
     points[:, POINT_TIME] = times
+    under_s = drift.blind_s(legs)
     for row, time in zip(points, times, strict=True):
         i = min(int(np.searchsorted(ends, time)), len(legs) - 1)
         left = (ends[i] - time) / legs[i].duration_s
-        row[POINT_NORTH:POINT_STD] = primitive.position_at(legs[i], 1.0 - left)
+        row[POINT_NORTH:POINT_STD] = drift.position_at(config, legs[i], under_s[i], 1.0 - left)
     points[:, POINT_STD] = position_std(
         config.position_filter, times, points[:, POINT_DOWN], interval
     )
@@ -145,28 +161,97 @@ def position_std(
 
 def _shaped_legs(
     config: PlannerConfig,
+    water: Waterway,
     start_xy: tuple[float, float],
     goal_xy: tuple[float, float],
     shape: FloatArray,
-) -> list[Leg]:
-    """Chain the primitives of a shape towards the goal."""
+) -> tuple[list[Leg], PositionNed, float]:
+    """Chain the primitives of a shape towards the goal.
+
+    Returns:
+        Them, where the robot believes to be then, and for how long it has not seen its position.
+    """
     legs: list[Leg] = []
     here: PositionNed = (*start_xy, 0.0)
-    goal: PositionNed = (*goal_xy, 0.0)
+    under_s = 0.0
     rows = shape[1:].reshape(-1, SHAPE_COLUMNS)
     for row in rows[: 1 + int(shape[0] * len(rows))]:
         kind = _KINDS[int(row[SHAPE_KIND] * len(_KINDS))]
-        heading = primitive.bearing(here, goal)
+        heading = _heading_to(config, drift.carried(config, here, under_s), goal_xy)
         heading += config.primitives.bearing_noise_rad * row[SHAPE_BEARING]
         leg = (
             _shaped_swim(config, here, heading, row)
             if kind is PrimitiveKind.SWIM
             else _shaped_descent(config, kind, here, heading, row)
         )
-        if leg is not None and primitive.is_inside(leg, config.domain):
+        if leg is not None and _stays(config, water, leg, under_s):
             legs.append(leg)
-            here = leg.end_ned
-    return legs
+            here, under_s = _after(config, leg, under_s)
+    return legs, here, under_s
+
+
+def _heading_to(config: PlannerConfig, there: PositionNed, goal_xy: tuple[float, float]) -> float:
+    """Return the heading of a glide that leads from a place to the goal, over ground."""
+    motion, current = config.primitives, config.current
+    middle = 0.5 * (motion.glide_angle_min_rad + motion.glide_angle_max_rad)
+    way_s = math.dist(there[:2], goal_xy) * math.tan(middle) / motion.glide_speed_m_s
+    aim = (goal_xy[0] - current.north_m_s * way_s, goal_xy[1] - current.east_m_s * way_s, 0.0)
+    return primitive.bearing(there, aim)
+
+
+def _after(config: PlannerConfig, leg: Leg, under_s: float) -> tuple[PositionNed, float]:
+    """Return where the robot believes to be after a leg, and for how long it has not seen."""
+    under_s_then = drift.later(leg, under_s)
+    if leg.end_ned[2] <= 0.0:
+        return drift.position_at(config, leg, under_s, 1.0), under_s_then
+    return leg.end_ned, under_s_then
+
+
+def _stays(config: PlannerConfig, water: Waterway, leg: Leg, under_s: float) -> bool:
+    """Tell whether a leg really stays in the domain and the water, and in belief near them."""
+    knows = drift.knows_place(leg)
+    if not knows and drift.has_current(config):
+        # a spiral's course begins where it does, so its beginning must be known on board
+        begins_bent = leg.kind is PrimitiveKind.SPIRAL and leg.start_ned[2] <= 0.0
+        if begins_bent or not _is_near(water, leg):
+            return False
+    return _is_really_inside(config, leg, under_s) and _is_in_water(config, water, leg, under_s)
+
+
+def _is_near(water: Waterway, leg: Leg) -> bool:
+    """Tell whether a robot would believe to be near the domain all along a leg."""
+    low, high = primitive.bounds(leg)
+    return (
+        water.x_room[0] <= low[0] <= high[0] <= water.x_room[1]
+        and water.y_room[0] <= low[1] <= high[1] <= water.y_room[1]
+    )
+
+
+def _is_really_inside(config: PlannerConfig, leg: Leg, under_s: float) -> bool:
+    """Tell whether no point of the true way leaves the domain; of a spiral, of what holds it."""
+    if drift.knows_place(leg):
+        return primitive.is_inside(leg, config.domain)
+    low, high = primitive.bounds(leg)
+    ways = [drift.carried(config, (0.0, 0.0, 0.0), under_s + t) for t in (0.0, leg.duration_s)]
+    if leg.kind is not PrimitiveKind.SPIRAL:
+        ends = (drift.position_at(config, leg, under_s, part) for part in (0.0, 1.0))
+        return all(config.domain.contains(*end, margin_m=1e-9) for end in ends)
+    return all(
+        config.domain.contains(bound[0] + way[0], bound[1] + way[1], bound[2], margin_m=1e-9)
+        for bound in (low, high)
+        for way in ways
+    )
+
+
+def _is_in_water(config: PlannerConfig, water: Waterway, leg: Leg, under_s: float) -> bool:
+    """Tell whether the true way is above the floor and off shores and keep-outs."""
+    if not water.depth.size:
+        return True
+    count = 1
+    if leg.kind is PrimitiveKind.SPIRAL:
+        count = chords(water, leg.radius_m, leg.turn_rad)
+    ends = [drift.position_at(config, leg, under_s, i / count) for i in range(count + 1)]
+    return all(holds_line(water, a, b) for a, b in itertools.pairwise(ends))
 
 
 def _shaped_swim(
@@ -176,7 +261,10 @@ def _shaped_swim(
     if here[2] > 0.0 and not limits.swims_under_water:
         return None
     length = _between(limits.swim_length_min_m, limits.swim_length_max_m, row[SHAPE_FIRST])
-    return primitive.swim(config, here, _ahead(here, heading, length, here[2]))
+    end = _ahead(here, heading, length, here[2])
+    if primitive.headway_m_s(config, here, end) == 0.0:
+        return None
+    return primitive.swim(config, here, end)
 
 
 def _shaped_descent(
@@ -202,27 +290,44 @@ def _shaped_descent(
 
 
 def _closing_legs(
-    config: PlannerConfig, here: PositionNed, goal_xy: tuple[float, float]
+    config: PlannerConfig,
+    water: Waterway,
+    here: PositionNed,
+    under_s: float,
+    goal_xy: tuple[float, float],
 ) -> list[Leg] | None:
     """Return what brings the robot up and to the goal, or None where nothing does.
 
-    An ascending glide if its angle can be flown, else a dive up and a swim along the surface.
+    An ascending glide if its angle can be flown, else a dive up and a swim along the surface. The
+    duration of a glide is that of its change of depth, so how far it must aim off is known.
     """
     limits: PrimitiveConfig = config.primitives
-    goal: PositionNed = (*goal_xy, 0.0)
-    distance = math.hypot(goal[0] - here[0], goal[1] - here[1])
     legs: list[Leg] = []
     if here[2] > 0.0:
-        angle = math.atan2(here[2], distance)
+        drifted_s = under_s + here[2] / limits.glide_speed_m_s
+        aim = (
+            goal_xy[0] - config.current.north_m_s * drifted_s,
+            goal_xy[1] - config.current.east_m_s * drifted_s,
+            0.0,
+        )
+        angle = math.atan2(here[2], math.dist(here[:2], aim[:2]))
         if limits.glide_angle_min_rad <= angle <= limits.glide_angle_max_rad:
-            return [primitive.glide(config, here, goal)]
+            glide = primitive.glide(config, here, aim)
+            return [glide] if _stays(config, water, glide, under_s) else None
         legs.append(primitive.dive(config, here, 0.0))
-        here = legs[-1].end_ned
+        if not _stays(config, water, legs[0], under_s):
+            return None
+        here, _ = _after(config, legs[0], under_s)
+    goal: PositionNed = (*goal_xy, 0.0)
+    distance = math.dist(here, goal)
     if distance < SAME_PLACE_M:
         return legs
     if not limits.swim_length_min_m <= distance <= limits.swim_length_max_m:
         return None
-    return [*legs, primitive.swim(config, here, goal)]
+    if primitive.headway_m_s(config, here, goal) == 0.0:
+        return None
+    legs.append(primitive.swim(config, here, goal))
+    return legs if _stays(config, water, legs[-1], 0.0) else None
 
 
 def _ahead(here: PositionNed, heading: float, length: float, depth: float) -> PositionNed:

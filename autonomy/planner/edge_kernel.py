@@ -14,31 +14,35 @@ from autonomy.planner.edge import (
     SHAPE_SECOND,
     SHAPE_SIDE,
 )
+from autonomy.planner.leg_kernel import (
+    DIVE,
+    DURATION,
+    ENERGY,
+    GLIDE,
+    HEADING,
+    KIND,
+    RADIUS,
+    SPEED,
+    SPIRAL,
+    SWIM,
+    TURN,
+    X0,
+    X1,
+    Y0,
+    Y1,
+    Z0,
+    Z1,
+    after,
+    carried,
+    knows_place,
+    on_circle,
+    really_at,
+    stays,
+)
+from autonomy.planner.leg_kernel import LEG_COLUMNS as LEG_COLUMNS
+from autonomy.planner.leg_kernel import leg_of as leg_of
 from autonomy.planner.limits import Limits
-from autonomy.planner.plan import Leg, PrimitiveKind
-
-GLIDE, SPIRAL, DIVE, SWIM = range(4)
-KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
-"""Primitive of each number above."""
-KIND, X0, Y0, Z0, X1, Y1, Z1, SPEED, DURATION, ENERGY, HEADING, RADIUS, TURN = range(13)
-LEG_COLUMNS = 13
-"""Columns of a leg in an array of legs."""
-_EDGE_MARGIN_M = 1e-9
-
-
-def leg_of(row: FloatArray) -> Leg:
-    """Return one row of an array of legs as a value."""
-    return Leg(
-        kind=KINDS[int(row[KIND])],
-        start_ned=(float(row[X0]), float(row[Y0]), float(row[Z0])),
-        end_ned=(float(row[X1]), float(row[Y1]), float(row[Z1])),
-        speed_m_s=float(row[SPEED]),
-        duration_s=float(row[DURATION]),
-        energy=float(row[ENERGY]),
-        heading_rad=float(row[HEADING]),
-        radius_m=float(row[RADIUS]),
-        turn_rad=float(row[TURN]),
-    )
+from autonomy.planner.primitive import HEADWAY_MIN
 
 
 @kernel
@@ -62,15 +66,17 @@ def propose(
         Number of legs; 0 if the edge does not reach the goal or breaks the budget.
     """
     x, y, z = start[0], start[1], 0.0
+    under = 0.0
     count = 0
     for i in range(1 + int(shape[0] * limits.primitives_max)):
         row = shape[1 + i * SHAPE_COLUMNS : 1 + (i + 1) * SHAPE_COLUMNS]
-        heading = math.atan2(goal[1] - y, goal[0] - x) + limits.bearing_noise * row[SHAPE_BEARING]
+        heading = _heading_to(limits, *carried(limits, x, y, under), goal)
+        heading += limits.bearing_noise * row[SHAPE_BEARING]
         leg = legs[count]
-        if _shape_leg(limits, (x, y, z), heading, row, leg) and _is_inside(limits, leg):
-            x, y, z = leg[X1], leg[Y1], leg[Z1]
+        if _shape_leg(limits, (x, y, z), heading, row, leg) and stays(limits, leg, under):
+            x, y, z, under = after(limits, leg, under)
             count += 1
-    count = _close(limits, x, y, z, goal, legs, count)
+    count = _close(limits, (x, y, z), under, goal, legs, count)
     return count if energy_of(limits, legs, count) <= limits.budget else 0
 
 
@@ -101,7 +107,10 @@ def _shape_leg(
             return False
         length = _between(limits.swim_length_min, limits.swim_length_max, row[SHAPE_FIRST])
         end = (x + length * math.cos(heading), y + length * math.sin(heading), z)
-        _write(limits, leg, SWIM, here, end, limits.swim_speed, length)
+        speed = _headway(limits, here, end)
+        if speed == 0.0:
+            return False
+        _write(limits, leg, SWIM, here, end, speed, length)
         return True
     depth = row[SHAPE_DEPTH] * limits.depth_max
     if depth < limits.depth_change_min:
@@ -120,7 +129,7 @@ def _shape_leg(
         radius = _between(limits.spiral_radius_min, limits.spiral_radius_max, row[SHAPE_FIRST])
         rise = _between(limits.spiral_rise_min, limits.spiral_rise_max, row[SHAPE_SECOND])
         turn = math.copysign(change / rise, row[SHAPE_SIDE] - 0.5)
-        x1, y1 = _on_circle(x, y, heading, radius, turn)
+        x1, y1 = on_circle(x, y, heading, radius, turn)
         _write(limits, leg, SPIRAL, here, (x1, y1, depth), limits.spiral_speed, change)
         leg[HEADING], leg[RADIUS], leg[TURN] = heading, radius, turn
     return True
@@ -134,29 +143,71 @@ def _between(low: float, high: float, part: float) -> float:
 @kernel
 def _close(
     limits: Limits,
-    x: float,
-    y: float,
-    z: float,
+    here: tuple[float, float, float],
+    under: float,
     goal: tuple[float, float],
     legs: FloatArray,
     count: int,
 ) -> int:
     """Append what brings the robot up and to the goal; return the number of legs, 0 if nothing."""
-    distance = math.hypot(goal[0] - x, goal[1] - y)
-    up = (goal[0], goal[1], 0.0)
+    x, y, z = here
     if z > 0.0:
-        angle = math.atan2(z, distance)
+        drifted = under + z / limits.glide_speed
+        up = (
+            goal[0] - limits.current_north * drifted,
+            goal[1] - limits.current_east * drifted,
+            0.0,
+        )
+        angle = math.atan2(z, math.hypot(up[0] - x, up[1] - y))
         if limits.glide_angle_min <= angle <= limits.glide_angle_max:
-            _write(limits, legs[count], GLIDE, (x, y, z), up, limits.glide_speed, z)
-            return count + 1
-        _write(limits, legs[count], DIVE, (x, y, z), (x, y, 0.0), limits.dive_speed, z)
+            _write(limits, legs[count], GLIDE, here, up, limits.glide_speed, z)
+            return count + 1 if stays(limits, legs[count], under) else 0
+        _write(limits, legs[count], DIVE, here, (x, y, 0.0), limits.dive_speed, z)
+        if not stays(limits, legs[count], under):
+            return 0
+        x, y, _, _ = after(limits, legs[count], under)
         count += 1
+    distance = math.hypot(goal[0] - x, goal[1] - y)
     if distance < SAME_PLACE_M:
         return count
     if not limits.swim_length_min <= distance <= limits.swim_length_max:
         return 0
-    _write(limits, legs[count], SWIM, (x, y, 0.0), up, limits.swim_speed, distance)
-    return count + 1
+    end = (goal[0], goal[1], 0.0)
+    speed = _headway(limits, (x, y, 0.0), end)
+    if speed == 0.0:
+        return 0
+    _write(limits, legs[count], SWIM, (x, y, 0.0), end, speed, distance)
+    return count + 1 if stays(limits, legs[count], 0.0) else 0
+
+
+@kernel
+def _heading_to(limits: Limits, x: float, y: float, goal: tuple[float, float]) -> float:
+    """Return the heading of a glide that leads to the goal over ground (``edge._heading_to``)."""
+    if not limits.has_current:
+        return math.atan2(goal[1] - y, goal[0] - x)
+    middle = 0.5 * (limits.glide_angle_min + limits.glide_angle_max)
+    way = math.hypot(goal[0] - x, goal[1] - y) * math.tan(middle) / limits.glide_speed
+    return math.atan2(
+        goal[1] - limits.current_east * way - y, goal[0] - limits.current_north * way - x
+    )
+
+
+@kernel
+def _headway(
+    limits: Limits, start: tuple[float, float, float], end: tuple[float, float, float]
+) -> float:
+    """Return how fast a swim gets on, 0 if hardly at all (``primitive.headway_m_s``)."""
+    speed = limits.swim_speed
+    if start[2] > 0.0 or not limits.has_current:
+        return speed
+    course = math.atan2(end[1] - start[1], end[0] - start[0])
+    north, east = limits.current_north, limits.current_east
+    along = north * math.cos(course) + east * math.sin(course)
+    across = east * math.cos(course) - north * math.sin(course)
+    if abs(across) >= speed:
+        return 0.0
+    headway = along + math.sqrt(speed**2 - across**2)
+    return headway if headway >= HEADWAY_MIN * speed else 0.0
 
 
 @kernel
@@ -193,42 +244,6 @@ def _write(
 
 
 @kernel
-def _on_circle(
-    x: float, y: float, heading: float, radius: float, turn: float
-) -> tuple[float, float]:
-    side = math.copysign(radius, turn)
-    later = heading + turn
-    return (
-        x + side * (math.sin(later) - math.sin(heading)),
-        y - side * (math.cos(later) - math.cos(heading)),
-    )
-
-
-@kernel
-def _holds(limits: Limits, x: float, y: float) -> bool:
-    return (
-        limits.x_min - _EDGE_MARGIN_M <= x <= limits.x_max + _EDGE_MARGIN_M
-        and limits.y_min - _EDGE_MARGIN_M <= y <= limits.y_max + _EDGE_MARGIN_M
-    )
-
-
-@kernel
-def _is_inside(limits: Limits, leg: FloatArray) -> bool:
-    if not _holds(limits, leg[X1], leg[Y1]):
-        return False
-    if leg[KIND] == SPIRAL:
-        quarter = math.pi / 2.0
-        heading, turn = leg[HEADING], leg[TURN]
-        low = min(heading, heading + turn)
-        high = max(heading, heading + turn)
-        for k in range(math.ceil(low / quarter), math.floor(high / quarter) + 1):
-            x, y = _on_circle(leg[X0], leg[Y0], heading, leg[RADIUS], k * quarter - heading)
-            if not _holds(limits, x, y):
-                return False
-    return True
-
-
-@kernel
 def place_points(limits: Limits, legs: FloatArray, count: int, points: FloatArray) -> int:
     """Place the planned points of an edge (``edge.planned_points``).
 
@@ -248,14 +263,18 @@ def place_points(limits: Limits, legs: FloatArray, count: int, points: FloatArra
     a, b, d = limits.surface_position, limits.surface_cross, limits.surface_velocity
     i = 0
     leg_end = legs[0, DURATION]
+    under = 0.0
+    drifts = limits.has_current and not knows_place(legs[0])
     before = 0.0
     for row in range(number):
         time = min((row + 1) * limits.point_interval, total)
         while i < count - 1 and leg_end < time:
+            under = 0.0 if legs[i, Z1] <= 0.0 else under + legs[i, DURATION]
             i += 1
             leg_end += legs[i, DURATION]
+            drifts = limits.has_current and not knows_place(legs[i])
         fraction = 1.0 - (leg_end - time) / legs[i, DURATION]
-        x, y, z = _at(legs[i], fraction)
+        x, y, z = really_at(limits, legs[i], under, drifts, fraction)
         a, b, d = _step(limits, a, b, d, time - before, z <= limits.surface_depth)
         std = math.sqrt(a)
         if std > limits.max_uncertainty:
@@ -264,19 +283,6 @@ def place_points(limits: Limits, legs: FloatArray, count: int, points: FloatArra
         points[row, 4] = std
         before = time
     return number
-
-
-@kernel
-def _at(leg: FloatArray, fraction: float) -> tuple[float, float, float]:
-    z = leg[Z0] + fraction * (leg[Z1] - leg[Z0])
-    if leg[KIND] == SPIRAL:
-        x, y = _on_circle(leg[X0], leg[Y0], leg[HEADING], leg[RADIUS], fraction * leg[TURN])
-        return x, y, z
-    return (
-        leg[X0] + fraction * (leg[X1] - leg[X0]),
-        leg[Y0] + fraction * (leg[Y1] - leg[Y0]),
-        z,
-    )
 
 
 @kernel

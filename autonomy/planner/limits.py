@@ -5,7 +5,11 @@ from typing import NamedTuple
 
 from autonomy.estimation.position import surface_covariance
 from autonomy.planner.config import PlannerConfig
+from autonomy.planner.drift import has_current
 from autonomy.planner.edge import SHAPE_COLUMNS
+from autonomy.planner.primitive import HEADWAY_MIN
+from autonomy.planner.waterway import Waterway, waterway_of
+from autonomy.site import Site
 
 
 class Limits(NamedTuple):
@@ -53,10 +57,30 @@ class Limits(NamedTuple):
     drift_variance: float
     """Square of the drift, m²/s."""
     acceleration_density: float
+    turn_time: float
+    """Duration of the surfacing before each dive."""
+    time_budget: float
+    """Longest duration of a round, surfacings included; 0 for none."""
+    surfacing_bytes: int
+    satellite_bytes: int
+    """Most bytes of a round; 0 for no limit."""
+    current_north: float
+    current_east: float
+    has_current: bool
+    has_shores: bool
+    """Whether the waterway limits more than the domain does."""
+    waterway: Waterway
 
 
-def limits_of(config: PlannerConfig, budget: float) -> Limits:
-    """Unpack what compiled code needs of the settings."""
+def limits_of(config: PlannerConfig, budget: float, site: Site | None = None) -> Limits:
+    """Unpack what compiled code needs of the settings, and lay the raster of usable depth.
+
+    Args:
+        config: Settings of the search.
+        budget: Energy units of the round.
+        site: Shoreline and floor; None for water without end.
+    """
+    waterway = waterway_of(config, site)
     domain, motion, cost = config.domain, config.primitives, config.energy
     position = config.position_filter
     surface = surface_covariance(position, motion.point_interval_s)
@@ -100,6 +124,15 @@ def limits_of(config: PlannerConfig, budget: float) -> Limits:
         fix_variance=position.fix_std_m**2,
         drift_variance=position.drift_m_sqrt_s**2,
         acceleration_density=position.acceleration_density,
+        turn_time=config.mission.turn_time_s,
+        time_budget=config.time_budget_s,
+        surfacing_bytes=config.mission.surfacing_bytes,
+        satellite_bytes=config.satellite_bytes,
+        current_north=config.current.north_m_s,
+        current_east=config.current.east_m_s,
+        has_current=has_current(config),
+        has_shores=waterway.depth.size > 0,
+        waterway=waterway,
     )
 
 
@@ -117,7 +150,6 @@ def points_max(config: PlannerConfig) -> int:
     """Return the greatest number of planned points of one edge."""
     motion = config.primitives
     slowest = min(motion.glide_speed_m_s, motion.spiral_speed_m_s, motion.dive_speed_m_s)
-    longest_s = max(
-        config.domain.depth_max_m / slowest, motion.swim_length_max_m / motion.swim_speed_m_s
-    )
+    slowest_swim = motion.swim_speed_m_s * (HEADWAY_MIN if has_current(config) else 1.0)
+    longest_s = max(config.domain.depth_max_m / slowest, motion.swim_length_max_m / slowest_swim)
     return math.ceil(legs_max(config) * longest_s / motion.point_interval_s) + 1

@@ -6,6 +6,9 @@ from autonomy.planner.config import EnergyConfig, PlannerConfig
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 from autonomy.site import Box
 
+HEADWAY_MIN = 0.25
+"""Least part of a swim's speed that the current may leave over ground."""
+
 
 def energy(kind: PrimitiveKind, duration_s: float, config: EnergyConfig) -> float:
     r"""Return the energy units of one primitive.
@@ -84,8 +87,14 @@ def dive(config: PlannerConfig, start: PositionNed, depth_m: float) -> Leg:
 
 
 def swim(config: PlannerConfig, start: PositionNed, end: PositionNed) -> Leg:
-    """Return the straight swim from ``start`` to ``end``, which has the same depth."""
-    speed = config.primitives.swim_speed_m_s
+    """Return the straight swim from ``start`` to ``end``, which has the same depth.
+
+    Raises:
+        ValueError: If the current at the surface is too strong (``headway_m_s``).
+    """
+    speed = headway_m_s(config, start, end)
+    if speed == 0.0:
+        raise ValueError("current is too strong to swim against it")
     duration = math.hypot(end[0] - start[0], end[1] - start[1]) / speed
     return Leg(
         PrimitiveKind.SWIM,
@@ -96,6 +105,25 @@ def swim(config: PlannerConfig, start: PositionNed, end: PositionNed) -> Leg:
         energy(PrimitiveKind.SWIM, duration, config.energy),
         heading_rad=bearing(start, end),
     )
+
+
+def headway_m_s(config: PlannerConfig, start: PositionNed, end: PositionNed) -> float:
+    """Return how fast a swim gets on, 0 where the current leaves too little of its speed.
+
+    At the surface the robot sees its position and steers over ground: it heads into the current
+    so far that it keeps the line. Under water its speed is that through the water.
+    """
+    speed = config.primitives.swim_speed_m_s
+    north, east = config.current.north_m_s, config.current.east_m_s
+    if start[2] > 0.0 or (north == 0.0 and east == 0.0):
+        return speed
+    course = bearing(start, end)
+    along = north * math.cos(course) + east * math.sin(course)
+    across = east * math.cos(course) - north * math.sin(course)
+    if abs(across) >= speed:
+        return 0.0
+    headway = along + math.sqrt(speed**2 - across**2)
+    return headway if headway >= HEADWAY_MIN * speed else 0.0
 
 
 def bearing(start: PositionNed, end: PositionNed) -> float:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.integrate import quad
 
 from autonomy.estimation.config import EstimatorConfig
-from autonomy.planner import edge_kernel, primitive
+from autonomy.planner import edge_kernel, leg_kernel, primitive
 from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig
 from autonomy.planner.edge import (
     POINT_DOWN,
@@ -93,7 +93,7 @@ def test_the_bounds_of_a_spiral_hold_all_of_it(heading, turn):
 def test_compiled_and_readable_edges_are_the_same(name):
     config = CONFIGS[name]
     limits = limits_of(config, 20.0)
-    legs = np.empty((legs_max(config), edge_kernel.LEG_COLUMNS))
+    legs = np.empty((legs_max(config), leg_kernel.LEG_COLUMNS))
     points = np.empty((points_max(config), 5))
     feasible = 0
     for start, goal, shape in proposals(config, 300):
@@ -104,7 +104,7 @@ def test_compiled_and_readable_edges_are_the_same(name):
         if edge is not None:
             feasible += 1
             for leg, row in zip(edge.legs, legs[:count], strict=True):
-                made = edge_kernel.leg_of(row)
+                made = leg_kernel.leg_of(row)
                 assert made.kind is leg.kind
                 assert made.end_ned == pytest.approx(leg.end_ned, abs=1e-9)
                 assert made.energy == pytest.approx(leg.energy, abs=1e-12)
