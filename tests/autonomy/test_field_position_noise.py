@@ -5,10 +5,11 @@ import pytest
 
 from autonomy.field.config import KernelParameters
 from autonomy.field.gaussian_process import Ageing, GaussianProcess
-from autonomy.field.kernel import gradient_variance
+from autonomy.field.kernel import covariance, gradient_variance
 from autonomy.field.position_noise import (
     PositionNoiseGaussianProcess,
     Slope,
+    curvature_noise,
     position_noise,
     slope_correlation,
     slope_given,
@@ -73,7 +74,8 @@ def test_a_sample_alone_in_its_dive_gets_the_variance_of_its_error_times_the_squ
     )
     model = PositionNoiseGaussianProcess(KERNEL, alone, alone.values)
     squared_slope = np.sum(model.slope.mean**2, axis=1) + model.slope.std**2
-    expected = np.diag(alone.position_std_m**2 * squared_slope)
+    expected = alone.position_std_m**2 * squared_slope
+    expected = np.diag(expected + curvature_noise(alone.position_std_m, KERNEL))
     np.testing.assert_allclose(model.position_noise_covariance, expected, atol=1e-14)
 
 
@@ -84,6 +86,7 @@ def test_before_any_iteration_the_slope_is_the_prior_one():
         samples.points, samples.points, KERNEL
     )
     expected *= sum(gradient_variance(KERNEL))
+    expected += np.diag(curvature_noise(samples.position_std_m, KERNEL))
     np.testing.assert_allclose(model.position_noise_covariance, expected, atol=1e-14)
 
 
@@ -109,7 +112,30 @@ def test_noise_between_two_sets_of_samples_is_a_block_of_the_noise_of_all():
     model = PositionNoiseGaussianProcess(KERNEL, samples, samples.values)
     first, last, slope = slice(0, 20), slice(20, None), model.slope
     block = position_noise(samples[first], samples[last], slope[first], slope[last], KERNEL)
+    assert block.any()
     np.testing.assert_allclose(block, model.position_noise_covariance[first, last], atol=1e-14)
+
+
+@pytest.mark.parametrize("shape", ["matern32", "matern52", "squared_exponential"])
+def test_curvature_noise_is_what_drawn_fields_differ_by_from_their_tangents(shape):
+    kernel = KERNEL.model_copy(update={"shape": shape})
+    rng = np.random.default_rng(7)
+    std_m, step = 0.3, 1e-4
+    expected = curvature_noise(np.array([std_m]), kernel)[0]
+    left = []
+    for _ in range(400):
+        error = np.array([*(std_m * rng.standard_normal(2)), 0.0])
+        places = np.array([[0, 0, 0], error, [step, 0, 0], [0, step, 0]])
+        weights = np.array([-1.0, 1.0, -error[0] / step, -error[1] / step])
+        weights[0] += (error[0] + error[1]) / step
+        left.append(weights @ covariance(places, places, kernel) @ weights)
+    assert expected == pytest.approx(np.mean(left), abs=4.0 * np.std(left) / 20.0)
+    assert curvature_noise(np.zeros(2), kernel) == pytest.approx([0.0, 0.0])
+
+
+def test_curvature_noise_of_the_thesis_kernel_grows_with_the_third_power_of_a_small_error():
+    small, double = curvature_noise(np.array([0.001, 0.002]), KERNEL)
+    assert double / small == pytest.approx(8.0, rel=0.02)
 
 
 def test_a_dive_that_was_carried_away_pulls_the_map_less_than_if_its_samples_erred_one_by_one():
