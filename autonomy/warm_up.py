@@ -22,6 +22,7 @@ KERNEL_MODULES = (
     "autonomy.trial.kernel",
     "autonomy.planner.kernel",
     "autonomy.identification.kernel",
+    "autonomy.field.likelihood_kernel",
 )
 """Modules with compiled functions; each has ``warm_up()``, which calls every one of them."""
 

@@ -1,34 +1,49 @@
 """Hyperparameters from data, by the marginal likelihood."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs
-from scipy.optimize import minimize
 
-from autonomy.arrays import FloatArray
+from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.field.config import KernelParameters
-from autonomy.field.factorization import cholesky, solve_lower, solve_lower_transposed
+from autonomy.field.learning_search import Found, IsCancelled, Limits, Report, search
+from autonomy.field.likelihood import PER_LEVEL, MarginalLikelihood
+from autonomy.field.prior import LogNormalPrior
 
-(_potri,) = get_lapack_funcs(("potri",), dtype=np.float64)
-
-_ROOT_3 = math.sqrt(3.0)
 _LOG_RANGE = math.log(1e3)
 """How far from its start, as a factor, a hyperparameter may go."""
+_LOG_LARGEST = math.log(1e6)
+"""Largest hyperparameter that a configuration takes."""
+_LOG_SMALLEST = math.log(1e-12)
 
 
 @dataclass(frozen=True, slots=True)
 class Learned:
-    """Outcome of learning hyperparameters."""
+    """Outcome of learning the kernel of a plain Gaussian process."""
 
     parameters: KernelParameters
     log_likelihood: float
     """Log marginal likelihood of the values with these parameters."""
+    trend: tuple[float, ...]
+    """Coefficients of the mean's basis, by generalized least squares."""
     converged: bool
     message: str
     """How the search ended, for a person."""
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedLevels:
+    """Outcome of learning the kernels of the joint auto-regressive model."""
+
+    levels: tuple[KernelParameters, ...]
+    """Kernel of each component, worst located level first."""
+    rho: float
+    log_likelihood: float
+    trend: tuple[float, ...]
+    converged: bool
+    message: str
 
 
 def learn(
@@ -38,98 +53,174 @@ def learn(
     *,
     noise_floor: float,
     max_iterations: int = 100,
+    prior_strength: float = 0.0,
+    basis: FloatArray | None = None,
+    held_noise: FloatArray | None = None,
+    age: FloatArray | None = None,
+    report: Report | None = None,
+    is_cancelled: IsCancelled | None = None,
 ) -> Learned:
-    """Fit the kernel and noise of a zero-mean Gaussian process, from each start, keep the best.
+    """Fit the kernel and noise of a Gaussian process, from several starts.
 
     Args:
         points: Where the values were measured, shape ``(n, 3)``, m.
-        values: Measurements less their mean, shape ``(n,)``.
-        starts: Where to begin; no parameter goes farther than a factor of 1,000 from its start.
+        values: Measurements, less their mean unless ``basis`` describes it, shape ``(n,)``.
+        starts: Where to begin; the first one's shape of kernel is learned, and it is the centre
+            of the priors. No parameter goes farther than a factor of 1,000 from the starts.
         noise_floor: Smallest noise variance. Smooth data drive the noise to nothing, and the map
             then claims to know what it interpolates.
-        max_iterations: Limit of each search.
+        max_iterations: Limit of the search.
+        prior_strength: One over the standard deviation, in decades, of log-normal priors about
+            the first start; 0 for none.
+        basis: Functions of position whose weighted sum is the mean, shape ``(n, p)``.
+        held_noise: Noise covariance besides the learned variance, shape ``(n, n)``.
+        age: Time of each sample over the memory of the field, shape ``(n,)``.
+        report: Told the share of the work that is done, and a sentence.
+        is_cancelled: Asked at every evaluation; the best so far is then the outcome.
 
     Raises:
-        ValueError: If there are fewer than two values, or no start.
+        ValueError: If there are fewer than two values, no start, or a number that is not finite.
 
     Source:
         Coleman, thesis, equation (5.3), with the noise and the constant that it leaves out.
     """
-    if len(values) < 2 or not starts:
-        raise ValueError("learning needs at least two values and one start")
-    objective = _objective(points, values)
-    outcomes = [_search(objective, start, noise_floor, max_iterations) for start in starts]
-    return max(outcomes, key=lambda outcome: outcome.log_likelihood)
+    _check(points, values, starts)
+    likelihood = MarginalLikelihood(
+        points,
+        values,
+        shapes=(starts[0].shape,),
+        age=age,
+        held_noise=held_noise,
+        basis=basis,
+    )
+    first = [log_parameters(start) for start in starts]
+    found = search(
+        likelihood,
+        first,
+        _limits(
+            first, np.array([noise_floor]), np.zeros(PER_LEVEL, dtype=np.bool_), max_iterations
+        ),
+        LogNormalPrior(first[0], prior_strength),
+        report=report,
+        is_cancelled=is_cancelled,
+    )
+    (kernel,) = _kernels(found.log_parameters, (starts[0].shape,))
+    return Learned(kernel, -found.likelihood.value, _trend(found), found.converged, found.message)
 
 
-def negative_log_likelihood(
-    log_parameters: FloatArray, squared_distances: FloatArray, values: FloatArray
-) -> tuple[float, FloatArray]:
-    r"""Return the negative log marginal likelihood and its gradient.
+def learn_levels(
+    points: FloatArray,
+    values: FloatArray,
+    sample_levels: IntArray,
+    starts: Sequence[tuple[KernelParameters, ...]],
+    *,
+    noise_floor: float,
+    rho: float = 1.0,
+    learns_rho: bool = False,
+    held: Sequence[int] = (),
+    max_iterations: int = 150,
+    prior_strength: float = 0.0,
+    basis: FloatArray | None = None,
+    age: FloatArray | None = None,
+    report: Report | None = None,
+    is_cancelled: IsCancelled | None = None,
+) -> LearnedLevels:
+    """Fit all kernels and noises of the joint auto-regressive model by one likelihood.
 
     Args:
-        log_parameters: Logarithms of signal variance, three length scales (m), noise variance.
-        squared_distances: Along each axis, between all samples, shape ``(3, n, n)``, m^2.
-        values: Shape ``(n,)``.
+        points: Where the values were measured, shape ``(n, 3)``, m.
+        values: Measurements, less their mean unless ``basis`` describes it, shape ``(n,)``.
+        sample_levels: Fidelity level of each sample, shape ``(n,)``.
+        starts: Kernels of all levels to begin with; the first are the centre of the priors.
+        noise_floor: Smallest noise variance of every level.
+        rho: Scale factor between neighbouring levels; positive where it is learned.
+        learns_rho: Whether to learn it too.
+        held: Levels whose kernels stay as they are, such as one without samples.
+        max_iterations: Limit of the search.
+        prior_strength: As in ``learn``.
+        basis: As in ``learn``.
+        age: As in ``learn``.
+        report: As in ``learn``.
+        is_cancelled: As in ``learn``.
 
-    Returns:
-        The value, and its gradient by ``log_parameters``, shape ``(5,)``:
-        :math:`\frac12 tr((K_y^{-1} - \alpha \alpha^T) \partial K_y)`.
+    Raises:
+        ValueError: As ``learn``.
     """
-    signal, *lengths, noise = np.exp(log_parameters)
-    inverse_squared = 1.0 / np.square(lengths)
-    scaled = _ROOT_3 * np.sqrt(np.tensordot(inverse_squared, squared_distances, axes=1))  # (n, n)
-    decay = signal * np.exp(-scaled)
-    K = (1.0 + scaled) * decay
-
-    factor = cholesky(K + noise * np.eye(len(values)), signal + noise)
-    whitened = solve_lower(factor, values)
-    alpha = solve_lower_transposed(factor, whitened)
-    lower, _ = _potri(factor, lower=1)  # lower triangle of the inverse
-    W = np.tril(lower) + np.tril(lower, -1).T - np.outer(alpha, alpha)
-
-    by_lengths = 3.0 * inverse_squared * np.tensordot(squared_distances, W * decay, axes=2)
-    gradient = 0.5 * np.array([np.sum(W * K), *by_lengths, noise * np.trace(W)])
-    log_determinant = 2.0 * float(np.sum(np.log(np.diagonal(factor))))
-    n = len(values)
-    value = 0.5 * (float(whitened @ whitened) + log_determinant + n * math.log(2.0 * math.pi))
-    return value, gradient
-
-
-_Objective = Callable[[FloatArray], tuple[float, FloatArray]]
-
-
-def _objective(points: FloatArray, values: FloatArray) -> _Objective:
-    squared_distances = np.square(points.T[:, :, None] - points.T[:, None, :])  # (3, n, n)
-    return lambda theta: negative_log_likelihood(theta, squared_distances, values)
-
-
-def _search(
-    objective: _Objective, start: KernelParameters, noise_floor: float, max_iterations: int
-) -> Learned:
-    first = np.log(
-        [
-            start.signal_variance,
-            *start.length_scales_m(),
-            max(start.noise_variance, noise_floor),
-        ]
+    _check(points, values, starts)
+    shapes = tuple(level.shape for level in starts[0])
+    likelihood = MarginalLikelihood(
+        points,
+        values,
+        shapes=shapes,
+        sample_levels=sample_levels,
+        rho=rho,
+        learns_rho=learns_rho,
+        age=age,
+        basis=basis,
     )
-    bounds = [(theta - _LOG_RANGE, theta + _LOG_RANGE) for theta in first]
-    bounds[-1] = (math.log(noise_floor), max(bounds[-1][1], math.log(noise_floor)))
-    found = minimize(
-        objective,
+    tail = [math.log(rho)] if learns_rho else []
+    first = [np.concatenate([*map(log_parameters, levels), tail]) for levels in starts]
+    is_held = np.zeros(likelihood.size, dtype=np.bool_)
+    for level in held:
+        is_held[level * PER_LEVEL : (level + 1) * PER_LEVEL] = True
+    found = search(
+        likelihood,
         first,
-        jac=True,
-        method="L-BFGS-B",
-        bounds=bounds,
-        options={"maxiter": max_iterations},
+        _limits(first, np.full(len(shapes), noise_floor), is_held, max_iterations),
+        LogNormalPrior(first[0], prior_strength),
+        report=report,
+        is_cancelled=is_cancelled,
     )
-    signal, length_x, length_y, length_z, noise = np.exp(found.x).tolist()
-    parameters = KernelParameters(
-        signal_variance=signal,
-        length_x_m=length_x,
-        length_y_m=length_y,
-        length_z_m=length_z,
-        noise_variance=noise,
+    return LearnedLevels(
+        _kernels(found.log_parameters, shapes),
+        float(np.exp(found.log_parameters[-1])) if learns_rho else rho,
+        -found.likelihood.value,
+        _trend(found),
+        found.converged,
+        found.message,
     )
-    return Learned(parameters, -float(found.fun), bool(found.success), str(found.message))
+
+
+def log_parameters(kernel: KernelParameters) -> FloatArray:
+    """Return the logarithms of signal variance, length scales and noise variance, ``(5,)``."""
+    return np.log([kernel.signal_variance, *kernel.length_scales_m(), kernel.noise_variance])
+
+
+def _check(points: FloatArray, values: FloatArray, starts: Sequence[object]) -> None:
+    if len(values) < 2 or not starts:
+        raise ValueError("learning needs at least two values and one start")
+    if not (np.isfinite(points).all() and np.isfinite(values).all()):
+        raise ValueError("positions and values to learn from must be finite")
+
+
+def _limits(
+    starts: Sequence[FloatArray], noise_floors: FloatArray, held: BoolArray, max_iterations: int
+) -> Limits:
+    lower = np.maximum(np.min(starts, axis=0) - _LOG_RANGE, _LOG_SMALLEST)
+    upper = np.minimum(np.max(starts, axis=0) + _LOG_RANGE, _LOG_LARGEST)
+    noises = np.arange(len(noise_floors)) * PER_LEVEL + PER_LEVEL - 1
+    lower[noises] = np.log(noise_floors)
+    lower[held] = np.minimum(lower[held], starts[0][held])
+    upper = np.maximum(upper, lower)
+    return Limits(lower, upper, held, max_iterations)
+
+
+def _kernels(found: FloatArray, shapes: tuple[str, ...]) -> tuple[KernelParameters, ...]:
+    table = np.exp(found[: PER_LEVEL * len(shapes)]).reshape(-1, PER_LEVEL).tolist()
+    return tuple(
+        KernelParameters.model_validate(
+            {
+                "shape": shape,
+                "signal_variance": min(signal, 1e6),
+                "length_x_m": min(x, 1e6),
+                "length_y_m": min(y, 1e6),
+                "length_z_m": min(z, 1e6),
+                "noise_variance": min(noise, 1e6),
+            }
+        )
+        for shape, (signal, x, y, z, noise) in zip(shapes, table, strict=True)
+    )
+
+
+def _trend(found: Found) -> tuple[float, ...]:
+    return tuple(found.likelihood.trend.tolist())
