@@ -110,14 +110,30 @@ def legs_duration_s(config: PlannerConfig, legs: Sequence[Leg]) -> float:
 
 
 def planned_points(config: PlannerConfig, legs: tuple[Leg, ...]) -> FloatArray:
-    """Return the points of an edge, one each ``point_interval_s`` after its start, and its end.
+    """Return the points of legs, one each ``point_interval_s`` after a surfacing, and its end.
 
-    They are where the robot really is, which in a current is not where it believes to be.
+    They are where the robot really is, which in a current is not where it believes to be. Each
+    dive, which ends with the next surfacing, counts its intervals anew and begins with a position
+    that is as certain as it becomes at the surface.
 
     Returns:
         Shape ``(m, 5)``: time, north, east, down, position std; the first is one interval after
-        the start, the last is the end, where the robot surfaces.
+        the start, the last is the end. Times leave out the surfacings between dives.
     """
+    points: list[FloatArray] = []
+    begin, begin_s = 0, 0.0
+    for number, leg in enumerate(legs):
+        if leg.end_ned[2] <= 0.0 or number == len(legs) - 1:
+            dive = _dive_points(config, legs[begin : number + 1])
+            begin, end_s = number + 1, begin_s + dive[-1, POINT_TIME]
+            dive[:, POINT_TIME] += begin_s
+            begin_s = end_s
+            points.append(dive)
+    return np.concatenate(points)
+
+
+def _dive_points(config: PlannerConfig, legs: tuple[Leg, ...]) -> FloatArray:
+    """Return the points of the legs from one surfacing to the next, shape ``(m, 5)``."""
     ends = np.cumsum([leg.duration_s for leg in legs])
     interval = config.primitives.point_interval_s
     count = max(math.ceil(ends[-1] / interval - 1e-9), 1)

@@ -256,9 +256,25 @@ def place_points(limits: Limits, legs: FloatArray, count: int, points: FloatArra
     Returns:
         Number of points; 0 if the position becomes less certain than allowed on the way.
     """
+    first, placed = 0, 0
+    begin = 0.0
     total = 0.0
     for i in range(count):
         total += legs[i, DURATION]
+        if legs[i, Z1] <= 0.0 or i == count - 1:
+            number = _place_dive(limits, legs[first : i + 1], total, points[placed:])
+            if number == 0:
+                return 0
+            points[placed : placed + number, 0] += begin
+            placed += number
+            begin += total
+            first, total = i + 1, 0.0
+    return placed
+
+
+@kernel
+def _place_dive(limits: Limits, legs: FloatArray, total: float, points: FloatArray) -> int:
+    """Place the points of legs that take ``total`` from one surfacing to the next; 0 if lost."""
     number = max(math.ceil(total / limits.point_interval - 1e-9), 1)
     a, b, d = limits.surface_position, limits.surface_cross, limits.surface_velocity
     i = 0
@@ -268,11 +284,10 @@ def place_points(limits: Limits, legs: FloatArray, count: int, points: FloatArra
     before = 0.0
     for row in range(number):
         time = min((row + 1) * limits.point_interval, total)
-        while i < count - 1 and leg_end < time:
-            under = 0.0 if legs[i, Z1] <= 0.0 else under + legs[i, DURATION]
+        while i < len(legs) - 1 and leg_end < time:
+            under += legs[i, DURATION]
             i += 1
             leg_end += legs[i, DURATION]
-            drifts = limits.has_current and not knows_place(legs[i])
         fraction = 1.0 - (leg_end - time) / legs[i, DURATION]
         x, y, z = really_at(limits, legs[i], under, drifts, fraction)
         a, b, d = _step(limits, a, b, d, time - before, z <= limits.surface_depth)

@@ -152,4 +152,5 @@ def points_max(config: PlannerConfig) -> int:
     slowest = min(motion.glide_speed_m_s, motion.spiral_speed_m_s, motion.dive_speed_m_s)
     slowest_swim = motion.swim_speed_m_s * (HEADWAY_MIN if has_current(config) else 1.0)
     longest_s = max(config.domain.depth_max_m / slowest, motion.swim_length_max_m / slowest_swim)
-    return math.ceil(legs_max(config) * longest_s / motion.point_interval_s) + 1
+    # every leg may end a dive, whose last interval is cut short
+    return math.ceil(legs_max(config) * longest_s / motion.point_interval_s) + legs_max(config)

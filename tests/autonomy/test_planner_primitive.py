@@ -143,19 +143,39 @@ def test_an_edge_joins_its_surfacings_and_keeps_every_limit(name):
 
 def test_points_lie_one_interval_apart_and_end_at_the_surface():
     feasible = 0
+    joined = 0
     for start, goal, shape in proposals(THESIS_TANK, 100, seed=2):
         edge = propose_edge(THESIS_TANK, start, goal, 20.0, shape)
         if edge is None:
             continue
         feasible += 1
         times = edge.points[:, POINT_TIME]
-        np.testing.assert_allclose(np.diff(times[:-1]), 2.0)
-        assert times[0] <= 2.0
+        surfaced_s = np.cumsum([leg.duration_s for leg in edge.legs])[
+            [leg.end_ned[2] == 0.0 for leg in edge.legs]
+        ]
+        joined += len(surfaced_s) > 1
+        for begin_s, end_s in zip((0.0, *surfaced_s), surfaced_s, strict=False):
+            of_dive = times[(times > begin_s + 1e-9) & (times <= end_s + 1e-9)]
+            np.testing.assert_allclose(np.diff(of_dive[:-1]), 2.0)
+            assert begin_s < of_dive[0] <= begin_s + 2.0 + 1e-9
+            assert of_dive[-1] == pytest.approx(end_s)
         assert times[-1] == pytest.approx(sum(leg.duration_s for leg in edge.legs))
         np.testing.assert_allclose(
             edge.points[-1, POINT_NORTH : POINT_DOWN + 1], edge.legs[-1].end_ned, atol=1e-9
         )
     assert feasible > 5
+    assert joined > 2
+
+
+def test_points_are_the_same_however_legs_are_cut_into_edges():
+    edges = [
+        propose_edge(THESIS_TANK, start, goal, 20.0, shape)
+        for start, goal, shape in proposals(THESIS_TANK, 60, seed=2)
+    ]
+    found = [edge for edge in edges if edge is not None]
+    whole = planned_points(THESIS_TANK, tuple(leg for edge in found for leg in edge.legs))
+    parts = np.concatenate([edge.points for edge in found])
+    np.testing.assert_allclose(whole[:, POINT_NORTH:], parts[:, POINT_NORTH:], atol=1e-12)
 
 
 def full_filter_std(config: EstimatorConfig, times, depths, interval):
