@@ -136,7 +136,8 @@ def checked(samples: FieldSamples) -> FieldSamples:
     for name, column in columns.items():
         if len(column) != n or column.ndim != (2 if name == "points" else 1):
             raise ValueError(f"samples need {name} for {n} values, not {column.shape}")
-        finite = np.isfinite(column.reshape(n, -1)).all(axis=1)
+        width = 3 if name == "points" else 1
+        finite = np.isfinite(column.reshape(n, width)).all(axis=1)
         if not finite.all():
             raise ValueError(f"{name} of sample {int(np.argmin(finite))} is not finite")
     if (samples.position_std_m < 0.0).any():
