@@ -13,6 +13,7 @@ from autonomy.arrays import FloatArray
 from autonomy.field.config import FIELD_PRESETS, GridShape
 from autonomy.field.grid import Grid
 from autonomy.field.live_map import LiveMap
+from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure as sample_field
 from autonomy.site import TANK
 
@@ -51,13 +52,13 @@ def append_ms(model: str, position_std_m: float) -> float:
     live_map = LiveMap(CONFIG.model_copy(update={"model": model}), GRID)
     points, values = tank_samples(SAMPLES + APPENDS)
     spread = np.random.default_rng(1).uniform(0.0, 0.2, SAMPLES)
-    live_map.append(points[:SAMPLES], values[:SAMPLES], spread)
+    live_map.append(FieldSamples.of(points[:SAMPLES], values[:SAMPLES], spread))
     std = np.array([position_std_m])
     waiting = iter(range(SAMPLES, SAMPLES + APPENDS))
 
     def append_one() -> tuple[FloatArray, FloatArray]:
         i = next(waiting)
-        live_map.append(points[i : i + 1], values[i : i + 1], std)
+        live_map.append(FieldSamples.of(points[i : i + 1], values[i : i + 1], std))
         return live_map.mean, live_map.std
 
     return median_ms(append_one, APPENDS)

@@ -1,10 +1,11 @@
 """The regular grid of points at which a map is kept."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from autonomy.arrays import FloatArray
+from autonomy.arrays import BoolArray, FloatArray
 from autonomy.field.config import GridShape
 from autonomy.site import Box
 
@@ -21,15 +22,37 @@ class Grid:
     """Depths, shape ``(nz,)``."""
     points: FloatArray
     """All points, shape ``(nx * ny * nz, 3)``."""
+    mask: BoolArray
+    """True where there is water, shape ``(nx * ny * nz,)``; maps are kept at all points."""
 
     @classmethod
-    def over(cls, box: Box, shape: GridShape) -> "Grid":
-        """Lay a grid over a box, edges included."""
+    def over(
+        cls,
+        box: Box,
+        shape: GridShape,
+        mask: Callable[[FloatArray], BoolArray] | BoolArray | None = None,
+    ) -> "Grid":
+        """Lay a grid over a box, edges included.
+
+        Args:
+            box: What the grid spans.
+            shape: Number of points along each axis.
+            mask: Where there is water: a flag for each point, or a function of the points, such
+                as ``water_mask`` of a site; everywhere if not given.
+
+        Raises:
+            ValueError: If the flags are not one for each point.
+        """
         x = np.linspace(box.x_min_m, box.x_max_m, shape.x)
         y = np.linspace(box.y_min_m, box.y_max_m, shape.y)
         z = np.linspace(0.0, box.depth_max_m, shape.z)
         points = np.stack(np.meshgrid(x, y, z, indexing="ij"), axis=-1).reshape(-1, 3)
-        return cls(x, y, z, points)
+        water = np.ones(len(points), dtype=np.bool_)
+        if mask is not None:
+            water = np.asarray(mask(points) if callable(mask) else mask, dtype=np.bool_).reshape(-1)
+        if len(water) != len(points):
+            raise ValueError(f"the mask has {len(water)} flags for {len(points)} grid points")
+        return cls(x, y, z, points, water)
 
     @property
     def shape(self) -> tuple[int, int, int]:

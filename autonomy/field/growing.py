@@ -1,128 +1,197 @@
 """A Gaussian process that takes in samples one by one and keeps its targets up to date."""
 
+from typing import Protocol
+
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.field.config import KernelParameters
-from autonomy.field.factorization import cholesky, solve_lower, weighted_rows
-from autonomy.field.kernel import matern32, noise_variance
+from autonomy.field.factorization import cholesky, solve_lower
+from autonomy.field.growing_factor import GrowingFactor, Growth, WhitenedColumns
+from autonomy.field.model_prior import Places, Prior, joined_places
 
-_FIRST_ROWS = 64
-_MOST_SPARE_ROWS = 256
+_LARGEST_EXPONENT = 30.0
+
+
+class Targets(Protocol):
+    """Something that follows every sample that a growing process takes in."""
+
+    def append(self, growth: Growth, places: Places) -> None:
+        """Take in what the factor gained by samples at ``places``."""
+        ...
+
+    def replace_values(self, z: FloatArray) -> None:
+        """Change the whitened values of all samples, shape ``(n,)``."""
+        ...
 
 
 class GrowingGaussianProcess:
-    """Posterior mean and variance at fixed targets, updated in place in ``O(n^2 + n q)`` a sample.
+    """A posterior that is updated in place, in ``O(n^2 + n q)`` a sample.
 
-    Kept between samples: the factor ``L`` of the samples' covariance, ``V = L^-1 K(X, targets)``
-    and ``z = L^-1 y``. Appending a sample appends one row to each; nothing is solved again, so
-    the result equals conditioning anew. ``GaussianProcess`` is the readable reference.
-
-    Buffers hold spare rows. The factor's spare part is an identity, so the whole buffer is a
-    factor and is solved with as it lies, without a copy; spare targets are columns of zeros.
+    Kept between samples: the factor ``L`` of their covariance, ``z = L^-1 y``, and for every set
+    of targets ``V = L^-1 K(X, targets)``. Appending a sample appends one row to each; nothing is
+    solved again, so the result equals conditioning anew. ``Posterior`` is the readable reference.
     """
 
-    def __init__(self, parameters: KernelParameters, targets: FloatArray) -> None:
-        """Begin with the prior at ``targets``, shape ``(q, 3)``, m."""
-        self._parameters = parameters
-        self._samples = 0
-        self._target_count = len(targets)
-        self._targets = targets.copy()
-        self._mean = np.zeros(len(targets))
-        self._variance = np.full(len(targets), parameters.signal_variance)
-        self._points = np.zeros((_FIRST_ROWS, 3))
-        self._factor = np.asfortranarray(np.eye(_FIRST_ROWS))
-        self._whitened = np.zeros((_FIRST_ROWS, len(targets)))  # V
-        self._z = np.zeros(_FIRST_ROWS)
+    def __init__(self, prior: Prior) -> None:
+        """Begin without samples and targets."""
+        self.prior = prior
+        self.places = Places.of(np.empty((0, 3)))
+        self.z = np.empty(0)
+        self._factor = GrowingFactor()
+        self._targets: list[Targets] = []
 
-    @property
-    def mean(self) -> FloatArray:
-        """Posterior mean at every target, shape ``(q,)``; changes in place."""
-        return self._mean[: self._target_count]
+    def follow(self, targets: Targets) -> None:
+        """Keep targets up to date that have been added to already where there are samples."""
+        self._targets.append(targets)
 
-    @property
-    def variance(self) -> FloatArray:
-        """Posterior variance of the field at every target, shape ``(q,)``; changes in place."""
-        return self._variance[: self._target_count]
+    def whitened(self, cross: FloatArray) -> FloatArray:
+        """Return ``L^-1`` times covariances with the samples, shape ``(n, k)``."""
+        return self._factor.solve(cross)
 
-    def append(self, points: FloatArray, values: FloatArray) -> None:
-        """Take in samples: ``points`` of shape ``(m, 3)``, ``values`` of shape ``(m,)``."""
-        n, m, q = self._samples, len(points), self._target_count
-        if not m:
-            return
-        self._reserve_rows(n + m)
-        prior = self._parameters
-        cross = np.zeros((len(self._z), m), order="F")
-        cross[:n] = matern32(self._points[:n], points, prior)
-        B = solve_lower(self._factor, cross)[:n]  # (n, m)
-        schur = matern32(points, points, prior) - B.T @ B
-        schur[np.diag_indices(m)] += noise_variance(prior)
-        L = cholesky(schur, prior.signal_variance)  # (m, m)
-        remaining = matern32(points, self._targets[:q], prior)
-        remaining -= weighted_rows(B, self._whitened[:n])[:, :q]
-        v = solve_lower(L, remaining)  # (m, q)
-        z = solve_lower(L, values - B.T @ self._z[:n])  # (m,)
+    def append(
+        self,
+        places: Places,
+        values: FloatArray,
+        noise: FloatArray | None = None,
+        cross_noise: FloatArray | None = None,
+    ) -> None:
+        """Take in samples.
 
-        new = slice(n, n + m)
-        self._points[new] = points
-        self._factor[new, :n] = B.T
-        self._factor[new, new] = L
-        self._whitened[new, :q] = v
-        self._z[new] = z
-        self._mean[:q] += weighted_rows(z, v)
-        self._variance[:q] -= np.einsum("mq,mq->q", v, v)
-        self._samples = n + m
+        Args:
+            places: Where they were taken, ``m`` of them.
+            values: Measurements less the prior mean, shape ``(m,)``.
+            noise: Covariance of their noise, shape ``(m, m)``; the prior's if not given.
+            cross_noise: Covariance of their noise with that of earlier samples, shape
+                ``(n, m)``; 0 if not given.
+
+        Raises:
+            ValueError: If what is given is not a covariance.
+        """
+        if noise is None:
+            noise = np.diag(self.prior.noise(places))
+        before = len(self._factor)
+        if cross_noise is None:
+            cross_noise = np.zeros((before, len(places)))
+        done = 0
+        while done < len(places):
+            piece = slice(done, done + self._factor.room)
+            earlier = np.concatenate([cross_noise[:, piece], noise[:done, piece]])
+            self._append(places[piece], values[piece], noise[piece, piece], earlier)
+            done = len(self._factor) - before
 
     def replace_values(self, values: FloatArray) -> None:
         """Change the values of all samples, shape ``(n,)``; variances do not depend on them."""
-        n, q = self._samples, self._target_count
-        right = np.zeros(len(self._z))
-        right[:n] = values
-        self._z = solve_lower(self._factor, right)
-        self._mean[:q] = weighted_rows(self._z[:n], self._whitened[:n])[:q]
+        self.z = self._factor.solve(values[:, None])[:, 0]
+        for targets in self._targets:
+            targets.replace_values(self.z)
 
-    def add_targets(self, points: FloatArray) -> None:
-        """Keep the posterior up to date at ``points`` too, shape ``(m, 3)``, after the others."""
-        n, q, m = self._samples, self._target_count, len(points)
-        self._reserve_targets(q + m)
-        cross = np.zeros((len(self._z), m), order="F")
-        cross[:n] = matern32(self._points[:n], points, self._parameters)
-        v = solve_lower(self._factor, cross)[:n]  # (n, m)
-        new = slice(q, q + m)
-        self._targets[new] = points
-        self._whitened[:n, new] = v
-        self._mean[new] = weighted_rows(self._z[:n], v)
-        self._variance[new] = self._parameters.signal_variance - np.einsum("nm,nm->m", v, v)
-        self._target_count = q + m
-
-    def _reserve_rows(self, rows: int) -> None:
-        old = len(self._z)
-        if rows <= old:
-            return
-        size = max(rows, old + min(old, _MOST_SPARE_ROWS))
-        n = self._samples
-        factor = np.asfortranarray(np.eye(size))
-        factor[:n, :n] = self._factor[:n, :n]
-        self._factor = factor
-        self._points = _grown(self._points, n, (size, 3))
-        self._z = _grown(self._z, n, (size,))
-        self._whitened = _grown(self._whitened, n, (size, self._whitened.shape[1]))
-
-    def _reserve_targets(self, targets: int) -> None:
-        old = len(self._mean)
-        if targets <= old:
-            return
-        size = targets + _MOST_SPARE_ROWS
-        n, q = self._samples, self._target_count
-        self._targets = _grown(self._targets, q, (size, 3))
-        self._mean = _grown(self._mean, q, (size,))
-        self._variance = _grown(self._variance, q, (size,))
-        whitened = np.zeros((len(self._z), size))
-        whitened[:n, :q] = self._whitened[:n, :q]
-        self._whitened = whitened
+    def _append(
+        self, places: Places, values: FloatArray, noise: FloatArray, cross_noise: FloatArray
+    ) -> None:
+        prior = self.prior
+        cross = prior.covariance(self.places, places)
+        cross += cross_noise
+        B = self._factor.solve(cross)  # (n, m)
+        schur = prior.covariance(places, places) + noise - B.T @ B
+        L = cholesky(schur, prior.variance)
+        z = solve_lower(L, values - B.T @ self.z)
+        growth = Growth(B, L, z)
+        for targets in self._targets:
+            targets.append(growth, places)
+        self._factor.append(B, L)
+        self.places = joined_places(self.places, places)
+        self.z = np.concatenate([self.z, z])
 
 
-def _grown(array: FloatArray, used: int, shape: tuple[int, ...]) -> FloatArray:
-    larger = np.zeros(shape)
-    larger[:used] = array[:used]
-    return larger
+class MapTargets:
+    r"""The points of a map: best level, at the time of the newest sample.
+
+    In a field that changes, all that is known fades by :math:`e^{-\Delta t / \tau}` when time goes
+    on. No target is then touched: ``V`` is kept as it would be at a time of reference, and the
+    fading is applied to what is read.
+    """
+
+    def __init__(self, still: Prior, points: FloatArray, memory_s: float = 0.0) -> None:
+        """Begin with the prior.
+
+        Args:
+            still: Covariances of the field at one time.
+            points: Where the map is kept, shape ``(q, 3)``, m.
+            memory_s: Time constant of the field; 0 if it stays.
+        """
+        self._still = still
+        self._places = Places.of(points, level=still.top_level)
+        self._memory_s = memory_s
+        self._columns = WhitenedColumns(len(points))
+        self._reference_s: float | None = None
+        self._now_s = 0.0
+
+    @property
+    def mean(self) -> FloatArray:
+        """Posterior mean, shape ``(q,)``."""
+        return self._fading() * self._columns.mean
+
+    @property
+    def variance(self) -> FloatArray:
+        """Posterior variance of the field, shape ``(q,)``."""
+        variance = self._still.variance - self._fading() ** 2 * self._columns.reduction
+        return np.maximum(variance, 0.0)
+
+    def append(self, growth: Growth, places: Places) -> None:
+        """Take in what the factor gained by samples at ``places``."""
+        cross = self._still.covariance(places, self._places)
+        if self._memory_s > 0.0:
+            self.go_on(float(np.max(places.time_s)))
+            ages_s = places.time_s - (self._reference_s or 0.0)
+            cross *= np.exp(ages_s / self._memory_s)[:, None]
+        self._columns.append(growth, cross)
+
+    def replace_values(self, z: FloatArray) -> None:
+        """Change the whitened values of all samples, shape ``(n,)``."""
+        self._columns.replace_values(z)
+
+    def go_on(self, newest_s: float) -> None:
+        """Let time go on to that of a sample, wherever it was taken in; never back."""
+        if self._reference_s is None:
+            self._reference_s = self._now_s = newest_s
+        self._now_s = max(self._now_s, newest_s)
+        if self._now_s - self._reference_s > _LARGEST_EXPONENT * self._memory_s:
+            self._columns.scale(self._fading())
+            self._reference_s = self._now_s
+
+    def _fading(self) -> float:
+        if self._memory_s == 0.0 or self._reference_s is None:
+            return 1.0
+        return float(np.exp((self._reference_s - self._now_s) / self._memory_s))
+
+
+class SampleTargets:
+    """Places that stay as they are, and to which more may be added."""
+
+    def __init__(self, process: GrowingGaussianProcess) -> None:
+        """Begin without places."""
+        self._process = process
+        self._places = Places.of(np.empty((0, 3)))
+        self._columns = WhitenedColumns()
+        process.follow(self)
+
+    @property
+    def mean(self) -> FloatArray:
+        """Posterior mean at every place, shape ``(q,)``; changes in place."""
+        return self._columns.mean
+
+    def add(self, places: Places) -> None:
+        """Keep the posterior up to date at more places."""
+        process = self._process
+        cross = process.prior.covariance(process.places, places)
+        self._columns.add(process.whitened(cross), process.z)
+        self._places = joined_places(self._places, places)
+
+    def append(self, growth: Growth, places: Places) -> None:
+        """Take in what the factor gained by samples at ``places``."""
+        cross = self._process.prior.covariance(places, self._places)
+        self._columns.append(growth, cross)
+
+    def replace_values(self, z: FloatArray) -> None:
+        """Change the whitened values of all samples, shape ``(n,)``."""
+        self._columns.replace_values(z)

@@ -1,6 +1,5 @@
 """What a field model believes before it has samples: covariances between places."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -179,6 +178,10 @@ class AgeingPrior:
         return self.still.noise(places)
 
 
-def levels_in(kernels: Sequence[KernelParameters], fidelity: IntArray) -> IntArray:
-    """Return the level of samples in a model that may have fewer levels than fidelities."""
-    return np.minimum(fidelity, len(kernels) - 1)
+def joined_places(a: Places, b: Places) -> Places:
+    """Return the places of ``a``, then those of ``b``."""
+    return Places(
+        np.concatenate([a.points, b.points]),
+        np.concatenate([a.level, b.level]),
+        np.concatenate([a.time_s, b.time_s]),
+    )

@@ -10,6 +10,7 @@ from autonomy.field.gaussian_process import GaussianProcess
 from autonomy.field.grid import Grid
 from autonomy.field.learning import learn
 from autonomy.field.live_map import LiveMap
+from autonomy.field.samples import FieldSamples
 from autonomy.field.scale import to_model
 from autonomy.field.score import Scores, score
 from autonomy.field.thinning import space_filling
@@ -124,7 +125,7 @@ def recorded_map(fit: RecordedFit, points: FloatArray, values: FloatArray) -> Li
     """
     live_map = LiveMap(fit.config, Grid.over(fit.box, fit.config.grid))
     used = _usable(points, values, fit.box.depth_max_m)
-    live_map.append(points[used], values[used], np.zeros(len(used)))
+    live_map.append(FieldSamples.of(points[used], values[used], np.zeros(len(used))))
     return live_map
 
 

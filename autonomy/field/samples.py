@@ -8,6 +8,7 @@ import numpy.typing as npt
 from autonomy.arrays import BoolArray, FloatArray, IntArray
 
 _TOLERANCE = 1e-9
+_LEAST_STD_M = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,7 +155,9 @@ def position_error_covariance(a: FieldSamples, b: FieldSamples) -> FloatArray:
     :math:`Var W_i = f_i^2`, so :math:`Cov(W_i, W_j) = \min(f_i^2, f_j^2)`. A fix at the end of the
     dive tells the whole walk, which leaves
     :math:`\min(f_i^2, f_j^2) - \sqrt{(f_i^2 - s_i^2)(f_j^2 - s_j^2)}` with the smoothed standard
-    deviation :math:`s`. Samples of different dives are independent.
+    deviation :math:`s`. This is :math:`s_i s_j \min(c_i, c_j) / \max(c_i, c_j)` with
+    :math:`c = f^2 / s`, which is a covariance also where a robot states what no random walk can.
+    Samples of different dives are independent.
 
     Args:
         a: ``n`` samples.
@@ -163,12 +166,16 @@ def position_error_covariance(a: FieldSamples, b: FieldSamples) -> FloatArray:
     Returns:
         Shape ``(n, m)``, m^2.
     """
-    stated_a, stated_b = np.square(a.filtered_std_m), np.square(b.filtered_std_m)
-    told_a = np.sqrt(np.maximum(stated_a - np.square(a.position_std_m), 0.0))
-    told_b = np.sqrt(np.maximum(stated_b - np.square(b.position_std_m), 0.0))
-    covariance = np.minimum.outer(stated_a, stated_b) - np.multiply.outer(told_a, told_b)
+    clock_a, clock_b = _clock(a), _clock(b)
+    covariance = np.minimum.outer(clock_a, clock_b) / np.maximum.outer(clock_a, clock_b)
+    covariance *= np.multiply.outer(a.position_std_m, b.position_std_m)
     covariance[np.not_equal.outer(a.dive, b.dive)] = 0.0
     return covariance
+
+
+def _clock(samples: FieldSamples) -> FloatArray:
+    stated = np.maximum(samples.filtered_std_m, _LEAST_STD_M)
+    return np.square(stated) / np.maximum(samples.position_std_m, _LEAST_STD_M)
 
 
 def _dives(stated_std_m: FloatArray, after: FieldSamples | None) -> IntArray:

@@ -1,4 +1,4 @@
-"""Maps that a task builds from stored samples: a belief for the planner, a score at the end."""
+"""Field models that a task makes of stored samples: a belief for the planner, a comparison."""
 
 import numpy as np
 
@@ -6,8 +6,8 @@ from autonomy.arrays import FloatArray
 from autonomy.field.config import FieldConfig, GridShape
 from autonomy.field.grid import Grid
 from autonomy.field.live_map import LiveMap
+from autonomy.field.samples import FieldSamples
 from autonomy.site import Box
-from server.service.task.problem import MapSamples
 
 PLANNING = (60, 4)
 """10 x 6 x 4 points in the tank's domain."""
@@ -16,14 +16,10 @@ SCORING = (84, 5)
 _SMALLEST = GridShape(x=2, y=2, z=2)
 
 
-def map_of(config: FieldConfig, domain: Box, samples: MapSamples) -> LiveMap:
+def map_of(config: FieldConfig, domain: Box, samples: FieldSamples) -> LiveMap:
     """Condition a map on samples; it is meant for ``predict``, so its own grid is tiny."""
     field_map = LiveMap(config, Grid.over(domain, _SMALLEST))
-    for start in range(0, len(samples), config.max_samples):
-        piece = slice(start, start + config.max_samples)
-        field_map.append(
-            samples.points[piece], samples.values[piece], samples.position_std_m[piece]
-        )
+    field_map.replace(samples)
     return field_map
 
 
