@@ -88,11 +88,9 @@ export function isInWater(site: Site, north: number, east: number, depth: number
   if (!corners) return true;
   const [a, b] = [250, 250];
   const away = Math.hypot(north - a, (east - b) * 1.1);
-  let isInside = false;
-  corners.forEach(([n1, e1], i) => {
+  const crossings = corners.filter(([n1, e1], i) => {
     const [n0, e0] = corners.at(i - 1) ?? [0, 0];
-    const crosses = e0 > east !== e1 > east;
-    if (crosses && north < ((n1 - n0) * (east - e0)) / (e1 - e0) + n0) isInside = !isInside;
+    return e0 > east !== e1 > east && north < ((n1 - n0) * (east - e0)) / (e1 - e0) + n0;
   });
-  return isInside && depth <= 20 - 15 * (away / 260) ** 2;
+  return crossings.length % 2 === 1 && depth <= 20 - 15 * (away / 260) ** 2;
 }

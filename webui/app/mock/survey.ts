@@ -250,7 +250,7 @@ export class FakeSurvey {
     if (!old || !other) return old?.id ?? '';
     this.#enter(old, 'superseded', nowMs);
     this.#beginPlan(nowMs - PLANNING_S * 1000);
-    const plan = this.plan as Plan;
+    const plan = this.plan;
     Object.assign(plan, { ...old, id: plan.id, objective: other.objective, progress: null });
     this.#lay(plan, other.legs ?? []);
     this.#enter(plan, 'draft', nowMs);

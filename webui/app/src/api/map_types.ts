@@ -30,6 +30,8 @@ export interface MapListing {
   unit: string;
   /** The default first. */
   models: string[];
+  /** What each model is called. */
+  titles?: Record<string, string>;
   samples: number;
   updated_at: Time | null;
 }

@@ -31,6 +31,13 @@ export interface Spot {
   down: number;
   /** Fidelity level, or `null` for the robot. */
   level: number | null;
+  /** Its position was corrected after the dive. */
+  isSmoothed?: boolean;
+}
+
+/** Whether part of a slice lies outside the water. */
+export function hasGaps(slice: Slice): boolean {
+  return slice.values.some((value) => !Number.isFinite(value));
 }
 
 /** Coordinates along the axis that a cut is moved on. */
@@ -41,7 +48,7 @@ export function cutPositions(map: FieldMap, cut: Cut): readonly number[] {
 /**
  * Cut a plane out of a map's values, which lie with north slowest and depth fastest.
  *
- * A level has north up; a wall has depth down.
+ * A level has north up; a wall has depth down. Where there is no water the slice has no number.
  */
 export function cutSlice(
   map: FieldMap,
@@ -50,8 +57,10 @@ export function cutSlice(
   index: number,
 ): Slice {
   const { x_m: north, y_m: east, z_m: depth } = map.axes;
-  const at = (n: number, e: number, d: number): number =>
-    values[(n * east.length + e) * depth.length + d] ?? NaN;
+  const at = (n: number, e: number, d: number): number => {
+    const place = (n * east.length + e) * depth.length + d;
+    return map.mask?.[place] === false ? NaN : (values[place] ?? NaN);
+  };
   const northDown = north.toReversed();
   const [across, down, pick] =
     cut === 'depth'
