@@ -171,8 +171,9 @@ def learn_levels(
         report=report,
         is_cancelled=is_cancelled,
     )
+    kernels = _kernels(found.log_parameters, shapes)
     return LearnedLevels(
-        _kernels(found.log_parameters, shapes),
+        tuple(starts[0][t] if t in held else kernel for t, kernel in enumerate(kernels)),
         float(np.exp(found.log_parameters[-1])) if learns_rho else rho,
         -found.likelihood.value,
         _trend(found),
