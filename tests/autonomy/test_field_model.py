@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from autonomy.field.config import FIELD_PRESETS, FieldConfig, GridShape, KernelParameters
+from autonomy.field.config import (
+    FIELD_PRESETS,
+    FieldConfig,
+    GridShape,
+    KernelParameters,
+    LearningConfig,
+)
 from autonomy.field.fidelity import fidelity_level
 from autonomy.field.grid import Grid
 from autonomy.field.scale import from_model, to_model
@@ -190,6 +196,11 @@ def test_every_preset_maps_a_known_variable_of_its_key() -> None:
         ({"single": {"signal_variance": 0.0}}, "greater than 0"),
         ({"grid": {"x": 1}}, "greater than or equal to 2"),
         ({"speed": 1}, "Extra inputs"),
+        ({"joint_levels": ({},)}, "as many kernels as levels"),
+        ({"model": "position_noise", "single": {"shape": "matern12"}}, "smoother than matern12"),
+        ({"model": "best"}, "Input should be"),
+        ({"memory_s": -1.0}, "greater than or equal to 0"),
+        ({"learning": {"starts": 0}}, "greater than or equal to 1"),
     ],
 )
 def test_a_config_that_cannot_be_used_is_refused_with_a_reason(
@@ -197,6 +208,20 @@ def test_a_config_that_cannot_be_used_is_refused_with_a_reason(
 ) -> None:
     with pytest.raises(ValidationError, match=message):
         FieldConfig.model_validate(change)
+
+
+def test_a_document_from_before_the_joint_model_gives_it_the_levels_that_it_has() -> None:
+    one = KernelParameters(signal_variance=7.0)
+    old = {"levels": [one.model_dump(exclude={"shape"})], "fidelity_thresholds_m": []}
+    config = FieldConfig.model_validate(old)
+    assert config.joint_levels == config.levels == (one,)
+    assert FieldConfig.model_validate(config.model_dump(mode="json")) == config
+
+
+def test_the_scale_is_that_of_the_variable_unless_a_map_says_otherwise() -> None:
+    assert FieldConfig(variable="blue_light").resolved_scale() == "log"
+    assert FieldConfig(variable="chlorophyll").resolved_scale() == "linear"
+    assert FieldConfig(variable="chlorophyll", scale="log").resolved_scale() == "log"
 
 
 def test_a_mission_may_bring_its_own_thresholds() -> None:
@@ -207,7 +232,7 @@ def test_a_mission_may_bring_its_own_thresholds() -> None:
 
 
 def test_every_setting_tells_a_form_its_title_and_help() -> None:
-    for model in (FieldConfig, KernelParameters, GridShape):
+    for model in (FieldConfig, KernelParameters, GridShape, LearningConfig):
         for name, field in model.model_json_schema()["properties"].items():
             assert field.get("title"), name
             assert field.get("description"), name
