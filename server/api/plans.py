@@ -13,6 +13,7 @@ from server.api.dependency import Pilot, StoreDep, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.service.plan_document import plan_summary
+from server.service.planning import SearchRequest
 from server.service.primitive_legs import LegRequest
 from server.service.view.base import View
 from server.service.view.plan import PlanSummaryView, PlanView, ViolationView
@@ -73,6 +74,20 @@ class UploadRequest(Body):
     """Whether to send a plan although it was made for another place or time; see `check`."""
 
 
+class ChoiceRequest(Body):
+    """Which of a draft's runners-up shall take its place."""
+
+    runner_up: int = Field(ge=0)
+    """Position in the draft's list of runners-up."""
+
+
+class ContinueRequest(Body):
+    """How long to search on."""
+
+    planning_time_s: float | None = Field(default=None, gt=0.0, le=600.0)
+    """By default as long as the draft's own search."""
+
+
 @dataclass(frozen=True, slots=True)
 class PlanIdView(View):
     """Where to ask how the plan fares."""
@@ -115,7 +130,9 @@ async def create_plan(
             robot, config, config_id, legs, by=caller.name
         )
     else:
-        plan = await station.planning.plan_survey(robot, config, config_id, by=caller.name)
+        plan = await station.planning.plan_survey(
+            SearchRequest(robot, config, config_id, by=caller.name)
+        )
     return PlanIdView(plan.id)
 
 
@@ -165,6 +182,25 @@ async def cancel_plan(caller: Pilot, plan: str, station: StationDep) -> PlanIdVi
     """Stop planning, or throw a draft away; a plan that has left the station is not cancelled."""
     del caller
     record: PlanRecord = await station.planning.cancel(plan)
+    return PlanIdView(record.id)
+
+
+@router.post("/plans/{plan}/choose", status_code=202)
+async def choose_runner_up(
+    caller: Pilot, plan: str, body: ChoiceRequest, station: StationDep
+) -> PlanIdView:
+    """Make a draft of a runner-up; the old draft stays one until then, and is then superseded."""
+    record = await station.choices.choose(plan, body.runner_up, by=caller.name)
+    return PlanIdView(record.id)
+
+
+@router.post("/plans/{plan}/continue", status_code=202)
+async def continue_search(
+    caller: Pilot, plan: str, station: StationDep, body: ContinueRequest | None = None
+) -> PlanIdView:
+    """Search on from a draft and its runners-up; the old draft stays until the new one is found."""
+    wanted = body or ContinueRequest()
+    record = await station.choices.go_on(plan, wanted.planning_time_s, by=caller.name)
     return PlanIdView(record.id)
 
 

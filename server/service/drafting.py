@@ -5,6 +5,7 @@ from datetime import datetime
 
 from autonomy.planner.check import outdated, violations
 from autonomy.planner.config import PlannerConfig
+from autonomy.planner.edge import surfacings
 from autonomy.planner.plan import Candidate, Leg
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.trim import TrimConfig, trim_flaw
@@ -37,6 +38,7 @@ def draft_of(
     """
     first = best.legs[0].start_ned
     offsets = trim.value_as(TrimConfig)
+    comes_up = surfacings(best.legs)
     settings = MissionSettings(
         sample_period_s=config.primitives.point_interval_s,
         max_uncertainty_m=config.max_uncertainty_m,
@@ -54,6 +56,9 @@ def draft_of(
         worst_std_m=best.worst_std_m,
         violations=broken_limits(picture, vehicle, config, settings, best.legs),
         trim_id=trim.id,
+        trim_at=trim.changed_at,
+        surfacings=comes_up,
+        satellite_bytes=comes_up * config.mission.surfacing_bytes,
     )
 
 

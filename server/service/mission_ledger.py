@@ -5,6 +5,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from autonomy.planner.config import PlannerConfig, exploitation_at
 from db.query import missions as query
 from db.query.events import add_event
 from db.query.missions import MissionRecord
@@ -14,6 +15,7 @@ from robot_link.clock import Clock
 from server.service.fleet import Fleet
 from server.service.live_feed import LiveFeed
 from server.service.plan_document import onboard_view
+from server.service.survey_round import counted, planned_energy, standing_of
 from server.service.view.mission import (
     BudgetView,
     LiveMissionView,
@@ -49,7 +51,14 @@ class MissionLedger:
                 await self.show(mission.id)
 
     async def add(
-        self, robot: str, kind: str, *, config: Mapping[str, Any], config_id: str, by: str
+        self,
+        robot: str,
+        kind: str,
+        *,
+        config: Mapping[str, Any],
+        config_id: str,
+        by: str,
+        automation: bool = False,
     ) -> str:
         """Add a mission whose first plan is about to be made."""
         at = self._clock.now()
@@ -60,7 +69,7 @@ class MissionLedger:
                 robot,
                 kind,
                 state="planning",
-                automation=False,
+                automation=automation,
                 config=config,
                 document={"config_id": config_id, "message": "", "scores": None},
                 at=at,
@@ -84,7 +93,8 @@ class MissionLedger:
         scores: list[dict[str, Any]] | None = None,
     ) -> None:
         """Bring a mission into a state, as a person asked."""
-        await self._change(mission, state, message, (), automation, scores)
+        document = {"message": message} | ({} if scores is None else {"scores": scores})
+        await self._change(mission, state, (), automation, document)
 
     async def advance(
         self,
@@ -96,7 +106,15 @@ class MissionLedger:
         scores: list[dict[str, Any]] | None = None,
     ) -> None:
         """Bring a mission into a state by itself, unless someone has ended it meanwhile."""
-        await self._change(mission, state, message, ENDED, automation, scores)
+        document = {"message": message} | ({} if scores is None else {"scores": scores})
+        await self._change(mission, state, ENDED, automation, document)
+
+    async def note(self, mission: str, document: Mapping[str, Any]) -> None:
+        """Keep more about a mission, whatever its state."""
+        await self._store.write(
+            lambda session: query.change_mission(session, mission, document=document)
+        )
+        await self.show(mission)
 
     async def get(self, mission: str) -> MissionRecord:
         """Return a mission.
@@ -161,15 +179,11 @@ class MissionLedger:
         self,
         mission: str,
         state: str,
-        message: str,
         not_from: tuple[str, ...],
         automation: bool | None,
-        scores: list[dict[str, Any]] | None,
+        document: Mapping[str, Any],
     ) -> None:
-        at = self._clock.now()
-        document: dict[str, Any] = {"message": message}
-        if scores is not None:
-            document["scores"] = scores
+        at, message = self._clock.now(), document["message"]
 
         def write(session: Session) -> None:
             before = query.get_mission(session, mission)
@@ -199,25 +213,37 @@ class MissionLedger:
     def _offer(self, mission: str) -> None:
         def value() -> LiveMissionView:
             record, plans = self._known[mission]
+            plan_id, ahead = _plan_ids(plans)
             return LiveMissionView(
                 state=record.state,
                 automation=record.automation,
                 budget=self._budget(record, plans),
-                plan_id=plans[0].id if plans else None,
+                plan_id=plan_id,
+                map_std=record.document.get("map_std"),
+                ahead=ahead,
                 message=record.document["message"],
             )
 
         self._feed.put("missions", mission, value, self._known[mission][0].robot)
 
     def _budget(self, record: MissionRecord, plans: list[PlanRecord]) -> BudgetView:
+        config, spent = record.config, self.spent(record.robot, plans)
+        begun = [plan.document.get("account") or {} for plan in plans if plan.running_at]
         return BudgetView(
-            total=record.config["total_budget"],
-            spent=self.spent(record.robot, plans),
-            round=record.config["round_budget"],
+            total=config["total_budget"],
+            spent=spent,
+            round=config["round_budget"],
+            remaining=max(0.0, config["total_budget"] - spent),
+            round_time_s=config.get("time_budget_s") or None,
+            round_satellite_bytes=config.get("satellite_bytes") or None,
+            planned_s=sum(account.get("duration_s", 0.0) for account in begun),
+            satellite_bytes=sum(account.get("satellite_bytes", 0) for account in begun),
         )
 
     def _view(self, record: MissionRecord, plans: list[PlanRecord]) -> MissionView:
-        scores = record.document["scores"]
+        document = record.document
+        scores = document["scores"]
+        plan_id, ahead = _plan_ids(plans)
         return MissionView(
             id=record.id,
             robot=record.robot,
@@ -225,29 +251,52 @@ class MissionLedger:
             state=record.state,
             automation=record.automation,
             config=dict(record.config),
-            config_id=record.document["config_id"],
+            config_id=document["config_id"],
             rounds=self._rounds(record.robot, plans),
             budget=self._budget(record, plans),
-            plan_id=plans[0].id if plans else None,
+            plan_id=plan_id,
             scores=None if scores is None else [ScoresView(**one) for one in scores],
-            message=record.document["message"],
+            map_std=document.get("map_std"),
+            target_std=record.config.get("target_std", 0.0),
+            exploitation=self._exploitation(record, plans),
+            ahead=ahead,
+            fleet=document.get("fleet") or [record.id],
+            message=document["message"],
             created_at=record.created_at,
         )
+
+    def _exploitation(self, record: MissionRecord, plans: list[PlanRecord]) -> float:
+        """Return what the present round was planned with, else what its schedule says now."""
+        standing = standing_of(plans)
+        held = None if standing is None else standing.plan.document.get("exploitation")
+        if held is not None:
+            return held
+        config = PlannerConfig.model_validate(record.config)
+        share = self.spent(record.robot, plans) / config.total_budget
+        return exploitation_at(config, min(share, 1.0))
 
     def _rounds(self, robot: str, plans: list[PlanRecord]) -> list[RoundView]:
         """Return one entry a round: the newest plan of it, and the energy of all of them."""
         report = self._fleet.picture(robot).plan_report
         rounds: dict[int, RoundView] = {}
-        for plan in reversed(plans):
+        for plan in reversed(counted(plans)):
             onboard = onboard_view(plan, report) if plan.running_at is not None else None
-            planned = (plan.document.get("account") or {}).get("energy", 0.0)
             before = rounds.get(plan.round)
             flown = 0.0 if before is None or plan.running_at is None else before.energy
             rounds[plan.round] = RoundView(
                 round=plan.round,
                 plan_id=plan.id,
                 state=plan.state,
-                energy=planned if onboard is None else onboard.energy_used + flown,
+                energy=planned_energy(plan) if onboard is None else onboard.energy_used + flown,
                 objective=plan.document.get("objective"),
             )
         return [rounds[number] for number in sorted(rounds)]
+
+
+def _plan_ids(plans: list[PlanRecord]) -> tuple[str | None, str | None]:
+    """Return the plan of the present round, and the one that was made ahead for the next."""
+    standing = standing_of(plans)
+    if standing is None:
+        return None, None
+    ahead = standing.open_ahead
+    return standing.plan.id, None if ahead is None else ahead.id

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
+from datetime import datetime
 from typing import Any
 
 import numpy as np
@@ -22,11 +23,13 @@ from server.service.view.plan import (
     PlanSummaryView,
     PlanView,
     ProgressView,
+    RehearsalView,
     RunnerUpView,
     ViolationView,
 )
 
-OBJECTIVE_UNITS = {"information_gain": "nat", "ergodic": ""}
+OBJECTIVE_UNITS = {"information_gain": "nat"}
+"""Of the objectives that have a unit."""
 _DECIMALS = 4
 _LEGS = TypeAdapter(tuple[Leg, ...])
 
@@ -44,6 +47,10 @@ class Draft:
     violations: tuple[ViolationView, ...]
     trim_id: str | None
     """Version of the trim in the mission; ``None`` for the preset."""
+    trim_at: datetime | None
+    """When that version was saved."""
+    surfacings: int
+    satellite_bytes: int
 
 
 def draft_document(draft: Draft) -> dict[str, Any]:
@@ -52,6 +59,7 @@ def draft_document(draft: Draft) -> dict[str, Any]:
         "format": draft.mission.format,
         "settings": asdict(draft.mission.settings),
         "trim_id": draft.trim_id,
+        "trim_at": None if draft.trim_at is None else draft.trim_at.isoformat(),
         "legs": [asdict(leg) for leg in draft.mission.legs],
         "points": np.round(draft.points, _DECIMALS).tolist(),
         "account": asdict(
@@ -61,6 +69,8 @@ def draft_document(draft: Draft) -> dict[str, Any]:
                 worst_std_m=draft.worst_std_m,
                 bytes=len(draft.mission.canonical_bytes()),
                 credits=0,
+                surfacings=draft.surfacings,
+                satellite_bytes=draft.satellite_bytes,
             )
         ),
         "violations": [asdict(violation) for violation in draft.violations],
@@ -77,14 +87,50 @@ def search_document(
     """Return the part of a plan's document that a search fills."""
     return {
         "objective": None if best is None else best.objective,
-        "objective_unit": OBJECTIVE_UNITS[objective],
-        "runners_up": [
-            asdict(RunnerUpView(one.objective, one.energy, one.duration_s, one.worst_std_m))
-            for one in runners_up
-        ],
+        "objective_unit": OBJECTIVE_UNITS.get(objective, ""),
+        "runners_up": [_candidate_document(one) for one in runners_up],
         "history": [asdict(point) for point in history],
         "message": message,
     }
+
+
+def _candidate_document(one: Candidate) -> dict[str, Any]:
+    return {
+        "objective": one.objective,
+        "energy": one.energy,
+        "duration_s": one.duration_s,
+        "worst_std_m": one.worst_std_m,
+        "legs": [asdict(leg) for leg in one.legs],
+        "points": np.round(one.points, _DECIMALS).tolist(),
+    }
+
+
+def candidates_of(document: Mapping[str, Any]) -> tuple[Candidate, ...]:
+    """Return the runners-up of a plan's document; those of an earlier version have no legs."""
+    return tuple(
+        Candidate(
+            legs=legs_of(one),
+            points=points_of(one),
+            objective=one["objective"],
+            energy=one["energy"],
+            duration_s=one["duration_s"],
+            worst_std_m=one["worst_std_m"],
+        )
+        for one in document.get("runners_up", ())
+    )
+
+
+def candidate_of_draft(document: Mapping[str, Any]) -> Candidate:
+    """Return the trajectory of a draft itself."""
+    account = document["account"]
+    return Candidate(
+        legs=legs_of(document),
+        points=points_of(document),
+        objective=document["objective"],
+        energy=account["energy"],
+        duration_s=account["duration_s"],
+        worst_std_m=account["worst_std_m"],
+    )
 
 
 def legs_of(document: Mapping[str, Any]) -> tuple[Leg, ...]:
@@ -130,6 +176,7 @@ def plan_view(
         config_id=document.get("config_id"),
         config=dict(plan.config),
         trim_id=document.get("trim_id"),
+        trim_at=_moment(document.get("trim_at")),
         created_at=plan.created_at,
         legs=[_leg_view(leg) for leg in legs_of(document)],
         points=document.get("points", []),
@@ -137,9 +184,13 @@ def plan_view(
         objective=document.get("objective"),
         objective_unit=document.get("objective_unit", ""),
         violations=[ViolationView(**one) for one in document.get("violations", ())],
+        stage=stage_of(plan),
         progress=progress,
         history=[ObjectiveView(**point) for point in document.get("history", ())],
-        runners_up=[RunnerUpView(**one) for one in document.get("runners_up", ())],
+        runners_up=[_runner_up_view(one) for one in document.get("runners_up", ())],
+        rehearsal=_rehearsal_view(document),
+        exploitation=document.get("exploitation"),
+        replaces=document.get("replaces"),
         message=document.get("message", ""),
         ladder=ladder_view(plan),
         onboard=onboard_view(plan, report),
@@ -174,6 +225,7 @@ def live_plan_view(
     """Return what the live stream says of a plan."""
     return LivePlanView(
         state=plan.state,
+        stage=stage_of(plan),
         progress=progress,
         ladder=ladder_view(plan),
         onboard=onboard_view(plan, report),
@@ -181,15 +233,30 @@ def live_plan_view(
     )
 
 
+def stage_of(plan: PlanRecord) -> str | None:
+    """Return what planning does now, ``None`` once it has ended."""
+    if plan.state != "planning":
+        return None
+    return "rehearsing" if "rehearsal" in plan.document else "searching"
+
+
 def ladder_view(plan: PlanRecord) -> LadderView:
     """Return when each state was proved."""
     return LadderView(plan.draft_at, plan.sent_at, plan.on_board_at, plan.running_at, plan.ended_at)
 
 
+def report_of(plan: PlanRecord, report: PlanReport | None) -> PlanReport | None:
+    """Return what a robot says of the plan on board if that is this plan."""
+    if report is None or plan.sha256 is None or report.sha256 != plan.sha256:
+        return None
+    return report
+
+
 def onboard_view(plan: PlanRecord, report: PlanReport | None) -> OnboardView | None:
     """Return how far the robot says it is with this plan, from its word or from the records."""
-    if report is not None and plan.sha256 is not None and report.sha256 == plan.sha256:
-        return onboard_by(plan, report)
+    said = report_of(plan, report)
+    if said is not None:
+        return onboard_by(plan, said)
     last = plan.document.get("onboard")
     return None if last is None else OnboardView(**last)
 
@@ -214,3 +281,23 @@ def _leg_view(leg: Leg) -> LegView:
         radius_m=leg.radius_m,
         turn_rad=leg.turn_rad,
     )
+
+
+def _runner_up_view(one: Mapping[str, Any]) -> RunnerUpView:
+    return RunnerUpView(
+        objective=one["objective"],
+        energy=one["energy"],
+        duration_s=one["duration_s"],
+        worst_std_m=one["worst_std_m"],
+        legs=[_leg_view(leg) for leg in legs_of(one)],
+        points=one.get("points", []),
+    )
+
+
+def _rehearsal_view(document: Mapping[str, Any]) -> RehearsalView | None:
+    found = document.get("rehearsal")
+    return None if found is None else RehearsalView(**found)
+
+
+def _moment(text: str | None) -> datetime | None:
+    return None if text is None else datetime.fromisoformat(text)

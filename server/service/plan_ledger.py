@@ -61,8 +61,9 @@ class PlanLedger:
         by: str,
         mission: str | None = None,
         round_number: int = 1,
+        document: Mapping[str, Any] | None = None,
     ) -> PlanRecord:
-        """Add a plan that is about to be planned."""
+        """Add a plan that is about to be planned, with what is known of it already."""
         at = self._clock.now()
 
         def write(session: Session) -> PlanRecord:
@@ -77,7 +78,10 @@ class PlanLedger:
                 round_number=round_number,
             )
             record = query.change_plan(
-                session, plan, at=at, document={"config_id": config_id, "message": ""}
+                session,
+                plan,
+                at=at,
+                document={"config_id": config_id, "message": "", **(document or {})},
             )
             note_change(session, record, at, f"Planning {plan} for {robot}.")
             return record
@@ -120,6 +124,73 @@ class PlanLedger:
         record = await self._store.write(write)
         self.publish(record)
         return record
+
+    async def note(
+        self, plan: str, document: Mapping[str, Any], *, only_from: tuple[str, ...]
+    ) -> PlanRecord:
+        """Keep more about a plan whose state does not change.
+
+        Raises:
+            PlanStateError: If it is not in one of ``only_from``; nothing is changed.
+            UnknownIdError: If there is no such plan.
+        """
+        at = self._clock.now()
+        record = await self._store.write(
+            lambda session: query.change_plan(
+                session, plan, at=at, only_from=only_from, document=document
+            )
+        )
+        self.publish(record)
+        return record
+
+    async def make_draft(
+        self, plan: str, text: str, document: Mapping[str, Any], *, replaces: str | None
+    ) -> PlanRecord:
+        """Make a plan a draft, and end the draft whose place it takes, both or neither.
+
+        Args:
+            plan: A plan that is being made, with its legs and its hash in its document already.
+            text: What the event says.
+            document: Parts of the document that are new.
+            replaces: The draft that it takes the place of.
+
+        Raises:
+            PlanStateError: If the plan was ended meanwhile, or the other is no draft any more;
+                nothing is changed.
+            UnknownIdError: If there is no such plan.
+        """
+        at = self._clock.now()
+
+        def write(session: Session) -> list[PlanRecord]:
+            changed: list[PlanRecord] = []
+            if replaces is not None:
+                ended = f"{plan} took the place of {replaces}."
+                old = query.change_plan(
+                    session,
+                    replaces,
+                    at=at,
+                    state="superseded",
+                    only_from=("draft",),
+                    document={"message": ended},
+                )
+                note_change(session, old, at, ended)
+                changed.append(old)
+            record = query.change_plan(
+                session,
+                plan,
+                at=at,
+                state="draft",
+                only_from=("planning",),
+                sha256=query.get_plan(session, plan).document["sha256"],
+                document=document,
+            )
+            note_change(session, record, at, text)
+            return [*changed, record]
+
+        changed = await self._store.write(write)
+        for record in changed:
+            self.publish(record)
+        return changed[-1]
 
     async def advance(
         self,

@@ -1,35 +1,78 @@
-"""Making plans: a search in a worker process, or legs that an operator laid out."""
+"""Making plans: a search in a worker process, or legs that an operator laid out.
+
+Whatever is found is flown ahead by a model of the robot before it is offered (``rehearsing``), and
+only then a draft.
+"""
 
 import asyncio
 import logging
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
+from dataclasses import asdict, dataclass
 from typing import Any
 
-from autonomy.field.config import FieldConfig
-from autonomy.planner.approach import approach, approach_energy
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.outcome import least_energy
-from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus
-from autonomy.site import Box
+from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult, PlanStatus
 from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
-from db.query.samples import SampleColumns, sample_columns
-from server.configuration import CurrentConfiguration
 from server.foundation import Foundation
-from server.problem import FieldError, Problem, conflict, unprocessable
+from server.problem import conflict
 from server.service.drafting import broken_limits, draft_of, outdated_by
 from server.service.fleet import Fleet
-from server.service.picture import Picture
 from server.service.plan_document import Draft, draft_document, mission_of, search_document
 from server.service.plan_ledger import PlanLedger
+from server.service.plan_settings import PlanSettings
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
-from server.service.task.problem import PLAN_SURVEY, MapSamples, SurveyProblem
-from server.service.turn import Work, until_stored
-from server.service.view.plan import ProgressView, ViolationView
+from server.service.rehearsing import Rehearsals
+from server.service.round_problem import RoundProblems
+from server.service.survey_round import AHEAD_OF, REPLACES
+from server.service.task.problem import PLAN_SURVEY
+from server.service.turn import until_stored
+from server.service.view.plan import ProgressView, RehearsalView, ViolationView
 from server.service.worker import WORKER_FAILURES, WorkerPool
 
 log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class SearchRequest:
+    """One round that is to be searched for."""
+
+    robot: str
+    config: PlannerConfig
+    config_id: str
+    by: str
+    mission: str | None = None
+    round_number: int = 1
+    budget: float | None = None
+    """Energy units; ``None`` for those of a round."""
+    start_xy: tuple[float, float] | None = None
+    """Where it begins, north and east, m; ``None`` for where the robot is."""
+    warm: tuple[tuple[Leg, ...], ...] = ()
+    """Trajectories to begin with."""
+    attempt: int = 0
+    """How often this search went on from an earlier one."""
+    ahead_of: str | None = None
+    """Plan that the robot flies, at whose end this one begins."""
+    replaces: str | None = None
+    """Draft whose place it takes once it is one itself."""
+    in_turn: bool = False
+    """Whether it waits for other robots of the site that are planned for in turn."""
+
+    @property
+    def energy(self) -> float:
+        """Energy units that the round may spend."""
+        return self.config.round_budget if self.budget is None else self.budget
+
+    def document(self) -> dict[str, Any]:
+        """Return what the plan's document says of the request."""
+        is_weighed = self.config.objective != "information_gain"
+        return {
+            "budget": self.energy,
+            "attempt": self.attempt,
+            "exploitation": self.config.ergodic.exploitation if is_weighed else None,
+            AHEAD_OF: self.ahead_of,
+            REPLACES: self.replaces,
+        }
 
 
 class Planning:
@@ -38,18 +81,27 @@ class Planning:
     def __init__(
         self, foundation: Foundation, fleet: Fleet, ledger: PlanLedger, workers: WorkerPool
     ) -> None:
+        self.settings = PlanSettings(foundation, fleet)
+        self.problems = RoundProblems(foundation, fleet)
         self._foundation = foundation
         self._fleet = fleet
         self._ledger = ledger
         self._workers = workers
+        self._rehearsals = Rehearsals(fleet, workers)
         self._tasks: dict[str, asyncio.Task[None]] = {}
+        self._turns: dict[str, asyncio.Lock] = {}
+        """By site: robots of one fleet survey are planned for one after the other."""
 
     async def resume(self) -> None:
         """Close the plans that were being made when the station stopped."""
         for picture in list(self._fleet.pictures):
             for plan in await self._ledger.of_robot(picture.record.id, ("planning",)):
-                message = "The station stopped while it planned; plan again."
-                await self._fail(plan.id, message, {"interrupted": True})
+                if "settings" in plan.document:
+                    text = "The station stopped while this was rehearsed; it was not rehearsed."
+                    await self._offer(plan, RehearsalView("failed", message=text))
+                else:
+                    message = "The station stopped while it planned; plan again."
+                    await self._fail(plan.id, message, {"interrupted": True})
 
     async def stop(self) -> None:
         """Stop searching; the plans are closed when the station starts again."""
@@ -63,84 +115,23 @@ class Planning:
     ) -> tuple[str, PlannerConfig]:
         """Return the planner's settings for a robot with a patch on top, as a kept version.
 
-        Settings that differ from the version that holds become the new one: a plan cites them.
-
         Raises:
-            Problem: 404 for an unknown robot, 409 for one that flies no plans, 422 with the path
-                of each wrong field below ``config``, 503 while storage fails.
+            Problem: As of ``PlanSettings.configure``.
         """
-        picture = self._fleet.picture(robot)
-        if picture.record.system_id is None:
-            raise conflict(f"{robot} is a recording; it flies no plans.")
-        self._refuse_while_storage_fails()
-        book = self._foundation.configurations
-        holds = await book.current("planner", robot)
-        try:
-            wanted = await book.merged("planner", robot, patch)
-        except Problem as problem:
-            raise _below_config(problem) from problem
-        config = wanted.value_as(PlannerConfig)
-        _check_domain(config.domain, picture)
-        if holds.id is None or config != holds.value:
-            holds = await book.patch("planner", robot, patch, by=by)
-        if holds.id is None:
-            raise TypeError("a kept version has an id")
-        return holds.id, config
+        return await self.settings.configure(robot, patch, by=by)
 
-    def check_start(self, robot: str, config: PlannerConfig) -> tuple[float, float]:
-        """Return where a plan would begin: the robot's place at the surface.
-
-        Raises:
-            Problem: 409 if the position is not known, or the swim to the domain is too long.
-        """
-        north_m, east_m, _ = self._position(robot)
-        first = approach(config, (north_m, east_m))
-        longest = config.mission.approach_share * config.round_budget
-        if first is not None and approach_energy(config, first) > longest:
-            away_m = math.dist(first.start_ned, first.end_ned)
-            raise conflict(
-                f"{robot} is {away_m:.2f} m outside the domain; "
-                "bring it there, or choose a domain that it is in."
-            )
-        return north_m, east_m
-
-    def least_energy(self, robot: str, config: PlannerConfig) -> float:
-        """Return the least energy of a further round: back into the domain, and one primitive."""
-        north_m, east_m, _ = self._position(robot)
-        first = approach(config, (north_m, east_m))
-        return least_energy(config) + approach_energy(config, first)
-
-    async def plan_survey(
-        self,
-        robot: str,
-        config: PlannerConfig,
-        config_id: str,
-        *,
-        by: str,
-        mission: str | None = None,
-        round_number: int = 1,
-        budget: float | None = None,
-    ) -> PlanRecord:
+    async def plan_survey(self, request: SearchRequest) -> PlanRecord:
         """Begin to plan one round of a survey; the plan becomes a draft or fails by itself.
 
         Raises:
-            Problem: 409 if the robot's position is not known or outside of the domain, 503 while
-                storage fails.
+            Problem: 409 if the robot's position is not known or outside of the domain, 422 if it
+                is inside a keep-out, 503 while storage fails.
             StoreUnavailableError: Nothing was begun.
         """
-        self._refuse_while_storage_fails()
-        start_xy = self.check_start(robot, config)
-        plan = await self._ledger.add(
-            robot,
-            "adaptive_survey",
-            config=config.model_dump(mode="json"),
-            config_id=config_id,
-            by=by,
-            mission=mission,
-            round_number=round_number,
-        )
-        work = self._search(plan, config, start_xy, budget or config.round_budget)
-        self._begin(plan.id, work)
+        self.settings.refuse_while_storage_fails()
+        start_xy = request.start_xy or self.settings.check_start(request.robot, request.config)
+        plan = await self._add(request)
+        self._begin(plan.id, self._search(plan, request, start_xy))
         return plan
 
     async def plan_primitives(
@@ -152,31 +143,45 @@ class Planning:
         *,
         by: str,
     ) -> PlanRecord:
-        """Make a draft of legs that an operator laid out.
+        """Begin a draft of legs that an operator laid out.
 
         Raises:
             Problem: 409 if the robot's position is not known, 422 if a leg cannot be a leg.
             StoreUnavailableError: Nothing was kept.
         """
-        self._refuse_while_storage_fails()
-        start = self._position(robot)
-        flown = legs_from(config, (start[0], start[1]), legs)
-        draft = await self._draft(robot, config, candidate_of(config, flown))
+        self.settings.refuse_while_storage_fails()
+        start = self.settings.position(robot)
+        flown = candidate_of(config, legs_from(config, (start[0], start[1]), legs))
+        draft = await self._draft(robot, config, flown)
         plan = await self._ledger.add(
             robot, "primitives", config=config.model_dump(mode="json"), config_id=config_id, by=by
         )
+        text = f"{plan.id} for {robot} is a draft."
         try:
-            return await self._ledger.move(
-                plan.id,
-                "draft",
-                f"{plan.id} for {robot} is a draft.",
-                only_from=("planning",),
-                sha256=draft.mission.sha256(),
-                document=draft_document(draft),
-            )
+            kept = await self._keep(plan, config, draft, text)
         except StoreUnavailableError:
             self._begin(plan.id, self._settle(plan.id, lambda: self._interrupted(plan.id)))
             raise
+        if kept.state == "planning":
+            self._begin(plan.id, self._rehearse(kept, config))
+        return kept
+
+    async def take_candidate(
+        self,
+        request: SearchRequest,
+        candidate: Candidate,
+        found: Mapping[str, Any],
+    ) -> PlanRecord:
+        """Begin a draft of a trajectory that a search found; ``found`` is what is known of that.
+
+        Raises:
+            Problem: 503 while storage fails.
+            StoreUnavailableError: Nothing was begun.
+        """
+        self.settings.refuse_while_storage_fails()
+        plan = await self._add(request)
+        self._begin(plan.id, self._take(plan, request.config, candidate, found))
+        return plan
 
     async def cancel(self, plan: str) -> PlanRecord:
         """Stop planning, or throw a draft away.
@@ -220,37 +225,64 @@ class Planning:
         limits = broken_limits(picture, vehicle, config, mission.settings, mission.legs)
         return [*limits, *outdated_by(picture, record, self._foundation.clock.now())]
 
-    def _begin(self, plan: str, work: Any) -> None:  # noqa: ANN401 - a coroutine
-        task = self._foundation.background.start(f"planning {plan}", work)
+    async def _add(self, request: SearchRequest) -> PlanRecord:
+        return await self._ledger.add(
+            request.robot,
+            "adaptive_survey",
+            config=request.config.model_dump(mode="json"),
+            config_id=request.config_id,
+            by=request.by,
+            mission=request.mission,
+            round_number=request.round_number,
+            document=request.document(),
+        )
+
+    def _begin(self, plan: str, work: Coroutine[Any, Any, object]) -> None:
+        task = self._foundation.background.start(f"planning {plan}", _done(work))
         self._tasks[plan] = task
         task.add_done_callback(lambda _: self._tasks.pop(plan, None))
 
     async def _search(
-        self, plan: PlanRecord, config: PlannerConfig, start_xy: tuple[float, float], budget: float
+        self, plan: PlanRecord, request: SearchRequest, start_xy: tuple[float, float]
     ) -> None:
         """Search, then settle the plan as soon as storage takes it."""
+        if request.in_turn:
+            site = self._fleet.picture(plan.robot).record.site.name
+            async with self._turns.setdefault(site, asyncio.Lock()):
+                await self._search_now(plan, request, start_xy)
+        else:
+            await self._search_now(plan, request, start_xy)
+
+    async def _search_now(
+        self, plan: PlanRecord, request: SearchRequest, start_xy: tuple[float, float]
+    ) -> None:
+        config = request.config
         try:
-            result = await self._result(plan, config, start_xy, budget)
+            result = await self._result(plan, request, start_xy)
         except WORKER_FAILURES as error:
             log.warning("%s was not planned: %s", plan.id, error)
             message = f"{error} Plan again."
             await self._settle(plan.id, lambda: self._fail(plan.id, message))
+            return
         except StoreUnavailableError as error:
             log.warning("%s was not planned: %s", plan.id, error)
             await self._settle(plan.id, lambda: self._interrupted(plan.id))
+            return
+        found = search_document(
+            config.objective, result.message, result.best, result.runners_up, result.history
+        )
+        best = result.best
+        if best is None or result.status is PlanStatus.NOTHING_FEASIBLE:
+            await self._settle(plan.id, lambda: self._fail(plan.id, result.message, found))
         else:
-            await self._settle(plan.id, lambda: self._finish(plan, config, result))
+            await self._take(plan, config, best, found)
 
     async def _result(
-        self, plan: PlanRecord, config: PlannerConfig, start_xy: tuple[float, float], budget: float
+        self, plan: PlanRecord, request: SearchRequest, start_xy: tuple[float, float]
     ) -> PlanResult:
-        problem = SurveyProblem(
-            planner=config,
-            field=await self._field_config(plan.robot, config),
-            samples=await self._samples(plan.robot),
-            start_xy=start_xy,
-            budget=budget,
-            round_number=plan.round,
+        config = request.config
+        problem = await self.problems.survey(
+            plan, config, start_xy, request.energy, warm=request.warm, attempt=request.attempt
         )
         self._ledger.set_progress(plan, ProgressView(0.0, config.planning_time_s, None, 0))
         return await self._workers.run(
@@ -261,34 +293,81 @@ class Planning:
             ),
         )
 
-    async def _settle(self, plan: str, step: Work) -> None:
-        """Take the last step of planning; someone else may have ended the plan meanwhile."""
+    async def _take(
+        self, plan: PlanRecord, config: PlannerConfig, best: Candidate, found: Mapping[str, Any]
+    ) -> None:
+        """Make a draft of a trajectory, rehearsed if that is wanted."""
+        text = f"{plan.id} for {plan.robot} is a draft: {found['message']}"
+        kept: list[PlanRecord] = []
+
+        async def keep() -> None:
+            draft = await self._draft(plan.robot, config, best)
+            kept.append(await self._keep(plan, config, draft, text, found))
+
+        await self._settle(plan.id, keep)
+        if kept and kept[-1].state == "planning":
+            await self._rehearse(kept[-1], config)
+
+    async def _keep(
+        self,
+        plan: PlanRecord,
+        config: PlannerConfig,
+        draft: Draft,
+        text: str,
+        found: Mapping[str, Any] | None = None,
+    ) -> PlanRecord:
+        """Keep a trajectory: as a draft, or, while it is still to be rehearsed, in planning."""
+        document = {
+            **(found or {}),
+            **draft_document(draft),
+            "sha256": draft.mission.sha256(),
+            "draft_text": text,
+        }
+        rehearsal = self._rehearsals.before(plan.robot, config)
+        if rehearsal is not None:
+            document["rehearsal"] = asdict(rehearsal)
+        kept = await self._ledger.note(plan.id, document, only_from=("planning",))
+        if rehearsal is not None and rehearsal.state == "working":
+            return kept
+        return await self._offer(kept, rehearsal)
+
+    async def _rehearse(self, plan: PlanRecord, config: PlannerConfig) -> None:
+        """Fly a plan ahead, then offer it whatever came of that."""
+        rehearsal = await self._rehearsals.fly(plan, config)
+        await self._settle(plan.id, lambda: self._offer(plan, rehearsal))
+
+    async def _offer(self, plan: PlanRecord, rehearsal: RehearsalView | None) -> PlanRecord:
+        """Make a plan a draft in the place of the one that it replaces.
+
+        Raises:
+            PlanStateError: If it was ended meanwhile.
+        """
+        replaces = plan.document.get(REPLACES)
+        document = {"rehearsal": None if rehearsal is None else asdict(rehearsal)}
         try:
-            await until_stored(f"the end of planning {plan}", step)
+            return await self._ledger.make_draft(
+                plan.id, plan.document["draft_text"], document, replaces=replaces
+            )
+        except PlanStateError as error:
+            if (await self._ledger.get(plan.id)).state != "planning":
+                raise
+            return await self._fail(plan.id, f"{error} It is left as it is; plan again.")
+
+    async def _settle(self, plan: str, step: Callable[[], Awaitable[object]]) -> None:
+        """Take a step of planning; someone else may have ended the plan meanwhile."""
+
+        async def work() -> None:
+            await step()
+
+        try:
+            await until_stored(f"the end of planning {plan}", work)
         except PlanStateError as error:
             log.info("%s needs no end of planning: %s", plan, error)
 
-    async def _finish(self, plan: PlanRecord, config: PlannerConfig, result: PlanResult) -> None:
-        found = search_document(
-            config.objective, result.message, result.best, result.runners_up, result.history
-        )
-        if result.best is None or result.status is PlanStatus.NOTHING_FEASIBLE:
-            await self._fail(plan.id, result.message, found)
-            return
-        draft = await self._draft(plan.robot, config, result.best)
-        await self._ledger.move(
-            plan.id,
-            "draft",
-            f"{plan.id} for {plan.robot} is a draft: {result.message}",
-            only_from=("planning",),
-            sha256=draft.mission.sha256(),
-            document=found | draft_document(draft),
-        )
-
     async def _fail(
         self, plan: str, message: str, document: Mapping[str, Any] | None = None
-    ) -> None:
-        await self._ledger.move(
+    ) -> PlanRecord:
+        return await self._ledger.move(
             plan,
             "failed",
             f"{plan} was not made: {message}",
@@ -305,67 +384,9 @@ class Planning:
         vehicle = self._fleet.vehicle(robot)
         return draft_of(self._fleet.picture(robot), vehicle, config, trim, best)
 
-    async def _field_config(self, robot: str, planner: PlannerConfig) -> FieldConfig:
-        found = await self._foundation.configurations.current("field", robot)
-        return field_config_of(found, planner)
 
-    async def _samples(self, robot: str) -> MapSamples:
-        variable = self._fleet.picture(robot).record.site.variable
-        columns = await self._foundation.store.query(
-            lambda session: sample_columns(session, robot, variable)
-        )
-        return map_samples(columns)
-
-    def _position(self, robot: str) -> tuple[float, float, float]:
-        state = self._fleet.picture(robot).state
-        if state is None:
-            raise conflict(
-                f"{robot} has not said where it is yet; plan when its first report has come."
-            )
-        return state.position_ned
-
-    def _refuse_while_storage_fails(self) -> None:
-        fault = self._foundation.store.fault
-        if fault is not None:
-            raise Problem(
-                503,
-                f"{fault} The station accepts no plans until its storage works again.",
-                headers={"Retry-After": "5"},
-            )
-
-
-def field_config_of(found: CurrentConfiguration, planner: PlannerConfig) -> FieldConfig:
-    """Return a field's settings with the planner's fidelity thresholds, where they fit."""
-    value = found.value_as(FieldConfig)
-    thresholds_m = planner.fidelity_thresholds_m
-    if len(thresholds_m) != len(value.fidelity_thresholds_m):
-        return value
-    return value.with_thresholds(thresholds_m)
-
-
-def map_samples(columns: SampleColumns) -> MapSamples:
-    """Return stored samples as they cross to a worker."""
-    return MapSamples(columns.position_ned, columns.value, columns.position_std_m)
-
-
-def _check_domain(domain: Box, picture: Picture) -> None:
-    site = picture.record.site
-    if domain.is_inside(site.water):
-        return
-    water = site.water
-    message = (
-        f"the domain leaves the water of {site.name} ({water.x_min_m:g} to {water.x_max_m:g} m "
-        f"north, {water.y_min_m:g} to {water.y_max_m:g} m east, {water.depth_max_m:g} m deep)"
-    )
-    raise unprocessable("1 field is wrong.", [FieldError(loc=["config", "domain"], msg=message)])
-
-
-def _below_config(problem: Problem) -> Problem:
-    """Return a refusal of settings with paths from the top of the request."""
-    if problem.errors is None:
-        return problem
-    errors = [FieldError(loc=["config", *error.loc], msg=error.msg) for error in problem.errors]
-    return Problem(problem.status, problem.detail, errors=errors, headers=problem.headers)
+async def _done(work: Coroutine[Any, Any, object]) -> None:
+    await work
 
 
 def _progress(point: ObjectivePoint, limit_s: float) -> ProgressView:

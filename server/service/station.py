@@ -21,6 +21,7 @@ from server.service.command import Commands
 from server.service.fleet import Fleet
 from server.service.identification import Identifications
 from server.service.ingest import Ingest, Listeners
+from server.service.fleet_survey import FleetSurveys
 from server.service.job_watch import watch_jobs
 from server.service.live_feed import LiveFeed
 from server.service.mapping import FieldMaps
@@ -28,11 +29,16 @@ from server.service.mission_ledger import MissionLedger
 from server.service.picture import remembered_link
 from server.service.plan_follow import PlanFollower
 from server.service.plan_ledger import PlanLedger
-from server.service.planning import Planning, field_config_of
+from server.service.plan_choice import PlanChoices
+from server.service.planning import Planning
+from server.service.rehearsing import Rehearsals
 from server.service.road import LinkFactory, Road, open_link
+from server.service.round_problem import field_config_of
 from server.service.scene_host import SceneHost
 from server.service.scene_source import StationSceneSource
 from server.service.survey import Surveys, purge_in
+from server.service.survey_map_quality import SurveyMaps
+from server.service.survey_step import SurveySteps
 from server.service.task.problem import LOAD_PLANNER
 from server.service.trim import TrimAdvices
 from server.service.upload import Uploads
@@ -73,15 +79,11 @@ class Station:
         self.commands = Commands(store, clock, self.fleet, self.road)
         self.uploads = Uploads(foundation, self.fleet, self.plans, self.commands, self.road)
         self.missions = MissionLedger(store, clock, self.fleet, self.feed)
-        self.surveys = Surveys(
-            foundation,
-            self.fleet,
-            self.missions,
-            self.planning,
-            self.uploads,
-            self.maps,
-            self.workers,
+        self.choices = PlanChoices(
+            foundation, self.fleet, self.plans, self.missions, self.planning
         )
+        self.surveys = self._surveys()
+        self.fleet_surveys = FleetSurveys(self.fleet, self.surveys)
         self.whatifs = WhatIfs(
             foundation, self.fleet, self.vehicles, self.workers, self.study_workers
         )
@@ -148,6 +150,15 @@ class Station:
         if self.road.set_robots([picture.record for picture in self.fleet.pictures]):
             await self.commands.resume()
 
+    def _surveys(self) -> Surveys:
+        foundation, fleet, missions = self._foundation, self.fleet, self.missions
+        problems = self.planning.problems
+        quality = SurveyMaps(foundation, fleet, missions, problems, self.maps, self.workers)
+        steps = SurveySteps(
+            foundation, fleet, missions, self.plans, self.planning, self.uploads, quality
+        )
+        return Surveys(foundation, missions, self.planning, self.uploads, steps)
+
     def _listeners(self) -> Listeners:
         """Return who is told what robots say."""
         return Listeners(
@@ -176,6 +187,7 @@ class Station:
         """Let a worker load the planner, so that nobody waits for it later."""
         try:
             await self.workers.run(LOAD_PLANNER, None)
+            await Rehearsals(self.fleet, self.workers).warm_up()
         except WORKER_FAILURES as error:
             log.warning("the planner could not be loaded ahead: %s", error)
 
@@ -212,6 +224,7 @@ class Station:
     def _take_plan_report(self, report: PlanReport) -> None:
         self._follower.take(report)
         self.missions.robot_said_more(report.robot)
+        self.surveys.robot_said_more(report.robot)
 
     def _robot_changed(self, robot: str) -> None:
         self.feed.put("robots", robot, lambda: self.fleet.live_view(robot), robot)

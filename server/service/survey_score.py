@@ -4,10 +4,10 @@ from dataclasses import asdict
 
 from autonomy.field.score import Scores
 from autonomy.planner.config import PlannerConfig
-from db.query.samples import sample_columns
 from server.foundation import Foundation
 from server.service.field_model import MODEL_TITLES
-from server.service.planning import field_config_of, map_samples
+from server.service.map_samples import site_samples
+from server.service.round_problem import field_config_of
 from server.service.task.problem import SCORE_SURVEY, ScoreProblem
 from server.service.view.mission import ScoresView
 from server.service.worker import WorkerPool
@@ -23,10 +23,10 @@ async def map_scores(
         WorkerEndedError: The process died.
     """
     found = await foundation.configurations.current("field", robot)
-    columns = await foundation.store.query(lambda s: sample_columns(s, robot, variable))
-    problem = ScoreProblem(field_config_of(found, config), config.domain, map_samples(columns))
+    samples = await foundation.store.query(lambda s: site_samples(s, robot, variable))
+    problem = ScoreProblem(field_config_of(found, config), config.domain, samples)
     scores: dict[str, Scores] = await workers.run(SCORE_SURVEY, problem)
     return [
-        ScoresView(model=model, title=MODEL_TITLES[model], **asdict(one), samples=len(columns))
+        ScoresView(model=model, title=MODEL_TITLES[model], **asdict(one), samples=len(samples))
         for model, one in scores.items()
     ]

@@ -3,35 +3,39 @@
 The tasks' own modules load numba, so the station never imports them.
 """
 
+import dataclasses
 from dataclasses import dataclass
 from typing import Final
 
+import numpy as np
+
 from autonomy.arrays import FloatArray
 from autonomy.field.config import FieldConfig
+from autonomy.field.samples import FieldSamples
 from autonomy.planner.config import PlannerConfig
-from autonomy.site import Box
+from autonomy.planner.plan import Leg
+from autonomy.site import Box, Site
 
 LOAD_PLANNER: Final = "server.service.task.plan_survey:load"
 """Takes nothing and leaves nothing."""
 PLAN_SURVEY: Final = "server.service.task.plan_survey:run"
 """Takes a ``SurveyProblem``, reports ``ObjectivePoint``, leaves a ``PlanResult``."""
+MAP_STD: Final = "server.service.task.plan_survey:mean_std"
+"""Takes a ``MapProblem``, leaves the mean standard deviation of the map over the domain."""
+CAPABILITY: Final = "server.service.task.vehicle_capability:run"
+"""Takes a ``Vehicle``, leaves the planner's primitives and energies as a JSON document."""
 SCORE_SURVEY: Final = "server.service.task.score_survey:run"
 """Takes a ``ScoreProblem``, leaves ``Scores`` by model."""
 
+MapSamples = FieldSamples
 
-@dataclass(frozen=True, slots=True)
-class MapSamples:
-    """Samples of one variable in order of time."""
 
-    points: FloatArray
-    """Shape ``(n, 3)``, NED, m."""
-    values: FloatArray
-    """Shape ``(n,)``, in the variable's unit."""
-    position_std_m: FloatArray
-    """Shape ``(n,)``."""
+def _no_points() -> FloatArray:
+    return np.empty((0, 3))
 
-    def __len__(self) -> int:
-        return len(self.values)
+
+def _no_std() -> FloatArray:
+    return np.empty(0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,11 +44,32 @@ class SurveyProblem:
 
     planner: PlannerConfig
     field: FieldConfig
-    samples: MapSamples
+    samples: FieldSamples
+    """Of every robot of the site."""
     start_xy: tuple[float, float]
     budget: float
     round_number: int
     """Rounds of one mission search with different random numbers."""
+    site: Site | None = None
+    """The water with its shoreline and floor; ``None`` for the domain alone."""
+    warm: tuple[tuple[Leg, ...], ...] = ()
+    """Trajectories to begin with, as far as they fit."""
+    planned_points: FloatArray = dataclasses.field(default_factory=_no_points)
+    """Where samples will be taken by plans that are under way, shape ``(m, 3)``, NED, m."""
+    planned_std_m: FloatArray = dataclasses.field(default_factory=_no_std)
+    """Standard deviation of the horizontal position there, shape ``(m,)``."""
+    attempt: int = 0
+    """Searches that go on from an earlier one use other random numbers."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapProblem:
+    """A map whose uncertainty is asked for."""
+
+    planner: PlannerConfig
+    field: FieldConfig
+    samples: FieldSamples
+    site: Site | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,4 +78,4 @@ class ScoreProblem:
 
     field: FieldConfig
     domain: Box
-    samples: MapSamples
+    samples: FieldSamples

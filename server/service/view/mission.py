@@ -28,6 +28,16 @@ class BudgetView(View):
     """As the robot reported it."""
     round: float
     """Most that one round may spend."""
+    remaining: float
+    """What is left of the total."""
+    round_time_s: float | None
+    """Longest that one round may take; ``null`` for no limit."""
+    round_satellite_bytes: int | None
+    """Most that one round may say by satellite; ``null`` for no limit."""
+    planned_s: float
+    """Time of the rounds that were begun, by their plans."""
+    satellite_bytes: int
+    """What the rounds that were begun say by satellite, by their plans."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,6 +75,17 @@ class MissionView(View):
     plan_id: str | None
     """Plan of the newest round."""
     scores: list[ScoresView] | None
+    map_std: float | None
+    """Mean standard deviation of the map over the domain, in the model's scale, after the newest
+    round that was flown."""
+    target_std: float
+    """The survey ends when ``map_std`` is at or below this; 0 for never."""
+    exploitation: float
+    """Weight of the map's mean against its standard deviation that is in force now."""
+    ahead: str | None
+    """Plan of the next round, made while the robot still flies."""
+    fleet: list[str]
+    """Missions that were asked for together with this one, itself included."""
     message: str
     created_at: datetime
 
@@ -77,4 +98,6 @@ class LiveMissionView(View):
     automation: bool
     budget: BudgetView
     plan_id: str | None
+    map_std: float | None
+    ahead: str | None
     message: str

@@ -1,6 +1,6 @@
 """A plan and its way to the robot."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
@@ -34,6 +34,10 @@ class AccountView(View):
     """Size of the mission document."""
     credits: int
     """Satellite credits; radio costs none."""
+    surfacings: int = 0
+    """How often the robot comes up, its last time included."""
+    satellite_bytes: int = 0
+    """What the robot says by satellite at these surfacings, where there is no radio."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,12 +70,44 @@ class ObjectiveView(View):
 
 @dataclass(frozen=True, slots=True)
 class RunnerUpView(View):
-    """A trajectory that was not chosen."""
+    """A trajectory that was not chosen; `POST /api/plans/{id}/choose` makes it the draft."""
 
     objective: float
     energy: float
     duration_s: float
     worst_std_m: float
+    legs: list[LegView]
+    """Empty in plans of an earlier version."""
+    points: list[list[float]]
+    """As those of the plan."""
+
+
+@dataclass(frozen=True, slots=True)
+class RehearsalView(View):
+    """A plan flown ahead against the robot's full dynamics."""
+
+    state: str
+    """``working``, ``done``, ``failed`` or ``skipped``."""
+    completed: bool | None = None
+    """Whether the robot flew the plan to its end."""
+    rms_error_m: float | None = None
+    """Root mean square distance of where it was from where the plan says."""
+    worst_error_m: float | None = None
+    surfacing_error_m: float | None = None
+    """Greatest distance at a surfacing from where the plan comes up."""
+    position_error_m: float | None = None
+    """Root mean square distance of where it was from where it believed to be."""
+    predicted_error_m: float | None = None
+    """The same as the plan predicts it."""
+    planned_worst_std_m: float | None = None
+    within_share: float | None = None
+    """Part of the flight that was nearer to the plan than its 95 % circle says."""
+    runs: int | None = None
+    duration_s: float | None = None
+    energy: float | None = None
+    flown: list[list[float]] = field(default_factory=list)
+    """Where it was: time s, north, east, down m, the position std that its filter states m."""
+    message: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -114,6 +150,8 @@ class PlanView(View):
     config: dict[str, Any]
     trim_id: str | None
     """The version of the robot's trim that this plan brings on board; ``null`` for the preset."""
+    trim_at: datetime | None
+    """When that version of the trim was saved."""
     created_at: datetime
     legs: list[LegView]
     points: list[list[float]]
@@ -122,9 +160,16 @@ class PlanView(View):
     objective: float | None
     objective_unit: str
     violations: list[ViolationView]
+    stage: str | None
+    """What planning does now: ``searching`` or ``rehearsing``; ``null`` once it has ended."""
     progress: ProgressView | None
     history: list[ObjectiveView]
     runners_up: list[RunnerUpView]
+    rehearsal: RehearsalView | None
+    exploitation: float | None
+    """Weight of the map's mean in this round, where the objective has one."""
+    replaces: str | None
+    """The draft whose place it took, or takes as soon as it is a draft."""
     message: str
     ladder: LadderView
     onboard: OnboardView | None
@@ -156,6 +201,7 @@ class LivePlanView(View):
     """What changes of a plan while people watch."""
 
     state: str
+    stage: str | None
     progress: ProgressView | None
     ladder: LadderView
     onboard: OnboardView | None

@@ -17,6 +17,7 @@ from server.app import create_app
 from server.composition import run_station
 from server.security.register import create_token
 from server.security.role import Role
+from server.service.rehearsing import Rehearsals
 from server.service.station import Station
 from server.service.worker import WorkerPool
 from server.settings import Settings
@@ -105,6 +106,12 @@ def _cold_worker(monkeypatch):
         del station
 
     monkeypatch.setattr(Station, "_warm_up", stay_cold)
+
+
+@pytest.fixture(autouse=True)
+def _unrehearsed(monkeypatch):
+    """Few tests are about rehearsals; the others need not wait for the simulated robot."""
+    monkeypatch.setattr(Rehearsals, "before", lambda *_: None)
 
 
 @pytest.fixture

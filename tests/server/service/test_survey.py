@@ -10,7 +10,7 @@ from db.query.events import newest_events
 from db.query.maps import newest_maps
 from db.query.samples import sample_columns
 from robot_link.messages import OnboardPlanState
-from server.service import survey
+from server.service import survey_step
 from tests.server.service.conftest import FAST, GRACE, MINI, open_station, until
 from tests.server.service.fake_link import state_report
 
@@ -20,7 +20,7 @@ PLANNING_S = 60.0
 
 @pytest.fixture(autouse=True)
 def _short_pauses(monkeypatch):
-    monkeypatch.setattr(survey, "_QUIET_S", 0.3)
+    monkeypatch.setattr(survey_step, "QUIET_S", 0.3)
 
 
 async def survey_of(client, automation=False, **config):

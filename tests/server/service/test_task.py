@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from autonomy.field.config import FIELD_PRESETS
+from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure
 from autonomy.planner.config import PLANNER_PRESETS
 from autonomy.planner.plan import PlanStatus, PrimitiveKind
@@ -13,7 +14,7 @@ from autonomy.site import LAKE, TANK
 from server.problem import Problem
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
 from server.service.task import plan_survey, score_survey
-from server.service.task.problem import MapSamples, ScoreProblem, SurveyProblem
+from server.service.task.problem import ScoreProblem, SurveyProblem
 from server.service.task.survey_map import PLANNING, SCORING, domain_points
 
 MINI = PLANNER_PRESETS["miniglider"]
@@ -30,7 +31,7 @@ def samples(count, std_m=0.02):
     rng = np.random.default_rng(3)
     domain = TANK.domain
     points = rng.random((count, 3)) * [domain.x_max_m, domain.y_max_m, domain.depth_max_m]
-    return MapSamples(points, measure("blue_light", points, rng), np.full(count, std_m))
+    return FieldSamples.of(points, measure("blue_light", points, rng), np.full(count, std_m))
 
 
 def never():

@@ -1,0 +1,51 @@
+"""Surveys that several robots of one site fly together."""
+
+from dataclasses import dataclass
+
+from fastapi import APIRouter
+from pydantic import Field
+
+from server.api.body import Body
+from server.api.dependency import Pilot
+from server.api.idempotency import IdempotentRoute
+from server.api.plans import PartialConfig
+from server.api.station_dependency import StationDep
+from server.service.view.base import View
+
+router = APIRouter(prefix="/api", tags=["missions"], route_class=IdempotentRoute)
+
+
+class SurveyRequest(Body):
+    """Which robots of one site shall survey it."""
+
+    robots: list[str] = Field(min_length=1, max_length=16)
+    config: PartialConfig = Field(default_factory=dict)
+    automation: bool = False
+    """Start by itself as soon as each first round is planned; by default nothing is sent."""
+
+
+@dataclass(frozen=True, slots=True)
+class RobotMissionView(View):
+    """What one robot does of a survey."""
+
+    robot: str
+    mission: str
+
+
+@dataclass(frozen=True, slots=True)
+class SurveyView(View):
+    """The missions that a survey consists of, in the order in which they are planned."""
+
+    missions: list[RobotMissionView]
+
+
+@router.post("/surveys", status_code=202)
+async def create_survey(caller: Pilot, body: SurveyRequest, station: StationDep) -> SurveyView:
+    """Begin a survey of several robots, planned in turn against the joint map and each other.
+
+    422 names each robot that does not fit; nothing is begun then.
+    """
+    missions = await station.fleet_surveys.create(
+        body.robots, body.config, automation=body.automation, by=caller.name
+    )
+    return SurveyView([RobotMissionView(robot, mission) for robot, mission in missions])

@@ -1,0 +1,81 @@
+"""When the next round is planned while the robot still flies, and what it still has to fly."""
+
+from datetime import datetime
+
+from autonomy.arrays import FloatArray
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.plan import Leg
+from db.query.plans import PlanRecord
+from robot_link.messages import PlanReport
+from server.service.plan_document import legs_of, points_of, report_of
+
+MARGIN_S = 10.0
+"""Wall time that a round ahead may take beyond its search: its rehearsal, and a map to make."""
+
+
+def flown_leg(plan: PlanRecord, report: PlanReport | None) -> int:
+    """Return the leg that a robot is on, by what it said last; 0 while it has not begun."""
+    said = report_of(plan, report)
+    if said is not None:
+        return said.leg
+    kept = plan.document.get("onboard") or {}
+    return kept.get("leg", 0)
+
+
+def unflown(plan: PlanRecord, report: PlanReport | None) -> tuple[Leg, ...]:
+    """Return the legs that a robot has not ended, none once the plan was flown."""
+    if plan.state == "done":
+        return ()
+    return legs_of(plan.document)[flown_leg(plan, report) :]
+
+
+def planned_rest(plan: PlanRecord, report: PlanReport | None) -> FloatArray:
+    """Return the points of a plan that are still to come, shape ``(m, 5)``; all before it began."""
+    points = points_of(plan.document)
+    if plan.state != "running":
+        return points
+    legs = legs_of(plan.document)
+    flown_s = sum(leg.duration_s for leg in legs[: flown_leg(plan, report)])
+    return points[points[:, 0] > flown_s]
+
+
+def remaining_s(
+    plan: PlanRecord, config: PlannerConfig, report: PlanReport | None, now: datetime
+) -> float:
+    """Return about how long a robot flies on, s of its clock.
+
+    It counts the leg it is on from its last word on, so that it is rather too long.
+    """
+    legs = unflown(plan, report)
+    dives = sum(leg.start_ned[2] <= 0.0 for leg in legs[1:])
+    planned_s = sum(leg.duration_s for leg in legs) + dives * config.mission.turn_time_s
+    said = report_of(plan, report)
+    since = plan.running_at if said is None else said.measured_at
+    passed_s = 0.0 if since is None else max(0.0, (now - since).total_seconds())
+    return max(0.0, planned_s - passed_s)
+
+
+def is_due(
+    plan: PlanRecord,
+    config: PlannerConfig,
+    report: PlanReport | None,
+    now: datetime,
+    clock_speed: float,
+) -> bool:
+    """Tell whether the round after a running plan should be planned now.
+
+    It should once the last leg has begun, or when the time left is what planning takes.
+
+    Args:
+        plan: What the robot flies.
+        config: Settings of the round to come.
+        report: What the robot said last of the plan on board.
+        now: The robots' time.
+        clock_speed: How much faster that runs than a wall clock, by which planning takes its time.
+    """
+    if plan.state != "running":
+        return False
+    if len(unflown(plan, report)) <= 1:
+        return True
+    lead_s = (config.planning_time_s + MARGIN_S) * max(1.0, clock_speed)
+    return remaining_s(plan, config, report, now) <= lead_s

@@ -1,0 +1,146 @@
+"""What a plan may be asked for: the planner's settings of a robot, and where it would begin."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from autonomy.planner.approach import approach, approach_energy
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.outcome import least_energy
+from autonomy.site import Box
+from server.foundation import Foundation
+from server.problem import FieldError, Problem, conflict, unprocessable
+from server.service.fleet import Fleet
+from server.service.picture import Picture
+
+
+class PlanSettings:
+    """Settings that plans are made with, and what can be refused before anything is searched."""
+
+    def __init__(self, foundation: Foundation, fleet: Fleet) -> None:
+        self._foundation = foundation
+        self._fleet = fleet
+
+    async def configure(
+        self, robot: str, patch: Mapping[str, Any], *, by: str
+    ) -> tuple[str, PlannerConfig]:
+        """Return the planner's settings for a robot with a patch on top, as a kept version.
+
+        Settings that differ from the version that holds become the new one: a plan cites them.
+
+        Raises:
+            Problem: 404 for an unknown robot, 409 for one that flies no plans, 422 with the path
+                of each wrong field below ``config``, 503 while storage fails.
+        """
+        config = await self.merged(robot, patch)
+        book = self._foundation.configurations
+        holds = await book.current("planner", robot)
+        if holds.id is None or config != holds.value:
+            holds = await book.patch("planner", robot, patch, by=by)
+        if holds.id is None:
+            raise TypeError("a kept version has an id")
+        return holds.id, config
+
+    async def merged(self, robot: str, patch: Mapping[str, Any]) -> PlannerConfig:
+        """Return the planner's settings for a robot with a patch on top; nothing is kept.
+
+        Raises:
+            Problem: As of ``configure``.
+        """
+        picture = self._fleet.picture(robot)
+        if picture.record.system_id is None:
+            raise conflict(f"{robot} is a recording; it flies no plans.")
+        self.refuse_while_storage_fails()
+        try:
+            wanted = await self._foundation.configurations.merged("planner", robot, patch)
+        except Problem as problem:
+            raise _below_config(problem) from problem
+        config = wanted.value_as(PlannerConfig)
+        _check_domain(config.domain, picture)
+        _check_budget(config)
+        return config
+
+    def check_start(self, robot: str, config: PlannerConfig) -> tuple[float, float]:
+        """Return where a plan would begin: the robot's place at the surface.
+
+        Raises:
+            Problem: 409 if the position is not known, or the swim to the domain is too long; 422
+                if the robot is inside a keep-out.
+        """
+        north_m, east_m, _ = self.position(robot)
+        for number, area in enumerate(config.keep_outs):
+            if area.contains(north_m, east_m):
+                message = f"{robot} is inside the keep-out {area.name}; bring it out first"
+                loc: list[str | int] = ["config", "keep_outs", number]
+                raise unprocessable(f"{message}.", [FieldError(loc=loc, msg=message)])
+        first = approach(config, (north_m, east_m))
+        longest = config.mission.approach_share * config.round_budget
+        if first is not None and approach_energy(config, first) > longest:
+            away_m = math.dist(first.start_ned, first.end_ned)
+            raise conflict(
+                f"{robot} is {away_m:.2f} m outside the domain; "
+                "bring it there, or choose a domain that it is in."
+            )
+        return north_m, east_m
+
+    def least_energy(self, robot: str, config: PlannerConfig) -> float:
+        """Return the least energy of a further round: back into the domain, and one primitive."""
+        north_m, east_m, _ = self.position(robot)
+        first = approach(config, (north_m, east_m))
+        return least_energy(config) + approach_energy(config, first)
+
+    def position(self, robot: str) -> tuple[float, float, float]:
+        """Return where a robot said that it is, NED, m.
+
+        Raises:
+            Problem: 409 if it has said nothing yet.
+        """
+        state = self._fleet.picture(robot).state
+        if state is None:
+            raise conflict(
+                f"{robot} has not said where it is yet; plan when its first report has come."
+            )
+        return state.position_ned
+
+    def refuse_while_storage_fails(self) -> None:
+        """Refuse new plans while nothing can be kept.
+
+        Raises:
+            Problem: 503.
+        """
+        fault = self._foundation.store.fault
+        if fault is not None:
+            raise Problem(
+                503,
+                f"{fault} The station accepts no plans until its storage works again.",
+                headers={"Retry-After": "5"},
+            )
+
+
+def _check_domain(domain: Box, picture: Picture) -> None:
+    site = picture.record.site
+    if domain.is_inside(site.water):
+        return
+    water = site.water
+    message = (
+        f"the domain leaves the water of {site.name} ({water.x_min_m:g} to {water.x_max_m:g} m "
+        f"north, {water.y_min_m:g} to {water.y_max_m:g} m east, {water.depth_max_m:g} m deep)"
+    )
+    raise unprocessable("1 field is wrong.", [FieldError(loc=["config", "domain"], msg=message)])
+
+
+def _check_budget(config: PlannerConfig) -> None:
+    least = least_energy(config)
+    if config.round_budget >= least:
+        return
+    message = f"the cheapest way from one surfacing to another takes {least:.3g} energy units"
+    loc: list[str | int] = ["config", "round_budget"]
+    raise unprocessable("1 field is wrong.", [FieldError(loc=loc, msg=message)])
+
+
+def _below_config(problem: Problem) -> Problem:
+    """Return a refusal of settings with paths from the top of the request."""
+    if problem.errors is None:
+        return problem
+    errors = [FieldError(loc=["config", *error.loc], msg=error.msg) for error in problem.errors]
+    return Problem(problem.status, problem.detail, errors=errors, headers=problem.headers)

@@ -1,0 +1,121 @@
+"""Plans flown ahead against the robot's full dynamics, in a worker, before they are offered.
+
+A rehearsal informs; it never keeps a plan from becoming a draft. One that fails or takes too long
+leaves a sentence instead of figures.
+"""
+
+import asyncio
+import logging
+from dataclasses import replace
+
+from autonomy.planner.config import MINIGLIDER, PlannerConfig
+from autonomy.planner.plan import PrimitiveKind
+from autonomy.site import TANK
+from autonomy.vehicle.config import VEHICLES, Vehicle
+from db.query.plans import PlanRecord
+from robot_link.mission import Mission, MissionSettings
+from robot_link.rehearsal import REHEARSE, Rehearsal, RehearsalProblem
+from server.service.fleet import Fleet
+from server.service.plan_document import mission_of, points_of
+from server.service.primitive_legs import LegRequest, candidate_of, legs_from
+from server.service.view.plan import RehearsalView
+from server.service.worker import WORKER_FAILURES, WorkerPool
+from server.vehicle_catalogue import nearest_built_in
+
+log = logging.getLogger(__name__)
+
+LIMIT_S = 8.0
+"""Longest wall time that a plan waits for its rehearsal, other work of the station included."""
+RUNS = 3
+"""Flights of one rehearsal, each in other eddies."""
+WORKING = RehearsalView("working", message="The plan is flown against the robot's dynamics.")
+
+
+class Rehearsals:
+    """Flies plans ahead. Belongs to one event loop."""
+
+    def __init__(self, fleet: Fleet, workers: WorkerPool) -> None:
+        self._fleet = fleet
+        self._workers = workers
+
+    def before(self, robot: str, config: PlannerConfig) -> RehearsalView | None:
+        """Return what a plan says before it is rehearsed, ``None`` if that is not wanted."""
+        if not config.adaptive.rehearse:
+            return None
+        if self._fleet.vehicle(robot) is None:
+            return RehearsalView("skipped", message="Not rehearsed: the vehicle is not known.")
+        return WORKING
+
+    async def fly(self, plan: PlanRecord, config: PlannerConfig) -> RehearsalView:
+        """Fly a plan that has its legs, and return how that went.
+
+        Args:
+            plan: With the document of a draft.
+            config: What it was planned with: the drift and the current that are expected.
+        """
+        problem = self._problem(plan, config)
+        if problem is None:
+            return RehearsalView("skipped", message="Not rehearsed: the vehicle is not known.")
+        try:
+            async with asyncio.timeout(LIMIT_S):
+                found: Rehearsal = await self._workers.run(REHEARSE, problem)
+        except TimeoutError:
+            text = f"Not rehearsed: that would have taken longer than {LIMIT_S:g} s."
+            return RehearsalView("skipped", message=text)
+        except WORKER_FAILURES as error:
+            log.warning("%s was not rehearsed: %s", plan.id, error)
+            return RehearsalView("failed", message=f"Not rehearsed: {error}")
+        return RehearsalView("done", **found.document())
+
+    async def warm_up(self) -> None:
+        """Let a worker load what a rehearsal needs, by a dive in place.
+
+        Raises:
+            WorkerTaskError: The task raised.
+            WorkerEndedError: The process died.
+        """
+        down, up = (LegRequest(PrimitiveKind.DIVE, (1.0, 0.5, depth_m)) for depth_m in (0.25, 0.0))
+        dive = candidate_of(MINIGLIDER, legs_from(MINIGLIDER, (1.0, 0.5), (down, up)))
+        settings = MissionSettings(
+            sample_period_s=2.0,
+            max_uncertainty_m=MINIGLIDER.max_uncertainty_m,
+            timeout_s=600.0,
+            start_x_m=1.0,
+            start_y_m=0.5,
+        )
+        problem = RehearsalProblem(
+            mission=Mission.from_legs(settings, dive.legs),
+            planned_points=dive.points,
+            vehicle=VEHICLES["miniglider"],
+            site=TANK,
+            start_ne_m=(1.0, 0.5),
+            heading_rad=0.0,
+            drift_m_sqrt_s=0.0,
+            runs=1,
+        )
+        await self._workers.run(REHEARSE, problem)
+
+    def _problem(self, plan: PlanRecord, config: PlannerConfig) -> RehearsalProblem | None:
+        picture, vehicle = self._fleet.picture(plan.robot), self._fleet.vehicle(plan.robot)
+        if vehicle is None:
+            return None
+        mission = mission_of(plan)
+        return RehearsalProblem(
+            mission=mission,
+            planned_points=points_of(plan.document),
+            vehicle=_with_known_key(vehicle),
+            site=picture.record.site,
+            start_ne_m=(mission.settings.start_x_m, mission.settings.start_y_m),
+            heading_rad=0.0 if picture.state is None else picture.state.heading_rad,
+            drift_m_sqrt_s=config.position_filter.drift_m_sqrt_s,
+            current_ne_m_s=(config.current.north_m_s, config.current.east_m_s),
+            runs=RUNS,
+            seed=config.seed,
+        )
+
+
+def _with_known_key(vehicle: Vehicle) -> Vehicle:
+    """Return a vehicle under the key of the built-in one whose instruments it has."""
+    if vehicle.key in VEHICLES:
+        return vehicle
+    return replace(vehicle, key=nearest_built_in(vehicle))

@@ -1,0 +1,87 @@
+"""How good the map of a survey is: its uncertainty after a round, its scores at the end."""
+
+import logging
+from dataclasses import asdict
+from typing import Any
+
+from autonomy.planner.config import PlannerConfig
+from db.query.missions import MissionRecord
+from server.foundation import Foundation
+from server.service.fleet import Fleet
+from server.service.mapping import FieldMaps
+from server.service.mission_ledger import MissionLedger
+from server.service.round_problem import RoundProblems
+from server.service.survey_score import map_scores
+from server.service.task.problem import MAP_STD
+from server.service.worker import WORKER_FAILURES, WorkerPool
+
+log = logging.getLogger(__name__)
+
+
+class SurveyMaps:
+    """Judges the maps of surveys. Belongs to one event loop."""
+
+    def __init__(
+        self,
+        foundation: Foundation,
+        fleet: Fleet,
+        missions: MissionLedger,
+        problems: RoundProblems,
+        maps: FieldMaps,
+        workers: WorkerPool,
+    ) -> None:
+        self._foundation = foundation
+        self._fleet = fleet
+        self._missions = missions
+        self._problems = problems
+        self._maps = maps
+        self._workers = workers
+
+    async def settle(self, robot: str, quiet_s: float, at_most_s: float) -> None:
+        """Wait for the last samples of a round, and bring them into the map."""
+        await self._maps.quiet(robot, quiet_s, at_most_s)
+        await self._maps.settle(robot)
+
+    async def note_std(self, record: MissionRecord, after_plan: str) -> float | None:
+        """Return the map's mean standard deviation after a plan was flown, worked out once.
+
+        It is None where it could not be worked out, which holds up nothing.
+        """
+        if record.document.get("map_std_after") == after_plan:
+            return record.document.get("map_std")
+        config = PlannerConfig.model_validate(record.config)
+        problem = await self._problems.map(record.robot, config)
+        try:
+            std: float = await self._workers.run(MAP_STD, problem)
+        except WORKER_FAILURES as error:
+            log.warning("the map after %s was not judged: %s", after_plan, error)
+            return None
+        await self._missions.note(record.id, {"map_std": std, "map_std_after": after_plan})
+        return std
+
+    async def end(self, record: MissionRecord, config: PlannerConfig, reason: str) -> None:
+        """End a survey; where the truth of the field is known, score its maps first.
+
+        Args:
+            record: The mission.
+            config: Its settings.
+            reason: Why it ends, without a full stop.
+        """
+        picture = self._fleet.picture(record.robot)
+        if not picture.record.simulated:
+            await self._missions.advance(record.id, "done", f"{reason}.")
+            return
+        await self._missions.advance(record.id, "scoring", f"{reason}; scoring the map.")
+        variable = picture.record.site.variable
+        try:
+            views = await map_scores(
+                self._foundation, self._workers, record.robot, variable, config
+            )
+        except WORKER_FAILURES as error:
+            text = f"{reason}. The map was not scored: {error}"
+            await self._missions.advance(record.id, "done", text)
+            return
+        self._maps.set_scores(record.robot, {(variable, view.model): view for view in views})
+        scores: list[dict[str, Any]] = [asdict(view) for view in views]
+        text = f"{reason}; the map is scored."
+        await self._missions.advance(record.id, "done", text, scores=scores)

@@ -1,0 +1,94 @@
+"""Where the rounds of a survey stand, read from the mission's plans and from nothing else."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from autonomy.planner.config import PlannerConfig, exploitation_at
+from db.query.plans import PlanRecord
+
+AHEAD_OF = "ahead_of"
+"""Key of a plan's document: the plan whose end it begins at, until the survey goes on with it."""
+REPLACES = "replaces"
+"""Key of a plan's document: the draft whose place it takes as soon as it is a draft itself."""
+ENDED_BADLY = ("failed", "cancelled", "superseded")
+
+
+@dataclass(frozen=True, slots=True)
+class Standing:
+    """The plan that decides what a survey does next, and the one that was made ahead of it."""
+
+    plan: PlanRecord
+    ahead: PlanRecord | None
+    """Of the round after ``plan``, begun while the robot flew that; maybe failed or cancelled."""
+
+    @property
+    def open_ahead(self) -> PlanRecord | None:
+        """The plan made ahead, while it is being made or waits as a draft."""
+        ahead = self.ahead
+        return ahead if ahead is not None and ahead.state in {"planning", "draft"} else None
+
+    @property
+    def next_round(self) -> int:
+        """Number of the round that is planned next: the same again until it was flown."""
+        return self.plan.round + (self.plan.state == "done")
+
+
+def standing_of(plans: Sequence[PlanRecord]) -> Standing | None:
+    """Return where a survey stands.
+
+    Args:
+        plans: Every plan of the mission, the newest first.
+
+    Returns:
+        None before the first plan.
+    """
+    by_id = {plan.id: plan for plan in plans}
+    valid = [plan for plan in plans if not _came_to_nothing(plan, by_id)]
+    if not valid:
+        return None
+    newest = valid[0]
+    before = by_id.get(newest.document.get(AHEAD_OF) or "")
+    if before is None or newest.sent_at is not None or newest.running_at is not None:
+        return Standing(newest, None)
+    return Standing(before, newest)
+
+
+def counted(plans: Sequence[PlanRecord]) -> list[PlanRecord]:
+    """Return the plans that are rounds of a survey, in the same order.
+
+    Left out are those that were made ahead and not used, and those that were to replace a draft and
+    ended before they did.
+    """
+    by_id = {plan.id: plan for plan in plans}
+    return [
+        plan
+        for plan in plans
+        if not _came_to_nothing(plan, by_id)
+        and not (plan.document.get(AHEAD_OF) and plan.state in ENDED_BADLY)
+    ]
+
+
+def config_of_round(config: PlannerConfig, spent_share: float) -> PlannerConfig:
+    """Return a survey's settings for a round: the exploitation follows its schedule.
+
+    Args:
+        config: The survey's settings.
+        spent_share: Part of the total budget that is spent when the round begins, 0 to 1.
+    """
+    exploitation = exploitation_at(config, min(max(spent_share, 0.0), 1.0))
+    ergodic = config.ergodic.model_copy(update={"exploitation": exploitation})
+    return config.model_copy(update={"ergodic": ergodic})
+
+
+def planned_energy(plan: PlanRecord) -> float:
+    """Return the energy units that a plan accounts for, 0 while it is being made."""
+    account: dict[str, Any] = plan.document.get("account") or {}
+    return account.get("energy", 0.0)
+
+
+def _came_to_nothing(plan: PlanRecord, by_id: dict[str, PlanRecord]) -> bool:
+    """Tell whether a plan was to replace a draft, ended before it did, and left that as it was."""
+    replaced = by_id.get(plan.document.get(REPLACES) or "")
+    ended = plan.state in ENDED_BADLY and plan.draft_at is None
+    return ended and replaced is not None and replaced.state == "draft"

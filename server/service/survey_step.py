@@ -1,0 +1,285 @@
+"""The one step that a survey takes next (thesis section 5.4.4, Fig. 5.3).
+
+Plan with a part of the budget, fly, map, and again, until the budget is spent or the map is good
+enough. A step looks at the mission and its plans in the database and nowhere else, so it may be
+taken any number of times, and after the station was killed.
+"""
+
+from sqlalchemy.orm import Session
+
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.plan import Leg
+from db.query.missions import MissionRecord, get_mission
+from db.query.plans import PlanRecord
+from robot_link.messages import PlanReport
+from server.foundation import Foundation
+from server.problem import Problem, conflict
+from server.service.drafting import outdated_by
+from server.service.fleet import Fleet
+from server.service.mission_ledger import ENDED, MissionLedger
+from server.service.plan_ahead import is_due, unflown
+from server.service.plan_document import candidates_of, legs_of
+from server.service.plan_ledger import PlanLedger
+from server.service.planning import Planning, SearchRequest
+from server.service.survey_map_quality import SurveyMaps
+from server.service.survey_round import (
+    AHEAD_OF,
+    ENDED_BADLY,
+    Standing,
+    config_of_round,
+    planned_energy,
+    standing_of,
+)
+from server.service.upload import Uploads
+
+QUIET_S = 1.5
+QUIET_LIMIT_S = 20.0
+"""Wall time without a sample after which a round counts as received, and the longest wait."""
+Warm = tuple[tuple[Leg, ...], ...]
+
+
+class SurveySteps:
+    """Takes the steps of surveys. Belongs to one event loop."""
+
+    def __init__(
+        self,
+        foundation: Foundation,
+        fleet: Fleet,
+        missions: MissionLedger,
+        plans: PlanLedger,
+        planning: Planning,
+        uploads: Uploads,
+        maps: SurveyMaps,
+    ) -> None:
+        self._clock = foundation.clock
+        self._fleet = fleet
+        self._missions = missions
+        self._plans = plans
+        self._planning = planning
+        self._uploads = uploads
+        self._maps = maps
+
+    async def take(self, mission: str) -> bool:
+        """Take the next step of a survey; return whether to look again at once.
+
+        Raises:
+            Problem: If it cannot go on; the sentence says why.
+        """
+        record, plans = await self._missions.get(mission), await self._missions.plans(mission)
+        await self._missions.show(mission)
+        standing = standing_of(plans)
+        if record.state in ENDED:
+            if standing is not None and standing.plan.state in ENDED_BADLY:
+                await self._let_go(standing)
+            return False
+        if standing is None:
+            await self.next_round(record, plans, 1)
+            return False
+        plan = standing.plan
+        match plan.state:
+            case "planning":
+                return False
+            case "draft" if not record.automation:
+                await self._missions.advance(mission, "ready", f"{plan.id} is ready to be sent.")
+            case "draft" if self._is_outdated(plan):
+                await self.next_round(record, plans, plan.round, warm=self._warm_from(plan))
+                await self._planning.cancel(plan.id)
+            case "draft" | "sent" | "on_board":
+                if record.automation:
+                    return await self._send(record, plan)
+            case "running":
+                await self._missions.advance(mission, "running", _round_text(plan, record))
+                await self._plan_ahead(record, plans, standing)
+            case "done":
+                return await self._round_ended(record, plans, standing)
+            case _:
+                await self._plan_ended_badly(record, plans, standing)
+        return False
+
+    def flown_in_survey(self, robot: str) -> PlanRecord | None:
+        """Return the round of a survey that a robot flies, if it flies one."""
+        hand = self._fleet.picture(robot).plan
+        if hand is None or hand.record.mission is None or hand.state != "running":
+            return None
+        return hand.record
+
+    def is_ahead_due(self, plan: PlanRecord) -> bool:
+        """Tell whether the round after the one that is flown should be planned now."""
+        config = PlannerConfig.model_validate(plan.config)
+        return is_due(plan, config, self._report(plan), self._clock.now(), self._clock.speed)
+
+    async def next_round(
+        self,
+        record: MissionRecord,
+        plans: list[PlanRecord],
+        round_number: int,
+        warm: Warm = (),
+    ) -> None:
+        """Begin to plan a round from where the robot is.
+
+        Raises:
+            Problem: If nothing can be planned from there.
+        """
+        config = PlannerConfig.model_validate(record.config)
+        spent = self._missions.spent(record.robot, plans)
+        await self._missions.advance(record.id, "replanning", f"Planning round {round_number}.")
+        await self._planning.plan_survey(
+            request_of(
+                record,
+                round_number,
+                spent=spent,
+                warm=warm if config.adaptive.warm_start else (),
+            )
+        )
+
+    def _is_outdated(self, plan: PlanRecord) -> bool:
+        """Tell whether a draft that nobody sends yet was made for another place or time."""
+        picture = self._fleet.picture(plan.robot)
+        is_waiting = not self._uploads.is_under_way(plan.robot)
+        return is_waiting and bool(outdated_by(picture, plan, self._clock.now()))
+
+    async def _send(self, record: MissionRecord, plan: PlanRecord) -> bool:
+        try:
+            await self._uploads.upload(
+                plan.id, start=True, check=lambda session: _check_on(session, record.id)
+            )
+        except Problem:
+            if (await self._plans.get(plan.id)).state == plan.state:
+                raise
+            # The robot was faster than this look at the plan: look again.
+            return True
+        await self._missions.advance(record.id, "running", _round_text(plan, record))
+        return False
+
+    async def _plan_ahead(
+        self, record: MissionRecord, plans: list[PlanRecord], standing: Standing
+    ) -> None:
+        """Plan the next round from the end of the one that the robot flies, if it is time to."""
+        config, plan = PlannerConfig.model_validate(record.config), standing.plan
+        wanted = record.automation and config.adaptive.plan_ahead
+        if not (wanted and _has_none_ahead(standing) and self.is_ahead_due(plan)):
+            return
+        before = [other for other in plans if other.id != plan.id]
+        spent = self._missions.spent(record.robot, before) + planned_energy(plan)
+        if config.total_budget - spent < self._planning.settings.least_energy(record.robot, config):
+            return
+        end = legs_of(plan.document)[-1].end_ned
+        warm = self._warm_from(plan) if config.adaptive.warm_start else ()
+        await self._planning.plan_survey(
+            request_of(
+                record,
+                plan.round + 1,
+                spent=spent,
+                warm=warm,
+                start_xy=end[:2],
+                ahead_of=plan.id,
+            )
+        )
+
+    async def _round_ended(
+        self, record: MissionRecord, plans: list[PlanRecord], standing: Standing
+    ) -> bool:
+        plan, ahead = standing.plan, standing.open_ahead
+        # The last samples of the round may still be on their way.
+        await self._maps.settle(record.robot, QUIET_S, QUIET_LIMIT_S)
+        map_std = await self._maps.note_std(record, plan.id)
+        config = PlannerConfig.model_validate(record.config)
+        remaining = config.total_budget - self._missions.spent(record.robot, plans)
+        reason = ""
+        if map_std is not None and map_std <= config.target_std:
+            reason = f"The map is good enough: its standard deviation is {map_std:.3g}"
+        elif remaining < self._planning.settings.least_energy(record.robot, config):
+            reason = "The budget is spent"
+        if reason:
+            await self._let_go(standing)
+            await self._maps.end(record, config, reason)
+        elif ahead is None:
+            await self.next_round(record, plans, plan.round + 1, self._warm_from(plan))
+        elif ahead.state == "planning":
+            text = f"Round {ahead.round} is still being planned."
+            await self._missions.advance(record.id, "replanning", text)
+        elif self._is_outdated(ahead) or planned_energy(ahead) > remaining:
+            await self._planning.cancel(ahead.id)
+            await self.next_round(record, plans, ahead.round, self._warm_from(ahead))
+        else:
+            await self._plans.note(ahead.id, {AHEAD_OF: None}, only_from=("draft",))
+            return True
+        return False
+
+    async def _plan_ended_badly(
+        self, record: MissionRecord, plans: list[PlanRecord], standing: Standing
+    ) -> None:
+        plan = standing.plan
+        message = plan.document["message"]
+        await self._let_go(standing)
+        if plan.document.get("interrupted"):
+            await self.next_round(record, plans, plan.round)
+        elif plan.state == "failed" and plan.running_at is None:
+            await self._missions.advance(record.id, "failed", message, automation=False)
+        else:
+            await self._missions.advance(record.id, "stopped", message, automation=False)
+
+    async def _let_go(self, standing: Standing) -> None:
+        """Throw away a plan made ahead of one that did not end as planned, or was the last."""
+        if standing.open_ahead is not None:
+            await self._planning.cancel(standing.open_ahead.id)
+
+    def _warm_from(self, plan: PlanRecord) -> Warm:
+        """Return what a plan leaves to begin with: what was not flown of it, its runners-up."""
+        others = (one.legs for one in candidates_of(plan.document))
+        rest = unflown(plan, self._report(plan))
+        return tuple(legs for legs in (rest, *others) if legs)
+
+    def _report(self, plan: PlanRecord) -> PlanReport | None:
+        return self._fleet.picture(plan.robot).plan_report
+
+
+def _has_none_ahead(standing: Standing) -> bool:
+    """Tell whether no plan was made ahead, or the station stopped while it was made."""
+    ahead = standing.ahead
+    return ahead is None or bool(ahead.state == "failed" and ahead.document.get("interrupted"))
+
+
+def request_of(
+    record: MissionRecord,
+    round_number: int,
+    *,
+    spent: float,
+    warm: Warm = (),
+    start_xy: tuple[float, float] | None = None,
+    ahead_of: str | None = None,
+) -> SearchRequest:
+    """Return a round of a survey as the planner takes it.
+
+    Args:
+        record: The mission.
+        round_number: Which round.
+        spent: Energy units that are spent when it begins.
+        warm: Trajectories to begin with.
+        start_xy: Where it begins, north and east, m; by default where the robot is.
+        ahead_of: The plan at whose end it begins, while that is flown.
+    """
+    config = PlannerConfig.model_validate(record.config)
+    total = config.total_budget
+    return SearchRequest(
+        robot=record.robot,
+        config=config_of_round(config, spent / total),
+        config_id=record.document["config_id"],
+        by=record.created_by if round_number == 1 else "the station",
+        mission=record.id,
+        round_number=round_number,
+        budget=min(config.round_budget, total - spent),
+        start_xy=start_xy,
+        warm=warm,
+        ahead_of=ahead_of,
+        in_turn=len(record.document.get("fleet") or ()) > 1,
+    )
+
+
+def _check_on(session: Session, mission: str) -> None:
+    if not get_mission(session, mission).automation:
+        raise conflict(f"{mission} was stopped.")
+
+
+def _round_text(plan: PlanRecord, record: MissionRecord) -> str:
+    return f"Round {plan.round} of {record.robot} is {plan.id}."
