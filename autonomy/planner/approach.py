@@ -1,69 +1,143 @@
-"""The way back into the domain for a robot that drifted out of it while it waited."""
+"""The way back for a robot that drifted to where no plan may begin while it waited."""
 
 import math
-from dataclasses import replace
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
 
 from autonomy.planner import primitive
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import legs_duration_s, legs_energy, planned_points
+from autonomy.planner.detour import shortest_way
+from autonomy.planner.edge import legs_duration_s, legs_energy, planned_points, surfacings
 from autonomy.planner.outcome import sentence
 from autonomy.planner.plan import Candidate, Leg, PlanResult
+from autonomy.planner.waterway import Waterway, depth_at, waterway_of
+from autonomy.site import NorthEast, Site
 
 _INSET_SHARE = 0.05
 """The way ends this share of the domain's width inside, so that drift does not undo it at once."""
+_GOALS_MAX = 4
+_GOAL_SPACING_CELLS = 12
+_LEAST_LEFT = 1e-3
 
 
-def approach(config: PlannerConfig, start_xy: tuple[float, float]) -> Leg | None:
-    """Return the swim at the surface to the nearest place well inside the domain.
+@dataclass(frozen=True, slots=True)
+class Approach:
+    """How a robot gets to where its plan may begin."""
+
+    start_xy: NorthEast
+    """Where the robot is."""
+    legs: tuple[Leg, ...] = ()
+    """Swims at the surface, one after the other; none where a plan may begin at once."""
+    refusal: str = ""
+    """Why there is no way, one sentence; "" if there is one."""
+
+    @property
+    def end_xy(self) -> NorthEast:
+        """Where the plan begins."""
+        return self.legs[-1].end_ned[:2] if self.legs else self.start_xy
+
+
+def way_in(config: PlannerConfig, start_xy: NorthEast, site: Site | None = None) -> Approach:
+    """Return the swims at the surface to the nearest place well inside of where plans may be.
+
+    They lead around keep-outs and headlands. They keep the margin, or where the robot lies within
+    it, as much of it as there is. A robot beyond the shoreline swims straight in.
 
     Args:
-        config: Settings whose domain is meant.
+        config: Domain, keep-outs, margins and current.
         start_xy: North and east of the robot at the surface, m, in the site's frame.
-
-    Returns:
-        One swim, or None for a robot that is inside already or whose position is unknown.
+        site: Shoreline and floor; None for water without end.
     """
-    x, y = start_xy
-    domain = config.domain
-    if domain.contains(x, y, 0.0) or not (math.isfinite(x) and math.isfinite(y)):
-        return None
-    end = (
-        _nearest(x, domain.x_min_m, domain.x_max_m),
-        _nearest(y, domain.y_min_m, domain.y_max_m),
-        0.0,
+    if not all(map(math.isfinite, start_xy)):
+        return Approach(start_xy, refusal="The robot's position is unknown.")
+    for area in config.keep_outs:
+        if area.contains(*start_xy):
+            return Approach(
+                start_xy,
+                refusal=f'The robot is inside the keep-out "{area.name}"; bring it out of there, '
+                "or change the keep-out.",
+            )
+    waterway = waterway_of(config, site)
+    if config.domain.contains(*start_xy, 0.0) and depth_at(waterway, *start_xy) > 0.0:
+        return Approach(start_xy)
+    goals = _goals(config, waterway, start_xy)
+    if not goals:
+        return Approach(
+            start_xy,
+            refusal="Nowhere in the domain is the water deep enough, off shore, floor and "
+            "keep-outs by their margins.",
+        )
+    shoreline = None if site is None else site.shoreline
+    for goal in goals:
+        corners = shortest_way(start_xy, goal, config.keep_outs, shoreline, config.margin_m)
+        if corners is not None:
+            return _swims(config, start_xy, _cut(config, waterway, corners))
+    names = ", ".join(f'"{area.name}"' for area in config.keep_outs)
+    return Approach(
+        start_xy,
+        refusal="The robot cannot swim into the domain without crossing "
+        + (f"a keep-out ({names}) or the shore." if names else "the shore."),
     )
-    return primitive.swim(config, (x, y, 0.0), end)
 
 
-def approach_energy(config: PlannerConfig, first: Leg | None) -> float:
+def approach(config: PlannerConfig, start_xy: NorthEast) -> Leg | None:
+    """Return the swim of a way back that is one straight swim, None if the robot needs none."""
+    found = way_in(config, start_xy)
+    return found.legs[0] if found.legs else None
+
+
+def approach_energy(config: PlannerConfig, legs: Sequence[Leg] | Leg | None) -> float:
     """Return the energy units of the way back, none without one."""
-    return 0.0 if first is None else legs_energy(config, (first,))
+    return legs_energy(config, _as_legs(legs))
 
 
-def preceded(result: PlanResult, first: Leg, config: PlannerConfig, budget: float) -> PlanResult:
-    """Return the result with ``first`` flown before every trajectory of it.
+def after_approach(config: PlannerConfig, legs: Sequence[Leg]) -> PlannerConfig:
+    """Return the settings with what the way back leaves of the budgets of time and satellite."""
+    left_s = config.time_budget_s - legs_duration_s(config, legs)
+    left_bytes = config.satellite_bytes - surfacings(legs) * config.mission.surfacing_bytes
+    return config.model_copy(
+        update={
+            "time_budget_s": max(left_s, _LEAST_LEFT) if config.time_budget_s else 0.0,
+            "satellite_bytes": max(left_bytes, 1) if config.satellite_bytes else 0,
+        }
+    )
+
+
+def preceded(
+    result: PlanResult, legs: Sequence[Leg] | Leg, config: PlannerConfig, budget: float
+) -> PlanResult:
+    """Return the result with the way back flown before every trajectory of it.
 
     Args:
-        result: Of a search that begins where ``first`` ends.
-        first: The way there.
+        result: Of a search that begins where the way ends.
+        legs: The way there.
         config: Settings of the search.
         budget: Energy units of the round, the way included.
     """
-    if result.best is None:
+    legs = _as_legs(legs)
+    if result.best is None or not legs:
         return result
-    best = _preceded(result.best, first, config)
-    distance_m = math.dist(first.start_ned, first.end_ned)
+    best = _preceded(result.best, legs, config)
+    distance_m = sum(math.dist(leg.start_ned, leg.end_ned) for leg in legs)
     return replace(
         result,
         message=f"It begins with a swim of {distance_m:.2g} m back into the domain. "
         + sentence(config, budget, result, best),
         best=best,
-        runners_up=tuple(_preceded(other, first, config) for other in result.runners_up),
+        runners_up=tuple(_preceded(other, legs, config) for other in result.runners_up),
     )
 
 
-def _preceded(candidate: Candidate, first: Leg, config: PlannerConfig) -> Candidate:
-    legs = (first, *candidate.legs)
+def _as_legs(legs: Sequence[Leg] | Leg | None) -> tuple[Leg, ...]:
+    if legs is None:
+        return ()
+    return (legs,) if isinstance(legs, Leg) else tuple(legs)
+
+
+def _preceded(candidate: Candidate, first: tuple[Leg, ...], config: PlannerConfig) -> Candidate:
+    legs = (*first, *candidate.legs)
     points = planned_points(config, legs)
     return replace(
         candidate,
@@ -75,6 +149,65 @@ def _preceded(candidate: Candidate, first: Leg, config: PlannerConfig) -> Candid
     )
 
 
-def _nearest(value: float, low: float, high: float) -> float:
-    inset = _INSET_SHARE * (high - low)
-    return min(max(value, low + inset), high - inset)
+def _cut(
+    config: PlannerConfig, waterway: Waterway, corners: tuple[NorthEast, ...]
+) -> tuple[NorthEast, ...]:
+    """Return the way as far as the first of its corners at which a dive may begin."""
+    least = config.primitives.depth_change_min_m
+    for number, corner in enumerate(corners):
+        if config.domain.contains(*corner, 0.0) and depth_at(waterway, *corner) >= least:
+            return corners[: number + 1]
+    return corners
+
+
+def _swims(config: PlannerConfig, start_xy: NorthEast, corners: Sequence[NorthEast]) -> Approach:
+    legs: list[Leg] = []
+    here = (*start_xy, 0.0)
+    for corner in corners:
+        there = (*corner, 0.0)
+        if primitive.headway_m_s(config, here, there) == 0.0:
+            return Approach(
+                start_xy,
+                refusal="The current is too strong to swim into the domain: "
+                f"it leaves too little of {config.primitives.swim_speed_m_s:g} m/s.",
+            )
+        legs.append(primitive.swim(config, here, there))
+        here = there
+    return Approach(start_xy, tuple(legs))
+
+
+def _goals(config: PlannerConfig, waterway: Waterway, start_xy: NorthEast) -> list[NorthEast]:
+    """Return places well inside the domain where a dive may begin, the nearest first."""
+    domain = config.domain
+    inset = (
+        _INSET_SHARE * (domain.x_max_m - domain.x_min_m),
+        _INSET_SHARE * (domain.y_max_m - domain.y_min_m),
+    )
+    nearest = (
+        min(max(start_xy[0], domain.x_min_m + inset[0]), domain.x_max_m - inset[0]),
+        min(max(start_xy[1], domain.y_min_m + inset[1]), domain.y_max_m - inset[1]),
+    )
+    least = config.primitives.depth_change_min_m
+    if depth_at(waterway, *nearest) >= least:
+        return [nearest]
+    i, j = np.nonzero(waterway.depth >= min(least, waterway.depth.max()))
+    kept = waterway.depth[i, j] > 0.0
+    places = np.stack(
+        [waterway.x_min + (i + 0.5) * waterway.cell, waterway.y_min + (j + 0.5) * waterway.cell],
+        axis=1,
+    )[kept]
+    inside = (
+        (places[:, 0] >= domain.x_min_m + inset[0])
+        & (places[:, 0] <= domain.x_max_m - inset[0])
+        & (places[:, 1] >= domain.y_min_m + inset[1])
+        & (places[:, 1] <= domain.y_max_m - inset[1])
+    )
+    places = places[inside] if inside.any() else places
+    goals: list[NorthEast] = []
+    for place in places[np.argsort(np.hypot(*(places - start_xy).T), kind="stable")].tolist():
+        apart = _GOAL_SPACING_CELLS * waterway.cell
+        if all(math.dist(place, goal) > apart for goal in goals):
+            goals.append((place[0], place[1]))
+        if len(goals) == _GOALS_MAX:
+            break
+    return goals

@@ -5,6 +5,7 @@ it knows its position, so its belief jumps to the truth there, and a swim along 
 steered over ground.
 """
 
+import math
 from collections.abc import Iterable
 
 from autonomy.planner import primitive
@@ -55,6 +56,11 @@ def carried(config: PlannerConfig, place: PositionNed, under_s: float) -> Positi
         place[1] + current.east_m_s * under_s,
         place[2],
     )
+
+
+def speed_m_s(config: PlannerConfig) -> float:
+    """Return the speed of the current."""
+    return math.hypot(config.current.north_m_s, config.current.east_m_s)
 
 
 def has_current(config: PlannerConfig) -> bool:
