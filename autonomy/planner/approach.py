@@ -1,5 +1,6 @@
 """The way back for a robot that drifted to where no plan may begin while it waited."""
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -73,7 +74,7 @@ def way_in(config: PlannerConfig, start_xy: NorthEast, site: Site | None = None)
     for goal in goals:
         corners = shortest_way(start_xy, goal, config.keep_outs, shoreline, config.margin_m)
         if corners is not None:
-            return _swims(config, start_xy, _cut(config, waterway, corners))
+            return _swims(config, start_xy, _cut(config, waterway, start_xy, corners))
     names = ", ".join(f'"{area.name}"' for area in config.keep_outs)
     return Approach(
         start_xy,
@@ -150,13 +151,20 @@ def _preceded(candidate: Candidate, first: tuple[Leg, ...], config: PlannerConfi
 
 
 def _cut(
-    config: PlannerConfig, waterway: Waterway, corners: tuple[NorthEast, ...]
+    config: PlannerConfig,
+    waterway: Waterway,
+    start_xy: NorthEast,
+    corners: tuple[NorthEast, ...],
 ) -> tuple[NorthEast, ...]:
-    """Return the way as far as the first of its corners at which a dive may begin."""
+    """Return a way with a bend only as far as the first place where a dive may begin."""
     least = config.primitives.depth_change_min_m
-    for number, corner in enumerate(corners):
-        if config.domain.contains(*corner, 0.0) and depth_at(waterway, *corner) >= least:
-            return corners[: number + 1]
+    for number, (begin, end) in enumerate(itertools.pairwise((start_xy, *corners))):
+        steps = math.ceil(math.dist(begin, end) / waterway.cell) if len(corners) > 1 else 0
+        for part in np.linspace(0.0, 1.0, steps + 1)[1:].tolist():
+            x = begin[0] + part * (end[0] - begin[0])
+            y = begin[1] + part * (end[1] - begin[1])
+            if config.domain.contains(x, y, 0.0) and depth_at(waterway, x, y) >= least:
+                return (*corners[:number], (x, y))
     return corners
 
 
