@@ -1,20 +1,28 @@
-"""Field maps as arrays."""
+"""Field maps as arrays, comparisons of their models, and learning."""
 
-import io
 from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
 from fastapi import APIRouter, Query, Response
 
-from server.api.dependency import FoundationDep, Viewer
+from server.api.dependency import FoundationDep, Pilot, Viewer
+from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.problem import not_found
+from server.service.map_export import MapExport, archive, table
 from server.service.station import Station
-from server.service.view.map import AxesView, FieldMapView, MapEntryView, SampleCountView
+from server.service.view.map import (
+    AxesView,
+    FieldMapView,
+    MapComparisonView,
+    MapEntryView,
+    MapJobView,
+    SampleCountView,
+)
 from webui.scene.source import MapView
 
-router = APIRouter(prefix="/api/robots/{robot}/maps", tags=["maps"])
+router = APIRouter(prefix="/api/robots/{robot}/maps", tags=["maps"], route_class=IdempotentRoute)
 
 
 class MapFormat(StrEnum):
@@ -22,7 +30,9 @@ class MapFormat(StrEnum):
 
     JSON = "json"
     NPZ = "npz"
-    """numpy archive: ``x_m, y_m, z_m, mean, std`` and ``simulation``."""
+    """numpy archive: ``x_m, y_m, z_m, mean, std, mask``, ``simulation`` and what is known of it."""
+    CSV = "csv"
+    """One row for each grid point in the water, after comments with units, model and samples."""
 
 
 @router.get("")
@@ -49,7 +59,7 @@ async def list_maps(caller: Viewer, robot: str, station: StationDep) -> list[Map
 @router.get(
     "/{variable}",
     response_model=FieldMapView,
-    responses={200: {"content": {"application/octet-stream": {}}}},
+    responses={200: {"content": {"application/octet-stream": {}, "text/csv": {}}}},
 )
 async def get_map(
     caller: Viewer,
@@ -57,31 +67,62 @@ async def get_map(
     variable: str,
     station: StationDep,
     foundation: FoundationDep,
-    model: Annotated[str | None, Query(description="By default the first that is listed.")] = None,
+    model: Annotated[
+        str | None,
+        Query(description="By default the live one; the others are of the newest comparison."),
+    ] = None,
     format: Annotated[MapFormat, Query()] = MapFormat.JSON,
 ) -> Response:
-    """Return mean and standard deviation on the map's grid."""
+    """Return mean and standard deviation on the map's grid; nothing where there is no water."""
     del caller
-    station.fleet.picture(robot)
+    record = station.fleet.picture(robot).record
     view = _find(station, robot, variable, model)
-    if format is MapFormat.NPZ:
-        return _archive(robot, view, simulation=foundation.settings.simulation)
-    return encoded(
-        FieldMapView(
-            robot=robot,
-            variable=variable,
-            title=view.variable.title,
-            unit=view.variable.unit,
-            scale=view.variable.scale,
-            model=view.model,
-            axes=AxesView(view.x_m.tolist(), view.y_m.tolist(), view.z_m.tolist()),
-            mean=view.mean.ravel().tolist(),
-            std=view.std.ravel().tolist(),
-            samples=SampleCountView(sum(view.samples_per_level), list(view.samples_per_level)),
-            updated_at=view.updated_at,
-            scores=station.maps.scores(robot).get((variable, view.model)),
-        )
+    export = MapExport(
+        robot=robot,
+        site=record.site,
+        view=view,
+        config_version=station.maps.version(robot),
+        smoothed=_smoothed(station, robot),
+        is_simulation=foundation.settings.simulation or record.simulated,
     )
+    if format is MapFormat.NPZ:
+        return _file(archive(export), "application/octet-stream", export.name("npz"))
+    if format is MapFormat.CSV:
+        return _file(table(export).encode(), "text/csv; charset=utf-8", export.name("csv"))
+    return encoded(_map_view(station, export))
+
+
+@router.get("/{variable}/comparison")
+async def get_comparison(
+    caller: Viewer, robot: str, variable: str, station: StationDep
+) -> MapComparisonView:
+    """Return the newest comparison of all field models on the samples of a map."""
+    del caller
+    return station.comparisons.view(robot, variable)
+
+
+@router.post("/{variable}/comparison", status_code=202)
+async def start_comparison(
+    caller: Pilot, robot: str, variable: str, station: StationDep
+) -> MapJobView:
+    """Compare all field models on all samples, in a process of its own.
+
+    They are scored against the truth where the robot is simulated, else against whole dives that
+    are held out. The same job is returned while one is under way.
+    """
+    return MapJobView(await station.comparisons.start(robot, variable, by=caller.name))
+
+
+@router.post("/{variable}/learning", status_code=202)
+async def start_learning(
+    caller: Pilot, robot: str, variable: str, station: StationDep
+) -> MapJobView:
+    """Learn the kernels of the map's model from all samples, in a process of its own.
+
+    What is found becomes a new version of the `field` settings, and the map is made anew. The same
+    job is returned while one is under way.
+    """
+    return MapJobView(await station.learning.start(robot, variable, by=caller.name))
 
 
 def _find(station: Station, robot: str, variable: str, model: str | None) -> MapView:
@@ -90,24 +131,44 @@ def _find(station: Station, robot: str, variable: str, model: str | None) -> Map
         if key == variable and model in {None, of_model}:
             return view
     known = ", ".join(f"{key} ({of_model})" for key, of_model in views) or "none yet"
-    raise not_found(f"There is no such map of {robot}; there are: {known}.")
+    hint = "; compare the models to see others" if views else ""
+    raise not_found(f"There is no such map of {robot}; there are: {known}{hint}.")
 
 
-def _archive(robot: str, view: MapView, *, simulation: bool) -> Response:
-    packed = io.BytesIO()
-    np.savez_compressed(
-        packed,
-        x_m=view.x_m,
-        y_m=view.y_m,
-        z_m=view.z_m,
-        mean=view.mean,
-        std=view.std,
-        simulation=np.array(simulation),
+def _smoothed(station: Station, robot: str) -> int:
+    samples = station.maps.samples(robot)
+    return 0 if samples is None else int(np.count_nonzero(samples.is_smoothed))
+
+
+def _map_view(station: Station, export: MapExport) -> FieldMapView:
+    robot, view = export.robot, export.view
+    variable = view.variable
+    wet = np.isfinite(view.mean)
+    return FieldMapView(
+        robot=robot,
+        variable=variable.key,
+        title=variable.title,
+        unit=variable.unit,
+        scale=variable.scale,
+        model=view.model,
+        axes=AxesView(view.x_m.tolist(), view.y_m.tolist(), view.z_m.tolist()),
+        # What is no number becomes null on its way out.
+        mean=view.mean.ravel().tolist(),
+        std=view.std.ravel().tolist(),
+        mask=None if wet.all() else wet.ravel().tolist(),
+        samples=SampleCountView(export.samples, list(view.samples_per_level)),
+        smoothed_samples=export.smoothed,
+        models=[model for key, model in station.maps.views(robot) if key == variable.key],
+        config_version=export.config_version,
+        simulation=export.is_simulation,
+        updated_at=view.updated_at,
+        scores=station.maps.scores(robot).get((variable.key, view.model)),
     )
-    mark = "_SIMULATION" if simulation else ""
-    name = f"{robot}_{view.variable.key}_{view.model}{mark}.npz"
+
+
+def _file(content: bytes, media_type: str, name: str) -> Response:
     return Response(
-        packed.getvalue(),
-        media_type="application/octet-stream",
+        content,
+        media_type=media_type,
         headers={"Content-Disposition": f'attachment; filename="{name}"'},
     )

@@ -1,7 +1,19 @@
-"""The field models that are kept side by side, so that operators can compare them."""
+"""The field models that operators can compare, each named once."""
 
-MODELS = ("recursive", "single")
-MODEL_TITLES = {
-    "recursive": "Recursive, by position uncertainty",
-    "single": "Single, positions taken for exact",
-}
+from collections.abc import Mapping
+from types import MappingProxyType
+from typing import Final, get_args
+
+from autonomy.field.config import FieldModelKey
+
+MODEL_TITLES: Final[Mapping[str, str]] = MappingProxyType(
+    {
+        "single": "Single, positions taken for exact",
+        "recursive": "Recursive, by position uncertainty",
+        "joint": "Joint auto-regressive",
+        "position_noise": "Position-dependent noise",
+    }
+)
+"""What operators read, by key."""
+MODELS: Final[tuple[FieldModelKey, ...]] = get_args(FieldModelKey)
+"""Every model, in the order in which they are listed."""

@@ -1,55 +1,47 @@
 """The field maps of every robot, growing while samples arrive.
 
-A robot has one map of its site's variable for each model. They are rebuilt from the stored samples
-when the station starts or a setting changes, and fed in pieces by a thread, so that the event loop
-never waits for algebra. Memory is bounded by ``FieldConfig.max_samples``: a full map keeps an
-evenly spread part of its samples (see ``LiveMap``). The maps of a recording were fitted when it was
-imported and are only shown.
+Robots of one water share the map of its variable by the configured model (``map_samples``). Maps
+are made from the stored samples when the station starts or a setting changes, fed in pieces, and
+made anew when a dive was smoothed, all in a thread, so that the event loop never waits for algebra.
+Memory is bounded by ``FieldConfig.max_samples``: a full map keeps an evenly spread part of its
+samples (see ``LiveMap``). The maps of a recording were fitted when it was imported and are only
+shown.
 """
 
 import asyncio
 import logging
 import time
-from collections import defaultdict
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
-from datetime import datetime, timedelta
+from datetime import timedelta
 
 from sqlalchemy.orm import Session
 
-from autonomy.field.config import FieldConfig
-from autonomy.field.grid import Grid
-from autonomy.site import Box
-from db.fault import StoreUnavailableError
+from db.fault import StoreError, StoreUnavailableError
+from db.query.comparisons import list_comparisons
 from db.query.maps import add_map, newest_maps
+from db.query.robots import RobotRecord
 from db.query.samples import sample_columns
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import Sample
-from server.service.live_maps import LiveMaps
-from server.service.map_record import record_of, scores_of, view_of
+from server.service.map_group import MapGroup, MapKey, MapSettings
+from server.service.map_record import Comparison, comparison_of, record_of, scores_of, view_of
+from server.service.map_samples import site_robots
+from server.service.site_map import SiteMap
+from server.service.smoothing import Smoothing
 from server.service.view.mission import ScoresView
-from webui.scene.source import MapView
+from webui.scene.source import MapView, SampleView
 
 log = logging.getLogger(__name__)
 
 GATHER_S = 0.25
 """Samples are fed to the maps in pieces of about this length."""
+QUIET_S = 1.0
+"""A finished dive is smoothed when no sample of its robot came for this long, by the wall."""
+REST_FACTOR = 10.0
+"""A map that took t to be made anew rests for this many t, so that several dives come together."""
 SNAPSHOT_PERIOD = timedelta(minutes=10)
 """A map that changed is kept in the database this often, by the robots' clock."""
-
-MapKey = tuple[str, str]
-"""Variable and model."""
-
-
-@dataclass(slots=True)
-class _RobotMaps:
-    views: dict[MapKey, MapView] = field(default_factory=dict)
-    """The default model of the site's variable first."""
-    scores: dict[MapKey, ScoresView] = field(default_factory=dict)
-    live: LiveMaps | None = None
-    saved_version: int = 0
-    saved_at: datetime | None = None
 
 
 class FieldMaps:
@@ -58,45 +50,66 @@ class FieldMaps:
     def __init__(self, store: Store, clock: Clock) -> None:
         self._store = store
         self._clock = clock
-        self._robots: dict[str, _RobotMaps] = defaultdict(_RobotMaps)
-        self._waiting: dict[str, list[Sample]] = defaultdict(list)
+        self._groups: list[MapGroup] = []
+        self._of: dict[str, MapGroup] = {}
+        self._versions: dict[str, str] = {}
+        """Version of the field's settings by robot."""
+        self._recorded: dict[str, tuple[dict[MapKey, MapView], dict[MapKey, ScoresView]]] = {}
         self._fed_s: dict[str, float] = {}
+        self._fixed: set[str] = set()
+        """Robots with a fix since their samples were last looked at."""
+        self._smoothing = Smoothing(store, clock)
         self._algebra = asyncio.Lock()
         self._news = asyncio.Event()
         self.listeners: list[Callable[[str], None]] = []
         """Called with a robot's id when its maps changed."""
+        self.on_dive: list[Callable[[str], None]] = []
+        """Called with a robot's id when its dives were looked at after a fix."""
 
-    async def open(self, robot: str, config: FieldConfig, domain: Box) -> None:
-        """Make the maps of a robot from its stored samples; again only if settings changed."""
-        maps = self._robots[robot]
-        grid = Grid.over(domain, config.grid)
-        if maps.live is not None and maps.live.is_of(config, grid):
-            return
-        async with self._algebra:
-            columns = await self._store.query(
-                lambda session: sample_columns(session, robot, config.variable)
-            )
-            live = await asyncio.to_thread(LiveMaps.from_columns, config, grid, columns)
-            if maps.live is None:
-                maps.scores = await self._saved_scores(robot)
-            maps.live, maps.views = live, live.views
-        self._tell(robot)
+    async def open(self, record: RobotRecord, settings: MapSettings) -> None:
+        """Make the map of a robot from its stored samples; again only if something changed."""
+        robot = record.id
+        self._versions[robot] = settings.version
+        robots = await self._store.query(lambda session: site_robots(session, robot))
+        group = next((one for one in self._groups if one.fits(record, settings)), None)
+        if group is None:
+            group = MapGroup.of(record, settings, robots)
+            self._groups.append(group)
+        self._join(robot, group)
+        for other in list(self._groups):
+            is_here = other.water == group.water
+            if is_here or robot in other.robots:
+                pool = tuple(one for one in other.robots if one != robot)
+                await self._make(other, robots if is_here else pool)
+        if group.comparison is None:
+            await self._load_comparison(robot, group)
+        # Dives may have ended that nobody looked at before the station stopped.
+        self.fixed(robot)
+        self._tell(group)
 
     async def show_saved(self, robot: str) -> None:
         """Show the maps of a recording as they were kept."""
         saved = await self._store.query(lambda session: newest_maps(session, robot))
-        maps = self._robots[robot]
-        maps.views = {(record.variable, record.model): view_of(record) for record in saved}
-        maps.scores = scores_of(saved)
-        self._tell(robot)
+        views = {(record.variable, record.model): view_of(record) for record in saved}
+        self._recorded[robot] = (views, scores_of(saved))
+        self._tell_robot(robot)
 
     def feed(self, samples: Sequence[Sample]) -> None:
         """Take committed samples; those that are in the maps already change nothing."""
         now_s = time.monotonic()
+        self._smoothing.feed(samples)
         for sample in samples:
-            self._waiting[sample.robot].append(sample)
             self._fed_s[sample.robot] = now_s
+            for group in self._groups:
+                if sample.robot in group.robots:
+                    group.waiting.append(sample)
         self._news.set()
+
+    def fixed(self, robot: str) -> None:
+        """Take that a robot reported a fix: it may have ended a dive."""
+        if robot in self._of and self._smoothing.is_pending(robot):
+            self._fixed.add(robot)
+            self._news.set()
 
     async def quiet(self, robot: str, for_s: float, at_most_s: float) -> None:
         """Wait until no sample of a robot came for a while of the wall from now on."""
@@ -108,75 +121,181 @@ class FieldMaps:
             await asyncio.sleep(wait_s)
 
     async def run(self) -> None:
-        """Feed and save the maps until cancelled."""
+        """Feed, smooth and save the maps until cancelled."""
         while True:
             await self._news.wait()
             await asyncio.sleep(GATHER_S)
             self._news.clear()
-            for robot in list(self._waiting):
-                await self._feed(robot)
-                try:
-                    await self._save_if_due(robot)
-                except StoreUnavailableError as error:
-                    log.warning(
-                        "the maps of %s are kept in memory until storage works: %s", robot, error
-                    )
+            for group in list(self._groups):
+                await self._feed(group)
+            try:
+                await self._smooth_what_is_quiet()
+                for group in list(self._groups):
+                    if group.is_stale and time.monotonic() >= group.due_s:
+                        await self._make_anew(group)
+                    await self._save_if_due(group)
+            except StoreUnavailableError as error:
+                log.warning("maps are kept in memory until storage works: %s", error)
+            if self._fixed or any(group.is_stale for group in self._groups):
+                self._news.set()
 
     async def settle(self, robot: str) -> None:
-        """Bring everything that was fed into the maps of a robot and keep a snapshot."""
-        await self._feed(robot)
-        await self._save(robot)
+        """Bring everything that was fed into the map of a robot, smoothed, and keep a snapshot."""
+        group = self._of.get(robot)
+        if group is None:
+            return
+        await self._smooth(robot)
+        await self._feed(group)
+        if group.is_stale:
+            await self._make_anew(group)
+        await self._save(group)
+
+    def group(self, robot: str) -> MapGroup | None:
+        """Return the map of a robot with whom it shares it, ``None`` for a recording."""
+        return self._of.get(robot)
+
+    def version(self, robot: str) -> str | None:
+        """Return the version of the field's settings that the map of a robot is made with."""
+        return self._versions.get(robot)
 
     def views(self, robot: str) -> Mapping[MapKey, MapView]:
-        """Return every map of a robot, the default first; empty while they are being made."""
-        return self._robots[robot].views if robot in self._robots else {}
+        """Return every map of a robot, the live one first; empty while it is being made."""
+        if robot in self._of:
+            return self._of[robot].views
+        return self._recorded[robot][0] if robot in self._recorded else {}
+
+    def samples(self, robot: str) -> SampleView | None:
+        """Return the samples behind the live map of a robot, ``None`` while it is being made."""
+        group = self._of.get(robot)
+        return None if group is None or group.live is None else group.live.samples
 
     def scores(self, robot: str) -> Mapping[MapKey, ScoresView]:
         """Return the scores that are known of the maps of a robot."""
-        return self._robots[robot].scores if robot in self._robots else {}
+        if robot in self._of:
+            return self._of[robot].scores
+        return self._recorded[robot][1] if robot in self._recorded else {}
 
     def set_scores(self, robot: str, scores: Mapping[MapKey, ScoresView]) -> None:
         """Attach scores to the maps of a robot."""
-        self._robots[robot].scores.update(scores)
-        self._tell(robot)
+        group = self._of.get(robot)
+        if group is not None:
+            group.scores.update(scores)
+            self._tell(group)
 
-    async def _feed(self, robot: str) -> None:
+    def set_comparison(self, robot: str, comparison: Comparison) -> None:
+        """Show a comparison beside the live map of a robot."""
+        group = self._of.get(robot)
+        if group is not None:
+            group.comparison = comparison
+            self._tell(group)
+
+    def _join(self, robot: str, group: MapGroup) -> None:
+        """Let a robot show the map of a group, and forget a map that nobody shows any more."""
+        for other in self._groups:
+            other.members.discard(robot)
+        group.members.add(robot)
+        self._of[robot] = group
+        self._groups = [one for one in self._groups if one.members]
+
+    async def _make(self, group: MapGroup, robots: tuple[str, ...]) -> None:
+        """Make the map of a group of the samples of these robots, if it is not that already."""
+        grid = group.grid()
         async with self._algebra:
-            maps = self._robots[robot]
-            waiting = self._waiting.pop(robot, [])
-            if not waiting or maps.live is None:
+            if group.live is not None and group.live.is_of(group.config, grid, robots):
                 return
-            await asyncio.to_thread(maps.live.append, waiting)
-            maps.views = maps.live.views
-        self._tell(robot)
+            group.robots = robots
+            if group.live is None:
+                group.scores |= await self._saved_scores(robots)
+            await self._condition(group)
+        self._tell(group)
 
-    async def _save_if_due(self, robot: str) -> None:
-        maps = self._robots[robot]
+    async def _make_anew(self, group: MapGroup) -> None:
+        """Make a map of what its samples are now; it rests afterwards, the longer it took."""
+        async with self._algebra:
+            group.is_stale = False
+            began_s = time.monotonic()
+            await self._condition(group)
+            ended_s = time.monotonic()
+            group.due_s = ended_s + REST_FACTOR * (ended_s - began_s)
+        self._tell(group)
+
+    async def _condition(self, group: MapGroup) -> None:
+        """Make a group's map of its stored samples; call it with the lock held."""
+        config, robots, grid = group.config, group.robots, group.grid()
+        version = 0 if group.live is None else group.live.version
+        columns = await self._store.query(
+            lambda session: sample_columns(session, robots, config.variable)
+        )
+        group.live = await asyncio.to_thread(
+            SiteMap.from_columns, config, grid, robots, columns, version
+        )
+
+    async def _feed(self, group: MapGroup) -> None:
+        async with self._algebra:
+            if not group.waiting or group.live is None:
+                return
+            waiting, group.waiting = group.waiting, []
+            await asyncio.to_thread(group.live.append, waiting)
+        self._tell(group)
+
+    async def _smooth_what_is_quiet(self) -> None:
+        now_s = time.monotonic()
+        for robot in list(self._fixed):
+            if now_s - self._fed_s.get(robot, 0.0) >= QUIET_S:
+                await self._smooth(robot)
+
+    async def _smooth(self, robot: str) -> None:
+        """Smooth the dives that ended; the maps with samples that moved are made anew later."""
+        self._fixed.discard(robot)
+        try:
+            moved = await self._smoothing.look(robot)
+        except StoreError:
+            self._fixed.add(robot)
+            raise
+        if moved:
+            for group in self._groups:
+                group.is_stale = group.is_stale or robot in group.robots
+        for listener in self.on_dive:
+            listener(robot)
+
+    async def _save_if_due(self, group: MapGroup) -> None:
         now = self._clock.now()
-        if maps.saved_at is None:
-            maps.saved_at = now
-        if now - maps.saved_at >= SNAPSHOT_PERIOD:
-            await self._save(robot)
+        if group.saved_at is None:
+            group.saved_at = now
+        if now - group.saved_at >= SNAPSHOT_PERIOD:
+            await self._save(group)
 
-    async def _save(self, robot: str) -> None:
-        maps = self._robots[robot]
-        if maps.live is None or maps.live.version == maps.saved_version:
+    async def _save(self, group: MapGroup) -> None:
+        live = group.live
+        if live is None or live.version == group.saved_version:
             return
-        version, at = maps.live.version, self._clock.now()
-        records = [
-            record_of(robot, view, maps.scores.get(key), at) for key, view in maps.views.items()
-        ]
+        version, at, view = live.version, self._clock.now(), live.view
+        scores = group.scores.get((view.variable.key, view.model))
+        records = [record_of(robot, view, scores, at) for robot in group.members]
 
         def write(session: Session) -> None:
             for record in records:
                 add_map(session, record)
 
         await self._store.write(write)
-        maps.saved_version, maps.saved_at = version, at
+        group.saved_version, group.saved_at = version, at
 
-    async def _saved_scores(self, robot: str) -> dict[MapKey, ScoresView]:
-        return scores_of(await self._store.query(lambda session: newest_maps(session, robot)))
+    async def _saved_scores(self, robots: tuple[str, ...]) -> dict[MapKey, ScoresView]:
+        def read(session: Session) -> dict[MapKey, ScoresView]:
+            return scores_of(one for robot in robots for one in newest_maps(session, robot))
 
-    def _tell(self, robot: str) -> None:
+        return await self._store.query(read)
+
+    async def _load_comparison(self, robot: str, group: MapGroup) -> None:
+        kept = await self._store.query(lambda session: list_comparisons(session, robot))
+        for record in kept:
+            if record.variable == group.config.variable:
+                group.comparison = await asyncio.to_thread(comparison_of, record)
+
+    def _tell(self, group: MapGroup) -> None:
+        for robot in group.members:
+            self._tell_robot(robot)
+
+    def _tell_robot(self, robot: str) -> None:
         for listener in self.listeners:
             listener(robot)

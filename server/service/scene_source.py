@@ -1,6 +1,9 @@
 """Gives the 3D scene what it may draw of each robot."""
 
-from autonomy.site import Site
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.site import Area, Site
 from autonomy.vehicle.hull import Hull
 from robot_link.messages import RobotId
 from server.service.comparison_view import ShownWhatIfs
@@ -8,7 +11,14 @@ from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
 from server.service.picture import Picture, PlanInHand
 from server.service.vehicles import Vehicles
-from webui.scene.source import ComparisonView, MapView, PlanView, Pose, TrackPiece
+from webui.scene.source import (
+    ComparisonView,
+    MapView,
+    PlanView,
+    Pose,
+    SampleView,
+    TrackPiece,
+)
 
 
 class StationSceneSource:
@@ -28,6 +38,8 @@ class StationSceneSource:
         self._vehicles = vehicles
         self._whatifs = whatifs
         self._plan: tuple[PlanInHand, int | None, PlanView] | None = None
+        self._kept_out_by: PlanInHand | None = None
+        self._keep_outs: tuple[Area, ...] = ()
 
     @property
     def robot(self) -> RobotId:
@@ -82,7 +94,9 @@ class StationSceneSource:
         if hand is None or not hand.legs:
             return None
         if self._plan is None or self._plan[:2] != (hand, leg_now):
-            view = PlanView(hand.plan_id, hand.state, hand.legs, hand.points, leg_now)
+            view = PlanView(
+                hand.plan_id, hand.state, hand.legs, hand.points, leg_now, _rehearsed(hand)
+            )
             self._plan = (hand, leg_now, view)
         return self._plan[2]
 
@@ -99,6 +113,26 @@ class StationSceneSource:
         """Return the what-if run to draw; the same object as long as nothing about it changed."""
         return self._whatifs.view(self._robot)
 
+    def samples(self) -> SampleView | None:
+        """Return the samples behind the maps; the same object as long as there is none to add."""
+        return self._maps.samples(self._robot)
+
+    def keep_outs(self) -> tuple[Area, ...]:
+        """Return what the plan in hand keeps out of."""
+        hand = self._picture.plan
+        if hand is not self._kept_out_by:
+            self._kept_out_by = hand
+            areas = [] if hand is None else hand.record.config.get("keep_outs", [])
+            self._keep_outs = tuple(Area.model_validate(area) for area in areas)
+        return self._keep_outs
+
     @property
     def _picture(self) -> Picture:
         return self._fleet.picture(self._robot)
+
+
+def _rehearsed(hand: PlanInHand) -> FloatArray | None:
+    """Return where a plan's rehearsal went, shape ``(n, 3)``, m."""
+    rehearsal = hand.record.document.get("rehearsal") or {}
+    flown = np.array(rehearsal.get("flown") or [], dtype=np.float64)
+    return flown[:, 1:4] if flown.ndim == 2 else None

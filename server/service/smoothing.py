@@ -5,6 +5,7 @@ known from the database alone, so a station that was killed in the middle goes o
 samples of one look are kept in one transaction, and looking twice changes nothing.
 """
 
+import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -76,6 +77,7 @@ class Smoothing:
         asked the database yet."""
         self._pending: dict[str, datetime] = {}
         """When the first sample was taken that is to be looked at, by robot."""
+        self._looking = asyncio.Lock()
 
     def feed(self, samples: Sequence[Sample]) -> None:
         """Note that samples were stored."""
@@ -96,6 +98,10 @@ class Smoothing:
             UnknownIdError: If there is no such robot.
             StoreError: Nothing of the piece under way was kept; look again.
         """
+        async with self._looking:
+            return await self._look(robot)
+
+    async def _look(self, robot: str) -> int:
         moved = 0
         while (fix := await self._fix_to_look_at(robot)) is not None:
             begin = self._pending.pop(robot)

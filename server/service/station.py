@@ -19,17 +19,20 @@ from robot_link.messages import LinkEvent, PlanReport, RobotId, Sample, StateRep
 from server.foundation import Foundation
 from server.service.command import Commands
 from server.service.fleet import Fleet
+from server.service.fleet_survey import FleetSurveys
 from server.service.identification import Identifications
 from server.service.ingest import Ingest, Listeners
-from server.service.fleet_survey import FleetSurveys
 from server.service.job_watch import watch_jobs
 from server.service.live_feed import LiveFeed
+from server.service.map_comparison import MapComparisons
+from server.service.map_group import MapSettings
+from server.service.map_learning import MapLearning
 from server.service.mapping import FieldMaps
 from server.service.mission_ledger import MissionLedger
 from server.service.picture import remembered_link
+from server.service.plan_choice import PlanChoices
 from server.service.plan_follow import PlanFollower
 from server.service.plan_ledger import PlanLedger
-from server.service.plan_choice import PlanChoices
 from server.service.planning import Planning
 from server.service.rehearsing import Rehearsals
 from server.service.road import LinkFactory, Road, open_link
@@ -79,11 +82,11 @@ class Station:
         self.commands = Commands(store, clock, self.fleet, self.road)
         self.uploads = Uploads(foundation, self.fleet, self.plans, self.commands, self.road)
         self.missions = MissionLedger(store, clock, self.fleet, self.feed)
-        self.choices = PlanChoices(
-            foundation, self.fleet, self.plans, self.missions, self.planning
-        )
+        self.choices = PlanChoices(foundation, self.fleet, self.plans, self.missions, self.planning)
         self.surveys = self._surveys()
         self.fleet_surveys = FleetSurveys(self.fleet, self.surveys)
+        self.comparisons = MapComparisons(foundation, self.fleet, self.maps, self.study_workers)
+        self.learning = MapLearning(foundation, self.fleet, self.maps, self.study_workers)
         self.whatifs = WhatIfs(
             foundation, self.fleet, self.vehicles, self.workers, self.study_workers
         )
@@ -212,7 +215,14 @@ class Station:
             return
         planner = await self._planner(robot.id)
         found = await self._foundation.configurations.current("field", robot.id)
-        await self.maps.open(robot.id, field_config_of(found, planner), planner.domain)
+        await self.maps.open(
+            robot,
+            MapSettings(
+                config=field_config_of(found, planner),
+                domain=planner.domain,
+                version=found.id or "preset",
+            ),
+        )
 
     async def _planner(self, robot: str) -> PlannerConfig:
         found = await self._foundation.configurations.current("planner", robot)
@@ -227,6 +237,9 @@ class Station:
         self.surveys.robot_said_more(report.robot)
 
     def _robot_changed(self, robot: str) -> None:
+        state = self.fleet.picture(robot).state
+        if state is not None and state.has_fix:
+            self.maps.fixed(robot)
         self.feed.put("robots", robot, lambda: self.fleet.live_view(robot), robot)
 
     def _event_happened(self, event: EventRecord) -> None:

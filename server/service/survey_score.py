@@ -2,13 +2,13 @@
 
 from dataclasses import asdict
 
-from autonomy.field.score import Scores
 from autonomy.planner.config import PlannerConfig
+from db.query.robots import get_robot
 from server.foundation import Foundation
 from server.service.field_model import MODEL_TITLES
 from server.service.map_samples import site_samples
 from server.service.round_problem import field_config_of
-from server.service.task.problem import SCORE_SURVEY, ScoreProblem
+from server.service.task.map_problem import COMPARE_MAPS, Compared, ComparisonProblem
 from server.service.view.mission import ScoresView
 from server.service.worker import WorkerPool
 
@@ -16,17 +16,31 @@ from server.service.worker import WorkerPool
 async def map_scores(
     foundation: Foundation, workers: WorkerPool, robot: str, variable: str, config: PlannerConfig
 ) -> list[ScoresView]:
-    """Return the scores of the maps of both models, each made of every sample of the robot.
+    """Return the scores of every field model, each made of all samples of the robot's water.
 
     Raises:
         WorkerTaskError: The task raised.
         WorkerEndedError: The process died.
     """
-    found = await foundation.configurations.current("field", robot)
+    settings = await foundation.configurations.current("field", robot)
     samples = await foundation.store.query(lambda s: site_samples(s, robot, variable))
-    problem = ScoreProblem(field_config_of(found, config), config.domain, samples)
-    scores: dict[str, Scores] = await workers.run(SCORE_SURVEY, problem)
+    record = await foundation.store.query(lambda s: get_robot(s, robot))
+    problem = ComparisonProblem(
+        field=field_config_of(settings, config),
+        domain=config.domain,
+        site=record.site,
+        samples=samples,
+        is_simulated=record.simulated,
+        with_maps=False,
+    )
+    found: Compared = await workers.run(COMPARE_MAPS, problem)
     return [
-        ScoresView(model=model, title=MODEL_TITLES[model], **asdict(one), samples=len(samples))
-        for model, one in scores.items()
+        ScoresView(
+            model=one.model,
+            title=MODEL_TITLES[one.model],
+            **asdict(one.scores),
+            samples=len(samples),
+        )
+        for one in found.models
+        if one.scores is not None
     ]

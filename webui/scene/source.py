@@ -12,7 +12,7 @@ from typing import Protocol
 from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.field.variable import Variable
 from autonomy.planner.plan import Leg, PositionNed
-from autonomy.site import Site
+from autonomy.site import Area, Site
 from autonomy.vehicle.hull import Hull
 from robot_link.messages import RobotId, RobotMode
 
@@ -64,6 +64,20 @@ class PlanView:
     """Promised trajectory, shape ``(n, 5)``: time s, north, east, down m, position std m."""
     leg_now: int | None
     """Index of the leg being flown, where the robot says so."""
+    rehearsed_ned: FloatArray | None = None
+    """Where the rehearsal against the full dynamics went, shape ``(n, 3)``, m."""
+
+
+@dataclass(frozen=True, slots=True)
+class SampleView:
+    """Every sample behind a map, in any order."""
+
+    position_ned: FloatArray
+    """Shape ``(n, 3)``, m; the corrected one where a dive was smoothed."""
+    fidelity: IntArray
+    """Fidelity level of each sample, shape ``(n,)``; the highest is the best located."""
+    is_smoothed: BoolArray
+    """Whether its position was corrected after the dive, shape ``(n,)``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +90,8 @@ class MapView:
     y_m: FloatArray
     z_m: FloatArray
     mean: FloatArray
-    """Shape ``(nx, ny, nz)``, in the scale of ``variable`` (natural logarithm for ``log``)."""
+    """Shape ``(nx, ny, nz)``, in the scale of ``variable`` (natural logarithm for ``log``); NaN
+    where there is no water."""
     std: FloatArray
     """Standard deviation of ``mean``, same shape and scale."""
     samples_per_level: tuple[int, ...]
@@ -84,6 +99,8 @@ class MapView:
     version: int
     """Changes whenever the arrays do."""
     updated_at: datetime | None
+    title: str = ""
+    """What operators call the model; its key where it has no name."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -157,4 +174,12 @@ class SceneSource(Protocol):
 
     def comparison(self) -> ComparisonView | None:
         """Return the what-if run to draw; the same object as long as nothing about it changed."""
+        ...
+
+    def samples(self) -> SampleView | None:
+        """Return the samples behind the maps; the same object as long as there is none to add."""
+        ...
+
+    def keep_outs(self) -> tuple[Area, ...]:
+        """Return the polygons that no plan may enter; equal as long as none of them changed."""
         ...

@@ -8,13 +8,15 @@ import numpy as np
 
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.field.config import FieldConfig
+from autonomy.field.mask import water_mask
 from autonomy.field.samples import FieldSamples
 from autonomy.planner import kernel
-from autonomy.planner.approach import approach, approach_energy, preceded
+from autonomy.planner.approach import after_approach, approach_energy, preceded, way_in
 from autonomy.planner.belief import FieldBelief
-from autonomy.planner.plan import ObjectivePoint, PlanResult
+from autonomy.planner.outcome import nothing_feasible
+from autonomy.planner.plan import Leg, ObjectivePoint, PlanResult
 from autonomy.planner.search import plan
-from autonomy.site import Box
+from autonomy.site import Box, Site
 from server.service.task.problem import MapProblem, SurveyProblem
 from server.service.task.survey_map import PLANNING, SCORING, domain_points, map_of
 
@@ -30,21 +32,23 @@ def run(
     load_kernels()
     belief = belief_of(problem)
     began_s = time.monotonic()
-    first = approach(problem.planner, problem.start_xy)
+    way = way_in(problem.planner, problem.start_xy, problem.site)
+    if way.refusal:
+        return nothing_feasible(f"No trajectory: {way.refusal}")
     chance = [problem.planner.seed, problem.round_number]
     result = plan(
-        problem.planner,
+        after_approach(problem.planner, way.legs),
         belief,
-        problem.start_xy if first is None else first.end_ned[:2],
+        way.end_xy,
         rng=np.random.default_rng([*chance, problem.attempt] if problem.attempt else chance),
-        budget=problem.budget - approach_energy(problem.planner, first),
+        budget=problem.budget - approach_energy(problem.planner, way.legs),
+        site=problem.site,
+        warm=[without_approach(legs, way.legs) for legs in problem.warm],
         on_progress=report,
         is_cancelled=is_cancelled,
         elapsed_s=lambda: time.monotonic() - began_s,
     )
-    if first is None:
-        return result
-    return preceded(result, first, problem.planner, problem.budget)
+    return preceded(result, way.legs, problem.planner, problem.budget)
 
 
 def mean_std(
@@ -55,7 +59,7 @@ def mean_std(
     It is in the scale of the field's model.
     """
     del report, is_cancelled
-    points = domain_points(problem.planner.domain, SCORING)
+    points = water_points(problem.planner.domain, problem.site, SCORING)
     _, std = _predicted(problem.field, problem.planner.domain, problem.samples, points)
     return float(std.mean())
 
@@ -63,7 +67,7 @@ def mean_std(
 def belief_of(problem: SurveyProblem) -> FieldBelief:
     """Return what the samples say about the water of the domain, and what plans will add."""
     config, domain = problem.field, problem.planner.domain
-    points = domain_points(domain, PLANNING)
+    points = water_points(domain, problem.site, PLANNING)
     mean, std = _predicted(config, domain, problem.samples, points)
     kept = _spread(len(problem.samples), _BELIEF_SAMPLES)
     return FieldBelief(
@@ -75,7 +79,34 @@ def belief_of(problem: SurveyProblem) -> FieldBelief:
         mean=mean,
         std=std,
         sample_position_std=problem.samples.position_std_m[kept],
+        planned_points=problem.planned_points,
+        planned_std=problem.planned_std_m,
     )
+
+
+def without_approach(legs: tuple[Leg, ...], way: tuple[Leg, ...]) -> tuple[Leg, ...]:
+    """Return an earlier trajectory without the swims into the domain that it began with.
+
+    Args:
+        legs: The trajectory.
+        way: The swims that the new one begins with; none where it begins at once.
+    """
+    count = 0
+    while count < min(len(way), len(legs)) and legs[count].end_ned == way[count].end_ned:
+        count += 1
+    return legs[count:]
+
+
+def water_points(domain: Box, site: Site | None, resolution: tuple[int, int]) -> FloatArray:
+    """Return the points that stand for a domain, those in the water, shape ``(q, 3)``.
+
+    Where all of them are on land they are returned as they are; no plan is found there anyway.
+    """
+    points = domain_points(domain, resolution)
+    if site is None:
+        return points
+    is_water = water_mask(site, points)
+    return points[is_water] if is_water.any() else points
 
 
 @cache
@@ -98,8 +129,8 @@ def _predicted(
     config: FieldConfig, domain: Box, samples: FieldSamples, points: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Return mean and standard deviation of the configured map at points, each ``(q,)``."""
-    prediction = map_of(config, domain, samples).predict(points)
-    return prediction.mean, np.sqrt(np.maximum(np.diagonal(prediction.covariance), 0.0))
+    mean, variance = map_of(config, domain, samples).conditioned().marginals(points)
+    return mean, np.sqrt(np.maximum(variance, 0.0))
 
 
 def _spread(count: int, limit: int) -> IntArray:

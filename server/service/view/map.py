@@ -1,5 +1,6 @@
 """A field map as arrays."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
@@ -37,11 +38,22 @@ class FieldMapView(View):
     """``log``: mean and std are those of the natural logarithm of the value."""
     model: str
     axes: AxesView
-    mean: list[float]
-    """``nx * ny * nz`` values, x slowest, z fastest."""
-    std: list[float]
+    mean: Sequence[float | None]
+    """``nx * ny * nz`` values, x slowest, z fastest; ``null`` where there is no water."""
+    std: Sequence[float | None]
+    mask: list[bool] | None
+    """Where there is water, in the order of ``mean``; ``null`` where all of it is water."""
     samples: SampleCountView
+    smoothed_samples: int
+    """Samples that were located better by the fix at the end of their dive."""
+    models: list[str]
+    """Models that can be asked for: the live one, then those of the newest comparison."""
+    config_version: str | None
+    """Version of the field's settings that the live map is made with; ``null`` of a recording."""
+    simulation: bool
+    """Whether the station runs a simulation."""
     updated_at: datetime | None
+    """Of the newest sample behind the map."""
     scores: ScoresView | None
 
 
@@ -56,3 +68,50 @@ class MapEntryView(View):
     """The default first."""
     samples: int
     updated_at: datetime | None
+
+
+@dataclass(frozen=True, slots=True)
+class ComparedModelView(View):
+    """One field model in a comparison."""
+
+    model: str
+    title: str
+    is_default: bool
+    """Whether it is the model of the live map."""
+    rmse: float | None
+    """Root mean square error in the model's scale; ``null`` with the others where nothing could be
+    scored."""
+    nlpd: float | None
+    """Negative log predictive density per point; lower is better."""
+    wmse: float | None
+    """Weighted mean squared error: 1 where the model's uncertainty is right."""
+    coverage: float | None
+    """Share inside the central 90 % interval: 0.9 where the model's uncertainty is right."""
+    log_marginal_likelihood: float
+    """Log density of the samples under the model."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapComparisonView(View):
+    """All field models on the same samples."""
+
+    state: str
+    """``none``, ``working`` or ``ready``; while one works, the rest is the one before."""
+    job: str | None
+    """The job that works."""
+    compared_at: datetime | None
+    samples: int
+    against: str | None
+    """``truth`` of a simulated field, or ``held-out samples`` of whole dives."""
+    is_outdated: bool
+    """Whether samples came, moved or settings changed since."""
+    message: str
+    """Why there are no scores, if there are none."""
+    models: list[ComparedModelView]
+
+
+@dataclass(frozen=True, slots=True)
+class MapJobView(View):
+    """Work on a map that was begun."""
+
+    job: str

@@ -6,6 +6,7 @@ import httpx
 import numpy as np
 import pytest
 
+from autonomy.field.config import FIELD_PRESETS
 from db.query.maps import MapRecord, add_map
 from db.query.robots import add_robot
 from robot_link.messages import RobotId
@@ -14,10 +15,12 @@ from server.service.seen import Seen
 from tests.server.service.conftest import GRACE, MINI, open_station, robot_record, until
 from tests.server.service.fake_link import state_report
 
+LIVE = FIELD_PRESETS["blue_light"].model
 
-def samples_of(client, model="recursive"):
+
+def samples_of(client):
     async def total():
-        answer = await client.get(f"/api/robots/mini-1/maps/blue_light?model={model}")
+        answer = await client.get("/api/robots/mini-1/maps/blue_light")
         return answer.json()["samples"]["total"] if answer.status_code == 200 else None
 
     return total
@@ -32,23 +35,22 @@ async def grown(client, count):
     await until(there)
 
 
-async def test_maps_of_both_models_grow_with_each_sample(client, world):
+async def test_map_of_the_configured_model_grows_with_each_sample(client, world):
     robot = world.robots[MINI]
     for x in np.linspace(0.2, 2.5, 12):
         robot.sample((float(x), 0.6, 0.3))
     await grown(client, 12)
     listed = (await client.get("/api/robots/mini-1/maps")).json()
-    assert [(entry["variable"], entry["models"]) for entry in listed] == [
-        ("blue_light", ["recursive", "single"])
-    ]
+    assert [(entry["variable"], entry["models"]) for entry in listed] == [("blue_light", [LIVE])]
     shown = (await client.get("/api/robots/mini-1/maps/blue_light")).json()
     axes = shown["axes"]
     count = len(axes["x_m"]) * len(axes["y_m"]) * len(axes["z_m"])
     assert len(shown["mean"]) == len(shown["std"]) == count
-    assert (shown["scale"], shown["unit"], shown["model"]) == ("log", "counts", "recursive")
+    assert (shown["scale"], shown["unit"], shown["model"]) == ("log", "counts", LIVE)
     assert min(shown["std"]) > 0.0
     assert max(shown["mean"]) - min(shown["mean"]) > 0.5
     assert sum(shown["samples"]["per_fidelity"]) == 12
+    assert (shown["mask"], shown["smoothed_samples"], shown["models"]) == (None, 0, [LIVE])
 
 
 async def test_sample_told_twice_is_in_the_map_once(client, world):
@@ -73,7 +75,7 @@ async def test_map_is_the_same_after_a_restart(tmp_path, world):
         world.tell(state_report(MINI))
         for x in (0.4, 1.1, 1.9):
             world.robots[MINI].sample((x, 0.7, 0.3))
-        key = ("blue_light", "recursive")
+        key = ("blue_light", LIVE)
         await until(
             lambda: (
                 key in station.maps.views(MINI)
@@ -104,19 +106,44 @@ async def test_new_fidelity_thresholds_sort_the_samples_anew(client, world):
 async def test_archive_holds_the_same_numbers_and_says_that_they_are_simulated(client, world):
     world.robots[MINI].sample((1.0, 0.5, 0.2))
     await grown(client, 1)
-    answer = await client.get("/api/robots/mini-1/maps/blue_light?model=single&format=npz")
+    answer = await client.get("/api/robots/mini-1/maps/blue_light?format=npz")
     assert "SIMULATION" in answer.headers["content-disposition"]
-    shown = (await client.get("/api/robots/mini-1/maps/blue_light?model=single")).json()
+    shown = (await client.get("/api/robots/mini-1/maps/blue_light")).json()
     with np.load(io.BytesIO(answer.content)) as arrays:
         assert bool(arrays["simulation"])
+        assert (str(arrays["unit"]), str(arrays["scale"]), int(arrays["samples"])) == (
+            "counts",
+            "log",
+            1,
+        )
+        assert str(arrays["config_version"]) == shown["config_version"] == "preset"
         np.testing.assert_array_equal(arrays["mean"].ravel(), shown["mean"])
+
+
+async def test_table_of_the_map_explains_itself(client, world):
+    world.robots[MINI].sample((1.0, 0.5, 0.2))
+    await grown(client, 1)
+    answer = await client.get("/api/robots/mini-1/maps/blue_light?format=csv")
+    assert "SIMULATION.csv" in answer.headers["content-disposition"]
+    lines = answer.text.splitlines()
+    comments = [line for line in lines if line.startswith("#")]
+    assert comments[0].startswith("# SIMULATION")
+    assert f"# model: {LIVE}" in comments
+    head, *rows = lines[len(comments) :]
+    assert head.split(",")[5:] == ["median [counts]", "mean [log counts]", "std [log counts]"]
+    shown = (await client.get("/api/robots/mini-1/maps/blue_light")).json()
+    assert len(rows) == len(shown["mean"])
+    last = [float(cell) for cell in rows[-1].split(",")]
+    assert last[6] == pytest.approx(shown["mean"][-1], rel=1e-5)
+    assert last[5] == pytest.approx(np.exp(shown["mean"][-1]), rel=1e-4)
+    assert last[3] == pytest.approx(42.725, abs=1e-2)
 
 
 async def test_map_that_does_not_exist_is_refused_with_those_that_do(client, station):
     await until(lambda: station.maps.views(MINI))
     refused = await client.get("/api/robots/mini-1/maps/salinity")
     assert refused.status_code == 404
-    assert "blue_light (recursive)" in refused.json()["detail"]
+    assert f"blue_light ({LIVE})" in refused.json()["detail"]
     assert (await client.get("/api/robots/nobody/maps")).status_code == 404
 
 
@@ -182,9 +209,9 @@ async def test_scene_draws_pose_track_plan_and_map_of_the_same_robot(client, sta
     assert plan is source.plan()
     assert plan.state == "draft"
     assert plan.points.shape[1] == 5
-    await until(lambda: source.maps() == ("recursive", "single"))
-    view = source.map_view("recursive")
-    assert view is source.map_view("recursive")
+    await until(lambda: source.maps() == (LIVE,))
+    view = source.map_view(LIVE)
+    assert view is source.map_view(LIVE)
     assert view.mean.shape == (len(view.x_m), len(view.y_m), len(view.z_m))
 
 

@@ -1,0 +1,204 @@
+"""Comparisons: all field models on the samples of one map, side by side with their scores."""
+
+import asyncio
+from datetime import datetime
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from autonomy.field.score import Scores
+from db.column import moment
+from db.query.comparisons import keep_comparison
+from db.query.events import add_event
+from db.query.samples import SampleColumns, sample_columns
+from server.foundation import Foundation
+from server.job import JobError, JobProgress
+from server.problem import conflict, not_found
+from server.service.field_model import MODEL_TITLES
+from server.service.fleet import Fleet
+from server.service.map_grid import grid_of
+from server.service.map_group import MapGroup
+from server.service.map_record import Comparison, comparison_record
+from server.service.map_samples import field_samples, usable
+from server.service.mapping import FieldMaps
+from server.service.site_map import basis_of, view_on_grid
+from server.service.task.map_problem import COMPARE_MAPS, Compared, ComparisonProblem
+from server.service.view.map import ComparedModelView, MapComparisonView
+from server.service.worker import WORKER_FAILURES, WorkerPool
+
+
+class MapComparisons:
+    """Comparisons of all maps. Belongs to one event loop."""
+
+    def __init__(
+        self, foundation: Foundation, fleet: Fleet, maps: FieldMaps, workers: WorkerPool
+    ) -> None:
+        self._foundation = foundation
+        self._store = foundation.store
+        self._fleet = fleet
+        self._maps = maps
+        self._workers = workers
+        self._jobs: dict[MapGroup, str] = {}
+        """Jobs under way by the map that they are of."""
+
+    async def start(self, robot: str, variable: str, *, by: str) -> str:
+        """Begin to compare; return the id of the job, the one under way if there is one.
+
+        Raises:
+            Problem: 404 for an unknown robot or map, 409 for a recording or a map of no sample.
+            StoreError: Nothing was begun.
+        """
+        group = map_group(self._maps, self._fleet, robot, variable)
+        running = self._jobs.get(group)
+        if running is not None:
+            return running
+        if group.live is None or not group.live.total:
+            raise conflict(f"The map of {robot} has no sample yet; compare when it has some.")
+
+        async def work(progress: JobProgress) -> dict[str, Any]:
+            try:
+                return await self._compare(robot, group, progress)
+            finally:
+                self._jobs.pop(group, None)
+
+        job = await self._foundation.jobs.start("map comparison", work, by=by)
+        if any(one.id == job.id for one in self._foundation.jobs.running):
+            self._jobs[group] = job.id
+        return job.id
+
+    def view(self, robot: str, variable: str) -> MapComparisonView:
+        """Return the newest comparison of a map, and whether there is one under way.
+
+        Raises:
+            Problem: 404 for an unknown robot or map, 409 for a recording.
+        """
+        group = map_group(self._maps, self._fleet, robot, variable)
+        found = group.comparison
+        state = "none" if found is None else "ready"
+        job = self._jobs.get(group)
+        return MapComparisonView(
+            state=state if job is None else "working",
+            job=job,
+            compared_at=None if found is None else found.compared_at,
+            samples=0 if found is None else found.samples,
+            against=None if found is None else found.against,
+            is_outdated=found is not None and found.basis != group.basis,
+            message="" if found is None else found.message,
+            models=[]
+            if found is None
+            else [
+                ComparedModelView(
+                    title=MODEL_TITLES[one["model"]],
+                    is_default=one["model"] == group.config.model,
+                    **one,
+                )
+                for one in found.models
+            ],
+        )
+
+    async def _compare(self, robot: str, group: MapGroup, progress: JobProgress) -> dict[str, Any]:
+        progress.report(0.0, "Waiting for a free process")
+        columns = await self._store.query(
+            lambda session: sample_columns(session, group.robots, group.config.variable)
+        )
+        problem = await asyncio.to_thread(_problem, group, columns)
+        try:
+            found: Compared = await self._workers.run(
+                COMPARE_MAPS, problem, on_progress=lambda news: progress.report(*news)
+            )
+        except WORKER_FAILURES as error:
+            raise JobError(str(error)) from error
+        comparison = _comparison(group, problem, columns, found, self._foundation.clock.now())
+        variable = group.config.variable
+        record = await asyncio.to_thread(comparison_record, robot, variable, comparison)
+
+        def keep(session: Session) -> None:
+            keep_comparison(session, record)
+            text = f"The field models of {robot} were compared on {comparison.samples} samples."
+            data = {"variable": variable, "against": comparison.against}
+            add_event(session, record.at, "map.compared", text, robot=robot, data=data)
+
+        await self._store.write(keep)
+        self._maps.set_comparison(robot, comparison)
+        return {"variable": variable, "samples": comparison.samples, "against": comparison.against}
+
+
+def map_group(maps: FieldMaps, fleet: Fleet, robot: str, variable: str) -> MapGroup:
+    """Return the live map of a robot's variable.
+
+    Raises:
+        Problem: 404 for an unknown robot or map, 409 for a recording.
+    """
+    if fleet.picture(robot).record.kind == "recorded":
+        raise conflict(f"{robot} is a recording, whose map was fitted when it was imported.")
+    group = maps.group(robot)
+    if group is None:
+        raise not_found(f"The map of {robot} is still being made.")
+    if group.config.variable != variable:
+        raise not_found(f"There is no such map of {robot}; there is {group.config.variable}.")
+    return group
+
+
+def _problem(group: MapGroup, columns: SampleColumns) -> ComparisonProblem:
+    return ComparisonProblem(
+        field=group.config,
+        domain=group.domain,
+        site=group.site,
+        samples=field_samples(columns),
+        is_simulated=group.is_simulated,
+    )
+
+
+def _comparison(
+    group: MapGroup,
+    problem: ComparisonProblem,
+    columns: SampleColumns,
+    found: Compared,
+    at: datetime,
+) -> Comparison:
+    """Return what a worker found as it is shown, about the samples that the worker was given."""
+    config, domain = problem.field, problem.domain
+    grid = grid_of(config, domain, group.site)
+    good = usable(columns)
+    smoothed = int(good.is_smoothed.sum())
+    updated_at = moment(int(good.measured_at_us[-1])) if len(good) else None
+    views = {
+        (config.variable, one.model): view_on_grid(
+            config.model_copy(update={"model": one.model}),
+            grid,
+            one.mean,
+            one.std,
+            samples_per_level=found.samples_per_level,
+            version=round(at.timestamp() * 1e6),
+            updated_at=updated_at,
+        )
+        for one in found.models
+        if one.mean is not None and one.std is not None
+    }
+    return Comparison(
+        compared_at=at,
+        basis=basis_of(config, domain, len(good), smoothed),
+        samples=len(good),
+        against=found.against,
+        message=found.message,
+        models=tuple(
+            {
+                "model": one.model,
+                **_scores(one.scores),
+                "log_marginal_likelihood": one.log_marginal_likelihood,
+            }
+            for one in found.models
+        ),
+        views=views,
+    )
+
+
+def _scores(scores: Scores | None) -> dict[str, float | None]:
+    if scores is None:
+        return dict.fromkeys(("rmse", "nlpd", "wmse", "coverage"))
+    return {
+        "rmse": scores.rmse,
+        "nlpd": scores.nlpd,
+        "wmse": scores.wmse,
+        "coverage": scores.coverage_90,
+    }

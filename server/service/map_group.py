@@ -1,0 +1,103 @@
+"""The maps of robots that share one: the live one, and those of the newest comparison."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from datetime import datetime
+
+from autonomy.field.config import FieldConfig
+from autonomy.field.grid import Grid
+from autonomy.site import Box, Site
+from db.query.robots import RobotRecord
+from robot_link.messages import Sample
+from server.service.map_grid import grid_of
+from server.service.map_record import Comparison
+from server.service.map_samples import Water
+from server.service.site_map import SiteMap, basis_of
+from server.service.view.mission import ScoresView
+from webui.scene.source import MapView
+
+MapKey = tuple[str, str]
+"""Variable and model."""
+
+
+@dataclass(frozen=True, slots=True)
+class MapSettings:
+    """How the map of a robot is made."""
+
+    config: FieldConfig
+    """With the fidelity thresholds of the planner."""
+    domain: Box
+    version: str
+    """Public id of the version of the field's settings, ``preset`` for the preset."""
+
+
+@dataclass(slots=True, eq=False)
+class MapGroup:
+    """One map and the robots that it is shown for; changed on one event loop only.
+
+    Robots of one water whose settings differ have maps of their own, each of the samples of all.
+    """
+
+    water: Water
+    site: Site
+    is_simulated: bool
+    config: FieldConfig
+    domain: Box
+    robots: tuple[str, ...]
+    """Whose samples the map takes: all robots of the water."""
+    members: set[str] = field(default_factory=set[str])
+    """Robots whose settings are these."""
+    live: SiteMap | None = None
+    """``None`` while it is being made."""
+    waiting: list[Sample] = field(default_factory=list[Sample])
+    comparison: Comparison | None = None
+    scores: dict[MapKey, ScoresView] = field(default_factory=dict[MapKey, ScoresView])
+    saved_version: int = 0
+    saved_at: datetime | None = None
+    is_stale: bool = False
+    """Whether samples in the map were located better since it was made."""
+    due_s: float = 0.0
+    """When it may be made anew again, by the wall."""
+
+    @classmethod
+    def of(cls, record: RobotRecord, settings: MapSettings, robots: tuple[str, ...]) -> "MapGroup":
+        """Begin the group of a robot."""
+        return cls(
+            water=Water.of(record),
+            site=record.site,
+            is_simulated=record.simulated,
+            config=settings.config,
+            domain=settings.domain,
+            robots=robots,
+        )
+
+    def fits(self, record: RobotRecord, settings: MapSettings) -> bool:
+        """Tell whether the map of a robot is this one."""
+        return (self.water, self.site, self.config, self.domain) == (
+            Water.of(record),
+            record.site,
+            settings.config,
+            settings.domain,
+        )
+
+    def grid(self) -> Grid:
+        """Return the grid of the map, with its mask of the water."""
+        return grid_of(self.config, self.domain, self.site)
+
+    @property
+    def basis(self) -> str:
+        """Name of what the map is made of now."""
+        live = self.live
+        total, smoothed = (0, 0) if live is None else (live.total, live.smoothed)
+        return basis_of(self.config, self.domain, total, smoothed)
+
+    @property
+    def views(self) -> Mapping[MapKey, MapView]:
+        """Every map, the live one first; empty while it is being made."""
+        live = self.live
+        if live is None:
+            return {}
+        variable = self.config.variable
+        shown = {(variable, live.view.model): live.view}
+        compared = {} if self.comparison is None else self.comparison.views
+        return shown | {key: view for key, view in compared.items() if key not in shown}

@@ -1,0 +1,210 @@
+"""Learning: the kernels of a map's model from its samples, asked for or between dives.
+
+What was learned becomes a new version of the field's settings of every robot that shares the map,
+all of them at once, and the map is made anew. Nothing is changed before the work is done, nor if
+somebody changed the settings meanwhile.
+"""
+
+import asyncio
+import logging
+from collections.abc import Mapping
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from autonomy.field.config import FieldConfig
+from db.fault import StoreError
+from db.query import configurations as query
+from db.query.events import add_event
+from db.query.samples import count_received, sample_columns
+from server.configuration import CurrentConfiguration, current
+from server.configuration_kind import find_kind
+from server.foundation import Foundation
+from server.job import JobError, JobProgress
+from server.problem import conflict
+from server.service.fleet import Fleet
+from server.service.map_comparison import map_group
+from server.service.map_group import MapGroup
+from server.service.map_samples import Water, field_samples
+from server.service.mapping import FieldMaps
+from server.service.task.map_problem import LEARN_FIELD, LearnedField, LearningProblem
+from server.service.worker import WORKER_FAILURES, WorkerPool
+
+log = logging.getLogger(__name__)
+
+LEARNER = "learning"
+"""Who changed settings, where learning did."""
+_LEAST_SAMPLES = 2
+_SEED = 20261121
+
+
+class MapLearning:
+    """Learning for all maps, one at a time. Belongs to one event loop."""
+
+    def __init__(
+        self, foundation: Foundation, fleet: Fleet, maps: FieldMaps, workers: WorkerPool
+    ) -> None:
+        self._foundation = foundation
+        self._store = foundation.store
+        self._fleet = fleet
+        self._maps = maps
+        self._workers = workers
+        self._jobs: dict[MapGroup, str] = {}
+        """Jobs under way by the map that they are of."""
+        self._learned_at: dict[tuple[Water, str], int] = {}
+        """Samples of a variable that a water's map had when its kernels were last learned."""
+        self._is_beginning = False
+        maps.on_dive.append(self.dive_ended)
+
+    async def start(self, robot: str, variable: str, *, by: str) -> str:
+        """Begin to learn; return the id of the job, the one under way if there is one.
+
+        Raises:
+            Problem: 404 for an unknown robot or map, 409 for a recording or too few samples.
+            StoreError: Nothing was begun.
+        """
+        group = map_group(self._maps, self._fleet, robot, variable)
+        running = self._jobs.get(group)
+        if running is not None:
+            return running
+        if group.live is None or group.live.total < _LEAST_SAMPLES:
+            raise conflict(f"The map of {robot} needs {_LEAST_SAMPLES} samples to learn from.")
+        return await self._begin(robot, group, by)
+
+    def dive_ended(self, robot: str) -> None:
+        """Learn in the background if a map says so and enough samples came since the last time."""
+        group = self._maps.group(robot)
+        if group is None or not group.config.learning.online or self._jobs or self._is_beginning:
+            return
+        self._is_beginning = True
+        self._foundation.background.start(f"learn for {robot}", self._begin_if_due(robot, group))
+
+    async def _begin_if_due(self, robot: str, group: MapGroup) -> None:
+        try:
+            new = await self._new_samples(robot, group)
+            if new >= group.config.learning.least_new_samples:
+                await self._begin(robot, group, "the station")
+        except StoreError as error:
+            log.warning("the kernels of %s's map are learned later: %s", robot, error)
+        finally:
+            self._is_beginning = False
+
+    async def _new_samples(self, robot: str, group: MapGroup) -> int:
+        """Return how many samples came since a map's kernels were last learned."""
+        total = 0 if group.live is None else group.live.total
+        key = _key(group)
+        if key not in self._learned_at:
+            held = await self._foundation.configurations.current("field", robot)
+            learned_at = held.changed_at if held.changed_by == LEARNER else None
+            new = total
+            if learned_at is not None:
+                new = await self._store.query(
+                    lambda session: count_received(
+                        session, group.robots, group.config.variable, learned_at
+                    )
+                )
+            self._learned_at[key] = total - min(new, total)
+        return total - self._learned_at[key]
+
+    async def _begin(self, robot: str, group: MapGroup, by: str) -> str:
+        if group.live is not None:
+            self._learned_at[_key(group)] = group.live.total
+
+        async def work(progress: JobProgress) -> Mapping[str, Any]:
+            try:
+                return await self._learn(robot, group, progress)
+            finally:
+                self._jobs.pop(group, None)
+
+        job = await self._foundation.jobs.start("map learning", work, by=by)
+        if any(one.id == job.id for one in self._foundation.jobs.running):
+            self._jobs[group] = job.id
+        return job.id
+
+    async def _learn(self, robot: str, group: MapGroup, progress: JobProgress) -> Mapping[str, Any]:
+        progress.report(0.0, "Waiting for a free process")
+        members = sorted(group.members | {robot})
+        held = {one: await self._foundation.configurations.current("field", one) for one in members}
+        columns = await self._store.query(
+            lambda session: sample_columns(session, group.robots, group.config.variable)
+        )
+        samples = await asyncio.to_thread(field_samples, columns)
+        problem = LearningProblem(group.config, samples, _SEED)
+        try:
+            found: LearnedField = await self._workers.run(
+                LEARN_FIELD, problem, on_progress=lambda news: progress.report(*news)
+            )
+        except WORKER_FAILURES as error:
+            raise JobError(str(error)) from error
+        version = await self._keep(robot, held, group.config, found, len(samples))
+        return {
+            "variable": group.config.variable,
+            "samples": len(samples),
+            "config": version,
+            "is_changed": version is not None,
+            "before_nll": found.before_nll,
+            "after_nll": found.after_nll,
+            "message": found.message,
+            "kernels": list(found.kernels),
+        }
+
+    async def _keep(
+        self,
+        robot: str,
+        held: Mapping[str, CurrentConfiguration],
+        asked: FieldConfig,
+        found: LearnedField,
+        samples: int,
+    ) -> str | None:
+        """Keep what was learned as new versions, in one transaction; return the robot's.
+
+        Raises:
+            JobError: Somebody changed the settings meanwhile; nothing was kept.
+        """
+        patch = _difference(asked, found.field) if found.is_changed else {}
+        at = self._foundation.clock.now()
+        kind = find_kind("field")
+
+        def write(session: Session) -> str | None:
+            text = f"Learned the map of {robot} from {samples} samples: {found.message}"
+            version: str | None = None
+            for one, was in held.items() if patch else ():
+                if current(session, kind, one).etag != was.etag:
+                    raise JobError(
+                        f"The settings of {one}'s map were changed meanwhile; learn again."
+                    )
+                value = FieldConfig.model_validate(was.value.model_dump() | patch)
+                kept = query.add_configuration(
+                    session, kind.key, one, value.model_dump(mode="json"), at=at, by=LEARNER
+                )
+                version = kept.id if one == robot else version
+                add_event(
+                    session,
+                    at,
+                    "config.changed",
+                    f"{LEARNER} changed the {kind.title} settings of {one}.",
+                    robot=one,
+                    data={"kind": kind.key, "id": kept.id},
+                )
+            data = {
+                "variable": asked.variable,
+                "samples": samples,
+                "config": version,
+                "before_nll": found.before_nll,
+                "after_nll": found.after_nll,
+                "kernels": list(found.kernels),
+            }
+            add_event(session, at, "map.learned", text, robot=robot, data=data)
+            return version
+
+        return await self._store.write(write)
+
+
+def _key(group: MapGroup) -> tuple[Water, str]:
+    return group.water, group.config.variable
+
+
+def _difference(before: FieldConfig, after: FieldConfig) -> dict[str, Any]:
+    """Return the fields that learning changed."""
+    old, new = before.model_dump(), after.model_dump()
+    return {name: value for name, value in new.items() if value != old[name]}

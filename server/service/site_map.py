@@ -1,0 +1,209 @@
+"""The map of one variable in one water by the configured model, growing with each sample."""
+
+import dataclasses
+import hashlib
+import logging
+import math
+from collections import defaultdict
+from collections.abc import Sequence
+from datetime import datetime
+from functools import reduce
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.field.config import FieldConfig
+from autonomy.field.grid import Grid
+from autonomy.field.live_map import LiveMap
+from autonomy.field.samples import FieldSamples, joined
+from autonomy.field.variable import VARIABLES
+from autonomy.site import Box
+from db.column import moment
+from db.query.samples import SampleColumns
+from robot_link.messages import Sample
+from server.service.field_model import MODEL_TITLES
+from server.service.map_samples import field_samples, first_dive, usable
+from server.service.seen import Seen
+from webui.scene.source import MapView, SampleView
+
+log = logging.getLogger(__name__)
+
+
+class SiteMap:
+    """A map that grows; one thread at a time may change it, any may read its views.
+
+    Args:
+        config: The model, with the fidelity thresholds that hold.
+        grid: Where it is kept up to date.
+        robots: Whose samples it takes, in the order in which they were added to the station.
+        version: Count of the changes of the map that it takes the place of.
+    """
+
+    def __init__(
+        self, config: FieldConfig, grid: Grid, robots: tuple[str, ...], version: int = 0
+    ) -> None:
+        self.config = config
+        self.grid = grid
+        self.robots = robots
+        self.version = version
+        self.total = 0
+        """Samples that were taken in, also those that a full map dropped."""
+        self.smoothed = 0
+        """How many of them smoothing located better."""
+        self._live = LiveMap(config, grid)
+        self._seen: dict[str, Seen] = defaultdict(Seen)
+        self._last: dict[str, FieldSamples] = {}
+        """Newest sample by robot, whose dive may go on."""
+        self._refresh(None)
+
+    @classmethod
+    def from_columns(
+        cls,
+        config: FieldConfig,
+        grid: Grid,
+        robots: tuple[str, ...],
+        columns: SampleColumns,
+        version: int = 0,
+    ) -> "SiteMap":
+        """Condition a map on stored samples of its robots."""
+        site_map = cls(config, grid, robots, version)
+        for robot, log, sequence in zip(
+            columns.robot.tolist(), columns.log.tolist(), columns.sequence.tolist(), strict=True
+        ):
+            site_map._seen[robots[robot]].add(log, sequence)
+        columns = usable(columns)
+        if not len(columns):
+            return site_map
+        samples = field_samples(columns)
+        for number in np.unique(columns.robot).tolist():
+            site_map._last[robots[number]] = samples[columns.robot == number][-1:]
+        site_map._live.replace(samples)
+        site_map._note(samples)
+        site_map._refresh(moment(int(columns.measured_at_us[-1])))
+        return site_map
+
+    def is_of(self, config: FieldConfig, grid: Grid, robots: tuple[str, ...]) -> bool:
+        """Tell whether the map was made with these settings over this grid of these robots."""
+        return (
+            self.config == config
+            and self.robots == robots
+            and np.array_equal(self.grid.points, grid.points)
+            and np.array_equal(self.grid.mask, grid.mask)
+        )
+
+    def append(self, samples: Sequence[Sample]) -> None:
+        """Take in samples of the map's variable and robots that are not in it yet."""
+        by_robot: dict[str, list[Sample]] = defaultdict(list)
+        for sample in samples:
+            if (
+                sample.variable == self.config.variable
+                and sample.robot in self.robots
+                and self._seen[sample.robot].add(sample.log, sample.sequence)
+                and _is_number(sample)
+            ):
+                by_robot[sample.robot].append(sample)
+        if not by_robot:
+            return
+        fresh = reduce(joined, [self._of_robot(robot, new) for robot, new in by_robot.items()])
+        fresh = fresh[np.argsort(fresh.time_s, kind="stable")]
+        self._live.append(fresh)
+        self._note(fresh)
+        self._refresh(max(sample.measured_at for new in by_robot.values() for sample in new))
+
+    def _of_robot(self, robot: str, samples: Sequence[Sample]) -> FieldSamples:
+        before = self._last.get(robot)
+        fresh = FieldSamples.of(
+            np.array([sample.position_ned for sample in samples]),
+            np.array([sample.value for sample in samples]),
+            np.array([sample.position_std_m for sample in samples]),
+            time_s=np.array([sample.measured_at.timestamp() for sample in samples]),
+            after=before,
+        )
+        if before is None:
+            fresh = dataclasses.replace(fresh, dive=fresh.dive + first_dive(self.robots, robot))
+        self._last[robot] = fresh[-1:]
+        return fresh
+
+    def _note(self, samples: FieldSamples) -> None:
+        self.total += len(samples)
+        self.smoothed += int(np.count_nonzero(samples.position_std_m < samples.filtered_std_m))
+
+    def _refresh(self, at: datetime | None) -> None:
+        self.version += 1
+        kept = self._live.samples
+        self.view = view_on_grid(
+            self.config,
+            self.grid,
+            self._live.mean,
+            self._live.std,
+            samples_per_level=self._live.samples_per_level,
+            version=self.version,
+            updated_at=at,
+        )
+        self.samples = SampleView(
+            position_ned=kept.points,
+            fidelity=self._live.sample_levels,
+            is_smoothed=kept.position_std_m < kept.filtered_std_m,
+        )
+
+
+def view_on_grid(
+    config: FieldConfig,
+    grid: Grid,
+    mean: FloatArray,
+    std: FloatArray,
+    *,
+    samples_per_level: tuple[int, ...],
+    version: int,
+    updated_at: datetime | None,
+) -> MapView:
+    """Return a map as it is shown: no numbers where there is no water.
+
+    Args:
+        config: Names variable, model and scale.
+        grid: The points.
+        mean: Shape ``(q,)``, in the model's scale.
+        std: Shape ``(q,)``.
+        samples_per_level: Samples behind the map by fidelity level.
+        version: Changes whenever the arrays do.
+        updated_at: When the newest of its samples was taken.
+    """
+    variable = dataclasses.replace(VARIABLES[config.variable], scale=config.resolved_scale())
+    return MapView(
+        variable=variable,
+        model=config.model,
+        title=MODEL_TITLES[config.model],
+        x_m=grid.x_m,
+        y_m=grid.y_m,
+        z_m=grid.z_m,
+        mean=np.where(grid.mask, mean, np.nan).reshape(grid.shape),
+        std=np.where(grid.mask, std, np.nan).reshape(grid.shape),
+        samples_per_level=samples_per_level,
+        version=version,
+        updated_at=updated_at,
+    )
+
+
+def basis_of(config: FieldConfig, domain: Box, total: int, smoothed: int) -> str:
+    """Return a name for what a map was made of: settings, domain and samples.
+
+    Args:
+        config: Settings; the model and how it learns do not count.
+        domain: Where.
+        total: Number of samples.
+        smoothed: How many of them are smoothed.
+    """
+    made_of = config.model_dump_json(exclude={"model", "learning"})
+    text = f"{made_of} {domain.model_dump_json()} {total} {smoothed}"
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def _is_number(sample: Sample) -> bool:
+    """Tell whether every number of a sample is one; whatever let it in, a map cannot take it."""
+    numbers = (*sample.position_ned, sample.position_std_m, sample.value)
+    if all(map(math.isfinite, numbers)) and sample.position_std_m >= 0.0:
+        return True
+    log.warning(
+        "sample %d of %s is left out of the map: %s", sample.sequence, sample.robot, numbers
+    )
+    return False

@@ -1,0 +1,156 @@
+"""Conditions all field models on the same samples, and scores them against what is known.
+
+A simulated field is known everywhere. Else every dive is held out once, whole, and the models made
+of the others are scored at its samples: neighbours of a sample on the same dive know it too well.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from autonomy.arrays import BoolArray, FloatArray
+from autonomy.field.config import FieldConfig
+from autonomy.field.fidelity import fidelity_level
+from autonomy.field.live_map import LiveMap
+from autonomy.field.mask import water_mask
+from autonomy.field.model import FieldModel
+from autonomy.field.samples import FieldSamples
+from autonomy.field.scale import to_model
+from autonomy.field.score import Scores, score
+from autonomy.field.synthetic import truth
+from server.service.field_model import MODEL_TITLES, MODELS
+from server.service.map_grid import grid_of
+from server.service.task.map_problem import Against, Compared, ComparedModel, ComparisonProblem
+from server.service.task.survey_map import SCORING, domain_points, map_of
+
+FOLDS = 4
+"""Parts into which dives are dealt; each is held out once."""
+LEAST_DIVE = 3
+"""A dive with fewer samples than this is never held out."""
+SCORED_MAX = 400
+"""Most held-out samples of a part that are scored, evenly spread."""
+
+Report = Callable[[tuple[float, str]], None]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Truth:
+    """A field that is known."""
+
+    points: FloatArray
+    values: FloatArray
+    """In the model's scale."""
+
+
+def run(problem: ComparisonProblem, report: Report, is_cancelled: Callable[[], bool]) -> Compared:
+    """Return every model conditioned on all samples, with its scores."""
+    against, known, folds, message = _yardstick(problem)
+    models: list[ComparedModel] = []
+    for number, key in enumerate(MODELS):
+        if is_cancelled():
+            break
+        report((number / len(MODELS), MODEL_TITLES[key]))
+        config = problem.field.model_copy(update={"model": key})
+        live = map_of(config, problem.domain, problem.samples)
+        model = live.conditioned()
+        if known is not None:
+            scores = score(model.mean(known.points), model.covariance(known.points), known.values)
+        else:
+            scores = _held_out(problem, config, folds, is_cancelled)
+        mean, std = _on_grid(problem, model) if problem.with_maps else (None, None)
+        models.append(ComparedModel(key, scores, model.log_marginal_likelihood(), mean, std))
+    return Compared(tuple(models), against, message, _per_level(problem))
+
+
+def _yardstick(
+    problem: ComparisonProblem,
+) -> tuple[Against | None, _Truth | None, list[BoolArray], str]:
+    """Return what the models are scored against: the truth, or parts that are held out."""
+    known = _truth(problem) if problem.is_simulated else None
+    if known is not None:
+        return "truth", known, [], ""
+    folds = held_out_parts(problem.samples)
+    if folds:
+        return "held-out samples", None, folds, ""
+    message = "There is one dive only; models are scored when there are two to hold apart."
+    return None, None, [], message
+
+
+def _truth(problem: ComparisonProblem) -> _Truth | None:
+    """Return the simulated field at the water of the domain, which depends on the site alone."""
+    points = domain_points(problem.domain, SCORING)
+    points = points[water_mask(problem.site, points)]
+    try:
+        values = truth(problem.field.variable, points)
+    except ValueError:
+        return None
+    return _Truth(points, to_model(problem.field.resolved_scale(), values)) if len(points) else None
+
+
+def held_out_parts(samples: FieldSamples) -> list[BoolArray]:
+    """Deal the dives of samples into parts, and mark the samples of each.
+
+    Args:
+        samples: All of them.
+
+    Returns:
+        Masks of shape ``(n,)``, at most ``FOLDS``; none where there are not two dives.
+    """
+    numbers, counts = np.unique(samples.dive, return_counts=True)
+    dives = numbers[counts >= LEAST_DIVE]
+    parts = min(FOLDS, len(dives))
+    if parts < 2:
+        return []
+    return [np.isin(samples.dive, dives[part::parts]) for part in range(parts)]
+
+
+def _held_out(
+    problem: ComparisonProblem,
+    config: FieldConfig,
+    folds: list[BoolArray],
+    is_cancelled: Callable[[], bool],
+) -> Scores | None:
+    """Return the mean of the scores of all parts, each weighed by its samples."""
+    found: list[tuple[int, Scores]] = []
+    for out in folds:
+        if is_cancelled():
+            return None
+        live = map_of(config, problem.domain, problem.samples[~out])
+        tested = problem.samples[out]
+        spread = np.linspace(0, len(tested) - 1, min(len(tested), SCORED_MAX)).astype(np.int64)
+        found.append((len(spread), _scored(config, live, tested[spread])))
+    if not found:
+        return None
+    weights = np.array([count for count, _ in found], dtype=np.float64)
+    weights /= weights.sum()
+    parts = [one for _, one in found]
+    return Scores(
+        rmse=float(np.sqrt(weights @ np.array([one.rmse**2 for one in parts]))),
+        nlpd=float(weights @ np.array([one.nlpd for one in parts])),
+        wmse=float(weights @ np.array([one.wmse for one in parts])),
+        coverage_90=float(weights @ np.array([one.coverage_90 for one in parts])),
+    )
+
+
+def _scored(config: FieldConfig, live: LiveMap, tested: FieldSamples) -> Scores:
+    """Score a map at measurements, whose own noise the prediction includes."""
+    noise = {
+        "recursive": config.levels[-1].noise_variance,
+        "joint": config.joint_levels[-1].noise_variance,
+    }.get(config.model, config.single.noise_variance)
+    prediction = live.predict(tested.points)
+    covariance = prediction.covariance + noise * np.eye(len(tested))
+    return score(prediction.mean, covariance, to_model(config.resolved_scale(), tested.values))
+
+
+def _on_grid(problem: ComparisonProblem, model: FieldModel) -> tuple[FloatArray, FloatArray]:
+    grid = grid_of(problem.field, problem.domain, problem.site)
+    mean, variance = model.marginals(grid.points)
+    return mean, np.sqrt(np.maximum(variance, 0.0))
+
+
+def _per_level(problem: ComparisonProblem) -> tuple[int, ...]:
+    thresholds_m = problem.field.fidelity_thresholds_m
+    levels = fidelity_level(problem.samples.position_std_m, thresholds_m)
+    return tuple(np.bincount(levels, minlength=len(thresholds_m) + 1).tolist())

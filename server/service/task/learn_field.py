@@ -1,0 +1,32 @@
+"""Learns the kernels of a field model from all samples of its map."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from autonomy.field.learning_model import learn_config
+from server.service.task.map_problem import LearnedField, LearningProblem
+
+
+def run(
+    problem: LearningProblem,
+    report: Callable[[tuple[float, str]], None],
+    is_cancelled: Callable[[], bool],
+) -> LearnedField:
+    """Return the settings with what was learned, and by how much they are more likely."""
+    found = learn_config(
+        problem.field,
+        problem.samples,
+        starts=problem.field.learning.starts,
+        rng=np.random.default_rng(problem.seed),
+        report=lambda share, message: report((share, message)),
+        is_cancelled=is_cancelled,
+    )
+    return LearnedField(
+        field=found.config,
+        is_changed=found.is_changed,
+        before_nll=found.before_nll,
+        after_nll=found.after_nll,
+        message=found.message,
+        kernels=found.kernels,
+    )

@@ -1,0 +1,87 @@
+"""What the tasks about maps are given and leave, and their names.
+
+Like ``problem``, this loads no numba: the station imports it, the tasks' own modules do the work.
+"""
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+from autonomy.arrays import FloatArray
+from autonomy.field.config import FieldConfig, FieldModelKey
+from autonomy.field.samples import FieldSamples
+from autonomy.field.score import Scores
+from autonomy.site import Box, Site
+
+COMPARE_MAPS: Final = "server.service.task.compare_maps:run"
+"""Takes a ``ComparisonProblem``, reports share and message, leaves ``Compared``."""
+LEARN_FIELD: Final = "server.service.task.learn_field:run"
+"""Takes a ``LearningProblem``, reports share and message, leaves a ``LearnedField``."""
+
+Against = Literal["truth", "held-out samples"]
+"""What the models of a comparison are scored against."""
+
+
+@dataclass(frozen=True, slots=True)
+class ComparisonProblem:
+    """Samples on which all field models are compared."""
+
+    field: FieldConfig
+    """Settings; its model does not count."""
+    domain: Box
+    site: Site
+    samples: FieldSamples
+    is_simulated: bool
+    """Whether the truth is known, where there is one of the variable."""
+    with_maps: bool = True
+    """Whether the maps themselves are wanted, or their scores alone."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ComparedModel:
+    """One model conditioned on all samples."""
+
+    model: FieldModelKey
+    scores: Scores | None
+    """``None`` where there is nothing to score against."""
+    log_marginal_likelihood: float
+    mean: FloatArray | None
+    """On the grid of the map, shape ``(q,)``; ``None`` if the maps were not wanted."""
+    std: FloatArray | None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Compared:
+    """All field models on the same samples."""
+
+    models: tuple[ComparedModel, ...]
+    """Fewer than there are if the work was cancelled."""
+    against: Against | None
+    message: str
+    """What to know of the scores, one sentence or "" """
+    samples_per_level: tuple[int, ...]
+    """Samples that the models were given, by fidelity level."""
+
+
+@dataclass(frozen=True, slots=True)
+class LearningProblem:
+    """A field model whose kernels are to be learned."""
+
+    field: FieldConfig
+    samples: FieldSamples
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class LearnedField:
+    """What was learned of a field model; without the module that learned it, which loads numba."""
+
+    field: FieldConfig
+    """The settings with the learned kernels, those given if nothing was better."""
+    is_changed: bool
+    before_nll: float | None
+    """Negative log likelihood of the samples before; none where nothing could be compared."""
+    after_nll: float | None
+    message: str
+    """What was learned or why nothing was, for a person."""
+    kernels: tuple[str, ...]
+    """A sentence for each kernel."""

@@ -1,0 +1,171 @@
+import asyncio
+from datetime import timedelta
+
+import numpy as np
+import pytest
+
+from db.fault import StoreUnavailableError
+from db.query import smoothing as query
+from db.query.events import newest_events
+from db.query.samples import sample_columns
+from robot_link.clock import SystemClock
+from robot_link.messages import Sample
+from server.service import mapping, smoothing
+from server.service.map_samples import site_samples
+from server.service.smoothing import Smoothing
+from tests.server.service.conftest import MINI, open_station, until
+from tests.server.service.dive import DRIFT_M_S, STEP_S, begin_of, dive
+
+
+@pytest.fixture(autouse=True)
+def _short_pauses(monkeypatch):
+    monkeypatch.setattr(mapping, "QUIET_S", 0.1)
+
+
+def columns(store):
+    with store.read() as session:
+        return sample_columns(session, MINI, "blue_light")
+
+
+def is_smoothed(store):
+    return columns(store).is_smoothed.all()
+
+
+def samples_of(told):
+    return [one for one in told if isinstance(one, Sample)]
+
+
+async def kept(store, told):
+    await asyncio.wrap_future(store.append(told))
+
+
+async def test_dive_that_a_fix_ended_moves_towards_where_it_was(client, station, world):
+    for one in dive(MINI, begin_of(1)):
+        world.tell(one)
+
+    async def smoothed():
+        shown = (await client.get("/api/robots/mini-1/maps/blue_light")).json()
+        return shown if shown.get("smoothed_samples") else None
+
+    shown = await until(smoothed)
+    assert shown["smoothed_samples"] == shown["samples"]["total"] == 20
+    found = columns(station.foundation.store)
+    carried = DRIFT_M_S * STEP_S * np.arange(1, 21)
+    assert found.position_ned[:, 1].tolist() == [0.5] * 20
+    moved = found.smoothed_ned[:, 1] - found.position_ned[:, 1]
+    np.testing.assert_allclose(moved, carried, atol=0.01)
+    assert (found.smoothed_std_m < found.position_std_m).all()
+    samples = station.maps.samples(MINI)
+    assert samples.is_smoothed.all()
+    np.testing.assert_array_equal(samples.position_ned, found.smoothed_ned)
+    events = await station.foundation.store.query(newest_events)
+    (told,) = [event for event in events if event.kind == "dive.smoothed"]
+    assert "moved 20 samples of mini-1" in told.text
+    assert told.data["drift_ne_m"][1] == pytest.approx(carried[-1] + DRIFT_M_S * STEP_S, abs=0.01)
+
+
+async def test_dive_that_nobody_smoothed_is_caught_up_after_a_restart(tmp_path, world, monkeypatch):
+    async def never(self, robot):
+        del self, robot
+        return 0
+
+    with monkeypatch.context() as patched:
+        patched.setattr(Smoothing, "look", never)
+        async with open_station(tmp_path, world) as station:
+            told = dive(MINI, begin_of(1))
+            for one in told:
+                world.tell(one)
+            await until(lambda: len(columns(station.foundation.store)) == 20)
+            assert not columns(station.foundation.store).is_smoothed.any()
+    async with open_station(tmp_path, world) as station:
+        world.tell(told[-1])
+        await until(lambda: is_smoothed(station.foundation.store))
+        await until(
+            lambda: (
+                station.maps.samples(MINI) is not None
+                and station.maps.samples(MINI).is_smoothed.all()
+            )
+        )
+
+
+async def test_looking_again_changes_nothing(foundation):
+    store, looker = foundation.store, Smoothing(foundation.store, SystemClock())
+    told = dive(MINI, begin_of(1))
+    await kept(store, told)
+    assert await looker.look(MINI) == 20
+    before = columns(store)
+    assert await looker.look(MINI) == 0
+    looker.feed(samples_of(told))
+    await looker.look(MINI)
+    assert await Smoothing(store, SystemClock()).look(MINI) == 0
+    np.testing.assert_array_equal(columns(store).smoothed_ned, before.smoothed_ned)
+
+
+async def test_samples_that_come_late_lead_to_the_same_places(foundation):
+    store, begin = foundation.store, begin_of(2)
+    told = dive(MINI, begin)
+    late = samples_of(told)[8:]
+    await kept(store, [one for one in told if one not in late])
+    looker = Smoothing(store, SystemClock())
+    await looker.look(MINI)
+    await kept(store, late)
+    looker.feed(late)
+    await looker.look(MINI)
+    piecewise = columns(store)
+
+    again = dive(MINI, begin + timedelta(seconds=100), first=20)
+    await kept(store, again)
+    looker.feed(samples_of(again))
+    await looker.look(MINI)
+    at_once = columns(store)
+    moved = piecewise.smoothed_ned - piecewise.position_ned
+    np.testing.assert_allclose(moved, (at_once.smoothed_ned - at_once.position_ned)[20:], atol=1e-9)
+
+
+async def test_dive_whose_keeping_fails_stays_as_it_was_and_is_tried_again(foundation, monkeypatch):
+    """What a killed station leaves is what a failed transaction leaves: all or nothing."""
+    store, looker = foundation.store, Smoothing(foundation.store, SystemClock())
+    await kept(store, dive(MINI, begin_of(1)))
+
+    def torn(session, robot, places):
+        query.keep_smoothed(session, robot, places[:7])
+        session.flush()
+        raise StoreUnavailableError("The disk is full.")
+
+    with monkeypatch.context() as patched:
+        patched.setattr(smoothing, "keep_smoothed", torn)
+        with pytest.raises(StoreUnavailableError):
+            await looker.look(MINI)
+    assert not columns(store).is_smoothed.any()
+    assert await looker.look(MINI) == 20
+    assert columns(store).is_smoothed.all()
+
+
+async def test_long_track_is_looked_at_piece_by_piece(foundation, monkeypatch):
+    store, begin = foundation.store, begin_of(4)
+    for number in range(4):
+        start = begin + timedelta(seconds=100 * number)
+        await kept(store, dive(MINI, start, first=20 * number))
+    monkeypatch.setattr(smoothing, "ROWS_PER_LOOK", 40)
+    assert await Smoothing(store, SystemClock()).look(MINI) == 80
+    found = columns(store)
+    assert found.is_smoothed.all()
+    moved = (found.smoothed_ned - found.position_ned)[:, 1].reshape(4, 20)
+    np.testing.assert_allclose(moved, moved[:1].repeat(4, axis=0), atol=1e-6)
+
+
+async def test_dive_that_has_not_ended_waits(foundation):
+    store = foundation.store
+    await kept(store, dive(MINI, begin_of(1))[:-1])
+    assert await Smoothing(store, SystemClock()).look(MINI) == 0
+    assert not columns(store).is_smoothed.any()
+
+
+async def test_smoothed_samples_reach_whoever_asks_for_the_samples_of_the_water(foundation):
+    store = foundation.store
+    await kept(store, dive(MINI, begin_of(1)))
+    await Smoothing(store, SystemClock()).look(MINI)
+    with store.read() as session:
+        samples = site_samples(session, MINI, "blue_light")
+    assert (samples.position_std_m < samples.filtered_std_m).all()
+    assert len(np.unique(samples.dive)) == 1
