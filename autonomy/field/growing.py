@@ -140,8 +140,8 @@ class MapTargets:
     def append(self, growth: Growth, places: Places) -> None:
         """Take in what the factor gained by samples at ``places``."""
         cross = self._still.covariance(places, self._places)
+        self.go_on(float(np.max(places.time_s)))
         if self._memory_s > 0.0:
-            self.go_on(float(np.max(places.time_s)))
             ages_s = places.time_s - (self._reference_s or 0.0)
             cross *= np.exp(ages_s / self._memory_s)[:, None]
         self._columns.append(growth, cross)
@@ -152,6 +152,8 @@ class MapTargets:
 
     def go_on(self, newest_s: float) -> None:
         """Let time go on to that of a sample, wherever it was taken in; never back."""
+        if self._memory_s == 0.0:
+            return
         if self._reference_s is None:
             self._reference_s = self._now_s = newest_s
         self._now_s = max(self._now_s, newest_s)
