@@ -4,6 +4,10 @@ Both ends build the same canonical bytes (RFC 8949 deterministic CBOR of positio
 millimetres, milliseconds, milliradians), so the hash that a robot echoes proves that it holds
 exactly this plan. MAVLink mission items carry the same integers, each exact in a float32.
 
+Only the end of a leg travels: it begins where the one before it ended. Where a robot that aims off
+in a current surfaces, its belief jumps to where it really is, and the next leg begins there; the
+jump travels in the place of the circle, which only spirals have.
+
 A mission of format 1 has no trim. It is still understood, and keeps its bytes and so its name: a
 plan that was stored or is on board stays what it was.
 """
@@ -24,6 +28,8 @@ _KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, Primiti
 _FLOAT32_EXACT = 2**24
 _GAP_M = 2e-3
 """Greatest distance between two ends that meet, a little more than rounding makes."""
+_SURFACE_M = 1e-3
+_SPIRAL = _KINDS.index(PrimitiveKind.SPIRAL)
 SETTINGS_FIELDS = {1: 5, 2: 7}
 """Integers of the settings in the canonical form, by format; their number tells the format."""
 ITEM_FIELDS = 10
@@ -72,16 +78,17 @@ class Mission:
             ValueError: If a number does not fit the wire, the format is unknown or cannot carry
                 the settings, or a leg does not begin where the one before it (the first: the
                 start in the settings, at the surface) ends, for only the ends travel; the message
-                names it.
+                names it. At the surface a leg that is no spiral may begin elsewhere.
         """
         end: PositionNed = (settings.start_x_m, settings.start_y_m, 0.0)
+        integers: list[tuple[int, ...]] = []
         for number, leg in enumerate(legs, start=1):
-            if math.dist(leg.start_ned, end) > _GAP_M:
+            jumps = math.dist(leg.start_ned, end) > _GAP_M
+            if jumps and not (number > 1 and _may_jump(leg, end)):
                 raise ValueError(f"leg {number} does not begin where the one before it ends")
+            integers.append(leg_integers(leg, end if jumps else leg.start_ned))
             end = leg.end_ned
-        return cls.from_integers(
-            _settings_integers(settings, format_version), tuple(leg_integers(leg) for leg in legs)
-        )
+        return cls.from_integers(_settings_integers(settings, format_version), tuple(integers))
 
     @classmethod
     def from_integers(cls, settings: tuple[int, ...], legs: tuple[tuple[int, ...], ...]) -> Self:
@@ -95,7 +102,7 @@ class Mission:
         start: PositionNed = (x_mm / 1e3, y_mm / 1e3, 0.0)
         rebuilt: list[Leg] = []
         for integers in legs:
-            rebuilt.append(_leg(start, integers))
+            rebuilt.append(_leg(start, integers, may_jump=len(rebuilt) > 0))
             start = rebuilt[-1].end_ned
         return cls(
             settings=MissionSettings(
@@ -117,7 +124,11 @@ class Mission:
 
     def leg_integers(self) -> tuple[tuple[int, ...], ...]:
         """Wire integers of every leg, ``ITEM_FIELDS`` each."""
-        return tuple(leg_integers(leg) for leg in self.legs)
+        ends = [leg.end_ned for leg in self.legs[:-1]]
+        starts = [leg.start_ned for leg in self.legs[:1]]
+        return tuple(
+            leg_integers(leg, end) for leg, end in zip(self.legs, (*starts, *ends), strict=True)
+        )
 
     def canonical_bytes(self) -> bytes:
         """Return the bytes that the hash covers."""
@@ -133,12 +144,18 @@ class Mission:
         return PlanHash(hashlib.sha256(self.canonical_bytes()).hexdigest())
 
 
-def leg_integers(leg: Leg) -> tuple[int, ...]:
-    """Quantize one leg; only its end travels, for it starts where the leg before it ended.
+def leg_integers(leg: Leg, end_before: PositionNed) -> tuple[int, ...]:
+    """Quantize one leg; of its ends only the last travels.
+
+    Args:
+        leg: The leg.
+        end_before: End of the leg before it; the leg's own start where there is none.
 
     Returns:
         ``(kind, x_mm, y_mm, z_mm, speed_mm_s, duration_ds, energy_milli, heading_mrad,
-        radius_mm, turn_mrad)`` where x, y, z are the end of the leg.
+        radius_mm, turn_mrad)`` where x, y, z are the end of the leg. A leg that begins at the
+        surface, but not where the one before it ended, has the jump north and east, mm, in the
+        place of radius and turn.
 
     Raises:
         ValueError: If a number is not finite or exceeds what a float32 holds exactly.
@@ -154,7 +171,19 @@ def leg_integers(leg: Leg) -> tuple[int, ...]:
         "radius": leg.radius_m * 1e3,
         "turn": leg.turn_rad * 1e3,
     }
+    if _may_jump(leg, end_before) and leg.start_ned != end_before:
+        named["radius"] = (leg.start_ned[0] - end_before[0]) * 1e3
+        named["turn"] = (leg.start_ned[1] - end_before[1]) * 1e3
     return (_KINDS.index(leg.kind), *_rounded(f"a {leg.kind} leg", named))
+
+
+def _may_jump(leg: Leg, end_before: PositionNed) -> bool:
+    """Tell whether a leg may begin elsewhere than the one before it ended."""
+    return leg.kind is not PrimitiveKind.SPIRAL and _is_surfacing(leg.start_ned, end_before)
+
+
+def _is_surfacing(start: PositionNed, end_before: PositionNed) -> bool:
+    return max(start[2], end_before[2]) < _SURFACE_M
 
 
 def _settings_integers(settings: MissionSettings, version: int) -> tuple[int, ...]:
@@ -183,12 +212,15 @@ def _rounded(owner: str, named: dict[str, float]) -> tuple[int, ...]:
     return tuple(round(value) for value in named.values())
 
 
-def _leg(start: PositionNed, integers: tuple[int, ...]) -> Leg:
+def _leg(start: PositionNed, integers: tuple[int, ...], *, may_jump: bool) -> Leg:
     if len(integers) != ITEM_FIELDS:
         raise ValueError(f"a leg has {ITEM_FIELDS} numbers, not {len(integers)}")
     kind, x, y, z, speed, duration, energy, heading, radius, turn = integers
     if not 0 <= kind < len(_KINDS):
         raise ValueError(f"kind {kind} of a leg is unknown")
+    if may_jump and kind != _SPIRAL and _is_surfacing(start, start):
+        start = (start[0] + radius / 1e3, start[1] + turn / 1e3, start[2])
+        radius = turn = 0
     return Leg(
         kind=_KINDS[kind],
         start_ned=start,
