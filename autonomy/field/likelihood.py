@@ -9,7 +9,6 @@ from scipy.linalg import get_lapack_funcs
 
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.field.factorization import cholesky, solve_lower, solve_lower_transposed
-from autonomy.field.likelihood_kernel import SHAPE_NUMBER, add_covariance, contract
 
 _potrf, _potri = get_lapack_funcs(("potrf", "potri"), dtype=np.float64)
 
@@ -84,6 +83,10 @@ class MarginalLikelihood:
             held_noise: Noise covariance that is not learned, shape ``(n, n)``.
             basis: Functions of position whose weighted sum is the mean, shape ``(n, p)``.
         """
+        # imported late: what imports this module need not load the compiler
+        from autonomy.field.likelihood_kernel import SHAPE_NUMBER, add_covariance, contract
+
+        self._add_covariance, self._contract = add_covariance, contract
         n = len(values)
         levels = np.zeros(n, dtype=np.int64) if sample_levels is None else sample_levels
         self._order = np.argsort(levels, kind="stable")  # each component acts on the last samples
@@ -136,7 +139,7 @@ class MarginalLikelihood:
         for t, (signal, *lengths, _) in enumerate(table):
             scaled = self._axes / np.array(lengths)[:, None]
             weights, _ = self._weights(t, rho)
-            add_covariance(
+            self._add_covariance(
                 total, scaled, self._age, weights, self._shapes[t], signal, self._firsts[t]
             )
         total[np.diag_indices(n)] += table[self._levels, 4]
@@ -180,7 +183,7 @@ class MarginalLikelihood:
             scaled = self._axes / np.array(lengths)[:, None]
             weights, powers = self._weights(t, rho)
             trace, product = np.zeros(PER_LEVEL), np.zeros((PER_LEVEL, n))
-            contract(
+            self._contract(
                 inverse,
                 alpha,
                 scaled,
