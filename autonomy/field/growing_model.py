@@ -149,8 +149,8 @@ class GrowingPositionNoise:
             between_s = np.abs(np.subtract.outer(samples.time_s, process.places.time_s))
             fade = np.exp(-between_s / self._config.memory_s)  # (m, n)
         gradients = gradient_covariance(samples.points, process.places.points, kernel)
-        for axis, cross in enumerate(gradients):
-            whitened = process.whitened((fade * cross).T)  # (n, m)
+        both = process.whitened(np.concatenate([fade * cross for cross in gradients]).T)  # (n, 2m)
+        for axis, whitened in enumerate(np.split(both, 2, axis=1)):
             slope.mean[:, axis] = process.z @ whitened
             variance -= np.einsum("nm,nm->m", whitened, whitened)
         return Slope(slope.mean, np.sqrt(np.maximum(variance, 0.0)))

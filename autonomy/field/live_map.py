@@ -8,13 +8,15 @@ from autonomy.arrays import FloatArray, IntArray
 from autonomy.field.config import FieldConfig
 from autonomy.field.fidelity import fidelity_level
 from autonomy.field.grid import Grid
-from autonomy.field.growing_model import growing_model
-from autonomy.field.model import FieldModel, centred_values, condition
+from autonomy.field.growing_model import GrowingModel, growing_model
+from autonomy.field.inducing_model import GrowingInducing
+from autonomy.field.model import FieldAboutMean, FieldModel, centred_values, condition
 from autonomy.field.samples import FieldSamples, checked, joined
 from autonomy.field.scale import to_model
 from autonomy.field.thinning import space_filling
 
 _KEPT_WHEN_FULL = 0.75
+_CHOSEN_ANEW = 1.5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -32,8 +34,10 @@ class LiveMap:
 
     Any of the four models; a field that changes is shown at the time of its newest sample.
 
-    Samples beyond ``config.max_samples`` make the map keep an evenly spread three quarters of
-    that number and begin anew from them; ``samples_dropped`` counts those left out.
+    With samples beyond ``config.max_samples`` the map does what ``config.beyond`` says. It keeps an
+    evenly spread three quarters of that number and begins anew from them, and ``samples_dropped``
+    counts those left out; or it keeps all and sums them up at inducing points, which it chooses
+    anew when it holds half as many samples again.
     """
 
     def __init__(self, config: FieldConfig, grid: Grid) -> None:
@@ -89,8 +93,9 @@ class LiveMap:
         checked(samples)
         if not len(samples):
             return
-        if len(self._samples) + len(samples) > self.config.max_samples:
-            self._begin(self._thinned(joined(self._samples, samples)))
+        count = len(self._samples) + len(samples)
+        if count > self._most_samples:
+            self._begin(self._fitting(joined(self._samples, samples)))
             return
         try:
             self._model.append(samples, centred_values(self.config, samples))
@@ -106,14 +111,21 @@ class LiveMap:
             ValueError: As ``append`` does; the map then stays as it was.
         """
         checked(samples)
-        self.samples_dropped = 0
-        self._begin(self._thinned(samples) if len(samples) > self.config.max_samples else samples)
+        dropped, self.samples_dropped = self.samples_dropped, 0
+        try:
+            self._begin(self._fitting(samples))
+        except ValueError:
+            self.samples_dropped = dropped
+            raise
 
     def conditioned(self) -> FieldModel:
-        """Return the map's model conditioned anew on the kept samples, in ``O(n^3)``.
+        """Return the map's model, conditioned anew on the kept samples in ``O(n^3)``.
 
         It is the map at any other points: samples have the noise with which the map took them in.
+        Where samples are summed up, it is the sum itself, and follows the map.
         """
+        if isinstance(self._model, GrowingInducing):
+            return FieldAboutMean(self.config, self._model.field)
         return condition(self.config, self._samples, noise=self._model.noise_covariance)
 
     def predict(self, targets: FloatArray) -> Prediction:
@@ -125,13 +137,23 @@ class LiveMap:
         return Prediction(model.mean(targets), model.covariance(targets))
 
     def _begin(self, samples: FieldSamples) -> None:
-        model = growing_model(self.config, self.grid.points)
-        if len(samples):
-            model.append(samples, centred_values(self.config, samples))
-        self._model = model
+        config, points = self.config, self.grid.points
+        values = centred_values(config, samples)
+        if len(samples) > config.max_samples:
+            model = GrowingInducing(config, points, samples, values)
+            self._most_samples = int(_CHOSEN_ANEW * len(samples))
+        else:
+            model = growing_model(config, points)
+            if len(samples):
+                model.append(samples, values)
+            self._most_samples = config.max_samples
+        self._model: GrowingModel = model
         self._samples = samples
 
-    def _thinned(self, samples: FieldSamples) -> FieldSamples:
+    def _fitting(self, samples: FieldSamples) -> FieldSamples:
+        """Return as many of the samples as the map keeps."""
+        if len(samples) <= self.config.max_samples or self.config.beyond == "inducing":
+            return samples
         count = int(_KEPT_WHEN_FULL * self.config.max_samples)
         kept = space_filling(samples.points, count, self.config.single.length_scales_m())
         self.samples_dropped += len(samples) - len(kept)

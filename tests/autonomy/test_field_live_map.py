@@ -255,6 +255,38 @@ def test_a_batch_larger_than_the_map_is_thinned_at_once() -> None:
     assert live_map.samples_dropped == 425
 
 
+@EVERY_MODEL
+def test_a_map_that_sums_its_samples_up_keeps_them_all_and_is_nearly_the_exact_one(
+    model: str,
+) -> None:
+    samples = tank_samples(260)
+    live_map = tank_map(model, max_samples=100, beyond="inducing", inducing_points=200)
+    for first in range(0, 260, 20):
+        live_map.append(samples[first : first + 20])
+    assert sum(live_map.samples_per_level) == 260
+    assert live_map.samples_dropped == 0
+    near = tank_map("joint" if model == "recursive" else model, samples, max_samples=1000)
+    assert np.sqrt(np.mean((live_map.mean - near.mean) ** 2)) < 0.3 * near.std.mean()
+    assert live_map.std.mean() == pytest.approx(near.std.mean(), rel=0.25)
+    prediction = live_map.predict(GRID.points)
+    assert prediction.mean == pytest.approx(live_map.mean, abs=1e-9)
+    assert np.sqrt(np.diagonal(prediction.covariance)) == pytest.approx(live_map.std, abs=1e-7)
+    assert np.isfinite(live_map.conditioned().log_marginal_likelihood())
+
+
+def test_a_map_that_sums_up_chooses_its_points_anew_where_samples_go_elsewhere() -> None:
+    samples = tank_samples(200)
+    west = np.flatnonzero(samples.points[:, 1] < 0.7)
+    east = np.setdiff1d(np.arange(200), west)
+    options = {"max_samples": 50, "beyond": "inducing", "inducing_points": 40}
+    live_map = tank_map("single", samples[west], **options)
+    before = live_map.std
+    for i in east:
+        live_map.append(samples[i : i + 1])
+    far = GRID.points[:, 1] > 1.0
+    assert live_map.std[far].mean() < 0.5 * before[far].mean()
+
+
 def test_models_that_know_how_samples_are_located_state_their_uncertainty_better() -> None:
     rng = np.random.default_rng(3)
     points = rng.uniform([0.0, 0.0, 0.0], [2.75, 1.37, 0.65], size=(300, 3))
