@@ -127,6 +127,24 @@ def sample_columns(
     )
 
 
+def count_received(session: Session, robots: Sequence[str], variable: str, after: datetime) -> int:
+    """Return how many measurements of a variable of some robots came after a moment.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    keys = [robot_key(session, robot) for robot in robots]
+    return session.scalars(
+        select(func.count())
+        .select_from(SampleRow)
+        .where(
+            SampleRow.robot_key.in_(keys),
+            SampleRow.variable == variable,
+            SampleRow.received_at > after,
+        )
+    ).one()
+
+
 @dataclass(frozen=True, slots=True)
 class SampleRecord:
     """One measurement as it was kept."""

@@ -18,6 +18,7 @@ from db.query.robots import (
     add_robot,
     change_robot,
 )
+from db.query.sample_places import SamplePlaces, sample_places
 from db.query.telemetry import history, track
 from robot_link.messages import RobotId, SystemId
 from robot_link.transport.opening import open_transport
@@ -157,11 +158,19 @@ async def get_samples(
     start: Start = None,
     end: End = None,
     max_points: MaxPoints = 2000,
+    positions: Annotated[
+        bool, Query(description="Say where each was taken; of a field variable only.")
+    ] = False,
 ) -> Response:
     """Return the history of one channel, thinned so that every extreme stays."""
     del caller
-    station.fleet.picture(robot)
+    thresholds_m = station.fleet.picture(robot).track.thresholds_m
     unit = _unit(channel)
+    if positions and channel in VARIABLES:
+        placed = await store.query(
+            lambda session: sample_places(session, robot, channel, start, end, max_points)
+        )
+        return encoded(_placed(robot, channel, placed, thresholds_m))
     found = await store.query(
         lambda session: history(session, robot, channel, start, end, max_points)
     )
@@ -204,6 +213,25 @@ async def get_track(
             longitude_deg=geodetic[:, 1].tolist(),
             decimated=found.decimated,
         )
+    )
+
+
+def _placed(
+    robot: str, channel: str, found: SamplePlaces, thresholds_m: tuple[float, ...]
+) -> SamplesView:
+    return SamplesView(
+        robot=robot,
+        channel=channel,
+        unit=_unit(channel),
+        measured_at=found.measured_at,
+        value=found.value,
+        decimated=found.decimated,
+        north_m=found.position_ned[:, 0].tolist(),
+        east_m=found.position_ned[:, 1].tolist(),
+        depth_m=found.position_ned[:, 2].tolist(),
+        std_m=found.position_std_m.tolist(),
+        fidelity=fidelity_level(found.position_std_m, thresholds_m).tolist(),
+        smoothed=found.is_smoothed.tolist(),
     )
 
 

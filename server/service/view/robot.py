@@ -149,6 +149,16 @@ class SamplesView(View):
     value: list[float]
     decimated: bool
     """Whether values were left out; the extremes of every interval are kept."""
+    north_m: list[float] | None = None
+    """Where each was taken, of a field variable and if asked for; smoothed where that was done."""
+    east_m: list[float] | None = None
+    depth_m: list[float] | None = None
+    std_m: list[float] | None = None
+    """Standard deviation of the horizontal position."""
+    fidelity: list[int] | None = None
+    """Fidelity level by the planner's thresholds; the highest is the best located."""
+    smoothed: list[bool] | None = None
+    """Whether the fix at the end of its dive located it better than the robot had."""
 
 
 @dataclass(frozen=True, slots=True)

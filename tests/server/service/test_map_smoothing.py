@@ -1,5 +1,5 @@
 import asyncio
-from datetime import timedelta
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 import pytest
@@ -169,3 +169,28 @@ async def test_smoothed_samples_reach_whoever_asks_for_the_samples_of_the_water(
         samples = site_samples(session, MINI, "blue_light")
     assert (samples.position_std_m < samples.filtered_std_m).all()
     assert len(np.unique(samples.dive)) == 1
+
+
+async def test_each_sample_says_its_fidelity_and_whether_it_was_smoothed(client, station, world):
+    store = station.foundation.store
+    path = "/api/robots/mini-1/samples?channel=blue_light&positions=true"
+    told = dive(MINI, datetime.now(UTC) + timedelta(seconds=2))
+    for one in told[:-1]:
+        world.tell(one)
+    await until(lambda: len(columns(store)) == 20)
+    before = (await client.get(path)).json()
+    assert before["smoothed"] == [False] * 20
+    assert (max(before["fidelity"]), min(before["fidelity"])) == (2, 0)
+    world.tell(told[-1])
+    await until(lambda: is_smoothed(store))
+    after = (await client.get(path)).json()
+    assert after["smoothed"] == [True] * 20
+    assert after["fidelity"] > before["fidelity"]
+    assert sum(after["fidelity"]) > sum(before["fidelity"])
+    assert after["east_m"][-1] - before["east_m"][-1] == pytest.approx(0.16, abs=0.01)
+    assert (after["value"], after["decimated"]) == (before["value"], False)
+    thinned = (await client.get(f"{path}&max_points=6")).json()
+    assert thinned["decimated"]
+    assert len(thinned["north_m"]) == len(thinned["value"]) <= 6
+    plain = (await client.get("/api/robots/mini-1/samples?channel=blue_light")).json()
+    assert plain["north_m"] is None

@@ -1,0 +1,83 @@
+"""Measurements of one variable with the places where they were taken, thinned like a channel."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+import numpy as np
+from sqlalchemy import SQLColumnExpression, func, select
+from sqlalchemy.orm import InstrumentedAttribute, Session
+
+from autonomy.arrays import BoolArray, FloatArray
+from db.map_tables import SmoothedSample
+from db.query.decimation import Series, thinned_rows
+from db.query.robots import robot_key
+from db.tables import SampleRow
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SamplePlaces:
+    """Measurements in order of time."""
+
+    measured_at: list[datetime]
+    value: list[float]
+    position_ned: FloatArray
+    """Where each was taken, smoothed where that was done, shape ``(n, 3)``, m."""
+    position_std_m: FloatArray
+    """Shape ``(n,)``."""
+    is_smoothed: BoolArray
+    """Whether smoothing located it better than the robot had, shape ``(n,)``."""
+    decimated: bool
+    """Whether values were left out; the extremes of every interval are kept."""
+
+
+def sample_places(
+    session: Session,
+    robot: str,
+    variable: str,
+    start: datetime | None = None,
+    end: datetime | None = None,
+    max_points: int = 2000,
+) -> SamplePlaces:
+    """Return the measurements of a variable from ``start`` to ``end``, both included.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    series = Series(
+        SampleRow.measured_at,
+        SampleRow.value,
+        (SampleRow.robot_key == robot_key(session, robot), SampleRow.variable == variable),
+        (
+            _better(SmoothedSample.north_m, SampleRow.north_m),
+            _better(SmoothedSample.east_m, SampleRow.east_m),
+            _better(SmoothedSample.depth_m, SampleRow.depth_m),
+            _better(SmoothedSample.position_std_m, SampleRow.position_std_m),
+            SampleRow.position_std_m,
+        ),
+    )
+    rows, decimated = thinned_rows(session, series, start, end, max_points)
+    numbers = np.array([row[2:] for row in rows], dtype=np.float64).reshape(-1, 5)
+    return SamplePlaces(
+        measured_at=[row[0] for row in rows],
+        value=[row[1] for row in rows],
+        position_ned=numbers[:, :3],
+        position_std_m=numbers[:, 3],
+        is_smoothed=numbers[:, 3] < numbers[:, 4],
+        decimated=decimated,
+    )
+
+
+def _better(
+    smoothed: InstrumentedAttribute[float], said: InstrumentedAttribute[float]
+) -> SQLColumnExpression[float]:
+    found = (
+        select(smoothed)
+        .where(
+            SmoothedSample.robot_key == SampleRow.robot_key,
+            SmoothedSample.log == SampleRow.log,
+            SmoothedSample.sequence == SampleRow.sequence,
+        )
+        .correlate(SampleRow)
+        .scalar_subquery()
+    )
+    return func.coalesce(found, said)
