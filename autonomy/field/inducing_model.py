@@ -69,6 +69,11 @@ class InducingGaussianProcess:
         return self._posterior.samples
 
     @property
+    def inducing_points(self) -> int:
+        """Number of points at which samples are summed up."""
+        return len(self._inducing)
+
+    @property
     def unexplained_share(self) -> float:
         """Mean share of the prior variance that the inducing points cannot express."""
         return self._posterior.unexplained_share

@@ -84,6 +84,11 @@ class LiveMap:
         levels = len(self.config.fidelity_thresholds_m) + 1
         return tuple(np.bincount(self.sample_levels, minlength=levels).tolist())
 
+    @property
+    def inducing_points(self) -> int:
+        """Number of points at which the samples are summed up; 0 where the map is exact."""
+        return self._model.field.inducing_points if isinstance(self._model, GrowingInducing) else 0
+
     def append(self, samples: FieldSamples) -> None:
         """Take in samples: all of them, or none if one cannot be used.
 

@@ -265,6 +265,8 @@ def test_a_map_that_sums_its_samples_up_keeps_them_all_and_is_nearly_the_exact_o
         live_map.append(samples[first : first + 20])
     assert sum(live_map.samples_per_level) == 260
     assert live_map.samples_dropped == 0
+    assert 100 < live_map.inducing_points <= 200
+    assert tank_map(model, samples[:90], beyond="inducing").inducing_points == 0
     near = tank_map("joint" if model == "recursive" else model, samples, max_samples=1000)
     assert np.sqrt(np.mean((live_map.mean - near.mean) ** 2)) < 0.3 * near.std.mean()
     assert live_map.std.mean() == pytest.approx(near.std.mean(), rel=0.25)
