@@ -3,6 +3,7 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.extended_kernel import advance
 from autonomy.vehicle.surroundings import Surroundings
@@ -11,6 +12,11 @@ from simulator.onboard.hardware import SetPoints
 
 PHYSICS_STEP_S = 0.02
 """Runge-Kutta step: accurate to micrometres and stable in contact with floor and walls."""
+
+_FLOOR = 7
+"""Place of the floor's depth among the packed surroundings."""
+_SHALLOWEST_M = 0.2
+"""Where the survey says land, the robot lies in this much water, aground."""
 
 
 class Plant:
@@ -22,6 +28,8 @@ class Plant:
         current: Drift of that water; advanced together with the robot.
         start_ne_m: Where the robot floats at first, in the site frame.
         heading_rad: Where its nose points at first.
+        site: The water body, whose floor the robot meets; without one, or without a survey of its
+            floor, that of the surroundings.
     """
 
     def __init__(
@@ -31,10 +39,12 @@ class Plant:
         current: DriftingCurrent,
         start_ne_m: tuple[float, float],
         heading_rad: float,
+        site: Site | None = None,
     ) -> None:
         self._packed = vehicle.packed()
         self._current = current
         self._surroundings = surroundings.packed()
+        self._uneven = site if site is not None and site.bathymetry is not None else None
         self.time_s = 0.0
         self.state: FloatArray = np.zeros(15)
         """Position NED m, Euler angles rad, velocity through the water in body axes m/s, body
@@ -51,6 +61,9 @@ class Plant:
         """
         self._current.advance(duration_s)
         self._surroundings[0:2] = self._current.velocity_ne_m_s
+        if self._uneven is not None:
+            below_m = float(self._uneven.floor_m(self.state[0], self.state[1]))
+            self._surroundings[_FLOOR] = max(below_m, _SHALLOWEST_M)
         set_points = np.array(
             [
                 command.net_buoyancy_kg,

@@ -43,6 +43,7 @@ class SimulatedBody:
             ),
             definition.start_ne_m,
             definition.heading_rad,
+            definition.site,
         )
         """The truth, which the onboard program never sees."""
 

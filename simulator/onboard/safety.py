@@ -34,7 +34,7 @@ def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str
     if estimate.position_std_m > settings.max_uncertainty_m:
         return "the position is too uncertain"
     water, profile = flight.site.water, flight.profile
-    if depth > water.depth_max_m - profile.floor_margin_m:
+    if depth > float(flight.site.floor_m(north, east)) - profile.floor_margin_m:
         return "the floor is near"
     to_shore_m = min(
         north - water.x_min_m,
