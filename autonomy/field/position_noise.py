@@ -40,8 +40,10 @@ from autonomy.field.samples import FieldSamples, position_error_covariance
 
 ITERATIONS = 3
 """Times that slope and noise follow from each other; more change the scores by under 1 %."""
-_NODES = 5
-"""Points of Gauss-Hermite quadrature on each axis of an error."""
+_NODES, _CHANCES = np.polynomial.hermite_e.hermegauss(5)
+"""Gauss-Hermite quadrature on each axis of an error in units of its standard deviation."""
+_UNIT_ERRORS = np.stack(np.meshgrid(_NODES, _NODES, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
+_CHANCE = np.multiply.outer(_CHANCES, _CHANCES).reshape(-1) / _CHANCES.sum() ** 2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -144,10 +146,7 @@ def curvature_noise(position_std_m: FloatArray, parameters: KernelParameters) ->
     Returns:
         Shape ``(n,)``.
     """
-    nodes, weights = np.polynomial.hermite_e.hermegauss(_NODES)
-    unit = np.stack(np.meshgrid(nodes, nodes, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
-    chance = np.multiply.outer(weights, weights).reshape(-1) / weights.sum() ** 2
-    errors = (position_std_m[:, None, None] * unit).reshape(-1, 3)
+    errors = (position_std_m[:, None, None] * _UNIT_ERRORS).reshape(-1, 3)
     here = np.zeros((1, 3))
     fallen = parameters.signal_variance - covariance(here, errors, parameters)[0]
     slopes = gradient_covariance(here, errors, parameters)
@@ -155,7 +154,7 @@ def curvature_noise(position_std_m: FloatArray, parameters: KernelParameters) ->
     for axis, variance in enumerate(gradient_variance(parameters)):
         error = errors[:, axis]
         left += error * (error * variance - 2.0 * slopes[axis][0])
-    return np.maximum(left.reshape(-1, len(chance)) @ chance, 0.0)
+    return np.maximum(left.reshape(-1, len(_CHANCE)) @ _CHANCE, 0.0)
 
 
 class PositionNoiseGaussianProcess(PosteriorAtPoints):
