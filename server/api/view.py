@@ -9,17 +9,21 @@ import asyncio
 import gzip
 from functools import cache
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal, cast
 
 import viser
 import websockets
 from fastapi import APIRouter, Query, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse
+from pydantic import Field
 
 from robot_link.messages import RobotId
-from server.api.dependency import Viewer, WebSocketViewer
+from server.api.body import Body
+from server.api.dependency import Pilot, Viewer, WebSocketViewer
 from server.api.station_dependency import StationDep
 from server.problem import Problem, not_found
+from server.service.view.scene import SceneStateView
+from webui.scene.view import SceneChange, SceneState
 
 router = APIRouter(tags=["view"])
 
@@ -30,6 +34,52 @@ _POLICY = (
 )
 _LARGEST_MESSAGE = 2**26
 _FOREIGN_SCENE = "This view shows the station's own scenes only; leave `websocket` out."
+
+
+Share = Annotated[float, Field(ge=0.0, le=1.0)]
+
+
+class SceneChangeBody(Body):
+    """What is to be different in a 3D view; whatever is left out stays."""
+
+    quantity: Literal["mean", "std"] | None = None
+    form: Literal["volume", "slices"] | None = None
+    model: str | None = None
+    slice_depth: Share | None = None
+    """Where the level slice lies, as a share of the map's depth; ``null`` takes it away."""
+    slice_north: Share | None = None
+    slice_east: Share | None = None
+    opacity: float | None = Field(default=None, ge=0.02, le=1.0)
+    exaggeration: float | None = Field(default=None, ge=1.0, le=1000.0)
+    layers: dict[str, bool] | None = None
+    """Layers to show or hide, by key."""
+
+
+_MAY_BE_NULL = ("slice_depth", "slice_north", "slice_east")
+
+
+@router.get("/api/robots/{robot}/view")
+async def get_scene_state(caller: Viewer, robot: RobotId, station: StationDep) -> SceneStateView:
+    """Return what everybody who looks at a robot's 3D view sees."""
+    return _told(robot, await station.scenes.state(robot))
+
+
+@router.patch("/api/robots/{robot}/view")
+async def change_scene_state(
+    caller: Pilot, robot: RobotId, body: SceneChangeBody, station: StationDep
+) -> SceneStateView:
+    """Let everybody see another quantity, slice, opacity, exaggeration or layer."""
+    given = body.model_dump(exclude_unset=True)
+    change = {
+        key: value for key, value in given.items() if value is not None or key in _MAY_BE_NULL
+    }
+    return _told(robot, await station.scenes.change(robot, cast("SceneChange", change)))
+
+
+def _told(robot: str, state: SceneState | None) -> SceneStateView:
+    if state is None:
+        raise not_found(f"There is no robot {robot}.")
+    return SceneStateView.of(state)
 
 
 @router.get("/view/", summary="3D view of one robot", response_class=RedirectResponse)

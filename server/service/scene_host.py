@@ -8,6 +8,7 @@ from typing import TypeVar
 from robot_link.messages import RobotId
 from webui.scene.server import RobotScene
 from webui.scene.source import SceneSource
+from webui.scene.view import SceneChange, SceneState
 
 UPDATE_S = 0.1
 T = TypeVar("T")
@@ -28,6 +29,23 @@ class SceneHost:
 
     async def port(self, robot: RobotId) -> int | None:
         """Return the loopback port of a robot's scene, ``None`` for an unknown robot."""
+        scene = await self._scene(robot)
+        return None if scene is None else scene.port
+
+    async def state(self, robot: RobotId) -> SceneState | None:
+        """Return what a robot's view shows, ``None`` for an unknown robot."""
+        scene = await self._scene(robot)
+        return None if scene is None else await self._in_thread(lambda: scene.state)
+
+    async def change(self, robot: RobotId, change: SceneChange) -> SceneState | None:
+        """Let everybody who looks at a robot see something else; ``None`` for an unknown robot."""
+        scene = await self._scene(robot)
+        if scene is None:
+            return None
+        await self._in_thread(lambda: scene.change(change))
+        return await self._in_thread(lambda: scene.state)
+
+    async def _scene(self, robot: RobotId) -> RobotScene | None:
         async with self._starting:
             scene = self._scenes.get(robot)
             if scene is None:
@@ -36,7 +54,7 @@ class SceneHost:
                     return None
                 scene = await self._in_thread(lambda: _opened(source))
                 self._scenes[robot] = scene
-        return scene.port
+        return scene
 
     async def run(self) -> None:
         """Draw until cancelled."""

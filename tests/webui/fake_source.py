@@ -7,10 +7,18 @@ import numpy as np
 
 from autonomy.field.variable import VARIABLES
 from autonomy.planner.plan import Leg, PrimitiveKind
-from autonomy.site import LAKE, TANK, Site
+from autonomy.site import LAKE, TANK, Area, Site
 from autonomy.vehicle.hull import Hull
 from robot_link.messages import RobotId, RobotMode
-from webui.scene.source import ComparisonTrack, ComparisonView, MapView, PlanView, Pose, TrackPiece
+from webui.scene.source import (
+    ComparisonTrack,
+    ComparisonView,
+    MapView,
+    PlanView,
+    Pose,
+    SampleView,
+    TrackPiece,
+)
 
 NOON = datetime(2026, 6, 1, 12, tzinfo=UTC)
 
@@ -36,6 +44,12 @@ class FakeSource:
         self.map = self._a_map()
         self.models = ("recursive", "single")
         self.shown_comparison: ComparisonView | None = None
+        self.areas: tuple[Area, ...] = ()
+        self.sampled = SampleView(
+            self.track_ned[::4],
+            np.digitize(-self.std_m[::4], [-0.09, -0.05]).astype(np.int64),
+            np.arange(len(self.track_ned[::4])) < 60,
+        )
 
     def _inside(self, share: np.ndarray) -> np.ndarray:
         return self._low + share * self._size
@@ -62,7 +76,14 @@ class FakeSource:
         return self.models
 
     def map_view(self, model: str) -> MapView | None:
-        return replace(self.map, model=model) if model in self.models else None
+        title = {"recursive": "Recursive", "single": "Single"}[model]
+        return replace(self.map, model=model, title=title) if model in self.models else None
+
+    def samples(self) -> SampleView | None:
+        return self.sampled
+
+    def keep_outs(self) -> tuple[Area, ...]:
+        return self.areas
 
     def comparison(self) -> ComparisonView | None:
         return self.shown_comparison
@@ -74,6 +95,10 @@ class FakeSource:
         )
         version = f"whatif-{len(titles)}"
         self.shown_comparison = ComparisonView(version, "Linear glide", reference, runs)
+
+    def rehearse(self) -> None:
+        flown = self._plan.points[:, 1:4] + 0.01
+        self._plan = replace(self._plan, rehearsed_ned=flown)
 
     def set_plan_state(self, state: str) -> None:
         self._plan = replace(self._plan, state=state)

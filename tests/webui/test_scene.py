@@ -3,13 +3,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.site import LAKE, TANK
+from autonomy.site import LAKE, TANK, Area
 from autonomy.vehicle.hull import Hull
 from tests.webui.fake_source import FakeSource
 from webui.scene.colour import fidelity_colours, mapped
+from webui.scene.lake_bed import bed
 from webui.scene.projection import VIEW_WIDTH, Projection
 from webui.scene.server import RobotScene
 from webui.scene.track import CHUNK_POINTS
+from webui.scene.uncertainty import hose
 
 
 @pytest.fixture
@@ -154,7 +156,7 @@ def test_a_new_version_of_the_map_changes_colours_in_place(scene, source):
 
 
 def test_a_slice_shows_one_layer_only(scene, source):
-    scene._panel._form.value = "slice"
+    scene.change({"form": "slices"})
     scene.update()
     opacity = np.array(scene._map._cells.batched_opacities).reshape(source.map.mean.shape)
     assert (opacity.max(axis=(0, 1)) > 0).sum() == 1
@@ -171,10 +173,11 @@ def test_a_recording_with_one_model_shows_its_map(scene, source):
 @pytest.mark.parametrize("state", ["done", "failed", "superseded", "cancelled"])
 def test_a_plan_that_ended_promises_nothing(scene, source, state):
     scene.update()
-    assert scene._plan._nodes
+    parts = (scene._plan.legs, scene._plan.uncertainty)
+    assert all(part.has_content for part in parts)
     source.set_plan_state(state)
     scene.update()
-    assert not scene._plan._nodes
+    assert not any(part.has_content for part in parts)
 
 
 def test_exaggeration_moves_robot_and_surroundings_together(scene, source):
@@ -190,3 +193,100 @@ def test_exaggeration_moves_robot_and_surroundings_together(scene, source):
 def test_a_log_map_names_its_ends_in_the_unit_of_the_variable(scene):
     scene.update()
     assert "counts" in scene._map.legend
+
+
+def test_slices_are_cut_across_every_axis(scene, source):
+    scene.change({"form": "slices", "slice_depth": None, "slice_north": 0.0, "slice_east": 1.0})
+    opacity = np.array(scene._map._cells.batched_opacities).reshape(source.map.mean.shape)
+    wanted = np.zeros(opacity.shape, np.bool_)
+    wanted[0], wanted[:, -1] = True, True
+    assert np.array_equal(opacity > 0, wanted)
+
+
+def test_nothing_is_drawn_where_no_water_is(scene, source):
+    mean = source.map.mean.copy()
+    mean[:5] = np.nan
+    std = np.where(np.isnan(mean), np.nan, source.map.std)
+    source.map = replace(source.map, mean=mean, std=std, version=2)
+    for form in ("volume", "slices"):
+        scene.change({"form": form, "slice_east": 0.5})
+        opacity = np.array(scene._map._cells.batched_opacities).reshape(mean.shape)
+        assert not opacity[:5].any()
+        assert opacity[5:].any()
+    assert "nan" not in scene._map.legend
+
+
+def test_what_the_app_changes_is_what_the_view_says(scene):
+    scene.update()
+    scene.change(
+        {"quantity": "std", "model": "single", "opacity": 0.3, "exaggeration": 3.0,
+         "layers": {"samples": True, "track": False}}
+    )  # fmt: skip
+    state = scene.state
+    assert (state.quantity, state.model, state.opacity) == ("std", "single", 0.3)
+    assert scene._stage.exaggeration == state.exaggeration == 3.0
+    shown = {layer.key: layer.visible for layer in state.layers}
+    assert (shown["samples"], shown["track"]) == (True, False)
+    assert scene._samples.visible
+    assert not scene._track.survey.visible
+
+
+def test_the_view_names_models_as_their_maps_do(scene):
+    scene.update()
+    scene.update()
+    assert dict(scene.state.models) == {"recursive": "Recursive", "single": "Single"}
+    assert tuple(scene._panel._model.options) == ("Recursive", "Single")
+
+
+def test_a_model_without_a_map_changes_nothing(scene):
+    scene.update()
+    scene.change({"model": "none of them", "layers": {"none": True}})
+    assert scene.state.model == "recursive"
+
+
+def test_samples_are_drawn_by_fidelity_each_in_its_own_shape(scene, source):
+    scene.update()
+    nodes = {name: scene._stage._nodes[name] for name in scene._samples._names}
+    assert sum(len(node.points) for node in nodes.values()) == len(source.sampled.fidelity)
+    shapes = {name[len("samples/")]: node.point_shape for name, node in nodes.items()}
+    assert len(shapes) == len(set(shapes.values())) == 3
+
+
+def test_the_hose_is_as_wide_as_the_plan_is_uncertain():
+    centres = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 2.0], [2.0, 1.0, 0.0]])
+    radii = np.array([0.1, 0.5, 0.2])
+    vertices, faces = hose(centres, radii)
+    rings = vertices.reshape(3, -1, 3)
+    away = np.linalg.norm(rings - centres[:, None], axis=2)
+    assert np.allclose(away, radii[:, None])
+    assert np.allclose(rings[..., 2], centres[:, None, 2])
+    assert faces.max() == len(vertices) - 1
+
+
+def test_a_rehearsed_track_is_dashed_and_goes_with_its_plan(scene, source):
+    source.rehearse()
+    scene.update()
+    assert scene._plan.rehearsal.has_content
+    source.set_plan_state("done")
+    scene.update()
+    assert not scene._plan.rehearsal.has_content
+
+
+def test_keep_outs_stand_from_the_surface_to_the_floor(scene, source):
+    source.areas = (Area(name="Ladder", corners_m=((1.0, 0.2), (1.5, 0.2), (1.5, 0.6))),)
+    scene.update()
+    wall = np.array(scene._stage._nodes["keep_out/0"].vertices)
+    assert sorted(set(wall[:, 2])) == pytest.approx([-source.site.water.depth_max_m, 0.0])
+    scene.change({"layers": {"keep_outs": False}})
+    assert not scene._stage._nodes["keep_out/0"].visible
+    source.areas = ()
+    scene.update()
+    assert "keep_out/0" not in scene._stage._nodes
+
+
+def test_the_floor_of_a_lake_lies_where_its_depths_say():
+    vertices, faces = bed(LAKE)
+    used = vertices[np.unique(faces)]
+    assert len(used) > 100
+    assert np.allclose(used[:, 2], LAKE.floor_m(used[:, 0], used[:, 1]))
+    assert LAKE.shoreline.contains(used[:, 0], used[:, 1]).all()

@@ -39,6 +39,11 @@ FLOOR: Colour = (16, 24, 32)
 ROBOT: Colour = (250, 204, 60)
 ROBOT_OLD: Colour = (128, 134, 140)
 UNCERTAINTY: Colour = (160, 205, 255)
+KEEP_OUT: Colour = (242, 104, 108)
+SHORE: Colour = (127, 184, 164)
+LAKE_BED: Colour = (74, 92, 104)
+REHEARSED: Colour = (226, 214, 170)
+"""Where a rehearsal went: computed, not flown, and not what was promised either."""
 
 
 def mapped(values: FloatArray, low: float, high: float, name: str) -> ColourArray:

@@ -61,6 +61,11 @@ class Comparison:
         points = self.extent()
         return points is not None and bool(np.abs(points).max() > _NEAR * VIEW_WIDTH)
 
+    @property
+    def has_content(self) -> bool:
+        """Whether there is anything to show."""
+        return bool(self._lines)
+
     def show(self, visible: bool) -> None:
         """Show or hide all of it."""
         self.visible = visible

@@ -1,17 +1,20 @@
-"""The field map as a volume of translucent cells, or one slice of it; opacity follows the value."""
+"""The field map as a volume of translucent cells, or slices of it; opacity follows the value."""
 
 import numpy as np
 import numpy.typing as npt
 import viser
 
-from autonomy.arrays import FloatArray
+from autonomy.arrays import BoolArray, FloatArray
 from autonomy.frames import ned_to_enu
 from webui.scene.colour import ColourArray, linear, mapped
 from webui.scene.source import MapView, SceneSource
 from webui.scene.stage import Stage
 
 QUANTITIES = ("mean", "standard deviation")
-FORMS = ("volume", "slice")
+FORMS = ("volume", "slices")
+AXES = ("depth", "north", "east")
+"""What a slice may be cut across."""
+_AXIS_OF = {"north": 0, "east": 1, "depth": 2}
 _COLOUR_MAP = {"mean": "viridis", "standard deviation": "magma"}
 _CUBE = np.array([[x, y, z] for x in (-0.5, 0.5) for y in (-0.5, 0.5) for z in (-0.5, 0.5)])
 _FACES = np.array([[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
@@ -26,15 +29,15 @@ class FieldMap:
         self._source = source
         self._cells: viser.BatchedMeshHandle | None = None
         self._axes: tuple[FloatArray, FloatArray, FloatArray] | None = None
-        self._drawn: tuple[int, str, str, str, float, float] | None = None
+        self._drawn: tuple[object, ...] | None = None
         self.quantity = QUANTITIES[0]
         self.form = FORMS[0]
         self.model = ""
         """Wanted model; the source's default where it has no such map."""
-        self.models: tuple[str, ...] = ()
-        """Models that the source has maps of."""
-        self.slice_share = 0.4
-        """Depth of the slice as a share of the map's depth."""
+        self.models: dict[str, str] = {}
+        """Models that the source has maps of, with their titles; the default first."""
+        self.slices: dict[str, float] = {"depth": 0.4}
+        """Where slices are cut, as shares of the map's extent; see ``AXES``."""
         self.opacity = 0.8
         self.visible = True
         self.legend = ""
@@ -42,23 +45,25 @@ class FieldMap:
 
     def update(self) -> None:
         """Fetch the newest map and draw what changed."""
-        self.models = self._source.maps()
+        views = {model: self._source.map_view(model) for model in self._source.maps()}
+        self.models = {
+            model: view.title or model for model, view in views.items() if view is not None
+        }
         model = self.model if self.model in self.models else next(iter(self.models), None)
-        view = None if model is None else self._source.map_view(model)
+        view = None if model is None else views[model]
         if view is None:
             return
-        wanted = (
-            view.version,
-            view.model,
-            self.quantity,
-            self.form,
-            self.slice_share,
-            self.opacity,
-        )
+        cuts = tuple(sorted(self.slices.items()))
+        wanted = (view.version, view.model, self.quantity, self.form, cuts, self.opacity)
         if wanted == self._drawn:
             return
         self._drawn = wanted
         self._draw(view)
+
+    @property
+    def has_content(self) -> bool:
+        """Whether there is anything to show."""
+        return self._cells is not None
 
     def show(self, visible: bool) -> None:
         """Show or hide the map."""
@@ -68,7 +73,9 @@ class FieldMap:
 
     def _draw(self, view: MapView) -> None:
         values = view.mean if self.quantity == "mean" else view.std
-        low, high = float(values.min()), float(values.max())
+        if not np.isfinite(values).any():
+            return
+        low, high = float(np.nanmin(values)), float(np.nanmax(values))
         colours = linear(mapped(values, low, high, _COLOUR_MAP[self.quantity]).reshape(-1, 3))
         opacities = self._opacities(view, values, low, high).reshape(-1).astype(np.float32)
         self.legend = _legend(view, self.quantity, low, high)
@@ -81,14 +88,23 @@ class FieldMap:
             self._cells.batched_opacities = opacities
 
     def _opacities(self, view: MapView, values: FloatArray, low: float, high: float) -> FloatArray:
-        """Let high values stand out; in a slice only one layer is there, and it is solid."""
-        if self.form == "slice":
-            layer = round(self.slice_share * (len(view.z_m) - 1))
-            opacities = np.zeros_like(values)
-            opacities[:, :, layer] = 0.92
-            return opacities
+        """Let high values stand out; slices are nearly solid, and where no water is is nothing."""
+        is_water = np.isfinite(values)
+        if self.form == "slices":
+            solid = 1.0 - (1.0 - self.opacity) ** 2
+            return np.where(is_water & self._is_cut(view), solid, 0.0)
         share = (values - low) / (high - low) if high > low else np.full_like(values, 0.5)
-        return self.opacity * share**1.5
+        return np.where(is_water, self.opacity * np.nan_to_num(share) ** 1.5, 0.0)
+
+    def _is_cut(self, view: MapView) -> BoolArray:
+        """Tell which cells lie in a slice; shape of the map."""
+        shape = view.mean.shape
+        is_cut = np.zeros(shape, dtype=np.bool_)
+        for name, share in self.slices.items():
+            axis = _AXIS_OF[name]
+            layers = np.moveaxis(is_cut, axis, 0)
+            layers[round(share * (shape[axis] - 1))] = True
+        return is_cut
 
     def _build(
         self,

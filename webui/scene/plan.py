@@ -1,18 +1,21 @@
-"""The plan that concerns the operator: dashed, coloured by primitive, with its uncertainty."""
+"""The plan that concerns the operator: dashed, with its uncertainty and its rehearsal."""
 
 import numpy as np
-import viser
 
 from autonomy.arrays import FloatArray
 from autonomy.frames import ned_to_enu
-from webui.scene.colour import PRIMITIVE, UNCERTAINTY
-from webui.scene.robot import STD_95, ring_enu
+from webui.scene.colour import PRIMITIVE, REHEARSED
+from webui.scene.comparison import dashes
 from webui.scene.source import PlanView, SceneSource
 from webui.scene.stage import Stage
+from webui.scene.uncertainty import HOSE, RINGS, draw_uncertainty
 
 _DASH_S = 2
 """Every second piece between points is drawn, so that the promised looks promised."""
-_RING_EVERY = 12
+_DASHES = 120
+"""Dashes of a rehearsed track."""
+_REHEARSED_PX = 1.4
+_LEGS, _REHEARSAL = "plan/legs", "plan/rehearsed"
 _PROMISES = frozenset(("draft", "sent", "on_board", "running"))
 """States in which a plan is still to be flown; one that ended promises nothing."""
 
@@ -21,42 +24,67 @@ class PlannedTrajectory:
     """Redraws only when the source hands out another plan."""
 
     def __init__(self, stage: Stage, source: SceneSource) -> None:
-        self._stage = stage
         self._source = source
+        self._stage = stage
         self._shown: PlanView | None = None
-        self._nodes: list[viser.LineSegmentsHandle] = []
-        self.visible = True
+        self.legs = Part(stage, (_LEGS,))
+        self.uncertainty = Part(stage, (HOSE, RINGS))
+        self.rehearsal = Part(stage, (_REHEARSAL,))
 
     def update(self) -> None:
         """Fetch the plan and draw it if it changed."""
         plan = self._source.plan()
         if plan is self._shown:
             return
-        self._clear()
         self._shown = plan
+        for part in (self.legs, self.uncertainty, self.rehearsal):
+            part.clear()
         if plan is not None and len(plan.points) > 1 and plan.state in _PROMISES:
             self._draw(plan)
 
-    def show(self, visible: bool) -> None:
-        """Show or hide the plan."""
-        self.visible = visible
-        for node in self._nodes:
-            node.visible = visible
-
     def _draw(self, plan: PlanView) -> None:
         points, colours = _segments(plan)
-        width_px = 2.0 if plan.state == "running" else 3.0
-        rings = [ring_enu(point[1:4], STD_95 * point[4]) for point in plan.points[::_RING_EVERY]]
-        self._nodes = [
-            self._stage.lines("plan/legs", points, colours, width_px),
-            self._stage.lines("plan/uncertainty", np.concatenate(rings), UNCERTAINTY, 0.7),
-        ]
+        self._stage.lines(_LEGS, points, colours, 2.0 if plan.state == "running" else 3.0)
+        self.legs.is_drawn()
+        draw_uncertainty(self._stage, plan.points)
+        self.uncertainty.is_drawn()
+        if plan.rehearsed_ned is not None and len(plan.rehearsed_ned) > 1:
+            self._draw_rehearsal(plan.rehearsed_ned)
+
+    def _draw_rehearsal(self, track_ned: FloatArray) -> None:
+        length = float(np.linalg.norm(np.diff(track_ned, axis=0), axis=1).sum())
+        segments = ned_to_enu(dashes(track_ned, length / _DASHES))
+        shades = np.broadcast_to(np.array(REHEARSED, dtype=np.uint8), segments.shape)
+        self._stage.lines(_REHEARSAL, segments, shades, _REHEARSED_PX)
+        self.rehearsal.is_drawn()
+
+
+class Part:
+    """A layer of the plan: the nodes of these names, shown or hidden together."""
+
+    def __init__(self, stage: Stage, names: tuple[str, ...]) -> None:
+        self._stage = stage
+        self._names = names
+        self.visible = True
+        self.has_content = False
+        """Whether it is drawn now."""
+
+    def is_drawn(self) -> None:
+        """Note that its nodes are there."""
+        self.has_content = True
         self.show(self.visible)
 
-    def _clear(self) -> None:
-        for name in ("plan/legs", "plan/uncertainty"):
+    def clear(self) -> None:
+        """Take its nodes away."""
+        self.has_content = False
+        for name in self._names:
             self._stage.remove(name)
-        self._nodes = []
+
+    def show(self, visible: bool) -> None:
+        """Show or hide it."""
+        self.visible = visible
+        for name in self._names:
+            self._stage.show(name, visible)
 
 
 def _segments(plan: PlanView) -> tuple[FloatArray, np.ndarray]:

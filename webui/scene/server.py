@@ -6,14 +6,18 @@ import viser
 from webui.scene.comparison import Comparison
 from webui.scene.field_map import FieldMap
 from webui.scene.framing import begin, look
-from webui.scene.panel import WATER, WHAT_IF, Panel
+from webui.scene.keep_out import KeepOuts
+from webui.scene.lake_bed import LakeBed
+from webui.scene.panel import WATER, WHAT_IF, LayerEntry, Panel
 from webui.scene.plan import PlannedTrajectory
 from webui.scene.projection import Projection
 from webui.scene.robot import RobotModel
+from webui.scene.sample import Samples
 from webui.scene.source import SceneSource
 from webui.scene.stage import Stage
 from webui.scene.surroundings import draw_surroundings
 from webui.scene.track import Track
+from webui.scene.view import SceneChange, SceneState
 
 _SKY = ((22, 31, 41), (9, 13, 18))
 
@@ -43,14 +47,22 @@ class RobotScene:
         self._track = Track(self._stage, source)
         self._plan = PlannedTrajectory(self._stage, source)
         self._map = FieldMap(self._stage, source)
+        self._samples = Samples(self._stage, source)
+        self._keep_outs = KeepOuts(self._stage, source)
+        self._bed = LakeBed(self._stage, source.site)
         self._comparison = Comparison(self._stage, source)
         self._is_framed = False
         layers = {
-            "Map": self._map,
-            "Track": self._track.survey,
-            "Drift": self._track.drift,
-            "Plan": self._plan,
-            "What-if": self._comparison,
+            "map": LayerEntry("Map", self._map),
+            "samples": LayerEntry("Samples by fidelity", self._samples),
+            "track": LayerEntry("Track", self._track.survey),
+            "drift": LayerEntry("Drift", self._track.drift),
+            "plan": LayerEntry("Plan", self._plan.legs),
+            "uncertainty": LayerEntry("Planned uncertainty", self._plan.uncertainty),
+            "rehearsal": LayerEntry("Rehearsed track", self._plan.rehearsal),
+            "keep_outs": LayerEntry("Keep-outs", self._keep_outs),
+            "floor": LayerEntry("Shore and floor", self._bed),
+            "what_if": LayerEntry("What-if", self._comparison),
         }
         self._panel = Panel(
             self._server.gui,
@@ -82,9 +94,21 @@ class RobotScene:
             self._robot.show(self._source.pose(), self._stage.exaggeration)
             self._track.update()
             self._plan.update()
+            self._samples.update()
+            self._keep_outs.update()
             if self._comparison.update():
                 self._frame()
             self._map.update()
+
+    @property
+    def state(self) -> SceneState:
+        """Return what the view shows."""
+        return self._panel.state()
+
+    def change(self, change: SceneChange) -> None:
+        """Let everybody see something else; call it from the thread of ``update``."""
+        self._panel.change(change)
+        self.update()
 
     def _frame(self) -> None:
         """Let everybody see all of a what-if run that leaves the water, and the water after it."""

@@ -4,6 +4,8 @@ viser scales a node's own geometry but not its children, so each node made here 
 itself; ``exaggerate`` sets it on all of them.
 """
 
+from typing import Literal
+
 import numpy as np
 import numpy.typing as npt
 import viser
@@ -12,7 +14,9 @@ from autonomy.arrays import FloatArray
 from webui.scene.colour import Colour, ColourArray, linear
 from webui.scene.projection import Projection
 
-Node = viser.LineSegmentsHandle | viser.MeshHandle | viser.BatchedMeshHandle
+Node = (
+    viser.LineSegmentsHandle | viser.MeshHandle | viser.BatchedMeshHandle | viser.PointCloudHandle
+)
 
 
 class Stage:
@@ -51,10 +55,21 @@ class Stage:
 
     def rectangle(self, name: str, corners_enu: FloatArray, colour: Colour, opacity: float) -> None:
         """Fill four corners, shape ``(4, 3)``, in order around the edge."""
+        self.mesh(name, corners_enu, np.array([[0, 1, 2], [0, 2, 3]]), colour, opacity)
+
+    def mesh(
+        self,
+        name: str,
+        vertices_enu: FloatArray,
+        faces: npt.NDArray[np.int64],
+        colour: Colour,
+        opacity: float,
+    ) -> None:
+        """Fill triangles, shape ``(f, 3)``, between vertices, shape ``(n, 3)``."""
         self._nodes[name] = self.scene.add_mesh_simple(
             f"/world/{name}",
-            corners_enu.astype(np.float32),
-            np.array([[0, 1, 2], [0, 2, 3]]),
+            vertices_enu.astype(np.float32),
+            faces,
             color=colour,
             opacity=opacity,
             side="double",
@@ -90,6 +105,27 @@ class Stage:
         )
         self._nodes[name] = handle
         return handle
+
+    def points(
+        self,
+        name: str,
+        positions_enu: FloatArray,
+        colour: Colour,
+        *,
+        shape: Literal["square", "diamond", "circle", "rounded"],
+        size: float,
+    ) -> None:
+        """Draw a mark of one shape and size (view units) at every point, shape ``(n, 3)``."""
+        self._nodes[name] = self.scene.add_point_cloud(
+            f"/world/{name}",
+            positions_enu.astype(np.float32),
+            np.array(colour, dtype=np.uint8),
+            point_size=size,
+            point_shape=shape,
+            point_shading="flat",
+            precision="float32",
+            scale=self._scale(),
+        )
 
     def label(self, name: str, text: str, enu_m: FloatArray) -> None:
         """Write a short text at a point."""

@@ -16,7 +16,8 @@ _BOX_EDGES = np.array(
 def draw_surroundings(stage: Stage, site: Site) -> None:
     """Draw a site's fixed parts once."""
     water = _corners(site.water)
-    stage.rectangle("floor", water[4:], FLOOR, 1.0)
+    if site.bathymetry is None:
+        stage.rectangle("floor", water[4:], FLOOR, 1.0)
     stage.rectangle("surface", water[:4], WATER, 0.12)
     if site.kind == "tank":
         for wall in range(4):

@@ -96,6 +96,11 @@ class Strand:
         handle.visible = self.visible
         self.pieces[piece] = handle
 
+    @property
+    def has_content(self) -> bool:
+        """Whether there is anything to show."""
+        return bool(self.pieces)
+
     def show(self, visible: bool) -> None:
         """Show or hide all of it."""
         self.visible = visible

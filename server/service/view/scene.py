@@ -1,0 +1,71 @@
+"""What everybody sees in a robot's 3D view."""
+
+from dataclasses import dataclass
+from typing import Self
+
+from server.service.view.base import View
+from webui.scene.view import SceneState
+
+
+@dataclass(frozen=True, slots=True)
+class SceneModelView(View):
+    """A model that has a map."""
+
+    key: str
+    title: str
+
+
+@dataclass(frozen=True, slots=True)
+class SceneLayerView(View):
+    """A part of the scene that can be switched off."""
+
+    key: str
+    title: str
+    visible: bool
+    has_content: bool
+    """Whether there is anything to show now."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneStateView(View):
+    """Switches and sliders of a 3D view."""
+
+    quantity: str
+    """``mean`` or ``std``."""
+    form: str
+    """``volume`` or ``slices``."""
+    model: str
+    """Model whose map is drawn; empty before there is one."""
+    models: list[SceneModelView]
+    slice_depth: float | None
+    """Where a slice lies, as a share of the map's extent; ``null``: it is not drawn."""
+    slice_north: float | None
+    slice_east: float | None
+    opacity: float
+    exaggeration: float
+    """Depth is drawn this many times as deep as it is."""
+    exaggeration_max: float
+    layers: list[SceneLayerView]
+    legend: str
+    """What the colours of the map mean, with numbers and unit."""
+
+    @classmethod
+    def of(cls, state: SceneState) -> Self:
+        """Return a scene's state as it is told."""
+        return cls(
+            quantity=state.quantity,
+            form=state.form,
+            model=state.model,
+            models=[SceneModelView(key, title) for key, title in state.models],
+            slice_depth=state.slice_depth,
+            slice_north=state.slice_north,
+            slice_east=state.slice_east,
+            opacity=state.opacity,
+            exaggeration=state.exaggeration,
+            exaggeration_max=state.exaggeration_max,
+            layers=[
+                SceneLayerView(layer.key, layer.title, layer.visible, layer.has_content)
+                for layer in state.layers
+            ],
+            legend=state.legend,
+        )

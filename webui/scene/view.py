@@ -1,0 +1,50 @@
+"""What everybody sees in a robot's 3D view: read and changed by the operator app."""
+
+from dataclasses import dataclass
+from typing import Literal, TypedDict
+
+
+@dataclass(frozen=True, slots=True)
+class LayerState:
+    """A part of the scene that can be switched off."""
+
+    key: str
+    title: str
+    visible: bool
+    has_content: bool
+    """Whether there is anything to show now."""
+
+
+@dataclass(frozen=True, slots=True)
+class SceneState:
+    """The view's switches and sliders; slices lie at shares of the map's extent."""
+
+    quantity: Literal["mean", "std"]
+    form: Literal["volume", "slices"]
+    model: str
+    """Key of the model whose map is drawn; empty before there is one."""
+    models: tuple[tuple[str, str], ...]
+    """Key and title of every model that has a map, the default first."""
+    slice_depth: float | None
+    slice_north: float | None
+    slice_east: float | None
+    opacity: float
+    exaggeration: float
+    exaggeration_max: float
+    layers: tuple[LayerState, ...]
+    legend: str
+    """What the colours of the map mean, with numbers and unit."""
+
+
+class SceneChange(TypedDict, total=False):
+    """What is to be different; whatever is left out stays."""
+
+    quantity: Literal["mean", "std"]
+    form: Literal["volume", "slices"]
+    model: str
+    slice_depth: float | None
+    slice_north: float | None
+    slice_east: float | None
+    opacity: float
+    exaggeration: float
+    layers: dict[str, bool]
