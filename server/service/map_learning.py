@@ -56,6 +56,11 @@ class MapLearning:
         self._is_beginning = False
         maps.on_dive.append(self.dive_ended)
 
+    @property
+    def is_busy(self) -> bool:
+        """Whether kernels are being learned, or it is being decided whether to."""
+        return bool(self._jobs) or self._is_beginning
+
     async def start(self, robot: str, variable: str, *, by: str) -> str:
         """Begin to learn; return the id of the job, the one under way if there is one.
 
@@ -74,7 +79,7 @@ class MapLearning:
     def dive_ended(self, robot: str) -> None:
         """Learn in the background if a map says so and enough samples came since the last time."""
         group = self._maps.group(robot)
-        if group is None or not group.config.learning.online or self._jobs or self._is_beginning:
+        if group is None or not group.config.learning.online or self.is_busy:
             return
         self._is_beginning = True
         self._foundation.background.start(f"learn for {robot}", self._begin_if_due(robot, group))
