@@ -11,7 +11,7 @@ from scipy.linalg import cholesky as scipy_cholesky
 from autonomy.arrays import FloatArray
 
 (_trtrs,) = get_lapack_funcs(("trtrs",), dtype=np.float64)
-_gemv, _gemm, _trsm = get_blas_funcs(("gemv", "gemm", "trsm"), dtype=np.float64)
+(_trsm,) = get_blas_funcs(("trsm",), dtype=np.float64)
 
 _FIRST_JITTER = 1e-10
 _LAST_JITTER = 1e-2
@@ -75,21 +75,3 @@ def solve_lower_transposed(factor: FloatArray, right: FloatArray) -> FloatArray:
     """Return ``L^-T right`` for a lower triangular factor; shapes as in ``solve_lower``."""
     solution, _ = _trtrs(factor, right, lower=1, trans=1)
     return solution
-
-
-def weighted_rows(weights: FloatArray, rows: FloatArray) -> FloatArray:
-    """Return ``weights^T rows``.
-
-    Args:
-        weights: Shape ``(n,)`` or ``(n, m)``.
-        rows: Shape ``(n, q)``; not copied when in C order.
-
-    Returns:
-        Shape ``(q,)`` or ``(m, q)``.
-    """
-    if not len(rows):
-        return np.zeros((*weights.shape[1:], rows.shape[1]))
-    if weights.ndim == 1 or weights.shape[1] == 1:
-        product = _gemv(1.0, rows.T, weights.reshape(len(rows)))
-        return product.reshape(*weights.shape[1:], rows.shape[1])
-    return _gemm(1.0, rows.T, weights).T

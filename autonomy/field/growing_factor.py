@@ -121,25 +121,21 @@ class WhitenedColumns:
         self._reduction += np.einsum("mq,mq->q", v, v)
 
     def add(self, whitened: FloatArray, z: FloatArray) -> None:
-        """Add targets whose covariances, shape ``(n, k)``, have been whitened."""
+        """Add targets.
+
+        Args:
+            whitened: ``L^-1`` times their covariances with all samples so far, shape ``(n, k)``.
+            z: Whitened values of these samples, shape ``(n,)``.
+        """
         k = whitened.shape[1]
         if self.count + k > self._width:
             self._widen(self.count + k + max(_SPARE_COLUMNS, self.count // 2))
         new = slice(self.count, self.count + k)
         for first, panel in self._filled():
             panel[:, new] = whitened[first : first + len(panel)]
-        for first in range(self._rows, len(whitened), PANEL_ROWS):
-            rows = np.zeros((min(PANEL_ROWS, len(whitened) - first), self._width))
-            rows[:, new] = whitened[first : first + len(rows)]
-            self._store(rows)
         self._mean[new] = z @ whitened
         self._reduction[new] = np.einsum("nk,nk->k", whitened, whitened)
         self.count += k
-
-    def columns(self, chosen: slice) -> FloatArray:
-        """Return some columns of ``V``, shape ``(n, k)``; a copy."""
-        parts = [panel[:, chosen] for _, panel in self._filled()]
-        return np.concatenate(parts) if parts else np.zeros((0, len(self.mean[chosen])))
 
     def replace_values(self, z: FloatArray) -> None:
         """Change the whitened values of all samples, shape ``(n,)``."""

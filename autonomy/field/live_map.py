@@ -12,7 +12,6 @@ from autonomy.field.growing_model import GrowingModel, growing_model
 from autonomy.field.inducing_model import GrowingInducing
 from autonomy.field.model import FieldAboutMean, FieldModel, centred_values, condition
 from autonomy.field.samples import FieldSamples, checked, joined
-from autonomy.field.scale import to_model
 from autonomy.field.thinning import space_filling
 
 _KEPT_WHEN_FULL = 0.75
@@ -64,16 +63,6 @@ class LiveMap:
         return self._samples
 
     @property
-    def points(self) -> FloatArray:
-        """Positions of the kept samples, shape ``(n, 3)``, m, in order of arrival."""
-        return self._samples.points
-
-    @property
-    def values(self) -> FloatArray:
-        """Kept samples in the model's scale, shape ``(n,)``, in order of arrival."""
-        return to_model(self.config.resolved_scale(), self._samples.values)
-
-    @property
     def sample_levels(self) -> IntArray:
         """Fidelity level of each kept sample, shape ``(n,)``, in every model."""
         return fidelity_level(self._samples.position_std_m, self.config.fidelity_thresholds_m)
@@ -98,9 +87,8 @@ class LiveMap:
         checked(samples)
         if not len(samples):
             return
-        count = len(self._samples) + len(samples)
-        if count > self._most_samples:
-            self._begin(self._fitting(joined(self._samples, samples)))
+        if len(self._samples) + len(samples) > self._most_samples:
+            self._begin_with(joined(self._samples, samples), self.samples_dropped)
             return
         try:
             self._model.append(samples, centred_values(self.config, samples))
@@ -116,12 +104,7 @@ class LiveMap:
             ValueError: As ``append`` does; the map then stays as it was.
         """
         checked(samples)
-        dropped, self.samples_dropped = self.samples_dropped, 0
-        try:
-            self._begin(self._fitting(samples))
-        except ValueError:
-            self.samples_dropped = dropped
-            raise
+        self._begin_with(samples, 0)
 
     def conditioned(self) -> FieldModel:
         """Return the map's model, conditioned anew on the kept samples in ``O(n^3)``.
@@ -155,11 +138,12 @@ class LiveMap:
         self._model: GrowingModel = model
         self._samples = samples
 
-    def _fitting(self, samples: FieldSamples) -> FieldSamples:
-        """Return as many of the samples as the map keeps."""
-        if len(samples) <= self.config.max_samples or self.config.beyond == "inducing":
-            return samples
-        count = int(_KEPT_WHEN_FULL * self.config.max_samples)
-        kept = space_filling(samples.points, count, self.config.single.length_scales_m())
-        self.samples_dropped += len(samples) - len(kept)
-        return samples[kept]
+    def _begin_with(self, samples: FieldSamples, dropped: int) -> None:
+        """Begin anew with as many of the samples as the map keeps."""
+        config, kept = self.config, samples
+        if len(samples) > config.max_samples and config.beyond == "thin":
+            count = int(_KEPT_WHEN_FULL * config.max_samples)
+            scales_m = config.single.length_scales_m()
+            kept = samples[space_filling(samples.points, count, scales_m)]
+        self._begin(kept)
+        self.samples_dropped = dropped + len(samples) - len(kept)

@@ -5,8 +5,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from autonomy.arrays import FloatArray
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, GridShape, KernelParameters
 from autonomy.field.grid import Grid
+from autonomy.field.growing_factor import GrowingFactor
 from autonomy.field.live_map import LiveMap
 from autonomy.field.model import condition
 from autonomy.field.samples import FieldSamples
@@ -210,6 +212,27 @@ def test_a_batch_that_is_refused_leaves_the_map_as_it_was() -> None:
             change(broken)
     assert np.array_equal(live_map.mean, before)
     assert sum(live_map.samples_per_level) == 10
+
+
+def test_samples_that_the_model_cannot_hold_leave_the_map_as_it_was(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    samples = tank_samples(300)
+    live_map = tank_map("single", samples[:20])
+    before = live_map.mean
+    growth = GrowingFactor.append
+
+    def append_until_full(factor: GrowingFactor, B: FloatArray, L: FloatArray) -> None:
+        if len(factor) > 100:
+            raise ValueError("the matrix to factorize is not a covariance matrix")
+        growth(factor, B, L)
+
+    monkeypatch.setattr(GrowingFactor, "append", append_until_full)
+    for change in (live_map.append, live_map.replace):
+        with pytest.raises(ValueError, match="not a covariance"):
+            change(samples[20:])
+        assert live_map.mean == pytest.approx(before, abs=1e-12)
+        assert sum(live_map.samples_per_level) == 20
 
 
 def test_a_kernel_without_a_slope_is_refused_by_position_noise_with_a_sentence() -> None:
