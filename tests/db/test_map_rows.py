@@ -1,0 +1,133 @@
+"""Smoothed samples, their track, and comparisons in the database."""
+
+from dataclasses import replace
+from datetime import timedelta
+
+import numpy as np
+import pytest
+from sqlalchemy.exc import IntegrityError
+
+from db.fault import UnknownIdError
+from db.query.comparisons import ComparisonRecord, keep_comparison, list_comparisons
+from db.query.robots import add_robot
+from db.query.sample_places import sample_places
+from db.query.samples import count_received, sample_columns
+from db.query.smoothing import (
+    SmoothedPlace,
+    keep_smoothed,
+    newest_fix,
+    track_columns,
+    unjudged_span,
+)
+from robot_link.messages import RobotId
+from tests.db.conftest import START, report, robot_record, sample
+
+OTHER = RobotId("mini-2")
+
+
+def write(store, function):
+    return store.change(function).result(5)
+
+
+def read(store, function):
+    with store.read() as session:
+        return function(session)
+
+
+def at(second):
+    return START + timedelta(seconds=second)
+
+
+def place(sequence, east_m=0.9, std_m=0.01):
+    return SmoothedPlace(7, sequence, (1.0, east_m, 0.2), std_m)
+
+
+def columns(store, robots="mini-1"):
+    return read(store, lambda session: sample_columns(session, robots, "blue_light"))
+
+
+def test_smoothed_places_stand_beside_the_robots_own_word(store):
+    store.append([sample(i) for i in range(3)]).result(5)
+    write(store, lambda session: keep_smoothed(session, "mini-1", [place(1)]))
+    found = columns(store)
+    assert found.position_ned[:, 1].tolist() == [0.5, 0.5, 0.5]
+    assert found.smoothed_ned[:, 1].tolist() == [0.5, 0.9, 0.5]
+    assert found.smoothed_std_m.tolist() == [0.03, 0.01, 0.03]
+    assert found.is_smoothed.tolist() == [False, True, False]
+    places = read(store, lambda session: sample_places(session, "mini-1", "blue_light"))
+    np.testing.assert_array_equal(places.position_ned, found.smoothed_ned)
+    assert places.is_smoothed.tolist() == [False, True, False]
+
+
+def test_place_that_is_kept_twice_is_the_newer_one(store):
+    store.append([sample(0)]).result(5)
+    for east_m in (0.7, 0.8):
+        write(
+            store,
+            lambda session, east_m=east_m: keep_smoothed(session, "mini-1", [place(0, east_m)]),
+        )
+    assert columns(store).smoothed_ned[:, 1].tolist() == [0.8]
+
+
+def test_place_of_a_sample_that_is_not_there_is_refused_with_all_others(store):
+    store.append([sample(0)]).result(5)
+    with pytest.raises(IntegrityError):
+        write(store, lambda session: keep_smoothed(session, "mini-1", [place(0), place(5)]))
+    assert not columns(store).is_smoothed.any()
+
+
+def test_samples_of_two_robots_come_in_one_order_of_time(store):
+    write(
+        store,
+        lambda session: add_robot(session, replace(robot_record("mini-2", 1), system_id=5)),
+    )
+    store.append([sample(i, robot=robot) for robot in ("mini-1", "mini-2") for i in (0, 2)])
+    store.append([sample(1, robot="mini-2")]).result(5)
+    found = columns(store, ("mini-2", "mini-1"))
+    assert np.all(np.diff(found.measured_at_us) >= 0)
+    assert sorted(found.robot[:2].tolist()) == [0, 1]
+    assert found.robot[2] == 0
+    assert np.count_nonzero(found.robot == 0) == 3
+    with pytest.raises(UnknownIdError):
+        columns(store, ("mini-1", "nobody"))
+    assert len(columns(store, ())) == 0
+
+
+def test_what_was_not_looked_at_is_known_from_the_rows_alone(store):
+    assert read(store, lambda session: unjudged_span(session, "mini-1")) is None
+    store.append([sample(i) for i in range(4)]).result(5)
+    assert read(store, lambda s: unjudged_span(s, "mini-1")) == (at(0), at(3))
+    write(store, lambda session: keep_smoothed(session, "mini-1", [place(0), place(3)]))
+    assert read(store, lambda s: unjudged_span(s, "mini-1")) == (at(1), at(2))
+
+
+def test_track_is_what_reports_and_samples_say_together(store):
+    fixes = (0, 9)
+    store.append([report(i, has_fix=i in fixes) for i in (0, 3, 6, 9)]).result(5)
+    store.append([sample(i) for i in (1, 4, 12)]).result(5)
+    track = read(store, lambda s: track_columns(s, "mini-1", at(0), at(9), 100))
+    seconds = (track.measured_at_us - track.measured_at_us[0]) // 1_000_000
+    assert seconds.tolist() == [0, 1, 3, 4, 6, 9]
+    assert track.is_sample.tolist() == [False, True, False, True, False, False]
+    assert track.has_fix.tolist() == [True, False, False, False, False, True]
+    cut = read(store, lambda s: track_columns(s, "mini-1", None, at(9), 3))
+    assert cut.measured_at_us.tolist() == track.measured_at_us[:3].tolist()
+    assert read(store, lambda s: newest_fix(s, "mini-1")) == at(9)
+    assert read(store, lambda s: newest_fix(s, "mini-1", before=at(9))) == at(0)
+    assert read(store, lambda s: newest_fix(s, "mini-1", before=at(0))) is None
+
+
+def test_samples_that_came_after_a_moment_are_counted(store):
+    store.append([sample(i) for i in range(5)]).result(5)
+    count = read(store, lambda s: count_received(s, ("mini-1",), "blue_light", at(2)))
+    assert count == 2
+
+
+def test_newest_comparison_takes_the_place_of_the_one_before(store):
+    first = ComparisonRecord("mini-1", "blue_light", START, {"samples": 3}, b"a")
+    newer = replace(first, at=at(60), document={"samples": 9}, grid=b"b")
+    for record in (first, newer):
+        write(store, lambda session, record=record: keep_comparison(session, record))
+    assert read(store, lambda session: list_comparisons(session, "mini-1")) == [newer]
+    with pytest.raises(UnknownIdError):
+        write(store, lambda session: keep_comparison(session, replace(first, robot="nobody")))
