@@ -12,6 +12,7 @@ import type {
 } from '../src/api/types';
 import { SCORES } from './field';
 import { iso, type FakeRobot } from './robot';
+import { KINDS } from './schema';
 
 const PLANNING_S = 8;
 const REHEARSING_S = 4;
@@ -115,7 +116,7 @@ export class FakeSurvey {
       kind: 'adaptive_survey',
       state: 'planning',
       automation,
-      config,
+      config: { ...KINDS.planner?.value, ...config },
       config_id: 'config-3',
       rounds: [],
       budget: { total: 80, spent: 0, round: 20 },

@@ -61,10 +61,17 @@ export type FlownPoint = readonly [number, number, number, number, number];
 /** A draft flown through the full dynamics before it is offered. */
 export interface Rehearsal {
   state: 'working' | 'done' | 'failed' | 'skipped';
-  completed: boolean;
+  completed: boolean | null;
+  /** Distance of where it was from where the plan says. */
   rms_error_m: number | null;
   worst_error_m: number | null;
   surfacing_error_m: number | null;
+  /** Distance of where it was from where it believed to be, and the same as planned. */
+  position_error_m?: number | null;
+  predicted_error_m?: number | null;
+  /** Part of the flight that was nearer to the plan than its 95 % circle says. */
+  within_share?: number | null;
+  runs?: number | null;
   duration_s: number | null;
   energy: number | null;
   flown: FlownPoint[];

@@ -26,14 +26,20 @@ export function legPoints(leg: Leg): [number, number, number][] {
   });
 }
 
-/** A track cut into runs of one fidelity; each run begins where the one before ended. */
+/** A stretch of a track that looks alike: of one fidelity, or drifted at the surface. */
+export interface TrackRun {
+  level: number | 'drift' | null;
+  points: [number, number][];
+}
+
+/** A track cut into runs that look alike; each run begins where the one before ended. */
 export function fidelityRuns(
-  track: Pick<Track, 'north_m' | 'east_m' | 'fidelity'>,
-): { level: number | null; points: [number, number][] }[] {
-  const runs: { level: number | null; points: [number, number][] }[] = [];
+  track: Pick<Track, 'north_m' | 'east_m' | 'fidelity' | 'adrift'>,
+): TrackRun[] {
+  const runs: TrackRun[] = [];
   track.north_m.forEach((north, i) => {
     const point: [number, number] = [north, track.east_m[i] ?? 0];
-    const level = track.fidelity[i] ?? null;
+    const level = track.adrift?.[i] ? 'drift' : (track.fidelity[i] ?? null);
     const last = runs.at(-1);
     if (last?.level === level) last.points.push(point);
     else {

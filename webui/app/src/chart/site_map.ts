@@ -1,8 +1,9 @@
 import * as L from 'leaflet';
-import type { Box, Leg, Ned, Site, Track } from '../api/types';
+import type { Area, Box, FlownPoint, Leg, Ned, Site, Track } from '../api/types';
 import { fixed } from '../text/unit';
 import { PRIMITIVES } from '../text/word';
 import { fidelityRuns, legPoints } from './path';
+import { SiteAreas, type AreaHandlers } from './site_areas';
 import { ticks } from './slice';
 
 export interface MapRobot {
@@ -26,7 +27,10 @@ export class SiteDrawing {
   readonly #map: L.Map;
   readonly #track = L.layerGroup();
   readonly #plan = L.layerGroup();
+  readonly #ghost = L.layerGroup();
+  readonly #rehearsed = L.layerGroup();
   readonly #robots = L.layerGroup();
+  readonly #areas: SiteAreas;
   readonly #marks = new Map<string, { marker: L.Marker; arrow: SVGElement; circle: L.Circle }>();
   readonly #bounds: L.LatLngBounds;
 
@@ -46,8 +50,11 @@ export class SiteDrawing {
     this.#map = map;
     this.#bounds = boundsOf(site.water);
     drawFrame(map, site);
+    this.#areas = new SiteAreas(map);
     this.#track.addTo(map);
+    this.#rehearsed.addTo(map);
     this.#plan.addTo(map);
+    this.#ghost.addTo(map);
     this.#robots.addTo(map);
     map.on('mousemove', (event) => onHover([event.latlng.lat, event.latlng.lng]));
     map.on('mouseout', () => onHover(null));
@@ -95,6 +102,35 @@ export class SiteDrawing {
     }
   }
 
+  /** Another plan over the first, such as a runner-up that is pointed at. */
+  showGhost(legs: readonly Leg[]): void {
+    this.#ghost.clearLayers();
+    for (const leg of legs) {
+      const points = legPoints(leg).map(([north, east]): [number, number] => [north, east]);
+      L.polyline(points, { className: 'map-ghost', interactive: false }).addTo(this.#ghost);
+    }
+  }
+
+  /** Where a rehearsal went: computed, and not what was promised either. */
+  showRehearsal(flown: readonly FlownPoint[]): void {
+    this.#rehearsed.clearLayers();
+    if (flown.length < 2) return;
+    L.polyline(
+      flown.map(([, north, east]): [number, number] => [north, east]),
+      { className: 'map-rehearsed', interactive: false },
+    ).addTo(this.#rehearsed);
+  }
+
+  showAreas(
+    areas: readonly Area[],
+    selected: number | null,
+    drawing: readonly (readonly [number, number])[] | null,
+    handlers: AreaHandlers | null,
+  ): void {
+    this.#areas.show(areas, selected, handlers);
+    this.#areas.showDrawing(drawing);
+  }
+
   showRobots(robots: readonly MapRobot[]): void {
     for (const robot of robots) {
       const mark = this.#marks.get(robot.id) ?? this.#addRobot(robot);
@@ -140,7 +176,11 @@ function drawFrame(map: L.Map, site: Site): void {
   const reach = Math.max(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m);
   const distance = (m: number) =>
     reach < 5000 ? `${fixed(m, reach < 5 ? 1 : 0)} m` : `${fixed(m / 1000, 0)} km`;
-  L.rectangle(boundsOf(water), { ...still, className: `map-water map-${site.kind}` }).addTo(map);
+  const land = site.shoreline ? ' map-land' : '';
+  L.rectangle(boundsOf(water), {
+    ...still,
+    className: `map-water map-${site.kind}${land}`,
+  }).addTo(map);
   const label = (at: [number, number], text: string, side: string) =>
     L.marker(at, {
       icon: L.divIcon({ html: text, className: `map-label map-label-${side}`, iconSize: [0, 0] }),
@@ -162,6 +202,9 @@ function drawFrame(map: L.Map, site: Site): void {
     ];
     L.polyline(line, { ...still, className: 'map-grid' }).addTo(map);
     label([north, water.y_min_m], `${distance(north)} N`, 'inside');
+  }
+  if (site.shoreline) {
+    L.polygon(site.shoreline.corners_m, { ...still, className: 'map-shore' }).addTo(map);
   }
   L.rectangle(boundsOf(site.domain), { ...still, className: 'map-domain' }).addTo(map);
 }

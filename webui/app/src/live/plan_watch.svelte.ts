@@ -41,9 +41,7 @@ export class PlanWatch {
     const news = this.#news;
     this.#collect(news);
     const whole = untrack(() => this.#whole);
-    if (id !== null && (whole === null || (news?.state ?? whole.state) !== whole.state)) {
-      void this.#fetch(id);
-    }
+    if (id !== null && (whole === null || !isCurrent(whole, news))) void this.#fetch(id);
   }
 
   #collect(news: Partial<Plan> | undefined): void {
@@ -62,13 +60,25 @@ export class PlanWatch {
       const plan = await this.#station.api.plan(id);
       if (untrack(() => this.#id) !== id) return;
       this.#whole = plan;
-      if (plan.state === (untrack(() => this.#news)?.state ?? plan.state)) return;
+      if (
+        isCurrent(
+          plan,
+          untrack(() => this.#news),
+        )
+      )
+        return;
     } catch {
       if (untrack(() => this.#id) !== id) return;
     }
     clearTimeout(this.#again);
     this.#again = setTimeout(() => void this.#fetch(id), AGAIN_MS);
   }
+}
+
+/** Whether a plan was fetched in the state and stage that the live stream tells. */
+function isCurrent(whole: Plan, news: Partial<Plan> | undefined): boolean {
+  const { state = whole.state, stage = whole.stage } = news ?? {};
+  return state === whole.state && (stage ?? null) === (whole.stage ?? null);
 }
 
 /** One mission, fetched whole whenever the live stream says that it changed. */

@@ -42,7 +42,10 @@ const SENTENCES: Record<PlanState, string> = {
 };
 
 /** What is known of the plan's whereabouts, and no more. */
-export function planSentence(plan: Pick<Plan, 'state' | 'message'>): string {
+export function planSentence(plan: Pick<Plan, 'state' | 'message' | 'stage'>): string {
+  if (plan.state === 'planning' && plan.stage === 'rehearsing') {
+    return 'Found; the simulator flies it before it is offered. Nothing is sent.';
+  }
   const isTold = ['failed', 'cancelled'].includes(plan.state) && plan.message !== '';
   const told = isTold ? ` ${plan.message}` : '';
   return SENTENCES[plan.state] + told;

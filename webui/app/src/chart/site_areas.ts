@@ -1,0 +1,100 @@
+import * as L from 'leaflet';
+import type { Area } from '../api/types';
+
+/** What the map may change of keep-outs; without it they are only shown. */
+export interface AreaHandlers {
+  /** Called when an area is clicked. */
+  onpick: (index: number) => void;
+  onmove: (index: number, corner: number, north: number, east: number) => void;
+  /** Called with a click on the map while an area is drawn. */
+  onclick: (north: number, east: number) => void;
+}
+
+/** What is being changed, and how the map may change it. */
+export interface AreaEditing extends AreaHandlers {
+  /** Area whose corners can be dragged. */
+  selected: number | null;
+  /** Corners clicked so far of an area that is being drawn; `null` while none is. */
+  drawing: readonly (readonly [number, number])[] | null;
+}
+
+/** Areas of a site as polygons; the corners of the chosen one can be dragged. */
+export class SiteAreas {
+  readonly #map: L.Map;
+  readonly #areas = L.layerGroup();
+  readonly #drawn = L.layerGroup();
+  #handlers: AreaHandlers | null = null;
+  #isDrawing = false;
+  #isDragged = false;
+
+  constructor(map: L.Map) {
+    this.#map = map;
+    this.#areas.addTo(map);
+    this.#drawn.addTo(map);
+    map.on('click', ({ latlng }) => {
+      if (this.#isDrawing) this.#handlers?.onclick(latlng.lat, latlng.lng);
+    });
+  }
+
+  show(areas: readonly Area[], selected: number | null, handlers: AreaHandlers | null): void {
+    this.#handlers = handlers;
+    // What is being dragged follows the pointer by itself.
+    if (this.#isDragged) return;
+    this.#areas.clearLayers();
+    areas.forEach((area, index) => this.#add(area, index, index === selected));
+  }
+
+  /** The corners clicked so far of an area that is being drawn; `null` while none is. */
+  showDrawing(corners: readonly (readonly [number, number])[] | null): void {
+    this.#isDrawing = corners !== null;
+    this.#map.getContainer().classList.toggle('map-drawing', this.#isDrawing);
+    this.#drawn.clearLayers();
+    if (corners === null) return;
+    const points = corners.map(([north, east]): [number, number] => [north, east]);
+    L.polygon(points, { className: 'map-keep-out map-new', interactive: false }).addTo(this.#drawn);
+    points.forEach((point) =>
+      L.circleMarker(point, { radius: 4, className: 'map-corner', interactive: false }).addTo(
+        this.#drawn,
+      ),
+    );
+  }
+
+  #add(area: Area, index: number, isSelected: boolean): void {
+    const handlers = this.#handlers;
+    const points = area.corners_m.map(([north, east]): [number, number] => [north, east]);
+    const polygon = L.polygon(points, {
+      className: `map-keep-out${isSelected ? ' map-chosen' : ''}`,
+      interactive: true,
+    });
+    polygon.bindTooltip(`Keep out: ${area.name}`, { sticky: true }).addTo(this.#areas);
+    if (!handlers) return;
+    polygon.on('click', () => {
+      if (!this.#isDrawing) handlers.onpick(index);
+    });
+    if (!isSelected) return;
+    points.forEach((point, corner) => this.#addHandle(polygon, index, corner, point, handlers));
+  }
+
+  #addHandle(
+    polygon: L.Polygon,
+    index: number,
+    corner: number,
+    at: [number, number],
+    handlers: AreaHandlers,
+  ): void {
+    const icon = L.divIcon({ className: 'map-handle', iconSize: [14, 14] });
+    const handle = L.marker(at, { icon, draggable: true, keyboard: false });
+    handle.on('dragstart', () => (this.#isDragged = true));
+    handle.on('drag', () => {
+      const [ring] = polygon.getLatLngs() as L.LatLng[][];
+      const moved = (ring ?? []).map((place, i) => (i === corner ? handle.getLatLng() : place));
+      polygon.setLatLngs(moved);
+    });
+    handle.on('dragend', () => {
+      this.#isDragged = false;
+      const { lat, lng } = handle.getLatLng();
+      handlers.onmove(index, corner, lat, lng);
+    });
+    handle.addTo(this.#areas);
+  }
+}
