@@ -69,7 +69,7 @@ class FieldConfig(Configuration):
 
     variable: str = quantity("blue_light", title="Variable")
     """The mapped quantity, a key of ``autonomy.field.variable``."""
-    model: FieldModelKey = quantity("recursive", title="Model")
+    model: FieldModelKey = quantity("position_noise", title="Model")
     """The single model takes every position for exact. The recursive one of the thesis and the
     joint auto-regressive one have a Gaussian process per level of position uncertainty. The model
     with position-dependent noise counts how much a sample taken elsewhere than believed differs."""
