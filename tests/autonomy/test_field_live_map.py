@@ -86,6 +86,17 @@ def test_samples_in_any_batches_give_the_map_that_conditioning_anew_gives(
 
 
 @EVERY_MODEL
+def test_many_samples_in_many_batches_give_the_map_that_conditioning_anew_gives(
+    model: str,
+) -> None:
+    samples = tank_samples(700)
+    live_map = tank_map(model)
+    for first in range(0, 700, 70):
+        live_map.append(samples[first : first + 70])
+    assert_equals_conditioning_anew(live_map)
+
+
+@EVERY_MODEL
 @pytest.mark.parametrize("memory_s", [0.0, 300.0])
 def test_a_rebuilt_map_is_the_reference_model(model: str, memory_s: float) -> None:
     samples = tank_samples(300)
