@@ -29,7 +29,7 @@ from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import Sample
 
-ROWS_PER_LOOK = 100_000
+ROWS_PER_LOOK = 20_000
 """Most reports and samples of one look; a longer track is looked at piece by piece."""
 _CLOSEST_S = 0.25
 """Points of a track closer than this give no speed: clocks and positions on a wire are rounded."""
