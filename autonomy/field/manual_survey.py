@@ -18,7 +18,9 @@ from autonomy.field import synthetic
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, KernelParameters
 from autonomy.field.fidelity import fidelity_level
 from autonomy.field.learning import learn
+from autonomy.field.learning_model import learn_config
 from autonomy.field.recursive import RecursiveGaussianProcess
+from autonomy.field.samples import FieldSamples
 from autonomy.field.scale import to_model
 from autonomy.site import LAKE, TANK, Box, Site
 
@@ -111,7 +113,7 @@ def simulate_survey(
 
 
 def derived_preset(variable_key: str, rng: np.random.Generator) -> FieldConfig:
-    """Repeat the derivation of one of ``FIELD_PRESETS`` (some seconds).
+    """Repeat the derivation of the kernels of one of ``FIELD_PRESETS`` (some seconds).
 
     The prior mean is the mean of the survey. The single model learns from half as long a survey
     with exact positions, because the thesis gives it the hyperparameters of the true field.
@@ -129,9 +131,10 @@ def derived_preset(variable_key: str, rng: np.random.Generator) -> FieldConfig:
     survey = simulate_survey(variable_key, domain, motion, uncertain, 1000, rng)
     exact_survey = simulate_survey(variable_key, domain, motion, exact, 500, rng)
     prior_mean = float(np.mean(to_model(preset.resolved_scale(), survey.values)))
-    return learned_config(
+    learned = learned_config(
         preset.model_copy(update={"prior_mean": prior_mean}), survey, exact_survey
     )
+    return learned.model_copy(update={"joint_levels": _joint_levels(learned, survey, rng)})
 
 
 def learned_config(base: FieldConfig, survey: Survey, exact: Survey) -> FieldConfig:
@@ -165,6 +168,18 @@ def learned_config(base: FieldConfig, survey: Survey, exact: Survey) -> FieldCon
     return FieldConfig.model_validate(
         base.model_dump() | {"single": single.parameters, "levels": tuple(levels)}
     )
+
+
+def _joint_levels(
+    config: FieldConfig, survey: Survey, rng: np.random.Generator
+) -> tuple[KernelParameters, ...]:
+    """Learn the joint model's kernels, from those of the recursion on.
+
+    Every other sample is enough: neighbours share their position error, which no level models.
+    """
+    samples = FieldSamples.of(survey.points, survey.values, survey.position_std)[::2]
+    joint = config.model_copy(update={"model": "joint", "joint_levels": config.levels})
+    return learn_config(joint, samples, starts=1, rng=rng).config.joint_levels
 
 
 def _starts(

@@ -17,7 +17,8 @@ def test_presets_are_what_the_simulated_manual_survey_yields(key: str) -> None:
     derived = derived_preset(key, np.random.default_rng(0))
     preset = FIELD_PRESETS[key]
     assert derived.prior_mean == pytest.approx(preset.prior_mean, rel=0.01)
-    learned, stored = (derived.single, *derived.levels), (preset.single, *preset.levels)
+    learned = (derived.single, *derived.levels, *derived.joint_levels)
+    stored = (preset.single, *preset.levels, *preset.joint_levels)
     for ours, theirs in zip(learned, stored, strict=True):
         for name, value in theirs.model_dump(exclude={"shape"}).items():
             assert getattr(ours, name) == pytest.approx(value, rel=0.03), name
