@@ -301,7 +301,7 @@ class PlannerConfig(Configuration):
     mission: MissionConfig = quantity(MissionConfig(), title="Mission", advanced=True)
     """What surrounds the legs of a plan."""
     adaptive: AdaptiveConfig = quantity(AdaptiveConfig(), title="Between rounds", advanced=True)
-    """What happens between the rounds of a survey."""
+    """What the station does by itself from one round to the next."""
 
     def counted_thresholds_m(self) -> tuple[float, ...]:
         """Return the fidelity thresholds that information gain heeds."""

@@ -261,7 +261,7 @@ def _is_really_inside(config: PlannerConfig, leg: Leg, under_s: float) -> bool:
 
 def _is_in_water(config: PlannerConfig, water: Waterway, leg: Leg, under_s: float) -> bool:
     """Tell whether the true way is above the floor and off shores and keep-outs."""
-    if not water.depth.size:
+    if water.is_everywhere:
         return True
     count = 1
     if leg.kind is PrimitiveKind.SPIRAL:

@@ -3,7 +3,7 @@
 import math
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inlined_kernel, kernel
 from autonomy.planner.edge import (
     SAME_PLACE_M,
     SHAPE_BEARING,
@@ -43,11 +43,13 @@ from autonomy.planner.leg_kernel import LEG_COLUMNS as LEG_COLUMNS
 from autonomy.planner.leg_kernel import leg_of as leg_of
 from autonomy.planner.limits import Limits
 from autonomy.planner.primitive import HEADWAY_MIN
+from autonomy.planner.waterway import Waterway
 
 
 @kernel
 def propose(
     limits: Limits,
+    water: Waterway,
     start: tuple[float, float],
     goal: tuple[float, float],
     shape: FloatArray,
@@ -57,6 +59,7 @@ def propose(
 
     Args:
         limits: What edges are made from.
+        water: Where there is water enough.
         start: North and east of the surfacing that the edge leaves.
         goal: North and east of the surfacing that it must reach.
         shape: What the primitives are made from (``edge.random_shape``).
@@ -73,10 +76,10 @@ def propose(
         heading = _heading_to(limits, *carried(limits, x, y, under), goal)
         heading += limits.bearing_noise * row[SHAPE_BEARING]
         leg = legs[count]
-        if _shape_leg(limits, (x, y, z), heading, row, leg) and stays(limits, leg, under):
+        if _shape_leg(limits, (x, y, z), heading, row, leg) and stays(limits, water, leg, under):
             x, y, z, under = after(limits, leg, under)
             count += 1
-    count = _close(limits, (x, y, z), under, goal, legs, count)
+    count = _close(limits, water, (x, y, z), under, goal, legs, count)
     return count if energy_of(limits, legs, count) <= limits.budget else 0
 
 
@@ -91,7 +94,7 @@ def energy_of(limits: Limits, legs: FloatArray, count: int) -> float:
     return energy
 
 
-@kernel
+@inlined_kernel
 def _shape_leg(
     limits: Limits,
     here: tuple[float, float, float],
@@ -135,7 +138,7 @@ def _shape_leg(
     return True
 
 
-@kernel
+@inlined_kernel
 def _between(low: float, high: float, part: float) -> float:
     return low + (high - low) * part
 
@@ -143,6 +146,7 @@ def _between(low: float, high: float, part: float) -> float:
 @kernel
 def _close(
     limits: Limits,
+    water: Waterway,
     here: tuple[float, float, float],
     under: float,
     goal: tuple[float, float],
@@ -161,9 +165,9 @@ def _close(
         angle = math.atan2(z, math.hypot(up[0] - x, up[1] - y))
         if limits.glide_angle_min <= angle <= limits.glide_angle_max:
             _write(limits, legs[count], GLIDE, here, up, limits.glide_speed, z)
-            return count + 1 if stays(limits, legs[count], under) else 0
+            return count + 1 if stays(limits, water, legs[count], under) else 0
         _write(limits, legs[count], DIVE, here, (x, y, 0.0), limits.dive_speed, z)
-        if not stays(limits, legs[count], under):
+        if not stays(limits, water, legs[count], under):
             return 0
         x, y, _, _ = after(limits, legs[count], under)
         count += 1
@@ -177,10 +181,10 @@ def _close(
     if speed == 0.0:
         return 0
     _write(limits, legs[count], SWIM, (x, y, 0.0), end, speed, distance)
-    return count + 1 if stays(limits, legs[count], 0.0) else 0
+    return count + 1 if stays(limits, water, legs[count], 0.0) else 0
 
 
-@kernel
+@inlined_kernel
 def _heading_to(limits: Limits, x: float, y: float, goal: tuple[float, float]) -> float:
     """Return the heading of a glide that leads to the goal over ground (``edge._heading_to``)."""
     if not limits.has_current:
@@ -192,7 +196,7 @@ def _heading_to(limits: Limits, x: float, y: float, goal: tuple[float, float]) -
     )
 
 
-@kernel
+@inlined_kernel
 def _headway(
     limits: Limits, start: tuple[float, float, float], end: tuple[float, float, float]
 ) -> float:

@@ -18,6 +18,7 @@ from autonomy.planner import outcome
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.edge_kernel import LEG_COLUMNS
 from autonomy.planner.limits import Limits, legs_max, limits_of, points_max, shape_size
+from autonomy.planner.waterway import Waterway, waterway_of
 
 Int32Array = npt.NDArray[np.int32]
 
@@ -38,6 +39,8 @@ class Graph(NamedTuple):
     """Arrays of a search; ``tally`` tells how much of each is in use."""
 
     limits: Limits
+    waterway: Waterway
+    """Where there is water enough."""
     step: float
     near_radius: float
     nearest_radius: float
@@ -95,6 +98,7 @@ def graph_of(
     slots = max(1, -(-search.paths_per_node // BINS)) * BINS
     graph = Graph(
         limits=limits_of(config, budget),
+        waterway=waterway_of(config, None),
         step=search.step_m,
         near_radius=search.near_radius_m,
         nearest_radius=search.nearest_radius_m,

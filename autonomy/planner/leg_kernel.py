@@ -3,9 +3,10 @@
 import math
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inlined_kernel, kernel
 from autonomy.planner.limits import Limits
 from autonomy.planner.plan import Leg, PrimitiveKind
+from autonomy.planner.waterway import Waterway
 from autonomy.planner.waterway_kernel import chords, holds_line
 
 GLIDE, SPIRAL, DIVE, SWIM = range(4)
@@ -32,13 +33,13 @@ def leg_of(row: FloatArray) -> Leg:
     )
 
 
-@kernel
-def stays(limits: Limits, leg: FloatArray, under: float) -> bool:
+@inlined_kernel
+def stays(limits: Limits, water: Waterway, leg: FloatArray, under: float) -> bool:
     """Tell whether a leg really stays in the domain and the water (``edge.stays``)."""
     x_low, x_high, y_low, y_high = _bounds(leg)
     drifts = limits.has_current and not knows_place(leg)
     if drifts:
-        x_room, y_room = limits.waterway.x_room, limits.waterway.y_room
+        x_room, y_room = water.x_room, water.y_room
         if leg[KIND] == SPIRAL and leg[Z0] <= 0.0:
             return False
         if x_low < x_room[0] or x_high > x_room[1] or y_low < y_room[0] or y_high > y_room[1]:
@@ -53,22 +54,22 @@ def stays(limits: Limits, leg: FloatArray, under: float) -> bool:
             x_low, x_high, y_low, y_high = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
     if not _holds(limits, x_low, y_low) or not _holds(limits, x_high, y_high):
         return False
-    return not limits.has_shores or _is_in_water(limits, leg, under, drifts)
+    return water.is_everywhere or _is_in_water(limits, water, leg, under, drifts)
 
 
-@kernel
+@inlined_kernel
 def knows_place(leg: FloatArray) -> bool:
     """Tell whether a leg is a swim along the surface (``drift.knows_place``)."""
     return leg[KIND] == SWIM and leg[Z0] <= 0.0
 
 
-@kernel
+@inlined_kernel
 def carried(limits: Limits, x: float, y: float, under: float) -> tuple[float, float]:
     """Return where a robot is that believes to be at a place (``drift.carried``)."""
     return x + limits.current_north * under, y + limits.current_east * under
 
 
-@kernel
+@inlined_kernel
 def after(limits: Limits, leg: FloatArray, under: float) -> tuple[float, float, float, float]:
     """Return where the robot believes to be after a leg, and for how long it has not seen."""
     x, y, z = leg[X1], leg[Y1], leg[Z1]
@@ -80,7 +81,7 @@ def after(limits: Limits, leg: FloatArray, under: float) -> tuple[float, float, 
     return x, y, z, 0.0
 
 
-@kernel
+@inlined_kernel
 def really_at(
     limits: Limits, leg: FloatArray, under: float, drifts: bool, fraction: float
 ) -> tuple[float, float, float]:
@@ -91,7 +92,7 @@ def really_at(
     return x, y, z
 
 
-@kernel
+@inlined_kernel
 def _at(leg: FloatArray, fraction: float) -> tuple[float, float, float]:
     z = leg[Z0] + fraction * (leg[Z1] - leg[Z0])
     if leg[KIND] == SPIRAL:
@@ -104,7 +105,7 @@ def _at(leg: FloatArray, fraction: float) -> tuple[float, float, float]:
     )
 
 
-@kernel
+@inlined_kernel
 def on_circle(
     x: float, y: float, heading: float, radius: float, turn: float
 ) -> tuple[float, float]:
@@ -117,7 +118,7 @@ def on_circle(
     )
 
 
-@kernel
+@inlined_kernel
 def _bounds(leg: FloatArray) -> tuple[float, float, float, float]:
     """Return least and greatest north and east of a leg as believed (``primitive.bounds``)."""
     x_low, x_high = min(leg[X0], leg[X1]), max(leg[X0], leg[X1])
@@ -134,7 +135,7 @@ def _bounds(leg: FloatArray) -> tuple[float, float, float, float]:
     return x_low, x_high, y_low, y_high
 
 
-@kernel
+@inlined_kernel
 def _holds(limits: Limits, x: float, y: float) -> bool:
     return (
         limits.x_min - _EDGE_MARGIN_M <= x <= limits.x_max + _EDGE_MARGIN_M
@@ -143,13 +144,15 @@ def _holds(limits: Limits, x: float, y: float) -> bool:
 
 
 @kernel
-def _is_in_water(limits: Limits, leg: FloatArray, under: float, drifts: bool) -> bool:
+def _is_in_water(
+    limits: Limits, water: Waterway, leg: FloatArray, under: float, drifts: bool
+) -> bool:
     """Tell whether the true way is above the floor and off shores and keep-outs."""
-    count = chords(limits.waterway, leg[RADIUS], leg[TURN]) if leg[KIND] == SPIRAL else 1
+    count = chords(water, leg[RADIUS], leg[TURN]) if leg[KIND] == SPIRAL else 1
     here = really_at(limits, leg, under, drifts, 0.0)
     for i in range(1, count + 1):
         there = really_at(limits, leg, under, drifts, i / count)
-        if not holds_line(limits.waterway, here, there):
+        if not holds_line(water, here, there):
             return False
         here = there
     return True

@@ -8,8 +8,6 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.drift import has_current
 from autonomy.planner.edge import SHAPE_COLUMNS
 from autonomy.planner.primitive import HEADWAY_MIN
-from autonomy.planner.waterway import Waterway, waterway_of
-from autonomy.site import Site
 
 
 class Limits(NamedTuple):
@@ -67,20 +65,10 @@ class Limits(NamedTuple):
     current_north: float
     current_east: float
     has_current: bool
-    has_shores: bool
-    """Whether the waterway limits more than the domain does."""
-    waterway: Waterway
 
 
-def limits_of(config: PlannerConfig, budget: float, site: Site | None = None) -> Limits:
-    """Unpack what compiled code needs of the settings, and lay the raster of usable depth.
-
-    Args:
-        config: Settings of the search.
-        budget: Energy units of the round.
-        site: Shoreline and floor; None for water without end.
-    """
-    waterway = waterway_of(config, site)
+def limits_of(config: PlannerConfig, budget: float) -> Limits:
+    """Unpack what compiled code needs of the settings; shores are in ``waterway.waterway_of``."""
     domain, motion, cost = config.domain, config.primitives, config.energy
     position = config.position_filter
     surface = surface_covariance(position, motion.point_interval_s)
@@ -131,8 +119,6 @@ def limits_of(config: PlannerConfig, budget: float, site: Site | None = None) ->
         current_north=config.current.north_m_s,
         current_east=config.current.east_m_s,
         has_current=has_current(config),
-        has_shores=waterway.depth.size > 0,
-        waterway=waterway,
     )
 
 

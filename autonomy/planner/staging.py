@@ -132,7 +132,7 @@ def stage_edge(graph: Graph, start: tuple[float, float], goal: tuple[float, floa
         return False
     edge = first_staged(graph) + staged
     legs = graph.edge_legs[edge]
-    count = propose(graph.limits, start, goal, graph.edge_shape[edge], legs)
+    count = propose(graph.limits, graph.waterway, start, goal, graph.edge_shape[edge], legs)
     if count == 0:
         return False
     points = place_points(graph.limits, legs, count, graph.staged_points[staged])

@@ -38,9 +38,10 @@ class Waterway(NamedTuple):
     """Side of a cell, m."""
     slack: float
     """What holds for a cell holds this far around it too, m."""
+    is_everywhere: bool
+    """Whether nothing but the domain limits a plan."""
     depth: FloatArray
-    """Usable depth in all of a cell, m, or ``CLOSED``, shape (north, east); (0, 0) where nothing
-    but the domain limits a plan."""
+    """Usable depth in all of a cell, m, or ``CLOSED``, shape (north, east), or (0, 0)."""
     x_room: tuple[float, float]
     y_room: tuple[float, float]
     """Where a robot in a current may believe to be, m: its own limits act on what it believes."""
@@ -76,7 +77,7 @@ def waterway_of(config: PlannerConfig, site: Site | None) -> Waterway:
     domain = config.domain
     rooms = _rooms(config, site)
     if site is None and not config.keep_outs:
-        return Waterway(domain.x_min_m, domain.y_min_m, 1.0, 0.0, np.empty((0, 0)), *rooms)
+        return Waterway(domain.x_min_m, domain.y_min_m, 1.0, 0.0, True, np.empty((0, 0)), *rooms)
     width, length = domain.x_max_m - domain.x_min_m, domain.y_max_m - domain.y_min_m
     cell = max(width, length) / _CELLS_MAX
     slack = _SLACK_SHARE * cell
@@ -85,14 +86,15 @@ def waterway_of(config: PlannerConfig, site: Site | None) -> Waterway:
     reach = (0.5 * cell + slack) * math.sqrt(2.0)
     is_open = _is_clear(config, site, x, y, config.margin_m + reach)
     depth = np.where(is_open, _opened(_floor_of_cells(config, site, lines, cell, slack)), CLOSED)
-    if (depth >= domain.depth_max_m).all():
+    is_everywhere = bool((depth >= domain.depth_max_m).all())
+    if is_everywhere:
         depth = np.empty((0, 0))
-    return Waterway(domain.x_min_m, domain.y_min_m, cell, slack, depth, *rooms)
+    return Waterway(domain.x_min_m, domain.y_min_m, cell, slack, is_everywhere, depth, *rooms)
 
 
 def holds_line(waterway: Waterway, start: PositionNed, end: PositionNed) -> bool:
     """Tell whether a straight way stays in the water: the readable form of the compiled one."""
-    if not waterway.depth.size:
+    if waterway.is_everywhere:
         return True
     (x0, y0, z0), (x1, y1, z1) = start, end
     crossings = [0.0, 1.0]

@@ -21,6 +21,7 @@ from autonomy.planner.edge import (
 )
 from autonomy.planner.limits import legs_max, limits_of, points_max
 from autonomy.planner.plan import PrimitiveKind
+from autonomy.planner.waterway import waterway_of
 from tests.autonomy.planner_problem import THESIS_TANK
 
 CONFIGS = {"thesis": THESIS_TANK, **PLANNER_PRESETS}
@@ -98,7 +99,7 @@ def test_compiled_and_readable_edges_are_the_same(name):
     feasible = 0
     for start, goal, shape in proposals(config, 300):
         edge = propose_edge(config, start, goal, 20.0, shape)
-        count = edge_kernel.propose(limits, start, goal, shape, legs)
+        count = edge_kernel.propose(limits, waterway_of(config, None), start, goal, shape, legs)
         placed = edge_kernel.place_points(limits, legs, count, points) if count else 0
         assert (edge is None) == (placed == 0)
         if edge is not None:

@@ -46,7 +46,7 @@ def points_of(domain: Box, count: int, seed: int = 0) -> np.ndarray:
 def test_where_only_the_domain_limits_plans_there_is_no_raster():
     assert waterway_of(THESIS_TANK, None).depth.shape == (0, 0)
     assert waterway_of(THESIS_TANK, TANK).depth.shape == (0, 0)
-    assert not limits_of(THESIS_TANK, 20.0, TANK).has_shores
+    assert waterway_of(THESIS_TANK, TANK).is_everywhere
 
 
 def test_the_raster_is_never_deeper_than_the_water_and_hardly_shallower():
@@ -89,12 +89,13 @@ def test_compiled_and_readable_ways_are_the_same():
     assert 100 < sum(verdicts) < 1400
 
 
+@settings(deadline=None)
 @given(
     radius=st.floats(0.01, 50.0),
     turn=st.floats(-30.0, 30.0).filter(lambda turn: abs(turn) > 1e-3),
 )
 def test_chords_are_nowhere_farther_off_an_arc_than_the_slack(radius, turn):
-    waterway = waterway_of(pool_config(), POOL)._replace(slack=0.004)
+    waterway = waterway_of(THESIS_TANK, None)._replace(slack=0.004)
     count = chords(waterway, radius, turn)
     assert count == waterway_kernel.chords(waterway, radius, turn)
     assert radius * (1.0 - math.cos(0.5 * turn / count)) <= waterway.slack * (1.0 + 1e-9)
@@ -105,13 +106,13 @@ def test_compiled_and_readable_edges_among_keep_outs_are_the_same(name):
     site, current = WATERS[name]
     config = pool_config(*current)
     waterway = waterway_of(config, site)
-    limits = limits_of(config, 20.0, site)
+    limits = limits_of(config, 20.0)
     legs = np.empty((legs_max(config), leg_kernel.LEG_COLUMNS))
     points = np.empty((points_max(config), 5))
     feasible = 0
     for start, goal, shape in proposals(config, 250):
         edge = propose_edge(config, start, goal, 20.0, shape, waterway)
-        count = edge_kernel.propose(limits, start, goal, shape, legs)
+        count = edge_kernel.propose(limits, waterway, start, goal, shape, legs)
         placed = edge_kernel.place_points(limits, legs, count, points) if count else 0
         assert (edge is None) == (placed == 0)
         if edge is not None:
@@ -135,10 +136,11 @@ def test_compiled_and_readable_edges_among_keep_outs_are_the_same(name):
 )
 def test_no_accepted_edge_leaves_the_water(seed, current, margin):
     config = pool_config(*current).model_copy(update={"margin_m": margin})
-    limits = limits_of(config, 20.0, POOL)
+    limits = limits_of(config, 20.0)
+    waterway = waterway_of(config, POOL)
     legs = np.empty((legs_max(config), leg_kernel.LEG_COLUMNS))
     for start, goal, shape in proposals(config, 150, seed):
-        count = edge_kernel.propose(limits, start, goal, shape, legs)
+        count = edge_kernel.propose(limits, waterway, start, goal, shape, legs)
         if count:
             flown = tuple(leg_kernel.leg_of(row) for row in legs[:count])
             track = true_track(config, flown)
@@ -151,11 +153,12 @@ def test_no_accepted_edge_leaves_the_water(seed, current, margin):
 def test_spirals_are_judged_all_along_their_bend():
     """A keep-out that only the bend of spirals meets, not their ends."""
     config = pool_config()
-    limits = limits_of(config, 20.0, None)
+    limits = limits_of(config, 20.0)
+    waterway = waterway_of(config, None)
     legs = np.empty((legs_max(config), leg_kernel.LEG_COLUMNS))
     spirals = 0
     for start, goal, shape in proposals(config, 1500, seed=5):
-        count = edge_kernel.propose(limits, start, goal, shape, legs)
+        count = edge_kernel.propose(limits, waterway, start, goal, shape, legs)
         for leg in (leg_kernel.leg_of(row) for row in legs[:count]):
             if leg.kind is PrimitiveKind.SPIRAL:
                 spirals += 1
@@ -166,14 +169,15 @@ def test_spirals_are_judged_all_along_their_bend():
 
 def test_nothing_surfaces_on_land_or_in_a_keep_out():
     config = pool_config()
-    limits = limits_of(config, 20.0, POOL)
-    assert not waterway_kernel.is_open(limits.waterway, 1.45, 0.65)
-    assert not waterway_kernel.is_open(limits.waterway, 2.74, 0.1)
-    assert waterway_kernel.is_open(limits.waterway, 1.0, 0.5)
+    limits = limits_of(config, 20.0)
+    waterway = waterway_of(config, POOL)
+    assert not waterway_kernel.is_open(waterway, 1.45, 0.65)
+    assert not waterway_kernel.is_open(waterway, 2.74, 0.1)
+    assert waterway_kernel.is_open(waterway, 1.0, 0.5)
     legs = np.empty((legs_max(config), leg_kernel.LEG_COLUMNS))
     for goal in ((1.45, 0.65), (2.74, 0.1)):
         for _, _, shape in proposals(config, 200):
-            assert edge_kernel.propose(limits, (1.0, 0.5), goal, shape, legs) == 0
+            assert edge_kernel.propose(limits, waterway, (1.0, 0.5), goal, shape, legs) == 0
 
 
 def test_margins_shrink_what_may_be_used():
