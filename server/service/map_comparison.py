@@ -108,6 +108,8 @@ class MapComparisons:
             )
         except WORKER_FAILURES as error:
             raise JobError(str(error)) from error
+        if not found.models:
+            raise JobError(f"No model could be made of the samples. {found.message}")
         comparison = _comparison(group, problem, columns, found, self._foundation.clock.now())
         variable = group.config.variable
         record = await asyncio.to_thread(comparison_record, robot, variable, comparison)

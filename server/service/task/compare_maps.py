@@ -47,20 +47,26 @@ def run(problem: ComparisonProblem, report: Report, is_cancelled: Callable[[], b
     """Return every model conditioned on all samples, with its scores."""
     against, known, folds, message = _yardstick(problem)
     models: list[ComparedModel] = []
+    notes = [message] if message else []
     for number, key in enumerate(MODELS):
         if is_cancelled():
             break
         report((number / len(MODELS), MODEL_TITLES[key]))
         config = problem.field.model_copy(update={"model": key})
-        live = map_of(config, problem.domain, problem.samples)
-        model = live.conditioned()
-        if known is not None:
-            scores = score(model.mean(known.points), model.covariance(known.points), known.values)
-        else:
-            scores = _held_out(problem, config, folds, is_cancelled)
+        try:
+            model = map_of(config, problem.domain, problem.samples).conditioned()
+            if known is not None:
+                covariance = model.covariance(known.points)
+                scores = score(model.mean(known.points), covariance, known.values)
+            else:
+                scores = _held_out(problem, config, folds, is_cancelled)
+        except ValueError as error:
+            # Not every model can use every kernel.
+            notes.append(f"{MODEL_TITLES[key]} is left out: {error}.")
+            continue
         mean, std = _on_grid(problem, model) if problem.with_maps else (None, None)
         models.append(ComparedModel(key, scores, model.log_marginal_likelihood(), mean, std))
-    return Compared(tuple(models), against, message, _per_level(problem))
+    return Compared(tuple(models), against, " ".join(notes), _per_level(problem))
 
 
 def _yardstick(

@@ -115,6 +115,17 @@ def test_one_dive_is_mapped_but_not_scored_and_that_is_said():
     assert all(np.isfinite(one.mean).all() for one in found.models)
 
 
+def test_model_that_cannot_use_the_kernel_is_left_out_and_that_is_said():
+    field = FIELD_PRESETS["blue_light"]
+    rough = field.single.model_copy(update={"shape": "matern12"})
+    found = compare_maps.run(
+        problem(field=field.model_copy(update={"single": rough})), print, never
+    )
+    assert [one.model for one in found.models] == ["single", "recursive", "joint"]
+    assert MODEL_TITLES["position_noise"] in found.message
+    assert "smoother" in found.message
+
+
 def test_comparison_that_is_called_off_ends_early():
     seen = []
 
