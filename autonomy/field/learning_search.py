@@ -16,7 +16,7 @@ IsCancelled = Callable[[], bool]
 
 _SCREENING_ITERATIONS = 20
 """Iterations that each of several starts gets before only the best goes on."""
-_TOLERANCE = 1e-5
+_TOLERANCE = 1e-4
 """The search ends when the next step promises less than this, in nats."""
 _FIRST_DAMPING = 1e-2
 _LEAST_GAIN = 1e-3
