@@ -4,7 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.planner.approach import approach, preceded
+from autonomy.planner.approach import preceded, way_in
 from autonomy.planner.check import outdated, violations
 from autonomy.planner.config import PLANNER_PRESETS
 from autonomy.planner.edge import legs_energy, planned_points
@@ -128,11 +128,11 @@ def test_a_leg_without_speed_is_refused():
 
 
 def test_a_robot_inside_its_domain_needs_no_approach():
-    assert approach(CONFIG, (1.0, 0.7)) is None
+    assert way_in(CONFIG, (1.0, 0.7), TANK).legs == ()
 
 
 def test_a_robot_that_drifted_out_swims_back_first():
-    leg = approach(CONFIG, (-0.3, 0.7))
+    (leg,) = way_in(CONFIG, (-0.3, 0.7), TANK).legs
     assert leg.kind is PrimitiveKind.SWIM
     assert CONFIG.domain.contains(*leg.end_ned)
     assert found((leg,)) == {}
@@ -144,13 +144,13 @@ def test_a_swim_that_leaves_the_domain_is_no_approach():
 
 
 def test_what_follows_an_approach_is_later_and_costs_more():
-    first = approach(CONFIG, (-0.3, 0.7))
+    (first,) = way_in(CONFIG, (-0.3, 0.7), TANK).legs
     legs = (dive(CONFIG, first.end_ned, 0.4), dive(CONFIG, (*first.end_ned[:2], 0.4), 0.0))
     points = planned_points(CONFIG, legs)
     duration_s = sum(leg.duration_s for leg in legs)
     best = Candidate(legs, points, 1.0, 2.0, duration_s, float(points[:, 4].max()))
     result = PlanResult(PlanStatus.FOUND, "Found.", best, (best,), (), 1, reservoir_full=False)
-    longer = preceded(result, first, CONFIG, 20.0)
+    longer = preceded(result, (first,), CONFIG, 20.0)
     surfacing_s = CONFIG.mission.turn_time_s
     surfacing = CONFIG.energy.time_factor * surfacing_s
     assert longer.best.energy == pytest.approx(2.0 + first.energy + surfacing)
