@@ -9,7 +9,13 @@ from server.api.dependency import Pilot, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.service.station import Station
-from server.service.view.vehicle import PolarView, SteadyView, VehiclesView, VehicleView
+from server.service.view.vehicle import (
+    CapabilityView,
+    PolarView,
+    SteadyView,
+    VehiclesView,
+    VehicleView,
+)
 from server.vehicle_catalogue import CatalogueEntry
 
 router = APIRouter(prefix="/api/vehicles", tags=["vehicles"], route_class=IdempotentRoute)
@@ -48,6 +54,23 @@ async def get_polar(caller: Viewer, key: str, station: StationDep) -> Response:
     """
     del caller
     return encoded(await station.vehicles.polar(key))
+
+
+@router.get("/{key}/capability", response_model=CapabilityView)
+async def get_capability(
+    caller: Viewer,
+    key: str,
+    station: StationDep,
+    depth_m: Annotated[
+        float | None, Query(description="Depth of the water; by default as deep as it needs.", gt=0)
+    ] = None,
+) -> Response:
+    """Return which primitives a vehicle can fly and what they cost, in the planner's settings.
+
+    The first answer of a vehicle takes seconds, further ones come from memory.
+    """
+    del caller
+    return encoded(await station.vehicles.capability(key, depth_m))
 
 
 @router.get("/{key}/steady", response_model=SteadyView)

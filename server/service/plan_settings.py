@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from autonomy.planner.approach import approach, approach_energy
+from autonomy.planner.approach import approach_energy, way_in
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.outcome import least_energy
 from autonomy.site import Box
@@ -67,27 +67,29 @@ class PlanSettings:
             Problem: 409 if the position is not known, or the swim to the domain is too long; 422
                 if the robot is inside a keep-out.
         """
-        north_m, east_m, _ = self.position(robot)
+        start_xy = self.position(robot)[:2]
         for number, area in enumerate(config.keep_outs):
-            if area.contains(north_m, east_m):
+            if area.contains(*start_xy):
                 message = f"{robot} is inside the keep-out {area.name}; bring it out first"
                 loc: list[str | int] = ["config", "keep_outs", number]
                 raise unprocessable(f"{message}.", [FieldError(loc=loc, msg=message)])
-        first = approach(config, (north_m, east_m))
+        way = way_in(config, start_xy, self._fleet.picture(robot).record.site)
+        if way.refusal:
+            raise conflict(f"{robot} cannot be planned for: {way.refusal}")
         longest = config.mission.approach_share * config.round_budget
-        if first is not None and approach_energy(config, first) > longest:
-            away_m = math.dist(first.start_ned, first.end_ned)
+        if approach_energy(config, way.legs) > longest:
+            away_m = math.dist(start_xy, way.end_xy)
             raise conflict(
                 f"{robot} is {away_m:.2f} m outside the domain; "
                 "bring it there, or choose a domain that it is in."
             )
-        return north_m, east_m
+        return start_xy
 
     def least_energy(self, robot: str, config: PlannerConfig) -> float:
         """Return the least energy of a further round: back into the domain, and one primitive."""
-        north_m, east_m, _ = self.position(robot)
-        first = approach(config, (north_m, east_m))
-        return least_energy(config) + approach_energy(config, first)
+        site = self._fleet.picture(robot).record.site
+        way = way_in(config, self.position(robot)[:2], site)
+        return least_energy(config) + approach_energy(config, way.legs)
 
     def position(self, robot: str) -> tuple[float, float, float]:
         """Return where a robot said that it is, NED, m.

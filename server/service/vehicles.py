@@ -19,12 +19,13 @@ from db.query.vehicles import VehicleExistsError, VehicleRecord, add_vehicle, li
 from db.store import Store
 from robot_link.clock import Clock
 from server.problem import FieldError, Problem, conflict, not_found, unprocessable
+from server.service.task.problem import CAPABILITY, CapabilityProblem
 from server.service.task.study import POLAR, STEADY, Refusal, SteadyProblem
 from server.service.worker import WORKER_FAILURES, WorkerPool
 from server.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of, vehicle_digest
 
-POLARS_KEPT = 32
-"""So many polars stay in memory, the last asked for."""
+ANSWERS_KEPT = 64
+"""So many polars and capabilities stay in memory, the last asked for."""
 
 
 class Vehicles:
@@ -40,7 +41,7 @@ class Vehicles:
         self._entries = {
             key: CatalogueEntry(vehicle, BUILT_IN) for key, vehicle in VEHICLES.items()
         }
-        self._polars: OrderedDict[str, asyncio.Task[Mapping[str, Any]]] = OrderedDict()
+        self._answers: OrderedDict[str, asyncio.Task[Mapping[str, Any]]] = OrderedDict()
 
     async def load(self) -> None:
         """Read the vehicles that people added.
@@ -145,21 +146,21 @@ class Vehicles:
             Problem: 404 for an unknown vehicle, 503 if the working process ended.
         """
         vehicle = self.get(key).vehicle
-        digest = vehicle_digest(vehicle)
-        task = self._polars.get(digest)
-        if task is None:
-            task = asyncio.create_task(self._workers.run(POLAR, vehicle), name=f"polar of {key}")
-            task.add_done_callback(_seen)
-            self._polars[digest] = task
-            while len(self._polars) > POLARS_KEPT:
-                self._polars.popitem(last=False)
-        self._polars.move_to_end(digest)
-        try:
-            # Shielded: one who does not wait any longer must not take it from the others.
-            return await asyncio.shield(task)
-        except WORKER_FAILURES as error:
-            self._polars.pop(digest, None)
-            raise not_worked_out(error) from error
+        return await self._worked_out(f"{POLAR} {vehicle_digest(vehicle)}", POLAR, vehicle)
+
+    async def capability(self, key: str, depth_m: float | None) -> Mapping[str, Any]:
+        """Return which primitives a vehicle can fly and what they cost, worked out once.
+
+        Args:
+            key: Of the vehicle.
+            depth_m: Depth of the water; None for as deep as it needs.
+
+        Raises:
+            Problem: 404 for an unknown vehicle, 503 if it could not be worked out.
+        """
+        vehicle = self.get(key).vehicle
+        name = f"{CAPABILITY} {vehicle_digest(vehicle)} {depth_m}"
+        return await self._worked_out(name, CAPABILITY, CapabilityProblem(vehicle, depth_m))
 
     async def steady(
         self, key: str, m0_kg: float, rp1_m: float, delta_rad: float
@@ -180,9 +181,26 @@ class Vehicles:
             raise unprocessable(found.message, [FieldError(loc=["query"], msg=found.message)])
         return found
 
+    async def _worked_out(self, name: str, task_name: str, payload: object) -> Mapping[str, Any]:
+        """Return what a task makes of its payload, from memory if it was asked before."""
+        task = self._answers.get(name)
+        if task is None:
+            task = asyncio.create_task(self._workers.run(task_name, payload), name=name)
+            task.add_done_callback(_seen)
+            self._answers[name] = task
+            while len(self._answers) > ANSWERS_KEPT:
+                self._answers.popitem(last=False)
+        self._answers.move_to_end(name)
+        try:
+            # Shielded: one who does not wait any longer must not take it from the others.
+            return await asyncio.shield(task)
+        except WORKER_FAILURES as error:
+            self._answers.pop(name, None)
+            raise not_worked_out(error) from error
+
     async def stop(self) -> None:
         """Stop what is being worked out."""
-        tasks = list(self._polars.values())
+        tasks = list(self._answers.values())
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)

@@ -14,7 +14,8 @@ from autonomy.field.config import FieldConfig
 from autonomy.field.samples import FieldSamples
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg
-from autonomy.site import Box, Site
+from autonomy.site import Site
+from autonomy.vehicle.config import Vehicle
 
 LOAD_PLANNER: Final = "server.service.task.plan_survey:load"
 """Takes nothing and leaves nothing."""
@@ -23,11 +24,7 @@ PLAN_SURVEY: Final = "server.service.task.plan_survey:run"
 MAP_STD: Final = "server.service.task.plan_survey:mean_std"
 """Takes a ``MapProblem``, leaves the mean standard deviation of the map over the domain."""
 CAPABILITY: Final = "server.service.task.vehicle_capability:run"
-"""Takes a ``Vehicle``, leaves the planner's primitives and energies as a JSON document."""
-SCORE_SURVEY: Final = "server.service.task.score_survey:run"
-"""Takes a ``ScoreProblem``, leaves ``Scores`` by model."""
-
-MapSamples = FieldSamples
+"""Takes a ``CapabilityProblem``, leaves primitives and energies as a JSON document."""
 
 
 def _no_points() -> FloatArray:
@@ -73,9 +70,9 @@ class MapProblem:
 
 
 @dataclass(frozen=True, slots=True)
-class ScoreProblem:
-    """Samples of a survey, and the domain that it was to explore."""
+class CapabilityProblem:
+    """A vehicle of which it is asked what it can fly."""
 
-    field: FieldConfig
-    domain: Box
-    samples: FieldSamples
+    vehicle: Vehicle
+    depth_m: float | None
+    """Depth of the water; ``None`` for as deep as it needs."""

@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Any
 
 from server.service.view.base import View
 
@@ -93,3 +94,13 @@ class SteadyView(View):
     """Null for a straight glide."""
     stable: bool
     eigenvalues: list[EigenvalueView]
+
+
+@dataclass(frozen=True, slots=True)
+class CapabilityView(View):
+    """What the planner may ask of a vehicle, by its polar, its actuators and its energies."""
+
+    primitives: dict[str, Any]
+    """Values of the planner's ``primitives``."""
+    energy: dict[str, Any]
+    """Values of the planner's ``energy``."""

@@ -2,7 +2,7 @@ import asyncio
 import shutil
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime, timedelta
-from functools import cache
+from functools import cache, partialmethod
 
 import httpx
 import pytest
@@ -22,6 +22,7 @@ from server.service.station import Station
 from server.service.worker import WorkerPool
 from server.settings import Settings
 from tests.server.service.fake_link import World, state_report
+from tests.server.service.fake_worker import FakeWorkers
 from tests.server.service.in_thread import run_in_thread
 
 MINI = RobotId("mini-1")
@@ -118,6 +119,14 @@ def _unrehearsed(monkeypatch):
 def in_threads(monkeypatch):
     """Let tasks run here: a process of its own takes a second to load its compiled code."""
     monkeypatch.setattr(WorkerPool, "run", run_in_thread)
+
+
+@pytest_asyncio.fixture
+async def workers(monkeypatch):
+    """Let plans be made at once, by nobody; everything else goes to worker processes."""
+    fake = FakeWorkers()
+    monkeypatch.setattr(WorkerPool, "run", partialmethod(FakeWorkers.run_for, fake))
+    return fake
 
 
 @pytest_asyncio.fixture

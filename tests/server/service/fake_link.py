@@ -68,6 +68,9 @@ class FakeRobot:
         self.sequence = 0
         self.may_fly = asyncio.Event()
         self.may_fly.set()
+        self.may_end = asyncio.Event()
+        """Lets it begin the last leg of a plan."""
+        self.may_end.set()
         self.rng = np.random.default_rng(1)
 
     def say(self, state=None):
@@ -96,6 +99,9 @@ class FakeRobot:
         for number, leg in enumerate(self.plan.legs):
             self.leg = number
             await self.may_fly.wait()
+            if number == len(self.plan.legs) - 1 and not self.may_end.is_set():
+                self.say()
+                await self.may_end.wait()
             if self.state is not OnboardPlanState.RUNNING:
                 return
             for part in range(1, SAMPLES_PER_LEG + 1):

@@ -13,8 +13,8 @@ from autonomy.planner.plan import PlanStatus, PrimitiveKind
 from autonomy.site import LAKE, TANK
 from server.problem import Problem
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
-from server.service.task import plan_survey, score_survey
-from server.service.task.problem import ScoreProblem, SurveyProblem
+from server.service.task import plan_survey
+from server.service.task.problem import MapProblem, SurveyProblem
 from server.service.task.survey_map import PLANNING, SCORING, domain_points
 
 MINI = PLANNER_PRESETS["miniglider"]
@@ -66,14 +66,21 @@ def test_belief_says_less_where_nothing_was_measured():
     assert len(belief.sample_points) == 60
 
 
-def test_more_samples_make_a_better_map():
-    scores = [
-        score_survey.run(ScoreProblem(FIELD, TANK.domain, samples(count)), print, never)
-        for count in (5, 200)
+def test_map_gets_surer_with_every_sample():
+    stds = [
+        plan_survey.mean_std(MapProblem(MINI, FIELD, samples(count), TANK), print, never)
+        for count in (0, 5, 200)
     ]
-    for model in ("recursive", "single"):
-        assert scores[1][model].rmse < scores[0][model].rmse
-    assert set(scores[0]) == {"recursive", "single"}
+    assert stds[0] == pytest.approx(FIELD.single.signal_variance**0.5, rel=0.5)
+    assert stds[0] > stds[1] > 2.0 * stds[2] > 0.0
+
+
+def test_only_points_in_the_water_stand_for_a_domain():
+    points = plan_survey.water_points(LAKE.domain, LAKE, SCORING)
+    everywhere = domain_points(LAKE.domain, SCORING)
+    assert 0 < len(points) < len(everywhere)
+    assert np.all(points[:, 2] <= LAKE.floor_m(points[:, 0], points[:, 1]))
+    assert len(plan_survey.water_points(TANK.domain, TANK, SCORING)) == 420
 
 
 def test_points_that_stand_for_a_domain_follow_its_shape():

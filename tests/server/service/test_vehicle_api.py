@@ -3,13 +3,14 @@
 import pytest
 
 from autonomy.control.catalogue import CONTROLLERS
-from autonomy.planner.config import PLANNER_PRESETS
+from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig, PrimitiveConfig
 from autonomy.vehicle.config import GRACE3, MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_document
 from db.fault import StoreUnavailableError
 from db.store import Store
 from server.security.role import Role
 from server.service import vehicles
+from server.service.worker import WorkerPool
 from tests.server.service.conftest import MINI, api_client, open_station
 
 pytestmark = pytest.mark.usefixtures("in_threads")
@@ -200,7 +201,7 @@ async def test_a_vehicle_that_cannot_be_kept_is_not_in_the_catalogue(client, sta
 
 
 async def test_only_the_last_polars_are_kept(station, monkeypatch):
-    monkeypatch.setattr(vehicles, "POLARS_KEPT", 1)
+    monkeypatch.setattr(vehicles, "ANSWERS_KEPT", 1)
     asked = []
 
     async def run(task, vehicle):
@@ -235,3 +236,20 @@ async def test_settings_say_how_far_they_reach(client, kind, reach, words):
     found = (await client.get(f"/api/config/{kind}?robot=mini-1")).json()
     assert found["reach"] == reach
     assert words in found["reach_text"]
+
+
+async def test_capability_tells_what_a_vehicle_can_fly_in_water_of_a_depth(
+    client, in_threads, monkeypatch
+):
+    deep = (await client.get("/api/vehicles/miniglider/capability")).json()
+    tank = (await client.get("/api/vehicles/miniglider/capability?depth_m=0.65")).json()
+    assert tank["primitives"]["depth_change_min_m"] <= 0.65
+    assert deep["primitives"]["depth_change_min_m"] > tank["primitives"]["depth_change_min_m"]
+    PrimitiveConfig.model_validate(tank["primitives"])
+    EnergyConfig.model_validate(tank["energy"])
+    # The second time it comes from memory.
+    monkeypatch.setattr(WorkerPool, "run", None)
+    again = await client.get("/api/vehicles/miniglider/capability?depth_m=0.65")
+    assert again.json() == tank
+    assert (await client.get("/api/vehicles/whale/capability")).status_code == 404
+    assert (await client.get("/api/vehicles/grace3/capability?depth_m=0")).status_code == 422

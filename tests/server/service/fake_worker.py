@@ -1,0 +1,97 @@
+"""Answers at once in the place of worker processes: plans are dives in place."""
+
+import asyncio
+
+import numpy as np
+
+from autonomy.planner.plan import ObjectivePoint, PlanResult, PlanStatus, PrimitiveKind
+from robot_link.rehearsal import REHEARSE, Rehearsal, RehearsedTrack
+from server.service.primitive_legs import LegRequest, candidate_of, legs_from
+from server.service.task.map_problem import COMPARE_MAPS
+from server.service.task.problem import MAP_STD, PLAN_SURVEY
+from server.service.worker import WorkerPool, WorkerTaskError
+
+DEPTHS_M = (0.30, 0.28, 0.26)
+"""Of the best plan's dives and of its runners-up's."""
+
+
+class FakeWorkers:
+    """Stands where ``WorkerPool.run`` stands; what is asked of it is kept."""
+
+    def __init__(self):
+        self.problems = []
+        self.rehearsed = []
+        self.may_plan = asyncio.Event()
+        self.may_plan.set()
+        self.may_rehearse = asyncio.Event()
+        self.may_rehearse.set()
+        self.fails = {COMPARE_MAPS: WorkerTaskError("ValueError: maps are not scored here")}
+        """What a task raises, by its name."""
+        self.nothing_feasible = False
+        self.map_std = 1.0
+        self.run_really = WorkerPool.run
+
+    @staticmethod
+    async def run_for(pool, fake, task, payload, *, on_progress=None):
+        """Do what ``WorkerPool.run`` does; a pool's own method calls it."""
+        return await fake.run(pool, task, payload, on_progress=on_progress)
+
+    async def run(self, pool, task, payload, *, on_progress=None):
+        if task == PLAN_SURVEY:
+            self.problems.append(payload)
+            await self.may_plan.wait()
+        if task == REHEARSE:
+            self.rehearsed.append(payload)
+            await self.may_rehearse.wait()
+        if task in self.fails:
+            raise self.fails[task]
+        if task == PLAN_SURVEY:
+            return self.plan(payload)
+        if task == REHEARSE:
+            return rehearsal_of(payload)
+        if task == MAP_STD:
+            return self.map_std
+        return await self.run_really(pool, task, payload, on_progress=on_progress)
+
+    def plan(self, problem):
+        if self.nothing_feasible:
+            message = "No trajectory: the water is too shallow."
+            return PlanResult(PlanStatus.NOTHING_FEASIBLE, message, None, (), (), 0, False)
+        deeper_m = 0.002 * (problem.round_number - 1)  # no two rounds are the same mission
+        best, *others = (
+            dives(problem.planner, problem.start_xy, problem.budget, depth_m + deeper_m)
+            for depth_m in DEPTHS_M
+        )
+        history = (ObjectivePoint(0.1, best.objective, 3),)
+        return PlanResult(PlanStatus.FOUND, "Dives.", best, tuple(others), history, 3, False)
+
+
+def dives(config, start_xy, budget, depth_m):
+    """Return as many dives in place as a budget allows."""
+    down, up = (LegRequest(PrimitiveKind.DIVE, (0.0, 0.0, z)) for z in (depth_m, 0.0))
+    once = candidate_of(config, legs_from(config, start_xy, [down, up]))
+    legs = legs_from(config, start_xy, [down, up] * int(budget // once.energy))
+    found = candidate_of(config, legs)
+    return type(found)(
+        found.legs, found.points, depth_m, found.energy, found.duration_s, found.worst_std_m
+    )
+
+
+def rehearsal_of(problem):
+    points = problem.planned_points
+    ned = points[:, 1:4]
+    return Rehearsal(
+        completed=True,
+        message="Flown.",
+        rms_error_m=0.05,
+        worst_error_m=0.1,
+        surfacing_error_m=0.07,
+        position_error_m=0.03,
+        predicted_error_m=0.04,
+        planned_worst_std_m=0.05,
+        within_share=0.9,
+        duration_s=float(points[-1, 0]),
+        energy=3.0,
+        runs=problem.runs,
+        track=RehearsedTrack(points[:, 0], ned, ned, points[:, 4], ned, np.full(len(points), 0.04)),
+    )

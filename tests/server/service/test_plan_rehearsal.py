@@ -1,0 +1,140 @@
+import asyncio
+import os
+import signal
+
+import pytest
+
+from robot_link.rehearsal import REHEARSE
+from server.service import rehearsing
+from server.service.planning import SearchRequest
+from server.service.rehearsing import Rehearsals
+from server.service.worker import WorkerEndedError
+from tests.server.service.conftest import FAST, MINI, open_station, until
+from tests.server.service.fake_link import state_report
+from tests.server.service.test_plan_choice import drafted, plan_in
+
+LEGS = [{"kind": "dive", "end_ned": [0, 0, depth_m]} for depth_m in (0.3, 0.0)]
+_BEFORE = Rehearsals.before
+
+
+@pytest.fixture(autouse=True)
+def _rehearsed(monkeypatch, _unrehearsed):
+    monkeypatch.setattr(Rehearsals, "before", _BEFORE)
+
+
+async def laid_out(client, **config):
+    body = {"kind": "primitives", "legs": LEGS, "config": config}
+    answer = await client.post("/api/robots/mini-1/plans", json=body)
+    assert answer.status_code == 202, answer.text
+    return answer.json()["id"]
+
+
+async def rehearses(client, plan):
+    async def stage():
+        return (await client.get(f"/api/plans/{plan}")).json()["stage"] == "rehearsing"
+
+    await until(stage)
+
+
+async def test_found_plan_is_flown_ahead_before_it_is_a_draft(client, workers):
+    workers.may_plan.clear()
+    workers.may_rehearse.clear()
+    body = {"kind": "adaptive_survey", "config": FAST}
+    plan = (await client.post("/api/robots/mini-1/plans", json=body)).json()["id"]
+    searching = (await client.get(f"/api/plans/{plan}")).json()
+    assert (searching["state"], searching["stage"]) == ("planning", "searching")
+    assert searching["rehearsal"] is None
+    workers.may_plan.set()
+    await rehearses(client, plan)
+    working = (await client.get(f"/api/plans/{plan}")).json()
+    assert working["state"] == "planning"
+    assert working["legs"]
+    assert working["rehearsal"]["state"] == "working"
+    workers.may_rehearse.set()
+    draft = await plan_in(client, plan, "draft")
+    found = draft["rehearsal"]
+    assert draft["stage"] is None
+    assert found["state"] == "done"
+    assert found["completed"]
+    assert (found["position_error_m"], found["predicted_error_m"]) == (0.03, 0.04)
+    assert len(found["flown"]) == len(draft["points"])
+    problem = workers.rehearsed[0]
+    assert problem.mission.sha256() == draft["sha256"]
+    assert problem.start_ne_m == (1.2, 0.6)
+    assert problem.drift_m_sqrt_s == draft["config"]["position_filter"]["drift_m_sqrt_s"]
+
+
+async def test_legs_laid_out_by_hand_are_rehearsed_too(client, workers):
+    draft = await plan_in(client, await laid_out(client), "draft")
+    assert draft["rehearsal"]["state"] == "done"
+
+
+async def test_rehearsal_is_left_out_where_it_is_switched_off(client, workers):
+    draft = await plan_in(client, await laid_out(client, adaptive={"rehearse": False}), "draft")
+    assert draft["rehearsal"] is None
+    assert workers.rehearsed == []
+
+
+async def test_rehearsal_whose_process_dies_leaves_a_draft_that_says_so(client, workers):
+    workers.fails[REHEARSE] = WorkerEndedError("The working process ended unexpectedly.")
+    draft = await drafted(client)
+    assert draft["rehearsal"]["state"] == "failed"
+    assert draft["rehearsal"]["message"].startswith("Not rehearsed: The working process ended")
+    assert draft["rehearsal"]["rms_error_m"] is None
+    assert draft["violations"] == []
+
+
+async def test_rehearsal_that_takes_too_long_is_left_out(client, workers, monkeypatch):
+    monkeypatch.setattr(rehearsing, "LIMIT_S", 0.05)
+    workers.may_rehearse.clear()
+    draft = await plan_in(client, await laid_out(client), "draft")
+    assert draft["rehearsal"]["state"] == "skipped"
+    assert draft["rehearsal"]["message"].startswith("Not rehearsed: that would have taken")
+
+
+async def test_plan_can_be_cancelled_while_it_is_rehearsed(client, workers):
+    workers.may_rehearse.clear()
+    plan = await laid_out(client)
+    await rehearses(client, plan)
+    assert (await client.post(f"/api/plans/{plan}/cancel")).status_code == 202
+    workers.may_rehearse.set()
+    await asyncio.sleep(0.05)
+    assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "cancelled"
+
+
+async def test_station_that_stops_during_a_rehearsal_keeps_the_plan(tmp_path, world, workers):
+    workers.may_rehearse.clear()
+    async with open_station(tmp_path, world) as station:
+        world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        config_id, config = await station.planning.configure(MINI, FAST, by="test")
+        plan = await station.planning.plan_survey(SearchRequest(MINI, config, config_id, "test"))
+        await until(lambda: workers.rehearsed)
+    async with open_station(tmp_path, world) as station:
+        view = station.plans.view(await station.plans.get(plan.id))
+        assert view.state == "draft"
+        assert view.legs
+        assert view.rehearsal.state == "failed"
+        assert "The station stopped" in view.rehearsal.message
+
+
+async def test_killed_rehearsal_process_leaves_the_draft(client, station):
+    """A real process and the real rehearsal."""
+    plan = await laid_out(client)
+    await until(station.workers.process_ids)
+    os.kill(station.workers.process_ids()[0], signal.SIGKILL)
+    draft = await plan_in(client, plan, "draft")
+    assert draft["rehearsal"]["state"] == "failed"
+    assert "nothing was changed" in draft["rehearsal"]["message"]
+
+
+async def test_simulated_robot_rehearses_dives_near_to_the_plan(client, station, monkeypatch):
+    """The real rehearsal, in a process of its own."""
+    monkeypatch.setattr(rehearsing, "LIMIT_S", 60.0)
+    monkeypatch.setattr(rehearsing, "RUNS", 1)
+    draft = await plan_in(client, await laid_out(client), "draft")
+    found = draft["rehearsal"]
+    assert found["state"] == "done", found["message"]
+    assert found["completed"]
+    assert 0.0 < found["rms_error_m"] < 0.5
+    assert 0.5 < found["duration_s"] / draft["account"]["duration_s"] < 2.0
+    assert len(found["flown"][0]) == 5
