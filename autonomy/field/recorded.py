@@ -9,6 +9,7 @@ from autonomy.field.config import FieldConfig, GridShape, KernelParameters
 from autonomy.field.gaussian_process import GaussianProcess
 from autonomy.field.grid import Grid
 from autonomy.field.learning import learn
+from autonomy.field.learning_noise import Part, cross_validated_noise
 from autonomy.field.live_map import LiveMap
 from autonomy.field.samples import FieldSamples
 from autonomy.field.scale import to_model
@@ -56,8 +57,9 @@ def fit_recording(
 
     Of the samples above ``depth_limit_m``, ``test`` random ones are held out and ``training``
     others, spread as evenly as possible, are learned from: cost and memory do not grow with the
-    length of the deployment. Held-out samples have near neighbours in time, so the scores tell how
-    well the map interpolates along the track, not far from it.
+    length of the deployment. As many others again help to choose the noise. Held-out
+    samples have near neighbours in time, so the scores tell how well the map interpolates along the
+    track, not far from it.
 
     Args:
         variable_key: A key of ``autonomy.field.variable``.
@@ -77,12 +79,17 @@ def fit_recording(
     mean, std = float(np.mean(seen)), max(float(np.std(seen)), 1e-9)
     standard = (seen - mean) / std
     extent = np.maximum(np.ptp(points, axis=0), 1.0)
-    held_out, learned_from = _split(points, extent, training, test, rng)
+    held_out, learned_from, left_over = _split(points, extent, training, test, rng)
 
     learned = learn(
         points[learned_from], standard[learned_from], _starts(extent), noise_floor=_NOISE_FLOOR
     )
-    kernel = learned.parameters
+    kernel = cross_validated_noise(
+        learned.parameters,
+        Part(points[learned_from], standard[learned_from]),
+        Part(points[left_over], standard[left_over]),
+        floor=_NOISE_FLOOR,
+    )
     process = GaussianProcess(kernel, points[learned_from], standard[learned_from])
     targets = points[held_out]
     covariance = process.covariance(targets) + kernel.noise_variance * np.eye(len(targets))
@@ -143,12 +150,14 @@ def _usable(points: FloatArray, values: FloatArray, depth_limit_m: float) -> Int
 
 def _split(
     points: FloatArray, extent: FloatArray, training: int, test: int, rng: np.random.Generator
-) -> tuple[IntArray, IntArray]:
-    """Return indices held out and indices to learn from."""
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Return indices held out, indices to learn from, and at most as many of the rest."""
     order = rng.permutation(len(points))
     count = min(test, len(points) // 4)
     held_out, rest = order[:count], np.sort(order[count:])
-    return held_out, rest[space_filling(points[rest], training, tuple(extent.tolist()))]
+    learned_from = rest[space_filling(points[rest], training, tuple(extent.tolist()))]
+    left_over = order[count:][np.isin(order[count:], learned_from, invert=True)]
+    return held_out, learned_from, left_over[:training]
 
 
 def _starts(extent: FloatArray) -> tuple[KernelParameters, ...]:
