@@ -12,7 +12,7 @@ import asyncio
 import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
-from datetime import timedelta
+from datetime import datetime, timedelta
 
 from sqlalchemy.orm import Session
 
@@ -38,6 +38,8 @@ GATHER_S = 0.25
 """Samples are fed to the maps in pieces of about this length."""
 QUIET_S = 1.0
 """A finished dive is smoothed when no sample of its robot came for this long, by the wall."""
+QUIET_LIMIT_S = 5.0
+"""It is smoothed anyway after this long, and again with samples that come later."""
 REST_FACTOR = 10.0
 """A map that took t to be made anew rests for this many t, so that several dives come together."""
 SNAPSHOT_PERIOD = timedelta(minutes=10)
@@ -56,8 +58,8 @@ class FieldMaps:
         """Version of the field's settings by robot."""
         self._recorded: dict[str, tuple[dict[MapKey, MapView], dict[MapKey, ScoresView]]] = {}
         self._fed_s: dict[str, float] = {}
-        self._fixed: set[str] = set()
-        """Robots with a fix since their samples were last looked at."""
+        self._fixed: dict[str, float] = {}
+        """When robots got their first fix since their samples were last looked at, by the wall."""
         self._smoothing = Smoothing(store, clock)
         self._algebra = asyncio.Lock()
         self._news = asyncio.Event()
@@ -75,7 +77,8 @@ class FieldMaps:
         if group is None:
             group = MapGroup.of(record, settings, robots)
             self._groups.append(group)
-        self._join(robot, group)
+        # From here on samples wait for it; what the robot had is shown until it is ready.
+        group.members.add(robot)
         for other in list(self._groups):
             is_here = other.water == group.water
             if is_here or robot in other.robots:
@@ -83,8 +86,9 @@ class FieldMaps:
                 await self._make(other, robots if is_here else pool)
         if group.comparison is None:
             await self._load_comparison(robot, group)
+        self._join(robot, group)
         # Dives may have ended that nobody looked at before the station stopped.
-        self.fixed(robot)
+        self._look_at_dives(robot)
         self._tell(group)
 
     async def show_saved(self, robot: str) -> None:
@@ -105,11 +109,10 @@ class FieldMaps:
                     group.waiting.append(sample)
         self._news.set()
 
-    def fixed(self, robot: str) -> None:
+    def take_fix(self, robot: str, at: datetime) -> None:
         """Take that a robot reported a fix: it may have ended a dive."""
-        if robot in self._of and self._smoothing.is_pending(robot):
-            self._fixed.add(robot)
-            self._news.set()
+        self._smoothing.take_fix(robot, at)
+        self._look_at_dives(robot)
 
     async def quiet(self, robot: str, for_s: float, at_most_s: float) -> None:
         """Wait until no sample of a robot came for a while of the wall from now on."""
@@ -195,6 +198,10 @@ class FieldMaps:
             other.members.discard(robot)
         group.members.add(robot)
         self._of[robot] = group
+        if group not in self._groups:
+            # Its robot was given another map meanwhile; samples may have passed it by.
+            self._groups.append(group)
+            group.is_stale = True
         self._groups = [one for one in self._groups if one.members]
 
     async def _make(self, group: MapGroup, robots: tuple[str, ...]) -> None:
@@ -240,18 +247,26 @@ class FieldMaps:
 
     async def _smooth_what_is_quiet(self) -> None:
         now_s = time.monotonic()
-        for robot in list(self._fixed):
-            if now_s - self._fed_s.get(robot, 0.0) >= QUIET_S:
+        for robot, fixed_s in list(self._fixed.items()):
+            is_quiet = now_s - self._fed_s.get(robot, 0.0) >= QUIET_S
+            if is_quiet or now_s - fixed_s >= QUIET_LIMIT_S:
                 await self._smooth(robot)
+
+    def _look_at_dives(self, robot: str) -> None:
+        if robot in self._of and self._smoothing.is_pending(robot):
+            self._fixed.setdefault(robot, time.monotonic())
+            self._news.set()
 
     async def _smooth(self, robot: str) -> None:
         """Smooth the dives that ended; the maps with samples that moved are made anew later."""
-        self._fixed.discard(robot)
+        fixed_s = self._fixed.pop(robot, time.monotonic())
         try:
             moved = await self._smoothing.look(robot)
         except StoreError:
-            self._fixed.add(robot)
+            self._fixed.setdefault(robot, fixed_s)
             raise
+        if self._smoothing.is_behind(robot):
+            self._fixed.setdefault(robot, fixed_s)
         if moved:
             for group in self._groups:
                 group.is_stale = group.is_stale or robot in group.robots

@@ -77,6 +77,8 @@ class Smoothing:
         asked the database yet."""
         self._pending: dict[str, datetime] = {}
         """When the first sample was taken that is to be looked at, by robot."""
+        self._told: dict[str, datetime] = {}
+        """Newest fix that a robot reported, which the database may not have yet."""
         self._looking = asyncio.Lock()
 
     def feed(self, samples: Sequence[Sample]) -> None:
@@ -86,6 +88,14 @@ class Smoothing:
             newest = self._newest.get(sample.robot)
             if newest is not None:
                 self._newest[sample.robot] = max(newest, sample.measured_at)
+
+    def take_fix(self, robot: str, at: datetime) -> None:
+        """Note that a robot reported a fix."""
+        self._told[robot] = max(self._told.get(robot, at), at)
+
+    def is_behind(self, robot: str) -> bool:
+        """Tell whether a fix was reported that was not in the database at the last look."""
+        return robot in self._told and self.is_pending(robot)
 
     def is_pending(self, robot: str) -> bool:
         """Tell whether samples of a robot may be there to be looked at."""
@@ -123,6 +133,8 @@ class Smoothing:
         fix = await self._store.query(lambda session: newest_fix(session, robot))
         if fix is None:
             return None
+        if fix >= self._told.get(robot, fix):
+            self._told.pop(robot, None)
         if robot not in self._newest:
             span = await self._store.query(lambda session: unjudged_span(session, robot))
             if span is not None:

@@ -239,7 +239,7 @@ class Station:
     def _robot_changed(self, robot: str) -> None:
         state = self.fleet.picture(robot).state
         if state is not None and state.has_fix:
-            self.maps.fixed(robot)
+            self.maps.take_fix(robot, state.measured_at)
         self.feed.put("robots", robot, lambda: self.fleet.live_view(robot), robot)
 
     def _event_happened(self, event: EventRecord) -> None:

@@ -4,6 +4,9 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
+from autonomy.field.config import FIELD_PRESETS
+from autonomy.field.samples import FieldSamples
+from autonomy.site import TANK
 from db.fault import StoreUnavailableError
 from db.query import smoothing as query
 from db.query.events import newest_events
@@ -11,8 +14,10 @@ from db.query.samples import sample_columns
 from robot_link.clock import SystemClock
 from robot_link.messages import Sample
 from server.service import mapping, smoothing
-from server.service.map_samples import site_samples
+from server.service.map_samples import field_samples, site_samples
 from server.service.smoothing import Smoothing
+from server.service.task import compare_maps
+from server.service.task.map_problem import ComparisonProblem
 from tests.server.service.conftest import MINI, open_station, until
 from tests.server.service.dive import DRIFT_M_S, STEP_S, begin_of, dive
 
@@ -28,7 +33,8 @@ def columns(store):
 
 
 def is_smoothed(store):
-    return columns(store).is_smoothed.all()
+    found = columns(store)
+    return len(found) > 0 and found.is_smoothed.all()
 
 
 def samples_of(told):
@@ -45,10 +51,10 @@ async def test_dive_that_a_fix_ended_moves_towards_where_it_was(client, station,
 
     async def smoothed():
         shown = (await client.get("/api/robots/mini-1/maps/blue_light")).json()
-        return shown if shown.get("smoothed_samples") else None
+        return shown if shown.get("smoothed_samples") == 20 else None
 
     shown = await until(smoothed)
-    assert shown["smoothed_samples"] == shown["samples"]["total"] == 20
+    assert shown["samples"]["total"] == 20
     found = columns(station.foundation.store)
     carried = DRIFT_M_S * STEP_S * np.arange(1, 21)
     assert found.position_ned[:, 1].tolist() == [0.5] * 20
@@ -59,7 +65,7 @@ async def test_dive_that_a_fix_ended_moves_towards_where_it_was(client, station,
     assert samples.is_smoothed.all()
     np.testing.assert_array_equal(samples.position_ned, found.smoothed_ned)
     events = await station.foundation.store.query(newest_events)
-    (told,) = [event for event in events if event.kind == "dive.smoothed"]
+    told = next(event for event in reversed(events) if event.kind == "dive.smoothed")
     assert "moved 20 samples of mini-1" in told.text
     assert told.data["drift_ne_m"][1] == pytest.approx(carried[-1] + DRIFT_M_S * STEP_S, abs=0.01)
 
@@ -194,3 +200,53 @@ async def test_each_sample_says_its_fidelity_and_whether_it_was_smoothed(client,
     assert len(thinned["north_m"]) == len(thinned["value"]) <= 6
     plain = (await client.get("/api/robots/mini-1/samples?channel=blue_light")).json()
     assert plain["north_m"] is None
+
+
+async def test_smoothed_samples_make_the_better_map_on_the_same_seeds(foundation):
+    store, begin = foundation.store, begin_of(12)
+    for number in range(12):
+        start = begin + timedelta(seconds=100 * number)
+        north_m, east_m = 0.3 + 0.45 * (number % 4), 0.3 + 0.35 * (number // 4)
+        drift_m_s = DRIFT_M_S if number % 2 else -DRIFT_M_S
+        await kept(
+            store,
+            dive(
+                MINI,
+                start,
+                first=20 * number,
+                north_m=north_m,
+                east_m=east_m,
+                drift_m_s=drift_m_s,
+            ),
+        )
+    await Smoothing(store, SystemClock()).look(MINI)
+    found = columns(store)
+    smoothed = field_samples(found)
+    as_said = FieldSamples.of(found.position_ned, found.value, found.position_std_m)
+    scores = [
+        {
+            one.model: one.scores
+            for one in compare_maps.run(
+                ComparisonProblem(
+                    FIELD_PRESETS["blue_light"], TANK.domain, TANK, samples, True, with_maps=False
+                ),
+                lambda news: None,
+                lambda: False,
+            ).models
+        }
+        for samples in (as_said, smoothed)
+    ]
+    for model in ("single", "position_noise"):
+        before, after = scores[0][model], scores[1][model]
+        assert after.rmse < before.rmse
+        assert after.nlpd < before.nlpd
+
+
+async def test_robot_that_never_stops_sampling_is_smoothed_nevertheless(
+    client, station, world, monkeypatch
+):
+    monkeypatch.setattr(mapping, "QUIET_S", 1e9)
+    monkeypatch.setattr(mapping, "QUIET_LIMIT_S", 0.2)
+    for one in dive(MINI, begin_of(1)):
+        world.tell(one)
+    await until(lambda: is_smoothed(station.foundation.store))
