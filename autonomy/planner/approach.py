@@ -83,15 +83,9 @@ def way_in(config: PlannerConfig, start_xy: NorthEast, site: Site | None = None)
     )
 
 
-def approach(config: PlannerConfig, start_xy: NorthEast) -> Leg | None:
-    """Return the swim of a way back that is one straight swim, None if the robot needs none."""
-    found = way_in(config, start_xy)
-    return found.legs[0] if found.legs else None
-
-
-def approach_energy(config: PlannerConfig, legs: Sequence[Leg] | Leg | None) -> float:
+def approach_energy(config: PlannerConfig, legs: Sequence[Leg]) -> float:
     """Return the energy units of the way back, none without one."""
-    return legs_energy(config, _as_legs(legs))
+    return legs_energy(config, legs)
 
 
 def after_approach(config: PlannerConfig, legs: Sequence[Leg]) -> PlannerConfig:
@@ -107,7 +101,7 @@ def after_approach(config: PlannerConfig, legs: Sequence[Leg]) -> PlannerConfig:
 
 
 def preceded(
-    result: PlanResult, legs: Sequence[Leg] | Leg, config: PlannerConfig, budget: float
+    result: PlanResult, legs: tuple[Leg, ...], config: PlannerConfig, budget: float
 ) -> PlanResult:
     """Return the result with the way back flown before every trajectory of it.
 
@@ -117,7 +111,6 @@ def preceded(
         config: Settings of the search.
         budget: Energy units of the round, the way included.
     """
-    legs = _as_legs(legs)
     if result.best is None or not legs:
         return result
     best = _preceded(result.best, legs, config)
@@ -129,12 +122,6 @@ def preceded(
         best=best,
         runners_up=tuple(_preceded(other, legs, config) for other in result.runners_up),
     )
-
-
-def _as_legs(legs: Sequence[Leg] | Leg | None) -> tuple[Leg, ...]:
-    if legs is None:
-        return ()
-    return (legs,) if isinstance(legs, Leg) else tuple(legs)
 
 
 def _preceded(candidate: Candidate, first: tuple[Leg, ...], config: PlannerConfig) -> Candidate:
