@@ -1,0 +1,59 @@
+import { describe, expect, test } from 'vitest';
+import type { FieldMap, Samples } from '../../api/types';
+import { fidelityRuns } from '../../chart/path';
+import { cutSlice, hasGaps } from '../../chart/slice';
+import { samplesOfTrack, slicer, spotsOf } from './spot';
+
+const MAP: FieldMap = {
+  robot: 'mini-1', variable: 'blue_light', title: '', unit: '', scale: 'linear', model: 'single',
+  axes: { x_m: [0, 1], y_m: [0, 1], z_m: [0, 1] }, mean: [1, 2, 3, 4, 5, 6, 7, 8], std: [],
+  samples: { total: 0, per_fidelity: [] }, updated_at: null, scores: null,
+}; // prettier-ignore
+
+test('a slice has no number where there is no water', () => {
+  const mask = [true, true, false, true, true, true, true, true];
+  const dry = cutSlice({ ...MAP, mask }, MAP.mean, 'depth', 0);
+  expect([...dry.values]).toEqual([5, 7, 1, NaN]);
+  expect(hasGaps(dry)).toBe(true);
+  expect(hasGaps(cutSlice(MAP, MAP.mean, 'depth', 0))).toBe(false);
+});
+
+describe('samples on a slice', () => {
+  const samples: Samples = {
+    robot: 'mini-1', channel: 'blue_light', unit: '', measured_at: [], value: [], decimated: false,
+    north_m: [0.1, 0.9, 0.2, null], east_m: [0.3, 0.4, 0.5, 0], depth_m: [0.1, 0.1, 0.9, 0],
+    fidelity: [2, 0, 1, 2], smoothed: [true, false, true, false],
+  }; // prettier-ignore
+
+  test('are those that lie nearest to it, the well located on top', () => {
+    const spots = spotsOf(samples, slicer([0, 1], 'depth', 0));
+    expect(spots).toEqual([
+      { across: 0.4, down: 0.9, level: 0, isSmoothed: false },
+      { across: 0.3, down: 0.1, level: 2, isSmoothed: true },
+    ]);
+  });
+
+  test('of a wall have depth downwards', () => {
+    expect(slicer([0, 1], 'north', 1)(0.9, 0.4, 0.7)).toEqual({ across: 0.4, down: 0.7 });
+    expect(slicer([0, 1], 'east', 0)(0.9, 0.4, 0.7)).toEqual({ across: 0.9, down: 0.7 });
+    expect(slicer([0, 1], 'east', 1)(0.9, 0.4, 0.7)).toBeNull();
+  });
+
+  test('are the track itself, without its drift, where the station places none', () => {
+    const track = {
+      robot: 'mini-1', measured_at: [], north_m: [0, 1], east_m: [0, 1], depth_m: [0, 0],
+      std_m: [0, 0], fidelity: [2, 2], adrift: [false, true], latitude_deg: [], longitude_deg: [],
+    }; // prettier-ignore
+    expect(samplesOfTrack(track, 'blue_light').fidelity).toEqual([2, null]);
+  });
+});
+
+test('drift at the surface is drawn apart from the survey', () => {
+  const runs = fidelityRuns({
+    north_m: [0, 1, 2, 3],
+    east_m: [0, 0, 0, 0],
+    fidelity: [2, 2, 2, 2],
+    adrift: [false, false, true, true],
+  });
+  expect(runs.map(({ level }) => level)).toEqual([2, 'drift']);
+});

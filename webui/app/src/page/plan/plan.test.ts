@@ -1,0 +1,152 @@
+import { describe, expect, test } from 'vitest';
+import type { JsonObject, Rehearsal } from '../../api/types';
+import { Draft } from '../../form/draft.svelte';
+import { areasOf, currentOf, numberOf } from './config';
+import { KeepOutEditor } from './keep_out_editor.svelte';
+import { fidelityBands, nearestPoint, profileOf } from './profile';
+import { coverage, rehearsalWord } from './rehearsal';
+
+describe('the profile of a plan', () => {
+  const dive = (t: number) =>
+    [
+      [t, 0, 0, 0, 0.01],
+      [t + 10, 0, 0, 2, 0.2],
+      [t + 20, 0, 0, 0, 0.01],
+    ] as const;
+
+  test('counts the time of every surfacing in', () => {
+    const { points, surfacings, duration } = profileOf([...dive(0), ...dive(20)], 60);
+    expect(surfacings).toEqual([20, 50]);
+    expect(duration).toBe(60);
+    expect(points.map(({ t }) => t)).toEqual([0, 10, 20, 30, 30, 40, 50, 60]);
+  });
+
+  test('never runs backwards where the account is shorter than the points', () => {
+    const { points, duration } = profileOf(dive(0), 5);
+    expect(duration).toBe(20);
+    expect(points.every(({ t }, i) => t >= (points[i - 1]?.t ?? 0))).toBe(true);
+  });
+
+  test('of no plan is empty', () => {
+    expect(profileOf([], null)).toEqual({ points: [], surfacings: [], duration: 0 });
+  });
+
+  test('is read at the nearest moment', () => {
+    const { points } = profileOf(dive(0), null);
+    expect(nearestPoint(points, 11)).toBe(1);
+  });
+});
+
+test('bands of fidelity begin with the best located and end at the top', () => {
+  expect(fidelityBands([0.05, 0.12], 0.3)).toEqual([
+    { low: 0, high: 0.05, level: 2 },
+    { low: 0.05, high: 0.12, level: 1 },
+    { low: 0.12, high: 0.3, level: 0 },
+  ]);
+  expect(fidelityBands([0.05, 0.12], 0.1).map(({ level }) => level)).toEqual([2, 1]);
+  expect(fidelityBands([0.1], 0.3).map(({ level }) => level)).toEqual([2, 0]);
+});
+
+describe('a rehearsal', () => {
+  const rehearsal = (change: Partial<Rehearsal>): Rehearsal => ({
+    state: 'done', completed: true, rms_error_m: 0.1, worst_error_m: 0.2, surfacing_error_m: 0.1,
+    duration_s: 100, energy: 5, flown: [], message: '', ...change,
+  }); // prettier-ignore
+
+  test('that did not reach the end is no good news', () => {
+    expect(rehearsalWord(rehearsal({ completed: false })).tone).toBe('alarm');
+    expect(rehearsalWord(rehearsal({})).tone).toBe('ok');
+    expect(rehearsalWord(rehearsal({ state: 'skipped', completed: null })).text).toBe(
+      'Not rehearsed',
+    );
+  });
+
+  test('says whether the predicted uncertainty covers it', () => {
+    expect(coverage(rehearsal({ within_share: 0.97 }))?.isCovered).toBe(true);
+    expect(coverage(rehearsal({ within_share: 0.4 }))?.text).toContain('Only 40 %');
+    expect(coverage(rehearsal({ position_error_m: 0.3, predicted_error_m: 0.1 }))?.isCovered).toBe(
+      false,
+    );
+    expect(coverage(rehearsal({}))).toBeNull();
+  });
+});
+
+test('settings are read where they are there and are nothing where they are not', () => {
+  const config: JsonObject = { current: { north_m_s: 0.1, east_m_s: -0.2 }, time_budget_s: 60 };
+  expect(currentOf(config)).toEqual({ north: 0.1, east: -0.2 });
+  expect(numberOf(config, 'time_budget_s')).toBe(60);
+  expect(numberOf(config, 'time_budget_s', 'deeper')).toBe(0);
+  expect(numberOf(undefined, 'target_std')).toBe(0);
+  expect(areasOf({ keep_outs: [{ name: 'a', corners_m: [[1, 2]] }, 'no area'] })).toEqual([
+    { name: 'a', corners_m: [[1, 2]] },
+  ]);
+});
+
+describe('keep-outs', () => {
+  const SCHEMA: JsonObject = {
+    type: 'object',
+    properties: {
+      keep_outs: { type: 'array', items: { type: 'object', properties: {} }, default: [] },
+    },
+  };
+  const opened = (stored: JsonObject = { keep_outs: [] }) => {
+    const draft = new Draft(SCHEMA, stored, { keep_outs: [] });
+    return { draft, editor: new KeepOutEditor(() => draft) };
+  };
+
+  test('are drawn corner by corner into the settings that are planned with', () => {
+    const { draft, editor } = opened();
+    editor.begin();
+    editor.click(0, 0);
+    editor.click(1.2345, 0);
+    editor.click(1, 1);
+    expect(editor.canFinish).toBe(true);
+    editor.finish();
+    expect(draft.patch).toEqual({
+      keep_outs: [{ name: 'Keep-out 1', corners_m: [[0, 0], [1.23, 0], [1, 1]] }],
+    }); // prettier-ignore
+    expect(editor.selected).toBe(0);
+  });
+
+  test('of two corners are none', () => {
+    const { editor } = opened();
+    editor.begin();
+    editor.click(0, 0);
+    editor.click(1, 0);
+    editor.finish();
+    expect(editor.areas).toEqual([]);
+  });
+
+  test('are moved, named and taken away, and every step is undone', () => {
+    const box = { x_min_m: 0, x_max_m: 16, y_min_m: 0, y_max_m: 16, depth_max_m: 1 };
+    const { editor } = opened();
+    editor.addInTheMiddle(box);
+    editor.addInTheMiddle(box);
+    expect(editor.areas.map(({ name }) => name)).toEqual(['Keep-out 1', 'Keep-out 2']);
+    editor.move(0, 2, 12, 13);
+    editor.rename(0, 'Mooring');
+    editor.insertAfter(0, 0);
+    expect(editor.areas[0]?.name).toBe('Mooring');
+    expect(editor.areas[0]?.corners_m[1]).toEqual([8, 7]);
+    expect(editor.areas[0]?.corners_m[3]).toEqual([12, 13]);
+    editor.remove(1);
+    editor.undo();
+    editor.undo();
+    editor.undo();
+    expect(editor.areas).toHaveLength(2);
+    expect(editor.areas[0]?.name).toBe('Keep-out 1');
+    expect(editor.areas[0]?.corners_m[2]).toEqual([12, 13]);
+  });
+
+  test('keep three corners at least', () => {
+    const corners = [[0, 0], [1, 0], [1, 1]]; // prettier-ignore
+    const { editor } = opened({ keep_outs: [{ name: 'a', corners_m: corners }] });
+    editor.removeCorner(0, 1);
+    expect(editor.areas[0]?.corners_m).toEqual(corners);
+  });
+
+  test('are not offered by a station that does not know them', () => {
+    const draft = new Draft({ type: 'object', properties: {} }, {}, {});
+    expect(new KeepOutEditor(() => draft).isKnown).toBe(false);
+  });
+});
