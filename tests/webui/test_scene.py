@@ -3,6 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from autonomy.frames import ned_to_enu
 from autonomy.site import LAKE, TANK, Area
 from autonomy.vehicle.hull import Hull
 from tests.webui.fake_source import FakeSource
@@ -290,3 +291,19 @@ def test_the_floor_of_a_lake_lies_where_its_depths_say():
     assert len(used) > 100
     assert np.allclose(used[:, 2], LAKE.floor_m(used[:, 0], used[:, 1]))
     assert LAKE.shoreline.contains(used[:, 0], used[:, 1]).all()
+
+
+def test_the_floor_is_seen_from_above_and_not_from_below():
+    vertices, faces = bed(LAKE)
+    enu = ned_to_enu(vertices)[faces]
+    normals = np.cross(enu[:, 1] - enu[:, 0], enu[:, 2] - enu[:, 0])
+    assert (normals[:, 2] > 0).all()
+
+
+def test_a_map_without_samples_hides_nothing(scene, source):
+    source.map = replace(source.map, samples_per_level=(0, 0, 0))
+    scene.update()
+    assert not scene._map.has_content
+    source.map = replace(source.map, samples_per_level=(0, 0, 3), version=2)
+    scene.update()
+    assert scene._map.has_content

@@ -51,7 +51,9 @@ class FieldMap:
         }
         model = self.model if self.model in self.models else next(iter(self.models), None)
         view = None if model is None else views[model]
-        if view is None:
+        if view is None or not any(view.samples_per_level):
+            # A map that nothing was measured for says nothing; it would only hide the water.
+            self._forget()
             return
         cuts = tuple(sorted(self.slices.items()))
         wanted = (view.version, view.model, self.quantity, self.form, cuts, self.opacity)
@@ -70,6 +72,11 @@ class FieldMap:
         self.visible = visible
         if self._cells is not None:
             self._cells.visible = visible
+
+    def _forget(self) -> None:
+        if self._cells is not None:
+            self._stage.remove("map")
+        self._cells, self._drawn, self.legend = None, None, ""
 
     def _draw(self, view: MapView) -> None:
         values = view.mean if self.quantity == "mean" else view.std

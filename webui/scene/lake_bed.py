@@ -25,7 +25,8 @@ class LakeBed:
         self.has_content = site.bathymetry is not None or site.shoreline is not None
         if site.bathymetry is not None:
             vertices, faces = bed(site)
-            stage.mesh(_BED, ned_to_enu(vertices), faces, LAKE_BED, _OPACITY)
+            # From outside one looks through the near shore onto the floor, not against the shore.
+            stage.mesh(_BED, ned_to_enu(vertices), faces, LAKE_BED, _OPACITY, side="front")
         if site.shoreline is not None:
             corners = np.array(site.shoreline.corners_m)
             ring = ned_to_enu(np.column_stack([corners, np.zeros(len(corners))]))

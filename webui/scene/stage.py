@@ -64,15 +64,20 @@ class Stage:
         faces: npt.NDArray[np.int64],
         colour: Colour,
         opacity: float,
+        *,
+        side: Literal["front", "double"] = "double",
     ) -> None:
-        """Fill triangles, shape ``(f, 3)``, between vertices, shape ``(n, 3)``."""
+        """Fill triangles, shape ``(f, 3)``, between vertices, shape ``(n, 3)``.
+
+        Those of side ``front`` are seen only from where their corners run anticlockwise.
+        """
         self._nodes[name] = self.scene.add_mesh_simple(
             f"/world/{name}",
             vertices_enu.astype(np.float32),
             faces,
             color=colour,
             opacity=opacity,
-            side="double",
+            side=side,
             flat_shading=True,
             cast_shadow=False,
             receive_shadow=False,
