@@ -41,7 +41,7 @@ class Vehicles:
         self._entries = {
             key: CatalogueEntry(vehicle, BUILT_IN) for key, vehicle in VEHICLES.items()
         }
-        self._answers: OrderedDict[str, asyncio.Task[Mapping[str, Any]]] = OrderedDict()
+        self._answers: OrderedDict[str, asyncio.Task[Any]] = OrderedDict()
 
     async def load(self) -> None:
         """Read the vehicles that people added.
@@ -156,11 +156,15 @@ class Vehicles:
             depth_m: Depth of the water; None for as deep as it needs.
 
         Raises:
-            Problem: 404 for an unknown vehicle, 503 if it could not be worked out.
+            Problem: 404 for an unknown vehicle, 422 in words for one that cannot glide, 503 if the
+                working process ended.
         """
         vehicle = self.get(key).vehicle
         name = f"{CAPABILITY} {vehicle_digest(vehicle)} {depth_m}"
-        return await self._worked_out(name, CAPABILITY, CapabilityProblem(vehicle, depth_m))
+        found = await self._worked_out(name, CAPABILITY, CapabilityProblem(vehicle, depth_m))
+        if isinstance(found, Refusal):
+            raise unprocessable(found.message, [FieldError(loc=["query"], msg=found.message)])
+        return found
 
     async def steady(
         self, key: str, m0_kg: float, rp1_m: float, delta_rad: float
@@ -181,7 +185,7 @@ class Vehicles:
             raise unprocessable(found.message, [FieldError(loc=["query"], msg=found.message)])
         return found
 
-    async def _worked_out(self, name: str, task_name: str, payload: object) -> Mapping[str, Any]:
+    async def _worked_out(self, name: str, task_name: str, payload: object) -> Any:  # noqa: ANN401 - the task's own result
         """Return what a task makes of its payload, from memory if it was asked before."""
         task = self._answers.get(name)
         if task is None:
@@ -206,7 +210,7 @@ class Vehicles:
         await asyncio.gather(*tasks, return_exceptions=True)
 
 
-def _seen(task: asyncio.Task[Mapping[str, Any]]) -> None:
+def _seen(task: asyncio.Task[Any]) -> None:
     """Look at a failure of which everyone who waited is gone."""
     if not task.cancelled():
         task.exception()

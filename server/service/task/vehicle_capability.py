@@ -3,17 +3,27 @@
 from collections.abc import Callable
 from typing import Any
 
-from autonomy.planner.capability import energy_of, motion_of
+from autonomy.planner.capability import energy_of, joules_per_unit, motion_of
+from autonomy.vehicle.steady import NoSteadyGlideError
 from server.service.task.problem import CapabilityProblem
+from server.service.task.study import Refusal
 
 
 def run(
     problem: CapabilityProblem, report: Callable[[object], None], is_cancelled: Callable[[], bool]
-) -> dict[str, Any]:
+) -> dict[str, Any] | Refusal:
     """Return a vehicle's primitives and their energies by its polar and actuators, for JSON."""
     del report, is_cancelled
-    motion = motion_of(problem.vehicle, problem.depth_m)
+    vehicle = problem.vehicle
+    try:
+        motion = motion_of(vehicle, problem.depth_m)
+        energy = energy_of(vehicle, motion)
+        joules = joules_per_unit(vehicle, motion, energy)
+    except NoSteadyGlideError as error:
+        text = str(error)
+        return Refusal(f"{text[0].upper()}{text[1:].rstrip('.')}.")
     return {
         "primitives": motion.model_dump(mode="json"),
-        "energy": energy_of(problem.vehicle, motion).model_dump(mode="json"),
+        "energy": energy.model_dump(mode="json"),
+        "joules_per_unit": joules,
     }

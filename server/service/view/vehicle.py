@@ -104,3 +104,5 @@ class CapabilityView(View):
     """Values of the planner's ``primitives``."""
     energy: dict[str, Any]
     """Values of the planner's ``energy``."""
+    joules_per_unit: float
+    """Joules behind one energy unit of these settings, by a dive of glides."""

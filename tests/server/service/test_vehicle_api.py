@@ -247,6 +247,7 @@ async def test_capability_tells_what_a_vehicle_can_fly_in_water_of_a_depth(
     assert deep["primitives"]["depth_change_min_m"] > tank["primitives"]["depth_change_min_m"]
     PrimitiveConfig.model_validate(tank["primitives"])
     EnergyConfig.model_validate(tank["energy"])
+    assert tank["joules_per_unit"] > 0.0
     # The second time it comes from memory.
     monkeypatch.setattr(WorkerPool, "run", None)
     again = await client.get("/api/vehicles/miniglider/capability?depth_m=0.65")
