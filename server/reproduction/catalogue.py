@@ -12,6 +12,8 @@ REPRODUCTIONS: Mapping[str, str] = MappingProxyType(
         "table-3.3": "tracking errors of the tank trials, simulated with noise, two trajectories",
         "fig-3.3-cases": "how the pitch wins back horizontal distance, in four cases",
         "fig-3.10": "how slow or late the sliding mass must be for the pitch to oscillate",
+        "fig-5.7": "maps of four kinds of adaptive survey, with uncertain positions",
+        "fig-5.9": "every field model on the samples of those surveys",
         "claims": "which controller comes closest from 200 random starts, two trajectories",
     }
 )

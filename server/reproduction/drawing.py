@@ -14,9 +14,29 @@ _COLOURS = {
     Hue.PID: "#009e73",
     Hue.REFERENCE: "#1a1a1a",
     Hue.FAINT: "#8c8c8c",
+    Hue.SINGLE: "#d55e00",
+    Hue.RECURSIVE: "#0072b2",
+    Hue.JOINT: "#cc79a7",
+    Hue.POSITION_NOISE: "#009e73",
+    Hue.MFE: "#0072b2",
+    Hue.MFIG: "#56b4e9",
+    Hue.SFE: "#d55e00",
+    Hue.SFIG: "#e69f00",
 }
 """Okabe and Ito's colours, which people with every kind of colour vision tell apart."""
-_SHAPES = {Hue.PROPOSED: "o", Hue.BASELINE: "s", Hue.PID: "^"}
+_SHAPES = {
+    Hue.PROPOSED: "o",
+    Hue.BASELINE: "s",
+    Hue.PID: "^",
+    Hue.SINGLE: "s",
+    Hue.RECURSIVE: "o",
+    Hue.JOINT: "D",
+    Hue.POSITION_NOISE: "^",
+    Hue.MFE: "o",
+    Hue.MFIG: "D",
+    Hue.SFE: "s",
+    Hue.SFIG: "^",
+}
 _STYLES: dict[Mark, dict[str, Any]] = {
     Mark.LINE: {"linewidth": 1.6},
     Mark.DASHED: {"linewidth": 1.6, "linestyle": (0, (5, 3))},
@@ -92,6 +112,13 @@ def _draw(axes: "Axes", panel: Panel) -> None:
         axes.grid(visible=False, axis="y")
         for edge in range(1, len(panel.names)):
             axes.axhline(edge - 0.5, color="#e3e3e3", linewidth=0.8)
+    if panel.x_names:
+        axes.set_xticks(range(len(panel.x_names)), panel.x_names)
+        axes.set_xlim(-0.5, len(panel.x_names) - 0.5)
+        axes.tick_params(axis="x", length=0)
+        axes.grid(visible=False, axis="x")
+        for edge in range(1, len(panel.x_names)):
+            axes.axvline(edge - 0.5, color="#e3e3e3", linewidth=0.8)
     if panel.y_range is not None:
         axes.set_ylim(*panel.y_range)
     if panel.logarithmic == "x":
@@ -124,6 +151,8 @@ def _line(axes: "Axes", series: Series) -> None:
         axes.fill_between(series.x, *series.band, color=colour, alpha=0.15, linewidth=0)
     if series.x_bounds is not None:
         axes.hlines(series.y, *series.x_bounds, color=colour, linewidth=1.4)
+    if series.y_bounds is not None:
+        axes.vlines(series.x, *series.y_bounds, color=colour, linewidth=1.4)
     axes.plot(series.x, series.y, label=series.label or "_", **style)
 
 

@@ -19,6 +19,14 @@ class Hue(StrEnum):
     PID = "PID"
     REFERENCE = "reference"
     FAINT = "faint"
+    SINGLE = "single"
+    RECURSIVE = "recursive"
+    JOINT = "joint"
+    POSITION_NOISE = "position noise"
+    MFE = "MFE"
+    MFIG = "MFIG"
+    SFE = "SFE"
+    SFIG = "SFIG"
 
 
 class Mark(StrEnum):
@@ -56,6 +64,8 @@ class Series:
     mark: Mark = Mark.LINE
     x_bounds: tuple[FloatArray, FloatArray] | None = None
     """Ends of a horizontal bar through each point."""
+    y_bounds: tuple[FloatArray, FloatArray] | None = None
+    """Ends of a vertical bar through each point."""
     band: tuple[FloatArray, FloatArray] | None = None
     """Lower and upper edge of an area around the line."""
 
@@ -70,6 +80,8 @@ class Panel:
     series: tuple[Series, ...]
     names: tuple[str, ...] = ()
     """Words in place of the numbers 0, 1, ... on the vertical axis, from the top down."""
+    x_names: tuple[str, ...] = ()
+    """Words in place of the numbers 0, 1, ... on the horizontal axis."""
     logarithmic: Literal["", "x", "y"] = ""
     """Which axis is."""
     y_range: tuple[float, float] | None = None
