@@ -21,6 +21,10 @@ AREAS = (
     "identification",
     "identification_coverage",
     "field",
+    "field_speed",
+    "field_learning",
+    "field_real",
+    "field_quality",
     "planner",
     "telemetry",
 )

@@ -92,7 +92,7 @@ def test_a_survey_by_rest_survives_the_death_of_the_station(demo):
     assert mission_at_end["state"] == "done", mission_at_end["message"]
     assert len(mission_at_end["rounds"]) >= 2
     scores = {score["model"]: score for score in mission_at_end["scores"]}
-    assert set(scores) == {"single", "recursive"}
+    assert set(scores) == {"single", "recursive", "joint", "position_noise"}
     assert all(score["rmse"] > 0.0 for score in scores.values())
 
 
