@@ -9,7 +9,6 @@ from autonomy.arrays import FloatArray
 from autonomy.field import synthetic
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, KernelParameters
 from autonomy.field.inducing_model import InducingGaussianProcess
-from autonomy.field.joint import JointGaussianProcess
 from autonomy.field.learning import learn, learn_levels
 from autonomy.field.model import FieldAboutMean, FieldModel, centred_values, condition
 from autonomy.field.model_prior import JointPrior, Places
@@ -81,7 +80,27 @@ def one_kernel() -> list[dict[str, object]]:
 
 
 def three_levels() -> list[dict[str, object]]:
-    """Learn three levels from the same start as Emukit, with the same hyperparameters."""
+    """Learn three levels from the same start as Emukit.
+
+    Emukit of its own accord learns a scale factor at each of the two steps between levels, ours
+    one for both; then, scale factors held at 1, both learn the same 15 hyperparameters.
+    """
+    rows: list[dict[str, object]] = []
+    for learns_rho, bar, nats in ((True, EMUKIT_BAR, None), (False, None, SAME_NATS)):
+        taken, ends = raced_on_levels(learns_rho)
+        kind = "scale learned" if learns_rho else "scale held"
+        what = f"learning three levels, {kind}, n = {SAMPLES}"
+        name = f"negative log likelihood, ours less Emukit's, {what}"
+        rows += [
+            at_most(AREA, what, taken["ours"], "s", None),
+            at_least(AREA, f"Emukit / ours, {what}", taken["Emukit"] / taken["ours"], bar),
+            at_most(AREA, name, ends["ours"] - ends["Emukit"], "nats", nats),
+        ]
+    return rows
+
+
+def raced_on_levels(learns_rho: bool) -> tuple[dict[str, float], dict[str, float]]:
+    """Return seconds and negative log likelihood of ours and of Emukit's learning."""
     rng = np.random.default_rng(0)
     points = rng.uniform(0.0, 3.0, size=(SAMPLES, 3))
     levels = rng.permutation(np.arange(SAMPLES) % 3)
@@ -97,31 +116,22 @@ def three_levels() -> list[dict[str, object]]:
             levels,
             [(START,) * 3],
             noise_floor=NOISE_FLOOR,
+            learns_rho=learns_rho,
             max_iterations=ITERATIONS,
         )
-        model = JointGaussianProcess(found.levels, points, values, levels)
-        ends["ours"] = -model.log_marginal_likelihood()
+        ends["ours"] = -found.log_likelihood
 
     def emukit() -> None:
         peer = EmukitJoint((START,) * 3, points, values, levels)
+        if learns_rho:
+            peer.model.multifidelity.scale.unfix()
         peer.model.optimize(max_iters=ITERATIONS)
         ends["Emukit"] = -float(peer.model.log_likelihood())
 
-    own = alternating_s({"ours": ours}, REPEATS)["ours"]
-    peer = alternating_s({"Emukit": emukit}, 1)["Emukit"]
-    own = float(np.median([own, alternating_s({"ours": ours}, REPEATS)["ours"]]))
-    what = f"learning three levels, n = {SAMPLES}"
-    return [
-        at_most(AREA, what, own, "s", None),
-        at_least(AREA, f"Emukit / ours, {what}", peer / own, EMUKIT_BAR),
-        at_most(
-            AREA,
-            f"negative log likelihood, ours less Emukit's, {what}",
-            ends["ours"] - ends["Emukit"],
-            "nats",
-            SAME_NATS,
-        ),
-    ]
+    before = alternating_s({"ours": ours}, REPEATS)["ours"]
+    peer_s = alternating_s({"Emukit": emukit}, 1)["Emukit"]
+    after = alternating_s({"ours": ours}, REPEATS)["ours"]
+    return {"ours": 0.5 * (before + after), "Emukit": peer_s}, ends
 
 
 def inducing() -> list[dict[str, object]]:

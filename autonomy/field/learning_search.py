@@ -17,7 +17,7 @@ IsCancelled = Callable[[], bool]
 _SCREENING_ITERATIONS = 20
 """Iterations that each of several starts gets before only the best goes on."""
 _TOLERANCE = 1e-4
-"""The search ends when the next step promises less than this, in nats."""
+"""The search ends when a step promises or brings less than this, in nats."""
 _FIRST_DAMPING = 1e-2
 _LEAST_GAIN = 1e-3
 """Smallest share of what a step promised that lets it be taken."""
@@ -94,7 +94,7 @@ def search(
     except _CancelledError:
         message = "cancelled; this is the best that was found until then"
     best = walk.best_or(starts[0])
-    return Found(best, likelihood.at(best), converged, message)
+    return Found(best, walk.best_likelihood or likelihood.at(best), converged, message)
 
 
 class _Walk:
@@ -118,6 +118,7 @@ class _Walk:
         self._is_cancelled = is_cancelled
         self._best: FloatArray | None = None
         self._best_value = math.inf
+        self.best_likelihood: Evaluation | None = None
         self.evaluations = 0
 
     def best_or(self, start: FloatArray) -> FloatArray:
@@ -149,6 +150,8 @@ class _Walk:
             if reached is None or gain < _LEAST_GAIN:
                 damping *= 4.0
                 continue
+            if damping <= 1.0 and state.value - reached.posterior < _TOLERANCE:
+                return True
             here, state = there, self._state(there, reached)
             damping *= 0.2 if gain > 0.75 else 1.0 if gain > 0.25 else 2.0
         return False
@@ -164,6 +167,7 @@ class _Walk:
         posterior = likelihood.value + self._prior.penalty(log_parameters)[0]
         if posterior < self._best_value:
             self._best_value, self._best = posterior, log_parameters.copy()
+            self.best_likelihood = likelihood
         if self._report is not None:
             share = 1.0 - math.exp(-self.evaluations / self._expected)
             self._report(share, f"negative log likelihood {likelihood.value:.2f}")

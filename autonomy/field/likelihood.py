@@ -116,7 +116,7 @@ class MarginalLikelihood:
             ValueError: If the covariance has no factor even with jitter.
         """
         table, rho = self._unpacked(log_parameters)
-        factor = self._factor(table, rho)
+        factor, decays = self._factor(table, rho)
         whitened = self._whitened(factor)
         log_determinant = 2.0 * float(np.sum(np.log(np.diagonal(factor))))
         constant = len(factor) * math.log(2.0 * math.pi)
@@ -124,7 +124,7 @@ class MarginalLikelihood:
         value = 0.5 * (square + log_determinant + constant)
 
         def derivatives() -> Derivatives:
-            return self._derivatives(table, rho, factor, whitened)
+            return self._derivatives(table, rho, factor, decays, whitened)
 
         return Evaluation(value, whitened.trend, derivatives)
 
@@ -133,21 +133,29 @@ class MarginalLikelihood:
         rho = float(parameters[-1]) if self._learns_rho else self._rho
         return parameters[: PER_LEVEL * len(self._shapes)].reshape(-1, PER_LEVEL), rho
 
-    def _factor(self, table: FloatArray, rho: float) -> FloatArray:
+    def _factor(self, table: FloatArray, rho: float) -> tuple[FloatArray, FloatArray]:
         n = len(self._values)
+        decays = np.empty((len(table), n, n))
         total = np.zeros((n, n)) if self._held is None else self._held.copy()
         for t, (signal, *lengths, _) in enumerate(table):
             scaled = self._axes / np.array(lengths)[:, None]
             weights, _ = self._weights(t, rho)
             self._add_covariance(
-                total, scaled, self._age, weights, self._shapes[t], signal, self._firsts[t]
+                total,
+                decays[t],
+                scaled,
+                self._age,
+                weights,
+                self._shapes[t],
+                signal,
+                self._firsts[t],
             )
         total[np.diag_indices(n)] += table[self._levels, 4]
         factor, failed = _potrf(total.T, lower=1, overwrite_a=0, clean=1)
         if failed:
             lower = np.tril(total.T)
-            return cholesky(lower + np.tril(lower, -1).T, float(table[:, 0].sum()))
-        return factor
+            factor = cholesky(lower + np.tril(lower, -1).T, float(table[:, 0].sum()))
+        return factor, decays
 
     def _weights(self, t: int, rho: float) -> tuple[FloatArray, FloatArray]:
         """Return the share of component ``t`` in each sample, and the power of rho in it."""
@@ -163,17 +171,27 @@ class MarginalLikelihood:
         return _Whitened(values - basis @ trend, basis, trend)
 
     def _derivatives(
-        self, table: FloatArray, rho: float, factor: FloatArray, whitened: "_Whitened"
+        self,
+        table: FloatArray,
+        rho: float,
+        factor: FloatArray,
+        decays: FloatArray,
+        whitened: "_Whitened",
     ) -> Derivatives:
         alpha = solve_lower_transposed(factor, whitened.residuals)
         inverse, _ = _potri(factor, lower=1)
-        traces, products = self._contracted(table, rho, inverse.T, alpha)
+        traces, products = self._contracted(table, rho, inverse.T, decays, alpha)
         gradient = traces - 0.5 * (products @ alpha)
         directions = whitened.without_trend(solve_lower(factor, products.T))  # (n, size)
         return Derivatives(gradient, 0.5 * (directions.T @ directions))
 
     def _contracted(
-        self, table: FloatArray, rho: float, inverse: FloatArray, alpha: FloatArray
+        self,
+        table: FloatArray,
+        rho: float,
+        inverse: FloatArray,
+        decays: FloatArray,
+        alpha: FloatArray,
     ) -> tuple[FloatArray, FloatArray]:
         """Return ``tr(K^-1 dK) / 2``, shape ``(size,)``, and ``dK alpha``, ``(size, n)``."""
         n, kernels = len(alpha), PER_LEVEL * len(table)
@@ -186,10 +204,10 @@ class MarginalLikelihood:
             self._contract(
                 inverse,
                 alpha,
+                decays[t],
                 scaled,
-                self._age,
                 weights,
-                powers,
+                powers if self._learns_rho else powers[:0],
                 self._shapes[t],
                 self._firsts[t],
                 trace,
