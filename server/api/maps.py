@@ -44,12 +44,14 @@ async def list_maps(caller: Viewer, robot: str, station: StationDep) -> list[Map
     for (key, model), view in station.maps.views(robot).items():
         if key in entries:
             entries[key].models.append(model)
+            entries[key].titles[model] = view.title or model
         else:
             entries[key] = MapEntryView(
                 variable=key,
                 title=view.variable.title,
                 unit=view.variable.unit,
                 models=[model],
+                titles={model: view.title or model},
                 samples=sum(view.samples_per_level),
                 updated_at=view.updated_at,
             )

@@ -66,6 +66,8 @@ class MapEntryView(View):
     unit: str
     models: list[str]
     """The default first."""
+    titles: dict[str, str]
+    """What each model is called."""
     samples: int
     updated_at: datetime | None
 

@@ -2,7 +2,7 @@ import type { ComparedModel, FieldMap, Scores, Site } from '../src/api/types';
 import type { FakeRobot } from './robot';
 import { iso } from './robot';
 
-const TITLES: Record<string, string> = {
+export const TITLES: Record<string, string> = {
   position_noise: 'Position-dependent noise',
   joint: 'Joint auto-regressive',
   recursive: 'Recursive, by position uncertainty',

@@ -1,5 +1,5 @@
 import type { Job, JsonObject, MapComparison, SceneView } from '../src/api/types';
-import { COMPARED, fakeMap, MODELS } from './field';
+import { COMPARED, fakeMap, MODELS, TITLES } from './field';
 import { iso, type FakeRobot } from './robot';
 import type { FakeStation } from './station';
 
@@ -35,7 +35,17 @@ export class FakeMaps {
     if (variable === '') {
       const { variable: key, title, unit } = fakeMap(robot, MODELS[0] ?? '', now);
       return {
-        body: [{ variable: key, title, unit, models: MODELS, samples: 1104, updated_at: iso(now) }],
+        body: [
+          {
+            variable: key,
+            title,
+            unit,
+            models: MODELS,
+            titles: TITLES,
+            samples: 1104,
+            updated_at: iso(now),
+          },
+        ],
       };
     }
     if (action === 'comparison' && method === 'POST') return this.#compare(robot);
@@ -81,11 +91,9 @@ export class FakeMaps {
         message: 'The kernels fit the samples better than before.',
         before_nll: 412.8,
         after_nll: 318.2,
-        changed: [
-          { title: 'Length scale north', unit: 'm', before: 2.16, after: 1.74 },
-          { title: 'Length scale east', unit: 'm', before: 2.28, after: 1.92 },
-          { title: 'Length scale in depth', unit: 'm', before: 2.12, after: 0.84 },
-          { title: 'Noise variance', unit: '', before: 0.0019, after: 0.0024 },
+        is_changed: true,
+        kernels: [
+          'Noise by position: length scales 1.74 m north, 1.92 m east, 0.84 m in depth; noise 0.049.',
         ],
       };
     });

@@ -1,7 +1,7 @@
 /** Shapes of field maps, their comparison, and the 3D view; conventions as in `types.ts`. */
 
 import type { Scores } from './survey_types';
-import type { JsonObject, Time } from './types';
+import type { Time } from './types';
 
 export interface FieldMap {
   robot: string;
@@ -55,6 +55,8 @@ export interface MapComparison {
   against: 'truth' | 'held-out samples' | null;
   is_outdated: boolean;
   models: ComparedModel[];
+  /** Why there are no scores, or why a model is missing. */
+  message?: string;
   /** Job that works on it, where one does. */
   job?: string | null;
 }
@@ -64,8 +66,9 @@ export interface Learned {
   message?: string;
   before_nll?: number | null;
   after_nll?: number | null;
-  changed?: { title: string; unit?: string; before: number; after: number }[];
-  config?: JsonObject;
+  /** A sentence for each kernel. */
+  kernels?: string[];
+  is_changed?: boolean;
 }
 
 /** What everybody sees in a robot's 3D view. */
