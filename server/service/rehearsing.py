@@ -27,7 +27,10 @@ log = logging.getLogger(__name__)
 LIMIT_S = 8.0
 """Longest wall time that a plan waits for its rehearsal, other work of the station included."""
 RUNS = 3
-"""Flights of one rehearsal, each in other eddies."""
+"""Most flights of one rehearsal, each in other eddies."""
+FLOWN_S = 1500.0
+"""Planned time that all flights of a rehearsal may have together; a longer plan is flown once.
+A worker flies 300 to 500 s of it in a second."""
 WORKING = RehearsalView("working", message="The plan is flown against the robot's dynamics.")
 
 
@@ -109,7 +112,7 @@ class Rehearsals:
             heading_rad=0.0 if picture.state is None else picture.state.heading_rad,
             drift_m_sqrt_s=config.position_filter.drift_m_sqrt_s,
             current_ne_m_s=(config.current.north_m_s, config.current.east_m_s),
-            runs=RUNS,
+            runs=max(1, min(RUNS, int(FLOWN_S // plan.document["account"]["duration_s"]))),
             seed=config.seed,
         )
 

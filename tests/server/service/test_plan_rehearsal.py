@@ -69,6 +69,15 @@ async def test_legs_laid_out_by_hand_are_rehearsed_too(client, workers):
     assert draft["rehearsal"]["state"] == "done"
 
 
+async def test_long_plan_is_flown_fewer_times_so_that_nobody_waits(client, workers, monkeypatch):
+    draft = await plan_in(client, await laid_out(client), "draft")
+    monkeypatch.setattr(rehearsing, "FLOWN_S", 2.5 * draft["account"]["duration_s"])
+    await plan_in(client, await laid_out(client), "draft")
+    monkeypatch.setattr(rehearsing, "FLOWN_S", 0.5 * draft["account"]["duration_s"])
+    await plan_in(client, await laid_out(client), "draft")
+    assert [problem.runs for problem in workers.rehearsed] == [3, 2, 1]
+
+
 async def test_rehearsal_is_left_out_where_it_is_switched_off(client, workers):
     draft = await plan_in(client, await laid_out(client, adaptive={"rehearse": False}), "draft")
     assert draft["rehearsal"] is None
