@@ -1,11 +1,14 @@
 """What the planner is told about the field: a Gaussian process and where it was sampled."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 
-from autonomy.arrays import FloatArray
-from autonomy.field.config import KernelParameters
+from autonomy.arrays import BoolArray, FloatArray
+from autonomy.field.config import KernelParameters, KernelShape
+from autonomy.field.kernel import covariance
+from autonomy.planner.config import PlannerConfig
 
 
 @dataclass(frozen=True, slots=True)
@@ -18,7 +21,7 @@ class FieldBelief:
 
     signal_variance: float
     length_scales_m: tuple[float, float, float]
-    """Matern-3/2 length scales along north, east and depth."""
+    """Length scales along north, east and depth."""
     noise_variance: float
     """Variance of one measurement."""
     sample_points: FloatArray
@@ -32,10 +35,22 @@ class FieldBelief:
     sample_position_std: FloatArray | None = None
     """Standard deviation of each sample's horizontal position, shape ``(n,)``, m; None for 0."""
 
+    shape: KernelShape = "matern32"
+    """Shape of the kernel."""
+    planned_points: FloatArray | None = None
+    """Where samples will be taken before the plan begins, by other robots or on the rest of the
+    running round, shape ``(m, 3)``; they count like past ones, but nobody knows their values."""
+    planned_std: FloatArray | None = None
+    """Standard deviation that their horizontal positions will have, ``(m,)``, m; None for 0."""
+    counts: Literal["noise", "levels"] = "noise"
+    """How much a badly located sample counts: each with the noise that its own position's
+    uncertainty makes, or every sample of a fidelity level alike."""
+
     def kernel(self) -> KernelParameters:
         """Return the kernel as the field package takes it."""
         north, east, down = self.length_scales_m
         return KernelParameters(
+            shape=self.shape,
             signal_variance=self.signal_variance,
             length_x_m=north,
             length_y_m=east,
@@ -43,34 +58,81 @@ class FieldBelief:
             noise_variance=self.noise_variance,
         )
 
-    def noise(self, position_std: FloatArray, thresholds_m: tuple[float, ...]) -> FloatArray:
-        """Return the noise variance of samples by the fidelity of their positions.
+    def displacement_noise(self, position_std_m: FloatArray) -> FloatArray:
+        r"""Return by what variance samples differ from the field where they are believed to be.
 
-        A sample taken eta away from where it is believed differs from the field there by about
-        eta times the horizontal gradient, whose prior variance is ``3 s² (1/l_n² + 1/l_e²)``. The
-        samples of a level count as if eta were the threshold that the level begins at, so those of
-        the best level have the measurement's own noise.
+        The difference of the field across a displacement e has variance
+        :math:`2 (\sigma^2 - k(e))`; e is the standard deviation along north and along east. For
+        a small e this is :math:`e^2` times the prior variance of the horizontal gradient, as in
+        ``autonomy.field.position_noise``.
 
         Args:
-            position_std: Standard deviation of each horizontal position, shape ``(n,)``, m.
-            thresholds_m: Boundaries of the fidelity levels, ascending; empty for one level.
+            position_std_m: Standard deviation of each horizontal position, shape ``(n,)``, m.
 
         Returns:
-            Shape ``(n,)``.
+            Shape ``(n,)``, in the model's scale squared.
         """
-        return self.level_noise(thresholds_m)[np.searchsorted(thresholds_m, position_std)]
+        std = np.asarray(position_std_m, dtype=np.float64)
+        displaced = np.column_stack([std, std, np.zeros(len(std))])
+        with_itself = covariance(displaced, np.zeros((1, 3)), self.kernel())[:, 0]
+        return 2.0 * (self.signal_variance - with_itself)
 
-    def level_noise(self, thresholds_m: tuple[float, ...]) -> FloatArray:
-        """Return the noise variance of each fidelity level, best level first."""
-        north, east, _ = self.length_scales_m
-        gradient = 3.0 * self.signal_variance * (1.0 / north**2 + 1.0 / east**2)
-        return self.noise_variance + gradient * np.array([0.0, *thresholds_m]) ** 2
+    def known_samples(self, noise: "SampleNoise") -> tuple[FloatArray, FloatArray]:
+        """Return positions ``(n + m, 3)`` and noise variances of past and planned samples."""
+        count = len(self.sample_points)
+        past = np.zeros(count) if self.sample_position_std is None else self.sample_position_std
+        if self.planned_points is None:
+            return self.sample_points, noise.of(self, past)
+        planned = len(self.planned_points)
+        ahead = np.zeros(planned) if self.planned_std is None else self.planned_std
+        points = np.concatenate([self.sample_points, self.planned_points])
+        return points, noise.of(self, np.concatenate([past, ahead]))
 
-    def sample_noise(self, thresholds_m: tuple[float, ...]) -> FloatArray:
-        """Return the noise variance of every past sample, shape ``(n,)``."""
-        if self.sample_position_std is None:
-            return np.full(len(self.sample_points), self.noise_variance)
-        return self.noise(self.sample_position_std, thresholds_m)
+    def within(self, mask: BoolArray) -> "FieldBelief":
+        """Return the belief about some of the test points only, such as those in the water.
+
+        Args:
+            mask: Which ones, shape ``(q,)``.
+        """
+        return replace(
+            self, test_points=self.test_points[mask], mean=self.mean[mask], std=self.std[mask]
+        )
+
+
+class SampleNoise(NamedTuple):
+    """Which noise variance a sample counts with, by the uncertainty of its position.
+
+    A named tuple of arrays and numbers, because compiled code takes it too.
+    """
+
+    is_continuous: bool
+    """Whether every sample counts with its own noise; otherwise with its level's."""
+    threshold: FloatArray
+    """Boundaries of the levels in position std, ascending, ``(M,)``, m."""
+    level_noise: FloatArray
+    """Noise variance of each level, best level first, ``(M + 1,)``."""
+
+    def of(self, belief: FieldBelief, position_std_m: FloatArray) -> FloatArray:
+        """Return the noise variance of samples, shape ``(n,)``."""
+        if self.is_continuous:
+            return belief.noise_variance + belief.displacement_noise(position_std_m)
+        return self.level_noise[np.searchsorted(self.threshold, position_std_m)]
+
+
+def sample_noise(config: PlannerConfig, belief: FieldBelief) -> SampleNoise:
+    """Return how the samples of a plan are to be counted.
+
+    The samples of a level count as if their position were off by the threshold that the level
+    begins at, so those of the best level have the measurement's own noise alone.
+    """
+    thresholds = config.counted_thresholds_m() if belief.counts == "levels" else ()
+    threshold = np.array(thresholds, dtype=np.float64)
+    begins = np.concatenate([[0.0], threshold])
+    return SampleNoise(
+        is_continuous=config.fidelity_counts and belief.counts == "noise",
+        threshold=threshold,
+        level_noise=belief.noise_variance + belief.displacement_noise(begins),
+    )
 
 
 def averaged_samples(

@@ -146,7 +146,9 @@ def _disconnected(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Viol
                 f"legs.{number}.start_ned",
                 f"{_title(number, leg)} begins {gap:.2f} m from where leg {number} {where}.",
             )
-        elif end != before.end_ned and leg.kind is PrimitiveKind.SPIRAL:
+        elif (
+            drift.has_current(config) and end != before.end_ned and leg.kind is PrimitiveKind.SPIRAL
+        ):
             yield Violation(
                 f"legs.{number}.kind",
                 f"{_title(number, leg)} cannot begin a dive in a current: the robot is not told "

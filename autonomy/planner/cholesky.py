@@ -15,41 +15,50 @@ _TINY_VARIANCE = 1e-12
 
 
 @kernel
-def factorize(matrix: FloatArray, k: int) -> float:
-    """Cholesky-factorize the lower triangle in place; return half its log-determinant.
+def half_log_determinant(matrix: FloatArray, k: int) -> float:
+    """Factorize the first k rows and columns in place as ``U^T U``; only their upper half is read.
 
     A pivot that rounding brought below the smallest sensible variance is raised to it.
+
+    Returns:
+        Half the logarithm of the determinant.
     """
     total = 0.0
     for j in range(k):
-        for i in range(j, k):
-            value = matrix[i, j]
-            for m in range(j):
-                value -= matrix[i, m] * matrix[j, m]
-            if i == j:
-                root = math.sqrt(max(value, _TINY_VARIANCE))
-                total += math.log(root)
-                matrix[j, j] = root
-            else:
-                matrix[i, j] = value / matrix[j, j]
+        pivot = matrix[j]
+        root = math.sqrt(max(pivot[j], _TINY_VARIANCE))
+        total += math.log(root)
+        pivot[j] = root
+        scale = 1.0 / root
+        for m in range(j + 1, k):
+            pivot[m] *= scale
+        for i in range(j + 1, k):
+            part, row = pivot[i], matrix[i]
+            for m in range(i, k):
+                row[m] -= part * pivot[m]
     return total
+
+
+@kernel
+def invert_upper(upper: FloatArray, inverse: FloatArray) -> None:
+    """Invert an upper triangular matrix; what is below the diagonal becomes 0."""
+    for i in range(len(upper) - 1, -1, -1):
+        row = inverse[i]
+        row[:] = 0.0
+        for m in range(i + 1, len(upper)):
+            part, below = upper[i, m], inverse[m]
+            for j in range(m, len(upper)):
+                row[j] -= part * below[j]
+        scale = 1.0 / upper[i, i]
+        for j in range(i + 1, len(upper)):
+            row[j] *= scale
+        row[i] = scale
 
 
 @kernel
 def inverse_factor(matrix: FloatArray) -> FloatArray:
     """Return the inverse of a matrix's lower Cholesky factor; the matrix is overwritten."""
-    size = len(matrix)
-    factorize(matrix, size)
-    inverse = np.zeros((size, size))
-    for i in range(size):
-        row = inverse[i]
-        row[i] = 1.0
-        for m in range(i):
-            part = matrix[i, m]
-            above = inverse[m]
-            for j in range(m + 1):
-                row[j] -= part * above[j]
-        scale = 1.0 / matrix[i, i]
-        for j in range(i + 1):
-            row[j] *= scale
-    return inverse
+    half_log_determinant(matrix, len(matrix))
+    inverse = np.empty_like(matrix)
+    invert_upper(matrix, inverse)
+    return inverse.T

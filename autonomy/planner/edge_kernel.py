@@ -39,8 +39,6 @@ from autonomy.planner.leg_kernel import (
     really_at,
     stays,
 )
-from autonomy.planner.leg_kernel import LEG_COLUMNS as LEG_COLUMNS
-from autonomy.planner.leg_kernel import leg_of as leg_of
 from autonomy.planner.limits import Limits
 from autonomy.planner.primitive import HEADWAY_MIN
 from autonomy.planner.waterway import Waterway

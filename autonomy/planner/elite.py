@@ -3,24 +3,27 @@
 import math
 
 from autonomy.compiled import kernel
-from autonomy.planner.edge_kernel import X0, X1, Y0, Y1
 from autonomy.planner.graph import (
+    BEFORE,
     DEPTH_MAX,
+    ELITE,
+    FIRST_A,
+    FIRST_B,
+    PROPOSALS,
     SHORT,
+    TAKEN_A,
+    TAKEN_B,
     Graph,
     Int32Array,
     copy_edge,
     first_staged,
 )
 
-_CLOSE = 0.15
-"""Part of the step within which two surfacings are alike."""
-
 
 @kernel
-def rank(graph: Graph, energy: float, worth: float) -> float:
+def rank(graph: Graph, spent: float, worth: float) -> float:
     """Return what trajectories are compared by: those that spend too little come last."""
-    return worth if energy > graph.least_spent else worth - SHORT
+    return worth if spent > graph.least_spent else worth - SHORT
 
 
 @kernel
@@ -72,7 +75,7 @@ def _are_alike(graph: Graph, edges: Int32Array, length: int, elite: int) -> bool
         x, y = end_of(graph, edges[i])
         for j in range(graph.elite_length[elite]):
             x1, y1 = end_of(graph, elite_edge(graph, elite, j))
-            if math.hypot(x - x1, y - y1) < _CLOSE * graph.step:
+            if math.hypot(x - x1, y - y1) < graph.close:
                 close += 1
                 break
     return 2 * close > min(length, graph.elite_length[elite])
@@ -87,51 +90,70 @@ def _drop(graph: Graph, elite: int) -> None:
 @kernel
 def start_of(graph: Graph, edge: int) -> tuple[float, float]:
     """Return north and east of the surfacing that an edge leaves."""
-    return graph.edge_legs[edge, 0, X0], graph.edge_legs[edge, 0, Y0]
+    return graph.edge_start[edge, 0], graph.edge_start[edge, 1]
 
 
 @kernel
 def end_of(graph: Graph, edge: int) -> tuple[float, float]:
     """Return north and east of the surfacing that an edge reaches."""
-    last = graph.edge_leg_count[edge] - 1
-    return graph.edge_legs[edge, last, X1], graph.edge_legs[edge, last, Y1]
+    return graph.edge_end[edge, 0], graph.edge_end[edge, 1]
 
 
 @kernel
-def write_elite(
-    graph: Graph, elite: int, edges: Int32Array, length: int, energy: float, ranked: float
-) -> None:
+def write_elite(graph: Graph, elite: int, edges: Int32Array, length: int, ranked: float) -> None:
     """Make edges an elite trajectory; ``copied`` tells the objective what to copy of its own."""
     free = len(graph.elite_worth)
+    graph.elite_share[elite] = 0.0
     for i in range(length):
         target = elite_edge(graph, free, i)
         copy_edge(graph, edges[i], target)
+        graph.elite_share[elite] += graph.edge_share[target]
         graph.copied[i, 0] = edges[i]
         graph.copied[i, 1] = target
     block = graph.elite_block[free]
     graph.elite_block[free] = graph.elite_block[elite]
     graph.elite_block[elite] = block
     graph.elite_length[elite] = length
-    graph.elite_energy[elite] = energy
     graph.elite_worth[elite] = ranked
 
 
 @kernel
-def fill_gap(graph: Graph, proposal: int, edges: Int32Array) -> int:
-    """Write the edges of the elite trajectory in question with a proposal in its gap.
+def in_gap(graph: Graph, place: int) -> bool:
+    """Tell whether a place of the elite trajectory in question is in one of its gaps."""
+    after_a, after_b = place - graph.gap[FIRST_A], place - graph.gap[FIRST_B]
+    return 0 <= after_a < graph.gap[TAKEN_A] or 0 <= after_b < graph.gap[TAKEN_B]
+
+
+@kernel
+def fill_gaps(graph: Graph, one: int, other: int, edges: Int32Array) -> int:
+    """Write the edges of the elite trajectory in question with proposals in its gaps.
+
+    Args:
+        graph: The search's graph.
+        one: Proposal for the first gap, -1 for what was there.
+        other: Proposal for the second gap, -1 for what was there.
+        edges: Receives the edges.
 
     Returns:
         Number of edges.
     """
-    elite, first, taken = graph.gap
     length = 0
-    for i in range(first):
-        edges[length] = elite_edge(graph, elite, i)
-        length += 1
-    for staged in range(graph.proposal[proposal], graph.proposal[proposal + 1]):
-        edges[length] = first_staged(graph) + staged
-        length += 1
-    for i in range(first + taken, graph.elite_length[elite]):
-        edges[length] = elite_edge(graph, elite, i)
-        length += 1
+    for i in range(graph.elite_length[graph.gap[ELITE]]):
+        in_a = 0 <= i - graph.gap[FIRST_A] < graph.gap[TAKEN_A]
+        chosen = one if in_a else other
+        if chosen < 0 or not in_gap(graph, i):
+            edges[length] = elite_edge(graph, graph.gap[ELITE], i)
+            length += 1
+        elif i == (graph.gap[FIRST_A] if in_a else graph.gap[FIRST_B]):
+            for staged in range(graph.proposal[chosen], graph.proposal[chosen + 1]):
+                edges[length] = first_staged(graph) + staged
+                length += 1
     return length
+
+
+@kernel
+def pieces_of(graph: Graph, gap: int) -> tuple[int, int]:
+    """Return the numbers of the first proposal for a gap and of one behind the last."""
+    if gap == 0:
+        return 0, graph.tally[BEFORE]
+    return graph.tally[BEFORE], graph.tally[PROPOSALS]

@@ -1,7 +1,9 @@
 """The ergodic measure of many trajectories, compiled.
 
-Every edge and every path keeps the sum of its points' Gaussians over the test points, so a path's
-measure is one pass over the test points (see ``autonomy.planner.objective.ErgodicMeasure``).
+Every edge and every path keeps the sum of its points' Gaussians over the test points, its *visit*,
+so a path's measure is one pass over the test points (``objective.ErgodicMeasure``). The measure is
+a concave function of the normalized visit, so the tangent plane at the visit of a trajectory in
+hand bounds that of any other from above, by two numbers for each piece of it.
 """
 
 import math
@@ -15,29 +17,28 @@ from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
 from autonomy.planner.belief import FieldBelief
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.elite import elite_edge, elite_place, fill_gap, rank, write_elite
+from autonomy.planner.elite import elite_edge, in_gap
 from autonomy.planner.graph import (
-    CANDIDATES,
-    DEPTH_MAX,
-    NODES,
-    PATHS,
+    ELITE,
+    FIRST_A,
+    FIRST_B,
     PROPOSALS,
-    RESERVOIR_FULL,
     STAGED,
-    TABLES_FULL,
+    TAKEN_A,
+    TAKEN_B,
     Graph,
-    Int32Array,
-    add_path,
-    chain_of,
-    find_slot,
     first_staged,
-    keep_edge,
-    settle_node,
-    slot_worth,
 )
 from autonomy.planner.objective import TINY_DENSITY, TINY_PROBABILITY, target_distribution
 
+Float32Array = npt.NDArray[np.float32]
 _NEGLIGIBLE = 40.0
+_ROOT_2 = math.sqrt(2.0)
+_LOG_2 = math.log(2.0)
+_EXPONENT_BITS = 23
+_EXPONENT_OF_1 = 127
+_MANTISSA = (1 << _EXPONENT_BITS) - 1
+_ONE = _EXPONENT_OF_1 << _EXPONENT_BITS
 
 
 class Ergodic(NamedTuple):
@@ -46,19 +47,32 @@ class Ergodic(NamedTuple):
     scale: FloatArray
     """One over the reach along each axis, ``(3,)``."""
     test: FloatArray
-    """Scaled test points, ``(q, 3)``."""
-    target: FloatArray
+    """Scaled test points, ``(3, q)``."""
+    target: Float32Array
     """Where time should be spent, ``(q,)``."""
+    ones: Float32Array
     negative_entropy: float
     """Sum of ``p log p`` of the target."""
-    edge_visit: npt.NDArray[np.float32]
+    edge_visit: Float32Array
     """Sum of Gaussians of each edge, ``(edges, q)``."""
-    path_visit: npt.NDArray[np.float32]
+    path_visit: Float32Array
     """Sum of Gaussians of each path, ``(paths, q)``."""
-    visit: npt.NDArray[np.float32]
-    """Room for two sums, ``(2, q)``."""
-    edges: Int32Array
-    """Room for the edges of one trajectory."""
+    visit: Float32Array
+    """That of the trajectory in question, ``(q,)``."""
+    rest: Float32Array
+    """That of the edges outside the gaps, ``(q,)``."""
+    piece_visit: Float32Array
+    """That of each proposal, then of what they may replace, ``(proposals + 2, q)``."""
+    slope: Float32Array
+    """Derivative of the measure by the normalized visit, at that of the refined one, ``(q,)``."""
+    rise: FloatArray
+    """Product of each piece's visit with the slope, and its sum; last the rest's,
+    ``(proposals + 3, 2)``."""
+    logarithm: Float32Array
+    """Room, ``(q,)``."""
+    bits: npt.NDArray[np.int32]
+    """The bits of ``logarithm``."""
+    work: FloatArray
 
 
 def ergodic_of(config: PlannerConfig, belief: FieldBelief, graph: Graph) -> Ergodic:
@@ -66,148 +80,140 @@ def ergodic_of(config: PlannerConfig, belief: FieldBelief, graph: Graph) -> Ergo
     ergodic = config.ergodic
     scale = 1.0 / np.array([ergodic.reach_north_m, ergodic.reach_east_m, ergodic.reach_depth_m])
     target = target_distribution(belief, ergodic.exploitation)
-    q = len(target)
-    path_visit = np.empty((len(graph.path_energy), q), dtype=np.float32)
+    q, pieces = len(target), len(graph.staged_point_count) + 2
+    path_visit = np.empty((len(graph.path_worth), q), dtype=np.float32)
     path_visit[0] = 0.0
+    logarithm = np.empty(q, dtype=np.float32)
     return Ergodic(
         scale=scale,
-        test=belief.test_points * scale,
-        target=target,
+        test=np.ascontiguousarray((belief.test_points * scale).T),
+        target=target.astype(np.float32),
+        ones=np.ones(q, dtype=np.float32),
         negative_entropy=float(xlogy(target, target).sum()),
-        edge_visit=np.empty((len(graph.edge_energy), q), dtype=np.float32),
+        edge_visit=np.empty((len(graph.edge_leg_count), q), dtype=np.float32),
         path_visit=path_visit,
-        visit=np.empty((2, q), dtype=np.float32),
-        edges=np.empty(DEPTH_MAX + 1, dtype=np.int32),
+        visit=np.empty(q, dtype=np.float32),
+        rest=np.empty(q, dtype=np.float32),
+        piece_visit=np.empty((pieces, q), dtype=np.float32),
+        slope=np.empty(q, dtype=np.float32),
+        rise=np.empty((pieces + 1, 2)),
+        logarithm=logarithm,
+        bits=logarithm.view(np.int32),
+        work=np.empty(q),
     )
 
 
 @kernel
-def grow_by_ergodicity(graph: Graph, ergodic: Ergodic) -> None:
-    """ExtendPaths for every staged edge of a new node, then lines 12 to 15 of Algorithm 1."""
-    _spread(graph, ergodic)
-    for staged in range(graph.tally[STAGED]):
-        _extend(graph, ergodic, first_staged(graph) + staged, graph.staged_source[staged])
-    settle_node(graph)
-
-
-@kernel
-def refine_by_ergodicity(graph: Graph, ergodic: Ergodic) -> None:
-    """Fill the gap in an elite trajectory with the best staged proposal, if that is better."""
-    _spread(graph, ergodic)
-    elite, first, taken = graph.gap
-    rest, whole = ergodic.visit[0], ergodic.visit[1]
-    rest[:] = np.float32(0.0)
-    spent = 0.0
-    for i in range(graph.elite_length[elite]):
-        if i < first or i >= first + taken:
-            edge = elite_edge(graph, elite, i)
-            spent += graph.edge_energy[edge]
-            rest += ergodic.edge_visit[edge]
-    best, chosen, chosen_energy = float(graph.elite_worth[elite]), -1, 0.0
-    for proposal in range(graph.tally[PROPOSALS]):
-        begin = first_staged(graph) + graph.proposal[proposal]
-        end = first_staged(graph) + graph.proposal[proposal + 1]
-        energy = spent + float(graph.edge_energy[begin:end].sum())
-        whole[:] = rest
-        for edge in range(begin, end):
-            whole += ergodic.edge_visit[edge]
-        if energy > graph.least_spent:
-            graph.tally[CANDIDATES] += 1
-        ranked = rank(graph, energy, _measure(ergodic, whole))
-        if ranked > best:
-            best, chosen, chosen_energy = ranked, proposal, energy
-    if chosen >= 0:
-        length = fill_gap(graph, chosen, ergodic.edges)
-        if elite_place(graph, ergodic.edges, length, best, elite) == elite:
-            write_elite(graph, elite, ergodic.edges, length, chosen_energy, best)
-            _copy_written(graph, ergodic, length)
-
-
-@kernel
-def _extend(graph: Graph, ergodic: Ergodic, edge: int, source: int) -> None:
-    """Append one edge to the paths at its source."""
-    node = graph.tally[NODES]
-    whole = ergodic.visit[0]
-    kept = -1
-    for path in graph.slot[source]:
-        if path < 0:
-            continue
-        energy = graph.path_energy[path] + graph.edge_energy[edge]
-        if energy > graph.limits.budget:
-            continue
-        if energy > graph.least_spent:
-            graph.tally[CANDIDATES] += 1
-        whole[:] = ergodic.path_visit[path]
-        whole += ergodic.edge_visit[edge]
-        worth = _measure(ergodic, whole)
-        _offer(graph, ergodic, path, edge, energy, worth)
-        if energy + graph.least_energy > graph.limits.budget:
-            continue
-        place = find_slot(graph, node, energy)
-        if worth <= slot_worth(graph, node, place):
-            graph.tally[RESERVOIR_FULL] = 1
-            continue
-        if kept < 0:
-            kept = keep_edge(graph, edge)
-        if kept < 0 or graph.tally[PATHS] == len(graph.path_energy):
-            graph.tally[TABLES_FULL] = 1
-            return
-        ergodic.edge_visit[kept] = ergodic.edge_visit[edge]
-        new = add_path(graph, node, place, path, kept, energy, worth)
-        ergodic.path_visit[new] = whole
-
-
-@kernel
-def _offer(
-    graph: Graph, ergodic: Ergodic, path: int, edge: int, energy: float, worth: float
-) -> None:
-    """Make a path and one more edge an elite trajectory, if it is good enough."""
-    ranked = rank(graph, energy, worth)
-    if ranked <= graph.elite_worth.min():
-        return
-    depth = chain_of(graph, path, ergodic.edges)
-    if depth + 1 >= DEPTH_MAX:
-        return
-    for i in range(depth):
-        ergodic.edges[i] = graph.path_edge[ergodic.edges[i]]
-    ergodic.edges[depth] = edge
-    elite = elite_place(graph, ergodic.edges, depth + 1, ranked, -1)
-    if elite >= 0:
-        write_elite(graph, elite, ergodic.edges, depth + 1, energy, ranked)
-        _copy_written(graph, ergodic, depth + 1)
-
-
-@kernel
-def _copy_written(graph: Graph, ergodic: Ergodic, length: int) -> None:
-    for i in range(length):
-        ergodic.edge_visit[graph.copied[i, 1]] = ergodic.edge_visit[graph.copied[i, 0]]
-
-
-@kernel
-def _spread(graph: Graph, ergodic: Ergodic) -> None:
+def spread(graph: Graph, ergodic: Ergodic) -> None:
     """Sum the Gaussians of every staged edge over the test points."""
+    test, work = ergodic.test, ergodic.work
     for staged in range(graph.tally[STAGED]):
         visit = ergodic.edge_visit[first_staged(graph) + staged]
         visit[:] = np.float32(0.0)
         for i in range(graph.staged_point_count[staged]):
-            point = graph.staged_points[staged, i, 1:4] * ergodic.scale
+            x, y, z = graph.staged_points[staged, i, 1:4] * ergodic.scale
             for j in range(len(visit)):
-                x = point[0] - ergodic.test[j, 0]
-                y = point[1] - ergodic.test[j, 1]
-                z = point[2] - ergodic.test[j, 2]
-                exponent = 0.5 * (x * x + y * y + z * z)
-                if exponent < _NEGLIGIBLE:
-                    visit[j] += math.exp(-exponent)
+                dx, dy, dz = test[0, j] - x, test[1, j] - y, test[2, j] - z
+                work[j] = min(0.5 * (dx * dx + dy * dy + dz * dz), _NEGLIGIBLE)
+            for j in range(len(visit)):
+                t = work[j] * (-1.0 / 256.0)
+                power = 1.0 + t * (1.0 + t * (0.5 + t * (1.0 / 6.0 + t * (1.0 / 24.0 + t / 120.0))))
+                for _ in range(8):
+                    power *= power
+                visit[j] += np.float32(power)
 
 
 @kernel
-def _measure(ergodic: Ergodic, visit: npt.NDArray[np.float32]) -> float:
-    """Return the negative divergence of the target from the normalized visit."""
-    total = 0.0
-    for value in visit:
-        total += value
-    scale = 1.0 / max(total, TINY_DENSITY)
+def measure(ergodic: Ergodic, visit: Float32Array) -> float:
+    """Return the negative divergence of the target from the normalized visit.
+
+    The logarithm is a series in the mantissa, which the compiler can vectorize; its error is that
+    of single precision.
+    """
+    scale = np.float32(1.0 / max(np.dot(visit, ergodic.ones), TINY_DENSITY))
+    logarithm, bits = ergodic.logarithm, ergodic.bits
+    for j in range(len(visit)):
+        logarithm[j] = visit[j] * scale + np.float32(TINY_PROBABILITY)
     cross = 0.0
     for j in range(len(visit)):
-        cross += ergodic.target[j] * math.log(visit[j] * scale + TINY_PROBABILITY)
+        exponent = (bits[j] >> _EXPONENT_BITS) - _EXPONENT_OF_1
+        ergodic.work[j] = _LOG_2 * exponent
+        bits[j] = (bits[j] & _MANTISSA) | _ONE
+    for j in range(len(visit)):
+        t = (logarithm[j] - _ROOT_2) / (logarithm[j] + _ROOT_2)
+        s = t * t
+        series = 1.0 + s * (1.0 / 3.0 + s * (0.2 + s * (1.0 / 7.0 + s / 9.0)))
+        logarithm[j] = np.float32(ergodic.work[j] + 0.5 * _LOG_2 + 2.0 * t * series)
+    cross = float(np.dot(ergodic.target, logarithm))
     return cross - ergodic.negative_entropy
+
+
+@kernel
+def visit_after(graph: Graph, ergodic: Ergodic, path: int, edge: int) -> float:
+    """Set ``visit`` to that of a path and one more edge; return its measure."""
+    visit = ergodic.visit
+    before, added = ergodic.path_visit[path], ergodic.edge_visit[edge]
+    for j in range(len(visit)):
+        visit[j] = before[j] + added[j]
+    return measure(ergodic, visit)
+
+
+@kernel
+def prepare_pieces(graph: Graph, ergodic: Ergodic) -> float:
+    """Sum the visits of every piece and of the rest, and lay the tangent plane.
+
+    Returns:
+        What a bound has beside its quotient of two sums (``bound_of``).
+    """
+    elite, pieces = graph.gap[ELITE], graph.tally[PROPOSALS]
+    rest = ergodic.rest
+    rest[:] = np.float32(0.0)
+    for i in range(graph.elite_length[elite]):
+        if not in_gap(graph, i):
+            rest += ergodic.edge_visit[elite_edge(graph, elite, i)]
+    for piece in range(pieces):
+        visit = ergodic.piece_visit[piece]
+        visit[:] = np.float32(0.0)
+        for staged in range(graph.proposal[piece], graph.proposal[piece + 1]):
+            visit += ergodic.edge_visit[first_staged(graph) + staged]
+    ergodic.visit[:] = ergodic.rest
+    for gap in range(2):
+        first = graph.gap[FIRST_A] if gap == 0 else graph.gap[FIRST_B]
+        taken = graph.gap[TAKEN_A] if gap == 0 else graph.gap[TAKEN_B]
+        visit = ergodic.piece_visit[pieces + gap]
+        visit[:] = np.float32(0.0)
+        for i in range(first, first + taken):
+            visit += ergodic.edge_visit[elite_edge(graph, elite, i)]
+        ergodic.visit[:] += visit
+    whole, slope = ergodic.visit, ergodic.slope
+    total = max(float(np.dot(whole, ergodic.ones)), TINY_DENSITY)
+    for j in range(len(whole)):
+        slope[j] = ergodic.target[j] / (whole[j] / total + TINY_PROBABILITY)
+    for piece in range(pieces + 2):
+        _note_rise(ergodic, ergodic.piece_visit[piece], piece)
+    _note_rise(ergodic, ergodic.rest, pieces + 2)
+    return measure(ergodic, whole) - float(np.dot(slope, whole)) / total
+
+
+@kernel
+def _note_rise(ergodic: Ergodic, visit: Float32Array, piece: int) -> None:
+    ergodic.rise[piece, 0] = np.dot(ergodic.slope, visit)
+    ergodic.rise[piece, 1] = np.dot(ergodic.ones, visit)
+
+
+@kernel
+def bound_of(ergodic: Ergodic, constant: float, rest: int, one: int, other: int) -> float:
+    """Return an upper bound on the measure of the rest (its number) and two pieces."""
+    rise = ergodic.rise
+    above = rise[rest, 0] + rise[one, 0] + rise[other, 0]
+    below = rise[rest, 1] + rise[one, 1] + rise[other, 1]
+    return constant + above / max(below, TINY_DENSITY)
+
+
+@kernel
+def measure_with(ergodic: Ergodic, one: int, other: int) -> float:
+    """Return the measure of the rest and two pieces."""
+    visit = ergodic.visit
+    for j in range(len(visit)):
+        visit[j] = ergodic.rest[j] + ergodic.piece_visit[one, j] + ergodic.piece_visit[other, j]
+    return measure(ergodic, visit)

@@ -4,6 +4,9 @@ Nodes are points of the surface; edges are trajectories between two of them; a p
 edge and the path before that. Edges are *staged* first, in a part of the edge tables behind the
 kept ones, and kept only when a path uses them. The best distinct trajectories, the *elite*, own
 copies of their edges in a third part between the two, so they outlive everything else.
+
+What an edge or path spends is kept as its shares of the budgets of energy, time and satellite
+bytes; a share of a budget that is not set is 0.
 """
 
 import math
@@ -16,21 +19,30 @@ from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.compiled import kernel
 from autonomy.planner import outcome
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge_kernel import LEG_COLUMNS
+from autonomy.planner.leg_kernel import LEG_COLUMNS
 from autonomy.planner.limits import Limits, legs_max, limits_of, points_max, shape_size
 from autonomy.planner.waterway import Waterway, waterway_of
+from autonomy.site import Site
 
 Int32Array = npt.NDArray[np.int32]
 
-NODES, EDGES, PATHS, STAGED, PROPOSALS, CANDIDATES, RESERVOIR_FULL, TABLES_FULL = range(8)
-"""Places in ``Graph.tally``."""
+NODES, EDGES, PATHS, STAGED, PROPOSALS, BEFORE, CANDIDATES, RESERVOIR_FULL, TABLES_FULL = range(9)
+"""Places in ``Graph.tally``; ``BEFORE`` is the number of proposals for the first gap."""
+ELITE, FIRST_A, TAKEN_A, FIRST_B, TAKEN_B = range(5)
+"""Places in ``Graph.gap``."""
 DEPTH_MAX = 48
 """Most edges of one path; a round's budget ends far earlier."""
 BINS = 20
 """Slices of the budget; each node keeps its best paths of every slice."""
+SHARES = 3
+"""Budgets: energy, time, satellite bytes."""
+FULL_SHARE = 1.0 + 1e-9
 SHORT = 1e9
 """Subtracted from the worth of a trajectory that spends too little to be compared."""
-_STAGED_MIN = 64
+_CLOSE = 0.15
+STAGED_MIN = 480
+"""Edges that can be staged at once. Proposals for two gaps are tried in every combination, so many
+at once make many trajectories of few edges."""
 _ELITES_MIN = 4
 _NODES_MAX = 4096
 
@@ -42,14 +54,20 @@ class Graph(NamedTuple):
     waterway: Waterway
     """Where there is water enough."""
     step: float
+    close: float
+    """Two surfacings are alike within this distance, m."""
     near_radius: float
     nearest_radius: float
     edges_per_call: int
     near_max: int
-    least_energy: float
-    """Lower bound on the energy of any edge."""
+    share_per_unit: FloatArray
+    """One over each budget, 0 for one that is not set, ``(SHARES,)``."""
+    surfacing_time: float
+    surfacing_bytes: float
+    least_share: FloatArray
+    """Lower bound on the shares of any edge, ``(SHARES,)``."""
     least_spent: float
-    """Only trajectories that spend more than this are compared."""
+    """Only trajectories that spend more than this part of some budget are compared."""
     tally: IntArray
     node_xy: FloatArray
     node_is_open: BoolArray
@@ -57,35 +75,46 @@ class Graph(NamedTuple):
     """Path in each slot of each node, -1 where empty, ``(nodes, BINS * paths per bin)``."""
     edge_legs: FloatArray
     edge_leg_count: Int32Array
-    edge_energy: FloatArray
+    edge_share: FloatArray
+    edge_start: FloatArray
+    """North and east where each edge begins, ``(edges, 2)``; in a current its legs, which are what
+    the robot believes, end elsewhere than it does."""
+    edge_end: FloatArray
     edge_shape: FloatArray
     """What each edge was made from (``edge.random_shape``); one row more than there are edges."""
-    edge_worth: FloatArray
-    """Worth of the edge alone."""
     staged_points: FloatArray
     staged_point_count: Int32Array
     staged_source: Int32Array
     """Node that each staged edge leaves."""
     proposal: Int32Array
-    """First staged edge of each proposal, and one behind the last."""
+    """First staged edge of each proposal, and one behind the last; those for the first gap come
+    before those for the second."""
     path_parent: Int32Array
     path_edge: Int32Array
-    path_energy: FloatArray
+    path_share: FloatArray
     path_worth: FloatArray
     elite_block: Int32Array
     """Block of ``DEPTH_MAX`` edges that each elite trajectory owns; the last one is free."""
     elite_length: Int32Array
-    elite_energy: FloatArray
+    elite_share: FloatArray
     elite_worth: FloatArray
     """Worth of each elite trajectory, less ``SHORT`` if it spends too little."""
     copied: Int32Array
     """Source and target of the edges that an elite trajectory was last made of."""
     gap: IntArray
-    """The elite trajectory being refined, first edge taken out, number of edges taken out."""
+    """The elite trajectory being refined, and the first edge and the number of edges of the two
+    gaps in it; the second may have none."""
+    total: FloatArray
+    """Room for the shares of a sum, ``(SHARES,)``."""
 
 
 def graph_of(
-    config: PlannerConfig, start_xy: tuple[float, float], budget: float, edges: int, paths: int
+    config: PlannerConfig,
+    start_xy: tuple[float, float],
+    budget: float,
+    edges: int,
+    paths: int,
+    site: Site | None = None,
 ) -> Graph:
     """Lay out the arrays of a search that holds so many edges and paths, with its first node.
 
@@ -93,42 +122,51 @@ def graph_of(
     """
     search = config.search
     elites = max(_ELITES_MIN, search.runners_up + 1)
-    staged = max(_STAGED_MIN, (search.near_max + 1) * search.edges_per_call)
+    staged = max(STAGED_MIN, (search.near_max + 1) * search.edges_per_call)
     all_edges = edges + (elites + 1) * DEPTH_MAX + staged
     slots = max(1, -(-search.paths_per_node // BINS)) * BINS
+    budgets = np.array([budget, config.time_budget_s, config.satellite_bytes], dtype=np.float64)
+    least = outcome.least_spending(config)
+    per_unit = np.divide(1.0, budgets, out=np.zeros(SHARES), where=budgets > 0.0)
     graph = Graph(
         limits=limits_of(config, budget),
-        waterway=waterway_of(config, None),
+        waterway=waterway_of(config, site),
         step=search.step_m,
+        close=_CLOSE * search.step_m,
         near_radius=search.near_radius_m,
         nearest_radius=search.nearest_radius_m,
         edges_per_call=search.edges_per_call,
         near_max=search.near_max,
-        least_energy=outcome.least_energy(config),
-        least_spent=search.min_budget_fraction * budget,
-        tally=np.zeros(8, dtype=np.int64),
+        share_per_unit=per_unit,
+        surfacing_time=config.mission.turn_time_s,
+        surfacing_bytes=float(config.mission.surfacing_bytes),
+        least_share=np.array([least.energy, least.duration_s, least.satellite_bytes]) * per_unit,
+        least_spent=search.min_budget_fraction,
+        tally=np.zeros(9, dtype=np.int64),
         node_xy=np.empty((_NODES_MAX, 2)),
         node_is_open=np.empty(_NODES_MAX, dtype=np.bool_),
         slot=np.empty((_NODES_MAX, slots), dtype=np.int32),
         edge_legs=np.empty((all_edges, legs_max(config), LEG_COLUMNS)),
         edge_leg_count=np.empty(all_edges, dtype=np.int32),
-        edge_energy=np.empty(all_edges),
+        edge_share=np.empty((all_edges, SHARES)),
+        edge_start=np.empty((all_edges, 2)),
+        edge_end=np.empty((all_edges, 2)),
         edge_shape=np.empty((all_edges + 1, shape_size(config))),
-        edge_worth=np.empty(all_edges),
         staged_points=np.empty((staged, points_max(config), 5)),
         staged_point_count=np.empty(staged, dtype=np.int32),
         staged_source=np.empty(staged, dtype=np.int32),
         proposal=np.empty(staged + 1, dtype=np.int32),
         path_parent=np.empty(paths, dtype=np.int32),
         path_edge=np.empty(paths, dtype=np.int32),
-        path_energy=np.empty(paths),
+        path_share=np.empty((paths, SHARES)),
         path_worth=np.empty(paths),
         elite_block=np.arange(elites + 1, dtype=np.int32),
         elite_length=np.zeros(elites, dtype=np.int32),
-        elite_energy=np.zeros(elites),
+        elite_share=np.zeros((elites, SHARES)),
         elite_worth=np.full(elites, -np.inf),
         copied=np.empty((DEPTH_MAX, 2), dtype=np.int32),
-        gap=np.zeros(3, dtype=np.int64),
+        gap=np.zeros(5, dtype=np.int64),
+        total=np.zeros(SHARES),
     )
     _plant(graph, start_xy[0], start_xy[1])
     return graph
@@ -140,7 +178,7 @@ def _plant(graph: Graph, x: float, y: float) -> None:
     open_node(graph, x, y)
     graph.path_parent[0] = -1
     graph.path_edge[0] = -1
-    graph.path_energy[0] = 0.0
+    graph.path_share[0] = 0.0
     graph.path_worth[0] = 0.0
     graph.slot[0, 0] = 0
     graph.tally[NODES] = 1
@@ -158,13 +196,32 @@ def open_node(graph: Graph, x: float, y: float) -> None:
 
 
 @kernel
-def find_slot(graph: Graph, node: int, energy: float) -> int:
-    """Return where a path that spends ``energy`` would be kept at a node.
+def add_shares(graph: Graph, one: FloatArray, other: FloatArray) -> float:
+    """Set ``total`` to the sum of two lists of shares; return the greatest of them."""
+    greatest = 0.0
+    for i in range(SHARES):
+        graph.total[i] = one[i] + other[i]
+        greatest = max(greatest, graph.total[i])
+    return greatest
+
+
+@kernel
+def can_go_on(graph: Graph, share: FloatArray) -> bool:
+    """Tell whether the cheapest edge may follow what spends these shares."""
+    greatest = 0.0
+    for i in range(SHARES):
+        greatest = max(greatest, share[i] + graph.least_share[i])
+    return greatest <= FULL_SHARE
+
+
+@kernel
+def find_slot(graph: Graph, node: int, spent: float) -> int:
+    """Return where a path that spends this greatest share would be kept at a node.
 
     That is an empty slot of its slice of the budget, or the slot of the slice's worst path.
     """
     per_bin = graph.slot.shape[1] // BINS
-    bin_number = min(int(BINS * energy / graph.limits.budget), BINS - 1)
+    bin_number = min(int(BINS * spent), BINS - 1)
     worst, place = math.inf, -1
     for i in range(bin_number * per_bin, (bin_number + 1) * per_bin):
         path = graph.slot[node, i]
@@ -183,16 +240,14 @@ def slot_worth(graph: Graph, node: int, place: int) -> float:
 
 
 @kernel
-def add_path(
-    graph: Graph, node: int, place: int, parent: int, edge: int, energy: float, worth: float
-) -> int:
-    """Keep a path in a slot of a node; return its number."""
+def add_path(graph: Graph, node: int, place: int, parent: int, edge: int, worth: float) -> int:
+    """Keep a path that spends ``total`` in a slot of a node; return its number."""
     path = graph.tally[PATHS]
     if graph.slot[node, place] >= 0:
         graph.tally[RESERVOIR_FULL] = 1
     graph.path_parent[path] = parent
     graph.path_edge[path] = edge
-    graph.path_energy[path] = energy
+    graph.path_share[path] = graph.total
     graph.path_worth[path] = worth
     graph.slot[node, place] = path
     graph.tally[PATHS] = path + 1
@@ -215,7 +270,7 @@ def chain_of(graph: Graph, path: int, chain: Int32Array) -> int:
 @kernel
 def first_staged(graph: Graph) -> int:
     """Return the number of the first staged edge."""
-    return len(graph.edge_energy) - len(graph.staged_point_count)
+    return len(graph.edge_leg_count) - len(graph.staged_point_count)
 
 
 @kernel
@@ -233,12 +288,13 @@ def keep_edge(graph: Graph, edge: int) -> int:
 def settle_node(graph: Graph) -> None:
     """Lines 12 to 15: count the new node if a path reaches it, and close it if none can go on."""
     node = graph.tally[NODES]
-    least = math.inf
+    is_reached, is_open = False, False
     for path in graph.slot[node]:
         if path >= 0:
-            least = min(least, graph.path_energy[path])
-    if least < math.inf:
-        graph.node_is_open[node] = least + graph.least_energy <= graph.limits.budget
+            is_reached = True
+            is_open = is_open or can_go_on(graph, graph.path_share[path])
+    if is_reached:
+        graph.node_is_open[node] = is_open
         graph.tally[NODES] = node + 1
 
 
@@ -247,6 +303,7 @@ def copy_edge(graph: Graph, source: int, target: int) -> None:
     """Copy one edge, as far as the graph knows it."""
     graph.edge_legs[target] = graph.edge_legs[source]
     graph.edge_leg_count[target] = graph.edge_leg_count[source]
-    graph.edge_energy[target] = graph.edge_energy[source]
+    graph.edge_share[target] = graph.edge_share[source]
+    graph.edge_start[target] = graph.edge_start[source]
+    graph.edge_end[target] = graph.edge_end[source]
     graph.edge_shape[target] = graph.edge_shape[source]
-    graph.edge_worth[target] = graph.edge_worth[source]

@@ -7,10 +7,15 @@ import numpy as np
 
 from autonomy.planner.belief import FieldBelief
 from autonomy.planner.config import PlannerConfig, SearchConfig
+from autonomy.planner.plan import Leg
 from autonomy.planner.search import plan
 
-_OBJECTIVES: tuple[Literal["information_gain", "ergodic"], ...] = ("information_gain", "ergodic")
-_ITERATIONS = 200
+_OBJECTIVES: tuple[Literal["information_gain", "ergodic", "weighted"], ...] = (
+    "information_gain",
+    "ergodic",
+    "weighted",
+)
+_ITERATIONS = 20
 
 
 def warm_up() -> None:
@@ -29,13 +34,18 @@ def warm_up() -> None:
         std=np.ones(len(points)),
     )
     for objective in _OBJECTIVES:
-        plan(
-            PlannerConfig(objective=objective, search=SearchConfig(iterations_max=_ITERATIONS)),
-            belief,
-            (0.5, 0.5),
-            rng=np.random.default_rng(0),
-            budget=8.0,
-            on_progress=lambda _: None,
-            is_cancelled=lambda: False,
-            elapsed_s=lambda: 0.0,
-        )
+        config = PlannerConfig(objective=objective, search=SearchConfig(iterations_max=_ITERATIONS))
+        warm: tuple[tuple[Leg, ...], ...] = ()
+        for _ in range(2):
+            result = plan(
+                config,
+                belief,
+                (0.5, 0.5),
+                rng=np.random.default_rng(0),
+                budget=8.0,
+                on_progress=lambda _: None,
+                is_cancelled=lambda: False,
+                elapsed_s=lambda: 0.0,
+                warm=warm,
+            )
+            warm = (result.best.legs,) if result.best else ()

@@ -7,8 +7,8 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.special import rel_entr
 
 from autonomy.arrays import FloatArray
-from autonomy.field.kernel import matern32
-from autonomy.planner.belief import FieldBelief, averaged_samples
+from autonomy.field.kernel import covariance
+from autonomy.planner.belief import FieldBelief, SampleNoise, averaged_samples, sample_noise
 from autonomy.planner.config import ErgodicConfig, PlannerConfig
 
 Objective = Callable[[FloatArray], float]
@@ -20,15 +20,39 @@ TINY_DENSITY = 1e-30
 """Least sum of densities over the test points, for a trajectory that reaches none of them."""
 PAST_SAMPLES_MAX = 1500
 """Past samples that an offered trajectory's gain is computed with; beyond, runs are averaged."""
-RELATIVE_JITTER = 1e-9
-"""Part of the signal variance added to the test points' prior variance, for their determinant."""
+_RELATIVE_JITTER = 1e-9
+_NOISE_JITTER = 1e-3
+_LEAST_REFERENCE = 1e-9
 
 
-def objective(config: PlannerConfig, belief: FieldBelief) -> Objective:
-    """Return the chosen objective as a function of planned points."""
+def jitter(belief: FieldBelief) -> float:
+    """Return what is added to the test points' prior variance, for their determinant.
+
+    A squared exponential field is so smooth that close test points have no determinant; it gets a
+    thousandth of a sample's noise, less than which nobody could learn.
+    """
+    least = _RELATIVE_JITTER * belief.signal_variance
+    if belief.shape != "squared_exponential":
+        return least
+    return max(least, _NOISE_JITTER * belief.noise_variance)
+
+
+def objective(
+    config: PlannerConfig, belief: FieldBelief, start_xy: tuple[float, float] = (0.0, 0.0)
+) -> Objective:
+    """Return the chosen objective as a function of planned points, computed the plain way.
+
+    Args:
+        config: Which objective, and its settings.
+        belief: The field map so far.
+        start_xy: North and east of where plans begin; the weighted sum compares with it.
+    """
     if config.objective == "ergodic":
         return ErgodicMeasure(belief, config.ergodic)
-    return InformationGain(belief, config.counted_thresholds_m())
+    gain = InformationGain(belief, sample_noise(config, belief))
+    if config.objective == "information_gain":
+        return gain
+    return weighted_sum(config, belief, start_xy, gain)
 
 
 class InformationGain:
@@ -38,31 +62,31 @@ class InformationGain:
     plain way: both posterior covariances over the test points.
     """
 
-    def __init__(self, belief: FieldBelief, thresholds_m: tuple[float, ...] = ()) -> None:
-        """Condition on the past samples; thresholds are those of ``FieldBelief.noise``."""
+    def __init__(self, belief: FieldBelief, noise: SampleNoise) -> None:
+        """Condition on past and planned samples."""
         self._belief = belief
-        self._thresholds = thresholds_m
-        self._past_noise = belief.sample_noise(thresholds_m)
-        self._prior = self._log_determinant(belief.sample_points, self._past_noise)
+        self._noise = noise
+        self._past, self._past_noise = belief.known_samples(noise)
+        self._prior = self._log_determinant(self._past, self._past_noise)
 
     def __call__(self, points: FloatArray) -> float:
         """Return the gain of planned points ``(m, 5)``."""
-        noise = self._belief.noise(points[:, 4], self._thresholds)
+        noise = self._noise.of(self._belief, points[:, 4])
         posterior = self._log_determinant(
-            np.concatenate([self._belief.sample_points, points[:, 1:4]]),
+            np.concatenate([self._past, points[:, 1:4]]),
             np.concatenate([self._past_noise, noise]),
         )
         return 0.5 * (self._prior - posterior)
 
     def _log_determinant(self, samples: FloatArray, noise: FloatArray) -> float:
         belief, kernel = self._belief, self._belief.kernel()
-        covariance = matern32(belief.test_points, belief.test_points, kernel)  # (q, q)
-        covariance[np.diag_indices_from(covariance)] += RELATIVE_JITTER * belief.signal_variance
+        posterior = covariance(belief.test_points, belief.test_points, kernel)  # (q, q)
+        posterior[np.diag_indices_from(posterior)] += jitter(belief)
         if len(samples):
-            cross = matern32(samples, belief.test_points, kernel)  # (n, q)
-            gram = matern32(samples, samples, kernel) + np.diag(noise)  # (n, n)
-            covariance -= cross.T @ cho_solve(cho_factor(gram, lower=True), cross)
-        return float(np.linalg.slogdet(covariance).logabsdet)
+            cross = covariance(samples, belief.test_points, kernel)  # (n, q)
+            gram = covariance(samples, samples, kernel) + np.diag(noise)  # (n, n)
+            posterior -= cross.T @ cho_solve(cho_factor(gram, lower=True), cross)
+        return float(np.linalg.slogdet(posterior).logabsdet)
 
 
 def known_covariance(belief: FieldBelief, samples: FloatArray, noise: FloatArray) -> FloatArray:
@@ -77,9 +101,9 @@ def known_covariance(belief: FieldBelief, samples: FloatArray, noise: FloatArray
         Shape ``(n + q, n + q)``.
     """
     known = np.concatenate([samples, belief.test_points])  # (n + q, 3)
-    gram = matern32(known, known, belief.kernel())
-    jitter = np.full(len(belief.test_points), RELATIVE_JITTER * belief.signal_variance)
-    gram[np.diag_indices_from(gram)] += np.concatenate([noise, jitter])
+    gram = covariance(known, known, belief.kernel())
+    added = np.full(len(belief.test_points), jitter(belief))
+    gram[np.diag_indices_from(gram)] += np.concatenate([noise, added])
     return gram
 
 
@@ -93,40 +117,103 @@ class MutualInformation:
     def __init__(
         self,
         belief: FieldBelief,
-        thresholds_m: tuple[float, ...] = (),
+        noise: SampleNoise,
         past_samples_max: int = PAST_SAMPLES_MAX,
     ) -> None:
         """Condition on the past samples, averaged until no more than some number remain.
 
         Args:
             belief: The field map so far.
-            thresholds_m: Boundaries of the fidelity levels (``FieldBelief.noise``).
+            noise: Which noise a sample counts with.
             past_samples_max: Time grows with the cube of this, memory with its square.
         """
         self._belief = belief
-        self._thresholds = thresholds_m
-        samples, noise = averaged_samples(
-            belief.sample_points, belief.sample_noise(thresholds_m), past_samples_max
-        )
+        self._noise = noise
+        samples, past_noise = averaged_samples(*belief.known_samples(noise), past_samples_max)
         self._past = len(samples)
         self._known = np.concatenate([samples, belief.test_points])  # (n + q, 3)
-        self._factor = np.linalg.cholesky(known_covariance(belief, samples, noise))
+        self._factor = np.linalg.cholesky(known_covariance(belief, samples, past_noise))
 
     def __call__(self, points: FloatArray) -> float:
         """Return the gain of planned points ``(m, 5)``."""
         belief, kernel = self._belief, self._belief.kernel()
         planned = points[:, 1:4]
         white = solve_triangular(
-            self._factor, matern32(self._known, planned, kernel), lower=True
+            self._factor, covariance(self._known, planned, kernel), lower=True
         )  # (n + q, m)
-        prior = matern32(planned, planned, kernel)
-        prior += np.diag(belief.noise(points[:, 4], self._thresholds))
+        prior = covariance(planned, planned, kernel)
+        prior += np.diag(self._noise.of(belief, points[:, 4]))
         past, test = white[: self._past], white[self._past :]
         given_past = prior - past.T @ past  # (m, m)
         given_both = given_past - test.T @ test  # (m, m)
         return 0.5 * float(
             np.linalg.slogdet(given_past).logabsdet - np.linalg.slogdet(given_both).logabsdet
         )
+
+    def left_to_gain(self) -> float:
+        """Return what one exact sample at every test point would bring, nats."""
+        white = self._factor[self._past :, self._past :]  # (q, q), factor of C_**|D
+        noise = self._belief.noise_variance
+        information = np.eye(len(white)) + white.T @ white / noise
+        return 0.5 * float(np.linalg.slogdet(information).logabsdet)
+
+
+class WeightedSum:
+    r"""Both objectives, each as a share of what is left, added up with a weight.
+
+    :math:`w \, I / I_{left} + (1 - w) (1 - E / E_{start})`: I is the information gain of the
+    trajectory and :math:`I_{left}` that of one exact sample at every test point; E is its ergodic
+    measure and :math:`E_{start}` that of a robot that stays where it is. Either term is 0 for a
+    trajectory that does nothing and 1 for one that leaves nothing to do.
+    """
+
+    def __init__(
+        self,
+        weight: float,
+        gain: tuple[Objective, float],
+        ergodic: tuple[Objective, float],
+    ) -> None:
+        """Take each objective together with what it is compared with.
+
+        Args:
+            weight: That of information gain, 0..1.
+            gain: Information gain, and what is left to gain, nats.
+            ergodic: The ergodic measure, and that of staying at the start.
+        """
+        self._gain, left = gain
+        self._ergodic, stay = ergodic
+        self.gain_weight = weight / max(left, _LEAST_REFERENCE)
+        self.measure_weight = (1.0 - weight) / max(-stay, _LEAST_REFERENCE)
+        self.constant = 1.0 - weight
+
+    def __call__(self, points: FloatArray) -> float:
+        """Return the sum for planned points ``(m, 5)``."""
+        gained = self.gain_weight * self._gain(points)
+        return gained + self.measure_weight * self._ergodic(points) + self.constant
+
+
+def weighted_sum(
+    config: PlannerConfig,
+    belief: FieldBelief,
+    start_xy: tuple[float, float],
+    gain: Objective | None = None,
+) -> WeightedSum:
+    """Return the weighted sum of both objectives for plans that begin at a place.
+
+    Args:
+        config: Weight and settings of either objective.
+        belief: The field map so far.
+        start_xy: North and east of where plans begin, m.
+        gain: Information gain; by default in its fast form.
+    """
+    symmetric = MutualInformation(belief, sample_noise(config, belief))
+    ergodic = ErgodicMeasure(belief, config.ergodic)
+    stay = np.array([[0.0, *start_xy, 0.0, 0.0]])
+    return WeightedSum(
+        config.information_weight,
+        (symmetric if gain is None else gain, symmetric.left_to_gain()),
+        (ergodic, ergodic(stay)),
+    )
 
 
 class ErgodicMeasure:

@@ -6,13 +6,70 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from autonomy.planner import drift
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import POINT_STD, POINT_TIME, Edge, legs_duration_s
-from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus, PrimitiveKind
+from autonomy.planner.edge import (
+    POINT_STD,
+    POINT_TIME,
+    Edge,
+    legs_duration_s,
+    legs_energy,
+    surfacings,
+)
+from autonomy.planner.plan import (
+    Candidate,
+    Leg,
+    ObjectivePoint,
+    PlanResult,
+    PlanStatus,
+    PrimitiveKind,
+)
 from autonomy.planner.primitive import energy
+from autonomy.planner.waterway import usable_depth_m
+from autonomy.site import Area, Site
 
 _PROGRESS_PERIOD_S = 0.2
 _MINUTE_S = 60.0
+
+
+@dataclass(frozen=True, slots=True)
+class Spending:
+    """What a trajectory takes of each budget."""
+
+    energy: float
+    duration_s: float
+    satellite_bytes: float
+
+    def __add__(self, other: "Spending") -> "Spending":
+        """Return what both take."""
+        return Spending(
+            self.energy + other.energy,
+            self.duration_s + other.duration_s,
+            self.satellite_bytes + other.satellite_bytes,
+        )
+
+    def greatest_share(self, config: PlannerConfig, budget: float) -> float:
+        """Return the greatest part of a budget that is spent.
+
+        Args:
+            config: Budgets of time and satellite bytes; 0 sets none.
+            budget: Energy units of the round.
+        """
+        shares = [self.energy / budget]
+        if config.time_budget_s > 0.0:
+            shares.append(self.duration_s / config.time_budget_s)
+        if config.satellite_bytes > 0:
+            shares.append(self.satellite_bytes / config.satellite_bytes)
+        return max(shares)
+
+
+def spending(config: PlannerConfig, legs: Sequence[Leg]) -> Spending:
+    """Return what legs take, with the surfacings before their dives."""
+    return Spending(
+        legs_energy(config, legs),
+        legs_duration_s(config, legs),
+        float(surfacings(legs) * config.mission.surfacing_bytes),
+    )
 
 
 @dataclass(slots=True)
@@ -65,46 +122,111 @@ def as_candidate(config: PlannerConfig, edges: Sequence[Edge], objective: float)
     )
 
 
+def are_alike(one: Candidate, other: Candidate, close_m: float) -> bool:
+    """Tell whether more than half of the surfacings of two trajectories are close together."""
+    places = [
+        np.array([leg.end_ned[:2] for leg in each.legs if leg.end_ned[2] <= 0.0])
+        for each in (one, other)
+    ]
+    away = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)  # (n, m)
+    return 2 * int((away.min(axis=1) < close_m).sum()) > min(away.shape)
+
+
 def least_energy(config: PlannerConfig) -> float:
     """Return a lower bound on the energy between two surfacings."""
+    return least_spending(config).energy
+
+
+def least_spending(config: PlannerConfig) -> Spending:
+    """Return lower bounds on what is spent between two surfacings."""
     limits = config.primitives
     change = limits.depth_change_min_m
-    descents = [
-        2.0 * energy(kind, change / speed, config.energy)
+    ways = [
+        (kind, 2.0, change / speed)
         for kind, speed in (
             (PrimitiveKind.GLIDE, limits.glide_speed_m_s),
             (PrimitiveKind.SPIRAL, limits.spiral_speed_m_s),
             (PrimitiveKind.DIVE, limits.dive_speed_m_s),
         )
     ]
-    swim_s = limits.swim_length_min_m / limits.swim_speed_m_s
-    cheapest = min(*descents, energy(PrimitiveKind.SWIM, swim_s, config.energy))
-    return cheapest + config.surfacing_energy
+    fastest_swim = limits.swim_speed_m_s + drift.speed_m_s(config)
+    ways.append((PrimitiveKind.SWIM, 1.0, limits.swim_length_min_m / fastest_swim))
+    least = min(number * energy(kind, time_s, config.energy) for kind, number, time_s in ways)
+    least_s = min(number * time_s for _, number, time_s in ways)
+    return Spending(
+        least + config.surfacing_energy,
+        least_s + config.mission.turn_time_s,
+        float(config.mission.surfacing_bytes),
+    )
 
 
 def obstacle(
-    config: PlannerConfig, start_xy: tuple[float, float], budget: float
+    config: PlannerConfig,
+    start_xy: tuple[float, float],
+    budget: float,
+    site: Site | None = None,
 ) -> PlanResult | None:
     """Return a result that says why nothing can be planned, or None if something may be."""
+    reason = _misplaced(config, start_xy, site) or _too_dear(config, budget)
+    return nothing_feasible(f"No trajectory: {reason}.") if reason else None
+
+
+def _misplaced(config: PlannerConfig, start_xy: tuple[float, float], site: Site | None) -> str:
+    """Return what is wrong with the domain or the start in it, "" if nothing."""
     x, y = start_xy
     domain = config.domain
-    cheapest = least_energy(config)
+    if domain.x_max_m <= domain.x_min_m or domain.y_max_m <= domain.y_min_m:
+        return "the domain has no volume"
     if not (math.isfinite(x) and math.isfinite(y)):
-        reason = "the start position is unknown"
-    elif not domain.contains(x, y, 0.0):
-        reason = (
+        return "the start position is unknown"
+    if not domain.contains(x, y, 0.0):
+        return (
             f"the start ({x:.2f} m north, {y:.2f} m east) is outside the domain "
             f"({domain.x_min_m:g} to {domain.x_max_m:g} m north, "
             f"{domain.y_min_m:g} to {domain.y_max_m:g} m east)"
         )
-    elif budget < cheapest:
-        reason = (
-            f"a budget of {budget:.3g} energy units is below the cheapest way "
-            f"from one surfacing to another, {cheapest:.3g}"
+    if usable_depth_m(config, site, np.array([x]), np.array([y]))[0] >= 0.0:
+        return ""
+    place = f"the start ({x:.2f} m north, {y:.2f} m east)"
+    for area in config.keep_outs:
+        away = _distance(area, x, y)
+        if away < 0.0:
+            return f"{place} is inside the keep-out {area.name}"
+        if away < config.margin_m:
+            return (
+                f"{place} is {away:.2g} m from the keep-out {area.name}; "
+                f"the margin is {config.margin_m:g} m"
+            )
+    if site is not None and site.shoreline is not None:
+        off_shore = -_distance(site.shoreline, x, y)
+        if 0.0 <= off_shore < config.margin_m:
+            return (
+                f"{place} is {off_shore:.2g} m from the shore; the margin is {config.margin_m:g} m"
+            )
+    return f"{place} is not in the water"
+
+
+def _distance(area: Area, x: float, y: float) -> float:
+    return float(area.distance_m(x, y))
+
+
+def _too_dear(config: PlannerConfig, budget: float) -> str:
+    """Return which budget does not last from one surfacing to another, "" if each does."""
+    least = least_spending(config)
+    way = "is below the cheapest way from one surfacing to another"
+    if budget < least.energy:
+        return f"a budget of {budget:.3g} energy units {way}, {least.energy:.3g}"
+    if 0.0 < config.time_budget_s < least.duration_s:
+        return (
+            f"a time budget of {config.time_budget_s:.3g} s is below the fastest way from one "
+            f"surfacing to another, {least.duration_s:.3g} s"
         )
-    else:
-        return None
-    return nothing_feasible(f"No trajectory: {reason}.")
+    if 0 < config.satellite_bytes < least.satellite_bytes:
+        return (
+            f"a satellite budget of {config.satellite_bytes} bytes is below what one surfacing "
+            f"sends, {least.satellite_bytes:.0f}"
+        )
+    return ""
 
 
 def nothing_feasible(message: str, progress: Progress | None = None) -> PlanResult:
@@ -127,7 +249,8 @@ def dead_end(
     """Return the result of a search whose every proposal broke a limit."""
     return nothing_feasible(
         f"No trajectory from {start_xy[0]:.2f} m north, {start_xy[1]:.2f} m east met every limit: "
-        f"domain, {config.max_uncertainty_m:g} m of position uncertainty, and energy. "
+        f"domain, {config.max_uncertainty_m:g} m of position uncertainty, and {_budgets(config)}"
+        f"{', keep-outs and shore' if config.keep_outs or config.margin_m else ''}. "
         "Allow more uncertainty, a larger domain, or more planning time.",
         progress,
     )
@@ -170,10 +293,12 @@ def sentence(config: PlannerConfig, budget: float, result: PlanResult, best: Can
         f"spends {best.energy:.1f} of {budget:.4g} energy units in {_duration(best.duration_s)}, "
         f"position uncertainty at most {best.worst_std_m:.2g} m, {_worth(config, best)}."
     )
-    least = config.search.min_budget_fraction * budget
-    if best.energy <= least:
+    least = config.search.min_budget_fraction
+    if spending(config, best.legs).greatest_share(config, budget) <= least:
         text = (
-            f"No trajectory spends more than {least:.3g} energy units; the best shorter one {text}"
+            f"No trajectory spends more than {least * budget:.3g} energy units"
+            f"{', or as great a part of another budget' if _others(config) else ''}; "
+            f"the best shorter one {text}"
         )
     elif result.status is PlanStatus.CANCELLED:
         text = f"Stopped early; the best trajectory so far {text}"
@@ -186,9 +311,21 @@ def sentence(config: PlannerConfig, budget: float, result: PlanResult, best: Can
     return text
 
 
+def _others(config: PlannerConfig) -> list[str]:
+    """Return which budgets are set beside that of energy."""
+    named = (("time", config.time_budget_s), ("satellite bytes", config.satellite_bytes))
+    return [name for name, limit in named if limit > 0]
+
+
+def _budgets(config: PlannerConfig) -> str:
+    return ", ".join(["energy", *_others(config)])
+
+
 def _worth(config: PlannerConfig, best: Candidate) -> str:
     if config.objective == "ergodic":
         return f"ergodic measure {best.objective:.3f}"
+    if config.objective == "weighted":
+        return f"weighted objective {best.objective:.3f}"
     return f"{best.objective:.1f} nats of information"
 
 

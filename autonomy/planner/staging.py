@@ -1,4 +1,4 @@
-"""Random edges for a search to judge: to a new node, or across a gap in a known trajectory."""
+"""Random edges for a search to judge: to a new node, or across gaps in a known trajectory."""
 
 import math
 
@@ -8,21 +8,31 @@ from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
 from autonomy.planner.edge import SHAPE_BEARING, SHAPE_COLUMNS, SHAPE_KIND, SHAPE_SIDE
 from autonomy.planner.edge_kernel import energy_of, place_points, propose
-from autonomy.planner.elite import elite_edge, end_of, start_of
+from autonomy.planner.elite import elite_edge, end_of, in_gap, start_of
 from autonomy.planner.graph import (
-    DEPTH_MAX,
+    BEFORE,
+    ELITE,
+    FIRST_A,
+    FIRST_B,
+    FULL_SHARE,
     NODES,
     PROPOSALS,
+    SHARES,
     STAGED,
     TABLES_FULL,
+    TAKEN_A,
+    TAKEN_B,
     Graph,
     first_staged,
     open_node,
 )
+from autonomy.planner.leg_kernel import DURATION, Z0
 
-_PROPOSALS = 20
-"""Attempts at filling one gap."""
-_GAP_MAX = 3
+_ATTEMPTS_SHARE = 0.25
+"""Attempts at filling one gap, as a share of the edges that can be staged."""
+_FIRST_CALLS = 20
+"""Calls that may be made for a first edge from the start, without which there is no search."""
+GAP_MAX = 3
 """Most edges taken out at once."""
 _OTHER_ELITE = 0.5
 """Probability that a random elite trajectory is refined, not the best one."""
@@ -53,7 +63,9 @@ def stage_growth(graph: Graph, rng: np.random.Generator) -> bool:
     part = min(1.0, graph.step / max(distance, 1e-12))
     goal = (x0 + part * (x_s - x0), y0 + part * (y_s - y0))
     open_node(graph, goal[0], goal[1])
-    _stage_between(graph, nearest, goal, rng)
+    for _ in range(_FIRST_CALLS if graph.tally[NODES] == 1 else 1):
+        if graph.tally[STAGED] == 0:
+            _stage_between(graph, nearest, goal, rng)
     found = 0
     chosen = np.empty(graph.near_max, dtype=np.int32)
     for node in range(graph.tally[NODES]):
@@ -139,56 +151,104 @@ def stage_edge(graph: Graph, start: tuple[float, float], goal: tuple[float, floa
     if points == 0:
         return False
     graph.edge_leg_count[edge] = count
-    graph.edge_energy[edge] = energy_of(graph.limits, legs, count)
+    graph.edge_start[edge, 0], graph.edge_start[edge, 1] = start
+    graph.edge_end[edge, 0], graph.edge_end[edge, 1] = goal
+    note_shares(graph, edge)
     graph.staged_point_count[staged] = points
     graph.tally[STAGED] = staged + 1
     return True
 
 
 @kernel
+def note_shares(graph: Graph, edge: int) -> None:
+    """Set what an edge spends of each budget."""
+    count = graph.edge_leg_count[edge]
+    legs = graph.edge_legs[edge]
+    duration, surfacings = 0.0, 0
+    for i in range(count):
+        duration += legs[i, DURATION]
+        if legs[i, Z0] <= 0.0:
+            surfacings += 1
+    duration += surfacings * graph.surfacing_time
+    per_unit, share = graph.share_per_unit, graph.edge_share[edge]
+    share[0] = energy_of(graph.limits, legs, count) * per_unit[0]
+    share[1] = duration * per_unit[1]
+    share[2] = surfacings * graph.surfacing_bytes * per_unit[2]
+
+
+@kernel
 def stage_refinement(graph: Graph, rng: np.random.Generator) -> None:
-    """Take some edges out of an elite trajectory and stage proposals of what may replace them.
+    """Take edges out of an elite trajectory at two places and stage what may replace them.
 
     Half of the proposals are like what was there; the others are any one or two edges that lead
     across the gap. A gap at the end may lead elsewhere.
     """
-    graph.tally[STAGED] = 0
-    graph.tally[PROPOSALS] = 0
+    tally = graph.tally
+    tally[STAGED], tally[PROPOSALS], tally[BEFORE] = 0, 0, 0
     elite = int(np.argmax(graph.elite_worth))
     other = int(rng.random() * len(graph.elite_worth))
     if rng.random() < _OTHER_ELITE and graph.elite_length[other] > 0:
         elite = other
+    _choose_gaps(graph, elite, rng)
+    rest = graph.total
+    rest[:] = 0.0
+    for i in range(graph.elite_length[elite]):
+        if not in_gap(graph, i):
+            rest += graph.edge_share[elite_edge(graph, elite, i)]
+    graph.proposal[0] = 0
+    _fill_gap(graph, graph.gap[FIRST_A], graph.gap[TAKEN_A], rng)
+    tally[BEFORE] = tally[PROPOSALS]
+    if graph.gap[TAKEN_B] > 0:
+        _fill_gap(graph, graph.gap[FIRST_B], graph.gap[TAKEN_B], rng)
+
+
+@kernel
+def _choose_gaps(graph: Graph, elite: int, rng: np.random.Generator) -> None:
+    """Choose two runs of edges of an elite trajectory, the second without edges in a short one."""
     length = graph.elite_length[elite]
     first = int(rng.random() * length)
-    taken = min(1 + int(rng.random() * _GAP_MAX), length - first)
-    graph.gap[0], graph.gap[1], graph.gap[2] = elite, first, taken
+    taken = min(1 + int(rng.random() * GAP_MAX), length - first)
+    second = int(rng.random() * length)
+    until = first if second < first else length
+    taken_there = min(1 + int(rng.random() * GAP_MAX), until - second)
+    if first <= second < first + taken:
+        second, taken_there = length, 0
+    gap = graph.gap
+    gap[ELITE] = elite
+    gap[FIRST_A], gap[TAKEN_A], gap[FIRST_B], gap[TAKEN_B] = first, taken, second, taken_there
+
+
+@kernel
+def _fill_gap(graph: Graph, first: int, taken: int, rng: np.random.Generator) -> None:
+    """Stage proposals for one gap; ``total`` is what the rest of the trajectory spends."""
+    elite = graph.gap[ELITE]
     begin = start_of(graph, elite_edge(graph, elite, first))
     end = end_of(graph, elite_edge(graph, elite, first + taken - 1))
-    spent = graph.elite_energy[elite]
-    for i in range(first, first + taken):
-        spent -= graph.edge_energy[elite_edge(graph, elite, i)]
-    graph.proposal[0] = 0
-    for _ in range(_PROPOSALS):
+    for _ in range(int(_ATTEMPTS_SHARE * len(graph.staged_point_count))):
         goal = end
-        if first + taken == length and rng.random() < 0.5:
+        if first + taken == graph.elite_length[elite] and rng.random() < 0.5:
             goal = _around(graph, end, _FAR_NUDGE * graph.step, rng)
         if rng.random() < 0.5:
-            pieces = _stage_alike(graph, begin, goal, rng)
+            stands = _stage_alike(graph, first, taken, begin, goal, rng)
         else:
-            pieces = _stage_any(graph, begin, goal, rng)
-        _seal_proposal(graph, pieces, spent)
+            stands = _stage_any(graph, begin, goal, rng)
+        _seal_proposal(graph, stands)
 
 
 @kernel
 def _stage_alike(
-    graph: Graph, begin: tuple[float, float], goal: tuple[float, float], rng: np.random.Generator
+    graph: Graph,
+    first: int,
+    taken: int,
+    begin: tuple[float, float],
+    goal: tuple[float, float],
+    rng: np.random.Generator,
 ) -> bool:
     """Stage edges like those of the gap, with surfacings near theirs; tell whether all stand."""
-    elite, first, taken = graph.gap
     here = begin
     spread = _NUDGE * graph.step * rng.random()
     for i in range(taken):
-        edge = elite_edge(graph, elite, first + i)
+        edge = elite_edge(graph, graph.gap[ELITE], first + i)
         there = goal if i == taken - 1 else _around(graph, end_of(graph, edge), spread, rng)
         nudge_shape(graph, edge, rng)
         if not _is_near(graph, here, there) or not stage_edge(graph, here, there):
@@ -214,16 +274,17 @@ def _stage_any(
 
 
 @kernel
-def _seal_proposal(graph: Graph, stands: bool, spent: float) -> None:
+def _seal_proposal(graph: Graph, stands: bool) -> None:
     """Make the edges staged last a proposal, or drop them where they do not fit."""
     begin = graph.proposal[graph.tally[PROPOSALS]]
     first = first_staged(graph)
-    energy = spent
-    for edge in range(first + begin, first + graph.tally[STAGED]):
-        energy += graph.edge_energy[edge]
-    kept = graph.gap[1] + graph.elite_length[graph.gap[0]] - graph.gap[2]
-    fits = kept + graph.tally[STAGED] - begin <= DEPTH_MAX
-    if stands and fits and energy <= graph.limits.budget:
+    fits = stands
+    for i in range(SHARES):
+        share = graph.total[i]
+        for edge in range(first + begin, first + graph.tally[STAGED]):
+            share += graph.edge_share[edge, i]
+        fits = fits and share <= FULL_SHARE
+    if fits:
         graph.tally[PROPOSALS] += 1
         graph.proposal[graph.tally[PROPOSALS]] = graph.tally[STAGED]
     else:

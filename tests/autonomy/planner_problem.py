@@ -66,6 +66,7 @@ def run(
     on_progress=lambda _: None,
     is_cancelled=lambda: False,
     elapsed_s=lambda: 0.0,
+    **more,
 ) -> PlanResult:
     """Call a planner; by default time stands still and only the iterations end it."""
     return plan(
@@ -77,4 +78,5 @@ def run(
         on_progress=on_progress,
         is_cancelled=is_cancelled,
         elapsed_s=elapsed_s,
+        **more,
     )

@@ -5,20 +5,23 @@ import subprocess
 import sys
 from itertools import pairwise
 from pathlib import Path
+from unittest import mock
 
 import numpy as np
 import pytest
 
-from autonomy.planner import literal, search
+from autonomy.planner import graph, literal, search
+from autonomy.planner.belief import sample_noise
 from autonomy.planner.check import violations
 from autonomy.planner.config import PLANNER_PRESETS
 from autonomy.planner.objective import InformationGain, objective
 from autonomy.planner.plan import PlanStatus
+from autonomy.planner.waterway import depth_at, waterway_of
 from autonomy.site import LAKE, TANK
 from tests.autonomy.planner_problem import START, THESIS_TANK, belief_over, run, with_search
 
-QUICK = with_search(THESIS_TANK, iterations_max=120)
-OBJECTIVES = ("information_gain", "ergodic")
+QUICK = with_search(THESIS_TANK, iterations_max=30)
+OBJECTIVES = ("information_gain", "ergodic", "weighted")
 WORLDS = {
     "thesis": (THESIS_TANK, TANK),
     "miniglider": (PLANNER_PRESETS["miniglider"], TANK),
@@ -40,7 +43,7 @@ def test_the_objective_of_every_offer_is_the_plain_one(name):
     config = for_objective(QUICK, name)
     belief = belief_over(config.domain)
     result = run(search.plan, config, belief)
-    worth = objective(config, belief)
+    worth = objective(config, belief, START)
     assert len(result.runners_up) > 0
     for offer in (result.best, *result.runners_up):
         assert offer.objective == pytest.approx(worth(offer.points), abs=1e-6)
@@ -70,7 +73,17 @@ def test_fidelity_changes_what_a_trajectory_is_worth():
     )
     belief = belief_over(QUICK.domain)
     best = run(search.plan, wary, belief).best
-    assert best.objective < InformationGain(belief, trusting.counted_thresholds_m())(best.points)
+    assert best.objective < InformationGain(belief, sample_noise(trusting, belief))(best.points)
+
+
+def open_water(config, site, rng):
+    """A random place of the domain that is not shallow."""
+    domain, waterway = config.domain, waterway_of(config, site)
+    while True:
+        x = float(rng.uniform(domain.x_min_m, domain.x_max_m))
+        y = float(rng.uniform(domain.y_min_m, domain.y_max_m))
+        if depth_at(waterway, x, y) > 0.9 * domain.depth_max_m:
+            return x, y
 
 
 @pytest.mark.parametrize("world", WORLDS)
@@ -78,16 +91,13 @@ def test_fidelity_changes_what_a_trajectory_is_worth():
 @pytest.mark.parametrize("seed", range(3))
 def test_every_offer_keeps_every_limit(world, name, seed):
     config, site = WORLDS[world]
-    config = with_search(for_objective(config, name), iterations_max=100)
+    config = with_search(for_objective(config, name), iterations_max=60)
     domain = config.domain
     rng = np.random.default_rng(seed)
-    start = (
-        float(rng.uniform(domain.x_min_m, domain.x_max_m)),
-        float(rng.uniform(domain.y_min_m, domain.y_max_m)),
-    )
+    start = open_water(config, site, rng)
     budget = float(rng.uniform(10.0, 20.0))
     belief = belief_over(domain, lengths=lengths_of(config))
-    result = run(search.plan, config, belief, seed=seed, start=start, budget=budget)
+    result = run(search.plan, config, belief, seed=seed, start=start, budget=budget, site=site)
     assert result.status is PlanStatus.FOUND
     assert "spends" in result.message
     for offer in (result.best, *result.runners_up):
@@ -120,7 +130,7 @@ def test_the_same_seed_gives_the_same_result():
 
 
 def test_alternatives_are_worse_and_elsewhere():
-    result = run(search.plan, with_search(QUICK, iterations_max=400), belief_over(QUICK.domain))
+    result = run(search.plan, with_search(QUICK, iterations_max=80), belief_over(QUICK.domain))
     offers = (result.best, *result.runners_up)
     assert len(offers) > 1
     assert all(a.objective >= b.objective for a, b in pairwise(offers))
@@ -137,10 +147,10 @@ def test_the_search_beats_the_letter(name):
     config = for_objective(THESIS_TANK, name)
     belief = belief_over(config.domain)
     letter = run(literal.plan, with_search(config, iterations_max=10), belief)
-    fast = run(search.plan, with_search(config, iterations_max=300), belief)
+    fast = run(search.plan, with_search(config, iterations_max=60), belief)
     assert letter.status is PlanStatus.FOUND
     assert letter.best.objective == pytest.approx(
-        objective(config, belief)(letter.best.points), abs=1e-9
+        objective(config, belief, START)(letter.best.points), abs=1e-9
     )
     assert violations(letter.best.legs, config, TANK) == ()
     assert fast.best.objective > letter.best.objective
@@ -221,7 +231,7 @@ def test_time_ends_the_search_and_progress_is_told():
 
 def test_the_result_says_when_paths_were_left_out():
     belief = belief_over(QUICK.domain)
-    few = run(search.plan, with_search(QUICK, iterations_max=200, paths_per_node=20), belief)
+    few = run(search.plan, with_search(QUICK, iterations_max=60, paths_per_node=20), belief)
     assert few.reservoir_full
     assert "Not every path was kept: the limit is 20 a surfacing" in few.message
     many = run(search.plan, with_search(QUICK, iterations_max=2, paths_per_node=2000), belief)
@@ -236,7 +246,7 @@ def test_full_tables_end_growth_but_not_the_search():
     while one._grows:
         one.iterate()
     at_end_of_growth = one.best
-    for _ in range(300):
+    for _ in range(60):
         one.iterate()
     assert one.best > at_end_of_growth
     assert not one.is_exhausted
@@ -249,6 +259,11 @@ def test_a_map_without_samples_can_be_planned_for():
 
 def few_iterations(name):
     """What a short search finds, as numbers; also run by the interpreter alone."""
+    with mock.patch.object(graph, "STAGED_MIN", 24):
+        return few_iterations_of_few_edges(name)
+
+
+def few_iterations_of_few_edges(name):
     config = with_search(for_objective(THESIS_TANK, name), iterations_max=12)
     result = run(search.plan, config, belief_over(config.domain, past=5), seed=1)
     ends = [leg.end_ned for leg in result.best.legs]
