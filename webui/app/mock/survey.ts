@@ -89,6 +89,7 @@ function fakeRehearsal(points: readonly PlanPoint[], scale: number): Rehearsal {
   return {
     state: 'done', completed: true, rms_error_m: 0.11 * scale, worst_error_m: 0.24 * scale,
     surfacing_error_m: 0.13 * scale, duration_s: (flown.at(-1)?.[0] ?? 0), energy: 19.6, flown,
+    position_error_m: 0.13 * scale, predicted_error_m: 0.14 * scale, within_share: 0.92, runs: 3,
     message: 'The rehearsal completed every leg.',
   }; // prettier-ignore
 }

@@ -62,11 +62,11 @@ describe('a rehearsal', () => {
   });
 
   test('says whether the predicted uncertainty covers it', () => {
-    expect(coverage(rehearsal({ within_share: 0.97 }))?.isCovered).toBe(true);
-    expect(coverage(rehearsal({ within_share: 0.4 }))?.text).toContain('Only 40 %');
-    expect(coverage(rehearsal({ position_error_m: 0.3, predicted_error_m: 0.1 }))?.isCovered).toBe(
-      false,
-    );
+    const covered = { position_error_m: 0.15, predicted_error_m: 0.14 };
+    expect(coverage(rehearsal(covered))?.isCovered).toBe(true);
+    const surprised = coverage(rehearsal({ position_error_m: 0.3, predicted_error_m: 0.1 }));
+    expect(surprised?.isCovered).toBe(false);
+    expect(surprised?.text).toContain('larger than predicted');
     expect(coverage(rehearsal({}))).toBeNull();
   });
 });

@@ -1,4 +1,5 @@
 import type { Rehearsal } from '../../api/types';
+import { compact } from '../../text/unit';
 import type { Tone } from '../../text/word';
 
 const WORDS: Record<Rehearsal['state'], { text: string; tone: Tone }> = {
@@ -16,31 +17,26 @@ export function rehearsalWord(rehearsal: Rehearsal): { text: string; tone: Tone 
   return WORDS[rehearsal.state];
 }
 
-/** Share that a 95 % circle should hold, less what chance allows. */
-const COVERED = 0.9;
+/** A few flights scatter by this much about a prediction that is right. */
+const SCATTER = 1.25;
 
-/** Whether the predicted uncertainty covers what the rehearsal found, in words. */
+/**
+ * Whether the predicted uncertainty covers what the rehearsal found, in words.
+ *
+ * It is about where the robot believes to be; that it strays from the plan and knows it is another
+ * thing, which the distances from the plan tell.
+ */
 export function coverage({
-  within_share,
   position_error_m,
   predicted_error_m,
 }: Rehearsal): { text: string; isCovered: boolean } | null {
-  if (typeof within_share === 'number') {
-    const percent = `${Math.round(within_share * 100)} %`;
-    const isCovered = within_share >= COVERED;
-    return {
-      isCovered,
-      text: isCovered
-        ? `The predicted uncertainty covers it: ${percent} of the flight lies in the plan’s 95 % circles.`
-        : `Only ${percent} of the flight lies in the plan’s 95 % circles: the plan is surer than it should be.`,
-    };
-  }
   if (typeof position_error_m !== 'number' || typeof predicted_error_m !== 'number') return null;
-  const isCovered = position_error_m <= predicted_error_m * 1.1;
+  const isCovered = position_error_m <= predicted_error_m * SCATTER;
+  const figures = `${compact(position_error_m)} m, predicted ${compact(predicted_error_m)} m`;
   return {
     isCovered,
     text: isCovered
-      ? 'The position error stays within what the plan predicts.'
-      : 'The position error is larger than the plan predicts.',
+      ? `The predicted uncertainty covers the position error: ${figures}.`
+      : `The position error is larger than predicted: ${figures}. The plan is surer than it should be.`,
   };
 }
