@@ -11,12 +11,7 @@ from autonomy.field.growing import GrowingGaussianProcess, MapTargets, SampleTar
 from autonomy.field.kernel import gradient_covariance, noise_variance
 from autonomy.field.model import ageing_of
 from autonomy.field.model_prior import AgeingPrior, JointPrior, Places, Prior, SinglePrior
-from autonomy.field.position_noise import (
-    PositionNoiseGaussianProcess,
-    Slope,
-    curvature_noise,
-    position_noise,
-)
+from autonomy.field.position_noise import PositionNoise, Slope, curvature_noise, position_noise
 from autonomy.field.samples import FieldSamples, joined
 
 
@@ -119,13 +114,16 @@ class GrowingPositionNoise:
         kernel = self._config.single
         if len(self._samples):
             slope = self._slope_at(samples)
+            noise = _noise(samples, slope, kernel)
         else:
             ageing = ageing_of(self._config, samples, None)
-            slope = PositionNoiseGaussianProcess(kernel, samples, values, ageing=ageing).slope
+            found = PositionNoise.of(kernel, samples, values, ageing=ageing)
+            slope, noise = found.slope, found.covariance
+            noise[np.diag_indices(len(samples))] += noise_variance(kernel)
         self._process.append(
             Places.of(samples.points, time_s=samples.time_s),
             values,
-            _noise(samples, slope, kernel),
+            noise,
             self._noise_with_earlier(samples, slope),
         )
         self._samples = joined(self._samples, samples)

@@ -13,7 +13,7 @@ from autonomy.field.learning_search import IsCancelled, Report
 from autonomy.field.learning_start import starting_kernels
 from autonomy.field.learning_trend import Trend
 from autonomy.field.model import ageing_of, centred_values, condition
-from autonomy.field.position_noise import PositionNoiseGaussianProcess
+from autonomy.field.position_noise import PositionNoise
 from autonomy.field.recursive import RecursiveGaussianProcess
 from autonomy.field.samples import FieldSamples, checked
 from autonomy.field.scale import to_model
@@ -140,12 +140,12 @@ def _learn_position_noise(work: _Work) -> tuple[FieldConfig, tuple[str, ...]]:
     config, samples, kernels = work.config, work.samples, ("",)
     starts = starting_kernels(config.single, samples.points, work.values, work.starts, work.rng)
     for number in range(_NOISE_ROUNDS):
-        noise = PositionNoiseGaussianProcess(
+        noise = PositionNoise.of(
             config.single,
             samples,
             centred_values(config, samples),
             ageing=ageing_of(config, samples, None),
-        ).position_noise_covariance
+        ).covariance
         config, kernels = _learn_one(work, starts, noise, work.of_part(number, _NOISE_ROUNDS))
         starts = [work.config.single, config.single]
     return config, kernels

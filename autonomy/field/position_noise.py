@@ -110,6 +110,37 @@ def slope_correlation(a: FloatArray, b: FloatArray, parameters: KernelParameters
     return (north + east) / sum(gradient_variance(parameters))
 
 
+class _LocationErrors:
+    """What the noise of samples has from where they were taken, whatever the slope.
+
+    It is worked out once, and told as often as the slope is found anew.
+    """
+
+    def __init__(self, a: FieldSamples, b: FieldSamples, parameters: KernelParameters) -> None:
+        """Compare samples.
+
+        Args:
+            a: ``n`` samples.
+            b: ``m`` samples.
+            parameters: The kernel.
+        """
+        self._shared = position_error_covariance(a, b)  # (n, m)
+        self._alike = slope_correlation(a.points, b.points, parameters)
+        self._alike *= self._shared
+
+    def noise(self, slope_a: Slope, slope_b: Slope) -> FloatArray:
+        """Return the covariance of what the errors add to measurements, shape ``(n, m)``.
+
+        Args:
+            slope_a: Slope at the samples ``a``.
+            slope_b: Slope at the samples ``b``.
+        """
+        noise = slope_a.mean @ slope_b.mean.T
+        noise *= self._shared
+        noise += self._alike * np.multiply.outer(slope_a.std, slope_b.std)
+        return noise
+
+
 def position_noise(
     a: FieldSamples,
     b: FieldSamples,
@@ -126,10 +157,7 @@ def position_noise(
         slope_b: Slope at the samples ``b``.
         parameters: The kernel.
     """
-    likeness = slope_correlation(a.points, b.points, parameters)
-    likeness *= np.multiply.outer(slope_a.std, slope_b.std)
-    likeness += slope_a.mean @ slope_b.mean.T
-    return position_error_covariance(a, b) * likeness
+    return _LocationErrors(a, b, parameters).noise(slope_a, slope_b)
 
 
 def curvature_noise(position_std_m: FloatArray, parameters: KernelParameters) -> FloatArray:
@@ -157,19 +185,26 @@ def curvature_noise(position_std_m: FloatArray, parameters: KernelParameters) ->
     return np.maximum(left.reshape(-1, len(_CHANCE)) @ _CHANCE, 0.0)
 
 
-class PositionNoiseGaussianProcess(PosteriorAtPoints):
-    """One Gaussian process whose samples' noise follows from position errors and the slope."""
+@dataclass(frozen=True, slots=True, eq=False)
+class PositionNoise:
+    """What the position errors of ``n`` samples do to their measurements."""
 
-    def __init__(
-        self,
+    slope: Slope
+    """Slope at the samples that the noise follows from."""
+    covariance: FloatArray
+    """What is added to the samples' covariance, that of the measurement left out, ``(n, n)``."""
+
+    @classmethod
+    def of(
+        cls,
         parameters: KernelParameters,
         samples: FieldSamples,
         values: FloatArray,
         *,
         ageing: Ageing | None = None,
         iterations: int = ITERATIONS,
-    ) -> None:
-        """Condition on samples.
+    ) -> Self:
+        """Find slope and noise in turn.
 
         Args:
             parameters: Kernel, and the noise of a measurement at an exactly known place.
@@ -182,33 +217,55 @@ class PositionNoiseGaussianProcess(PosteriorAtPoints):
             ValueError: If the kernel is Matern-1/2, whose field has no slope.
         """
         fade = None if ageing is None or ageing.memory_s <= 0.0 else _fade(ageing)
-        points = samples.points
+        errors = _LocationErrors(samples, samples, parameters)
+        bend = curvature_noise(samples.position_std_m, parameters)
         slope = Slope.of_prior(len(samples), parameters)
-        extra, process = _conditioned(parameters, samples, values, slope, ageing)
+        noise = _on_diagonal(errors.noise(slope, slope), bend)
         for _ in range(iterations):
-            slope = slope_given(process.posterior, points, points, parameters, fade)
-            extra, process = _conditioned(parameters, samples, values, slope, ageing)
+            process = _process(parameters, samples, values, noise, ageing)
+            slope = slope_given(process.posterior, samples.points, samples.points, parameters, fade)
+            noise = _on_diagonal(errors.noise(slope, slope), bend)
+        return cls(slope, noise)
+
+
+class PositionNoiseGaussianProcess(PosteriorAtPoints):
+    """One Gaussian process whose samples' noise follows from position errors and the slope."""
+
+    def __init__(
+        self,
+        parameters: KernelParameters,
+        samples: FieldSamples,
+        values: FloatArray,
+        *,
+        ageing: Ageing | None = None,
+        iterations: int = ITERATIONS,
+    ) -> None:
+        """Condition on samples; arguments and errors as those of ``PositionNoise.of``."""
+        self.noise = PositionNoise.of(
+            parameters, samples, values, ageing=ageing, iterations=iterations
+        )
+        """What position errors do to the measurements."""
+        process = _process(parameters, samples, values, self.noise.covariance, ageing)
         super().__init__(process.posterior, 0, 0.0 if ageing is None else ageing.now_s)
-        self.slope = slope
-        """Slope at the samples that their noise follows from."""
-        self.position_noise_covariance = extra
-        """What position errors add to the samples' covariance, shape ``(n, n)``."""
-        self.noise_covariance = extra + noise_variance(parameters) * np.eye(len(samples))
-        """Noise of the samples, that of the measurement included, shape ``(n, n)``."""
 
 
-def _conditioned(
+def _process(
     parameters: KernelParameters,
     samples: FieldSamples,
     values: FloatArray,
-    slope: Slope,
+    position_noise_covariance: FloatArray,
     ageing: Ageing | None,
-) -> tuple[FloatArray, GaussianProcess]:
-    """Return what a slope adds to the samples' covariance, and the process that follows."""
-    extra = position_noise(samples, samples, slope, slope, parameters)
-    extra[np.diag_indices(len(samples))] += curvature_noise(samples.position_std_m, parameters)
-    noise = extra + noise_variance(parameters) * np.eye(len(samples))
-    return extra, GaussianProcess(parameters, samples.points, values, noise=noise, ageing=ageing)
+) -> GaussianProcess:
+    """Return the process that follows from what position errors add to the noise."""
+    own = np.full(len(samples), noise_variance(parameters))
+    noise = _on_diagonal(position_noise_covariance.copy(), own)
+    return GaussianProcess(parameters, samples.points, values, noise=noise, ageing=ageing)
+
+
+def _on_diagonal(matrix: FloatArray, added: FloatArray) -> FloatArray:
+    """Return a matrix ``(n, n)`` after ``added`` of shape ``(n,)`` went onto its diagonal."""
+    matrix[np.diag_indices(len(added))] += added
+    return matrix
 
 
 def _fade(ageing: Ageing) -> FloatArray:
