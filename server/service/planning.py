@@ -24,7 +24,7 @@ from server.service.plan_settings import PlanSettings
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
 from server.service.rehearsing import Rehearsals
 from server.service.round_problem import RoundProblems
-from server.service.survey_round import AHEAD_OF, REPLACES
+from server.service.survey_round import AHEAD_OF, NOTHING_FEASIBLE, REPLACES
 from server.service.task.problem import PLAN_SURVEY
 from server.service.turn import until_stored
 from server.service.view.plan import ProgressView, RehearsalView, ViolationView
@@ -273,6 +273,7 @@ class Planning:
         )
         best = result.best
         if best is None or result.status is PlanStatus.NOTHING_FEASIBLE:
+            found[NOTHING_FEASIBLE] = True
             await self._settle(plan.id, lambda: self._fail(plan.id, result.message, found))
         else:
             await self._take(plan, config, best, found)

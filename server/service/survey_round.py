@@ -11,6 +11,8 @@ AHEAD_OF = "ahead_of"
 """Key of a plan's document: the plan whose end it begins at, until the survey goes on with it."""
 REPLACES = "replaces"
 """Key of a plan's document: the draft whose place it takes as soon as it is a draft itself."""
+NOTHING_FEASIBLE = "nothing_feasible"
+"""Key of a failed plan's document: it was searched for, and nothing kept every limit."""
 ENDED_BADLY = ("failed", "cancelled", "superseded")
 
 
@@ -57,8 +59,8 @@ def standing_of(plans: Sequence[PlanRecord]) -> Standing | None:
 def counted(plans: Sequence[PlanRecord]) -> list[PlanRecord]:
     """Return the plans that are rounds of a survey, in the same order.
 
-    Left out are those that were made ahead and not used, and those that were to replace a draft and
-    ended before they did.
+    Left out are those that were made ahead and not used, those that were to replace a draft and
+    ended before they did, and a last one for which too little of the budget was left.
     """
     by_id = {plan.id: plan for plan in plans}
     return [
@@ -66,6 +68,7 @@ def counted(plans: Sequence[PlanRecord]) -> list[PlanRecord]:
         for plan in plans
         if not _came_to_nothing(plan, by_id)
         and not (plan.document.get(AHEAD_OF) and plan.state in ENDED_BADLY)
+        and unusable_rest(plan, PlannerConfig.model_validate(plan.config)) is None
     ]
 
 
@@ -79,6 +82,16 @@ def config_of_round(config: PlannerConfig, spent_share: float) -> PlannerConfig:
     exploitation = exploitation_at(config, min(max(spent_share, 0.0), 1.0))
     ergodic = config.ergodic.model_copy(update={"exploitation": exploitation})
     return config.model_copy(update={"ergodic": ergodic})
+
+
+def unusable_rest(plan: PlanRecord, config: PlannerConfig) -> float | None:
+    """Return what was left of a survey's budget if nothing can be flown with it, else None.
+
+    Such a survey has done what it was asked for; one whose full round cannot be planned has not.
+    """
+    budget = plan.document.get("budget", config.round_budget)
+    is_rest = plan.round > 1 and budget < config.round_budget
+    return budget if is_rest and plan.document.get(NOTHING_FEASIBLE) else None
 
 
 def planned_energy(plan: PlanRecord) -> float:

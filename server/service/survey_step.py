@@ -29,6 +29,7 @@ from server.service.survey_round import (
     config_of_round,
     planned_energy,
     standing_of,
+    unusable_rest,
 )
 from server.service.upload import Uploads
 
@@ -212,8 +213,13 @@ class SurveySteps:
         plan = standing.plan
         message = plan.document["message"]
         await self._let_go(standing)
+        config = PlannerConfig.model_validate(record.config)
+        rest = unusable_rest(plan, config)
         if plan.document.get("interrupted"):
             await self.next_round(record, plans, plan.round)
+        elif rest is not None:
+            text = f"The {rest:.3g} energy units that are left are too little for a further round"
+            await self._maps.end(record, config, text)
         elif plan.state == "failed" and plan.running_at is None:
             await self._missions.advance(record.id, "failed", message, automation=False)
         else:

@@ -42,6 +42,8 @@ def run(
         way.end_xy,
         rng=np.random.default_rng([*chance, problem.attempt] if problem.attempt else chance),
         budget=problem.budget - approach_energy(problem.planner, way.legs),
+        site=problem.site,
+        warm=[without_approach(legs, way.legs) for legs in problem.warm],
         on_progress=report,
         is_cancelled=is_cancelled,
         elapsed_s=lambda: time.monotonic() - began_s,
@@ -77,6 +79,9 @@ def belief_of(problem: SurveyProblem) -> FieldBelief:
         mean=mean,
         std=std,
         sample_position_std=problem.samples.position_std_m[kept],
+        planned_points=problem.planned_points,
+        planned_std=problem.planned_std_m,
+        shape=config.single.shape,
     )
 
 

@@ -255,6 +255,33 @@ async def test_plan_ahead_that_fails_is_made_after_the_flight(client, world, wor
     assert len(workers.problems) == 3
 
 
+async def test_rest_of_the_budget_that_nothing_can_be_flown_with_ends_a_survey(
+    client, world, workers
+):
+    robot = world.robots[MINI]
+    robot.may_end.clear()
+    mission = await survey(client, total_budget=20.0)
+    await until(lambda: robot.state is OnboardPlanState.RUNNING)
+    workers.nothing_feasible = True
+    robot.may_end.set()
+    done = await mission_when(client, mission, lambda one: one["state"] in {"done", "failed"})
+    assert done["state"] == "done"
+    assert done["message"].startswith("The 8.25 energy units that are left are too little")
+    assert [entry["state"] for entry in done["rounds"]] == ["done"]
+
+
+async def test_full_round_that_cannot_be_planned_fails_a_survey(client, world, workers):
+    robot = world.robots[MINI]
+    robot.may_end.clear()
+    mission = await survey(client, total_budget=40.0)
+    await until(lambda: robot.state is OnboardPlanState.RUNNING)
+    workers.nothing_feasible = True
+    robot.may_end.set()
+    failed = await mission_when(client, mission, lambda one: one["state"] in {"done", "failed"})
+    assert failed["state"] == "failed"
+    assert "too shallow" in failed["message"]
+
+
 async def flown_plan(station, workers):
     """Return a plan as its robot flies it."""
     config_id, config = await station.planning.configure(MINI, FAST, by="test")

@@ -1,6 +1,7 @@
 import itertools
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,9 +9,11 @@ import pytest
 from autonomy.field.config import FIELD_PRESETS
 from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure
+from autonomy.planner.check import violations
 from autonomy.planner.config import PLANNER_PRESETS
+from autonomy.planner.objective import objective
 from autonomy.planner.plan import PlanStatus, PrimitiveKind
-from autonomy.site import LAKE, TANK
+from autonomy.site import LAKE, TANK, Area
 from server.problem import Problem
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
 from server.service.task import plan_survey
@@ -55,6 +58,60 @@ def test_another_round_searches_with_other_random_numbers():
         for number in (1, 1, 2)
     ]
     assert legs[0] == legs[1] != legs[2]
+
+
+def test_search_begins_with_the_trajectories_of_an_earlier_one():
+    earlier = plan_survey.run(
+        SurveyProblem(QUICK, FIELD, samples(10), (1.2, 0.6), 12.0, 1, TANK), print, never
+    )
+    short = QUICK.search.model_copy(update={"iterations_max": 1})
+    config = QUICK.model_copy(update={"search": short})
+    warm = (earlier.best.legs, *(one.legs for one in earlier.runners_up))
+    cold, later = (
+        plan_survey.run(
+            SurveyProblem(config, FIELD, samples(10), (1.2, 0.6), 12.0, 1, TANK, begun, attempt=1),
+            print,
+            never,
+        )
+        for begun in ((), warm)
+    )
+    assert later.best.objective >= earlier.best.objective - 1e-6
+    assert cold.best is None or cold.best.objective < later.best.objective
+
+
+def test_samples_that_others_will_take_make_theirs_worth_less():
+    alone = SurveyProblem(QUICK, FIELD, samples(10), (1.2, 0.6), 8.0, 1, TANK)
+    first = plan_survey.run(alone, print, never).best
+    belief = plan_survey.belief_of(alone)
+    taken = replace(alone, planned_points=first.points[:, 1:4], planned_std_m=first.points[:, 4])
+    worth = objective(QUICK, belief)(first.points)
+    assert objective(QUICK, plan_survey.belief_of(taken))(first.points) < 0.5 * worth
+
+
+def test_plan_of_the_lake_stays_off_the_shore():
+    config = PLANNER_PRESETS["grace3"].model_copy(
+        update={
+            "planning_time_s": 30.0,
+            "search": QUICK.search.model_copy(
+                update={"step_m": 40.0, "near_radius_m": 40.0, "nearest_radius_m": 32.0}
+            ),
+        }
+    )
+    field = FIELD_PRESETS["chlorophyll"]
+    nothing = FieldSamples.none()
+    problem = SurveyProblem(config, field, nothing, (250.0, 250.0), 20.0, 1, LAKE)
+    best = plan_survey.run(problem, print, never).best
+    assert violations(best.legs, config, LAKE) == ()
+
+
+def test_robot_inside_a_keep_out_is_not_planned_for():
+    corners = ((1.0, 0.4), (1.5, 0.4), (1.5, 0.8), (1.0, 0.8))
+    config = QUICK.model_copy(update={"keep_outs": (Area(name="net", corners_m=corners),)})
+    result = plan_survey.run(
+        SurveyProblem(config, FIELD, samples(10), (1.2, 0.6), 8.0, 1, TANK), print, never
+    )
+    assert result.status is PlanStatus.NOTHING_FEASIBLE
+    assert "net" in result.message
 
 
 def test_belief_says_less_where_nothing_was_measured():
