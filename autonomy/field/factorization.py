@@ -5,13 +5,9 @@ on a small machine the two wait for each other longer than they compute.
 """
 
 import numpy as np
-from scipy.linalg import LinAlgError, get_blas_funcs, get_lapack_funcs
-from scipy.linalg import cholesky as scipy_cholesky
 
 from autonomy.arrays import FloatArray
-
-(_trtrs,) = get_lapack_funcs(("trtrs",), dtype=np.float64)
-(_trsm,) = get_blas_funcs(("trsm",), dtype=np.float64)
+from autonomy.field.algebra import factorize_in_place, solve_in_place
 
 _FIRST_JITTER = 1e-10
 _LAST_JITTER = 1e-2
@@ -36,11 +32,11 @@ def cholesky(matrix: FloatArray, scale: float) -> FloatArray:
     """
     jitter = 0.0
     while jitter <= _LAST_JITTER:
-        try:
-            jittered = matrix + jitter * scale * np.eye(len(matrix)) if jitter else matrix
-            return scipy_cholesky(jittered, lower=True, check_finite=False)
-        except LinAlgError:
-            jitter = 10.0 * jitter or _FIRST_JITTER
+        factor = np.asfortranarray(np.tril(matrix))
+        factor[np.diag_indices(len(matrix))] += jitter * scale
+        if factorize_in_place(factor):
+            return factor
+        jitter = 10.0 * jitter or _FIRST_JITTER
     raise ValueError("the matrix to factorize is not a covariance matrix")
 
 
@@ -54,8 +50,7 @@ def solve_lower(factor: FloatArray, right: FloatArray) -> FloatArray:
     Returns:
         Shape of ``right``.
     """
-    solution, _ = _trtrs(factor, right, lower=1)
-    return solution
+    return _solved(factor, right, transposed=False)
 
 
 def whiten_in_place(factor: FloatArray, rows: FloatArray) -> FloatArray:
@@ -68,10 +63,17 @@ def whiten_in_place(factor: FloatArray, rows: FloatArray) -> FloatArray:
     Returns:
         One whitened vector a row, shape ``(m, n)``; the memory of ``rows``.
     """
-    return _trsm(1.0, factor, rows.T, lower=1, overwrite_b=1).T
+    solve_in_place(factor, rows.T)
+    return rows
 
 
 def solve_lower_transposed(factor: FloatArray, right: FloatArray) -> FloatArray:
     """Return ``L^-T right`` for a lower triangular factor; shapes as in ``solve_lower``."""
-    solution, _ = _trtrs(factor, right, lower=1, trans=1)
-    return solution
+    return _solved(factor, right, transposed=True)
+
+
+def _solved(factor: FloatArray, right: FloatArray, *, transposed: bool) -> FloatArray:
+    columns = right[:, None] if right.ndim == 1 else right
+    solution = np.array(columns, dtype=np.float64, order="F")
+    solve_in_place(np.asfortranarray(factor), solution, transposed=transposed)
+    return solution[:, 0] if right.ndim == 1 else solution

@@ -1,7 +1,7 @@
 """The factor of a covariance that grows by rows, and what it has whitened.
 
 Rows live in panels that are filled and never moved, so that taking in a sample costs the same
-whether a panel is full or not. Everything large goes through scipy's BLAS, as it lies in memory.
+whether a panel is full or not. Everything large goes through one BLAS, as it lies in memory.
 """
 
 from dataclasses import dataclass
@@ -10,8 +10,10 @@ import numpy as np
 from scipy.linalg import get_blas_funcs
 
 from autonomy.arrays import FloatArray
+from autonomy.field.algebra import solve_in_place, subtract_product
 
-_gemv, _gemm, _trsm = get_blas_funcs(("gemv", "gemm", "trsm"), dtype=np.float64)
+(_gemv,) = get_blas_funcs(("gemv",), dtype=np.float64)
+"""For one sample: it is soon done."""
 
 PANEL_ROWS = 128
 _SPARE_COLUMNS = 256
@@ -76,11 +78,10 @@ class GrowingFactor:
         for panel in self._panels:
             here = slice(panel.start, panel.start + panel.rows)
             if panel.start:
-                x[here] -= _product(panel.left[: panel.rows], x[: panel.start])
+                _subtract_product(x[here], panel.left[: panel.rows], x[: panel.start])
             block = np.zeros((PANEL_ROWS, x.shape[1]))
             block[: panel.rows] = x[here]
-            solved = _trsm(1.0, panel.diagonal, block.T, side=1, lower=1, trans_a=1, overwrite_b=1)
-            x[here] = solved.T[: panel.rows]
+            x[here] = _whitened_rows(panel.diagonal, block)[: panel.rows]
         return x
 
 
@@ -160,11 +161,10 @@ class WhitenedColumns:
                 part = weights[first : first + len(panel)]
                 row = _gemv(-1.0, panel.T, part, beta=1.0, y=row, overwrite_y=1)
             return row[None]
-        columns = remaining.T  # (width, m)
         for first, panel in self._filled():
             part = B[first : first + len(panel)]
-            columns = _gemm(-1.0, panel.T, part, beta=1.0, c=columns, overwrite_c=1)
-        return columns.T
+            subtract_product(remaining.T, panel.T, part.T, transposed=True)
+        return remaining
 
     def _store(self, v: FloatArray) -> None:
         used = self._rows % PANEL_ROWS
@@ -191,16 +191,18 @@ class WhitenedColumns:
         self._width = width
 
 
-def _product(left: FloatArray, right: FloatArray) -> FloatArray:
-    """Return ``left right`` for ``(r, n)`` and ``(n, k)``, both in C order."""
+def _subtract_product(rest: FloatArray, left: FloatArray, right: FloatArray) -> None:
+    """Take ``left right`` from ``rest``, for ``(r, n)`` and ``(n, k)``, all in C order."""
     if right.shape[1] == 1:
-        return _gemv(1.0, left.T, right[:, 0], trans=1)[:, None]
-    return _gemm(1.0, right.T, left.T).T
+        rest[:, 0] -= _gemv(1.0, left.T, right[:, 0], trans=1)
+    else:
+        subtract_product(rest.T, right.T, left.T)
 
 
 def _whitened_rows(L: FloatArray, rows: FloatArray) -> FloatArray:
     """Return ``L^-1 rows`` for rows ``(m, q)`` in C order, in their memory."""
     if len(L) == 1:
         rows /= L[0, 0]
-        return rows
-    return _trsm(1.0, L, rows.T, side=1, lower=1, trans_a=1, overwrite_b=1).T
+    else:
+        solve_in_place(L, rows.T, transposed=True, from_right=True)
+    return rows
