@@ -1,14 +1,17 @@
 """The planner beside Algorithm 1 to the letter, on the specification's tank problem.
 
-Both run in this process on the same problem; objectives are recomputed by the plain formulas.
+The letter gets 45 s of a processor for each seed and runs in processes of its own, two at a time,
+when the product has been measured; objectives are recomputed by the plain formulas. Seconds are
+the processor's, so that other work on the machine does not count; wall time is told beside them.
 """
 
 import dataclasses
 import json
-import os
+import multiprocessing
+import resource
 import time
 from collections.abc import Callable
-from pathlib import Path
+from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
 
@@ -30,7 +33,11 @@ START = (0.3, 0.3)
 BUDGET = 20.0
 PAST_EDGES, PAST_SAMPLES = 9, 60
 FAST_S = 1.0
-LITERAL_S = {"information_gain": 10.0, "ergodic": 2.0}
+LITERAL_S = {"information_gain": 45.0, "ergodic": 15.0}
+LEAST_RATE = {"information_gain": 80_000.0, "ergodic": 60_000.0}
+MARGIN = 1.05
+FIRST_S = 0.2
+MEMORY_MB, MEMORY_RUN_S = 500.0, 3.0
 CONFIG = PlannerConfig(
     max_uncertainty_m=0.5,
     fidelity_counts=False,
@@ -41,53 +48,83 @@ TEST_POINTS = Grid.over(CONFIG.domain, GridShape(x=10, y=6, z=4)).points
 
 
 def measure() -> list[dict[str, object]]:
-    """Run both planners on three seeds with each objective; takes about 50 s."""
+    """Run both planners on three seeds with each objective; takes about two minutes."""
     kernel.warm_up()
-    rows = speed_and_memory()
-    for name in ("information_gain", "ergodic"):
-        config = CONFIG.model_copy(update={"objective": name})
-        for seed in SEEDS:
-            rows += duel(config, seed)
+    rows: list[dict[str, object]] = []
+    fast: dict[tuple[str, int], PlanResult] = {}
+    for name in LITERAL_S:
+        rows += speed(name, fast)
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(2, mp_context=context, max_tasks_per_child=1) as pool:
+        used = [pool.submit(peak_mb, name) for name in (*LITERAL_S, "weighted")]
+        letters = {
+            (name, seed): pool.submit(letter, name, seed) for name in LITERAL_S for seed in SEEDS
+        }
+        memory = max(each.result() for each in used)
+        rows.append(
+            row(
+                f"memory of a process that plans {MEMORY_RUN_S:g} s, worst objective",
+                memory,
+                "MB",
+                MEMORY_MB,
+                memory <= MEMORY_MB,
+            )
+        )
+        for (name, seed), each in letters.items():
+            rows += duel(name, seed, fast[name, seed], each.result())
     return rows
 
 
-def speed_and_memory() -> list[dict[str, object]]:
-    """Candidates a second, delay of the first trajectory, and memory of a longer search.
-
-    Seconds are the processor's, so that other work on the machine does not count.
-    """
-    clock = time.process_time
-    before = resident_mb()
-    results = [plan_for(search.plan, CONFIG, seed, FAST_S, clock) for seed in SEEDS]
-    rate = sum(result.candidates for result in results) / (len(SEEDS) * FAST_S)
-    delay = max(result.history[0].elapsed_s for result in results)
-    plan_for(search.plan, CONFIG, SEEDS[0], 3.0 * FAST_S, clock)
-    added = resident_mb() - before
+def speed(name: str, fast: dict[tuple[str, int], PlanResult]) -> list[dict[str, object]]:
+    """Measure candidates a second and the delay of the first trajectory; keep the results."""
+    config = CONFIG.model_copy(update={"objective": name})
+    began_s = time.perf_counter()
+    for seed in SEEDS:
+        fast[name, seed] = plan_for(search.plan, config, seed, FAST_S, time.process_time)
+    wall_s = time.perf_counter() - began_s
+    count = sum(fast[name, seed].candidates for seed in SEEDS)
+    processor_s = sum(fast[name, seed].history[-1].elapsed_s for seed in SEEDS)
+    delay = max(plan_for(search.plan, config, seed, FIRST_S).history[0].elapsed_s for seed in SEEDS)
+    rate, bar = count / processor_s, LEAST_RATE[name]
+    what = name.replace("_", " ")
     return [
-        row("budget-feasible candidates, information gain", rate, "1/s", 5000.0, rate >= 5000.0),
-        row("first trajectory, slowest seed", delay, "s", None, None),
-        row("memory that searches of up to 3 s leave in use", added, "MB", 500.0, added <= 500.0),
+        row(f"{what}: candidates a processor second", rate, "1/s", bar, rate >= bar),
+        row(f"{what}: candidates a second of the wall clock", count / wall_s, "1/s", None, None),
+        row(f"{what}: first trajectory, slowest seed", delay, "s", FIRST_S, delay <= FIRST_S),
     ]
 
 
-def duel(config: PlannerConfig, seed: int) -> list[dict[str, object]]:
+def letter(name: str, seed: int) -> float:
+    """Return what the letter's best trajectory is worth by the plain formula."""
+    config = CONFIG.model_copy(update={"objective": name})
+    result = plan_for(literal.plan, config, seed, LITERAL_S[name], time.process_time)
+    return objective(config, belief(seed), START)(result.best.points)
+
+
+def peak_mb(name: str) -> float:
+    """Return the most memory that this process has had in use, after a longer search."""
+    kernel.warm_up()
+    config = CONFIG.model_copy(update={"objective": name})
+    plan_for(search.plan, config, SEEDS[0], MEMORY_RUN_S, time.process_time)
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
+
+
+def duel(name: str, seed: int, fast: PlanResult, bar: float) -> list[dict[str, object]]:
     """Compare the objective after one second with the letter's after many."""
-    literal_s = LITERAL_S[config.objective]
-    worth = objective(config, belief(seed))
-    fast = plan_for(search.plan, config, seed, FAST_S)
-    letter = plan_for(literal.plan, config, seed, literal_s)
-    exact = worth(fast.best.points)
-    bar = worth(letter.best.points)
-    what = f"{config.objective.replace('_', ' ')}, seed {seed}"
-    unit = "nats" if config.objective == "information_gain" else "-KL"
+    config = CONFIG.model_copy(update={"objective": name})
+    exact = objective(config, belief(seed), START)(fast.best.points)
+    what = f"{name.replace('_', ' ')}, seed {seed}"
+    unit = "nats" if name == "information_gain" else "-KL"
+    least = bar * MARGIN if bar > 0.0 else bar / MARGIN
     error = abs(fast.best.objective - exact)
     return [
         row(
-            f"{what}: {FAST_S:g} s; bar: the letter's {literal_s:g} s",
+            f"{what}: after {FAST_S:g} s; bar: 5 % above the letter's {bar:.4g} after"
+            f" {LITERAL_S[name]:g} s",
             exact,
             unit,
-            bar,
-            exact > bar,
+            least,
+            exact >= least,
         ),
         row(f"{what}: error of the reported objective", error, unit, 1e-6, error <= 1e-6),
     ]
@@ -144,12 +181,6 @@ def belief(seed: int) -> FieldBelief:
         mean=posterior.mean(TEST_POINTS),
         std=np.sqrt(np.maximum(posterior.variance(TEST_POINTS), 0.0)),
     )
-
-
-def resident_mb() -> float:
-    """Memory of this process that is in use now."""
-    pages = int(Path("/proc/self/statm").read_text().split()[1])
-    return pages * os.sysconf("SC_PAGE_SIZE") / 2**20
 
 
 def row(

@@ -3,6 +3,7 @@ import math
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from itertools import pairwise
 from pathlib import Path
 from unittest import mock
@@ -57,6 +58,29 @@ def test_single_precision_in_the_search_is_good_to_a_hundredth(name, past):
     compared, exact = result.history[-2], result.history[-1]
     assert compared.objective == pytest.approx(exact.objective, abs=0.01)
     assert exact.objective == result.best.objective
+
+
+@pytest.mark.parametrize("shape", ["matern12", "matern52", "squared_exponential"])
+@pytest.mark.parametrize("counts", ["noise", "levels"])
+def test_every_kernel_and_way_of_counting_is_searched_as_the_reference_says(shape, counts):
+    config = with_search(QUICK, points_per_edge_max=64, iterations_max=15)
+    config = config.model_copy(
+        update={"fidelity_counts": True, "fidelity_thresholds_m": (0.02, 0.05)}
+    )
+    ahead = belief_over(config.domain, past=12)
+    belief = replace(
+        belief_over(config.domain),
+        shape=shape,
+        counts=counts,
+        planned_points=ahead.sample_points[:, [0, 1, 2]] * (1.0, 0.7, 0.5),
+        planned_std=np.full(12, 0.04),
+    )
+    result = run(search.plan, config, belief)
+    compared, exact = result.history[-2], result.history[-1]
+    assert compared.objective == pytest.approx(exact.objective, rel=1e-4)
+    assert exact.objective == pytest.approx(
+        objective(config, belief, START)(result.best.points), rel=1e-6
+    )
 
 
 def test_averaged_points_compare_almost_like_all_of_them():
