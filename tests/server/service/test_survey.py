@@ -51,7 +51,16 @@ async def mission_in(client, mission, *states):
 async def test_survey_plans_flies_and_maps_until_its_budget_is_spent(client, station, world):
     mission = await survey_of(client)
     ready = await mission_in(client, mission, "ready")
-    assert ready["budget"] == {"total": 24.0, "spent": 0.0, "round": 12.0}
+    assert ready["budget"] == {
+        "total": 24.0,
+        "spent": 0.0,
+        "round": 12.0,
+        "remaining": 24.0,
+        "round_time_s": None,
+        "round_satellite_bytes": None,
+        "planned_s": 0.0,
+        "satellite_bytes": 0,
+    }
     assert world.uploads == []
     assert (await client.post(f"/api/missions/{mission}/start")).status_code == 202
     done = await mission_in(client, mission, "done")
@@ -61,7 +70,10 @@ async def test_survey_plans_flies_and_maps_until_its_budget_is_spent(client, sta
         sum(entry["energy"] for entry in done["rounds"]), abs=0.01
     )
     assert 24.0 - 2.5 < done["budget"]["spent"] <= 24.0 + 0.01
-    assert {scores["model"] for scores in done["scores"]} == {"single", "recursive"}
+    assert done["budget"]["remaining"] == pytest.approx(24.0 - done["budget"]["spent"])
+    assert done["budget"]["satellite_bytes"] > 0
+    assert 0.0 < done["map_std"] < 2.2
+    assert len(done["scores"]) == 4
     assert all(0.0 < scores["rmse"] < 2.0 for scores in done["scores"])
     columns = await station.foundation.store.query(
         lambda session: sample_columns(session, MINI, "blue_light")
