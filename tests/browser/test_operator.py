@@ -51,7 +51,7 @@ def test_a_survey_is_planned_sent_flown_and_mapped(page, demo):
     page.get_by_role("button", name="Plan a survey for mini-1").click()
     expect(page.get_by_text("No limit is violated.")).to_be_visible(timeout=90_000)
     expect(page.get_by_text("until 14 energy units are spent")).to_be_visible()
-    page.wait_for_timeout(2000)
+    look_at_the_draft(page)
     shoot(page, "plan")
     hold(page, re.compile("Send plan"))
     ladder = page.get_by_role("list", name="State of the plan")
@@ -64,7 +64,44 @@ def test_a_survey_is_planned_sent_flown_and_mapped(page, demo):
     open_page(page, demo, "/map/mini-1")
     expect(page.get_by_text("Standard deviation").first).to_be_visible(timeout=60_000)
     expect(page.get_by_text("Against the truth")).to_be_visible(timeout=180_000)
+    look_at_the_map(page, demo)
     shoot(page, "map")
+
+
+def look_at_the_draft(page):
+    """What is known of a plan before it is sent: its way, its rehearsal, what came close to it."""
+    rehearsal = page.get_by_role("region", name="Rehearsal of the plan")
+    expect(rehearsal.get_by_role("status")).to_have_text("Rehearsed", timeout=90_000)
+    expect(rehearsal.get_by_text("From the plan, rms")).to_be_visible()
+    way = page.get_by_role("img", name=re.compile("Depth and predicted position uncertainty"))
+    expect(way).to_be_visible()
+    expect(page.get_by_role("img", name="Best objective over planning time")).to_be_visible()
+    others = page.get_by_role("region", name="Runners-up")
+    expect(others.get_by_role("button", name=re.compile("Use runner-up 2")).first).to_be_enabled()
+    expect(others.get_by_role("button", name="Search on")).to_be_enabled()
+    expect(page.get_by_role("region", name="Account of the plan")).to_contain_text("of 14")
+
+
+def look_at_the_map(page, demo):
+    """Samples by fidelity, sliders of the 3D view, four models side by side, files to take away."""
+    symbols = page.get_by_role("list", name="What the symbols mean")
+    expect(symbols).to_contain_text(re.compile("[1-9][0-9]* samples near this slice"))
+    page.get_by_text("3D", exact=True).first.click()
+    controls = page.get_by_role("region", name="What the 3D view shows")
+    for slider in ("Opacity", "Vertical"):
+        expect(controls.get_by_label(slider)).to_be_visible(timeout=90_000)
+    controls.get_by_label("Samples by fidelity").check()
+    controls.get_by_text("Slices", exact=True).click()
+    expect(controls.get_by_label("Depth", exact=True)).to_be_visible()
+    page.get_by_text("Compare models", exact=True).click()
+    page.get_by_role("button", name=re.compile("Compare")).click()
+    models = page.get_by_role("region", name="Comparison of models")
+    expect(models.get_by_role("columnheader")).to_have_count(5, timeout=120_000)
+    expect(models.get_by_role("img", name="Standard deviation")).to_have_count(4)
+    page.get_by_text("Slices", exact=True).first.click()
+    for kind in ("JSON", "NumPy (npz)", "CSV"):
+        link = page.get_by_role("link", name=kind).get_attribute("href")
+        assert page.request.get(f"{demo.url}{link}").ok, kind
 
 
 def test_surface_now_says_what_is_proved(page, demo):
