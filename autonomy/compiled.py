@@ -21,3 +21,12 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 def inlined_kernel(function: Callable[P, R]) -> Callable[P, R]:
     """Compile a kernel that other kernels call so often that the call itself would show."""
     return cast("Callable[P, R]", numba.njit(cache=True, nogil=True, forceinline=True)(function))
+
+
+def summing_kernel(function: Callable[P, R]) -> Callable[P, R]:
+    """Compile a kernel whose long sums may be added up in any order, and so by vector instructions.
+
+    The result differs by rounding from that of another processor.
+    """
+    fast = {"reassoc", "contract", "nsz"}
+    return cast("Callable[P, R]", numba.njit(cache=True, nogil=True, fastmath=fast)(function))

@@ -82,11 +82,11 @@ def one_kernel() -> list[dict[str, object]]:
 def three_levels() -> list[dict[str, object]]:
     """Learn three levels from the same start as Emukit.
 
-    Emukit of its own accord learns a scale factor at each of the two steps between levels, ours
-    one for both; then, scale factors held at 1, both learn the same 15 hyperparameters.
+    Emukit of its own accord learns a scale factor at each of the two steps between levels: 17
+    hyperparameters, as ours. Then both scale factors are held at 1, and 15 are learned.
     """
     rows: list[dict[str, object]] = []
-    for learns_rho, bar, nats in ((True, EMUKIT_BAR, None), (False, None, SAME_NATS)):
+    for learns_rho, bar in ((True, EMUKIT_BAR), (False, None)):
         taken, ends = raced_on_levels(learns_rho)
         kind = "scale learned" if learns_rho else "scale held"
         what = f"learning three levels, {kind}, n = {SAMPLES}"
@@ -94,7 +94,7 @@ def three_levels() -> list[dict[str, object]]:
         rows += [
             at_most(AREA, what, taken["ours"], "s", None),
             at_least(AREA, f"Emukit / ours, {what}", taken["Emukit"] / taken["ours"], bar),
-            at_most(AREA, name, ends["ours"] - ends["Emukit"], "nats", nats),
+            at_most(AREA, name, ends["ours"] - ends["Emukit"], "nats", SAME_NATS),
         ]
     return rows
 

@@ -1,7 +1,7 @@
 """Settings of a field map: model, kernel of each fidelity level, grid; presets per variable."""
 
 from itertools import pairwise
-from typing import Any, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -11,6 +11,9 @@ from autonomy.configuration import Configuration, quantity
 from autonomy.field.variable import VARIABLES, Scale
 
 KernelShape = Literal["matern12", "matern32", "matern52", "squared_exponential"]
+LARGEST_FACTOR = 10.0
+"""Largest factor between levels, either way."""
+ScaleFactor = Annotated[float, Field(ge=-LARGEST_FACTOR, le=LARGEST_FACTOR)]
 FieldModelKey = Literal["single", "recursive", "joint", "position_noise"]
 
 
@@ -55,6 +58,9 @@ class LearningConfig(Configuration):
     """Places where the search begins; the best end wins."""
     mean: Literal["fixed", "constant", "linear"] = quantity("fixed", title="Prior mean")
     """Keep the prior mean, learn a constant one, or learn one that rises along each axis."""
+    learns_rho: bool = quantity(False, title="Learn scale between levels", advanced=True)
+    """Learn the factors between levels too, where the joint model is learned; the recursive model
+    then has them as well, and should be learned after it."""
     noise_floor_share: float = quantity(1e-3, title="Noise floor", gt=0.0, le=1.0, advanced=True)
     """Smallest noise variance that is believed, as a share of the variance of the values."""
     prior_strength: float = quantity(1.0, title="Prior strength", ge=0.0, le=100.0, advanced=True)
@@ -109,8 +115,14 @@ class FieldConfig(Configuration):
     )
     """Kernel of each fidelity level of the joint model, worst located first; as many as levels,
     and the same where nothing is said."""
-    rho: float = quantity(1.0, title="Correlation of levels", ge=-10.0, le=10.0, advanced=True)
-    """Factor by which the field of a level enters the one above, in the models with levels."""
+    rho: tuple[ScaleFactor, ...] = Field(
+        default=(),
+        title="Scale between levels",
+        max_length=4,
+        json_schema_extra={"unit": "", "advanced": True},
+    )
+    """Factor by which the field of each level enters the one above, worst located first, in the
+    models with levels; one fewer than levels, or none where all are 1."""
     fidelity_thresholds_m: tuple[float, ...] = Field(
         default=(0.05, 0.12),
         title="Fidelity thresholds",
@@ -149,6 +161,8 @@ class FieldConfig(Configuration):
             raise ValueError("fidelity_thresholds_m needs one number fewer than levels")
         if len(self.joint_levels) != len(self.levels):
             raise ValueError("joint_levels needs as many kernels as levels")
+        if self.rho and len(self.rho) != len(self.levels) - 1:
+            raise ValueError("rho needs one factor fewer than levels, or none")
         if self.model == "position_noise" and self.single.shape == "matern12":
             raise ValueError("single.shape must be smoother than matern12 for position_noise")
         if any(threshold <= 0 for threshold in thresholds):

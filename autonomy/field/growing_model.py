@@ -9,6 +9,7 @@ from autonomy.field.config import FieldConfig, KernelParameters
 from autonomy.field.fidelity import fidelity_level
 from autonomy.field.growing import GrowingGaussianProcess, MapTargets, SampleTargets
 from autonomy.field.kernel import gradient_covariance, noise_variance
+from autonomy.field.level_scale import scale_factors
 from autonomy.field.model import ageing_of
 from autonomy.field.model_prior import AgeingPrior, JointPrior, Places, Prior, SinglePrior
 from autonomy.field.position_noise import PositionNoise, Slope, curvature_noise, position_noise
@@ -180,7 +181,8 @@ class GrowingRecursion:
 
     def __init__(self, config: FieldConfig, points: FloatArray) -> None:
         """Begin with the prior at points ``(q, 3)``."""
-        self._rho = config.rho
+        self._factors: list[float] = [0.0, *scale_factors(config.rho, len(config.levels)).tolist()]
+        """By which what is below enters each level."""
         self._thresholds_m = config.fidelity_thresholds_m
         self._levels = [
             _Level(kernel, points, config.memory_s, below)
@@ -191,16 +193,16 @@ class GrowingRecursion:
     def mean(self) -> FloatArray:
         """Posterior mean, shape ``(q,)``."""
         total = self._levels[0].map.mean
-        for level in self._levels[1:]:
-            total = self._rho * total + level.map.mean
+        for rho, level in zip(self._factors[1:], self._levels[1:], strict=True):
+            total = rho * total + level.map.mean
         return total
 
     @property
     def variance(self) -> FloatArray:
         """Posterior variance of the field, shape ``(q,)``."""
         total = self._levels[0].map.variance
-        for level in self._levels[1:]:
-            total = self._rho**2 * total + level.map.variance
+        for rho, level in zip(self._factors[1:], self._levels[1:], strict=True):
+            total = rho**2 * total + level.map.variance
         return total
 
     @property
@@ -234,9 +236,9 @@ class GrowingRecursion:
     def _residuals(self, level: "_Level", below: list["_Level"]) -> FloatArray:
         """Return what the levels below leave unexplained of a level's samples."""
         explained = np.zeros(len(level.values))
-        for lower, seen in zip(below, level.seen_by, strict=True):
-            explained = self._rho * explained + lower.above.mean[seen]
-        return level.values - self._rho * explained
+        for rho, lower, seen in zip(self._factors, below, level.seen_by, strict=False):
+            explained = rho * explained + lower.above.mean[seen]
+        return level.values - self._factors[len(below)] * explained
 
 
 class _Level:

@@ -25,7 +25,7 @@ class JointGaussianProcess(PosteriorAtPoints):
         values: FloatArray,
         sample_levels: Sequence[int] | np.ndarray,
         *,
-        rho: float = 1.0,
+        rho: Sequence[float] = (),
         ageing: Ageing | None = None,
     ) -> None:
         """Condition on samples.
@@ -35,10 +35,10 @@ class JointGaussianProcess(PosteriorAtPoints):
             points: Estimated positions of the samples, shape ``(n, 3)``, m.
             values: Measurements in the model's scale, less the prior mean, shape ``(n,)``.
             sample_levels: Level of each sample, shape ``(n,)``.
-            rho: Factor by which the field of a level enters the one above.
+            rho: Factor by which the field of each level enters the one above; none for 1.
             ageing: Times, if the field changes.
         """
-        still = JointPrior(tuple(levels), rho)
+        still = JointPrior(tuple(levels), tuple(rho))
         prior = still if ageing is None else ageing.prior(still)
         places = Places.of(
             points,

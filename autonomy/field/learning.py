@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import BoolArray, FloatArray, IntArray
-from autonomy.field.config import KernelParameters
+from autonomy.field.config import LARGEST_FACTOR, KernelParameters
 from autonomy.field.learning_search import Found, IsCancelled, Limits, Report, search
+from autonomy.field.level_scale import scale_factors
 from autonomy.field.likelihood import PER_LEVEL, MarginalLikelihood
 from autonomy.field.prior import LogNormalPrior
 
@@ -39,7 +40,8 @@ class LearnedLevels:
 
     levels: tuple[KernelParameters, ...]
     """Kernel of each component, worst located level first."""
-    rho: float
+    rho: tuple[float, ...]
+    """Scale factor of each step between levels."""
     log_likelihood: float
     trend: tuple[float, ...]
     converged: bool
@@ -115,7 +117,7 @@ def learn_levels(
     starts: Sequence[tuple[KernelParameters, ...]],
     *,
     noise_floor: float,
-    rho: float = 1.0,
+    rho: Sequence[float] = (),
     learns_rho: bool = False,
     held: Sequence[int] = (),
     max_iterations: int = 150,
@@ -133,9 +135,11 @@ def learn_levels(
         sample_levels: Fidelity level of each sample, shape ``(n,)``.
         starts: Kernels of all levels to begin with; the first are the centre of the priors.
         noise_floor: Smallest noise variance of every level.
-        rho: Scale factor between neighbouring levels; positive where it is learned.
-        learns_rho: Whether to learn it too.
-        held: Levels whose kernels stay as they are, such as one without samples.
+        rho: Scale factor of each step between levels, to begin with or to stay; none for 1.
+        learns_rho: Whether to learn them too; their priors are normal, as wide about ``rho`` as
+            those of the logarithms.
+        held: Levels whose kernels stay as they are, such as one without samples, and with them the
+            scale factors of the steps to them and from them.
         max_iterations: Limit of the search.
         prior_strength: As in ``learn``.
         basis: As in ``learn``.
@@ -158,11 +162,14 @@ def learn_levels(
         age=age,
         basis=basis,
     )
-    tail = [math.log(rho)] if learns_rho else []
+    factors = scale_factors(rho, len(shapes))
+    tail = factors if learns_rho else factors[:0]
     first = [np.concatenate([*map(log_parameters, levels), tail]) for levels in starts]
     is_held = np.zeros(likelihood.size, dtype=np.bool_)
     for level in held:
         is_held[level * PER_LEVEL : (level + 1) * PER_LEVEL] = True
+        of_steps = is_held[len(shapes) * PER_LEVEL :]
+        of_steps[max(level - 1, 0) : level + 1] = True
     found = search(
         likelihood,
         first,
@@ -174,7 +181,7 @@ def learn_levels(
     kernels = _kernels(found.log_parameters, shapes)
     return LearnedLevels(
         tuple(starts[0][t] if t in held else kernel for t, kernel in enumerate(kernels)),
-        float(np.exp(found.log_parameters[-1])) if learns_rho else rho,
+        tuple((found.log_parameters[-len(tail) :] if len(tail) else factors).tolist()),
         -found.likelihood.value,
         _trend(found),
         found.converged,
@@ -199,6 +206,8 @@ def _limits(
 ) -> Limits:
     lower = np.maximum(np.min(starts, axis=0) - _LOG_RANGE, _LOG_SMALLEST)
     upper = np.minimum(np.max(starts, axis=0) + _LOG_RANGE, _LOG_LARGEST)
+    kernels = len(noise_floors) * PER_LEVEL
+    lower[kernels:], upper[kernels:] = -LARGEST_FACTOR, LARGEST_FACTOR
     noises = np.arange(len(noise_floors)) * PER_LEVEL + PER_LEVEL - 1
     lower[noises] = np.log(noise_floors)
     lower[held] = np.minimum(lower[held], starts[0][held])

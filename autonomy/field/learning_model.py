@@ -12,6 +12,7 @@ from autonomy.field.learning import learn, learn_levels
 from autonomy.field.learning_search import IsCancelled, Report
 from autonomy.field.learning_start import starting_kernels
 from autonomy.field.learning_trend import Trend
+from autonomy.field.level_scale import scale_factors
 from autonomy.field.model import ageing_of, centred_values, condition
 from autonomy.field.position_noise import PositionNoise
 from autonomy.field.recursive import RecursiveGaussianProcess
@@ -184,6 +185,7 @@ def _learn_recursive(work: _Work) -> tuple[FieldConfig, tuple[str, ...]]:
     levels: list[KernelParameters] = []
     facts: list[str] = []
     is_mean_known = config.learning.mean == "fixed"
+    factors: list[float] = [0.0, *scale_factors(config.rho, len(config.levels)).tolist()]
     for level, present in enumerate(config.levels):
         mine = fidelity == level
         if np.count_nonzero(mine) < FEWEST_OF_A_LEVEL:
@@ -197,10 +199,10 @@ def _learn_recursive(work: _Work) -> tuple[FieldConfig, tuple[str, ...]]:
                 points,
                 values,
                 fidelity,
-                rho=config.rho,
+                rho=factors[1:level],
                 ageing=ageing_of(config, work.samples, None),
             )
-            residuals = residuals - config.rho * below.mean(points[mine])
+            residuals = residuals - factors[level] * below.mean(points[mine])
         learned = learn(
             points[mine],
             residuals,
@@ -242,6 +244,7 @@ def _learn_joint(work: _Work) -> tuple[FieldConfig, tuple[str, ...]]:
         list(zip(*by_level, strict=True)),
         noise_floor=work.floor,
         rho=config.rho,
+        learns_rho=config.learning.learns_rho,
         held=held,
         prior_strength=config.learning.prior_strength,
         basis=trend.basis(points),
@@ -256,6 +259,10 @@ def _learn_joint(work: _Work) -> tuple[FieldConfig, tuple[str, ...]]:
         for level, kernel in enumerate(learned.levels)
     )
     found = config.model_copy(update={"joint_levels": learned.levels})
+    if config.learning.learns_rho and len(learned.rho):
+        found = found.model_copy(update={"rho": learned.rho})
+        told = ", ".join(f"{factor:.3g}" for factor in learned.rho)
+        facts = (*facts, f"scale between levels: {told}")
     return trend.applied(found, learned.trend), facts
 
 

@@ -1,15 +1,16 @@
 """Compiled sums of the marginal likelihood: covariance of one component, and its derivatives.
 
-Both go over one triangle of an ``n x n`` matrix that lies as LAPACK left it: element ``[j, i]``
-with ``i >= j`` of the C-ordered view is the lower triangle of the Fortran-ordered matrix.
+Samples are sorted by level, so that a component's share is the same along a run of each row, and
+inner loops are plain enough for vector instructions. Matrices lie as LAPACK left them: element
+``[j, i]`` with ``i >= j`` of the C-ordered view is the lower triangle of the Fortran-ordered one.
 """
 
 import math
 
 import numpy as np
 
-from autonomy.arrays import FloatArray
-from autonomy.compiled import inlined_kernel, kernel
+from autonomy.arrays import FloatArray, IntArray
+from autonomy.compiled import inlined_kernel, summing_kernel
 
 SHAPE_NUMBER = {"matern12": 0, "matern32": 1, "matern52": 2, "squared_exponential": 3}
 """How the kernels below call each shape."""
@@ -19,21 +20,8 @@ _ROOT_5 = math.sqrt(5.0)
 
 
 @inlined_kernel
-def exponential(shape: int, squared: float, lag: float) -> float:
-    """Return the exponential in a correlation.
-
-    Args:
-        shape: One of ``SHAPE_NUMBER``.
-        squared: Squared distance in length scales.
-        lag: Time between the samples over the memory of the field.
-    """
-    if shape == 0:
-        return math.exp(-math.sqrt(squared) - lag)
-    if shape == 1:
-        return math.exp(-_ROOT_3 * math.sqrt(squared) - lag)
-    if shape == 2:
-        return math.exp(-_ROOT_5 * math.sqrt(squared) - lag)
-    return math.exp(-0.5 * squared - lag)
+def _squared(x: float, y: float, z: float) -> float:
+    return x * x + y * y + z * z
 
 
 @inlined_kernel
@@ -43,7 +31,7 @@ def correlation(shape: int, squared: float, decay: float) -> tuple[float, float]
     Args:
         shape: One of ``SHAPE_NUMBER``.
         squared: Squared distance in length scales, :math:`d^2`.
-        decay: Its ``exponential``.
+        decay: Exponential of what ``fill_exponents`` gives.
 
     Returns:
         The correlation :math:`c`, and :math:`-c'(d) / d`: times the squared distance along one
@@ -60,128 +48,143 @@ def correlation(shape: int, squared: float, decay: float) -> tuple[float, float]
     return decay, decay
 
 
-@kernel
+@summing_kernel
+def fill_exponents(
+    exponents: FloatArray, scaled_axes: FloatArray, age: FloatArray, shape: int
+) -> None:
+    """Put in what the correlations' exponentials are of.
+
+    Args:
+        exponents: Shape ``(m, m)``; overwritten.
+        scaled_axes: Positions over length scales, an axis a row, shape ``(3, m)``.
+        age: Time of each sample over the memory of the field, shape ``(m,)``.
+        shape: One of ``SHAPE_NUMBER``.
+    """
+    x, y, z = scaled_axes[0], scaled_axes[1], scaled_axes[2]
+    root = 1.0 if shape == 0 else _ROOT_3 if shape == 1 else _ROOT_5
+    for j in range(len(age)):
+        row = exponents[j]
+        if shape == 3:
+            for i in range(len(age)):
+                squared = _squared(x[i] - x[j], y[i] - y[j], z[i] - z[j])
+                row[i] = -0.5 * squared - abs(age[i] - age[j])
+        else:
+            for i in range(len(age)):
+                squared = _squared(x[i] - x[j], y[i] - y[j], z[i] - z[j])
+                row[i] = -root * math.sqrt(squared) - abs(age[i] - age[j])
+
+
+@summing_kernel
 def add_covariance(
     total: FloatArray,
     decays: FloatArray,
     scaled_axes: FloatArray,
-    age: FloatArray,
-    weights: FloatArray,
+    shares: FloatArray,
+    bounds: IntArray,
     shape: int,
     signal_variance: float,
-    first: int,
 ) -> None:
-    """Add ``signal w_i w_j c_ij`` of the samples from ``first`` on to one triangle of ``total``.
+    """Add one component's covariance of the samples that have a part in it.
 
     Args:
-        total: Shape ``(n, n)``, C order; elements ``[j, i]`` with ``i >= j`` change.
-        decays: Gets the exponentials of the same elements, shape ``(n, n)``.
-        scaled_axes: Positions over length scales, an axis a row, shape ``(3, n)``.
-        age: Time of each sample over the memory of the field, shape ``(n,)``.
-        weights: Share of this component in each sample, shape ``(n,)``.
+        total: Shape ``(n, n)``, C order; elements ``[j, i]`` with ``i >= j`` of the last ``m``
+            samples change.
+        decays: Exponentials of what ``fill_exponents`` gives, shape ``(m, m)``.
+        scaled_axes: Positions over length scales, an axis a row, shape ``(3, m)``.
+        shares: Share of the component in each level that has a part in it, shape ``(k,)``.
+        bounds: Where each level's samples begin among the ``m``, and ``m``, shape ``(k + 1,)``.
         shape: One of ``SHAPE_NUMBER``.
         signal_variance: Prior variance of the component.
-        first: Samples before this one have no part in the component.
     """
     x, y, z = scaled_axes[0], scaled_axes[1], scaled_axes[2]
-    for j in range(first, len(age)):
-        row, kept = total[j], decays[j]
-        factor = signal_variance * weights[j]
-        for i in range(j, len(age)):
-            dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
-            squared = dx * dx + dy * dy + dz * dz
-            decay = exponential(shape, squared, abs(age[i] - age[j]))
-            kept[i] = decay
-            row[i] += factor * weights[i] * correlation(shape, squared, decay)[0]
+    first = len(total) - len(decays)
+    for a in range(len(shares)):
+        for j in range(bounds[a], bounds[a + 1]):
+            row, kept = total[first + j, first:], decays[j]
+            for b in range(a, len(shares)):
+                factor = signal_variance * shares[a] * shares[b]
+                for i in range(max(j, bounds[b]), bounds[b + 1]):
+                    squared = _squared(x[i] - x[j], y[i] - y[j], z[i] - z[j])
+                    row[i] += factor * correlation(shape, squared, kept[i])[0]
 
 
-@kernel
+@summing_kernel
 def contract(
     inverse: FloatArray,
     alpha: FloatArray,
     decays: FloatArray,
     scaled_axes: FloatArray,
-    weights: FloatArray,
-    powers: FloatArray,
+    shares: FloatArray,
+    bounds: IntArray,
     shape: int,
-    first: int,
+    pairs: FloatArray,
     traces: FloatArray,
+    wholes: FloatArray,
     products: FloatArray,
 ) -> None:
-    r"""Sum the derivatives of one component, :math:`\partial K`, with two known matrices.
+    r"""Sum one component's correlations, and their derivatives, with two known matrices.
 
-    The derivatives are by the logarithms of signal variance, the three length scales and the
-    scale factor between levels, for a signal variance of 1.
+    The derivatives :math:`\partial K` are by the logarithms of the three length scales, for a
+    signal variance of 1. Correlations :math:`c` are summed without the shares, level by level:
+    what depends on signal variance and scale factors follows from that.
 
     Args:
-        inverse: ``K^-1``, shape ``(n, n)``, C order; only ``[j, i]`` with ``i >= j`` is read.
-        alpha: ``K^-1 y``, shape ``(n,)``.
-        decays: As ``add_covariance`` left them.
-        scaled_axes: Positions over length scales, an axis a row, shape ``(3, n)``.
-        weights: Share of this component in each sample, shape ``(n,)``.
-        powers: Power of the scale factor in each weight, shape ``(n,)``; none where its derivative
-            is not asked for.
+        inverse: ``K^-1``, shape ``(n, n)``, C order; 0 at ``[j, i]`` with ``i < j``.
+        alpha: ``K^-1 y`` of the last ``m`` samples, shape ``(m,)``.
+        decays: Exponentials of what ``fill_exponents`` gives, shape ``(m, m)``.
+        scaled_axes: Positions over length scales, an axis a row, shape ``(3, m)``.
+        shares: As in ``add_covariance``, shape ``(k,)``.
+        bounds: As in ``add_covariance``, shape ``(k + 1,)``.
         shape: One of ``SHAPE_NUMBER``.
-        first: Samples before this one have no part in the component.
-        traces: Gets :math:`\frac12 tr(K^{-1} \partial K)`, shape ``(5,)``.
-        products: Gets :math:`\partial K \alpha`, shape ``(5, n)``; zeros before.
+        pairs: Gets, where it has zeros, half the sum of :math:`K^{-1}_{ij} c_{ij}` over samples of
+            levels ``a`` and ``b``, all of it at ``[a, b]`` with ``a <= b``, shape ``(k, k)``.
+        traces: Gets :math:`\frac12 tr(K^{-1} \partial K)`, shape ``(3,)``.
+        wholes: Gets :math:`\sum_i c_{ji} \alpha_i` over the samples ``i`` of level ``b`` at
+            ``[b, j]``, shape ``(k, m)``.
+        products: Gets :math:`\partial K \alpha`, shape ``(3, m)``.
     """
     x, y, z = scaled_axes[0], scaled_axes[1], scaled_axes[2]
-    whole, along_x, along_y, along_z, powered = (
-        products[0],
-        products[1],
-        products[2],
-        products[3],
-        products[4],
-    )
-    has_powers = len(powers) > 0
-    by_signal, by_x, by_y, by_z, by_factor = 0.0, 0.0, 0.0, 0.0, 0.0
-    for j in range(first, len(alpha)):
-        row, kept, mine = inverse[j], decays[j], alpha[j]
-        power = powers[j] if has_powers else 0.0
-        own = weights[j] * weights[j]
-        sum_whole, sum_x, sum_y, sum_z, sum_powered = own * mine, 0.0, 0.0, 0.0, 0.0
-        sum_powered += 2.0 * power * own * mine
-        by_signal += 0.5 * row[j] * own
-        by_factor += row[j] * power * own
-        for i in range(j + 1, len(alpha)):
-            dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
-            dx, dy, dz = dx * dx, dy * dy, dz * dz
-            value, slope = correlation(shape, dx + dy + dz, kept[i])
-            share = weights[i] * weights[j]
-            value *= share
-            slope *= share
-            dx *= slope
-            dy *= slope
-            dz *= slope
-            by_signal += row[i] * value
-            by_x += row[i] * dx
-            by_y += row[i] * dy
-            by_z += row[i] * dz
-            whole[i] += value * mine
-            along_x[i] += dx * mine
-            along_y[i] += dy * mine
-            along_z[i] += dz * mine
-            sum_whole += value * alpha[i]
-            sum_x += dx * alpha[i]
-            sum_y += dy * alpha[i]
-            sum_z += dz * alpha[i]
-            if has_powers:
-                both = (powers[i] + power) * value
-                by_factor += row[i] * both
-                powered[i] += both * mine
-                sum_powered += both * alpha[i]
-        whole[j] += sum_whole
-        along_x[j] += sum_x
-        along_y[j] += sum_y
-        along_z[j] += sum_z
-        powered[j] += sum_powered
-    traces[0], traces[1], traces[2], traces[3] = by_signal, by_x, by_y, by_z
-    traces[4] = by_factor
+    first = len(inverse) - len(alpha)
+    trace_x, trace_y, trace_z = 0.0, 0.0, 0.0
+    for a in range(len(shares)):
+        for j in range(bounds[a], bounds[a + 1]):
+            row, kept = inverse[first + j, first:], decays[j]
+            product_x, product_y, product_z = 0.0, 0.0, 0.0
+            for b in range(len(shares)):
+                whole, along_x, along_y, along_z = 0.0, 0.0, 0.0, 0.0
+                pair, by_x, by_y, by_z = 0.0, 0.0, 0.0, 0.0
+                for i in range(bounds[b], bounds[b + 1]):
+                    dx, dy, dz = x[i] - x[j], y[i] - y[j], z[i] - z[j]
+                    dx, dy, dz = dx * dx, dy * dy, dz * dz
+                    value, slope = correlation(shape, dx + dy + dz, kept[i])
+                    seen, known = slope * alpha[i], slope * row[i]
+                    whole += value * alpha[i]
+                    along_x += dx * seen
+                    along_y += dy * seen
+                    along_z += dz * seen
+                    pair += value * row[i]
+                    by_x += dx * known
+                    by_y += dy * known
+                    by_z += dz * known
+                both = shares[a] * shares[b]
+                wholes[b, j] = whole
+                product_x += both * along_x
+                product_y += both * along_y
+                product_z += both * along_z
+                pairs[a, b] += pair
+                trace_x += both * by_x
+                trace_y += both * by_y
+                trace_z += both * by_z
+            products[0, j], products[1, j], products[2, j] = product_x, product_y, product_z
+            pairs[a, a] -= 0.5 * row[j]
+    traces[0], traces[1], traces[2] = trace_x, trace_y, trace_z
 
 
 def warm_up() -> None:
     """Compile every kernel of this module, or load it from the cache."""
-    axes, ones, square = np.zeros((3, 2)), np.ones(2), np.eye(2)
-    add_covariance(square, square.copy(), axes, ones, ones, 1, 1.0, 0)
-    contract(square, ones, square, axes, ones, ones, 1, 0, np.zeros(5), np.zeros((5, 2)))
+    axes, ones, square = np.zeros((3, 2)), np.ones(2), np.zeros((2, 2))
+    bounds = np.array([0, 2])
+    fill_exponents(square, axes, ones, 1)
+    add_covariance(np.eye(2), square, axes, ones[:1], bounds, 1, 1.0)
+    results = np.zeros((1, 1)), np.zeros(3), np.zeros((1, 2)), np.zeros((3, 2))
+    contract(np.eye(2), ones, square, axes, ones[:1], bounds, 1, *results)

@@ -8,6 +8,7 @@ import numpy as np
 from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.field.config import KernelParameters
 from autonomy.field.kernel import covariance, noise_variance
+from autonomy.field.level_scale import scale_factors, shares
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,10 +92,10 @@ class SinglePrior:
 
 @dataclass(frozen=True, slots=True)
 class JointPrior:
-    r"""A field of every level, each the one below times rho and something of its own.
+    r"""A field of every level, each the one below times a factor and something of its own.
 
-    With :math:`f_i = \rho f_{i-1} + g_i`,
-    :math:`Cov(f_i(x), f_k(x')) = \sum_{j \le \min(i,k)} \rho^{i-j} \rho^{k-j} k_j(x, x')`.
+    With :math:`f_i = \rho_i f_{i-1} + g_i` and :math:`s_{ji} = \rho_{j+1} \dots \rho_i`,
+    :math:`Cov(f_i(x), f_k(x')) = \sum_{j \le \min(i,k)} s_{ji} s_{jk} k_j(x, x')`.
 
     Source:
         Kennedy and O'Hagan, Biometrika 87 (2000); what Emukit calls a linear multi-fidelity
@@ -102,16 +103,14 @@ class JointPrior:
     """
 
     levels: tuple[KernelParameters, ...]
-    rho: float = 1.0
+    rho: tuple[float, ...] = ()
+    """Factor of each step between levels; none for 1."""
 
     @property
     def variance(self) -> float:
         """Prior variance of the field of the best located level."""
-        top = self.top_level
-        return sum(
-            self.rho ** (2 * (top - j)) * kernel.signal_variance
-            for j, kernel in enumerate(self.levels)
-        )
+        signals = np.array([kernel.signal_variance for kernel in self.levels])
+        return float(np.square(self._shares()[:, -1]) @ signals)
 
     @property
     def top_level(self) -> int:
@@ -120,14 +119,15 @@ class JointPrior:
 
     def covariance(self, a: Places, b: Places) -> FloatArray:
         """Return covariances, shape ``(n, m)``."""
+        share = self._shares()
         total = covariance(a.points, b.points, self.levels[0])
-        self._weight(total, a.level, b.level)
+        self._weight(total, share[0, a.level], share[0, b.level])
         for j, kernel in enumerate(self.levels[1:], start=1):
             rows, columns = np.flatnonzero(a.level >= j), np.flatnonzero(b.level >= j)
             if not len(rows) or not len(columns):
                 continue
             part = covariance(a.points[rows], b.points[columns], kernel)
-            self._weight(part, a.level[rows] - j, b.level[columns] - j)
+            self._weight(part, share[j, a.level[rows]], share[j, b.level[columns]])
             if len(rows) == len(a) and len(columns) == len(b):
                 total += part
             elif len(columns) == len(b):
@@ -140,12 +140,12 @@ class JointPrior:
         """Return the noise variance of each place's level, shape ``(n,)``."""
         return np.array([noise_variance(kernel) for kernel in self.levels])[places.level]
 
-    def _weight(self, part: FloatArray, above_a: IntArray, above_b: IntArray) -> None:
-        if self.rho != 1.0:
-            part *= np.multiply.outer(
-                np.power(self.rho, above_a, dtype=np.float64),
-                np.power(self.rho, above_b, dtype=np.float64),
-            )
+    def _shares(self) -> FloatArray:
+        return shares(scale_factors(self.rho, len(self.levels)))
+
+    def _weight(self, part: FloatArray, share_a: FloatArray, share_b: FloatArray) -> None:
+        if any(factor != 1.0 for factor in self.rho):
+            part *= np.multiply.outer(share_a, share_b)
 
 
 @dataclass(frozen=True, slots=True)

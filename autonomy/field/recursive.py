@@ -7,6 +7,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.field.config import KernelParameters
 from autonomy.field.gaussian_process import Ageing
+from autonomy.field.level_scale import scale_factors
 from autonomy.field.model_prior import Places, SinglePrior
 from autonomy.field.posterior import Posterior
 
@@ -14,13 +15,13 @@ from autonomy.field.posterior import Posterior
 class RecursiveGaussianProcess:
     r"""One Gaussian process per fidelity level, each on what the levels below leave unexplained.
 
-    :math:`\mu_i = \rho \mu_{i-1} + K_i (K_i + \sigma_i^2 I)^{-1} (y_i - \rho \mu_{i-1}(X_i))` and
-    :math:`\Sigma_i = \bar\Sigma_i + \rho^2 \Sigma_{i-1}`; level 0 is the worst located. A level
-    without samples adds nothing to the mean and its prior variance to the variance. With one
-    level this is a plain Gaussian process.
+    :math:`\mu_i = \rho_i \mu_{i-1} + K_i (K_i + \sigma_i^2 I)^{-1} (y_i - \rho_i
+    \mu_{i-1}(X_i))` and :math:`\Sigma_i = \bar\Sigma_i + \rho_i^2 \Sigma_{i-1}`; level 0 is the
+    worst located. A level without samples adds nothing to the mean and its prior variance to the
+    variance. With one level this is a plain Gaussian process.
 
     Source:
-        Coleman, thesis, equations (5.7) to (5.12), where :math:`\rho = 1`. The printed
+        Coleman, thesis, equations (5.7) to (5.12), where every :math:`\rho_i = 1`. The printed
         :math:`K_i^{-1}` lacks the noise that section 5.5.2 adds, and (5.10) means
         :math:`\Sigma_0`.
     """
@@ -32,7 +33,7 @@ class RecursiveGaussianProcess:
         values: FloatArray,
         sample_levels: Sequence[int] | np.ndarray,
         *,
-        rho: float = 1.0,
+        rho: Sequence[float] = (),
         ageing: Ageing | None = None,
     ) -> None:
         """Condition on samples.
@@ -42,10 +43,11 @@ class RecursiveGaussianProcess:
             points: Estimated positions of the samples, shape ``(n, 3)``, m.
             values: Measurements in the model's scale, less the prior mean, shape ``(n,)``.
             sample_levels: Level of each sample, shape ``(n,)``.
-            rho: Factor by which the field of a level enters the one above.
+            rho: Factor by which the field of each level enters the one above; none for 1.
             ageing: Times, if the field changes.
         """
-        self._rho = rho
+        self._factors: list[float] = [0.0, *scale_factors(rho, len(levels)).tolist()][: len(levels)]
+        """By which what is below enters each level."""
         self._now_s = 0.0 if ageing is None else ageing.now_s
         self._processes: list[Posterior] = []
         assigned = np.asarray(sample_levels)
@@ -54,7 +56,7 @@ class RecursiveGaussianProcess:
             mine = assigned == level
             still = SinglePrior(parameters)
             prior = still if ageing is None else ageing.prior(still)
-            residuals = values[mine] - rho * self._mean(places[mine])
+            residuals = values[mine] - self._factors[level] * self._mean(places[mine])
             self._processes.append(Posterior(prior, places[mine], residuals))
 
     def mean(self, targets: FloatArray) -> FloatArray:
@@ -68,17 +70,17 @@ class RecursiveGaussianProcess:
     def marginals(self, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Return mean and variance in one go, each of shape ``(q,)``."""
         mean, variance = np.zeros(len(targets)), np.zeros(len(targets))
-        for process in self._processes:
+        for rho, process in zip(self._factors, self._processes, strict=True):
             added_mean, added_variance = process.marginals(self._at(targets))
-            mean = self._rho * mean + added_mean
-            variance = self._rho**2 * variance + added_variance
+            mean = rho * mean + added_mean
+            variance = rho**2 * variance + added_variance
         return mean, variance
 
     def covariance(self, targets: FloatArray) -> FloatArray:
         """Return the posterior covariance of the field between targets, shape ``(q, q)``."""
         total = np.zeros((len(targets), len(targets)))
-        for process in self._processes:
-            total = self._rho**2 * total + process.covariance(self._at(targets))
+        for rho, process in zip(self._factors, self._processes, strict=True):
+            total = rho**2 * total + process.covariance(self._at(targets))
         return total
 
     def log_marginal_likelihood(self) -> float:
@@ -87,8 +89,8 @@ class RecursiveGaussianProcess:
 
     def _mean(self, targets: Places) -> FloatArray:
         total = np.zeros(len(targets))
-        for process in self._processes:
-            total = self._rho * total + process.mean(targets)
+        for rho, process in zip(self._factors, self._processes, strict=False):
+            total = rho * total + process.mean(targets)
         return total
 
     def _at(self, targets: FloatArray) -> Places:

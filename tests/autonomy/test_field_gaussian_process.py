@@ -117,10 +117,11 @@ def test_recursion_is_the_thesis_equations_with_explicit_inverses() -> None:
         for s, n in ((5.0, 0.02), (0.4, 0.01), (0.1, 0.0025))
     ]
     assigned = np.arange(90) % 3
-    rho = 0.7
+    factors = (0.7, -1.2)
     mean, spread = np.zeros(15), np.zeros((15, 15))
     at_samples = np.zeros(90)
     for level, kernel in enumerate(levels):
+        rho = factors[level - 1] if level else 0.0
         X = points[assigned == level]
         K_inverse = np.linalg.inv(covariance(X, X, kernel) + kernel.noise_variance * np.eye(len(X)))
         weights = K_inverse @ (values - rho * at_samples)[assigned == level]
@@ -129,7 +130,7 @@ def test_recursion_is_the_thesis_equations_with_explicit_inverses() -> None:
         spread = rho**2 * spread + covariance(targets, targets, kernel)
         spread -= cross @ K_inverse @ cross.T
         at_samples = rho * at_samples + covariance(points, X, kernel) @ weights
-    ours = RecursiveGaussianProcess(levels, points, values, assigned, rho=rho)
+    ours = RecursiveGaussianProcess(levels, points, values, assigned, rho=factors)
     assert ours.mean(targets) == pytest.approx(mean, abs=1e-8)
     assert ours.covariance(targets) == pytest.approx(spread, abs=1e-8)
     assert ours.variance(targets) == pytest.approx(np.diagonal(spread), abs=1e-8)

@@ -19,7 +19,7 @@ KERNEL = KernelParameters(
 LEVELS = (KERNEL, KERNEL.model_copy(update={"signal_variance": 0.3, "noise_variance": 0.002}))
 PRIORS: dict[str, Prior] = {
     "single": SinglePrior(KERNEL),
-    "joint": JointPrior(LEVELS, rho=0.8),
+    "joint": JointPrior(LEVELS, rho=(0.8,)),
 }
 HIGH = [2.75, 1.37, 0.65]
 

@@ -1,3 +1,5 @@
+import math
+
 import numpy as np
 import pytest
 
@@ -6,6 +8,7 @@ from autonomy.field.config import KernelParameters, KernelShape
 from autonomy.field.gaussian_process import Ageing, GaussianProcess
 from autonomy.field.joint import JointGaussianProcess
 from autonomy.field.kernel import covariance
+from autonomy.field.recursive import RecursiveGaussianProcess
 
 GPY_JITTER = 1e-8
 """GPy adds this to every noise variance."""
@@ -34,7 +37,7 @@ def drawn_samples(n: int, levels: int = 3) -> tuple[FloatArray, FloatArray, IntA
 
 def explicit_covariance(
     levels: list[KernelParameters],
-    rho: float,
+    rho: tuple[float, ...],
     a: tuple[FloatArray, IntArray],
     b: tuple[FloatArray, IntArray],
 ) -> FloatArray:
@@ -44,17 +47,18 @@ def explicit_covariance(
     for row, i in enumerate(a[1]):
         for column, k in enumerate(b[1]):
             total[row, column] = sum(
-                rho ** (i - j) * rho ** (k - j) * parts[j][row, column]
+                math.prod(rho[j:i]) * math.prod(rho[j:k]) * parts[j][row, column]
                 for j in range(min(i, k) + 1)
             )
     return total
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-@pytest.mark.parametrize("rho", [1.0, 0.6, 0.0])
+@pytest.mark.parametrize("factors", [(1.0, 1.0), (0.6, -1.4), (0.0, 0.7), (0.7, 0.0)])
 def test_every_level_covaries_with_every_other_as_the_definition_says(
-    count: int, rho: float
+    count: int, factors: tuple[float, ...]
 ) -> None:
+    rho = factors[: count - 1]
     levels = levels_of("matern32", count)
     points, values, assigned = drawn_samples(60, count)
     targets = drawn_samples(12)[0]
@@ -75,8 +79,8 @@ def test_every_level_covaries_with_every_other_as_the_definition_says(
 
 @pytest.mark.filterwarnings("ignore::DeprecationWarning", "ignore::FutureWarning")
 @pytest.mark.parametrize("shape", ["matern12", "matern32", "matern52", "squared_exponential"])
-@pytest.mark.parametrize("rho", [1.0, 0.8])
-def test_mean_and_variance_agree_with_emukit(shape: KernelShape, rho: float) -> None:
+@pytest.mark.parametrize("rho", [(1.0, 1.0), (0.8, 1.3)])
+def test_mean_and_variance_agree_with_emukit(shape: KernelShape, rho: tuple[float, float]) -> None:
     GPy = pytest.importorskip("GPy")
     pytest.importorskip("emukit")
     from emukit.model_wrappers import GPyMultiOutputWrapper
@@ -101,7 +105,7 @@ def test_mean_and_variance_agree_with_emukit(shape: KernelShape, rho: float) -> 
         LinearMultiFidelityKernel(kernels),
         n_fidelities=3,
     )
-    model.multifidelity.scale.fix(rho)
+    model.multifidelity.scale.fix(np.array(rho))
     for level, kernel in enumerate(levels):
         noise = f"Gaussian_noise_{level}" if level else "Gaussian_noise"
         model.mixed_noise[f".*{noise}.variance"].fix(kernel.noise_variance - GPY_JITTER)
@@ -113,6 +117,14 @@ def test_mean_and_variance_agree_with_emukit(shape: KernelShape, rho: float) -> 
     assert our_mean == pytest.approx(mean[:, 0], abs=1e-7)
     theirs_variance = with_noise[:, 0] - (levels[2].noise_variance - GPY_JITTER)
     assert our_variance == pytest.approx(theirs_variance, abs=1e-7)
+
+
+def test_factors_that_do_not_fit_the_levels_are_refused() -> None:
+    levels = levels_of("matern32", 3)
+    points, values, assigned = drawn_samples(10)
+    for model in (JointGaussianProcess, RecursiveGaussianProcess):
+        with pytest.raises(ValueError, match="rho has 1 factors, but 3 levels have 2 steps"):
+            model(levels, points, values, assigned, rho=(0.5,))
 
 
 def test_with_one_level_it_is_a_plain_gaussian_process() -> None:

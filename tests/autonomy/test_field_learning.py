@@ -39,7 +39,9 @@ def drawn_samples(n: int, seed: int) -> tuple[FloatArray, FloatArray]:
     return points, np.linalg.cholesky(K) @ rng.standard_normal(n)
 
 
-def drawn_levels(n: int, seed: int, rho: float = 1.0) -> tuple[FloatArray, FloatArray, IntArray]:
+def drawn_levels(
+    n: int, seed: int, rho: tuple[float, ...] = ()
+) -> tuple[FloatArray, FloatArray, IntArray]:
     rng = np.random.default_rng(seed)
     points, levels = rng.uniform(size=(n, 3)), rng.integers(0, 3, n)
     prior, places = JointPrior(TRUE_LEVELS, rho), Places.of(points, level=levels)
@@ -79,6 +81,18 @@ def test_gradient_of_the_likelihood_agrees_with_finite_differences(
             epsilon=1e-6,
         )
         assert error < 1e-5 * (1.0 + np.linalg.norm(gradient))
+
+
+def test_derivatives_do_not_depend_on_what_was_evaluated_in_between() -> None:
+    likelihood = full_likelihood("matern32", 3)
+    theta = np.random.default_rng(0).normal(-0.7, 0.5, likelihood.size)
+    expected = likelihood.at(theta).derivatives()
+    evaluation = likelihood.at(theta)
+    likelihood.at(theta + 0.5).derivatives()
+    for _ in range(2):
+        found = evaluation.derivatives()
+        assert found.gradient == pytest.approx(expected.gradient, rel=1e-12)
+        assert found.information == pytest.approx(expected.information, rel=1e-12)
 
 
 def test_average_information_has_fisher_information_as_its_mean() -> None:
@@ -125,11 +139,11 @@ def test_likelihood_is_that_of_the_gaussian_process(shape: KernelShape) -> None:
 
 
 def test_likelihood_of_levels_is_that_of_the_joint_model() -> None:
-    points, values, levels = drawn_levels(60, seed=2, rho=0.7)
+    points, values, levels = drawn_levels(60, seed=2, rho=(0.7, -1.2))
     theta = np.concatenate([log_parameters(level) for level in TRUE_LEVELS])
-    model = JointGaussianProcess(TRUE_LEVELS, points, values, levels, rho=0.7)
+    model = JointGaussianProcess(TRUE_LEVELS, points, values, levels, rho=(0.7, -1.2))
     found = MarginalLikelihood(
-        points, values, shapes=("matern32",) * 3, sample_levels=levels, rho=0.7
+        points, values, shapes=("matern32",) * 3, sample_levels=levels, rho=(0.7, -1.2)
     )
     assert found.at(theta).value == pytest.approx(-model.log_marginal_likelihood(), rel=1e-12)
 
@@ -169,10 +183,15 @@ def test_joint_learning_finds_the_levels_that_drew_the_samples() -> None:
     assert learned.levels[0].noise_variance == pytest.approx(0.09, rel=0.5)
 
 
-def test_the_scale_between_levels_is_learned_where_asked() -> None:
-    points, values, levels = drawn_levels(300, seed=4, rho=2.0)
-    learned = learn_levels(points, values, levels, [TRUE_LEVELS], noise_floor=1e-6, learns_rho=True)
-    assert learned.rho == pytest.approx(2.0, rel=0.15)
+def test_the_scale_of_each_step_between_levels_is_learned_where_asked() -> None:
+    for rho in ((2.0, 0.6), (-1.5, 1.0)):
+        points, values, levels = drawn_levels(300, seed=4, rho=rho)
+        learned = learn_levels(
+            points, values, levels, [TRUE_LEVELS], noise_floor=1e-6, learns_rho=True
+        )
+        assert learned.rho == pytest.approx(rho, abs=0.3)
+        same = JointGaussianProcess(learned.levels, points, values, levels, rho=learned.rho)
+        assert learned.log_likelihood == pytest.approx(same.log_marginal_likelihood(), rel=1e-9)
 
 
 def test_a_held_level_keeps_its_kernel() -> None:
@@ -180,6 +199,23 @@ def test_a_held_level_keeps_its_kernel() -> None:
     learned = learn_levels(points, values, levels, [(START,) * 3], noise_floor=1e-6, held=[1])
     assert learned.levels[1] == START
     assert learned.levels[0] != START
+
+
+def test_a_held_level_keeps_the_scale_of_its_steps() -> None:
+    points, values, levels = drawn_levels(120, seed=4)
+    for held, stays, moves in ((0, 0, 1), (2, 1, 0)):
+        learned = learn_levels(
+            points,
+            values,
+            levels,
+            [(START,) * 3],
+            noise_floor=1e-6,
+            rho=(0.9, 1.1),
+            learns_rho=True,
+            held=[held],
+        )
+        assert learned.rho[stays] == (0.9, 1.1)[stays]
+        assert learned.rho[moves] != (0.9, 1.1)[moves]
 
 
 def test_a_strong_prior_keeps_the_kernel_and_none_lets_it_go() -> None:

@@ -83,6 +83,27 @@ def test_a_level_with_few_samples_keeps_its_kernel_and_says_so() -> None:
         assert learned.kernels[0] == "level 0: 0 samples are too few, its kernel stays"
 
 
+def test_the_scale_between_levels_is_learned_where_the_settings_say_so() -> None:
+    for learns_rho in (False, True):
+        learned = learn_config(
+            settings("joint", learns_rho=learns_rho),
+            SAMPLES,
+            starts=1,
+            rng=np.random.default_rng(0),
+        )
+        assert len(learned.config.rho) == (2 if learns_rho else 0)
+        assert any("scale between levels" in fact for fact in learned.kernels) == learns_rho
+
+
+def test_the_recursive_model_is_learned_with_the_scale_between_its_levels() -> None:
+    config = settings("recursive").model_copy(update={"rho": (0.5, 2.0)})
+    learned = learn_config(config, SAMPLES, starts=1, rng=np.random.default_rng(0))
+    plain = learn_config(settings("recursive"), SAMPLES, starts=1, rng=np.random.default_rng(0))
+    assert learned.config.rho == (0.5, 2.0)
+    assert learned.config.levels[0] == plain.config.levels[0]
+    assert learned.config.levels[2] != plain.config.levels[2]
+
+
 def test_learned_noise_stays_above_its_share_of_the_variance() -> None:
     exact = FieldSamples.of(SAMPLES.points, np.exp(SAMPLES.points.sum(axis=1)), np.zeros(250))
     learned = learn_config(

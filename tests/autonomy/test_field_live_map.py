@@ -53,7 +53,7 @@ def assert_equals_conditioning_anew(live_map: LiveMap, tolerance: float = 1e-9) 
     "changes",
     [
         {},
-        {"rho": 0.8},
+        {"rho": (0.8, -1.3)},
         {"memory_s": 600.0},
         {"slope_north_per_m": 0.3, "slope_depth_per_m": -1.0, "scale": "linear"},
     ],

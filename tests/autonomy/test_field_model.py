@@ -197,6 +197,8 @@ def test_every_preset_maps_a_known_variable_of_its_key() -> None:
         ({"grid": {"x": 1}}, "greater than or equal to 2"),
         ({"speed": 1}, "Extra inputs"),
         ({"joint_levels": ({},)}, "as many kernels as levels"),
+        ({"rho": (0.5,)}, "rho needs one factor fewer than levels, or none"),
+        ({"rho": (0.5, 11.0)}, "less than or equal to 10"),
         ({"model": "position_noise", "single": {"shape": "matern12"}}, "smoother than matern12"),
         ({"model": "best"}, "Input should be"),
         ({"memory_s": -1.0}, "greater than or equal to 0"),
