@@ -18,6 +18,7 @@ from server.service.field_model import MODEL_TITLES
 from server.service.fleet import Fleet
 from server.service.map_grid import grid_of
 from server.service.map_group import MapGroup
+from server.service.map_jobs import MapJobs
 from server.service.map_record import Comparison, comparison_record
 from server.service.map_samples import field_samples, usable
 from server.service.mapping import FieldMaps
@@ -38,8 +39,7 @@ class MapComparisons:
         self._fleet = fleet
         self._maps = maps
         self._workers = workers
-        self._jobs: dict[MapGroup, str] = {}
-        """Jobs under way by the map that they are of."""
+        self._jobs = MapJobs(foundation.jobs, "map comparison")
 
     async def start(self, robot: str, variable: str, *, by: str) -> str:
         """Begin to compare; return the id of the job, the one under way if there is one.
@@ -49,22 +49,11 @@ class MapComparisons:
             StoreError: Nothing was begun.
         """
         group = map_group(self._maps, self._fleet, robot, variable)
-        running = self._jobs.get(group)
-        if running is not None:
-            return running
         if group.live is None or not group.live.total:
             raise conflict(f"The map of {robot} has no sample yet; compare when it has some.")
-
-        async def work(progress: JobProgress) -> dict[str, Any]:
-            try:
-                return await self._compare(robot, group, progress)
-            finally:
-                self._jobs.pop(group, None)
-
-        job = await self._foundation.jobs.start("map comparison", work, by=by)
-        if any(one.id == job.id for one in self._foundation.jobs.running):
-            self._jobs[group] = job.id
-        return job.id
+        return await self._jobs.start(
+            group, lambda progress: self._compare(robot, group, progress), by=by
+        )
 
     def view(self, robot: str, variable: str) -> MapComparisonView:
         """Return the newest comparison of a map, and whether there is one under way.

@@ -25,6 +25,7 @@ from server.problem import conflict
 from server.service.fleet import Fleet
 from server.service.map_comparison import map_group
 from server.service.map_group import MapGroup
+from server.service.map_jobs import MapJobs
 from server.service.map_samples import Water, field_samples
 from server.service.mapping import FieldMaps
 from server.service.task.map_problem import LEARN_FIELD, LearnedField, LearningProblem
@@ -49,8 +50,7 @@ class MapLearning:
         self._fleet = fleet
         self._maps = maps
         self._workers = workers
-        self._jobs: dict[MapGroup, str] = {}
-        """Jobs under way by the map that they are of."""
+        self._jobs = MapJobs(foundation.jobs, "map learning")
         self._learned_at: dict[tuple[Water, str], int] = {}
         """Samples of a variable that a water's map had when its kernels were last learned."""
         self._is_beginning = False
@@ -69,9 +69,6 @@ class MapLearning:
             StoreError: Nothing was begun.
         """
         group = map_group(self._maps, self._fleet, robot, variable)
-        running = self._jobs.get(group)
-        if running is not None:
-            return running
         if group.live is None or group.live.total < _LEAST_SAMPLES:
             raise conflict(f"The map of {robot} needs {_LEAST_SAMPLES} samples to learn from.")
         return await self._begin(robot, group, by)
@@ -114,43 +111,38 @@ class MapLearning:
     async def _begin(self, robot: str, group: MapGroup, by: str) -> str:
         if group.live is not None:
             self._learned_at[_key(group)] = group.live.total
-
-        async def work(progress: JobProgress) -> Mapping[str, Any]:
-            try:
-                return await self._learn(robot, group, progress)
-            finally:
-                self._jobs.pop(group, None)
-
-        job = await self._foundation.jobs.start("map learning", work, by=by)
-        if any(one.id == job.id for one in self._foundation.jobs.running):
-            self._jobs[group] = job.id
-        return job.id
+        return await self._jobs.start(
+            group, lambda progress: self._learn(robot, group, progress), by=by
+        )
 
     async def _learn(self, robot: str, group: MapGroup, progress: JobProgress) -> Mapping[str, Any]:
         progress.report(0.0, "Waiting for a free process")
         members = sorted(group.members | {robot})
         held = {one: await self._foundation.configurations.current("field", one) for one in members}
+        for one, found in held.items():
+            if self._maps.version(one) != (found.id or "preset"):
+                raise JobError(f"The map of {one} is being made with other settings; learn again.")
         columns = await self._store.query(
             lambda session: sample_columns(session, group.robots, group.config.variable)
         )
         samples = await asyncio.to_thread(field_samples, columns)
         problem = LearningProblem(group.config, samples, _SEED)
         try:
-            found: LearnedField = await self._workers.run(
+            learned: LearnedField = await self._workers.run(
                 LEARN_FIELD, problem, on_progress=lambda news: progress.report(*news)
             )
         except WORKER_FAILURES as error:
             raise JobError(str(error)) from error
-        version = await self._keep(robot, held, group.config, found, len(samples))
+        version = await self._keep(robot, held, group.config, learned, len(samples))
         return {
             "variable": group.config.variable,
             "samples": len(samples),
             "config": version,
             "is_changed": version is not None,
-            "before_nll": found.before_nll,
-            "after_nll": found.after_nll,
-            "message": found.message,
-            "kernels": list(found.kernels),
+            "before_nll": learned.before_nll,
+            "after_nll": learned.after_nll,
+            "message": learned.message,
+            "kernels": list(learned.kernels),
         }
 
     async def _keep(

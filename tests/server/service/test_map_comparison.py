@@ -137,6 +137,7 @@ def test_comparison_that_is_called_off_ends_early():
 
 
 async def test_four_models_are_compared_on_the_same_samples(client, station, world, in_threads):
+    await until(lambda: station.maps.group(MINI))
     before = (await client.get(f"{PATH}/comparison")).json()
     assert (before["state"], before["models"]) == ("none", [])
     assert (await client.post(f"{PATH}/comparison")).status_code == 409
@@ -179,6 +180,13 @@ async def test_comparison_outlives_a_restart_and_says_when_it_is_outdated(
         world.robots[MINI].sequence = 40
         world.robots[MINI].sample((1.0, 0.5, 0.2))
         await until(lambda: station.comparisons.view(MINI, "blue_light").is_outdated)
+
+
+async def test_two_who_compare_at_once_get_the_same_job(client, station, world, in_threads):
+    await sampled(station, world)
+    answers = await asyncio.gather(*(client.post(f"{PATH}/comparison") for _ in range(3)))
+    assert len({answer.json()["job"] for answer in answers}) == 1
+    assert len(station.foundation.jobs.running) == 1
 
 
 async def test_comparison_that_is_cancelled_leaves_the_one_before(
