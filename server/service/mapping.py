@@ -17,7 +17,7 @@ from datetime import datetime, timedelta
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError, StoreUnavailableError
-from db.query.comparisons import list_comparisons
+from db.query.comparisons import ComparisonRecord, list_comparisons
 from db.query.maps import add_map, newest_maps
 from db.query.robots import RobotRecord
 from db.query.samples import sample_columns
@@ -55,7 +55,7 @@ class FieldMaps:
         self._groups: list[MapGroup] = []
         self._of: dict[str, MapGroup] = {}
         self._versions: dict[str, str] = {}
-        """Version of the field's settings by robot."""
+        """Version of the field's settings of the map that a robot shows."""
         self._recorded: dict[str, tuple[dict[MapKey, MapView], dict[MapKey, ScoresView]]] = {}
         self._fed_s: dict[str, float] = {}
         self._fixed: dict[str, float] = {}
@@ -71,7 +71,6 @@ class FieldMaps:
     async def open(self, record: RobotRecord, settings: MapSettings) -> None:
         """Make the map of a robot from its stored samples; again only if something changed."""
         robot = record.id
-        self._versions[robot] = settings.version
         robots = await self._store.query(lambda session: site_robots(session, robot))
         group = next((one for one in self._groups if one.fits(record, settings)), None)
         if group is None:
@@ -85,8 +84,8 @@ class FieldMaps:
                 pool = tuple(one for one in other.robots if one != robot)
                 await self._make(other, robots if is_here else pool)
         if group.comparison is None:
-            await self._load_comparison(robot, group)
-        self._join(robot, group)
+            await self._load_comparison(group)
+        self._join(robot, group, settings.version)
         # Dives may have ended that nobody looked at before the station stopped.
         self._look_at_dives(robot)
         self._tell(group)
@@ -192,8 +191,9 @@ class FieldMaps:
             group.comparison = comparison
             self._tell(group)
 
-    def _join(self, robot: str, group: MapGroup) -> None:
+    def _join(self, robot: str, group: MapGroup, version: str) -> None:
         """Let a robot show the map of a group, and forget a map that nobody shows any more."""
+        self._versions[robot] = version
         for other in self._groups:
             other.members.discard(robot)
         group.members.add(robot)
@@ -221,7 +221,13 @@ class FieldMaps:
         async with self._algebra:
             group.is_stale = False
             began_s = time.monotonic()
-            await self._condition(group)
+            try:
+                await self._condition(group)
+            except StoreError:
+                group.is_stale = True
+                raise
+            except ValueError as error:
+                log.error("the map of %s stays as it was: %s", _names(group), error)  # noqa: TRY400 - told, not unforeseen
             ended_s = time.monotonic()
             group.due_s = ended_s + REST_FACTOR * (ended_s - began_s)
         self._tell(group)
@@ -242,7 +248,12 @@ class FieldMaps:
             if not group.waiting or group.live is None:
                 return
             waiting, group.waiting = group.waiting, []
-            await asyncio.to_thread(group.live.append, waiting)
+            try:
+                await asyncio.to_thread(group.live.append, waiting)
+            except ValueError as error:
+                # They are in the database: the map is made of all, or stays as it was.
+                log.warning("the map of %s is made anew: %s", _names(group), error)
+                group.is_stale = True
         self._tell(group)
 
     async def _smooth_what_is_quiet(self) -> None:
@@ -301,11 +312,20 @@ class FieldMaps:
 
         return await self._store.query(read)
 
-    async def _load_comparison(self, robot: str, group: MapGroup) -> None:
-        kept = await self._store.query(lambda session: list_comparisons(session, robot))
-        for record in kept:
-            if record.variable == group.config.variable:
-                group.comparison = await asyncio.to_thread(comparison_of, record)
+    async def _load_comparison(self, group: MapGroup) -> None:
+        """Show the newest comparison that was kept for any robot of the map."""
+
+        def read(session: Session) -> list[ComparisonRecord]:
+            return [one for robot in group.robots for one in list_comparisons(session, robot)]
+
+        kept = [
+            record
+            for record in await self._store.query(read)
+            if record.variable == group.config.variable
+        ]
+        if kept:
+            newest = max(kept, key=lambda record: record.at)
+            group.comparison = await asyncio.to_thread(comparison_of, newest)
 
     def _tell(self, group: MapGroup) -> None:
         for robot in group.members:
@@ -314,3 +334,7 @@ class FieldMaps:
     def _tell_robot(self, robot: str) -> None:
         for listener in self.listeners:
             listener(robot)
+
+
+def _names(group: MapGroup) -> str:
+    return ", ".join(sorted(group.members))

@@ -76,6 +76,8 @@ class Station:
         self.vehicles = Vehicles(store, clock, self.workers)
         self.fleet = Fleet(clock, self._robot_changed, foundation.alarms.worst_level, self.vehicles)
         self.maps = FieldMaps(store, clock)
+        self._opening_maps = asyncio.Lock()
+        """Whoever waits reads the settings after who went before, so the newest are shown."""
         self.road = Road(clock, self._take_event, make_link)
         self.plans = PlanLedger(store, clock, self.fleet, self.feed)
         self.planning = Planning(foundation, self.fleet, self.plans, self.workers)
@@ -213,16 +215,15 @@ class Station:
         if robot.kind == "recorded":
             await self.maps.show_saved(robot.id)
             return
-        planner = await self._planner(robot.id)
-        found = await self._foundation.configurations.current("field", robot.id)
-        await self.maps.open(
-            robot,
-            MapSettings(
+        async with self._opening_maps:
+            planner = await self._planner(robot.id)
+            found = await self._foundation.configurations.current("field", robot.id)
+            settings = MapSettings(
                 config=field_config_of(found, planner),
                 domain=planner.domain,
                 version=found.id or "preset",
-            ),
-        )
+            )
+            await self.maps.open(robot, settings)
 
     async def _planner(self, robot: str) -> PlannerConfig:
         found = await self._foundation.configurations.current("planner", robot)
