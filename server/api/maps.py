@@ -1,5 +1,6 @@
 """Field maps as arrays, comparisons of their models, and learning."""
 
+import asyncio
 from enum import StrEnum
 from typing import Annotated
 
@@ -88,9 +89,11 @@ async def get_map(
         is_simulation=foundation.settings.simulation or record.simulated,
     )
     if format is MapFormat.NPZ:
-        return _file(archive(export), "application/octet-stream", export.name("npz"))
+        content = await asyncio.to_thread(archive, export)
+        return _file(content, "application/octet-stream", export.name("npz"))
     if format is MapFormat.CSV:
-        return _file(table(export).encode(), "text/csv; charset=utf-8", export.name("csv"))
+        content = (await asyncio.to_thread(table, export)).encode()
+        return _file(content, "text/csv; charset=utf-8", export.name("csv"))
     return encoded(_map_view(station, export))
 
 
