@@ -69,7 +69,7 @@ def learn_config(
         starts: Places to begin at; ``config.learning.starts`` without it.
         rng: Draws the starts beyond the present kernels and those that suit the extent.
         report: Told the share of the work that is done, and a sentence.
-        is_cancelled: Asked at every evaluation; the best so far is then the outcome.
+        is_cancelled: Asked at every evaluation; once it says yes the kernels stay.
 
     Raises:
         ValueError: If a sample is not usable, with its number.
@@ -94,8 +94,14 @@ def learn_config(
     try:
         found, kernels = _LEARN[config.model](work)
         return _judged(config, found, kernels, work)
+    except _CalledOffError:
+        return _kept(config, "Learning was called off; the kernels stay.")
     except ValueError as error:
         return _kept(config, f"Nothing could be learned: {error}.")
+
+
+class _CalledOffError(Exception):
+    """Leaves the work when nobody wants what it would find."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -121,6 +127,11 @@ class _Work:
         memory_s = self.config.memory_s
         return self.samples.time_s / memory_s if memory_s > 0.0 else None
 
+    def go_on(self) -> None:
+        """Raise ``_CalledOffError`` if the work was cancelled; asked before each longer part."""
+        if self.is_cancelled is not None and self.is_cancelled():
+            raise _CalledOffError
+
     def of_part(self, done: int, parts: int) -> Report | None:
         """Return a report of one of several equal parts of the work."""
         report = self.report
@@ -141,6 +152,7 @@ def _learn_position_noise(work: _Work) -> tuple[FieldConfig, tuple[str, ...]]:
     config, samples, kernels = work.config, work.samples, ("",)
     starts = starting_kernels(config.single, samples.points, work.values, work.starts, work.rng)
     for number in range(_NOISE_ROUNDS):
+        work.go_on()
         noise = PositionNoise.of(
             config.single,
             samples,
@@ -187,6 +199,7 @@ def _learn_recursive(work: _Work) -> tuple[FieldConfig, tuple[str, ...]]:
     is_mean_known = config.learning.mean == "fixed"
     factors: list[float] = [0.0, *scale_factors(config.rho, len(config.levels)).tolist()]
     for level, present in enumerate(config.levels):
+        work.go_on()
         mine = fidelity == level
         if np.count_nonzero(mine) < FEWEST_OF_A_LEVEL:
             levels.append(present)
@@ -299,6 +312,7 @@ def _judged(
     config: FieldConfig, found: FieldConfig, kernels: tuple[str, ...], work: _Work
 ) -> LearnedConfig:
     """Take what was found if it is more likely than the present, noise floor included."""
+    work.go_on()
     before, after = _negative_log(config, work.samples), _negative_log(found, work.samples)
     floored = _floored(config, work.floor)
     floored_nll = before if floored == config else _negative_log(floored, work.samples)

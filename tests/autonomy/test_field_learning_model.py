@@ -146,17 +146,23 @@ def test_samples_taken_twice_at_one_place_are_learned_from(model: str) -> None:
     assert np.isfinite(condition(learned.config, twice).log_marginal_likelihood())
 
 
-def test_a_cancelled_search_gives_the_best_until_then() -> None:
-    asked = iter(range(1000))
+@pytest.mark.parametrize("model", MODELS)
+def test_a_cancelled_search_keeps_the_kernels_and_works_no_further(model: str) -> None:
+    asked = iter(range(10_000))
+    config, reports = settings(model), []
     learned = learn_config(
-        settings("joint"),
+        config,
         SAMPLES,
         rng=np.random.default_rng(0),
+        report=lambda share, message: reports.append((share, message)),
         is_cancelled=lambda: next(asked) >= 5,
     )
-    assert learned.is_changed
-    assert "cancelled" in learned.kernels[2]
-    assert next(asked) < 10
+    assert learned.config == config
+    assert not learned.is_changed
+    assert learned.before_nll is None
+    assert "called off" in learned.message
+    assert len(reports) <= 5
+    assert next(asked) <= 8
 
 
 def test_learning_reports_a_share_that_only_rises() -> None:
