@@ -245,8 +245,8 @@ def _root_mean_square(values: FloatArray) -> float:
 
 def _sentence(runs: int, reasons: list[str], rms_m: float, worst_m: float) -> str:
     if reasons:
-        times = f"{len(reasons)} of {runs} times" if runs > 1 else "The robot"
-        return f"{times} did not fly the whole plan: {reasons[0]}."
+        who = f"{len(reasons)} of {runs} times the robot" if runs > 1 else "The robot"
+        return f"{who} did not fly the whole plan: {reasons[0]}."
     return (
         f"Flown {runs} times against the full dynamics: {rms_m:.2g} m from the plan in the mean, "
         f"{worst_m:.2g} m at worst."

@@ -95,3 +95,14 @@ def outdated_by(picture: Picture, plan: PlanRecord, now: datetime) -> tuple[Viol
         (now - plan.created_at).total_seconds(),
     )
     return tuple(ViolationView(one.field, one.message) for one in found)
+
+
+def broken_off(plan: PlanRecord) -> tuple[ViolationView, ...]:
+    """Return what the rehearsal of a plan that waits says if the robot did not fly it to its end.
+
+    The station sends no such plan by itself; a person may.
+    """
+    rehearsal = plan.document.get("rehearsal") or {}
+    if plan.state not in SENDABLE or rehearsal.get("completed") is not False:
+        return ()
+    return (ViolationView("adaptive.rehearse", f"Its rehearsal says: {rehearsal['message']}"),)

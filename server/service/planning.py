@@ -16,7 +16,7 @@ from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
 from server.foundation import Foundation
 from server.problem import conflict
-from server.service.drafting import broken_limits, draft_of, outdated_by
+from server.service.drafting import broken_limits, broken_off, draft_of, outdated_by
 from server.service.fleet import Fleet
 from server.service.plan_document import Draft, draft_document, mission_of, search_document
 from server.service.plan_ledger import PlanLedger
@@ -50,7 +50,7 @@ class SearchRequest:
     warm: tuple[tuple[Leg, ...], ...] = ()
     """Trajectories to begin with."""
     attempt: int = 0
-    """How often this search went on from an earlier one."""
+    """How often this was searched for before; each time with other random numbers."""
     ahead_of: str | None = None
     """Plan that the robot flies, at whose end this one begins."""
     replaces: str | None = None
@@ -211,7 +211,7 @@ class Planning:
         return cancelled
 
     async def check(self, plan: str) -> list[ViolationView]:
-        """Check a draft again: against its limits, and whether it still fits the robot.
+        """Check a draft again: its limits, its rehearsal, and whether it still fits the robot.
 
         Raises:
             UnknownIdError: If there is no such plan.
@@ -223,7 +223,8 @@ class Planning:
             return [ViolationView("legs", "The plan has no legs.")]
         mission, vehicle = mission_of(record), self._fleet.vehicle(record.robot)
         limits = broken_limits(picture, vehicle, config, mission.settings, mission.legs)
-        return [*limits, *outdated_by(picture, record, self._foundation.clock.now())]
+        outdated = outdated_by(picture, record, self._foundation.clock.now())
+        return [*limits, *broken_off(record), *outdated]
 
     async def _add(self, request: SearchRequest) -> PlanRecord:
         return await self._ledger.add(

@@ -124,6 +124,7 @@ class Surveys:
                 await self._missions.move(
                     other.id, "stopped", "A new survey took its place.", automation=False
                 )
+                await self._cancel(await self._missions.plans(other.id), "planning")
             missions.append(
                 await self._missions.add(
                     robot,
@@ -175,10 +176,13 @@ class Surveys:
                 budget=min(config.round_budget, config.total_budget - spent),
             )
         )
-        for old in plans:
-            if old.state == "draft":
-                await self._planning.cancel(old.id)
+        await self._cancel(plans, "draft", "planning")
         return plan
+
+    async def _cancel(self, plans: Sequence[PlanRecord], *states: str) -> None:
+        for plan in plans:
+            if plan.state in states:
+                await self._planning.cancel(plan.id)
 
     async def start(self, mission: str, *, by: str) -> None:
         """Let the station fly the rest of a survey by itself.

@@ -101,7 +101,9 @@ def planned_energy(plan: PlanRecord) -> float:
 
 
 def _came_to_nothing(plan: PlanRecord, by_id: dict[str, PlanRecord]) -> bool:
-    """Tell whether a plan was to replace a draft, ended before it did, and left that as it was."""
+    """Tell whether a plan was to replace a draft, but ended before it could.
+
+    What became of the other since, it may have been sent or replaced by another, is its own matter.
+    """
     replaced = by_id.get(plan.document.get(REPLACES) or "")
-    ended = plan.state in ENDED_BADLY and plan.draft_at is None
-    return ended and replaced is not None and replaced.state == "draft"
+    return plan.state in ENDED_BADLY and plan.draft_at is None and replaced is not None

@@ -14,7 +14,7 @@ from db.query.plans import PlanRecord
 from robot_link.messages import PlanReport
 from server.foundation import Foundation
 from server.problem import Problem, conflict
-from server.service.drafting import outdated_by
+from server.service.drafting import broken_off, outdated_by
 from server.service.fleet import Fleet
 from server.service.mission_ledger import ENDED, MissionLedger
 from server.service.plan_ahead import is_due, unflown
@@ -83,8 +83,10 @@ class SurveySteps:
             case "draft" if not record.automation:
                 await self._missions.advance(mission, "ready", f"{plan.id} is ready to be sent.")
             case "draft" if self._is_outdated(plan):
-                await self.next_round(record, plans, plan.round, warm=self._warm_from(plan))
-                await self._planning.cancel(plan.id)
+                if await self.next_round(record, plans, plan.round, warm=self._warm_from(plan)):
+                    await self._planning.cancel(plan.id)
+            case "draft" if broken_off(plan) and not self._uploads.is_under_way(plan.robot):
+                await self._plan_instead(record, plans, plan)
             case "draft" | "sent" | "on_board":
                 if record.automation:
                     return await self._send(record, plan)
@@ -115,8 +117,12 @@ class SurveySteps:
         plans: list[PlanRecord],
         round_number: int,
         warm: Warm = (),
-    ) -> None:
+        attempt: int = 0,
+    ) -> bool:
         """Begin to plan a round from where the robot is.
+
+        Returns:
+            Whether it was begun; it is not once someone has ended the survey.
 
         Raises:
             Problem: If nothing can be planned from there.
@@ -124,20 +130,40 @@ class SurveySteps:
         config = PlannerConfig.model_validate(record.config)
         spent = self._missions.spent(record.robot, plans)
         await self._missions.advance(record.id, "replanning", f"Planning round {round_number}.")
+        if (await self._missions.get(record.id)).state in ENDED:
+            return False
         await self._planning.plan_survey(
             request_of(
                 record,
                 round_number,
                 spent=spent,
                 warm=warm if config.adaptive.warm_start else (),
+                attempt=attempt,
             )
         )
+        return True
 
     def _is_outdated(self, plan: PlanRecord) -> bool:
         """Tell whether a draft that nobody sends yet was made for another place or time."""
         picture = self._fleet.picture(plan.robot)
         is_waiting = not self._uploads.is_under_way(plan.robot)
         return is_waiting and bool(outdated_by(picture, plan, self._clock.now()))
+
+    async def _plan_instead(
+        self, record: MissionRecord, plans: list[PlanRecord], plan: PlanRecord
+    ) -> None:
+        """Search once more in the place of a draft that its rehearsal did not fly to its end.
+
+        The draft of a second search is left to a person.
+        """
+        attempt = plan.document.get("attempt", 0)
+        if attempt == 0:
+            if await self.next_round(record, plans, plan.round, attempt=1):
+                await self._planning.cancel(plan.id)
+            return
+        reasons = " ".join(one.message for one in broken_off(plan))
+        text = f"{plan.id} is not sent without a person's word. {reasons}"
+        await self._missions.advance(record.id, "stopped", text, automation=False)
 
     async def _send(self, record: MissionRecord, plan: PlanRecord) -> bool:
         try:
@@ -187,7 +213,7 @@ class SurveySteps:
         config = PlannerConfig.model_validate(record.config)
         remaining = config.total_budget - self._missions.spent(record.robot, plans)
         reason = ""
-        if map_std is not None and map_std <= config.target_std:
+        if map_std is not None and config.target_std > 0.0 and map_std <= config.target_std:
             reason = f"The map is good enough: its standard deviation is {map_std:.3g}"
         elif remaining < self._planning.settings.least_energy(record.robot, config):
             reason = "The budget is spent"
@@ -254,6 +280,7 @@ def request_of(
     warm: Warm = (),
     start_xy: tuple[float, float] | None = None,
     ahead_of: str | None = None,
+    attempt: int = 0,
 ) -> SearchRequest:
     """Return a round of a survey as the planner takes it.
 
@@ -264,6 +291,7 @@ def request_of(
         warm: Trajectories to begin with.
         start_xy: Where it begins, north and east, m; by default where the robot is.
         ahead_of: The plan at whose end it begins, while that is flown.
+        attempt: How often it was searched for before.
     """
     config = PlannerConfig.model_validate(record.config)
     total = config.total_budget
@@ -277,6 +305,7 @@ def request_of(
         budget=min(config.round_budget, total - spent),
         start_xy=start_xy,
         warm=warm,
+        attempt=attempt,
         ahead_of=ahead_of,
         in_turn=len(record.document.get("fleet") or ()) > 1,
     )

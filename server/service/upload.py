@@ -21,7 +21,7 @@ from server.foundation import Foundation
 from server.problem import FieldError, conflict
 from server.service.carriage import Carriage
 from server.service.command import Check, Commands
-from server.service.drafting import SENDABLE, outdated_by
+from server.service.drafting import SENDABLE, broken_off, outdated_by
 from server.service.fleet import Fleet
 from server.service.link import Radio
 from server.service.plan_document import mission_of
@@ -85,7 +85,8 @@ class Uploads:
             plan: Id of the plan.
             start: Whether the robot is told to fly it as soon as it is on board.
             check: Asked in the transaction; what it raises keeps the transfer from beginning.
-            confirmed: Whether a person wants it flown although it no longer fits the robot.
+            confirmed: Whether a person wants it flown although it no longer fits the robot, or its
+                rehearsal broke off.
 
         Raises:
             UnknownIdError: If there is no such plan.
@@ -173,12 +174,14 @@ class Uploads:
         return transfer.id
 
     def _check_fits(self, plan: PlanRecord) -> None:
-        """Refuse a plan that was made for another place or time, unless a person insists."""
-        found = outdated_by(self._fleet.picture(plan.robot), plan, self._clock.now())
+        """Refuse a plan of another place or time, or that a rehearsal did not fly to its end."""
+        outdated = outdated_by(self._fleet.picture(plan.robot), plan, self._clock.now())
+        found = (*outdated, *broken_off(plan))
         if found:
             reasons = " ".join(one.message for one in found)
+            fault = "is outdated" if outdated else "may not be flown to its end"
             raise conflict(
-                f"{plan.id} is outdated: {reasons} Plan again, or confirm that it shall be flown "
+                f"{plan.id} {fault}: {reasons} Plan again, or confirm that it shall be flown "
                 "all the same.",
                 [FieldError(loc=[one.field], msg=one.message) for one in found],
             )

@@ -28,6 +28,8 @@ class FakeWorkers:
         self.fails = {COMPARE_MAPS: WorkerTaskError("ValueError: maps are not scored here")}
         """What a task raises, by its name."""
         self.nothing_feasible = False
+        self.breaks_off = 0
+        """How many of the next rehearsals do not come to the end of their plan."""
         self.map_std = 1.0
         self.run_really = WorkerPool.run
 
@@ -48,7 +50,8 @@ class FakeWorkers:
         if task == PLAN_SURVEY:
             return self.plan(payload)
         if task == REHEARSE:
-            return rehearsal_of(payload)
+            self.breaks_off -= 1
+            return rehearsal_of(payload, completed=self.breaks_off < 0)
         if task == MAP_STD:
             return self.map_std
         return await self.run_really(pool, task, payload, on_progress=on_progress)
@@ -77,12 +80,12 @@ def dives(config, start_xy, budget, depth_m):
     )
 
 
-def rehearsal_of(problem):
+def rehearsal_of(problem, *, completed):
     points = problem.planned_points
     ned = points[:, 1:4]
     return Rehearsal(
-        completed=True,
-        message="Flown.",
+        completed=completed,
+        message="Flown." if completed else "The robot did not fly the whole plan: it was lost.",
         rms_error_m=0.05,
         worst_error_m=0.1,
         surfacing_error_m=0.07,

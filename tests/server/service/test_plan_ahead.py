@@ -1,16 +1,20 @@
 """The next round is planned while the robot still flies the present one."""
 
+import asyncio
 from contextlib import suppress
 from datetime import UTC, datetime, timedelta
 
 import pytest
 
 from autonomy.planner.config import MINIGLIDER
+from db.query.plans import PlanRecord
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanReport
 from server.service import survey_step
 from server.service.plan_ahead import is_due, planned_rest, remaining_s, unflown
 from server.service.plan_document import legs_of, points_of
 from server.service.planning import SearchRequest
+from server.service.survey_map_quality import SurveyMaps
+from server.service.survey_round import standing_of
 from server.service.task.problem import MAP_STD
 from server.service.worker import WorkerTaskError
 from tests.server.service.conftest import FAST, MINI, open_station, until
@@ -331,3 +335,54 @@ async def test_map_that_cannot_be_judged_does_not_hold_up_a_survey(client, world
     mission = await survey(client)
     done = await mission_when(client, mission, lambda one: one["state"] == "done")
     assert done["map_std"] is None
+
+
+async def test_survey_that_is_stopped_while_a_round_is_received_plans_no_further(
+    client, station, world, workers, monkeypatch
+):
+    received = asyncio.Event()
+    settle = SurveyMaps.settle
+
+    async def settle_late(self, *args):
+        await received.wait()
+        await settle(self, *args)
+
+    monkeypatch.setattr(SurveyMaps, "settle", settle_late)
+    mission = await survey(client, adaptive={"plan_ahead": False})
+    await until(lambda: world.robots[MINI].state is OnboardPlanState.DONE)
+    await mission_when(client, mission, lambda one: one["rounds"][0]["state"] == "done")
+    assert (await client.post(f"/api/missions/{mission}/stop")).status_code == 202
+    received.set()
+    await mission_when(client, mission, lambda one: one["map_std"] is not None)
+    await asyncio.sleep(0.1)
+    assert len(workers.problems) == 1
+    assert (await client.get(f"/api/missions/{mission}")).json()["state"] == "stopped"
+
+
+async def test_new_survey_ends_the_search_of_the_one_that_it_takes_the_place_of(client, workers):
+    workers.may_plan.clear()
+    body = {"kind": "adaptive_survey", "config": FAST}
+    for _ in range(2):
+        assert (await client.post("/api/robots/mini-1/missions", json=body)).status_code == 202
+    states = [(await client.get(f"/api/plans/plan-{n}")).json()["state"] for n in (1, 2)]
+    assert states == ["cancelled", "planning"]
+    workers.may_plan.set()
+
+
+def plan_record(number, state, **document):
+    at = dict.fromkeys(("draft_at", "sent_at", "on_board_at", "running_at", "ended_at"))
+    if state == "draft" or document.pop("was_draft", False):
+        at["draft_at"] = NOW
+    key = f"plan-{number}"
+    return PlanRecord(
+        key, MINI, "adaptive_survey", "mission-1", 1, state, None, {}, document, NOW, "test", **at
+    )
+
+
+def test_search_that_came_too_late_to_replace_a_draft_does_not_decide_a_survey():
+    old = plan_record(1, "superseded", was_draft=True)
+    new = plan_record(2, "draft", replaces="plan-1")
+    late = plan_record(3, "failed", replaces="plan-1")
+    assert standing_of([late, new, old]).plan is new
+    assert standing_of([late, plan_record(1, "running", was_draft=True)]).plan.state == "running"
+    assert standing_of([plan_record(4, "failed"), new, old]).plan.state == "failed"

@@ -5,13 +5,13 @@ import signal
 import pytest
 
 from robot_link.rehearsal import REHEARSE
-from server.service import rehearsing
+from server.service import rehearsing, survey_step
 from server.service.planning import SearchRequest
 from server.service.rehearsing import Rehearsals
 from server.service.worker import WorkerEndedError
 from tests.server.service.conftest import FAST, MINI, open_station, until
 from tests.server.service.fake_link import state_report
-from tests.server.service.test_plan_choice import drafted, plan_in
+from tests.server.service.test_plan_choice import drafted, mission_in, plan_in
 
 LEGS = [{"kind": "dive", "end_ned": [0, 0, depth_m]} for depth_m in (0.3, 0.0)]
 _BEFORE = Rehearsals.before
@@ -20,6 +20,7 @@ _BEFORE = Rehearsals.before
 @pytest.fixture(autouse=True)
 def _rehearsed(monkeypatch, _unrehearsed):
     monkeypatch.setattr(Rehearsals, "before", _BEFORE)
+    monkeypatch.setattr(survey_step, "QUIET_S", 0.05)
 
 
 async def laid_out(client, **config):
@@ -124,6 +125,56 @@ async def test_station_that_stops_during_a_rehearsal_keeps_the_plan(tmp_path, wo
         assert view.legs
         assert view.rehearsal.state == "failed"
         assert "The station stopped" in view.rehearsal.message
+
+
+async def test_plan_whose_rehearsal_broke_off_is_sent_after_a_second_word_only(
+    client, workers, world
+):
+    workers.breaks_off = 1
+    draft = await plan_in(client, await laid_out(client), "draft")
+    assert draft["rehearsal"]["completed"] is False
+    (found,) = (await client.post(f"/api/plans/{draft['id']}/check")).json()["violations"]
+    assert found["field"] == "adaptive.rehearse"
+    assert found["message"].endswith("The robot did not fly the whole plan: it was lost.")
+    refused = await client.post(f"/api/plans/{draft['id']}/upload")
+    assert refused.status_code == 409
+    assert "may not be flown to its end" in refused.json()["detail"]
+    assert refused.json()["errors"] == [{"loc": [found["field"]], "msg": found["message"]}]
+    assert world.uploads == []
+    body = {"confirmed": True}
+    sent = await client.post(f"/api/plans/{draft['id']}/upload", json=body)
+    assert sent.status_code == 202
+    await plan_in(client, draft["id"], "on_board")
+
+
+async def test_survey_plans_once_more_where_a_rehearsal_broke_off(client, workers, world):
+    workers.breaks_off = 1
+    body = {"kind": "adaptive_survey", "config": FAST, "automation": True}
+    mission = (await client.post("/api/robots/mini-1/missions", json=body)).json()["id"]
+    done = await mission_in(client, mission, "done")
+    assert [problem.attempt for problem in workers.problems[:2]] == [0, 1]
+    assert workers.problems[1].warm == ()
+    assert len(world.uploads) == len(done["rounds"]) == 2
+    first = (await client.get("/api/plans/plan-1")).json()
+    assert (first["state"], first["ladder"]["sent_at"]) == ("cancelled", None)
+
+
+async def test_survey_leaves_a_plan_to_a_person_where_rehearsals_break_off_again(
+    client, workers, world
+):
+    workers.breaks_off = 2
+    body = {"kind": "adaptive_survey", "config": FAST, "automation": True}
+    mission = (await client.post("/api/robots/mini-1/missions", json=body)).json()["id"]
+    stopped = await mission_in(client, mission, "stopped")
+    assert "is not sent without a person's word" in stopped["message"]
+    assert stopped["message"].endswith("it was lost.")
+    assert not stopped["automation"]
+    assert world.uploads == []
+    draft = (await client.get(f"/api/plans/{stopped['plan_id']}")).json()
+    assert draft["state"] == "draft"
+    sent = {"confirmed": True, "start": True}
+    assert (await client.post(f"/api/plans/{draft['id']}/upload", json=sent)).status_code == 202
+    await plan_in(client, draft["id"], "done")
 
 
 async def test_killed_rehearsal_process_leaves_the_draft(client, station):
