@@ -8,11 +8,17 @@ from autonomy.arrays import FloatArray, IntArray
 from autonomy.field.config import FieldConfig, KernelParameters
 from autonomy.field.fidelity import fidelity_level
 from autonomy.field.growing import GrowingGaussianProcess, MapTargets, SampleTargets
-from autonomy.field.kernel import gradient_covariance, noise_variance
+from autonomy.field.kernel import noise_variance
 from autonomy.field.level_scale import scale_factors
 from autonomy.field.model import ageing_of
 from autonomy.field.model_prior import AgeingPrior, JointPrior, Places, Prior, SinglePrior
-from autonomy.field.position_noise import PositionNoise, Slope, curvature_noise, position_noise
+from autonomy.field.position_noise import (
+    PositionNoise,
+    Slope,
+    curvature_noise,
+    position_noise,
+    slope_given,
+)
 from autonomy.field.samples import FieldSamples, joined
 
 
@@ -112,21 +118,16 @@ class GrowingPositionNoise:
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
         """Take in samples."""
-        kernel = self._config.single
+        kernel, places = self._config.single, Places.of(samples.points, time_s=samples.time_s)
         if len(self._samples):
-            slope = self._slope_at(samples)
+            slope = slope_given(self._process, places, kernel, self._config.memory_s)
             noise = _noise(samples, slope, kernel)
         else:
             ageing = ageing_of(self._config, samples, None)
             found = PositionNoise.of(kernel, samples, values, ageing=ageing)
             slope, noise = found.slope, found.covariance
             noise[np.diag_indices(len(samples))] += noise_variance(kernel)
-        self._process.append(
-            Places.of(samples.points, time_s=samples.time_s),
-            values,
-            noise,
-            self._noise_with_earlier(samples, slope),
-        )
+        self._process.append(places, values, noise, self._noise_with_earlier(samples, slope))
         self._samples = joined(self._samples, samples)
         self._slope = Slope(
             np.concatenate([self._slope.mean, slope.mean]),
@@ -137,22 +138,6 @@ class GrowingPositionNoise:
     def noise_covariance(self) -> FloatArray | None:
         """Noise of all samples, that of the measurement included, shape ``(n, n)``."""
         return _noise(self._samples, self._slope, self._config.single)
-
-    def _slope_at(self, samples: FieldSamples) -> Slope:
-        """Return the slope at new samples, given those before."""
-        process, kernel = self._process, self._config.single
-        slope = Slope.of_prior(len(samples), kernel)
-        variance = np.square(slope.std)
-        fade = np.ones((1, 1))
-        if self._config.memory_s > 0.0:
-            between_s = np.abs(np.subtract.outer(samples.time_s, process.places.time_s))
-            fade = np.exp(-between_s / self._config.memory_s)  # (m, n)
-        gradients = gradient_covariance(samples.points, process.places.points, kernel)
-        both = process.whitened(np.concatenate([fade * cross for cross in gradients]).T)  # (n, 2m)
-        for axis, whitened in enumerate(np.split(both, 2, axis=1)):
-            slope.mean[:, axis] = process.z @ whitened
-            variance -= np.einsum("nm,nm->m", whitened, whitened)
-        return Slope(slope.mean, np.sqrt(np.maximum(variance, 0.0)))
 
     def _noise_with_earlier(self, samples: FieldSamples, slope: Slope) -> FloatArray:
         """Return the covariance of new noise with earlier noise, which only a dive shares."""

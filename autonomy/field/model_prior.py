@@ -170,12 +170,17 @@ class AgeingPrior:
         """Return covariances, shape ``(n, m)``."""
         result = self.still.covariance(a, b)
         if self.memory_s > 0.0:
-            result *= np.exp(-np.abs(np.subtract.outer(a.time_s, b.time_s)) / self.memory_s)
+            result *= fading(a.time_s, b.time_s, self.memory_s)
         return result
 
     def noise(self, places: Places) -> FloatArray:
         """Return the noise variance of measurements at places, shape ``(n,)``."""
         return self.still.noise(places)
+
+
+def fading(a_s: FloatArray, b_s: FloatArray, memory_s: float) -> FloatArray:
+    """Return what time leaves of covariances between moments ``(n,)`` and ``(m,)``, ``(n, m)``."""
+    return np.exp(-np.abs(np.subtract.outer(a_s, b_s)) / memory_s)
 
 
 def joined_places(a: Places, b: Places) -> Places:

@@ -21,7 +21,7 @@ Source:
 """
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Protocol, Self
 
 import numpy as np
 
@@ -35,7 +35,8 @@ from autonomy.field.kernel import (
     gradient_variance,
     noise_variance,
 )
-from autonomy.field.posterior import Posterior, PosteriorAtPoints
+from autonomy.field.model_prior import Places, fading
+from autonomy.field.posterior import PosteriorAtPoints
 from autonomy.field.samples import FieldSamples, position_error_covariance
 
 ITERATIONS = 3
@@ -66,36 +67,49 @@ class Slope:
         return Slope(self.mean[chosen], self.std[chosen])
 
 
+class Conditioned(Protocol):
+    """A Gaussian process given samples: ``Posterior``, or one that grows."""
+
+    @property
+    def places(self) -> Places:
+        """Where and when the samples were taken, ``n`` of them."""
+        ...
+
+    @property
+    def z(self) -> FloatArray:
+        """``L^-1`` times the values, for the factor ``L`` of the samples' covariance, ``(n,)``."""
+        ...
+
+    def whitened(self, right: FloatArray, /) -> FloatArray:
+        """Return ``L^-1 right`` for ``right`` of shape ``(n, k)``."""
+        ...
+
+
 def slope_given(
-    posterior: Posterior,
-    sample_points: FloatArray,
-    points: FloatArray,
-    parameters: KernelParameters,
-    fade: FloatArray | None = None,
+    process: Conditioned, places: Places, parameters: KernelParameters, memory_s: float = 0.0
 ) -> Slope:
-    """Return the slope at points, given samples.
+    """Return the slope at ``m`` places, given samples.
 
     Args:
-        posterior: The samples' Gaussian process, with one kernel.
-        sample_points: Where its samples were taken, shape ``(n, 3)``, m.
-        points: Where to look, shape ``(m, 3)``, m.
+        process: Given the samples, with one kernel.
+        places: Where and when to look.
         parameters: The kernel.
-        fade: Part of the covariance that time has left between ``points`` and samples, shape
-            ``(m, n)``; none is lost without it.
+        memory_s: Time constant of the field; 0 if it stays.
 
     Raises:
         ValueError: If the kernel is Matern-1/2, whose field has no slope.
     """
-    slope = Slope.of_prior(len(points), parameters)
-    if not len(sample_points):
+    slope = Slope.of_prior(len(places), parameters)
+    known = process.places
+    if not len(known):
         return slope
-    variance = np.square(slope.std)
-    for axis, cross in enumerate(gradient_covariance(points, sample_points, parameters)):
-        seen = cross if fade is None else cross * fade  # (m, n)
-        slope.mean[:, axis] = seen @ posterior.weights
-        whitened = posterior.whitened(np.asfortranarray(seen.T))  # (n, m)
-        variance -= np.einsum("nm,nm->m", whitened, whitened)
-    return Slope(slope.mean, np.sqrt(np.maximum(variance, 0.0)))
+    both = np.concatenate(gradient_covariance(places.points, known.points, parameters))  # (2m, n)
+    if memory_s > 0.0:
+        both *= np.tile(fading(places.time_s, known.time_s, memory_s), (2, 1))
+    whitened = process.whitened(both.T)  # (n, 2m)
+    slope.mean[:] = (process.z @ whitened).reshape(2, -1).T
+    explained = np.einsum("nm,nm->m", whitened, whitened).reshape(2, -1).sum(axis=0)
+    return Slope(slope.mean, np.sqrt(np.maximum(np.square(slope.std) - explained, 0.0)))
 
 
 def slope_correlation(a: FloatArray, b: FloatArray, parameters: KernelParameters) -> FloatArray:
@@ -216,14 +230,14 @@ class PositionNoise:
         Raises:
             ValueError: If the kernel is Matern-1/2, whose field has no slope.
         """
-        fade = None if ageing is None or ageing.memory_s <= 0.0 else _fade(ageing)
+        memory_s = 0.0 if ageing is None else ageing.memory_s
         errors = _LocationErrors(samples, samples, parameters)
         bend = curvature_noise(samples.position_std_m, parameters)
         slope = Slope.of_prior(len(samples), parameters)
         noise = _on_diagonal(errors.noise(slope, slope), bend)
         for _ in range(iterations):
-            process = _process(parameters, samples, values, noise, ageing)
-            slope = slope_given(process.posterior, samples.points, samples.points, parameters, fade)
+            posterior = _process(parameters, samples, values, noise, ageing).posterior
+            slope = slope_given(posterior, posterior.places, parameters, memory_s)
             noise = _on_diagonal(errors.noise(slope, slope), bend)
         return cls(slope, noise)
 
@@ -266,8 +280,3 @@ def _on_diagonal(matrix: FloatArray, added: FloatArray) -> FloatArray:
     """Return a matrix ``(n, n)`` after ``added`` of shape ``(n,)`` went onto its diagonal."""
     matrix[np.diag_indices(len(added))] += added
     return matrix
-
-
-def _fade(ageing: Ageing) -> FloatArray:
-    between = np.abs(np.subtract.outer(ageing.time_s, ageing.time_s))
-    return np.exp(-between / ageing.memory_s)

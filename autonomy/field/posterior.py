@@ -39,7 +39,8 @@ class Posterior:
             ValueError: If the covariance of the samples has no factor.
         """
         self._prior = prior
-        self._places = places
+        self.places = places
+        """Where and when the samples were taken."""
         self._factor = np.empty((0, 0))
         if len(places):
             covariance = prior.covariance(places, places)
@@ -49,10 +50,11 @@ class Posterior:
             else:
                 covariance[np.diag_indices(len(places))] += noise
             self._factor = cholesky(covariance, prior.variance)
-        self._whitened_values = self.whitened(values)
-        self._weights = self._whitened_values
+        self.z = self.whitened(values)
+        """``L^-1`` times the values, shape ``(n,)``."""
+        self._weights = self.z
         if len(places):
-            self._weights = solve_lower_transposed(self._factor, self._whitened_values)
+            self._weights = solve_lower_transposed(self._factor, self.z)
 
     @property
     def weights(self) -> FloatArray:
@@ -61,14 +63,14 @@ class Posterior:
 
     def whitened(self, right: FloatArray) -> FloatArray:
         """Return ``L^-1 right`` for the factor ``L`` of the samples' covariance, noise included."""
-        return solve_lower(self._factor, right) if len(self._places) else right
+        return solve_lower(self._factor, right) if len(self.places) else right
 
     def mean(self, targets: Places) -> FloatArray:
         """Return the posterior mean at ``q`` targets, shape ``(q,)``."""
         mean = np.zeros(len(targets))
-        if len(self._places):
+        if len(self.places):
             for block in _blocks(len(targets)):
-                mean[block] = self._prior.covariance(targets[block], self._places) @ self._weights
+                mean[block] = self._prior.covariance(targets[block], self.places) @ self._weights
         return mean
 
     def marginals(self, targets: Places) -> tuple[FloatArray, FloatArray]:
@@ -77,10 +79,10 @@ class Posterior:
         Targets are taken in blocks, so that memory stays bounded by the samples.
         """
         mean, variance = np.zeros(len(targets)), np.full(len(targets), self._prior.variance)
-        if not len(self._places):
+        if not len(self.places):
             return mean, variance
         for block in _blocks(len(targets)):
-            cross = self._prior.covariance(targets[block], self._places)  # (b, n)
+            cross = self._prior.covariance(targets[block], self.places)  # (b, n)
             mean[block] = cross @ self._weights
             whitened = whiten_in_place(self._factor, cross)  # (b, n)
             variance[block] -= np.einsum("bn,bn->b", whitened, whitened)
@@ -89,17 +91,17 @@ class Posterior:
     def covariance(self, targets: Places) -> FloatArray:
         """Return the posterior covariance of the field between targets, shape ``(q, q)``."""
         result = self._prior.covariance(targets, targets)
-        if len(self._places):
-            cross = self._prior.covariance(targets, self._places)  # (q, n)
+        if len(self.places):
+            cross = self._prior.covariance(targets, self.places)  # (q, n)
             whitened = whiten_in_place(self._factor, cross)
             result -= whitened @ whitened.T
         return result
 
     def log_marginal_likelihood(self) -> float:
         """Return the log density of the values under the prior with noise."""
-        n = len(self._places)
+        n = len(self.places)
         log_determinant = 2.0 * float(np.sum(np.log(np.diagonal(self._factor))))
-        quadratic = float(self._whitened_values @ self._whitened_values)
+        quadratic = float(self.z @ self.z)
         return -0.5 * (quadratic + log_determinant + n * math.log(2.0 * math.pi))
 
 

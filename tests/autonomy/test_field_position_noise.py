@@ -6,6 +6,7 @@ import pytest
 from autonomy.field.config import KernelParameters
 from autonomy.field.gaussian_process import Ageing, GaussianProcess
 from autonomy.field.kernel import covariance, gradient_variance
+from autonomy.field.model_prior import Places
 from autonomy.field.position_noise import (
     PositionNoiseGaussianProcess,
     Slope,
@@ -93,7 +94,7 @@ def test_before_any_iteration_the_slope_is_the_prior_one():
 def test_the_slope_is_the_derivative_of_the_posterior_mean_and_of_its_covariance():
     samples = samples_of_dives()
     process = GaussianProcess(KERNEL, samples.points, samples.values)
-    slope = slope_given(process.posterior, samples.points, TARGETS, KERNEL)
+    slope = slope_given(process.posterior, Places.of(TARGETS), KERNEL)
     step, total = 1e-4, np.zeros(len(TARGETS))
     for axis in range(2):
         offset = np.zeros(3)
