@@ -50,6 +50,12 @@ _dgemm = _routine(
     *(_Text, _Text, _Integer, _Integer, _Integer, _Number),
     *(_Array, _Integer, _Array, _Integer, _Number, _Array, _Integer),
 )
+_dgemv = _routine(
+    _BLAS,
+    "dgemv",
+    *(_Text, _Integer, _Integer, _Number, _Array, _Integer),
+    *(_Array, _Integer, _Number, _Array, _Integer),
+)
 
 
 def factorize_in_place(matrix: FloatArray) -> bool:
@@ -89,27 +95,53 @@ def solve_in_place(
 
 
 def subtract_product(
-    result: FloatArray, left: FloatArray, right: FloatArray, *, transposed: bool = False
+    result: FloatArray,
+    left: FloatArray,
+    right: FloatArray,
+    *,
+    transposed: bool = False,
+    left_transposed: bool = False,
 ) -> None:
     """Take the product of two matrices from a third, in its place.
 
     Args:
         result: Shape ``(n, m)``.
-        left: Shape ``(n, k)``.
+        left: Shape ``(n, k)``, or ``(k, n)`` of which the transpose is taken.
         right: Shape ``(k, m)``, or ``(m, k)`` of which the transpose is taken.
         transposed: Take the transpose of ``right``.
+        left_transposed: Take the transpose of ``left``.
     """
     _dgemm(
-        b"N",
+        b"T" if left_transposed else b"N",
         b"T" if transposed else b"N",
         _integer(result.shape[0]),
         _integer(result.shape[1]),
-        _integer(left.shape[1]),
+        _integer(left.shape[0 if left_transposed else 1]),
         _number(-1.0),
         *_columns(left),
         *_columns(right),
         _number(1.0),
         *_columns(result),
+    )
+
+
+def subtract_vector_product(result: FloatArray, matrix: FloatArray, vector: FloatArray) -> None:
+    """Take ``matrix^T vector`` from a vector, in its place.
+
+    Args:
+        result: Shape ``(n,)``.
+        matrix: Shape ``(k, n)``.
+        vector: Shape ``(k,)``.
+    """
+    _dgemv(
+        b"T",
+        _integer(matrix.shape[0]),
+        _integer(matrix.shape[1]),
+        _number(-1.0),
+        *_columns(matrix),
+        *_entries(vector),
+        _number(1.0),
+        *_entries(result),
     )
 
 
@@ -122,6 +154,14 @@ def _columns(matrix: FloatArray) -> tuple[int, object]:
     if matrix.dtype != np.float64 or not is_usable:
         raise ValueError("a matrix for BLAS must hold float64 in Fortran order")
     return matrix.ctypes.data, _integer(apart)
+
+
+def _entries(vector: FloatArray) -> tuple[int, object]:
+    """Return where a vector lies in memory, and how far apart its entries are."""
+    (step,) = vector.strides
+    if vector.dtype != np.float64 or step % _ITEM or step <= 0:
+        raise ValueError("a vector for BLAS must hold float64, first entry first")
+    return vector.ctypes.data, _integer(step // _ITEM)
 
 
 def _integer(value: int) -> object:

@@ -139,7 +139,8 @@ class FieldConfig(Configuration):
         "thin", title="Beyond most samples", advanced=True
     )
     """What a full map does: keep an evenly spread part of its samples, or keep all and sum them up
-    at inducing points."""
+    at inducing points. Sums do not know which samples shared a position error: where positions are
+    uncertain, the model with position-dependent noise then states too small a deviation."""
     inducing_points: int = quantity(512, title="Inducing points", ge=16, le=4096, advanced=True)
     """Points at which a map with more samples than it can hold sums them up."""
     learning: LearningConfig = quantity(LearningConfig(), title="Learning")

@@ -10,13 +10,16 @@ import numpy as np
 from scipy.linalg import get_blas_funcs
 
 from autonomy.arrays import FloatArray
-from autonomy.field.algebra import solve_in_place, subtract_product
+from autonomy.field.algebra import solve_in_place, subtract_product, subtract_vector_product
 
-(_gemv,) = get_blas_funcs(("gemv",), dtype=np.float64)
+_gemv, _trsv = get_blas_funcs(("gemv", "trsv"), dtype=np.float64)
 """For one sample: it is soon done."""
 
 PANEL_ROWS = 128
 _SPARE_COLUMNS = 256
+_TARGET_ROWS = 2 * PANEL_ROWS
+"""Rows of a panel of whitened targets. In Fortran order what belongs to one target lies together:
+a sample's row is then made by scalar products, which read memory once and write little."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -81,7 +84,11 @@ class GrowingFactor:
                 _subtract_product(x[here], panel.left[: panel.rows], x[: panel.start])
             block = np.zeros((PANEL_ROWS, x.shape[1]))
             block[: panel.rows] = x[here]
-            x[here] = _whitened_rows(panel.diagonal, block)[: panel.rows]
+            if x.shape[1] == 1:
+                block[:, 0] = _trsv(panel.diagonal, block[:, 0], lower=1, overwrite_x=1)
+            else:
+                solve_in_place(panel.diagonal, block.T, transposed=True, from_right=True)
+            x[here] = block[: panel.rows]
         return x
 
 
@@ -144,7 +151,7 @@ class WhitenedColumns:
             return
         self._mean[:] = 0.0
         for first, panel in self._filled():
-            self._mean += _gemv(1.0, panel.T, z[first : first + len(panel)])
+            subtract_vector_product(self._mean, panel, -z[first : first + len(panel)])
 
     def scale(self, factor: float) -> None:
         """Multiply ``V`` by a number."""
@@ -158,18 +165,17 @@ class WhitenedColumns:
         if len(remaining) == 1:
             row, weights = remaining[0], B[:, 0]
             for first, panel in self._filled():
-                part = weights[first : first + len(panel)]
-                row = _gemv(-1.0, panel.T, part, beta=1.0, y=row, overwrite_y=1)
+                subtract_vector_product(row, panel, weights[first : first + len(panel)])
             return row[None]
         for first, panel in self._filled():
             part = B[first : first + len(panel)]
-            subtract_product(remaining.T, panel.T, part.T, transposed=True)
+            subtract_product(remaining.T, panel, part.T, transposed=True, left_transposed=True)
         return remaining
 
     def _store(self, v: FloatArray) -> None:
-        used = self._rows % PANEL_ROWS
+        used = self._rows % _TARGET_ROWS
         if used == 0:
-            self._panels.append(np.empty((PANEL_ROWS, self._width)))
+            self._panels.append(np.empty((_TARGET_ROWS, self._width), order="F"))
         self._panels[-1][used : used + len(v)] = v
         self._rows += len(v)
 
@@ -177,13 +183,13 @@ class WhitenedColumns:
         """Return the first row and the filled part of every panel."""
         rows = self._rows
         return [
-            (first, panel[: min(rows - first, PANEL_ROWS)])
-            for first, panel in zip(range(0, rows, PANEL_ROWS), self._panels, strict=True)
+            (first, panel[: min(rows - first, _TARGET_ROWS)])
+            for first, panel in zip(range(0, rows, _TARGET_ROWS), self._panels, strict=True)
         ]
 
     def _widen(self, width: int) -> None:
         for i, panel in enumerate(self._panels):
-            wider = np.zeros((PANEL_ROWS, width))
+            wider = np.zeros((_TARGET_ROWS, width), order="F")
             wider[:, : self.count] = panel[:, : self.count]
             self._panels[i] = wider
         self._mean = np.concatenate([self.mean, np.zeros(width - self.count)])

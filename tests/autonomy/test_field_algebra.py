@@ -7,7 +7,12 @@ import time
 import numpy as np
 import pytest
 
-from autonomy.field.algebra import factorize_in_place, solve_in_place, subtract_product
+from autonomy.field.algebra import (
+    factorize_in_place,
+    solve_in_place,
+    subtract_product,
+    subtract_vector_product,
+)
 from autonomy.field.factorization import cholesky, solve_lower, solve_lower_transposed
 
 RNG = np.random.default_rng(11)
@@ -52,6 +57,29 @@ def test_triangles_are_solved_with_from_both_sides_in_part_of_a_larger_array(
     again = part @ triangle if from_right else triangle @ part
     np.testing.assert_allclose(again, before, atol=1e-12)
     assert np.array_equal(whole[7:], untouched)
+
+
+def test_a_vector_product_is_taken_from_a_vector_in_part_of_a_larger_array() -> None:
+    panel = np.asfortranarray(RNG.standard_normal((9, 5)))
+    weights = RNG.standard_normal((4, 3))[:, 1]
+    result = RNG.standard_normal((5, 2))
+    expected = result[:, 0] - panel[:4].T @ weights
+    untouched = result[:, 1].copy()
+    subtract_vector_product(result[:, 0], panel[:4], weights)
+    np.testing.assert_allclose(result[:, 0], expected, atol=1e-12)
+    assert np.array_equal(result[:, 1], untouched)
+    with pytest.raises(ValueError, match="Fortran order"):
+        subtract_vector_product(result[:, 0], np.zeros((4, 5)), weights)
+    with pytest.raises(ValueError, match="first entry first"):
+        subtract_vector_product(result[::-1, 0], panel[:4], weights)
+
+
+def test_products_with_the_transpose_of_the_left_matrix_are_taken_in_place() -> None:
+    left, right = (np.asfortranarray(RNG.standard_normal(shape)) for shape in ((9, 5), (4, 3)))
+    result = np.asfortranarray(RNG.standard_normal((5, 4)))
+    expected = result - left[:3].T @ right.T
+    subtract_product(result, left[:3], right, transposed=True, left_transposed=True)
+    np.testing.assert_allclose(result, expected, atol=1e-12)
 
 
 def test_products_are_taken_from_a_matrix_in_its_place() -> None:
