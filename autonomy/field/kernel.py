@@ -39,11 +39,6 @@ def covariance(a: FloatArray, b: FloatArray, parameters: KernelParameters) -> Fl
     return result
 
 
-def matern32(a: FloatArray, b: FloatArray, parameters: KernelParameters) -> FloatArray:
-    """Return ``covariance`` with the Matern-3/2 shape, whatever shape the parameters name."""
-    return covariance(a, b, parameters.model_copy(update={"shape": "matern32"}))
-
-
 def gradient_covariance(
     a: FloatArray, b: FloatArray, parameters: KernelParameters
 ) -> tuple[FloatArray, FloatArray]:

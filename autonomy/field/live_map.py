@@ -16,6 +16,10 @@ from autonomy.field.thinning import space_filling
 
 _KEPT_WHEN_FULL = 0.75
 _CHOSEN_ANEW = 1.5
+_MOST_NUMBERS = 250_000_000
+"""Most numbers of the largest array of a map, samples times points of its grid: 2 GB."""
+_FEWEST_SAMPLES = 50
+"""Samples that a map holds over any grid."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -33,7 +37,8 @@ class LiveMap:
 
     Any of the four models; a field that changes is shown at the time of its newest sample.
 
-    With samples beyond ``config.max_samples`` the map does what ``config.beyond`` says. It keeps an
+    With samples beyond ``config.max_samples``, or beyond what fits in memory over a very large
+    grid, the map does what ``config.beyond`` says. It keeps an
     evenly spread three quarters of that number and begins anew from them, and ``samples_dropped``
     counts those left out; or it keeps all and sums them up at inducing points, which it chooses
     anew when it holds half as many samples again.
@@ -45,6 +50,8 @@ class LiveMap:
         self.grid = grid
         self.samples_dropped = 0
         self._prior_mean = config.prior_mean_at(grid.points)
+        bearable = max(_FEWEST_SAMPLES, _MOST_NUMBERS // len(grid.points))
+        self._most_exact = min(config.max_samples, bearable)
         self._begin(FieldSamples.none())
 
     @property
@@ -127,22 +134,22 @@ class LiveMap:
     def _begin(self, samples: FieldSamples) -> None:
         config, points = self.config, self.grid.points
         values = centred_values(config, samples)
-        if len(samples) > config.max_samples:
+        if len(samples) > self._most_exact:
             model = GrowingInducing(config, points, samples, values)
             self._most_samples = int(_CHOSEN_ANEW * len(samples))
         else:
             model = growing_model(config, points)
             if len(samples):
                 model.append(samples, values)
-            self._most_samples = config.max_samples
+            self._most_samples = self._most_exact
         self._model: GrowingModel = model
         self._samples = samples
 
     def _begin_with(self, samples: FieldSamples, dropped: int) -> None:
         """Begin anew with as many of the samples as the map keeps."""
         config, kept = self.config, samples
-        if len(samples) > config.max_samples and config.beyond == "thin":
-            count = int(_KEPT_WHEN_FULL * config.max_samples)
+        if len(samples) > self._most_exact and config.beyond == "thin":
+            count = int(_KEPT_WHEN_FULL * self._most_exact)
             scales_m = config.single.length_scales_m()
             kept = samples[space_filling(samples.points, count, scales_m)]
         self._begin(kept)

@@ -5,7 +5,6 @@ is computed never enters a map of what was measured. A recording has a map of it
 """
 
 import logging
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,9 +94,9 @@ def usable(columns: SampleColumns) -> SampleColumns:
     return columns.chosen(good)
 
 
-def first_dive(robots: Sequence[str], robot: str) -> int:
-    """Return the number from which the dives of one of the robots of a map are counted."""
-    return robots.index(robot) * _DIVES_PER_ROBOT
+def first_dive(robot: int) -> int:
+    """Return the number from which the dives of the robot of this number in a map are counted."""
+    return robot * _DIVES_PER_ROBOT
 
 
 def _dives(columns: SampleColumns) -> IntArray:
@@ -107,5 +106,5 @@ def _dives(columns: SampleColumns) -> IntArray:
         alone = FieldSamples.of(
             columns.position_ned[mine], columns.value[mine], columns.position_std_m[mine]
         )
-        dives[mine] = robot * _DIVES_PER_ROBOT + alone.dive
+        dives[mine] = first_dive(robot) + alone.dive
     return dives

@@ -120,7 +120,8 @@ class SiteMap:
             after=before,
         )
         if before is None:
-            fresh = dataclasses.replace(fresh, dive=fresh.dive + first_dive(self.robots, robot))
+            first = first_dive(self.robots.index(robot))
+            fresh = dataclasses.replace(fresh, dive=fresh.dive + first)
         self._last[robot] = fresh[-1:]
         return fresh
 

@@ -8,7 +8,6 @@ from autonomy.field.kernel import (
     gradient_covariance,
     gradient_gradient_covariance,
     gradient_variance,
-    matern32,
 )
 
 SHAPES: tuple[KernelShape, ...] = ("matern12", "matern32", "matern52", "squared_exponential")
@@ -71,13 +70,6 @@ def test_kernels_equal_those_of_scikit_learn(shape: KernelShape) -> None:
     a, b = rng.uniform(size=(20, 3)), rng.uniform(size=(30, 3))
     theirs = scikit_learn_kernel(kernel(shape))(a, b)
     assert covariance(a, b, kernel(shape)) == pytest.approx(theirs, abs=1e-13)
-
-
-def test_matern32_is_that_shape_whatever_the_parameters_name() -> None:
-    points = np.random.default_rng(3).uniform(size=(6, 3))
-    other = kernel("squared_exponential")
-    expected = covariance(points, points, kernel("matern32"))
-    assert np.array_equal(matern32(points, points, other), expected)
 
 
 @EVERY_SMOOTH_SHAPE

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autonomy.arrays import FloatArray
+from autonomy.field import live_map as live_map_module
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, GridShape, KernelParameters
 from autonomy.field.grid import Grid
 from autonomy.field.growing_factor import GrowingFactor
@@ -287,6 +288,18 @@ def test_a_batch_larger_than_the_map_is_thinned_at_once() -> None:
     live_map = tank_map("single", tank_samples(500), max_samples=100)
     assert sum(live_map.samples_per_level) == 75
     assert live_map.samples_dropped == 425
+
+
+def test_a_very_large_grid_holds_fewer_samples_so_that_memory_is_bounded(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(live_map_module, "_MOST_NUMBERS", 80 * len(GRID.points))
+    live_map = tank_map("single", tank_samples(70))
+    assert live_map.samples_dropped == 0
+    live_map.append(tank_samples(30, seed=1))
+    assert sum(live_map.samples_per_level) == 60
+    assert live_map.samples_dropped == 40
+    assert_equals_conditioning_anew(live_map)
 
 
 @EVERY_MODEL
