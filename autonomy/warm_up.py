@@ -2,7 +2,6 @@
 
 import hashlib
 import importlib
-from collections.abc import Iterator
 from pathlib import Path
 
 KERNEL_MODULES = (
@@ -27,15 +26,13 @@ KERNEL_MODULES = (
 """Modules with compiled functions; each has ``warm_up()``, which calls every one of them."""
 
 
-def compile_kernels() -> Iterator[tuple[str, int, int]]:
-    """Compile module by module, or load what is compiled already.
+LONGEST = "autonomy.planner.kernel"
+"""The module that takes about as long as all others; it calls no kernel of another package."""
 
-    Yields:
-        Name of the module that is ready, how many are ready, and how many there are.
-    """
-    for done, name in enumerate(KERNEL_MODULES, start=1):
-        importlib.import_module(name).warm_up()
-        yield name, done, len(KERNEL_MODULES)
+
+def compile_module(name: str) -> None:
+    """Compile one of ``KERNEL_MODULES``, or load what is compiled already."""
+    importlib.import_module(name).warm_up()
 
 
 def source_digest() -> str:

@@ -1,6 +1,9 @@
 """``grace compile``: machine code for the numeric kernels, made ahead of time."""
 
 from argparse import ArgumentParser, Namespace
+from collections.abc import Iterator
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 from pathlib import Path
 
 from rich.console import Console
@@ -33,8 +36,22 @@ def run(arguments: Namespace) -> int:
         console=Console(stderr=True),
     ) as progress:
         task = progress.add_task("", total=len(warm_up.KERNEL_MODULES))
-        for name, done, _ in warm_up.compile_kernels():
-            progress.update(task, completed=done, description=name)
+        for name in _compiled():
+            progress.update(task, advance=1, description=name)
     kept.parent.mkdir(exist_ok=True)
     kept.write_text(digest)
     return 0
+
+
+def _compiled() -> Iterator[str]:
+    """Compile every module, the longest one beside the others, and name each when it is ready."""
+    from autonomy import warm_up
+
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:
+        longest = beside.submit(warm_up.compile_module, warm_up.LONGEST)
+        for name in warm_up.KERNEL_MODULES:
+            if name != warm_up.LONGEST:
+                warm_up.compile_module(name)
+                yield name
+        longest.result()
+        yield warm_up.LONGEST
