@@ -13,8 +13,8 @@ from server.api.dependency import Pilot, StoreDep, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.service.plan_document import plan_summary
-from server.service.planning import SearchRequest
 from server.service.primitive_legs import LegRequest
+from server.service.search_request import SearchRequest
 from server.service.view.base import View
 from server.service.view.plan import PlanSummaryView, PlanView, ViolationView
 

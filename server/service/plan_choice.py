@@ -16,7 +16,8 @@ from server.service.plan_document import (
     search_document,
 )
 from server.service.plan_ledger import PlanLedger
-from server.service.planning import Planning, SearchRequest
+from server.service.planning import Planning
+from server.service.search_request import SearchRequest
 from server.service.survey_round import AHEAD_OF
 
 _WAITS = ("ready", "stopped", "failed")
@@ -69,7 +70,7 @@ class PlanChoices:
         rest = [one for number, one in enumerate(others) if number != runner_up]
         found = search_document(
             config.objective,
-            f"Runner-up {runner_up + 1} of {plan}, chosen by {by}.",
+            f"Number {runner_up + 2} of what {plan} found, chosen by {by}.",
             chosen,
             (candidate_of_draft(record.document), *rest),
             (),
@@ -92,12 +93,15 @@ class PlanChoices:
             reasons = " ".join(one.message for one in found)
             raise conflict(f"{plan} is outdated: {reasons} Plan again.")
         config = PlannerConfig.model_validate(record.config)
-        if planning_time_s is not None:
+        config_id = record.document["config_id"]
+        if planning_time_s not in {None, config.planning_time_s}:
             config = config.model_copy(update={"planning_time_s": planning_time_s})
+            config_id = None
         legs = legs_of(record.document)
         warm = (legs, *(one.legs for one in candidates_of(record.document) if one.legs))
         request = replace(
             _request(record, config, by),
+            config_id=config_id,
             start_xy=legs[0].start_ned[:2],
             warm=warm,
             attempt=record.document.get("attempt", 0) + 1,

@@ -1,9 +1,9 @@
 """A plan as the document that the database keeps, and back."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
-from typing import Any
+from typing import Any, Self
 
 import numpy as np
 from pydantic import TypeAdapter
@@ -51,6 +51,16 @@ class Draft:
     """When that version was saved."""
     surfacings: int
     satellite_bytes: int
+
+    def renamed(self) -> Self:
+        """Return the same trajectory under another name: the robot waits a second longer.
+
+        A plan's name is the hash of its bytes. If two plans of a robot had the same, neither its
+        word nor an order to start would say which of them is meant.
+        """
+        old = self.mission
+        settings = replace(old.settings, timeout_s=old.settings.timeout_s + 1.0)
+        return replace(self, mission=Mission.from_legs(settings, old.legs, old.format))
 
 
 def draft_document(draft: Draft) -> dict[str, Any]:
@@ -184,7 +194,7 @@ def plan_view(
         objective=document.get("objective"),
         objective_unit=document.get("objective_unit", ""),
         violations=[ViolationView(**one) for one in document.get("violations", ())],
-        stage=stage_of(plan),
+        stage=stage_of(plan, progress),
         progress=progress,
         history=[ObjectiveView(**point) for point in document.get("history", ())],
         runners_up=[_runner_up_view(one) for one in document.get("runners_up", ())],
@@ -225,7 +235,7 @@ def live_plan_view(
     """Return what the live stream says of a plan."""
     return LivePlanView(
         state=plan.state,
-        stage=stage_of(plan),
+        stage=stage_of(plan, progress),
         progress=progress,
         ladder=ladder_view(plan),
         onboard=onboard_view(plan, report),
@@ -233,11 +243,14 @@ def live_plan_view(
     )
 
 
-def stage_of(plan: PlanRecord) -> str | None:
+def stage_of(plan: PlanRecord, progress: ProgressView | None) -> str | None:
     """Return what planning does now, ``None`` once it has ended."""
     if plan.state != "planning":
         return None
-    return "rehearsing" if "rehearsal" in plan.document else "searching"
+    if "rehearsal" in plan.document:
+        return "rehearsing"
+    is_searching = progress is not None or not plan.document.get("in_turn")
+    return "searching" if is_searching else "waiting"
 
 
 def ladder_view(plan: PlanRecord) -> LadderView:

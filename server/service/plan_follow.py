@@ -54,7 +54,7 @@ class PlanFollower:
             return
         sha256 = report.sha256
         plan = await self._store.query(lambda session: plan_by_hash(session, report.robot, sha256))
-        if plan is not None and plan.state in _BEFORE[state] and not _is_of_earlier(report, plan):
+        if plan is not None and plan.state in _BEFORE[state]:
             await self._advance(plan, state, report)
         await self._supersede(report, None if plan is None else plan.id)
 
@@ -103,12 +103,6 @@ def _state_of(report: PlanReport) -> str | None:
     if report.state is OnboardPlanState.FAILED and report.reason == SURFACED_BY_COMMAND:
         return "cancelled"
     return _STATES.get(report.state)
-
-
-def _is_of_earlier(report: PlanReport, plan: PlanRecord) -> bool:
-    """Tell whether a report speaks of an earlier flight of the same legs, not of this draft."""
-    has_ended = report.state in (OnboardPlanState.DONE, OnboardPlanState.FAILED)
-    return has_ended and plan.state == "draft" and report.measured_at < plan.created_at
 
 
 def _overspending(onboard: OnboardView) -> str:

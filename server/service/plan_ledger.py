@@ -57,7 +57,7 @@ class PlanLedger:
         kind: str,
         *,
         config: Mapping[str, Any],
-        config_id: str,
+        config_id: str | None,
         by: str,
         mission: str | None = None,
         round_number: int = 1,
@@ -126,7 +126,12 @@ class PlanLedger:
         return record
 
     async def note(
-        self, plan: str, document: Mapping[str, Any], *, only_from: tuple[str, ...]
+        self,
+        plan: str,
+        document: Mapping[str, Any],
+        *,
+        only_from: tuple[str, ...],
+        sha256: str | None = None,
     ) -> PlanRecord:
         """Keep more about a plan whose state does not change.
 
@@ -137,11 +142,18 @@ class PlanLedger:
         at = self._clock.now()
         record = await self._store.write(
             lambda session: query.change_plan(
-                session, plan, at=at, only_from=only_from, document=document
+                session, plan, at=at, only_from=only_from, sha256=sha256, document=document
             )
         )
         self.publish(record)
         return record
+
+    async def is_taken(self, plan: PlanRecord, sha256: str) -> bool:
+        """Tell whether another plan of the robot has this name."""
+        found = await self._store.query(
+            lambda session: query.plan_by_hash(session, plan.robot, sha256)
+        )
+        return found is not None and found.id != plan.id
 
     async def make_draft(
         self, plan: str, text: str, document: Mapping[str, Any], *, replaces: str | None
@@ -149,7 +161,7 @@ class PlanLedger:
         """Make a plan a draft, and end the draft whose place it takes, both or neither.
 
         Args:
-            plan: A plan that is being made, with its legs and its hash in its document already.
+            plan: A plan that is being made, with its legs and its hash already.
             text: What the event says.
             document: Parts of the document that are new.
             replaces: The draft that it takes the place of.
@@ -181,7 +193,6 @@ class PlanLedger:
                 at=at,
                 state="draft",
                 only_from=("planning",),
-                sha256=query.get_plan(session, plan).document["sha256"],
                 document=document,
             )
             note_change(session, record, at, text)

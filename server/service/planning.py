@@ -7,11 +7,11 @@ only then a draft.
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from typing import Any
 
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult, PlanStatus
+from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus
 from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
 from server.foundation import Foundation
@@ -24,55 +24,14 @@ from server.service.plan_settings import PlanSettings
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
 from server.service.rehearsing import Rehearsals
 from server.service.round_problem import RoundProblems
-from server.service.survey_round import AHEAD_OF, NOTHING_FEASIBLE, REPLACES
+from server.service.search_request import SearchRequest
+from server.service.survey_round import NOTHING_FEASIBLE, REPLACES
 from server.service.task.problem import PLAN_SURVEY
 from server.service.turn import until_stored
 from server.service.view.plan import ProgressView, RehearsalView, ViolationView
 from server.service.worker import WORKER_FAILURES, WorkerPool
 
 log = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True)
-class SearchRequest:
-    """One round that is to be searched for."""
-
-    robot: str
-    config: PlannerConfig
-    config_id: str
-    by: str
-    mission: str | None = None
-    round_number: int = 1
-    budget: float | None = None
-    """Energy units; ``None`` for those of a round."""
-    start_xy: tuple[float, float] | None = None
-    """Where it begins, north and east, m; ``None`` for where the robot is."""
-    warm: tuple[tuple[Leg, ...], ...] = ()
-    """Trajectories to begin with."""
-    attempt: int = 0
-    """How often this was searched for before; each time with other random numbers."""
-    ahead_of: str | None = None
-    """Plan that the robot flies, at whose end this one begins."""
-    replaces: str | None = None
-    """Draft whose place it takes once it is one itself."""
-    in_turn: bool = False
-    """Whether it waits for other robots of the site that are planned for in turn."""
-
-    @property
-    def energy(self) -> float:
-        """Energy units that the round may spend."""
-        return self.config.round_budget if self.budget is None else self.budget
-
-    def document(self) -> dict[str, Any]:
-        """Return what the plan's document says of the request."""
-        is_weighed = self.config.objective != "information_gain"
-        return {
-            "budget": self.energy,
-            "attempt": self.attempt,
-            "exploitation": self.config.ergodic.exploitation if is_weighed else None,
-            AHEAD_OF: self.ahead_of,
-            REPLACES: self.replaces,
-        }
 
 
 class Planning:
@@ -91,6 +50,7 @@ class Planning:
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._turns: dict[str, asyncio.Lock] = {}
         """By site: robots of one fleet survey are planned for one after the other."""
+        self._naming = asyncio.Lock()
 
     async def resume(self) -> None:
         """Close the plans that were being made when the station stopped."""
@@ -319,16 +279,19 @@ class Planning:
         found: Mapping[str, Any] | None = None,
     ) -> PlanRecord:
         """Keep a trajectory: as a draft, or, while it is still to be rehearsed, in planning."""
-        document = {
-            **(found or {}),
-            **draft_document(draft),
-            "sha256": draft.mission.sha256(),
-            "draft_text": text,
-        }
+        document = {**(found or {}), "draft_text": text}
         rehearsal = self._rehearsals.before(plan.robot, config)
         if rehearsal is not None:
             document["rehearsal"] = asdict(rehearsal)
-        kept = await self._ledger.note(plan.id, document, only_from=("planning",))
+        async with self._naming:
+            while await self._ledger.is_taken(plan, draft.mission.sha256()):
+                draft = draft.renamed()
+            kept = await self._ledger.note(
+                plan.id,
+                {**document, **draft_document(draft)},
+                only_from=("planning",),
+                sha256=draft.mission.sha256(),
+            )
         if rehearsal is not None and rehearsal.state == "working":
             return kept
         return await self._offer(kept, rehearsal)

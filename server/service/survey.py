@@ -21,7 +21,8 @@ from server.foundation import Foundation
 from server.problem import Problem, conflict
 from server.service.mission_ledger import MissionLedger
 from server.service.plan_ledger import ON_THE_WAY
-from server.service.planning import Planning, SearchRequest
+from server.service.planning import Planning
+from server.service.search_request import SearchRequest
 from server.service.survey_round import ENDED_BADLY, config_of_round, standing_of
 from server.service.survey_step import SurveySteps, request_of
 from server.service.upload import Uploads

@@ -20,7 +20,8 @@ from server.service.mission_ledger import ENDED, MissionLedger
 from server.service.plan_ahead import is_due, unflown
 from server.service.plan_document import candidates_of, legs_of
 from server.service.plan_ledger import PlanLedger
-from server.service.planning import Planning, SearchRequest
+from server.service.planning import Planning
+from server.service.search_request import SearchRequest
 from server.service.survey_map_quality import SurveyMaps
 from server.service.survey_round import (
     AHEAD_OF,

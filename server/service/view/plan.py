@@ -146,7 +146,8 @@ class PlanView(View):
     ``superseded`` or ``cancelled``."""
     sha256: str | None
     config_id: str | None
-    """The version of the planner's configuration that this plan was made with."""
+    """The version of the planner's configuration that this plan was made with; ``null`` if a search
+    went on for another time than that version says."""
     config: dict[str, Any]
     trim_id: str | None
     """The version of the robot's trim that this plan brings on board; ``null`` for the preset."""
@@ -161,7 +162,8 @@ class PlanView(View):
     objective_unit: str
     violations: list[ViolationView]
     stage: str | None
-    """What planning does now: ``searching`` or ``rehearsing``; ``null`` once it has ended."""
+    """What planning does now: ``waiting`` until other robots of the survey are planned for,
+    ``searching`` or ``rehearsing``; ``null`` once it has ended."""
     progress: ProgressView | None
     history: list[ObjectiveView]
     runners_up: list[RunnerUpView]

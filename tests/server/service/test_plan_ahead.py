@@ -12,7 +12,7 @@ from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanRepor
 from server.service import survey_step
 from server.service.plan_ahead import is_due, planned_rest, remaining_s, unflown
 from server.service.plan_document import legs_of, points_of
-from server.service.planning import SearchRequest
+from server.service.search_request import SearchRequest
 from server.service.survey_map_quality import SurveyMaps
 from server.service.survey_round import standing_of
 from server.service.task.problem import MAP_STD

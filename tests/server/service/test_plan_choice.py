@@ -85,7 +85,13 @@ async def test_search_goes_on_from_the_draft_and_its_runners_up(client, workers)
     assert second.planner.planning_time_s == 7.0
     assert second.budget == first.budget == 12.0
     assert second.start_xy == first.start_xy == (1.2, 0.6)
-    assert new["config_id"] == old["config_id"]
+    assert (new["config_id"], new["config"]["planning_time_s"]) == (None, 7.0)
+    again = (await client.post(f"/api/plans/{new['id']}/continue")).json()["id"]
+    assert (await plan_in(client, again, "draft"))["config"] == new["config"]
+    other = await drafted(client)
+    longer = await client.post(f"/api/plans/{other['id']}/continue", json={"planning_time_s": 30})
+    same = await plan_in(client, longer.json()["id"], "draft")
+    assert same["config_id"] == other["config_id"] == old["config_id"]
     assert (await client.get(f"/api/plans/{old['id']}")).json()["state"] == "superseded"
 
 

@@ -6,8 +6,8 @@ import pytest
 
 from robot_link.rehearsal import REHEARSE
 from server.service import rehearsing, survey_step
-from server.service.planning import SearchRequest
 from server.service.rehearsing import Rehearsals
+from server.service.search_request import SearchRequest
 from server.service.worker import WorkerEndedError
 from tests.server.service.conftest import FAST, MINI, open_station, until
 from tests.server.service.fake_link import state_report

@@ -46,6 +46,9 @@ async def test_second_robot_is_planned_for_after_the_first_and_counts_its_plan(
     assert [one["robot"] for one in missions] == [MINI, SECOND]
     await until(lambda: workers.problems)
     assert len(workers.problems) == 1
+    plans = [(await client.get(f"/api/robots/{one}/plans")).json()[0] for one in (MINI, SECOND)]
+    whole = [(await client.get(f"/api/plans/{one['id']}")).json() for one in plans]
+    assert [one["stage"] for one in whole] == ["searching", "waiting"]
     workers.may_plan.set()
     first, second = [await mission_in(client, one["mission"], "ready") for one in missions]
     assert first["fleet"] == second["fleet"] == [one["mission"] for one in missions]

@@ -163,14 +163,23 @@ async def test_draft_that_the_robot_flew_unseen_is_done(client, station, world):
     await plan_in(client, plan.id, "done")
 
 
-async def test_word_on_an_earlier_flight_of_the_same_legs_does_not_end_a_draft(
-    client, station, world
-):
-    plan = await station.plans.get(await draft(client))
-    earlier = plan.created_at - timedelta(seconds=30.0)
-    world.tell(report(plan, OnboardPlanState.DONE, earlier))
-    await asyncio.sleep(0.3)
-    assert (await station.plans.get(plan.id)).state == "draft"
+async def test_same_legs_laid_out_again_are_a_plan_of_their_own(client, station, world):
+    world.robots[MINI].may_fly.clear()
+    first = await draft(client)
+    await upload(client, first, start=True)
+    await plan_in(client, first, "running")
+    second = await plan_in(client, await draft(client), "draft")
+    assert second["sha256"] != (await station.plans.get(first)).sha256
+    world.robots[MINI].say()
+    world.robots[MINI].may_fly.set()
+    await plan_in(client, first, "done")
+    world.robots[MINI].say()
+    assert (await station.plans.get(second["id"])).state == "draft"
+    await upload(client, second["id"], start=True)
+    await plan_in(client, second["id"], "done")
+    assert [plan for _, plan in world.uploads] == [
+        (await station.plans.get(one)).sha256 for one in (first, second["id"])
+    ]
 
 
 async def test_flight_that_costs_more_than_planned_says_so(client, station, world):

@@ -1,0 +1,52 @@
+"""What a search for one round of a survey is asked for."""
+
+from dataclasses import dataclass
+from typing import Any
+
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.plan import Leg
+from server.service.survey_round import AHEAD_OF, REPLACES
+
+
+@dataclass(frozen=True, slots=True)
+class SearchRequest:
+    """One round that is to be searched for."""
+
+    robot: str
+    config: PlannerConfig
+    config_id: str | None
+    """Kept version of the settings; ``None`` where no version has exactly these."""
+    by: str
+    mission: str | None = None
+    round_number: int = 1
+    budget: float | None = None
+    """Energy units; ``None`` for those of a round."""
+    start_xy: tuple[float, float] | None = None
+    """Where it begins, north and east, m; ``None`` for where the robot is."""
+    warm: tuple[tuple[Leg, ...], ...] = ()
+    """Trajectories to begin with."""
+    attempt: int = 0
+    """How often this was searched for before; each time with other random numbers."""
+    ahead_of: str | None = None
+    """Plan that the robot flies, at whose end this one begins."""
+    replaces: str | None = None
+    """Draft whose place it takes once it is one itself."""
+    in_turn: bool = False
+    """Whether it waits for other robots of the site that are planned for in turn."""
+
+    @property
+    def energy(self) -> float:
+        """Energy units that the round may spend."""
+        return self.config.round_budget if self.budget is None else self.budget
+
+    def document(self) -> dict[str, Any]:
+        """Return what the plan's document says of the request."""
+        is_weighed = self.config.objective != "information_gain"
+        return {
+            "budget": self.energy,
+            "attempt": self.attempt,
+            "exploitation": self.config.ergodic.exploitation if is_weighed else None,
+            AHEAD_OF: self.ahead_of,
+            REPLACES: self.replaces,
+            "in_turn": self.in_turn,
+        }
