@@ -135,7 +135,7 @@ export interface Plan {
   ladder: PlanLadder;
   onboard: Onboard | null;
   rehearsal?: Rehearsal | null;
-  stage?: 'searching' | 'rehearsing' | null;
+  stage?: 'waiting' | 'searching' | 'rehearsing' | null;
 }
 
 export interface MissionRound {

@@ -46,6 +46,9 @@ export function planSentence(plan: Pick<Plan, 'state' | 'message' | 'stage'>): s
   if (plan.state === 'planning' && plan.stage === 'rehearsing') {
     return 'Found; the simulator flies it before it is offered. Nothing is sent.';
   }
+  if (plan.state === 'planning' && plan.stage === 'waiting') {
+    return 'It waits until the other robots of the survey are planned for. Nothing is sent.';
+  }
   const isTold = ['failed', 'cancelled'].includes(plan.state) && plan.message !== '';
   const told = isTold ? ` ${plan.message}` : '';
   return SENTENCES[plan.state] + told;
