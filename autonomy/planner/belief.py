@@ -6,8 +6,9 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from autonomy.arrays import BoolArray, FloatArray
-from autonomy.field.config import KernelParameters, KernelShape
+from autonomy.field.config import FieldConfig, KernelParameters, KernelShape
 from autonomy.field.kernel import covariance
+from autonomy.field.level_scale import scale_factors, shares
 from autonomy.planner.config import PlannerConfig
 
 
@@ -66,6 +67,11 @@ class FieldBelief:
         a small e this is :math:`e^2` times the prior variance of the horizontal gradient, as in
         ``autonomy.field.position_noise``.
 
+        Samples of one dive share the error of their positions, and the map counts that; here each
+        counts as if its error were its own, because a search that judges edges one by one cannot
+        know what else a dive will hold. So the gain of a long dive far from a fix is overstated
+        (docs/decisions/0013-planner-objective.md).
+
         Args:
             position_std_m: Standard deviation of each horizontal position, shape ``(n,)``, m.
 
@@ -97,6 +103,36 @@ class FieldBelief:
         return replace(
             self, test_points=self.test_points[mask], mean=self.mean[mask], std=self.std[mask]
         )
+
+
+def planning_kernel(config: FieldConfig) -> KernelParameters:
+    """Return the kernel of the field that a configured model maps, as one kernel.
+
+    The field of a model with levels is a sum of independent parts, and the sum of their kernels is
+    none of them. In its place stands one with the same variance and, along each axis, the same integral of
+    the covariance: its lengths are those of the parts, weighted with their variances. It has the
+    shape of the strongest part, and the measurement noise of the best level. Parts of other
+    lengths are rounded off by this: in both presets the lowest level has 93 % of the variance or
+    more in the joint model, and 78 % or more in the recursive one.
+
+    Args:
+        config: Settings of the map.
+    """
+    if config.model in {"single", "position_noise"}:
+        return config.single
+    levels = config.joint_levels if config.model == "joint" else config.levels
+    share = shares(scale_factors(config.rho, len(levels)))[:, -1]
+    variance = share**2 * [level.signal_variance for level in levels]  # (levels,)
+    lengths_m = variance @ np.array([level.length_scales_m() for level in levels])
+    north_m, east_m, down_m = lengths_m / variance.sum()
+    return KernelParameters(
+        shape=levels[int(np.argmax(variance))].shape,
+        signal_variance=variance.sum(),
+        length_x_m=north_m,
+        length_y_m=east_m,
+        length_z_m=down_m,
+        noise_variance=levels[-1].noise_variance,
+    )
 
 
 class SampleNoise(NamedTuple):

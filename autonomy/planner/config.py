@@ -158,8 +158,9 @@ class SearchConfig(Configuration):
     """Trajectories remembered at each surfacing for extension; their number grows exponentially
     otherwise. A result says when the limit was met."""
     iterations_max: int = quantity(0, title="Most iterations", ge=0, advanced=True)
-    """Ends the search after this many new surfacings, which makes it repeatable whatever the speed
-    of the machine; 0 lets the planning time decide alone."""
+    """Ends the search after this many steps, each a new surfacing or one refinement of a
+    trajectory, which makes it repeatable whatever the speed of the machine; 0 lets the planning
+    time decide alone."""
     memory_mb: int = quantity(300, "MB", title="Memory", ge=32, le=4000, advanced=True)
     """Most memory that the tables of the search may grow to; the search ends when they are full."""
     points_per_edge_max: int = quantity(

@@ -12,7 +12,7 @@ from autonomy.field.mask import water_mask
 from autonomy.field.samples import FieldSamples
 from autonomy.planner import kernel
 from autonomy.planner.approach import after_approach, approach_energy, preceded, way_in
-from autonomy.planner.belief import FieldBelief
+from autonomy.planner.belief import FieldBelief, planning_kernel
 from autonomy.planner.outcome import nothing_feasible
 from autonomy.planner.plan import Leg, ObjectivePoint, PlanResult
 from autonomy.planner.search import plan
@@ -70,10 +70,11 @@ def belief_of(problem: SurveyProblem) -> FieldBelief:
     points = water_points(domain, problem.site, PLANNING)
     mean, std = _predicted(config, domain, problem.samples, points)
     kept = _spread(len(problem.samples), _BELIEF_SAMPLES)
+    kernel_of_map = planning_kernel(config)
     return FieldBelief(
-        signal_variance=config.single.signal_variance,
-        length_scales_m=config.single.length_scales_m(),
-        noise_variance=config.single.noise_variance,
+        signal_variance=kernel_of_map.signal_variance,
+        length_scales_m=kernel_of_map.length_scales_m(),
+        noise_variance=kernel_of_map.noise_variance,
         sample_points=problem.samples.points[kept],
         test_points=points,
         mean=mean,
@@ -81,7 +82,8 @@ def belief_of(problem: SurveyProblem) -> FieldBelief:
         sample_position_std=problem.samples.position_std_m[kept],
         planned_points=problem.planned_points,
         planned_std=problem.planned_std_m,
-        shape=config.single.shape,
+        shape=kernel_of_map.shape,
+        counts="levels" if config.model in {"recursive", "joint"} else "noise",
     )
 
 

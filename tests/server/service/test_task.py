@@ -9,6 +9,7 @@ import pytest
 from autonomy.field.config import FIELD_PRESETS
 from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure
+from autonomy.planner.belief import planning_kernel
 from autonomy.planner.check import violations
 from autonomy.planner.config import PLANNER_PRESETS
 from autonomy.planner.objective import objective
@@ -114,10 +115,20 @@ def test_robot_inside_a_keep_out_is_not_planned_for():
     assert "net" in result.message
 
 
+@pytest.mark.parametrize("model", ["recursive", "joint"])
+def test_model_with_levels_is_planned_for_by_levels_with_its_own_kernel(model):
+    field = FIELD.model_copy(update={"model": model})
+    belief = plan_survey.belief_of(SurveyProblem(MINI, field, samples(20), (1.0, 0.5), 8.0, 1))
+    assert belief.counts == "levels"
+    assert belief.kernel() == planning_kernel(field) != FIELD.single
+
+
 def test_belief_says_less_where_nothing_was_measured():
     near = samples(60)
     near.points[:, 0] *= 0.2
     belief = plan_survey.belief_of(SurveyProblem(MINI, FIELD, near, (1.0, 0.5), 8.0, 1))
+    assert belief.counts == "noise"
+    assert belief.kernel() == FIELD.single
     known = belief.test_points[:, 0] < 0.5
     assert belief.std[known].mean() < belief.std[~known].mean()
     assert len(belief.sample_points) == 60
