@@ -109,11 +109,11 @@ def planning_kernel(config: FieldConfig) -> KernelParameters:
     """Return the kernel of the field that a configured model maps, as one kernel.
 
     The field of a model with levels is a sum of independent parts, and the sum of their kernels is
-    none of them. In its place stands one with the same variance and, along each axis, the same integral of
-    the covariance: its lengths are those of the parts, weighted with their variances. It has the
-    shape of the strongest part, and the measurement noise of the best level. Parts of other
-    lengths are rounded off by this: in both presets the lowest level has 93 % of the variance or
-    more in the joint model, and 78 % or more in the recursive one.
+    none of them. In its place stands one with the same variance and, along each axis, the same
+    integral of the covariance: its lengths are those of the parts, weighted with their variances.
+    It has the shape of the strongest part, and the measurement noise of the best level. Parts of
+    other lengths are rounded off by this: in both presets the lowest level has 93 % of the variance
+    or more in the joint model, and 78 % or more in the recursive one.
 
     Args:
         config: Settings of the map.
