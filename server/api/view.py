@@ -6,12 +6,8 @@ address.
 """
 
 import asyncio
-import gzip
-from functools import cache
-from pathlib import Path
 from typing import Annotated, Literal, cast
 
-import viser
 import websockets
 from fastapi import APIRouter, Query, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse
@@ -23,6 +19,7 @@ from server.api.dependency import Pilot, Viewer, WebSocketViewer
 from server.api.station_dependency import StationDep
 from server.problem import Problem, not_found
 from server.service.view.scene import SceneStateView
+from webui.scene.page import page
 from webui.scene.view import SceneChange, SceneState
 
 router = APIRouter(tags=["view"])
@@ -35,8 +32,10 @@ _POLICY = (
 _LARGEST_MESSAGE = 2**26
 _FOREIGN_SCENE = "This view shows the station's own scenes only; leave `websocket` out."
 
-
 Share = Annotated[float, Field(ge=0.0, le=1.0)]
+Framed = Annotated[
+    bool, Query(description="Without viser's own panel, for a frame that has switches beside it.")
+]
 
 
 class SceneChangeBody(Body):
@@ -86,11 +85,12 @@ def _told(robot: str, state: SceneState | None) -> SceneStateView:
 async def choose_view(
     caller: Viewer,
     robot: RobotId,
+    framed: Framed = False,
     websocket: Annotated[str | None, Query(include_in_schema=False)] = None,
 ) -> RedirectResponse:
     """Lead to the scene of ``robot``."""
     _refuse_foreign_scene(websocket)
-    return RedirectResponse(f"/view/{robot}/", status_code=307)
+    return RedirectResponse(f"/view/{robot}/{'?framed=true' if framed else ''}", status_code=307)
 
 
 @router.get("/view/{robot}/", summary="Page of a robot's 3D scene", response_class=Response)
@@ -98,6 +98,7 @@ async def show_view(
     robot: RobotId,
     caller: Viewer,
     station: StationDep,
+    framed: Framed = False,
     websocket: Annotated[str | None, Query(include_in_schema=False)] = None,
 ) -> Response:
     """Return viser's page, which then opens the WebSocket of the same path."""
@@ -105,7 +106,7 @@ async def show_view(
     if await station.scenes.port(robot) is None:
         raise not_found(f"There is no robot {robot}.")
     return Response(
-        _page(),
+        page(is_framed=framed),
         media_type="text/html; charset=utf-8",
         headers={"Content-Encoding": "gzip", "Content-Security-Policy": _POLICY},
     )
@@ -169,9 +170,3 @@ def _is_a_close(error: Exception) -> bool:
 def _refuse_foreign_scene(websocket: str | None) -> None:
     if websocket is not None:
         raise Problem(400, _FOREIGN_SCENE)
-
-
-@cache
-def _page() -> bytes:
-    page = Path(viser.__file__).parent / "client" / "build" / "index.html"
-    return gzip.compress(page.read_bytes(), mtime=0)

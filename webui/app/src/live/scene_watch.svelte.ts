@@ -1,3 +1,4 @@
+import { sentence } from '../api/problem';
 import type { SceneChange, SceneView } from '../api/types';
 import type { Station } from './station.svelte';
 
@@ -8,6 +9,8 @@ const SEND_EVERY_MS = 120;
 /** What everybody sees in one robot's 3D view; changes go to the station a few times a second. */
 export class SceneWatch {
   view = $state.raw<SceneView | null>(null);
+  /** Why the view does not answer or was not changed; the next answer clears it. */
+  refusal = $state.raw('');
   readonly #station: Station;
   #robot = '';
   #waiting: SceneChange | null = null;
@@ -55,9 +58,11 @@ export class SceneWatch {
       const view = await this.#station.api.sceneView(robot, signal);
       // What is being dragged is newer than what was answered.
       const isSettled = this.#waiting === null && !this.#isSending;
-      if (isSettled && robot === this.#robot && !signal.aborted) this.view = view;
-    } catch {
-      // A view that is not there yet is asked for again.
+      if (robot !== this.#robot || signal.aborted) return;
+      if (isSettled) this.view = view;
+      this.refusal = '';
+    } catch (error) {
+      if (!signal.aborted) this.refusal = sentence(error);
     }
   }
 
@@ -69,8 +74,8 @@ export class SceneWatch {
     this.#isSending = true;
     try {
       await this.#station.api.changeSceneView(this.#robot, change);
-    } catch {
-      // The next answer shows what holds.
+    } catch (error) {
+      this.refusal = sentence(error);
     } finally {
       this.#isSending = false;
     }

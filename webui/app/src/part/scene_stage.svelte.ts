@@ -7,6 +7,8 @@
 export class SceneStage {
   /** Rectangle inside the scrolling area, px; `null` while no page shows the view. */
   rectangle = $state.raw<{ x: number; y: number; width: number; height: number } | null>(null);
+  /** Grows when the view is to be opened anew, with the camera where it was at first. */
+  tries = $state(0);
   #owner: HTMLElement | null = null;
 
   /** Claim the view for an element and follow it; returns the release. */

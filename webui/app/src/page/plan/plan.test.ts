@@ -4,7 +4,7 @@ import { Draft } from '../../form/draft.svelte';
 import { areasOf, currentOf, numberOf } from './config';
 import { KeepOutEditor } from './keep_out_editor.svelte';
 import { fidelityBands, nearestPoint, profileOf } from './profile';
-import { coverage, rehearsalWord } from './rehearsal';
+import { knowing, rehearsalWord, straying } from './rehearsal';
 
 describe('the profile of a plan', () => {
   const dive = (t: number) =>
@@ -61,13 +61,23 @@ describe('a rehearsal', () => {
     );
   });
 
-  test('says whether the predicted uncertainty covers it', () => {
+  test('says whether the robot strays, and what helps', () => {
+    const domain = { x_min_m: 0, x_max_m: 3, y_min_m: 0, y_max_m: 1, depth_max_m: 1 };
+    expect(straying(rehearsal({}), domain)).toMatchObject({ isGood: true, advice: '' });
+    const far = straying(rehearsal({ rms_error_m: 0.4 }), domain);
+    expect(far?.isGood).toBe(false);
+    expect(far?.advice).toContain('depth change');
+    expect(straying(rehearsal({ rms_error_m: null }), domain)).toBeNull();
+  });
+
+  test('says whether the predicted uncertainty covers it, and what helps', () => {
     const covered = { position_error_m: 0.15, predicted_error_m: 0.14 };
-    expect(coverage(rehearsal(covered))?.isCovered).toBe(true);
-    const surprised = coverage(rehearsal({ position_error_m: 0.3, predicted_error_m: 0.1 }));
-    expect(surprised?.isCovered).toBe(false);
-    expect(surprised?.text).toContain('larger than predicted');
-    expect(coverage(rehearsal({}))).toBeNull();
+    expect(knowing(rehearsal(covered))?.isGood).toBe(true);
+    const surprised = knowing(rehearsal({ position_error_m: 0.3, predicted_error_m: 0.1 }));
+    expect(surprised?.isGood).toBe(false);
+    expect(surprised?.verdict).toContain('0.30 m');
+    expect(surprised?.advice).toContain('drift');
+    expect(knowing(rehearsal({}))).toBeNull();
   });
 });
 

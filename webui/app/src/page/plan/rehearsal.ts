@@ -1,4 +1,4 @@
-import type { Rehearsal } from '../../api/types';
+import type { Box, Rehearsal } from '../../api/types';
 import { compact } from '../../text/unit';
 import type { Tone } from '../../text/word';
 
@@ -17,26 +17,63 @@ export function rehearsalWord(rehearsal: Rehearsal): { text: string; tone: Tone 
   return WORDS[rehearsal.state];
 }
 
+/** One answer of a rehearsal: a question, the figure, and what to change when it is a bad one. */
+export interface Finding {
+  question: string;
+  verdict: string;
+  isGood: boolean;
+  /** Found in the mean, and what it is held against, m. */
+  found_m: number;
+  bound_m: number;
+  bound: string;
+  /** What the figure means for the survey. */
+  meaning: string;
+  advice: string;
+}
+
+/** A robot that strays by more than this part of the domain's narrower side measures elsewhere. */
+const STRAY_SHARE = 0.2;
 /** A few flights scatter by this much about a prediction that is right. */
 const SCATTER = 1.25;
 
-/**
- * Whether the predicted uncertainty covers what the rehearsal found, in words.
- *
- * It is about where the robot believes to be; that it strays from the plan and knows it is another
- * thing, which the distances from the plan tell.
- */
-export function coverage({
-  position_error_m,
-  predicted_error_m,
-}: Rehearsal): { text: string; isCovered: boolean } | null {
-  if (typeof position_error_m !== 'number' || typeof predicted_error_m !== 'number') return null;
-  const isCovered = position_error_m <= predicted_error_m * SCATTER;
-  const figures = `${compact(position_error_m)} m, predicted ${compact(predicted_error_m)} m`;
+/** Whether the robot measures where it was planned to. */
+export function straying({ rms_error_m }: Rehearsal, domain: Box): Finding | null {
+  if (typeof rms_error_m !== 'number') return null;
+  const narrow = Math.min(domain.x_max_m - domain.x_min_m, domain.y_max_m - domain.y_min_m);
+  const bound_m = STRAY_SHARE * narrow;
+  const isGood = rms_error_m <= bound_m;
   return {
-    isCovered,
-    text: isCovered
-      ? `The predicted uncertainty covers the position error: ${figures}.`
-      : `The position error is larger than predicted: ${figures}. The plan is surer than it should be.`,
+    question: 'Does it fly the plan?',
+    verdict: `${compact(rms_error_m, 2)} m beside the plan, rms`,
+    isGood,
+    found_m: rms_error_m,
+    bound_m,
+    bound: `${compact(bound_m, 2)} m, a fifth of the domain’s narrower side`,
+    meaning: isGood
+      ? 'It measures about where it was planned to.'
+      : 'It measures beside where it was planned to: the map stays right, but gains less than predicted.',
+    advice: isGood
+      ? ''
+      : 'Raise the smallest depth change, so that glides settle; shorten the longest swim; or plan fewer primitives per edge, so that it surfaces sooner.',
+  };
+}
+
+/** Whether the predicted uncertainty covers how far the robot is from where it believes to be. */
+export function knowing({ position_error_m, predicted_error_m }: Rehearsal): Finding | null {
+  if (typeof position_error_m !== 'number' || typeof predicted_error_m !== 'number') return null;
+  const isGood = position_error_m <= predicted_error_m * SCATTER;
+  return {
+    question: 'Does it know where it is?',
+    verdict: `${compact(position_error_m, 2)} m from where it believes to be, rms`,
+    isGood,
+    found_m: position_error_m,
+    bound_m: predicted_error_m,
+    bound: `${compact(predicted_error_m, 2)} m predicted`,
+    meaning: isGood
+      ? 'As sure as predicted: its samples get the fidelity that the plan counts on.'
+      : 'Less sure than predicted: the map would trust its samples too much.',
+    advice: isGood
+      ? ''
+      : 'Raise the drift of the position filter until the prediction covers the error, or lower the maximum position uncertainty, so that it surfaces sooner.',
   };
 }
