@@ -5,13 +5,12 @@ the primitives are follows from the depth that they must fit into.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
 from autonomy.planner.config import EnergyConfig, PrimitiveConfig
-from autonomy.planner.plan import Leg, PrimitiveKind
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.extended_kernel import advance
 from autonomy.vehicle.steady import (
@@ -173,35 +172,6 @@ def time_unit_j(vehicle: Vehicle) -> float:
     A robot without electronics that draw power has its unit by one watt.
     """
     return (vehicle.energy.electronics_w or 1.0) / EnergyConfig().time_factor
-
-
-def joules_of(
-    vehicle: Vehicle, motion: PrimitiveConfig, energy: EnergyConfig, legs: Sequence[Leg]
-) -> float:
-    """Return the electrical energy that legs take, J, without the surfacings between dives.
-
-    Args:
-        vehicle: The robot.
-        motion: Speeds and angles of the primitives.
-        energy: Amplitude and frequency of the tail while swimming.
-        legs: The plan.
-
-    Raises:
-        NoSteadyGlideError: If the vehicle cannot fly these glides.
-    """
-    work = work_of(vehicle, motion)
-    once = {
-        PrimitiveKind.GLIDE: work.glide_j,
-        PrimitiveKind.SPIRAL: work.spiral_j,
-        PrimitiveKind.DIVE: work.dive_j,
-        PrimitiveKind.SWIM: 0.0,
-    }
-    tail_rate = 2.0 * math.pi * energy.tail_frequency_hz * energy.tail_amplitude_rad
-    swims_s = sum(leg.duration_s for leg in legs if leg.kind is PrimitiveKind.SWIM)
-    return (
-        sum(once[leg.kind] + work.electronics_w * leg.duration_s for leg in legs)
-        + work.tail_j_s_rad2 * 0.5 * tail_rate**2 * swims_s
-    )
 
 
 def joules_per_unit(vehicle: Vehicle, motion: PrimitiveConfig, energy: EnergyConfig) -> float:

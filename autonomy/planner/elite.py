@@ -4,12 +4,10 @@ import math
 
 from autonomy.compiled import kernel
 from autonomy.planner.graph import (
-    BEFORE,
     DEPTH_MAX,
     ELITE,
     FIRST_A,
     FIRST_B,
-    PROPOSALS,
     SHORT,
     TAKEN_A,
     TAKEN_B,
@@ -149,11 +147,3 @@ def fill_gaps(graph: Graph, one: int, other: int, edges: Int32Array) -> int:
                 edges[length] = first_staged(graph) + staged
                 length += 1
     return length
-
-
-@kernel
-def pieces_of(graph: Graph, gap: int) -> tuple[int, int]:
-    """Return the numbers of the first proposal for a gap and of one behind the last."""
-    if gap == 0:
-        return 0, graph.tally[BEFORE]
-    return graph.tally[BEFORE], graph.tally[PROPOSALS]

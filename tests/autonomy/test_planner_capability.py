@@ -7,7 +7,6 @@ import pytest
 from autonomy.planner import primitive
 from autonomy.planner.capability import (
     energy_of,
-    joules_of,
     joules_per_unit,
     motion_of,
     swimming_speed_m_s,
@@ -160,6 +159,16 @@ def test_a_glide_takes_the_energy_that_the_dynamics_meter(key):
     assert took_j == pytest.approx(work.glide_j + 200.0 * work.electronics_w, rel=0.01)
 
 
+def joules_of(vehicle, config, legs):
+    """Electrical energy that legs take, without the surfacings between dives."""
+    work, energy = work_of(vehicle, config.primitives), config.energy
+    once = {"glide": work.glide_j, "swim": 0.0}
+    tail_rate = 2.0 * math.pi * energy.tail_frequency_hz * energy.tail_amplitude_rad
+    swims_s = sum(leg.duration_s for leg in legs if leg.kind == "swim")
+    rest_j = sum(once[leg.kind] + work.electronics_w * leg.duration_s for leg in legs)
+    return rest_j + work.tail_j_s_rad2 * 0.5 * tail_rate**2 * swims_s
+
+
 @pytest.mark.parametrize("key", VEHICLES)
 def test_a_swim_takes_the_energy_that_the_dynamics_meter(key):
     vehicle, config = VEHICLES[key], PLANNER_PRESETS[key]
@@ -168,7 +177,7 @@ def test_a_swim_takes_the_energy_that_the_dynamics_meter(key):
     gait = vehicle.swim
     command = (state[12], 0.0, 0.0, gait.amplitude_rad, gait.frequency_hz)
     leg = primitive.swim(config, (0.0, 0.0, 0.0), (config.primitives.swim_speed_m_s * 200.0, 0, 0))
-    expected = joules_of(vehicle, config.primitives, config.energy, (leg,))
+    expected = joules_of(vehicle, config, (leg,))
     # the servo lags behind its reference and so moves a little less
     assert metered_j(vehicle, state, command, 200.0) == pytest.approx(expected, rel=0.1)
 
@@ -182,7 +191,7 @@ def test_units_of_energy_stand_for_joules(key):
         primitive.glide(config, (0.0, 0.0, 0.0), (reach, 0.0, depth)),
         primitive.glide(config, (reach, 0.0, depth), (2.0 * reach, 0.0, 0.0)),
     )
-    joules = joules_of(vehicle, config.primitives, config.energy, legs)
+    joules = joules_of(vehicle, config, legs)
     per_unit = joules_per_unit(vehicle, config.primitives, config.energy)
     assert per_unit * sum(leg.energy for leg in legs) == pytest.approx(joules, rel=1e-6)
 

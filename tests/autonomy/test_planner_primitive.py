@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
@@ -76,6 +76,7 @@ def test_a_spiral_moves_along_its_heading_at_constant_rate():
         assert down == pytest.approx(0.5, abs=1e-6)
 
 
+@settings(deadline=None)
 @given(
     heading=st.floats(-10.0, 10.0),
     turn=st.floats(-12.0, 12.0).filter(lambda value: abs(value) > 1e-3),

@@ -2,7 +2,7 @@ import math
 
 import cbor2
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autonomy.planner.plan import Leg, PrimitiveKind
@@ -27,6 +27,7 @@ def legs_with_jump(north_m: float, east_m: float, kind=PrimitiveKind.GLIDE) -> t
     )
 
 
+@settings(deadline=None)
 @given(st.floats(-50.0, 50.0), st.floats(-50.0, 50.0))
 def test_where_a_dive_begins_in_a_current_travels_to_the_robot(north_m, east_m):
     sent = Mission.from_legs(SETTINGS, legs_with_jump(north_m, east_m))

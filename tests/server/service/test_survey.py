@@ -162,7 +162,7 @@ async def test_cancelled_planning_ends_at_once(client, station):
     assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "cancelled"
 
 
-async def test_stopped_survey_sends_nothing_more_and_keeps_its_draft(client, world):
+async def test_stopped_survey_sends_nothing_more_and_keeps_its_draft(client, world, workers):
     mission = await survey_of(client)
     ready = await mission_in(client, mission, "ready")
     assert (await client.post(f"/api/missions/{mission}/stop")).status_code == 202
@@ -174,7 +174,9 @@ async def test_stopped_survey_sends_nothing_more_and_keeps_its_draft(client, wor
     assert world.uploads == []
 
 
-async def test_survey_stops_with_a_sentence_when_the_robot_ends_a_plan_early(client, world):
+async def test_survey_stops_with_a_sentence_when_the_robot_ends_a_plan_early(
+    client, world, workers
+):
     world.robots[MINI].may_fly.clear()
     mission = await survey_of(client, automation=True)
     await until(lambda: world.robots[MINI].state is OnboardPlanState.RUNNING, PLANNING_S)
@@ -184,7 +186,7 @@ async def test_survey_stops_with_a_sentence_when_the_robot_ends_a_plan_early(cli
     assert not stopped["automation"]
 
 
-async def test_second_survey_waits_for_the_first(client, world):
+async def test_second_survey_waits_for_the_first(client, world, workers):
     world.robots[MINI].may_fly.clear()
     mission = await survey_of(client, automation=True)
     await mission_in(client, mission, "running")
@@ -269,7 +271,7 @@ async def test_no_plan_is_accepted_while_storage_fails(client, station, tmp_path
     await until(accepted)
 
 
-async def test_started_survey_plans_an_outdated_round_again(client, station, world):
+async def test_started_survey_plans_an_outdated_round_again(client, station, world, workers):
     mission = await survey_of(client)
     ready = await mission_in(client, mission, "ready")
     world.tell(state_report(MINI, (2.6, 0.6, 0.0)))
@@ -295,7 +297,7 @@ async def test_progress_and_best_objective_travel_in_the_live_stream(client, sta
     follower = asyncio.create_task(station.feed.follow(keep, None, None))
     answer = await client.post(
         "/api/robots/mini-1/plans",
-        json={"kind": "adaptive_survey", "config": {**FAST, "search": {"iterations_max": 500}}},
+        json={"kind": "adaptive_survey", "config": {**FAST, "search": {"iterations_max": 120}}},
     )
     plan = answer.json()["id"]
 
@@ -312,7 +314,7 @@ async def test_progress_and_best_objective_travel_in_the_live_stream(client, sta
     follower.cancel()
 
 
-async def test_planning_again_replaces_the_draft_of_a_waiting_survey(client):
+async def test_planning_again_replaces_the_draft_of_a_waiting_survey(client, workers):
     mission = await survey_of(client)
     first = (await mission_in(client, mission, "ready"))["plan_id"]
     body = {
@@ -330,7 +332,7 @@ async def test_planning_again_replaces_the_draft_of_a_waiting_survey(client):
     assert refused.json()["detail"] == f"{mission} is mini-1's."
 
 
-async def test_new_survey_takes_the_place_of_one_that_only_waits(client):
+async def test_new_survey_takes_the_place_of_one_that_only_waits(client, workers):
     first = await survey_of(client)
     await mission_in(client, first, "ready")
     second = await survey_of(client)
@@ -343,7 +345,7 @@ async def test_new_survey_takes_the_place_of_one_that_only_waits(client):
     assert {plan["mission_id"] for plan in plans} == {first, second}
 
 
-async def test_survey_stops_when_its_plan_does_not_get_on_board(client, world):
+async def test_survey_stops_when_its_plan_does_not_get_on_board(client, world, workers):
     world.refuse_upload = OnboardPlanState.REFUSED
     mission = await survey_of(client, automation=True)
     stopped = await mission_in(client, mission, "stopped")
@@ -352,7 +354,7 @@ async def test_survey_stops_when_its_plan_does_not_get_on_board(client, world):
     assert plan["state"] == "draft"
 
 
-async def test_robot_that_lost_its_plan_ends_it_and_the_survey(client, world):
+async def test_robot_that_lost_its_plan_ends_it_and_the_survey(client, world, workers):
     world.robots[MINI].may_fly.clear()
     mission = await survey_of(client, automation=True)
     await mission_in(client, mission, "running")
