@@ -172,9 +172,11 @@ class SurveySteps:
                 plan.id, start=True, check=lambda session: _check_on(session, record.id)
             )
         except Problem:
-            if (await self._plans.get(plan.id)).state == plan.state:
+            now = await self._plans.get(plan.id)
+            is_late_word = now.state == "draft" and self._is_outdated(now)
+            if now.state == plan.state and not is_late_word:
                 raise
-            # The robot was faster than this look at the plan: look again.
+            # The robot, or its word on where it is, was faster than this look: look again.
             return True
         await self._missions.advance(record.id, "running", _round_text(plan, record))
         return False

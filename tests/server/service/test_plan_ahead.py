@@ -386,3 +386,24 @@ def test_search_that_came_too_late_to_replace_a_draft_does_not_decide_a_survey()
     assert standing_of([late, new, old]).plan is new
     assert standing_of([late, plan_record(1, "running", was_draft=True)]).plan.state == "running"
     assert standing_of([plan_record(4, "failed"), new, old]).plan.state == "failed"
+
+
+async def test_place_that_is_told_as_a_draft_is_sent_makes_the_round_anew(
+    client, station, world, workers, monkeypatch
+):
+    upload = station.uploads.upload
+    told = []
+
+    async def upload_late(plan, **options):
+        if not told:
+            told.append(plan)
+            world.tell(state_report(MINI, (2.6, 0.6, 0.0)))
+        return await upload(plan, **options)
+
+    monkeypatch.setattr(station.uploads, "upload", upload_late)
+    world.robots[MINI].may_fly.clear()
+    mission = await survey(client)
+    flown = await mission_when(client, mission, lambda one: one["state"] in {"running", "stopped"})
+    assert flown["state"] == "running", flown["message"]
+    assert flown["plan_id"] != told[0]
+    assert workers.problems[-1].start_xy == (2.6, 0.6)
