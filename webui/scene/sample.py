@@ -11,9 +11,10 @@ from webui.scene.source import SampleView, SceneSource
 from webui.scene.stage import Stage
 
 Shape = Literal["square", "diamond", "circle", "rounded"]
-_SHAPES: tuple[Shape, ...] = ("circle", "diamond", "square")
+_SHAPES: tuple[Shape, ...] = ("square", "diamond", "circle")
 """Worst located, in between, best located: told apart without colour."""
-_SIZE = 0.006 * VIEW_WIDTH
+_SIZE = 0.0022 * VIEW_WIDTH
+"""Small enough that the map and the track can be seen between hundreds of them."""
 _SMOOTHED = 1.25
 """A sample whose position was corrected is drawn this many times as large."""
 

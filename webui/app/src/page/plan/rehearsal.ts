@@ -70,7 +70,7 @@ export function knowing({ position_error_m, predicted_error_m }: Rehearsal): Fin
     bound_m: predicted_error_m,
     bound: `${compact(predicted_error_m, 2)} m predicted`,
     meaning: isGood
-      ? 'As sure as predicted: its samples get the fidelity that the plan counts on.'
+      ? `About as sure as predicted, ${Math.round((SCATTER - 1) * 100)} % either way being chance: its samples get the fidelity that the plan counts on.`
       : 'Less sure than predicted: the map would trust its samples too much.',
     advice: isGood
       ? ''
