@@ -13,8 +13,8 @@ LEAST_STATED_DRIFT = 0.005
 """The filter is told the true drift, but never that there is less than this, m/s^0.5."""
 THRESHOLDS_M = (0.05, 0.12)
 """Position uncertainties that part the three levels."""
-ITERATIONS = 120
-"""New surfacings and refinements of one round's search: a fraction of a second, and repeatable."""
+ITERATIONS = 30
+"""Steps of growth and refinement of one round's search: a fraction of a second, and repeatable."""
 TRUE_KERNEL = KernelParameters(
     signal_variance=5.27, length_x_m=2.41, length_y_m=2.46, length_z_m=2.40, noise_variance=0.0025
 )
