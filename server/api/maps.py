@@ -11,7 +11,7 @@ from server.api.dependency import FoundationDep, Pilot, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.problem import not_found
-from server.service.map_export import MapExport, archive, table
+from server.service.map_export import ORDER, MapExport, archive, table
 from server.service.station import Station
 from server.service.view.map import (
     AxesView,
@@ -31,7 +31,7 @@ class MapFormat(StrEnum):
 
     JSON = "json"
     NPZ = "npz"
-    """numpy archive: ``x_m, y_m, z_m, mean, std, mask``, ``simulation`` and what is known of it."""
+    """numpy archive: ``x_m, y_m, z_m, mean, std, mask, shape, simulation`` and the facts."""
     CSV = "csv"
     """One row for each grid point in the water, after comments with units, model and samples."""
 
@@ -94,7 +94,9 @@ async def get_map(
     if format is MapFormat.CSV:
         content = (await asyncio.to_thread(table, export)).encode()
         return _file(content, "text/csv; charset=utf-8", export.name("csv"))
-    return encoded(_map_view(station, export))
+    answer = encoded(_map_view(station, export))
+    answer.headers.update(_named(export.name("json")))
+    return answer
 
 
 @router.get("/{variable}/comparison")
@@ -155,8 +157,14 @@ def _map_view(station: Station, export: MapExport) -> FieldMapView:
         title=variable.title,
         unit=variable.unit,
         scale=variable.scale,
+        value_unit=export.value_unit,
         model=view.model,
+        site=export.site.name,
+        origin_latitude_deg=export.site.origin_latitude_deg,
+        origin_longitude_deg=export.site.origin_longitude_deg,
         axes=AxesView(view.x_m.tolist(), view.y_m.tolist(), view.z_m.tolist()),
+        shape=list(view.mean.shape),
+        order=ORDER,
         # What is no number becomes null on its way out.
         mean=view.mean.ravel().tolist(),
         std=view.std.ravel().tolist(),
@@ -172,8 +180,8 @@ def _map_view(station: Station, export: MapExport) -> FieldMapView:
 
 
 def _file(content: bytes, media_type: str, name: str) -> Response:
-    return Response(
-        content,
-        media_type=media_type,
-        headers={"Content-Disposition": f'attachment; filename="{name}"'},
-    )
+    return Response(content, media_type=media_type, headers=_named(name))
+
+
+def _named(name: str) -> dict[str, str]:
+    return {"Content-Disposition": f'attachment; filename="{name}"'}

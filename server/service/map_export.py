@@ -14,6 +14,9 @@ from autonomy.frames import wgs84_from_ned
 from autonomy.site import Site
 from webui.scene.source import MapView
 
+ORDER = "x slowest, z fastest"
+"""How the values of a grid follow each other."""
+
 
 @dataclass(frozen=True, slots=True)
 class MapExport:
@@ -32,6 +35,12 @@ class MapExport:
     def samples(self) -> int:
         """How many samples are behind the map."""
         return sum(self.view.samples_per_level)
+
+    @property
+    def value_unit(self) -> str:
+        """Unit of mean and standard deviation."""
+        variable = self.view.variable
+        return f"ln({variable.unit})" if variable.scale == "log" else variable.unit
 
     def name(self, ending: str) -> str:
         """Return a file's name, which says it when nothing of the map is real."""
@@ -52,6 +61,7 @@ def archive(export: MapExport) -> bytes:
         mean=view.mean,
         std=view.std,
         mask=np.isfinite(view.mean),
+        shape=np.array(view.mean.shape),
         simulation=np.array(export.is_simulation),
         **facts,
     )
@@ -61,8 +71,7 @@ def archive(export: MapExport) -> bytes:
 def table(export: MapExport) -> str:
     """Return one row for each grid point in the water, after comments that explain them."""
     view, site = export.view, export.site
-    unit = view.variable.unit
-    scale = f"log {unit}" if view.variable.scale == "log" else unit
+    unit, scale = view.variable.unit, export.value_unit
     written = io.StringIO()
     if export.is_simulation:
         written.write("# SIMULATION: this was computed, not measured\n")
@@ -108,6 +117,8 @@ def _facts(export: MapExport) -> Mapping[str, Any]:
         "variable": view.variable.key,
         "unit": view.variable.unit,
         "scale": view.variable.scale,
+        "value_unit": export.value_unit,
+        "order": ORDER,
         "model": view.model,
         "config_version": export.config_version,
         "samples": export.samples,

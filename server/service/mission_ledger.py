@@ -276,18 +276,23 @@ class MissionLedger:
         return exploitation_at(config, min(share, 1.0))
 
     def _rounds(self, robot: str, plans: list[PlanRecord]) -> list[RoundView]:
-        """Return one entry a round: the newest plan of it, and the energy of all of them."""
+        """Return one entry a round: the newest plan of it, and the energy of all that were flown.
+
+        Several plans of a round may have been flown, and others drawn up that never were: these
+        spent nothing. So the rounds that were flown add up to what the budget says is spent.
+        """
         report = self._fleet.picture(robot).plan_report
         rounds: dict[int, RoundView] = {}
+        flown: dict[int, float] = {}
         for plan in reversed(counted(plans)):
             onboard = onboard_view(plan, report) if plan.running_at is not None else None
-            before = rounds.get(plan.round)
-            flown = 0.0 if before is None or plan.running_at is None else before.energy
+            if onboard is not None:
+                flown[plan.round] = flown.get(plan.round, 0.0) + onboard.energy_used
             rounds[plan.round] = RoundView(
                 round=plan.round,
                 plan_id=plan.id,
                 state=plan.state,
-                energy=planned_energy(plan) if onboard is None else onboard.energy_used + flown,
+                energy=flown.get(plan.round, planned_energy(plan)),
                 objective=plan.document.get("objective"),
             )
         return [rounds[number] for number in sorted(rounds)]

@@ -24,7 +24,7 @@ from server.vehicle_catalogue import nearest_built_in
 
 log = logging.getLogger(__name__)
 
-LIMIT_S = 8.0
+LIMIT_S = 15.0
 """Longest wall time that a plan waits for its rehearsal, other work of the station included."""
 RUNS = 3
 """Most flights of one rehearsal, each in other eddies."""

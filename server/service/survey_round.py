@@ -67,7 +67,7 @@ def counted(plans: Sequence[PlanRecord]) -> list[PlanRecord]:
         plan
         for plan in plans
         if not _came_to_nothing(plan, by_id)
-        and not (plan.document.get(AHEAD_OF) and plan.state in ENDED_BADLY)
+        and not _was_made_in_vain(plan)
         and unusable_rest(plan, PlannerConfig.model_validate(plan.config)) is None
     ]
 
@@ -98,6 +98,12 @@ def planned_energy(plan: PlanRecord) -> float:
     """Return the energy units that a plan accounts for, 0 while it is being made."""
     account: dict[str, Any] = plan.document.get("account") or {}
     return account.get("energy", 0.0)
+
+
+def _was_made_in_vain(plan: PlanRecord) -> bool:
+    """Tell whether a plan was made ahead and ended without being flown."""
+    is_unused = plan.state in ENDED_BADLY and plan.running_at is None
+    return is_unused and bool(plan.document.get(AHEAD_OF))
 
 
 def _came_to_nothing(plan: PlanRecord, by_id: dict[str, PlanRecord]) -> bool:

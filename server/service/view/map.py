@@ -36,8 +36,18 @@ class FieldMapView(View):
     unit: str
     scale: str
     """``log``: mean and std are those of the natural logarithm of the value."""
+    value_unit: str
+    """Unit of mean and std: that of the variable, or of its logarithm."""
     model: str
+    site: str
+    origin_latitude_deg: float
+    """Where north and east are 0."""
+    origin_longitude_deg: float
     axes: AxesView
+    shape: list[int]
+    """``nx, ny, nz``."""
+    order: str
+    """How the values of ``mean`` follow each other in that shape."""
     mean: Sequence[float | None]
     """``nx * ny * nz`` values, x slowest, z fastest; ``null`` where there is no water."""
     std: Sequence[float | None]

@@ -108,7 +108,9 @@ async def test_archive_holds_the_same_numbers_and_says_that_they_are_simulated(c
     await grown(client, 1)
     answer = await client.get("/api/robots/mini-1/maps/blue_light?format=npz")
     assert "SIMULATION" in answer.headers["content-disposition"]
-    shown = (await client.get("/api/robots/mini-1/maps/blue_light")).json()
+    said = await client.get("/api/robots/mini-1/maps/blue_light")
+    assert said.headers["content-disposition"].endswith('_SIMULATION.json"')
+    shown = said.json()
     with np.load(io.BytesIO(answer.content)) as arrays:
         assert bool(arrays["simulation"])
         assert (str(arrays["unit"]), str(arrays["scale"]), int(arrays["samples"])) == (
@@ -118,6 +120,13 @@ async def test_archive_holds_the_same_numbers_and_says_that_they_are_simulated(c
         )
         assert str(arrays["config_version"]) == shown["config_version"] == "preset"
         np.testing.assert_array_equal(arrays["mean"].ravel(), shown["mean"])
+        axes = [len(shown["axes"][name]) for name in ("x_m", "y_m", "z_m")]
+        assert arrays["shape"].tolist() == shown["shape"] == axes
+        assert str(arrays["order"]) == shown["order"] == "x slowest, z fastest"
+        assert str(arrays["value_unit"]) == shown["value_unit"] == "ln(counts)"
+        assert str(arrays["site"]) == shown["site"]
+        assert float(arrays["origin_latitude_deg"]) == shown["origin_latitude_deg"]
+        assert float(arrays["origin_longitude_deg"]) == shown["origin_longitude_deg"]
 
 
 async def test_table_of_the_map_explains_itself(client, world):
@@ -130,7 +139,7 @@ async def test_table_of_the_map_explains_itself(client, world):
     assert comments[0].startswith("# SIMULATION")
     assert f"# model: {LIVE}" in comments
     head, *rows = lines[len(comments) :]
-    assert head.split(",")[5:] == ["median [counts]", "mean [log counts]", "std [log counts]"]
+    assert head.split(",")[5:] == ["median [counts]", "mean [ln(counts)]", "std [ln(counts)]"]
     shown = (await client.get("/api/robots/mini-1/maps/blue_light")).json()
     assert len(rows) == len(shown["mean"])
     last = [float(cell) for cell in rows[-1].split(",")]

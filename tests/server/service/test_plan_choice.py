@@ -127,6 +127,11 @@ async def test_choice_of_a_waiting_survey_is_what_it_flies(client, workers, worl
     assert (await client.post(f"/api/missions/{ready['id']}/start")).status_code == 202
     await until(lambda: world.robots[MINI].state is OnboardPlanState.RUNNING)
     assert world.uploads == [(MINI, chosen["sha256"])]
+    world.robots[MINI].may_fly.set()
+    done = await mission_in(client, ready["id"], "done")
+    # The draft that was not chosen spent nothing.
+    spent = sum(entry["energy"] for entry in done["rounds"])
+    assert done["budget"]["spent"] == pytest.approx(spent)
 
 
 async def test_draft_that_was_sent_meanwhile_is_not_replaced(client, station, workers):
