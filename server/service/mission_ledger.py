@@ -12,6 +12,7 @@ from db.query.missions import MissionRecord
 from db.query.plans import PlanRecord, list_plans
 from db.store import Store
 from robot_link.clock import Clock
+from server.alarm import AlarmBoard
 from server.service.fleet import Fleet
 from server.service.live_feed import LiveFeed
 from server.service.plan_document import onboard_view
@@ -24,6 +25,8 @@ from server.service.view.mission import (
     ScoresView,
 )
 
+GIVEN_UP = "survey stopped"
+"""Cause of the alarm that a survey waits for a person."""
 ENDED = ("done", "failed", "stopped")
 """States that only a person's word leads out of."""
 _LEVELS = {"failed": "warning", "stopped": "watch"}
@@ -33,8 +36,11 @@ _KEPT_IN_MEMORY = 50
 class MissionLedger:
     """Changes missions and shows them. Belongs to one event loop."""
 
-    def __init__(self, store: Store, clock: Clock, fleet: Fleet, feed: LiveFeed) -> None:
+    def __init__(
+        self, store: Store, clock: Clock, alarms: AlarmBoard, fleet: Fleet, feed: LiveFeed
+    ) -> None:
         self._store = store
+        self._alarms = alarms
         self._clock = clock
         self._fleet = fleet
         self._feed = feed
@@ -81,6 +87,7 @@ class MissionLedger:
 
         mission = await self._store.write(write)
         await self.show(mission)
+        await self._alarms.clear(GIVEN_UP, robot=robot)
         return mission
 
     async def move(
@@ -108,6 +115,17 @@ class MissionLedger:
         """Bring a mission into a state by itself, unless someone has ended it meanwhile."""
         document = {"message": message} | ({} if scores is None else {"scores": scores})
         await self._change(mission, state, ENDED, automation, document)
+
+    async def give_up(self, mission: str, state: str, message: str) -> None:
+        """End a mission that cannot go on by itself, with an alarm, unless someone has ended it.
+
+        The alarm stands until the robot's mission goes on, or it has another.
+        """
+        document = {"message": message}
+        if not await self._change(mission, state, ENDED, False, document, level="warning"):
+            return
+        robot = (await self.get(mission)).robot
+        await self._alarms.raise_(GIVEN_UP, f"{mission} of {robot} {state}: {message}", robot=robot)
 
     async def note(self, mission: str, document: Mapping[str, Any]) -> None:
         """Keep more about a mission, whatever its state."""
@@ -182,13 +200,16 @@ class MissionLedger:
         not_from: tuple[str, ...],
         automation: bool | None,
         document: Mapping[str, Any],
-    ) -> None:
+        *,
+        level: str | None = None,
+    ) -> bool:
+        """Change a mission and tell everyone; return whether it was not ended before."""
         at, message = self._clock.now(), document["message"]
 
-        def write(session: Session) -> None:
+        def write(session: Session) -> bool:
             before = query.get_mission(session, mission)
             if before.state in not_from:
-                return
+                return False
             query.change_mission(
                 session, mission, state=state, automation=automation, document=document
             )
@@ -198,13 +219,18 @@ class MissionLedger:
                     at,
                     f"mission.{state}",
                     f"{mission} of {before.robot}: {message or state}",
-                    level=_LEVELS.get(state, "info"),
+                    level=level or _LEVELS.get(state, "info"),
                     robot=before.robot,
                     data={"mission": mission},
                 )
+            return True
 
-        await self._store.write(write)
+        is_changed = await self._store.write(write)
         await self.show(mission)
+        if is_changed and level is None:
+            robot = self._known[mission][0].robot
+            await self._alarms.clear(GIVEN_UP, robot=robot)
+        return is_changed
 
     def _is_newer(self, shown: str, record: MissionRecord) -> bool:
         known = self._known.get(shown)

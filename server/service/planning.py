@@ -143,21 +143,26 @@ class Planning:
         self._begin(plan.id, self._take(plan, request.config, candidate, found))
         return plan
 
-    async def cancel(self, plan: str) -> PlanRecord:
+    async def cancel(self, plan: str, reason: str = "") -> PlanRecord:
         """Stop planning, or throw a draft away.
+
+        Args:
+            plan: Id of the plan.
+            reason: Why, sentences; "" where a person wants it.
 
         Raises:
             UnknownIdError: If there is no such plan.
             Problem: 409 once the plan has left the station.
         """
         record = await self._ledger.get(plan)
+        why = f": {reason[0].lower()}{reason[1:]}" if reason else "."
         try:
             cancelled = await self._ledger.move(
                 plan,
                 "cancelled",
-                f"{plan} was cancelled.",
+                f"{plan} was cancelled{why}",
                 only_from=("planning", "draft"),
-                document={"message": "It was cancelled before it left the station."},
+                document={"message": f"It was cancelled before it left the station{why}"},
             )
         except PlanStateError as error:
             raise conflict(

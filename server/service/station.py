@@ -83,7 +83,7 @@ class Station:
         self.planning = Planning(foundation, self.fleet, self.plans, self.workers)
         self.commands = Commands(store, clock, self.fleet, self.road)
         self.uploads = Uploads(foundation, self.fleet, self.plans, self.commands, self.road)
-        self.missions = MissionLedger(store, clock, self.fleet, self.feed)
+        self.missions = MissionLedger(store, clock, foundation.alarms, self.fleet, self.feed)
         self.choices = PlanChoices(foundation, self.fleet, self.plans, self.missions, self.planning)
         self.surveys = self._surveys()
         self.fleet_surveys = FleetSurveys(self.fleet, self.surveys)

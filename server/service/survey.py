@@ -250,7 +250,7 @@ class Surveys:
             for mission in await self._missions.open():
                 standing = standing_of(await self._missions.plans(mission.id))
                 if standing is not None and standing.plan.id == plan:
-                    await self._missions.advance(mission.id, "stopped", reason, automation=False)
+                    await self._missions.give_up(mission.id, "stopped", reason)
         except StoreError as error:
             # The look that ``run`` takes now and then finds the plan where it stands.
             log.warning("the survey of %s was not stopped: %s", plan, error)
@@ -276,7 +276,7 @@ class Surveys:
                 if await self._steps.take(mission):
                     self._again.add(mission)
             except Problem as problem:
-                await self._missions.advance(mission, "stopped", problem.detail, automation=False)
+                await self._missions.give_up(mission, "stopped", problem.detail)
             except StoreError as error:
                 log.warning("%s waits: %s", mission, error)
                 await asyncio.sleep(_RETRY_S)

@@ -72,7 +72,7 @@ class SurveySteps:
         standing = standing_of(plans)
         if record.state in ENDED:
             if standing is not None and standing.plan.state in ENDED_BADLY:
-                await self._let_go(standing)
+                await self._let_go(standing, f"{mission} has ended.")
             return False
         if standing is None:
             await self.next_round(record, plans, 1)
@@ -84,8 +84,9 @@ class SurveySteps:
             case "draft" if not record.automation:
                 await self._missions.advance(mission, "ready", f"{plan.id} is ready to be sent.")
             case "draft" if self._is_outdated(plan):
+                why = self._why_outdated(plan)
                 if await self.next_round(record, plans, plan.round, warm=self._warm_from(plan)):
-                    await self._planning.cancel(plan.id)
+                    await self._planning.cancel(plan.id, f"{why} Planning again.")
             case "draft" if broken_off(plan) and not self._uploads.is_under_way(plan.robot):
                 await self._plan_instead(record, plans, plan)
             case "draft" | "sent" | "on_board":
@@ -146,9 +147,13 @@ class SurveySteps:
 
     def _is_outdated(self, plan: PlanRecord) -> bool:
         """Tell whether a draft that nobody sends yet was made for another place or time."""
-        picture = self._fleet.picture(plan.robot)
         is_waiting = not self._uploads.is_under_way(plan.robot)
-        return is_waiting and bool(outdated_by(picture, plan, self._clock.now()))
+        return is_waiting and bool(self._why_outdated(plan))
+
+    def _why_outdated(self, plan: PlanRecord) -> str:
+        """Return why a draft no longer fits the robot, sentences, "" if it does."""
+        found = outdated_by(self._fleet.picture(plan.robot), plan, self._clock.now())
+        return " ".join(one.message for one in found)
 
     async def _plan_instead(
         self, record: MissionRecord, plans: list[PlanRecord], plan: PlanRecord
@@ -158,13 +163,13 @@ class SurveySteps:
         The draft of a second search is left to a person.
         """
         attempt = plan.document.get("attempt", 0)
+        reasons = " ".join(one.message for one in broken_off(plan))
         if attempt == 0:
             if await self.next_round(record, plans, plan.round, attempt=1):
-                await self._planning.cancel(plan.id)
+                await self._planning.cancel(plan.id, f"{reasons} Planning again.")
             return
-        reasons = " ".join(one.message for one in broken_off(plan))
         text = f"{plan.id} is not sent without a person's word. {reasons}"
-        await self._missions.advance(record.id, "stopped", text, automation=False)
+        await self._missions.give_up(record.id, "stopped", text)
 
     async def _send(self, record: MissionRecord, plan: PlanRecord) -> bool:
         try:
@@ -221,7 +226,7 @@ class SurveySteps:
         elif remaining < self._planning.settings.least_energy(record.robot, config):
             reason = "The budget is spent"
         if reason:
-            await self._let_go(standing)
+            await self._let_go(standing, f"{reason}.")
             await self._maps.end(record, config, reason)
         elif ahead is None:
             await self.next_round(record, plans, plan.round + 1, self._warm_from(plan))
@@ -229,7 +234,8 @@ class SurveySteps:
             text = f"Round {ahead.round} is still being planned."
             await self._missions.advance(record.id, "replanning", text)
         elif self._is_outdated(ahead) or planned_energy(ahead) > remaining:
-            await self._planning.cancel(ahead.id)
+            why = self._why_outdated(ahead) or "The budget that is left is less than it takes."
+            await self._planning.cancel(ahead.id, f"{why} Planning again.")
             await self.next_round(record, plans, ahead.round, self._warm_from(ahead))
         else:
             await self._plans.note(ahead.id, {AHEAD_OF: None}, only_from=("draft",))
@@ -241,7 +247,9 @@ class SurveySteps:
     ) -> None:
         plan = standing.plan
         message = plan.document["message"]
-        await self._let_go(standing)
+        await self._let_go(
+            standing, f"{plan.id}, at whose end it begins, was not flown to its end."
+        )
         config = PlannerConfig.model_validate(record.config)
         rest = unusable_rest(plan, config)
         if plan.document.get("interrupted"):
@@ -250,14 +258,14 @@ class SurveySteps:
             text = f"The {rest:.3g} energy units that are left are too little for a further round"
             await self._maps.end(record, config, text)
         elif plan.state == "failed" and plan.running_at is None:
-            await self._missions.advance(record.id, "failed", message, automation=False)
+            await self._missions.give_up(record.id, "failed", message)
         else:
             await self._missions.advance(record.id, "stopped", message, automation=False)
 
-    async def _let_go(self, standing: Standing) -> None:
+    async def _let_go(self, standing: Standing, reason: str) -> None:
         """Throw away a plan made ahead of one that did not end as planned, or was the last."""
         if standing.open_ahead is not None:
-            await self._planning.cancel(standing.open_ahead.id)
+            await self._planning.cancel(standing.open_ahead.id, reason)
 
     def _warm_from(self, plan: PlanRecord) -> Warm:
         """Return what a plan leaves to begin with: what was not flown of it, its runners-up."""

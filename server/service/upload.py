@@ -29,6 +29,8 @@ from server.service.plan_ledger import PlanLedger
 from server.service.transfer_row import transfer_view, withdraw_in
 from server.service.view.plan import TransferView
 
+_NAMED_MAX = 3
+"""Limits that a refusal names; the others are in its list."""
 _NOTICE_S = 2.0
 
 
@@ -226,8 +228,10 @@ def _check_sendable(plan: PlanRecord, running: list[PlanRecord]) -> None:
         )
     violations = plan.document.get("violations", ())
     if violations:
+        named = " ".join(one["message"] for one in violations[:_NAMED_MAX])
+        count = "a limit" if len(violations) == 1 else f"{len(violations)} limits"
         raise conflict(
-            f"{plan.id} breaks {len(violations)} limits; change it and plan again.",
+            f"{plan.id} breaks {count}: {named} Change it and plan again.",
             [FieldError(loc=[one["field"]], msg=one["message"]) for one in violations],
         )
     if running:

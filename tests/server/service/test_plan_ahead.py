@@ -285,6 +285,19 @@ async def test_full_round_that_cannot_be_planned_fails_a_survey(client, world, w
     assert failed["state"] == "failed"
     assert "too shallow" in failed["message"]
 
+    async def alarms():
+        open_ones = (await client.get("/api/alarms")).json()["alarms"]
+        return [one for one in open_ones if "too shallow" in one["text"]]
+
+    (alarm,) = await until(alarms)
+    assert (alarm["level"], alarm["robot"], alarm["state"]) == ("warning", MINI, "unacknowledged")
+    events = (await client.get("/api/events?limit=500")).json()["events"]
+    assert {one["level"] for one in events if one["kind"] == "mission.failed"} == {"warning"}
+    # It goes on: the alarm is no longer true.
+    workers.nothing_feasible = False
+    assert (await client.post(f"/api/missions/{mission}/start")).status_code == 202
+    assert [one["state"] for one in await alarms()] == ["returned"]
+
 
 async def flown_plan(station, workers):
     """Return a plan as its robot flies it."""

@@ -286,6 +286,10 @@ async def test_started_survey_plans_an_outdated_round_again(client, station, wor
     assert [(plan.round, plan.state) for plan in plans] == [(1, "running"), (1, "cancelled")]
     assert plans[1].id == ready["plan_id"]
     assert plans[0].document["legs"][0]["start_ned"] == [2.6, 0.6, 0.0]
+    events = (await client.get("/api/events?limit=500")).json()["events"]
+    (said,) = (one["text"] for one in events if one["kind"] == "plan.cancelled")
+    away = "the robot is 1.4 m from where the plan begins; the limit is 1 m."
+    assert said == f"{ready['plan_id']} was cancelled: {away} Planning again."
 
 
 async def test_progress_and_best_objective_travel_in_the_live_stream(client, station):
@@ -350,6 +354,8 @@ async def test_survey_stops_when_its_plan_does_not_get_on_board(client, world, w
     mission = await survey_of(client, automation=True)
     stopped = await mission_in(client, mission, "stopped")
     assert "the robot did not answer" in stopped["message"]
+    events = (await client.get("/api/events?limit=500")).json()["events"]
+    assert [one["level"] for one in events if one["kind"] == "mission.stopped"] == ["warning"]
     plan = (await client.get(f"/api/plans/{stopped['plan_id']}")).json()
     assert plan["state"] == "draft"
 

@@ -98,6 +98,9 @@ async def test_draft_that_breaks_a_limit_is_refused_with_each_violation(client, 
     answer = await upload(client, plan)
     assert answer.status_code == 409
     assert len(answer.json()["errors"]) == len(found["violations"])
+    # A survey that stops for it says this alone: words, and no paths of fields.
+    assert found["violations"][0]["message"] in answer.json()["detail"]
+    assert "legs." not in answer.json()["detail"]
     assert world.uploads == []
 
 
