@@ -110,9 +110,10 @@ export class Api {
   stopMission = (id: string) => this.#send('POST', `/api/missions/${part(id)}/stop`);
 
   /** Begin surveys of several robots of one site, planned one after the other. */
-  createSurvey = (robots: readonly string[], config: JsonObject, automation: boolean) =>
+  /** Plan a survey of several robots; each plan waits until somebody sends it. */
+  createSurvey = (robots: readonly string[], config: JsonObject) =>
     this.#json<{ missions: { robot: string; mission: string }[] }>('POST', '/api/surveys', {
-      body: { robots, config, automation },
+      body: { robots, config, automation: false },
     });
 
   plan = (id: string) => this.#json<Plan>('GET', `/api/plans/${part(id)}`);

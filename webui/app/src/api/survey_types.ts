@@ -136,6 +136,8 @@ export interface Plan {
   onboard: Onboard | null;
   rehearsal?: Rehearsal | null;
   stage?: 'waiting' | 'searching' | 'rehearsing' | null;
+  /** Why a draft no longer fits its robot; empty while it does. */
+  outdated?: Violation[];
 }
 
 export interface MissionRound {

@@ -83,7 +83,7 @@ export class SiteAreas {
     handlers: AreaHandlers,
   ): void {
     const icon = L.divIcon({ className: 'map-handle', iconSize: [14, 14] });
-    const handle = L.marker(at, { icon, draggable: true, keyboard: false });
+    const handle = L.marker(at, { icon, draggable: true, keyboard: false, zIndexOffset: 1000 });
     handle.on('dragstart', () => (this.#isDragged = true));
     handle.on('drag', () => {
       const [ring] = polygon.getLatLngs() as L.LatLng[][];

@@ -58,6 +58,7 @@ export class SiteDrawing {
     this.#robots.addTo(map);
     map.on('mousemove', (event) => onHover([event.latlng.lat, event.latlng.lng]));
     map.on('mouseout', () => onHover(null));
+    host.addEventListener('pointerleave', () => onHover(null));
     map.on('dblclick', () => this.fit());
     map.doubleClickZoom.disable();
     this.fit();

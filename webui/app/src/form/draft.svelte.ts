@@ -19,6 +19,8 @@ export class Draft {
   readonly #preset: JsonObject;
 
   readonly #needs: Needs;
+  /** Members that another part of the page shows. */
+  readonly #elsewhere: readonly string[];
 
   /** `needs` tells which fields mean nothing with what stands in others. */
   constructor(
@@ -26,10 +28,12 @@ export class Draft {
     stored: JsonObject,
     preset: JsonObject,
     needs: Needs = () => true,
+    elsewhere: readonly string[] = [],
   ) {
     this.tree = formTree(schema);
     this.#preset = preset;
     this.#needs = needs;
+    this.#elsewhere = elsewhere;
     this.load(stored);
   }
 
@@ -102,6 +106,7 @@ export class Draft {
 
   /** Whether a field is worth showing; what is wrong always is. */
   isInUse(node: FormNode): boolean {
+    if (this.#elsewhere.includes(node.path[0] ?? '')) return false;
     return (
       this.#needs(node.path, this.value) || leaves(node).some((each) => this.error(each) !== null)
     );

@@ -53,3 +53,9 @@ export function planSentence(plan: Pick<Plan, 'state' | 'message' | 'stage'>): s
   const told = isTold ? ` ${plan.message}` : '';
   return SENTENCES[plan.state] + told;
 }
+
+/** Why a draft no longer fits its robot; empty while it does. */
+export function staleSentence(plan: Pick<Plan, 'state' | 'outdated'> | null): string {
+  if (plan?.state !== 'draft') return '';
+  return (plan.outdated ?? []).map(({ message }) => message).join(' ');
+}

@@ -14,25 +14,28 @@ describe('the profile of a plan', () => {
       [t + 20, 0, 0, 0, 0.01],
     ] as const;
 
-  test('counts the time of every surfacing in', () => {
-    const { points, surfacings, duration } = profileOf([...dive(0), ...dive(20)], 60);
-    expect(surfacings).toEqual([20, 50]);
+  const leg = (depth: number) => ({ start_ned: [0, 0, depth] as const, duration_s: 10 });
+  const LEGS = [leg(0), leg(2), leg(0), leg(2)];
+
+  test('counts the time before every leg that begins at the surface in', () => {
+    const { points, surfacings, duration } = profileOf([...dive(0), ...dive(20)], 60, LEGS);
+    expect(surfacings).toEqual([0, 30]);
     expect(duration).toBe(60);
-    expect(points.map(({ t }) => t)).toEqual([0, 10, 20, 30, 30, 40, 50, 60]);
+    expect(points.map(({ t }) => t)).toEqual([0, 10, 10, 20, 30, 30, 30, 40, 50, 60]);
   });
 
   test('never runs backwards where the account is shorter than the points', () => {
-    const { points, duration } = profileOf(dive(0), 5);
+    const { points, duration } = profileOf(dive(0), 5, LEGS.slice(0, 2));
     expect(duration).toBe(20);
     expect(points.every(({ t }, i) => t >= (points[i - 1]?.t ?? 0))).toBe(true);
   });
 
   test('of no plan is empty', () => {
-    expect(profileOf([], null)).toEqual({ points: [], surfacings: [], duration: 0 });
+    expect(profileOf([], null, [])).toEqual({ points: [], surfacings: [], duration: 0 });
   });
 
   test('is read at the nearest moment', () => {
-    const { points } = profileOf(dive(0), null);
+    const { points } = profileOf(dive(0), null, []);
     expect(nearestPoint(points, 11)).toBe(1);
   });
 });

@@ -1,4 +1,4 @@
-import type { FlownPoint, PlanPoint } from '../../api/types';
+import type { FlownPoint, Leg, PlanPoint } from '../../api/types';
 
 /** A moment of a plan, with the pauses at the surface counted in. */
 export interface ProfilePoint {
@@ -9,40 +9,50 @@ export interface ProfilePoint {
 
 export interface Profile {
   points: ProfilePoint[];
-  /** Moments at which the robot comes up. */
+  /** Moments at which the robot rests at the surface before a leg that begins there. */
   surfacings: number[];
   duration: number;
 }
 
-/** Shallower than this share of the plan's greatest depth is the surface. */
-const SURFACE_SHARE = 0.05;
-
 /**
  * Depth and position uncertainty over planned time.
  *
- * A plan's points leave out the time that each surfacing takes; its account does not. What is left
- * over is spread over the surfacings.
+ * A plan's points leave out the time at the surface before each leg that begins there; its account
+ * does not. What is left over is spread over these surfacings, which are counted as the account does.
  */
-export function profileOf(points: readonly PlanPoint[], duration_s: number | null): Profile {
-  const deepest = Math.max(0, ...points.map(([, , , down]) => down));
-  const isUp = (down: number) => down <= SURFACE_SHARE * deepest;
-  const comesUp = points.map(
-    ([, , , down], i) => isUp(down) && i > 0 && !isUp(points[i - 1]?.[3] ?? 0),
-  );
+export function profileOf(
+  points: readonly PlanPoint[],
+  duration_s: number | null,
+  legs: readonly Pick<Leg, 'start_ned' | 'duration_s'>[],
+): Profile {
   const last = points.at(-1)?.[0] ?? 0;
-  const count = comesUp.filter(Boolean).length;
-  const pause = count > 0 ? Math.max(0, (duration_s ?? last) - last) / count : 0;
+  const waiting = surfaceStarts(legs);
+  const pause = waiting.length > 0 ? Math.max(0, (duration_s ?? last) - last) / waiting.length : 0;
   const surfacings: number[] = [];
   const moved: ProfilePoint[] = [];
   let paused = 0;
   points.forEach(([t, , , depth, std], i) => {
+    while (waiting[0] !== undefined && (waiting[0] < t || (i === 0 && waiting[0] <= t))) {
+      const start = waiting.shift() ?? 0;
+      const [, , , up, sure] = points[i - 1] ?? [0, 0, 0, 0, std];
+      surfacings.push(start + paused);
+      moved.push({ t: start + paused, depth: up, std: sure });
+      paused += pause;
+      moved.push({ t: start + paused, depth: up, std: sure });
+    }
     moved.push({ t: t + paused, depth, std });
-    if (!comesUp[i]) return;
-    surfacings.push(t + paused);
-    paused += pause;
-    if (pause > 0) moved.push({ t: t + paused, depth, std });
   });
   return { points: moved, surfacings, duration: Math.max(last + paused, duration_s ?? 0) };
+}
+
+/** Flight times at which legs begin at the surface. */
+function surfaceStarts(legs: readonly Pick<Leg, 'start_ned' | 'duration_s'>[]): number[] {
+  let t = 0;
+  return legs.flatMap(({ start_ned, duration_s }) => {
+    const start = t;
+    t += duration_s;
+    return start_ned[2] <= 0 ? [start] : [];
+  });
 }
 
 /** The rehearsed flight as a profile. */

@@ -12,7 +12,7 @@ const WORDS: Record<Rehearsal['state'], { text: string; tone: Tone }> = {
 /** State of a rehearsal; one that did not reach the end is no good news. */
 export function rehearsalWord(rehearsal: Rehearsal): { text: string; tone: Tone } {
   if (rehearsal.state === 'done' && rehearsal.completed === false) {
-    return { text: 'Did not reach the end', tone: 'alarm' };
+    return { text: 'Cut short before its end', tone: 'alarm' };
   }
   return WORDS[rehearsal.state];
 }
@@ -21,6 +21,8 @@ export function rehearsalWord(rehearsal: Rehearsal): { text: string; tone: Tone 
 export interface Finding {
   question: string;
   verdict: string;
+  /** The answer to the question, in a word or two. */
+  answer: string;
   isGood: boolean;
   /** Found in the mean, and what it is held against, m. */
   found_m: number;
@@ -45,6 +47,7 @@ export function straying({ rms_error_m }: Rehearsal, domain: Box): Finding | nul
   return {
     question: 'Does it fly the plan?',
     verdict: `${compact(rms_error_m, 2)} m beside the plan, rms`,
+    answer: isGood ? 'Yes' : 'Not well',
     isGood,
     found_m: rms_error_m,
     bound_m,
@@ -61,17 +64,21 @@ export function straying({ rms_error_m }: Rehearsal, domain: Box): Finding | nul
 /** Whether the predicted uncertainty covers how far the robot is from where it believes to be. */
 export function knowing({ position_error_m, predicted_error_m }: Rehearsal): Finding | null {
   if (typeof position_error_m !== 'number' || typeof predicted_error_m !== 'number') return null;
+  const isCovered = position_error_m <= predicted_error_m;
   const isGood = position_error_m <= predicted_error_m * SCATTER;
   return {
     question: 'Does it know where it is?',
     verdict: `${compact(position_error_m, 2)} m from where it believes to be, rms`,
+    answer: !isGood ? 'Not well' : isCovered ? 'Yes' : 'Within chance',
     isGood,
     found_m: position_error_m,
     bound_m: predicted_error_m,
     bound: `${compact(predicted_error_m, 2)} m predicted`,
-    meaning: isGood
-      ? `About as sure as predicted, ${Math.round((SCATTER - 1) * 100)} % either way being chance: its samples get the fidelity that the plan counts on.`
-      : 'Less sure than predicted: the map would trust its samples too much.',
+    meaning: isCovered
+      ? 'As sure as predicted: its samples get the fidelity that the plan counts on.'
+      : isGood
+        ? 'Above the prediction, but by less than a quarter of it, as a few flights may be by chance.'
+        : 'Less sure than predicted: the map would trust its samples too much.',
     advice: isGood
       ? ''
       : 'Raise the drift of the position filter until the prediction covers the error, or lower the maximum position uncertainty, so that it surfaces sooner.',
