@@ -1,5 +1,6 @@
 """The product as a person meets it: one command, two robots, a survey, a killed station."""
 
+import math
 import socket
 import subprocess
 import sys
@@ -116,19 +117,22 @@ def test_the_example_script_plans_and_sends_nothing_by_default(demo):
     assert "nothing was sent" in done.stdout
 
 
-def dives_in_place(demo, count):
-    """Legs that need no approach, so their energy does not depend on where the robot drifted."""
+def dives(demo, count):
+    """Dives where the robot is; where it drifted near the domain's edge it swims inward first."""
     north, east, _ = demo.get("/api/robots/mini-1/state")["position"]["ned_m"]
-    near = [min(max(north, 0.3), 2.4), min(max(east, 0.3), 1.0)]
-    down = {"kind": "dive", "end_ned": [*near, 0.3]}
-    up = {"kind": "dive", "end_ned": [*near, 0.0]}
-    return [down, up] * count
+    inside = [min(max(north, 0.4), 2.3), min(max(east, 0.4), 0.9)]
+    is_near_edge = math.dist(inside, (north, east)) > 0.3
+    here = inside if is_near_edge else [north, east]
+    down = {"kind": "dive", "end_ned": [*here, 0.3]}
+    up = {"kind": "dive", "end_ned": [*here, 0.0]}
+    way = [{"kind": "swim", "end_ned": [*inside, 0.0]}] if is_near_edge else []
+    return [*way, *[down, up] * count]
 
 
 @pytest.mark.timeout(120)
 def test_surface_now_brings_a_diving_robot_up(demo):
     """Each level is shown in its turn, and the robot really comes up."""
-    legs = dives_in_place(demo, count=3)
+    legs = dives(demo, count=2)
     plan = demo.post("/api/robots/mini-1/plans", {"kind": "primitives", "legs": legs})["id"]
     demo.wait("draft", lambda: demo.get(f"/api/plans/{plan}")["state"] == "draft", 20.0)
     demo.post(f"/api/plans/{plan}/upload", {"start": True})

@@ -144,5 +144,5 @@ def test_the_database_is_copied_while_it_is_used(folder, tmp_path, capsys):
     assert grace("db", "backup", tmp_path / "copy.sqlite3", "--data", folder) == 0
     assert grace("db", "backup", tmp_path / "copy.sqlite3", "--data", folder) == 1
     assert grace("db", "upgrade", "--data", folder) == 0
-    assert capsys.readouterr().out.splitlines()[-1] == "0002"
+    assert capsys.readouterr().out.splitlines()[-1] == "0003"
     assert (tmp_path / "copy.sqlite3").stat().st_size > 0
