@@ -10,8 +10,8 @@ import numpy as np
 from autonomy.planner import primitive
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.detour import shortest_way
-from autonomy.planner.edge import legs_duration_s, legs_energy, planned_points, surfacings
-from autonomy.planner.outcome import sentence
+from autonomy.planner.edge import legs_duration_s, legs_energy, planned_points
+from autonomy.planner.outcome import least_spending, sentence, spending
 from autonomy.planner.plan import Candidate, Leg, PlanResult
 from autonomy.planner.waterway import Waterway, depth_at, waterway_of
 from autonomy.site import NorthEast, Site
@@ -89,15 +89,42 @@ def approach_energy(config: PlannerConfig, legs: Sequence[Leg]) -> float:
 
 
 def after_approach(config: PlannerConfig, legs: Sequence[Leg]) -> PlannerConfig:
-    """Return the settings with what the way back leaves of the budgets of time and satellite."""
+    """Return the settings with what the way back leaves of the budget of time.
+
+    Swims along the surface end with no surfacing, so they send nothing by satellite.
+    """
+    if not config.time_budget_s:
+        return config
     left_s = config.time_budget_s - legs_duration_s(config, legs)
-    left_bytes = config.satellite_bytes - surfacings(legs) * config.mission.surfacing_bytes
-    return config.model_copy(
-        update={
-            "time_budget_s": max(left_s, _LEAST_LEFT) if config.time_budget_s else 0.0,
-            "satellite_bytes": max(left_bytes, 1) if config.satellite_bytes else 0,
-        }
-    )
+    return config.model_copy(update={"time_budget_s": max(left_s, _LEAST_LEFT)})
+
+
+def shortfall(config: PlannerConfig, legs: Sequence[Leg], budget: float) -> str:
+    """Return which budget does not last for the way back and one dive, "" if each does.
+
+    It names the budget as it was asked for, which the search does not know: that has the rest.
+
+    Args:
+        config: Settings of the search, as they were asked for.
+        legs: The way back; none where a plan may begin at once.
+        budget: Energy units of the round, the way included.
+    """
+    if not legs:
+        return ""
+    way, least = spending(config, legs), least_spending(config)
+    swim = "the swim back into the domain takes"
+    if budget < way.energy + least.energy:
+        return (
+            f"a budget of {budget:.3g} energy units is too little: {swim} {way.energy:.3g}, and "
+            f"the cheapest way from one surfacing to another {least.energy:.3g}"
+        )
+    if 0.0 < config.time_budget_s < way.duration_s + least.duration_s:
+        return (
+            f"a time budget of {config.time_budget_s:.3g} s is too little: {swim} "
+            f"{way.duration_s:.3g} s, and the fastest way from one surfacing to another "
+            f"{least.duration_s:.3g} s"
+        )
+    return ""
 
 
 def preceded(

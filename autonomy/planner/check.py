@@ -11,6 +11,7 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.edge import (
     POINT_STD,
     POINT_TIME,
+    departures,
     legs_duration_s,
     planned_points,
     surfacings,
@@ -341,7 +342,7 @@ def _overspent(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violati
                 f"legs.{number}.energy",
                 f"{_title(number, leg)} takes {due:.2f} energy units, not {leg.energy:.2f}.",
             )
-    energy += surfacings(legs) * config.surfacing_energy
+    energy += departures(legs) * config.surfacing_energy
     if energy > config.round_budget * (1.0 + 1e-3):
         yield Violation(
             "round_budget",

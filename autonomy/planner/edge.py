@@ -91,21 +91,29 @@ def propose_edge(
 
 
 def surfacings(legs: Sequence[Leg]) -> int:
-    """Return how often the robot prepares a dive at the surface: before each leg that begins there.
+    """Return how often the robot comes up: dives that end at the surface.
 
-    A swim along the surface is a dive in this sense too: the robot comes to rest before it.
+    At each it says by satellite what it has to say; a swim along the surface ends with none.
+    """
+    return sum(leg.end_ned[2] <= 0.0 < leg.start_ned[2] for leg in legs)
+
+
+def departures(legs: Sequence[Leg]) -> int:
+    """Return how often the robot prepares to leave at the surface: before each leg from there.
+
+    That takes its time and energy before a swim too: the robot comes to rest first.
     """
     return sum(leg.start_ned[2] <= 0.0 for leg in legs)
 
 
 def legs_energy(config: PlannerConfig, legs: Sequence[Leg]) -> float:
-    """Return the energy units of legs and of the surfacings before their dives."""
-    return sum(leg.energy for leg in legs) + surfacings(legs) * config.surfacing_energy
+    """Return the energy units of legs and of what prepares them at the surface."""
+    return sum(leg.energy for leg in legs) + departures(legs) * config.surfacing_energy
 
 
 def legs_duration_s(config: PlannerConfig, legs: Sequence[Leg]) -> float:
-    """Return how long legs take together with the surfacings before their dives, s."""
-    at_surface_s = surfacings(legs) * config.mission.turn_time_s
+    """Return how long legs take together with what prepares them at the surface, s."""
+    at_surface_s = departures(legs) * config.mission.turn_time_s
     return sum(leg.duration_s for leg in legs) + at_surface_s
 
 

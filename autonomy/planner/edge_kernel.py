@@ -83,7 +83,7 @@ def propose(
 
 @kernel
 def energy_of(limits: Limits, legs: FloatArray, count: int) -> float:
-    """Return the energy of legs and of the surfacings before their dives (``edge.legs_energy``)."""
+    """Return the energy of legs and of what prepares them (``edge.legs_energy``)."""
     energy = 0.0
     for i in range(count):
         energy += legs[i, ENERGY]

@@ -64,7 +64,7 @@ class Spending:
 
 
 def spending(config: PlannerConfig, legs: Sequence[Leg]) -> Spending:
-    """Return what legs take, with the surfacings before their dives."""
+    """Return what legs take, with what prepares them at the surface."""
     return Spending(
         legs_energy(config, legs),
         legs_duration_s(config, legs),
@@ -156,7 +156,7 @@ def least_spending(config: PlannerConfig) -> Spending:
     return Spending(
         least + config.surfacing_energy,
         least_s + config.mission.turn_time_s,
-        float(config.mission.surfacing_bytes),
+        0.0,  # a swim along the surface ends with no surfacing
     )
 
 
@@ -221,10 +221,10 @@ def _too_dear(config: PlannerConfig, budget: float) -> str:
             f"a time budget of {config.time_budget_s:.3g} s is below the fastest way from one "
             f"surfacing to another, {least.duration_s:.3g} s"
         )
-    if 0 < config.satellite_bytes < least.satellite_bytes:
+    if 0 < config.satellite_bytes < config.mission.surfacing_bytes:
         return (
             f"a satellite budget of {config.satellite_bytes} bytes is below what one surfacing "
-            f"sends, {least.satellite_bytes:.0f}"
+            f"sends, {config.mission.surfacing_bytes}"
         )
     return ""
 

@@ -26,7 +26,7 @@ from autonomy.planner.graph import (
     first_staged,
     open_node,
 )
-from autonomy.planner.leg_kernel import DURATION, Z0
+from autonomy.planner.leg_kernel import DURATION, Z0, Z1
 
 _ATTEMPTS_SHARE = 0.25
 """Attempts at filling one gap, as a share of the edges that can be staged."""
@@ -164,12 +164,14 @@ def note_shares(graph: Graph, edge: int) -> None:
     """Set what an edge spends of each budget."""
     count = graph.edge_leg_count[edge]
     legs = graph.edge_legs[edge]
-    duration, surfacings = 0.0, 0
+    duration, departures, surfacings = 0.0, 0, 0
     for i in range(count):
         duration += legs[i, DURATION]
         if legs[i, Z0] <= 0.0:
+            departures += 1
+        elif legs[i, Z1] <= 0.0:
             surfacings += 1
-    duration += surfacings * graph.surfacing_time
+    duration += departures * graph.surfacing_time
     per_unit, share = graph.share_per_unit, graph.edge_share[edge]
     share[0] = energy_of(graph.limits, legs, count) * per_unit[0]
     share[1] = duration * per_unit[1]

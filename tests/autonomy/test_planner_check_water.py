@@ -5,11 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.planner.approach import after_approach, approach_energy, way_in
+from autonomy.planner.approach import after_approach, approach_energy, shortfall, way_in
 from autonomy.planner.check import violations
 from autonomy.planner.clearance import clearance_m, floor_contact
 from autonomy.planner.config import PLANNER_PRESETS, CurrentConfig
-from autonomy.planner.edge import planned_points, propose_edge
+from autonomy.planner.edge import departures, planned_points, propose_edge, surfacings
+from autonomy.planner.outcome import spending
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.planner.primitive import dive, glide, spiral, swim
 from autonomy.planner.waterway import usable_depth_m, waterway_of
@@ -178,7 +179,33 @@ def test_the_way_in_leads_around_a_keep_out():
         found_way.legs,
     )
     assert 0.0 < left.time_budget_s < 5000.0 - length_m / 0.12
-    assert left.satellite_bytes == 500 - 100 * len(found_way.legs)
+    assert left.satellite_bytes == 500
+
+
+def test_a_budget_that_the_way_back_uses_up_is_named_as_it_was_asked_for():
+    way = swim(POOLED, (-1.0, 0.5, 0.0), (0.2, 0.5, 0.0))
+    takes_s = way.duration_s + POOLED.mission.turn_time_s
+    hasty = POOLED.model_copy(update={"time_budget_s": 5.0})
+    text = shortfall(hasty, [way], 20.0)
+    assert text.startswith("a time budget of 5 s is too little: the swim back into the domain ")
+    assert f"takes {takes_s:.3g} s, and the fastest way" in text
+    poor = shortfall(POOLED, [way], 0.5)
+    assert poor.startswith("a budget of 0.5 energy units is too little: the swim back")
+    assert f"takes {approach_energy(POOLED, [way]):.3g}, and the cheapest way" in poor
+    assert shortfall(hasty, [], 0.5) == ""
+    assert shortfall(POOLED.model_copy(update={"time_budget_s": 500.0}), [way], 20.0) == ""
+
+
+def test_a_swim_along_the_surface_ends_with_no_surfacing():
+    dives = down_and_up(POOLED, 1.0, 0.5, 0.4)
+    way = swim(POOLED, (0.4, 0.5, 0.0), (1.0, 0.5, 0.0))
+    legs = (way, *dives, *dives)
+    assert (surfacings(legs), departures(legs)) == (2, 3)
+    spent = spending(POOLED, legs)
+    assert spent.satellite_bytes == 2 * POOLED.mission.surfacing_bytes
+    assert spent.energy == pytest.approx(
+        sum(leg.energy for leg in legs) + 3 * POOLED.surfacing_energy
+    )
 
 
 def test_a_robot_that_is_fenced_in_is_refused_with_the_names():

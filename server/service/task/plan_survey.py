@@ -11,7 +11,7 @@ from autonomy.field.config import FieldConfig
 from autonomy.field.mask import water_mask
 from autonomy.field.samples import FieldSamples
 from autonomy.planner import kernel
-from autonomy.planner.approach import after_approach, approach_energy, preceded, way_in
+from autonomy.planner.approach import after_approach, approach_energy, preceded, shortfall, way_in
 from autonomy.planner.belief import FieldBelief, planning_kernel
 from autonomy.planner.outcome import nothing_feasible
 from autonomy.planner.plan import Leg, ObjectivePoint, PlanResult
@@ -35,6 +35,9 @@ def run(
     way = way_in(problem.planner, problem.start_xy, problem.site)
     if way.refusal:
         return nothing_feasible(f"No trajectory: {way.refusal}")
+    too_little = shortfall(problem.planner, way.legs, problem.budget)
+    if too_little:
+        return nothing_feasible(f"No trajectory: {too_little}.")
     chance = [problem.planner.seed, problem.round_number]
     result = plan(
         after_approach(problem.planner, way.legs),
