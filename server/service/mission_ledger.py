@@ -13,6 +13,7 @@ from db.query.plans import PlanRecord, list_plans
 from db.store import Store
 from robot_link.clock import Clock
 from server.alarm import AlarmBoard
+from server.service.drafting import outdated_by
 from server.service.fleet import Fleet
 from server.service.live_feed import LiveFeed
 from server.service.plan_document import onboard_view
@@ -247,7 +248,7 @@ class MissionLedger:
                 plan_id=plan_id,
                 map_std=record.document.get("map_std"),
                 ahead=ahead,
-                message=record.document["message"],
+                message=self._message(record, plans),
             )
 
         self._feed.put("missions", mission, value, self._known[mission][0].robot)
@@ -287,9 +288,21 @@ class MissionLedger:
             exploitation=self._exploitation(record, plans),
             ahead=ahead,
             fleet=document.get("fleet") or [record.id],
-            message=document["message"],
+            message=self._message(record, plans),
             created_at=record.created_at,
         )
+
+    def _message(self, record: MissionRecord, plans: list[PlanRecord]) -> str:
+        """Return what a mission says; a draft that waits may have become stale meanwhile."""
+        standing = standing_of(plans) if record.state == "ready" else None
+        if standing is None:
+            return record.document["message"]
+        plan, picture = standing.plan, self._fleet.picture(record.robot)
+        found = outdated_by(picture, plan, self._clock.now())
+        if not found:
+            return record.document["message"]
+        reasons = " ".join(one.message for one in found)
+        return f"{plan.id} no longer fits: {reasons} Plan again, or send it all the same."
 
     def _exploitation(self, record: MissionRecord, plans: list[PlanRecord]) -> float:
         """Return what the present round was planned with, else what its schedule says now."""

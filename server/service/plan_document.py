@@ -164,7 +164,10 @@ def mission_of(plan: PlanRecord) -> Mission:
 
 
 def plan_view(
-    plan: PlanRecord, progress: ProgressView | None, report: PlanReport | None
+    plan: PlanRecord,
+    progress: ProgressView | None,
+    report: PlanReport | None,
+    outdated: Sequence[ViolationView],
 ) -> PlanView:
     """Return a plan as REST says it.
 
@@ -172,6 +175,7 @@ def plan_view(
         plan: The plan.
         progress: How far planning is, while it runs.
         report: What the robot says of the plan on board, of this plan or another.
+        outdated: Why it no longer fits the robot while it waits.
     """
     document = plan.document
     account = document.get("account")
@@ -194,6 +198,7 @@ def plan_view(
         objective=document.get("objective"),
         objective_unit=document.get("objective_unit", ""),
         violations=[ViolationView(**one) for one in document.get("violations", ())],
+        outdated=list(outdated),
         stage=stage_of(plan, progress),
         progress=progress,
         history=[ObjectiveView(**point) for point in document.get("history", ())],
@@ -230,7 +235,10 @@ def plan_summary(plan: PlanRecord) -> PlanSummaryView:
 
 
 def live_plan_view(
-    plan: PlanRecord, progress: ProgressView | None, report: PlanReport | None
+    plan: PlanRecord,
+    progress: ProgressView | None,
+    report: PlanReport | None,
+    outdated: Sequence[ViolationView],
 ) -> LivePlanView:
     """Return what the live stream says of a plan."""
     return LivePlanView(
@@ -239,6 +247,7 @@ def live_plan_view(
         progress=progress,
         ladder=ladder_view(plan),
         onboard=onboard_view(plan, report),
+        outdated=list(outdated),
         message=plan.document.get("message", ""),
     )
 

@@ -1,5 +1,6 @@
 """Every change of a plan: into the database with its event first, then to everyone who watches."""
 
+import asyncio
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -13,14 +14,17 @@ from db.query.events import add_event
 from db.query.plans import PlanRecord, PlanStateError
 from db.store import Store
 from robot_link.clock import Clock
+from server.service.drafting import outdated_by
 from server.service.fleet import Fleet
 from server.service.live_feed import LiveFeed
 from server.service.picture import PlanInHand
 from server.service.plan_document import legs_of, live_plan_view, plan_view, points_of
-from server.service.view.plan import PlanView, ProgressView
+from server.service.survey_round import AHEAD_OF
+from server.service.view.plan import PlanView, ProgressView, ViolationView
 
 ON_THE_WAY = ("sent", "on_board", "running")
 """States in which a plan has left the station and has not ended."""
+_LOOK_S = 1.0
 _LEVELS = {"failed": "warning", "superseded": "watch", "cancelled": "watch"}
 
 
@@ -35,6 +39,9 @@ class PlanLedger:
         self._progress: dict[str, ProgressView] = {}
         self.listeners: list[Callable[[PlanRecord], None]] = []
         """Called with each changed plan after the commit; must return at once."""
+        self.on_outdated: list[Callable[[str], None]] = []
+        """Called with a robot when what speaks against its waiting plan changed."""
+        self._said_outdated: dict[str, tuple[ViolationView, ...]] = {}
 
     async def load(self) -> None:
         """Show the plan of each robot that concerns the operator now."""
@@ -232,8 +239,9 @@ class PlanLedger:
 
     def view(self, plan: PlanRecord) -> PlanView:
         """Return a plan as REST says it."""
-        report = self._fleet.picture(plan.robot).plan_report
-        return plan_view(plan, self._progress.get(plan.id), report)
+        picture = self._fleet.picture(plan.robot)
+        progress, outdated = self._progress.get(plan.id), self._outdated(plan)
+        return plan_view(plan, progress, picture.plan_report, outdated)
 
     def set_progress(self, plan: PlanRecord, progress: ProgressView | None) -> None:
         """Say how far planning is; ``None`` when it has ended."""
@@ -257,10 +265,39 @@ class PlanLedger:
         if hand is not None:
             self._offer(hand.record)
 
+    async def watch_drafts(self) -> None:
+        """Tell everyone when a plan that waits no longer fits its robot, until cancelled."""
+        while True:
+            for picture in list(self._fleet.pictures):
+                robot, hand = picture.record.id, picture.plan
+                outdated = () if hand is None else self._outdated(hand.record)
+                if hand is not None and self._said_outdated.get(robot, ()) != outdated:
+                    self._said_outdated[robot] = outdated
+                    self._offer(hand.record)
+                    for listener in self.on_outdated:
+                        listener(robot)
+            await asyncio.sleep(_LOOK_S)
+
+    def _outdated(self, plan: PlanRecord) -> tuple[ViolationView, ...]:
+        """Return why a plan that waits no longer fits its robot.
+
+        One that begins where the robot's flight is about to end is not held against it before.
+        """
+        picture = self._fleet.picture(plan.robot)
+        flown = picture.plan
+        if (
+            flown is not None
+            and flown.state == "running"
+            and flown.plan_id == plan.document.get(AHEAD_OF)
+        ):
+            return ()
+        return outdated_by(picture, plan, self._clock.now())
+
     def _offer(self, plan: PlanRecord) -> None:
         def value() -> object:
             report = self._fleet.picture(plan.robot).plan_report
-            return live_plan_view(plan, self._progress.get(plan.id), report)
+            progress, outdated = self._progress.get(plan.id), self._outdated(plan)
+            return live_plan_view(plan, progress, report, outdated)
 
         self._feed.put("plans", plan.id, value, plan.robot)
 

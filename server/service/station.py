@@ -111,6 +111,7 @@ class Station:
         await self.whatifs.load()
         await self.identifications.load()
         self._run("live stream", self.feed.run())
+        self._run("waiting plans", self.plans.watch_drafts())
         self._run("command reports", self.commands.run())
         self._run("plan reports", self._follower.run())
         self._run("field maps", self.maps.run())
@@ -177,6 +178,7 @@ class Station:
     def _connect(self) -> None:
         """Let the services follow each other."""
         self.plans.listeners.append(self.surveys.plan_changed)
+        self.plans.on_outdated.append(self.missions.robot_said_more)
         self.uploads.on_failure.append(self.surveys.upload_failed)
         self.commands.purges.append(purge_in)
         self.commands.on_surface.append(self._show_missions)

@@ -161,6 +161,9 @@ class PlanView(View):
     objective: float | None
     objective_unit: str
     violations: list[ViolationView]
+    outdated: list[ViolationView]
+    """Why it no longer fits the robot while it waits to be flown, as `POST /api/plans/{id}/check`
+    says it; a person may send it all the same."""
     stage: str | None
     """What planning does now: ``waiting`` until other robots of the survey are planned for,
     ``searching`` or ``rehearsing``; ``null`` once it has ended."""
@@ -207,6 +210,8 @@ class LivePlanView(View):
     progress: ProgressView | None
     ladder: LadderView
     onboard: OnboardView | None
+    outdated: list[ViolationView]
+    """As in the plan itself."""
     message: str
 
 

@@ -66,6 +66,7 @@ async def test_next_round_is_planned_on_the_last_leg_and_flown_as_it_is(client, 
     assert flown["state"] == "running"
     first = (await client.get(f"/api/plans/{flown['plan_id']}")).json()
     assert (first["state"], first["round"], ahead["round"]) == ("running", 1, 2)
+    assert ahead["outdated"] == []
     assert ahead["legs"][0]["start_ned"] == first["legs"][-1]["end_ned"]
     problem = workers.problems[1]
     assert problem.budget == pytest.approx(20.0 - first["account"]["energy"], abs=1e-6)

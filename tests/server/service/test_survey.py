@@ -1,4 +1,5 @@
 import asyncio
+import json
 import os
 import signal
 import sqlite3
@@ -290,6 +291,48 @@ async def test_started_survey_plans_an_outdated_round_again(client, station, wor
     (said,) = (one["text"] for one in events if one["kind"] == "plan.cancelled")
     away = "the robot is 1.4 m from where the plan begins; the limit is 1 m."
     assert said == f"{ready['plan_id']} was cancelled: {away} Planning again."
+
+
+async def test_draft_that_its_robot_drifted_away_from_is_not_shown_as_ready(
+    client, station, world, workers
+):
+    mission = await survey_of(client)
+    ready = await mission_in(client, mission, "ready")
+    path = f"/api/plans/{ready['plan_id']}"
+    assert ready["message"] == f"{ready['plan_id']} is ready to be sent."
+    assert (await client.get(path)).json()["outdated"] == []
+    texts = []
+
+    async def read(text):
+        texts.append(json.loads(text))
+
+    following = asyncio.ensure_future(station.feed.follow(read, None, None))
+    world.tell(state_report(MINI, (2.6, 0.6, 0.0)))
+    away = "The robot is 1.4 m from where the plan begins; the limit is 1 m."
+
+    def is_told():
+        plans = (one["plans"].get(ready["plan_id"], {}) for one in texts)
+        missions = (one["missions"].get(mission, {}) for one in texts)
+        said = [found["message"] for plan in plans for found in plan.get("outdated", ())]
+        return away in said and any(away in one.get("message", "") for one in missions)
+
+    await until(is_told)
+    following.cancel()
+    with suppress(asyncio.CancelledError):
+        await following
+    outdated = (await client.get(path)).json()["outdated"]
+    assert outdated == [{"field": "mission.draft_distance_m", "message": away}]
+    assert outdated == (await client.post(f"{path}/check")).json()["violations"]
+    stale = (await client.get(f"/api/missions/{mission}")).json()
+    assert stale["message"].startswith(f"{ready['plan_id']} no longer fits: {away}")
+    world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+
+    async def fits():
+        return (await client.get(path)).json()["outdated"] == []
+
+    await until(fits)
+    again = (await client.get(f"/api/missions/{mission}")).json()
+    assert again["message"] == ready["message"]
 
 
 async def test_progress_and_best_objective_travel_in_the_live_stream(client, station):
