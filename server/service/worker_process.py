@@ -12,6 +12,7 @@ import queue
 import struct
 import sys
 import threading
+import traceback
 from collections.abc import Callable
 from functools import partial
 from typing import IO, Any
@@ -48,6 +49,12 @@ class _Pipe:
             self._outgoing.flush()
 
 
+def _sentence(error: Exception) -> str:
+    """Return the first line of what an error says; all of it stands in the log."""
+    lines = str(error).splitlines() or [""]
+    return f"{type(error).__name__}: {lines[0]}"
+
+
 def _resolve(task: str) -> Callable[..., Any]:
     module, _, name = task.partition(":")
     return getattr(importlib.import_module(module), name)
@@ -77,7 +84,8 @@ def main(niceness: int) -> None:
         try:
             result = _resolve(task)(payload, partial(pipe.send, PROGRESS), cancelled.is_set)
         except Exception as error:  # noqa: BLE001 - whatever a task raises is the station's to tell
-            pipe.send(FAILURE, f"{type(error).__name__}: {error}")
+            traceback.print_exc()
+            pipe.send(FAILURE, _sentence(error))
         else:
             pipe.send(RESULT, result)
 
