@@ -175,7 +175,7 @@ class WorkerPool:
         await asyncio.gather(*(worker.stop() for worker in workers))
 
     def process_ids(self) -> tuple[int, ...]:
-        """Return the processes that exist now, for the health page and for tests."""
+        """Return the ids of the processes that exist now."""
         return tuple(worker.process.pid for worker in (*self._idle, *self._busy))
 
     async def _acquire(self) -> _Process:
