@@ -208,7 +208,7 @@ class LiveFeed:
             cursor = events[-1].cursor if events else self._cursor
             text = self._encode(reader, events, cursor, at)
         else:
-            cursor = self._cursor
+            cursor = max(reader.cursor, self._cursor)  # REST may have told more than this knows
             text = self._batches.get(key) or self._encode(reader, self._since(reader), cursor, at)
             self._batches[key] = text
         reader.cursor, reader.seen = cursor, self._ticks

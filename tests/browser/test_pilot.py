@@ -16,7 +16,6 @@ pytestmark = [
 
 DIVES = 3
 ENDED = {"done", "stopped", "failed"}
-HERE_M = (1.3, 0.7)
 
 
 def is_free(station):
@@ -30,9 +29,10 @@ def is_free(station):
 def dive(station):
     """The plan that mini-1 flies while the polar and the what-if run are looked at."""
     station.wait("robot without a mission", lambda: is_free(station), 240.0)
-    down = {"kind": "dive", "end_ned": [*HERE_M, 0.5]}
-    up = {"kind": "dive", "end_ned": [*HERE_M, 0.0]}
-    legs = [{"kind": "swim", "end_ned": [*HERE_M, 0.0]}, *[down, up] * DIVES]
+    north_m, east_m, _ = station.get("/api/robots/mini-1/state")["position"]["ned_m"]
+    down = {"kind": "dive", "end_ned": [north_m, east_m, 0.5]}
+    up = {"kind": "dive", "end_ned": [north_m, east_m, 0.0]}
+    legs = [down, up] * DIVES
     plan = station.post("/api/robots/mini-1/plans", {"kind": "primitives", "legs": legs})["id"]
     station.wait("draft", lambda: station.get(f"/api/plans/{plan}")["state"] == "draft", 60.0)
     station.post(f"/api/plans/{plan}/upload", {"start": True})

@@ -102,6 +102,14 @@ async def test_client_that_returns_with_its_cursor_misses_nothing(feed, store):
     assert client.batches[-1]["cursor"] == EVENTS_IN_MEMORY + 700
 
 
+async def test_client_that_knows_more_than_the_feed_gets_nothing_twice(feed, store):
+    await until(lambda: feed._ticks, 5)
+    await happen(store, "one", "two", "three")
+    client = Client(feed, after=2)
+    await client.until(lambda: client.events)
+    assert client.events == ["three"]
+
+
 async def test_gauges_go_on_while_the_log_cannot_be_read_and_no_event_is_lost(
     feed, store, monkeypatch
 ):
