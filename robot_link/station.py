@@ -10,6 +10,7 @@ from robot_link.command_lane import Command, CommandLane
 from robot_link.delivery import deliver
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec, WireMessage
+from robot_link.mavlink.decode import Value, decoded
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
@@ -44,9 +45,6 @@ from robot_link.transport.datagram import (
 from robot_link.upload import Upload
 
 __all__ = ["RobotEndpoint", "StationLink", "UploadUnderWayError"]
-
-
-_Value = RobotMode | StateReport | Sample | PlanReport | None
 
 
 class UploadUnderWayError(Exception):
@@ -252,13 +250,13 @@ class StationLink:
                     upload.hear(message)
             case _:
                 try:
-                    value = _value(message, peer.robot, at)
+                    value = decoded(message, peer.robot, at)
                 except ValueError:
                     peer.count_bad(1)
                 else:
                     self._take(peer, value)
 
-    def _take(self, peer: Peer, value: _Value) -> None:
+    def _take(self, peer: Peer, value: Value) -> None:
         match value:
             case RobotMode():
                 peer.mode = value
@@ -335,22 +333,3 @@ class StationLink:
         report = peer.link_report()
         self._told_state[peer.robot] = report.state
         self._on_event(report)
-
-
-def _value(message: WireMessage, robot: RobotId, at: datetime) -> _Value:
-    """Decode what a robot says of itself; None for what does not matter.
-
-    Raises:
-        ValueError: If the content is impossible.
-    """
-    match message:
-        case grace.MAVLink_heartbeat_message():
-            return RobotMode(message.custom_mode)
-        case grace.MAVLink_grace_state_message():
-            return telemetry.state_report(message, robot, at)
-        case grace.MAVLink_grace_sample_message():
-            return telemetry.sample(message, robot, at)
-        case grace.MAVLink_grace_plan_report_message():
-            return telemetry.plan_report(message, robot, at)
-        case _:
-            return None

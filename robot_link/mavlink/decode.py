@@ -1,0 +1,41 @@
+"""What a robot says of itself, out of the dialect's messages: one place for link and journal."""
+
+from datetime import datetime
+
+from robot_link.mavlink import telemetry
+from robot_link.mavlink.codec import WireMessage
+from robot_link.mavlink.wire import grace
+from robot_link.messages import PlanReport, RobotId, RobotMode, Sample, StateReport
+
+Value = RobotMode | StateReport | Sample | PlanReport | None
+"""What one message means; None for what the station does not keep."""
+
+
+def decoded(message: WireMessage, robot: RobotId, received_at: datetime) -> Value:
+    """Decode what a robot says of itself; None for what does not matter.
+
+    Args:
+        message: A valid frame's content.
+        robot: Who sent it.
+        received_at: The station's clock when it came.
+
+    Raises:
+        ValueError: If the content is impossible.
+    """
+    match message:
+        case grace.MAVLink_heartbeat_message():
+            return RobotMode(message.custom_mode)
+        case grace.MAVLink_grace_state_message():
+            return telemetry.state_report(message, robot, received_at)
+        case grace.MAVLink_grace_sample_message():
+            return telemetry.sample(message, robot, received_at)
+        case grace.MAVLink_grace_plan_report_message():
+            return telemetry.plan_report(message, robot, received_at)
+        case _:
+            return None
+
+
+def robot_time(values: list[Value]) -> datetime | None:
+    """Return the newest time that the robot itself wrote into these values, if any."""
+    times = [value.measured_at for value in values if not isinstance(value, RobotMode | None)]
+    return max(times, default=None)
