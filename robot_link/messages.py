@@ -202,6 +202,11 @@ class RawFrame:
     outgoing: bool
     data: bytes
     at: datetime
+    """The station's clock."""
+    robot_at: datetime | None = None
+    """Newest time that the robot wrote into it, by its own clock."""
+    arrived_at: datetime | None = None
+    """When a gateway ashore had it, where one lies in between."""
 
 
 LinkEvent = StateReport | Sample | PlanReport | CommandReport | UploadReport | LinkReport | RawFrame
