@@ -1,6 +1,7 @@
 """The tables of what robots said and were told, and what they share with the others.
 
-Vehicles and studies are in ``study_tables``, maps in ``map_tables``, people in ``person_tables``.
+Vehicles and studies are in ``study_tables``, maps in ``map_tables``, people in ``person_tables``,
+what crosses satellite gateways in ``link_tables``.
 
 Integer keys stay inside ``db``; what leaves carries a public id such as ``plan-14``
 (``db.identity``). Times are aware UTC. JSON columns hold documents that no query looks into.
@@ -18,6 +19,7 @@ from sqlalchemy import (
     LargeBinary,
     MetaData,
     UniqueConstraint,
+    false,
 )
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
@@ -230,6 +232,9 @@ class Transfer(Base):
     items_sent: Mapped[int]
     bytes: Mapped[int]
     start: Mapped[bool]
+    route: Mapped[str] = mapped_column(server_default="auto")
+    carrier: Mapped[str] = mapped_column(server_default="")
+    is_forced: Mapped[bool] = mapped_column(server_default=false())
     started_at: Mapped[datetime]
     ended_at: Mapped[datetime | None]
     reason: Mapped[str]
