@@ -14,6 +14,7 @@ from server.clock_file import read_clock
 from server.configuration import ConfigurationBook
 from server.foundation import Foundation
 from server.job import JobBoard
+from server.secret import SecretStore
 from server.security.access import Access
 from server.security.guard import Guard
 from server.settings import Settings
@@ -90,6 +91,7 @@ async def _open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundat
         alarms=alarms,
         jobs=jobs,
         configurations=ConfigurationBook(store, clock),
+        secrets=SecretStore(settings.secret_dir),
     )
 
 

@@ -8,6 +8,7 @@ from server.alarm import AlarmBoard
 from server.background import Background
 from server.configuration import ConfigurationBook
 from server.job import JobBoard
+from server.secret import SecretStore
 from server.security.access import Access
 from server.security.guard import Guard
 from server.settings import Settings
@@ -27,3 +28,5 @@ class Foundation:
     alarms: AlarmBoard
     jobs: JobBoard
     configurations: ConfigurationBook
+    secrets: SecretStore
+    """Keys of robots and accounts with gateways; what it holds is shown to nobody."""

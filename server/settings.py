@@ -37,6 +37,12 @@ class Settings(BaseSettings):
     """The robots do not exist: every page and file is marked SIMULATION."""
     clock_file: Path | None = None
     """Anchors of a scaled clock that station and simulator share; none means real time."""
+    directip_host: str = "127.0.0.1"
+    """Address on which DirectIP messages of robots are taken; the gateway must reach it."""
+    directip_port: int | None = Field(default=None, ge=0, le=65535)
+    """Port on which DirectIP messages of robots are taken; none means that nobody listens."""
+    gateway_public_url: str | None = None
+    """How satellite gateways reach this station, such as ``https://station.example.org``."""
     session_hours: float = Field(default=12.0, gt=0)
     """How long a browser stays signed in."""
     worker_processes: int = Field(default=2, ge=1, le=64)
@@ -72,6 +78,11 @@ class Settings(BaseSettings):
     def secure_cookie(self) -> bool:
         """Whether browsers reach the station by TLS, so that the cookie may demand it."""
         return self.has_tls or self.behind_proxy
+
+    @property
+    def secret_dir(self) -> Path:
+        """Folder of the station's secrets, which nobody but its user may read."""
+        return self.data_dir / "secret"
 
     @cached_property
     def resolved_database_url(self) -> str:

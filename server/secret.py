@@ -1,0 +1,197 @@
+"""What the station must know and nobody else may read: keys of robots, accounts with gateways.
+
+Each secret is a file of its own under ``<data>/secret/``, readable by the station's user alone.
+None of them is ever shown, logged or put into a URL; an administrator copies a robot's key from
+its file into the robot.
+"""
+
+import contextlib
+import os
+import re
+import secrets
+from pathlib import Path
+from typing import Final, Literal, Self, get_args
+from urllib.parse import SplitResult, urlsplit
+
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+
+KEY_BYTES: Final = 32
+GatewayKind = Literal["rockblock", "directip", "cloudloop"]
+GATEWAY_KINDS: Final[tuple[GatewayKind, ...]] = get_args(GatewayKind)
+DEFAULT_URLS: Final[dict[GatewayKind, str]] = {
+    "rockblock": "https://rockblock.rock7.com/rockblock/MT",
+    "directip": "tcp://directip.sbd.iridium.com:10800",
+    "cloudloop": "https://api.cloudloop.com/Data/DoSendSbdMessage",
+}
+_NAME: Final = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
+
+
+class SecretUnreadableError(Exception):
+    """A file of the secret folder does not hold what its name says; the text names the file."""
+
+
+class GatewayAccount(BaseModel):
+    """What the station needs to speak with one gateway."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", use_attribute_docstrings=True, hide_input_in_errors=True
+    )
+
+    url: str = Field(max_length=500)
+    """Where messages to robots go: ``https://...``, of DirectIP ``tcp://host:port``."""
+    username: str = Field(default="", max_length=200)
+    """Name of the account; Cloudloop and DirectIP have none."""
+    password: str = Field(default="", max_length=500, repr=False)
+    """Password of the account, or Cloudloop's token."""
+    public_key: str = Field(default="", max_length=8000)
+    """PEM of the key with which RockBLOCK signs what it pushes."""
+    confirms: bool = False
+    """Whether DirectIP expects the station to confirm each message of a robot."""
+
+    @model_validator(mode="after")
+    def _has_a_place(self) -> Self:
+        try:
+            parts = urlsplit(self.url)
+            known = bool(parts.hostname) and (parts.scheme != "tcp" or bool(parts.port))
+        except ValueError:
+            known = False
+            parts = urlsplit("")
+        if not known or parts.scheme not in ("https", "http", "tcp"):
+            raise ValueError("url is https://host/path, or tcp://host:port of DirectIP")
+        if parts.username or parts.password or parts.query or parts.fragment:
+            raise ValueError("url holds no password and no options; they have their own fields")
+        if parts.scheme == "http" and not _is_loopback(parts):
+            raise ValueError("url must be https: the password would travel in the clear")
+        return self
+
+
+class SecretStore:
+    """The secret folder of one station; several processes of its user may share it."""
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def robot_key(self, robot: str) -> bytes:
+        """Return the key that station and robot share on satellite links, made at first need.
+
+        Returns:
+            32 bytes.
+
+        Raises:
+            SecretUnreadableError: If its file holds anything else.
+        """
+        file = self._file("robot", robot)
+        return _key_of(file, _read(file) or _create(file, secrets.token_bytes(KEY_BYTES).hex()))
+
+    def signing_key(self, robot: str) -> bytes | None:
+        """Return the key that signs MAVLink with a robot; None where frames are not signed.
+
+        Raises:
+            SecretUnreadableError: If its file does not hold 32 bytes.
+        """
+        file = self._file("signing", robot)
+        text = _read(file)
+        return None if text is None else _key_of(file, text)
+
+    def set_signing_key(self, robot: str, key: bytes | None) -> None:
+        """Sign MAVLink with a robot from now on, or no longer."""
+        file = self._file("signing", robot)
+        if key is None:
+            file.unlink(missing_ok=True)
+            return
+        if len(key) != KEY_BYTES:
+            raise ValueError(f"a signing key has {KEY_BYTES} bytes, not {len(key)}")
+        _write(file, key.hex())
+
+    def gateway(self, kind: GatewayKind) -> GatewayAccount | None:
+        """Return the account with a gateway; None where there is none.
+
+        Raises:
+            SecretUnreadableError: If its file does not hold one.
+        """
+        file = self._file("gateway", kind)
+        text = _read(file)
+        if text is None:
+            return None
+        try:
+            return GatewayAccount.model_validate_json(text)
+        except ValidationError:
+            raise SecretUnreadableError(f"{file} holds no account; enter it again.") from None
+
+    def set_gateway(self, kind: GatewayKind, account: GatewayAccount) -> None:
+        """Keep the account with a gateway."""
+        _write(self._file("gateway", kind), account.model_dump_json(indent=2))
+
+    def push_path(self, kind: GatewayKind) -> str:
+        """Return the word in the URL that only the gateway knows, made at first need."""
+        file = self._file("push", kind)
+        return (_read(file) or _create(file, secrets.token_urlsafe(24))).strip()
+
+    def _file(self, kind: str, name: str) -> Path:
+        if not _NAME.fullmatch(name):
+            raise ValueError(f"{name!r} is not the name of a robot or gateway")
+        return self._folder / f"{kind}-{name}"
+
+
+def _is_loopback(parts: SplitResult) -> bool:
+    return parts.hostname in ("localhost", "127.0.0.1", "::1")
+
+
+def _key_of(file: Path, text: str) -> bytes:
+    try:
+        key = bytes.fromhex(text)
+    except ValueError:
+        key = b""
+    if len(key) != KEY_BYTES:
+        raise SecretUnreadableError(f"{file} does not hold {KEY_BYTES} bytes in hexadecimal.")
+    return key
+
+
+def _read(file: Path) -> str | None:
+    try:
+        return file.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return None
+    except UnicodeDecodeError:
+        raise SecretUnreadableError(f"{file} holds no text.") from None
+
+
+def _create(file: Path, text: str) -> str:
+    """Write a secret unless there is one by now, and return the one that holds."""
+    fresh = _written_beside(file, text)
+    try:
+        os.link(fresh, file)
+    except FileExistsError:
+        return file.read_text(encoding="utf-8")
+    finally:
+        fresh.unlink()
+    _keep_folder(file)
+    return text
+
+
+def _write(file: Path, text: str) -> None:
+    """Replace a secret at once, so that a cut leaves the old one or the new one."""
+    _written_beside(file, text).replace(file)
+    _keep_folder(file)
+
+
+def _keep_folder(file: Path) -> None:
+    """Let the name of a file survive a power cut: a robot may hold this key from now on."""
+    descriptor = os.open(file.parent, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def _written_beside(file: Path, text: str) -> Path:
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with contextlib.suppress(PermissionError):
+        file.parent.chmod(0o700)
+    fresh = file.with_name(f".{file.name}.{secrets.token_hex(8)}")
+    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with open(descriptor, "w", encoding="utf-8") as handle:
+        handle.write(text)
+        handle.flush()
+        os.fsync(handle.fileno())
+    return fresh
