@@ -1,6 +1,7 @@
 """The robot's handling of commands: each acts once, and none that SURFACE overtook acts at all."""
 
 from collections import OrderedDict
+from collections.abc import Sequence
 from typing import Protocol
 
 from robot_link.mavlink.command import ReceivedCommand
@@ -21,6 +22,18 @@ class Obedient(Protocol):
         ...
 
 
+class CommandMemory(Protocol):
+    """Keeps what came of the newest commands while the robot is switched off."""
+
+    def load(self) -> Sequence[tuple[CommandNumber, int, CommandOutcome]]:
+        """Return number, expiry (second since 1970) and outcome, oldest first."""
+        ...
+
+    def save(self, outcomes: Sequence[tuple[CommandNumber, int, CommandOutcome]]) -> None:
+        """Replace what is kept, whole or not at all."""
+        ...
+
+
 class CommandDesk:
     """Remembers the newest commands by number and expiry, with what came of them.
 
@@ -29,9 +42,13 @@ class CommandDesk:
     arrives after it is not obeyed: the station has dropped it, and the robot must stay up.
     """
 
-    def __init__(self, program: Obedient) -> None:
+    def __init__(self, program: Obedient, memory: CommandMemory | None = None) -> None:
         self._program = program
-        self._outcomes: OrderedDict[tuple[CommandNumber, int], CommandOutcome] = OrderedDict()
+        self._memory = memory
+        self._outcomes: OrderedDict[tuple[CommandNumber, int], CommandOutcome] = OrderedDict(
+            ((number, expiry_s), outcome)
+            for number, expiry_s, outcome in (() if memory is None else memory.load())
+        )
         self._surface: tuple[CommandNumber, float] | None = None
 
     def take(self, command: ReceivedCommand, now_s: float) -> CommandOutcome:
@@ -41,6 +58,8 @@ class CommandDesk:
             self._outcomes[name] = self._act(command, now_s)
             if len(self._outcomes) > _REMEMBERED:
                 self._outcomes.popitem(last=False)
+            if self._memory is not None:
+                self._memory.save([(*name, outcome) for name, outcome in self._outcomes.items()])
         return self._outcomes[name]
 
     def _act(self, command: ReceivedCommand, now_s: float) -> CommandOutcome:

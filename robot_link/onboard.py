@@ -1,10 +1,11 @@
 """The robot's side of every service; what the onboard program talks through."""
 
 import asyncio
+import math
 from datetime import datetime
 
 from robot_link.clock import Clock, monotonic_s
-from robot_link.command_desk import CommandDesk
+from robot_link.command_desk import CommandDesk, CommandMemory
 from robot_link.delivery import deliver
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import (
@@ -14,7 +15,7 @@ from robot_link.mavlink.codec import (
     Codec,
     WireMessage,
 )
-from robot_link.mavlink.command import received_command
+from robot_link.mavlink.command import ReceivedCommand, received_command
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     LogId,
@@ -25,11 +26,14 @@ from robot_link.messages import (
     StateReport,
     SystemId,
 )
-from robot_link.plan_desk import PlanDesk
+from robot_link.mission import Mission
+from robot_link.plan_desk import PlanDesk, PlanOnBoard
 from robot_link.plan_store import PlanStore
 from robot_link.robot_program import CommandOutcome, RobotProgram
 from robot_link.sample_log import Measurement, SampleLog
 from robot_link.sample_sender import SampleSender
+from robot_link.service.file_store import FileStore, NoFiles
+from robot_link.service.parameter_table import ParameterTable
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import BROADCAST, Address, DatagramTransport, Received
 
@@ -61,6 +65,9 @@ class RobotLink:
         program: What flies the robot.
         log: Memory of samples.
         plans: Memory of the plan on board; a plan found in it is reported as ON_BOARD.
+        parameters: What can be read and set from outside; none without.
+        files: What can be downloaded; nothing without.
+        command_memory: What the robot remembers of commands when it is restarted.
         timing: Time-outs.
     """
 
@@ -73,8 +80,13 @@ class RobotLink:
         *,
         log: SampleLog,
         plans: PlanStore,
+        parameters: ParameterTable | None = None,
+        files: FileStore | None = None,
+        command_memory: CommandMemory | None = None,
         timing: LinkTiming | None = None,
     ) -> None:
+        self.parameters = ParameterTable(()) if parameters is None else parameters
+        self.files: FileStore = NoFiles() if files is None else files
         self._system = system
         self._transport = transport
         self._clock = clock
@@ -82,10 +94,10 @@ class RobotLink:
         self._codec = Codec(system, ROBOT_COMPONENT)
         self._samples = SampleSender(log, self._codec, transport, self._timing)
         self._station: Address | None = None
-        self._station_heard_s = 0.0
+        self._station_heard_s = -math.inf
         self._station_known = asyncio.Event()
         self._replies: asyncio.Queue[WireMessage] = asyncio.Queue()
-        self._commands = CommandDesk(program)
+        self._commands = CommandDesk(program, command_memory)
         self._mode = RobotMode.IDLE
         self._mode_changed = asyncio.Event()
         self._state: StateReport | None = None
@@ -103,6 +115,37 @@ class RobotLink:
     def unacknowledged_samples(self) -> int:
         """Samples not yet known to be stored ashore."""
         return len(self._samples)
+
+    @property
+    def last_heard_station_s(self) -> float:
+        """Seconds of the wall since the station was heard; infinite before the first time."""
+        return monotonic_s() - self._station_heard_s
+
+    def unsent_samples(self) -> tuple[Measurement, ...]:
+        """Return the samples that are not yet known to be stored ashore, in order."""
+        return self._samples.kept()
+
+    def plan_report(self) -> PlanOnBoard:
+        """Return what is to be said of the plan on board, by whatever road."""
+        return self._plan.on_board()
+
+    def take_mission(self, mission: Mission, *, start: bool) -> str:
+        """Put a mission on board that came complete by another road than the radio.
+
+        The mission that is on board already, waiting or being flown, is left as it is.
+
+        Args:
+            mission: What replaces the plan on board.
+            start: Whether to fly it at once.
+
+        Returns:
+            Why it was refused, a sentence; empty if it is on board (and flown, where asked).
+        """
+        return self._plan.take_mission(mission, start=start)
+
+    def take_command(self, command: ReceivedCommand) -> CommandOutcome:
+        """Act on a command that came by another road; one heard by several roads acts once."""
+        return self._commands.take(command, monotonic_s())
 
     async def run(self) -> None:
         """Serve until cancelled."""
@@ -197,7 +240,7 @@ class RobotLink:
         now_s = monotonic_s()
         match message:
             case grace.MAVLink_command_long_message():
-                self._take_command(message, now_s)
+                self._answer_command(message, now_s)
             case grace.MAVLink_grace_plan_offer_message():
                 self._plan.take_offer(message, now_s)
             case grace.MAVLink_mission_count_message():
@@ -210,7 +253,7 @@ class RobotLink:
             case _:
                 pass
 
-    def _take_command(self, message: grace.MAVLink_command_long_message, now_s: float) -> None:
+    def _answer_command(self, message: grace.MAVLink_command_long_message, now_s: float) -> None:
         try:
             command = received_command(message)
         except ValueError:

@@ -2,19 +2,39 @@
 
 import asyncio
 from collections.abc import Callable
+from typing import NamedTuple
 
 from robot_link.clock import Clock
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, WireMessage
+from robot_link.mavlink.command import PLAN_DIGITS
 from robot_link.mavlink.mission_receiver import Complete, MissionReceiver, Refused, Request, Step
 from robot_link.mavlink.wire import grace
-from robot_link.messages import OnboardPlanState, PlanHash
+from robot_link.messages import CommandKind, OnboardPlanState, PlanHash
 from robot_link.mission import Mission
 from robot_link.plan_store import PlanStore
-from robot_link.robot_program import RobotProgram
+from robot_link.robot_program import CommandOutcome, RobotProgram
 from robot_link.timing import LinkTiming
 
 _WAITING_OR_FLYING = (OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING)
+_START_REFUSALS = {
+    CommandOutcome.NOT_NOW: "the plan is on board, but the robot cannot start it now",
+    CommandOutcome.WRONG_PLAN: "the robot holds another plan than the one to start",
+    CommandOutcome.UNSUPPORTED: "the robot does not know how to start a plan",
+}
+
+
+class PlanOnBoard(NamedTuple):
+    """What the robot says of the plan that it holds."""
+
+    sha256: PlanHash | None
+    state: OnboardPlanState
+    leg: int
+    """Leg being flown, from 0."""
+    legs: int
+    energy_used: float
+    reason: str
+    """One sentence where the state is FAILED, else empty."""
 
 
 class PlanDesk:
@@ -59,6 +79,29 @@ class PlanDesk:
             reason=reason,
         )
         self.changed.set()
+
+    def on_board(self) -> PlanOnBoard:
+        """Return what is to be said of the plan on board."""
+        said = self.said
+        state = OnboardPlanState(said.state)
+        return PlanOnBoard(
+            self.plan_hash, state, said.leg, said.legs, said.energy_used, said.reason
+        )
+
+    def take_mission(self, mission: Mission, *, start: bool) -> str:
+        """Replace the plan on board by a whole mission; return why not, or ""."""
+        sha256 = mission.sha256()
+        is_held = sha256 == self.plan_hash
+        if not (is_held and self.said.state in _WAITING_OR_FLYING):
+            if refusal := self._program.plan_refusal():
+                return refusal
+            if not is_held:
+                self._plans.replace(mission)
+            self._take(mission)
+        if start and self.said.state != OnboardPlanState.RUNNING:
+            outcome = self._program.obey(CommandKind.START, sha256[:PLAN_DIGITS])
+            return _START_REFUSALS.get(outcome, "")
+        return ""
 
     def take_offer(self, offer: grace.MAVLink_grace_plan_offer_message, now_s: float) -> None:
         """Answer an offer; one without a hash is none."""

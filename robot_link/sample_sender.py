@@ -45,6 +45,11 @@ class SampleSender:
     def __len__(self) -> int:
         return len(self._queue)
 
+    def kept(self) -> tuple[Measurement, ...]:
+        """Return what is not yet known to be stored, in order."""
+        found = (self._log.get(sequence) for sequence in self._log.kept())
+        return tuple(measurement for measurement in found if measurement is not None)
+
     def record(self, measurement: Measurement) -> int:
         """Keep a measurement and return its number.
 
