@@ -1,0 +1,374 @@
+"""The Iridium network between modems on robots and gateways ashore.
+
+Everything that takes time takes it by the robots' clock. One network belongs to one event loop.
+"""
+
+import asyncio
+import random
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from functools import partial
+
+from robot_link.clock import Clock
+from simulator.iridium.acceptance import Accepted, Reason, RefusedError
+from simulator.iridium.conditions import SatelliteConditions
+from simulator.iridium.message_queue import LOWEST_PRIORITY, MessageQueue, QueuedMessage
+from simulator.iridium.session import (
+    MobileOriginatedMessage,
+    MobileOriginatedStatus,
+    MobileTerminatedStatus,
+    Place,
+    SessionResult,
+)
+from simulator.iridium.subscriber import Account, Carrier, Subscriber, credit_count
+
+MAX_MOBILE_ORIGINATED = 340
+MAX_MOBILE_TERMINATED = 270
+"""Bytes of one message of a 9602 modem."""
+
+_SEQUENCE = 65536
+_SECOND_RING_S = 20.0
+_QUIET_S = 10.0
+"""A message that follows another one sooner causes no ring of its own."""
+_KM_PER_DEGREE = 111.2
+
+
+@dataclass(slots=True)
+class _Line:
+    """What the network knows of one modem."""
+
+    subscriber: Subscriber
+    queue: MessageQueue = field(default_factory=MessageQueue)
+    momsn: int = 0
+    mtmsn: int = 0
+    is_in_session: bool = False
+    ring_callbacks: list[Callable[[], None]] = field(default_factory=list)
+    last_ready_at: datetime | None = None
+
+
+class IridiumNetwork:
+    """Queues, sessions, rings and bills of a satellite service.
+
+    ``in_view(imei)`` says whether a modem has power and sees the sky now. The customers' end is
+    a gateway: it calls ``accept`` for each message to a modem, and is called for each message
+    from one. ``credits_charged`` counts what messages to each modem cost,
+    ``mobile_originated_credits`` what those from it cost.
+    """
+
+    def __init__(
+        self,
+        rng: random.Random,
+        conditions: SatelliteConditions,
+        clock: Clock,
+        in_view: Callable[[str], bool] = lambda _imei: True,
+    ) -> None:
+        self.conditions = conditions
+        """May be replaced at any time."""
+        self.clock = clock
+        self.credits_charged: Counter[str] = Counter()
+        self.mobile_originated_credits: Counter[str] = Counter()
+        self._rng = rng
+        self._in_view = in_view
+        self._lines: dict[str, _Line] = {}
+        self._gateways: dict[Carrier, list[Callable[[MobileOriginatedMessage], None]]] = {}
+        self._next_id = 1
+
+    # ---- customers -----------------------------------------------------------------------------
+
+    def add_subscriber(
+        self,
+        imei: str,
+        account: Account,
+        *,
+        carrier: Carrier = "rockblock",
+        serial: int = 0,
+        thing: str = "",
+    ) -> Subscriber:
+        """Make a modem known; return its entry, whose switches may be changed at any time.
+
+        Raises:
+            ValueError: If this is no IMEI, or is known already.
+        """
+        if imei in self._lines:
+            raise ValueError(f"the modem {imei} is known already")
+        subscriber = Subscriber(imei, account, carrier, serial or int(imei[-5:]), thing)
+        self._lines[imei] = _Line(subscriber)
+        return subscriber
+
+    def subscriber(self, imei: str) -> Subscriber | None:
+        """Return a modem's entry."""
+        line = self._lines.get(imei)
+        return None if line is None else line.subscriber
+
+    @property
+    def subscribers(self) -> Mapping[str, Subscriber]:
+        """Every modem by its IMEI."""
+        return {imei: line.subscriber for imei, line in self._lines.items()}
+
+    def waiting(self, imei: str) -> tuple[QueuedMessage, ...]:
+        """Return what waits for a modem or is on its way into the queue, the next one first.
+
+        Raises:
+            RefusedError: If the modem is not known.
+        """
+        return tuple(self._swept(imei).queue)
+
+    # ---- a gateway's side ----------------------------------------------------------------------
+
+    def on_message(
+        self, carrier: Carrier, callback: Callable[[MobileOriginatedMessage], None]
+    ) -> Callable[[], None]:
+        """Tell a gateway of each session of its modems; return what ends that."""
+        callbacks = self._gateways.setdefault(carrier, [])
+        callbacks.append(callback)
+        return partial(callbacks.remove, callback)
+
+    def accept(
+        self,
+        imei: str,
+        data: bytes,
+        *,
+        priority: int = LOWEST_PRIORITY,
+        flush: bool = False,
+        mtmsn: int | None = None,
+    ) -> Accepted:
+        """Queue a message for a modem and charge its account.
+
+        Args:
+            imei: The modem.
+            data: 1 to 270 bytes.
+            priority: 1 (first) to 5.
+            flush: Whether to delete first what waits.
+            mtmsn: The message's number, 1 to 65535, instead of the network's own.
+
+        Raises:
+            RefusedError: If the message is not taken; nothing is charged or deleted then.
+        """
+        line = self._swept(imei)
+        credits_needed = self._check(line, data, mtmsn)
+        if flush:
+            line.queue.flush()
+        if not line.queue.has_room(priority):
+            raise RefusedError(Reason.QUEUE_FULL)
+        if mtmsn is None:
+            mtmsn = line.mtmsn = line.mtmsn % (_SEQUENCE - 1) + 1
+        now = self.clock.now()
+        delay_s = self._transit_s()
+        ready_at = now + timedelta(seconds=delay_s)
+        message = QueuedMessage(self._number(), mtmsn, data, priority, now, ready_at)
+        position = line.queue.put(message)
+        account = line.subscriber.account
+        if account.credits_left is not None:
+            account.credits_left -= credits_needed
+        self.credits_charged[imei] += credits_needed
+        self._later(delay_s, self._announce, line)
+        return Accepted(message.message_id, mtmsn, position)
+
+    def flush(self, imei: str) -> int:
+        """Delete what waits for a modem; return how many messages that were.
+
+        Raises:
+            RefusedError: If the modem is not known.
+        """
+        return self._swept(imei).queue.flush()
+
+    def ring(self, imei: str) -> None:
+        """Ring a modem that has no message.
+
+        Raises:
+            RefusedError: If the modem is not known or is not to be rung.
+        """
+        line = self._swept(imei)
+        if not line.subscriber.is_ring_enabled:
+            raise RefusedError(Reason.RING_DISABLED)
+        self._ring(line)
+
+    def draw(self, probability: float) -> bool:
+        """Return whether a chance event happens."""
+        return self._rng.random() < probability
+
+    # ---- a modem's side ------------------------------------------------------------------------
+
+    def has_signal(self, imei: str) -> bool:
+        """Return whether a modem finds the network now."""
+        return imei in self._lines and not self.conditions.outage and self._in_view(imei)
+
+    def on_ring(self, imei: str, callback: Callable[[], None]) -> Callable[[], None]:
+        """Tell a modem of rings; return what ends that.
+
+        Raises:
+            KeyError: If the modem is not known.
+        """
+        callbacks = self._lines[imei].ring_callbacks
+        callbacks.append(callback)
+        return partial(callbacks.remove, callback)
+
+    async def session(
+        self, imei: str, data: bytes | None, place: Place | None = None
+    ) -> SessionResult:
+        """Send at most one message from a modem and fetch at most one for it.
+
+        Args:
+            imei: The modem.
+            data: The message; None only looks into the mailbox.
+            place: Where the modem is, if it matters.
+        """
+        line = self._lines.get(imei)
+        if line is None or not line.subscriber.is_attached:
+            return SessionResult(MobileOriginatedStatus.ACCESS_DENIED, 0)
+        if line.is_in_session:
+            return SessionResult(MobileOriginatedStatus.BUSY, line.momsn)
+        if data is not None and len(data) > MAX_MOBILE_ORIGINATED:
+            return SessionResult(MobileOriginatedStatus.TOO_MANY_SEGMENTS, line.momsn)
+        line.is_in_session = True
+        try:
+            return await self._session(line, data or b"", place)
+        finally:
+            line.is_in_session = False
+
+    # ---- within --------------------------------------------------------------------------------
+
+    async def _session(self, line: _Line, data: bytes, place: Place | None) -> SessionResult:
+        imei = line.subscriber.imei
+        if not self.has_signal(imei):
+            await self._wait(self.conditions.session_s)
+            return SessionResult(MobileOriginatedStatus.NO_NETWORK, line.momsn)
+        await self._wait(self.conditions.session_s)
+        lost = SessionResult(MobileOriginatedStatus.LINK_LOST, line.momsn)
+        if not self.has_signal(imei):
+            return lost
+        trouble = self._trouble()
+        if trouble == "before":
+            self._report(line, b"", place, mtmsn=0, status=13)
+            return lost
+        if trouble == "after":
+            self._report(line, data, place, mtmsn=0)
+            return lost
+        result = self._fetch(line)
+        if trouble != "ashore":
+            self._report(line, data, place, mtmsn=result.mtmsn)
+        line.momsn = (line.momsn + 1) % _SEQUENCE
+        return result
+
+    def _trouble(self) -> str:
+        if not self.draw(self.conditions.mobile_originated_loss):
+            return ""
+        return self._rng.choice(("before", "after", "ashore"))
+
+    def _fetch(self, line: _Line) -> SessionResult:
+        """Let a modem fetch what is next in its queue."""
+        ok = MobileOriginatedStatus.OK
+        ready = self._swept(line.subscriber.imei).queue.ready(self.clock.now())
+        if not ready:
+            return SessionResult(ok, line.momsn)
+        is_overtaken = len(ready) > 1 and self.draw(self.conditions.reordering)
+        message = self._rng.choice(ready[1:]) if is_overtaken else ready[0]
+        if not self.draw(self.conditions.duplication):
+            line.queue.remove(message)
+            ready.remove(message)
+        if self.draw(self.conditions.loss):
+            error = MobileTerminatedStatus.ERROR
+            return SessionResult(ok, line.momsn, error, message.mtmsn, None, len(ready))
+        received = MobileTerminatedStatus.RECEIVED
+        return SessionResult(ok, line.momsn, received, message.mtmsn, message.data, len(ready))
+
+    def _report(
+        self, line: _Line, data: bytes, place: Place | None, *, mtmsn: int, status: int = 0
+    ) -> None:
+        """Bring a session to the gateway's knowledge, after a while, perhaps twice."""
+        if status == 0:
+            self.mobile_originated_credits[line.subscriber.imei] += credit_count(len(data))
+        cep_km = self._rng.randint(1, 8)
+        place = self._blur(place, cep_km)
+        message = MobileOriginatedMessage(
+            record_id=self._number(),
+            imei=line.subscriber.imei,
+            session_at=self.clock.now().replace(microsecond=0),
+            session_status=status,
+            momsn=line.momsn,
+            mtmsn=mtmsn,
+            data=data,
+            latitude_deg=place.latitude_deg,
+            longitude_deg=place.longitude_deg,
+            cep_km=cep_km,
+        )
+        delay_s = self._transit_s()
+        if self.draw(self.conditions.reordering):
+            delay_s += 2.0 * (self.conditions.session_s + self._transit_s())
+        self._later(delay_s, self._hand_over, line, message)
+        if self.draw(self.conditions.duplication):
+            self._later(delay_s + self._transit_s(), self._hand_over, line, message)
+
+    def _blur(self, place: Place | None, cep_km: int) -> Place:
+        """Return what the network takes for a modem's place; it measures with a Doppler shift."""
+        if place is None:
+            return Place(0.0, 0.0)
+        std_deg = cep_km / 1.8 / _KM_PER_DEGREE
+        latitude_deg = place.latitude_deg + self._rng.gauss(0.0, std_deg)
+        longitude_deg = place.longitude_deg + self._rng.gauss(0.0, std_deg)
+        return Place(max(-90.0, min(90.0, latitude_deg)), (longitude_deg + 180.0) % 360.0 - 180.0)
+
+    def _hand_over(self, line: _Line, message: MobileOriginatedMessage) -> None:
+        for callback in tuple(self._gateways.get(line.subscriber.carrier, ())):
+            callback(message)
+
+    def _check(self, line: _Line, data: bytes, mtmsn: int | None) -> int:
+        """Return the credits that a message needs."""
+        subscriber = line.subscriber
+        credits_needed = credit_count(len(data))
+        credits_left = subscriber.account.credits_left
+        refusals: Iterator[tuple[bool, Reason]] = iter(
+            (
+                (not subscriber.has_line_rental, Reason.NO_LINE_RENTAL),
+                (not data, Reason.EMPTY),
+                (len(data) > MAX_MOBILE_TERMINATED, Reason.TOO_LONG),
+                (not subscriber.is_attached, Reason.NOT_ATTACHED),
+                (mtmsn is not None and not 0 < mtmsn < _SEQUENCE, Reason.BAD_MTMSN),
+                (credits_left is not None and credits_left < credits_needed, Reason.NO_CREDIT),
+            )
+        )
+        for is_so, reason in refusals:
+            if is_so:
+                raise RefusedError(reason)
+        return credits_needed
+
+    def _announce(self, line: _Line) -> None:
+        """Ring for a message that has come into the queue."""
+        now = self.clock.now()
+        last_at, line.last_ready_at = line.last_ready_at, now
+        if last_at is None or (now - last_at).total_seconds() >= _QUIET_S:
+            self._ring(line)
+            self._later(_SECOND_RING_S, self._ring_again, line)
+
+    def _ring_again(self, line: _Line) -> None:
+        if line.queue.ready(self.clock.now()):
+            self._ring(line)
+
+    def _ring(self, line: _Line) -> None:
+        subscriber = line.subscriber
+        is_sent = self.conditions.ring and subscriber.is_ring_enabled and subscriber.is_attached
+        if is_sent and self.has_signal(subscriber.imei) and not self.draw(self.conditions.loss):
+            for callback in tuple(line.ring_callbacks):
+                callback()
+
+    def _swept(self, imei: str) -> _Line:
+        line = self._lines.get(imei)
+        if line is None:
+            raise RefusedError(Reason.UNKNOWN_IMEI)
+        line.queue.sweep(self.clock.now())
+        return line
+
+    def _transit_s(self) -> float:
+        return self.conditions.latency_s + self.conditions.jitter_s * self._rng.random()
+
+    def _number(self) -> int:
+        number, self._next_id = self._next_id, self._next_id + 1
+        return number
+
+    async def _wait(self, duration_s: float) -> None:
+        await asyncio.sleep(duration_s / self.clock.speed)
+
+    def _later(self, delay_s: float, call: Callable[..., None], *args: object) -> None:
+        asyncio.get_running_loop().call_later(delay_s / self.clock.speed, call, *args)
