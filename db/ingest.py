@@ -64,6 +64,8 @@ def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:
             return RawFrameRow, {
                 "robot_key": None,
                 "at": value.at,
+                "robot_at": value.robot_at,
+                "arrived_at": value.arrived_at,
                 "carrier": value.carrier,
                 "outgoing": value.outgoing,
                 "data": value.data,

@@ -130,11 +130,13 @@ class RawFrameRow(Base):
     """Bytes of one packet as they crossed a link."""
 
     __tablename__ = "raw_frame"
-    __table_args__ = APPENDED_ONLY
+    __table_args__ = (Index(None, "at"), APPENDED_ONLY)
 
     key: Mapped[int] = mapped_column(Key, primary_key=True)
     robot_key: Mapped[int | None] = mapped_column(ForeignKey("robot.key"))
     at: Mapped[datetime]
+    robot_at: Mapped[datetime | None]
+    arrived_at: Mapped[datetime | None]
     carrier: Mapped[str]
     outgoing: Mapped[bool]
     data: Mapped[bytes]
