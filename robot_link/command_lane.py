@@ -155,7 +155,7 @@ class CommandLane:
                 number=command.number,
                 level=level,
                 at=self._peer.clock.now(),
-                carrier=self._peer.transport.carrier,
+                carrier=self._peer.carrier,
                 reason=reason,
             )
         )

@@ -177,11 +177,13 @@ class LinkState(StrEnum):
     SUBMERGED = "submerged"
     """Silent because it said it would dive; not lost."""
     PORT_CLOSED = "port_closed"
+    UNPLUGGED = "unplugged"
+    """The operator pulled its plug."""
 
 
 @dataclass(frozen=True, slots=True)
 class LinkReport:
-    """Health of the link to one robot."""
+    """Health of one link to one robot."""
 
     robot: RobotId
     carrier: str
@@ -191,6 +193,12 @@ class LinkReport:
     frames_received: int
     frames_bad: int
     """Frames dropped since the link opened: bad checksum, foreign sender, impossible content."""
+    uri: str = ""
+    """The link, as it was registered."""
+    is_plugged: bool = True
+    """Whether the operator lets it be used."""
+    radio: str = ""
+    """Address of the radio that counts as the robot's, 16 hexadecimal digits; empty until known."""
 
 
 @dataclass(frozen=True, slots=True)

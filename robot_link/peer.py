@@ -1,21 +1,14 @@
-"""One robot as the station sees it: its radio, its last word, and the health of the road to it."""
+"""One robot as the station sees it: its radios, its last word, and which road reaches it best."""
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass
-from datetime import datetime
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
+from typing import Final
 
-from robot_link.clock import Clock, monotonic_s
+from robot_link.clock import Clock
 from robot_link.delivery import deliver
 from robot_link.mavlink.codec import Codec, WireMessage, packets
-from robot_link.messages import (
-    LinkReport,
-    LinkState,
-    RawFrame,
-    RobotId,
-    RobotMode,
-    SystemId,
-)
+from robot_link.messages import LinkReport, LinkState, RawFrame, RobotId, RobotMode
+from robot_link.path import PeerPath, RobotEndpoint
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import (
     BROADCAST,
@@ -28,82 +21,120 @@ from robot_link.transport.datagram import (
 ATTEMPTS = 3
 """How often a datagram that asks or answers is handed to the radio before a time-out decides."""
 
-_UNDER_WATER = frozenset(
-    (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING, RobotMode.ABORTING)
+_BEST_FIRST: Final = (
+    LinkState.LIVE,
+    LinkState.SUBMERGED,
+    LinkState.STALE,
+    LinkState.NEVER_HEARD,
+    LinkState.PORT_CLOSED,
+    LinkState.UNPLUGGED,
 )
-
-
-@dataclass(frozen=True, slots=True)
-class RobotEndpoint:
-    """Where a robot is to be found."""
-
-    system: SystemId
-    uri: str
-    """The transport that reaches it."""
-    address: Address | None = None
-    """Its radio; None binds the first radio that speaks under its system id."""
+_ANOTHER_ROAD_MAY_HELP: Final = frozenset((Fate.NOT_ACKNOWLEDGED, Fate.REFUSED, Fate.TOO_LARGE))
 
 
 class Peer:
-    """Belongs to the event loop of its ``StationLink``."""
+    """Belongs to the event loop of its ``StationLink``.
+
+    Where several radios reach the robot, the one that is live is used; of several live ones the
+    one that its endpoint names first, and the others when that one does not get through.
+    """
 
     def __init__(
         self,
         robot: RobotId,
         endpoint: RobotEndpoint,
-        transport: DatagramTransport,
+        transports: Mapping[str, DatagramTransport],
         codec: Codec,
         clock: Clock,
         on_raw: Callable[[RawFrame], None],
         timing: LinkTiming,
     ) -> None:
+        if not endpoint.paths:
+            raise ValueError(f"{robot} has no radio")
         self.robot = robot
         self.system = endpoint.system
-        self.transport = transport
         self.clock = clock
         self.timing = timing
         self.mode: RobotMode | None = None
         """What the robot last said that it does."""
-        self.address = endpoint.address
-        """The robot's radio; None until one has spoken under its system id."""
+        self.paths = tuple(
+            PeerPath(path, transports[path.transport_uri], clock, timing) for path in endpoint.paths
+        )
+        self._chosen: PeerPath | None = None
         self._codec = codec
         self._on_raw = on_raw
-        self._heard_s: float | None = None
-        self._heard_at: datetime | None = None
-        self._rssi_dbm: float | None = None
-        self._frames_received = 0
-        self._frames_bad = 0
 
-    def heard(self, received: Received, frames: int) -> None:
+    @property
+    def transport(self) -> DatagramTransport:
+        """The radio by which the robot is reached best now."""
+        return self.best_path().transport
+
+    @property
+    def carrier(self) -> str:
+        """Kind of that radio."""
+        return self.transport.carrier
+
+    def best_path(self) -> PeerPath:
+        """Return the road that would be taken now: the operator's choice, else the best one."""
+        return self._chosen or min(self.paths, key=self._rank)
+
+    def choose(self, uri: str | None) -> None:
+        """Take this road only, whatever its state; None leaves it to the state of the roads.
+
+        Raises:
+            KeyError: If no road of this robot has this URI.
+        """
+        if uri is None:
+            self._chosen = None
+            return
+        for path in self.paths:
+            if path.uri == uri:
+                self._chosen = path
+                return
+        raise KeyError(uri)
+
+    def path_on(self, transport: DatagramTransport) -> PeerPath | None:
+        """Return the road that a radio of the station is part of."""
+        for path in self.paths:
+            if path.transport is transport:
+                return path
+        return None
+
+    def speaks_at(self, transport: DatagramTransport, address: Address) -> bool:
+        """Tell whether this radio is known to be the robot's."""
+        path = self.path_on(transport)
+        return path is not None and path.address == address
+
+    def is_unbound_on(self, transport: DatagramTransport) -> bool:
+        """Tell whether any radio may still turn out to be the robot's there."""
+        path = self.path_on(transport)
+        return path is not None and path.address is None
+
+    def heard(self, transport: DatagramTransport, received: Received, frames: int) -> None:
         """Note that valid frames came from the robot's radio."""
-        self.address = received.address
-        self._heard_s = monotonic_s()
-        self._heard_at = self.clock.now()
-        self._frames_received += frames
-        if received.rssi_dbm is not None:
-            self._rssi_dbm = received.rssi_dbm
+        if (path := self.path_on(transport)) is not None:
+            path.heard(received, frames)
 
-    def count_bad(self, frames: int) -> None:
-        """Count frames that were dropped."""
-        self._frames_bad += frames
+    def count_bad(self, transport: DatagramTransport, frames: int) -> None:
+        """Count frames that were dropped; those of radios that do not reach it are not counted."""
+        if (path := self.path_on(transport)) is not None:
+            path.count_bad(frames)
 
     def link_report(self) -> LinkReport:
-        """Return what is known of the road to the robot now."""
-        return LinkReport(
-            robot=self.robot,
-            carrier=self.transport.carrier,
-            state=self._state(),
-            heard_at=self._heard_at,
-            rssi_dbm=self._rssi_dbm,
-            frames_received=self._frames_received,
-            frames_bad=self._frames_bad,
-        )
+        """Return what is known of the best road to the robot now."""
+        return self.best_path().report(self.robot, self.mode)
+
+    def link_reports(self) -> list[LinkReport]:
+        """Return what is known of every road to the robot now, in the order of its endpoint."""
+        return [path.report(self.robot, self.mode) for path in self.paths]
 
     async def deliver(
         self,
         messages: Iterable[WireMessage],
         on_taken: Callable[[], None] = lambda: None,
         is_wanted: Callable[[], bool] = lambda: True,
+        *,
+        on_every_path: bool = False,
     ) -> bool:
         """Send messages together, as few datagrams as they fit.
 
@@ -111,45 +142,72 @@ class Peer:
             messages: What to say; must mean the same if heard twice.
             on_taken: Called when the radio has taken a datagram.
             is_wanted: Asked before each attempt whether they shall still be sent.
+            on_every_path: Whether to say it on every road at once, whichever the operator chose.
 
         Returns:
             Whether the robot's radio confirmed all of them. A robot whose radio is not known yet
-            is called by broadcast, which nobody confirms.
+            is called by broadcast, which nobody confirms; nor does a line without radios that
+            confirm.
         """
-        address = BROADCAST if self.address is None else self.address
         frames = [self._codec.pack(message) for message in messages]
-        confirmed = address != BROADCAST
-        for packet in packets(frames, self.transport.max_payload):
+        confirmed = False
+        for path in self.paths if on_every_path else self._roads():
+            fate = await self._deliver_on(path, frames, on_taken, is_wanted)
+            confirmed = confirmed or fate is Fate.DELIVERED
+            gives_up = fate is not None and fate not in _ANOTHER_ROAD_MAY_HELP
+            if gives_up and not on_every_path:
+                break
+        return confirmed
+
+    def _rank(self, path: PeerPath) -> int:
+        return _BEST_FIRST.index(path.state(self.mode))
+
+    def _roads(self) -> Sequence[PeerPath]:
+        """Return the best road, and behind it the other live ones."""
+        best = self.best_path()
+        if self._chosen is not None:
+            return (best,)
+        others = [
+            path
+            for path in self.paths
+            if path is not best and path.state(self.mode) is LinkState.LIVE
+        ]
+        return (best, *others)
+
+    async def _deliver_on(
+        self,
+        path: PeerPath,
+        frames: Sequence[bytes],
+        on_taken: Callable[[], None],
+        is_wanted: Callable[[], bool],
+    ) -> Fate | None:
+        """Return the worst fate of the datagrams on one road; None where its port is closed."""
+        address = BROADCAST if path.address is None else path.address
+        worst = Fate.DELIVERED
+        for packet in packets(frames, path.transport.max_payload):
+            if not path.transport.max_payload:
+                return None
             delivery = await deliver(
-                self.transport,
+                path.transport,
                 address,
                 packet,
                 attempts=ATTEMPTS,
-                on_taken=partial(self._taken, packet, on_taken),
+                on_taken=partial(self._taken, path, packet, on_taken),
                 is_wanted=is_wanted,
             )
-            confirmed = confirmed and delivery.fate is Fate.DELIVERED
-        return confirmed
+            if delivery.fate is not Fate.DELIVERED:
+                worst = delivery.fate
+        is_proof = worst is not Fate.DELIVERED or address != BROADCAST
+        return worst if is_proof else Fate.UNKNOWN
 
-    def _taken(self, packet: bytes, on_taken: Callable[[], None]) -> None:
+    def _taken(self, path: PeerPath, packet: bytes, on_taken: Callable[[], None]) -> None:
         on_taken()
         self._on_raw(
             RawFrame(
                 robot=self.robot,
-                carrier=self.transport.carrier,
+                carrier=path.transport.carrier,
                 outgoing=True,
                 data=packet,
                 at=self.clock.now(),
             )
         )
-
-    def _state(self) -> LinkState:
-        if not self.transport.max_payload:
-            return LinkState.PORT_CLOSED
-        if self._heard_s is None:
-            return LinkState.NEVER_HEARD
-        silence_s = monotonic_s() - self._heard_s
-        is_diving = self.mode in _UNDER_WATER
-        if silence_s <= (self.timing.submerged_s if is_diving else self.timing.stale_s):
-            return LinkState.LIVE
-        return LinkState.SUBMERGED if is_diving else LinkState.STALE

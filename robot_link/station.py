@@ -31,7 +31,8 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
-from robot_link.peer import Peer, RobotEndpoint
+from robot_link.path import RadioPath, RobotEndpoint
+from robot_link.peer import Peer
 from robot_link.sample_gate import SampleGate
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import (
@@ -44,7 +45,7 @@ from robot_link.transport.datagram import (
 )
 from robot_link.upload import Upload
 
-__all__ = ["RobotEndpoint", "StationLink", "UploadUnderWayError"]
+__all__ = ["RadioPath", "RobotEndpoint", "StationLink", "UploadUnderWayError"]
 
 
 class UploadUnderWayError(Exception):
@@ -79,12 +80,12 @@ class StationLink:
         self._samples = SampleGate()
         self._samples_owed = asyncio.Event()
         self._uploads: dict[RobotId, Upload] = {}
-        self._told_state: dict[RobotId, LinkState] = {}
+        self._told_state: dict[tuple[RobotId, str], LinkState] = {}
         self._peers = {
             robot: Peer(
                 robot,
                 endpoint,
-                transports[endpoint.uri],
+                transports,
                 self._codec,
                 clock,
                 on_event,
@@ -179,12 +180,38 @@ class StationLink:
         self._samples_owed.set()
 
     def link_report(self, robot: RobotId) -> LinkReport:
-        """Return what is known of the road to a robot now.
+        """Return what is known of the best road to a robot now.
 
         Raises:
             KeyError: If no such robot is known.
         """
         return self._peers[robot].link_report()
+
+    def link_reports(self, robot: RobotId) -> list[LinkReport]:
+        """Return what is known of every road to a robot now, the preferred one first.
+
+        Raises:
+            KeyError: If no such robot is known.
+        """
+        return self._peers[robot].link_reports()
+
+    def choose_link(self, robot: RobotId, uri: str | None) -> None:
+        """Talk to a robot by this link only; None leaves the choice to what is live.
+
+        Raises:
+            KeyError: If no such robot is known, or it has no such link.
+        """
+        self._peers[robot].choose(uri)
+
+    def set_plugged(self, uri: str, is_plugged: bool) -> None:
+        """Pull the plug of a link, or put it back; robots that share the radio share the plug.
+
+        Raises:
+            KeyError: If no such link is known.
+        """
+        self._transports[RadioPath(uri).transport_uri].set_plugged(is_plugged)
+        for peer in self._peers.values():
+            self._report_if_changed(peer)
 
     async def _listen(self, transport: DatagramTransport) -> None:
         async for event in transport.events():
@@ -218,30 +245,30 @@ class StationLink:
         own = [message for message in messages if message.get_srcSystem() == sender.system]
         self._count_bad(transport, sender, bad + len(messages) - len(own))
         if own:
-            sender.heard(received, len(own))
+            sender.heard(transport, received, len(own))
             self._report_if_changed(sender)
             for message in own:
-                self._interpret(sender, message, at)
+                self._interpret(transport, sender, message, at)
             self._lanes[sender.robot].contact()
 
     def _peer_at(self, transport: DatagramTransport, address: Address) -> Peer | None:
         for peer in self._peers.values():
-            if peer.address == address and peer.transport is transport:
+            if peer.speaks_at(transport, address):
                 return peer
         return None
 
     def _bind(self, transport: DatagramTransport, message: WireMessage) -> Peer | None:
         """Return the robot that an unknown radio speaks for, if that robot has no radio yet."""
         peer = self._peer_of_system.get(SystemId(message.get_srcSystem()))
-        is_free = peer is not None and peer.address is None and peer.transport is transport
-        return peer if is_free else None
+        return peer if peer is not None and peer.is_unbound_on(transport) else None
 
     def _count_bad(self, transport: DatagramTransport, sender: Peer | None, frames: int) -> None:
         for peer in self._peers.values() if sender is None else (sender,):
-            if peer.transport is transport:
-                peer.count_bad(frames)
+            peer.count_bad(transport, frames)
 
-    def _interpret(self, peer: Peer, message: WireMessage, at: datetime) -> None:
+    def _interpret(
+        self, transport: DatagramTransport, peer: Peer, message: WireMessage, at: datetime
+    ) -> None:
         match message:
             case grace.MAVLink_command_ack_message():
                 self._lanes[peer.robot].answered(message)
@@ -252,7 +279,7 @@ class StationLink:
                 try:
                     value = decoded(message, peer.robot, at)
                 except ValueError:
-                    peer.count_bad(1)
+                    peer.count_bad(transport, 1)
                 else:
                     self._take(peer, value)
 
@@ -326,10 +353,14 @@ class StationLink:
             await asyncio.sleep(self._timing.report_s)
 
     def _report_if_changed(self, peer: Peer) -> None:
-        if self._told_state.get(peer.robot) is not peer.link_report().state:
-            self._report_link(peer)
+        for report in peer.link_reports():
+            if self._told_state.get((peer.robot, report.uri)) is not report.state:
+                self._tell_link(report)
 
     def _report_link(self, peer: Peer) -> None:
-        report = peer.link_report()
-        self._told_state[peer.robot] = report.state
+        for report in peer.link_reports():
+            self._tell_link(report)
+
+    def _tell_link(self, report: LinkReport) -> None:
+        self._told_state[report.robot, report.uri] = report.state
         self._on_event(report)

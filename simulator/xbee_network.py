@@ -262,6 +262,8 @@ class RobotRadio:
 
     carrier = "xbee"
     max_payload = MAX_PAYLOAD
+    bytes_per_s = 6000.0
+    is_plugged = True
 
     def __init__(self, address: Address, network: XBeeNetwork) -> None:
         self._address = address
@@ -269,6 +271,14 @@ class RobotRadio:
         self._window = asyncio.Semaphore(_ROBOT_WINDOW)
         self._events: asyncio.Queue[TransportEvent] = asyncio.Queue()
         self._events.put_nowait(PortChanged(is_open=True, reason=""))
+
+    def set_plugged(self, is_plugged: bool) -> None:
+        """Refuse: the plug is the station's.
+
+        Raises:
+            NotImplementedError: Always.
+        """
+        raise NotImplementedError("a robot's own radio has no plug")
 
     async def run(self) -> None:
         """Serve until cancelled."""

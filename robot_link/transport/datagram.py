@@ -65,6 +65,8 @@ class Garbled:
     """Bytes that the port brought and that were no valid frame."""
 
     frames: int
+    data: bytes = b""
+    """The first of these bytes."""
 
 
 TransportEvent = Received | PortChanged | Garbled
@@ -85,6 +87,20 @@ class DatagramTransport(Protocol):
     @property
     def max_payload(self) -> int:
         """Bytes that fit one datagram, as the radio itself says; 0 while it is closed."""
+        ...
+
+    @property
+    def bytes_per_s(self) -> float:
+        """Bytes of telemetry that all robots behind this radio may send it together, per second."""
+        ...
+
+    @property
+    def is_plugged(self) -> bool:
+        """Whether the operator lets the port be open."""
+        ...
+
+    def set_plugged(self, is_plugged: bool) -> None:
+        """Pull the plug, which closes the port and keeps it closed, or put it back."""
         ...
 
     async def run(self) -> None:

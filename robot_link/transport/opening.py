@@ -1,10 +1,19 @@
 """The one place where a URI picks the transport."""
 
+from typing import Final
 from urllib.parse import parse_qsl, urlsplit
 
 from robot_link.transport.datagram import DatagramTransport
 from robot_link.transport.port import Port, SerialPort, TcpPort
 from robot_link.transport.xbee import XBeeTransport
+
+RADIO_SCHEMES: Final = ("xbee",)
+"""Kinds of link that carry MAVLink."""
+
+
+def is_radio(uri: str) -> bool:
+    """Tell whether a link is of a kind that carries MAVLink."""
+    return uri.partition("://")[0] in RADIO_SCHEMES
 
 
 def open_transport(uri: str) -> DatagramTransport:

@@ -1,7 +1,6 @@
 """An XBee radio in API mode as a datagram transport."""
 
 import asyncio
-import logging
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 from typing import Final
@@ -11,11 +10,11 @@ from robot_link.transport.datagram import (
     Delivery,
     Fate,
     Garbled,
-    PortChanged,
     PortClosedError,
     Received,
     TransportEvent,
 )
+from robot_link.transport.keeper import PortKeeper
 from robot_link.transport.port import Port
 from robot_link.transport.xbee_frame import (
     ApiMode,
@@ -39,10 +38,11 @@ _FATES: Final[dict[int, Fate]] = {
     TransmitCode.ROUTE_NOT_FOUND: Fate.NOT_ACKNOWLEDGED,
     TransmitCode.PAYLOAD_TOO_LARGE: Fate.TOO_LARGE,
 }
+BYTES_PER_S: Final = {10: 300.0, 200: 6000.0}
+"""Telemetry of a whole fleet by the radio's rate in the air, kbit/s: a quarter of what it carries
+at best, so that commands, acknowledgements and repetitions find their place."""
 _UNANSWERED_QUESTIONS = 3
 """After so many in a row the radio counts as gone."""
-
-_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,7 +80,7 @@ class XBeeTransport:
         self._mode: ApiMode = mode
         self._timing = timing or XBeeTiming()
         self._port: Port | None = None
-        self._events: asyncio.Queue[TransportEvent] = asyncio.Queue()
+        self._keeper = PortKeeper("XBee", self._serve, self._timing.reopen_s)
         self._writing = asyncio.Lock()
         self._window = asyncio.Semaphore(self._timing.window)
         self._sent: dict[int, tuple[asyncio.Future[Delivery], asyncio.TimerHandle]] = {}
@@ -92,23 +92,25 @@ class XBeeTransport:
         """The radio's NP parameter; 0 while the port is closed."""
         self.address: Address | None = None
         """The radio's own address; None while the port is closed."""
+        self.bytes_per_s = BYTES_PER_S[200]
+        """Telemetry that the network's air may carry."""
 
     async def run(self) -> None:
         """Open, serve and open again until cancelled."""
-        told = ""
-        while True:
-            reason = await self._serve()
-            if reason != told or self.address is not None:
-                _log.warning("XBee port closed: %s", reason)
-                self._events.put_nowait(PortChanged(is_open=False, reason=reason))
-                told = reason
-            self.address = None
-            await asyncio.sleep(self._timing.reopen_s)
+        await self._keeper.run()
 
-    async def events(self) -> AsyncIterator[TransportEvent]:
+    def events(self) -> AsyncIterator[TransportEvent]:
         """Yield what the radio brings, in order, until cancelled; for one reader."""
-        while True:
-            yield await self._events.get()
+        return self._keeper.events()
+
+    @property
+    def is_plugged(self) -> bool:
+        """Whether the operator lets the port be open."""
+        return self._keeper.is_plugged
+
+    def set_plugged(self, is_plugged: bool) -> None:
+        """Pull the plug, or put it back."""
+        self._keeper.set_plugged(is_plugged)
 
     async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
         """Hand a datagram to the radio; see ``DatagramTransport.send``."""
@@ -155,6 +157,7 @@ class XBeeTransport:
 
     def _close(self) -> None:
         self.max_payload = 0
+        self.address = None
         if self._port is not None:
             self._port.close()
             self._port = None
@@ -169,7 +172,7 @@ class XBeeTransport:
                 for content in reader.feed(data):
                     self._handle(parse_content(content))
                 if reader.bad > garbled:
-                    self._events.put_nowait(Garbled(reader.bad - garbled))
+                    self._keeper.bring(Garbled(reader.bad - garbled))
                     garbled = reader.bad
         except OSError as error:
             return str(error)
@@ -179,7 +182,7 @@ class XBeeTransport:
         match frame:
             case ReceivePacket(address, data):
                 self._last_sender = address
-                self._events.put_nowait(Received(address, data, self._rssi_dbm.get(address)))
+                self._keeper.bring(Received(address, data, self._rssi_dbm.get(address)))
             case TransmitStatus(frame_id, retries, status):
                 fate = _FATES.get(status, Fate.REFUSED)
                 detail = f"status 0x{status:02X} from the radio" if fate is Fate.REFUSED else ""
@@ -208,7 +211,7 @@ class XBeeTransport:
             high, low = await self._ask(b"SH"), await self._ask(b"SL")
             self.address = Address(int.from_bytes(high + low.rjust(4, b"\0"), "big"))
             self.max_payload = int.from_bytes(limit, "big")
-            self._events.put_nowait(PortChanged(is_open=True, reason=""))
+            self._keeper.opened()
             while True:
                 await asyncio.sleep(self._timing.signal_period_s)
                 self._note_strength(await self._ask(b"DB"))

@@ -27,6 +27,7 @@ _BEST_LINK_FIRST = (
     LinkState.SUBMERGED,
     LinkState.STALE,
     LinkState.PORT_CLOSED,
+    LinkState.UNPLUGGED,
     LinkState.NEVER_HEARD,
 )
 

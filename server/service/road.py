@@ -22,8 +22,9 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
+from robot_link.path import RadioPath
 from robot_link.station import RobotEndpoint, StationLink
-from robot_link.transport.opening import open_transport
+from robot_link.transport.opening import is_radio, open_transport
 from server.service.link import Radio
 
 log = logging.getLogger(__name__)
@@ -47,8 +48,14 @@ def open_link(
     robots: Mapping[RobotId, RobotEndpoint], clock: Clock, on_event: Callable[[LinkEvent], None]
 ) -> Link:
     """Return the link to these robots, one transport for each URI."""
-    transports = {uri: open_transport(uri) for uri in {end.uri for end in robots.values()}}
+    uris = {path.transport_uri for end in robots.values() for path in end.paths}
+    transports = {uri: open_transport(uri) for uri in sorted(uris)}
     return StationLink(transports, robots, clock, on_event)
+
+
+def _paths(robot: RobotRecord) -> tuple[RadioPath, ...]:
+    """Return the links of a robot that are radios, the preferred one first."""
+    return tuple(RadioPath.of(uri) for uri in robot.links if is_radio(uri))
 
 
 class Road:
@@ -74,9 +81,9 @@ class Road:
     def set_robots(self, robots: Iterable[RobotRecord]) -> bool:
         """Say which robots there are; tell whether the road changed."""
         endpoints = {
-            robot.id: RobotEndpoint(robot.system_id, robot.links[0])
+            robot.id: RobotEndpoint(robot.system_id, paths)
             for robot in robots
-            if robot.system_id is not None and robot.links
+            if robot.system_id is not None and (paths := _paths(robot))
         }
         if endpoints == self._robots:
             return False

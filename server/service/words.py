@@ -70,6 +70,8 @@ def surface_forecast(
             return f"{robot} was never heard; the order is repeated until it answers"
         case LinkState.PORT_CLOSED:
             return f"The radio's port is closed; the order for {robot} waits for it"
+        case LinkState.UNPLUGGED:
+            return f"The link is unplugged; the order for {robot} waits until it is plugged in"
 
 
 def clock_time(moment: datetime) -> str:

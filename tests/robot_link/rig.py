@@ -26,7 +26,7 @@ from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard import CommandOutcome, RobotLink
 from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog
-from robot_link.station import RobotEndpoint, StationLink
+from robot_link.station import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address
 from robot_link.transport.opening import open_transport
@@ -119,7 +119,9 @@ class Rig:
         link = StationLink(
             {self.uri: open_transport(self.uri)},
             {
-                robot: RobotEndpoint(SYSTEMS[robot], self.uri, ADDRESSES[robot] if bind else None)
+                robot: RobotEndpoint(
+                    SYSTEMS[robot], (RadioPath(self.uri, ADDRESSES[robot] if bind else None),)
+                )
                 for robot in self.robots
             },
             SystemClock(),

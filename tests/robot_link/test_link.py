@@ -24,7 +24,7 @@ from robot_link.messages import (
     StateReport,
 )
 from robot_link.sample_log import Measurement
-from robot_link.station import RobotEndpoint, StationLink
+from robot_link.station import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address
 from robot_link.transport.opening import open_transport
@@ -298,7 +298,8 @@ async def test_garbage_at_the_port_is_shown_for_every_robot_of_that_port():
     port = ScriptedPort(answering_questions)
     transport = XBeeTransport(opener(port))
     robots = {
-        robot: RobotEndpoint(SYSTEMS[robot], "port", ADDRESSES[robot]) for robot in (MINI, GRACE)
+        robot: RobotEndpoint(SYSTEMS[robot], (RadioPath("port", ADDRESSES[robot]),))
+        for robot in (MINI, GRACE)
     }
     station = StationLink({"port": transport}, robots, SystemClock(), lambda _: None, HASTE)
     async with running(station.run):
@@ -316,7 +317,7 @@ async def test_two_thousand_messages_a_second_are_far_from_filling_a_core():
             values.append(event)
 
     transport = XBeeTransport(opener(port))
-    endpoint = RobotEndpoint(SYSTEMS[MINI], "port", ADDRESSES[MINI])
+    endpoint = RobotEndpoint(SYSTEMS[MINI], (RadioPath("port", ADDRESSES[MINI]),))
     station = StationLink({"port": transport}, {MINI: endpoint}, SystemClock(), keep)
     codec = Codec(SYSTEMS[MINI], ROBOT_COMPONENT)
     measurement = Measurement("chlorophyll", 1.5, (1.0, 2.0, 3.0), 0.1, SystemClock().now())
@@ -340,7 +341,7 @@ async def test_a_failing_listener_ends_the_link_for_all_to_see(tmp_path: Path):
     async with rig(tmp_path) as it:
         station = StationLink(
             {it.uri: open_transport(it.uri)},
-            {MINI: RobotEndpoint(SYSTEMS[MINI], it.uri)},
+            {MINI: RobotEndpoint(SYSTEMS[MINI], (RadioPath(it.uri),))},
             SystemClock(),
             fails,
             HASTE,

@@ -24,7 +24,7 @@ from robot_link.messages import (
     Sample,
     StateReport,
 )
-from robot_link.station import RobotEndpoint, StationLink
+from robot_link.station import RadioPath, RobotEndpoint, StationLink
 from robot_link.transport.opening import open_transport
 from simulator.fleet import FLEET, GRACE_1, MINI_1, USUAL_ROBOTS
 from simulator.process import serve
@@ -65,7 +65,9 @@ async def station(chosen: SimulatorSettings) -> AsyncIterator[tuple[StationLink,
     link = StationLink(
         {uri: open_transport(uri) for uri in uris.values()},
         {
-            robot: RobotEndpoint(definition.system_id, uris[robot], definition.radio_address)
+            robot: RobotEndpoint(
+                definition.system_id, (RadioPath(uris[robot], definition.radio_address),)
+            )
             for robot, definition in FLEET.items()
             if robot in USUAL_ROBOTS
         },

@@ -1,0 +1,120 @@
+"""The roads to one robot: which radios reach it, and what each has brought so far."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Self
+
+from robot_link.clock import Clock, monotonic_s
+from robot_link.messages import LinkReport, LinkState, RobotId, RobotMode, SystemId
+from robot_link.timing import LinkTiming
+from robot_link.transport.datagram import Address, DatagramTransport, Received
+
+_UNDER_WATER = frozenset(
+    (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING, RobotMode.ABORTING)
+)
+_LONGEST_ADDRESS_DIGITS = 16
+
+
+@dataclass(frozen=True, slots=True)
+class RadioPath:
+    """One radio by which a robot is reached."""
+
+    uri: str
+    """As the robot's link was registered; what follows a ``#`` is not the transport's."""
+    address: Address | None = None
+    """The robot's radio; None binds the first radio that speaks under its system id."""
+
+    @classmethod
+    def of(cls, uri: str) -> Self:
+        """Read a link as it is registered: the 64-bit address of the radio may follow a ``#``.
+
+        ``xbee:///dev/ttyUSB0#0013A20041F00002`` is the radio of that address alone.
+
+        Raises:
+            ValueError: If what follows the ``#`` is no address.
+        """
+        _, mark, text = uri.partition("#")
+        if not mark:
+            return cls(uri)
+        digits = text.lower()
+        if not 1 <= len(digits) <= _LONGEST_ADDRESS_DIGITS or set(digits) - set("0123456789abcdef"):
+            raise ValueError(
+                f"{uri}: a radio's address is 1 to {_LONGEST_ADDRESS_DIGITS} hexadecimal digits,"
+                f" not {text!r}"
+            )
+        return cls(uri, Address(int(digits, 16)))
+
+    @property
+    def transport_uri(self) -> str:
+        """What names the transport; robots that share a radio at the station share it."""
+        return self.uri.partition("#")[0]
+
+
+@dataclass(frozen=True, slots=True)
+class RobotEndpoint:
+    """Where a robot is to be found."""
+
+    system: SystemId
+    paths: tuple[RadioPath, ...]
+    """Its radios, the preferred one first; at least one."""
+
+
+class PeerPath:
+    """What is known of one road to one robot. Belongs to the event loop of its ``Peer``."""
+
+    def __init__(
+        self, path: RadioPath, transport: DatagramTransport, clock: Clock, timing: LinkTiming
+    ) -> None:
+        self.uri = path.uri
+        self.transport = transport
+        self.address = path.address
+        """The robot's radio; None until one has spoken under its system id."""
+        self._clock = clock
+        self._timing = timing
+        self._heard_s: float | None = None
+        self._heard_at: datetime | None = None
+        self._rssi_dbm: float | None = None
+        self._frames_received = 0
+        self._frames_bad = 0
+
+    def heard(self, received: Received, frames: int) -> None:
+        """Note that valid frames came from the robot's radio."""
+        self.address = received.address
+        self._heard_s = monotonic_s()
+        self._heard_at = self._clock.now()
+        self._frames_received += frames
+        if received.rssi_dbm is not None:
+            self._rssi_dbm = received.rssi_dbm
+
+    def count_bad(self, frames: int) -> None:
+        """Count frames that were dropped."""
+        self._frames_bad += frames
+
+    def state(self, mode: RobotMode | None) -> LinkState:
+        """Return what is known of this road to a robot that last said it was in ``mode``."""
+        if not self.transport.is_plugged:
+            return LinkState.UNPLUGGED
+        if not self.transport.max_payload:
+            return LinkState.PORT_CLOSED
+        if self._heard_s is None:
+            return LinkState.NEVER_HEARD
+        silence_s = monotonic_s() - self._heard_s
+        is_diving = mode in _UNDER_WATER
+        if silence_s <= (self._timing.submerged_s if is_diving else self._timing.stale_s):
+            return LinkState.LIVE
+        return LinkState.SUBMERGED if is_diving else LinkState.STALE
+
+    def report(self, robot: RobotId, mode: RobotMode | None) -> LinkReport:
+        """Return the health of this road now."""
+        return LinkReport(
+            robot=robot,
+            carrier=self.transport.carrier,
+            state=self.state(mode),
+            heard_at=self._heard_at,
+            rssi_dbm=self._rssi_dbm,
+            frames_received=self._frames_received,
+            frames_bad=self._frames_bad,
+            uri=self.uri,
+            is_plugged=self.transport.is_plugged,
+            radio="" if not self.address else f"{self.address:016X}",
+        )

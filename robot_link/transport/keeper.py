@@ -1,0 +1,96 @@
+"""Keeping a port open: again after every failure, and not at all while its plug is pulled."""
+
+import asyncio
+import logging
+from collections.abc import AsyncIterator, Awaitable, Callable
+
+from robot_link.transport.datagram import PortChanged, TransportEvent
+
+UNPLUGGED = "unplugged by the operator"
+"""Reason that a port gives while its plug is pulled."""
+
+_log = logging.getLogger(__name__)
+
+
+class PortKeeper:
+    """Opens a port again and again, and hands on what it brings. Belongs to one event loop.
+
+    A reason is told once, however often the same attempt fails for it.
+    """
+
+    def __init__(self, name: str, serve: Callable[[], Awaitable[str]], reopen_s: float) -> None:
+        """Keep a port.
+
+        Args:
+            name: What it is, for the log.
+            serve: Opens the port, calls ``opened``, serves it and returns why that ended; it
+                closes the port whenever it ends.
+            reopen_s: Time between two attempts, s.
+        """
+        self._name = name
+        self._serve = serve
+        self._reopen_s = reopen_s
+        self._events: asyncio.Queue[TransportEvent] = asyncio.Queue()
+        self._in = asyncio.Event()
+        self._in.set()
+        self._out = asyncio.Event()
+        self._has_opened = False
+
+    @property
+    def is_plugged(self) -> bool:
+        """Whether the operator lets the port be open."""
+        return self._in.is_set()
+
+    def set_plugged(self, is_plugged: bool) -> None:
+        """Pull the plug, which closes the port, or put it back."""
+        setting, clearing = (self._in, self._out) if is_plugged else (self._out, self._in)
+        setting.set()
+        clearing.clear()
+
+    def opened(self) -> None:
+        """Tell that the port serves."""
+        self._has_opened = True
+        self.bring(PortChanged(is_open=True, reason=""))
+
+    def bring(self, event: TransportEvent) -> None:
+        """Hand on what the port brought."""
+        self._events.put_nowait(event)
+
+    async def events(self) -> AsyncIterator[TransportEvent]:
+        """Yield what was brought, in order, until cancelled; for one reader."""
+        while True:
+            yield await self._events.get()
+
+    async def run(self) -> None:
+        """Open, serve and open again until cancelled."""
+        told = ""
+        while True:
+            self._has_opened = False
+            reason = await self._serve_while_plugged() if self.is_plugged else UNPLUGGED
+            if reason != told or self._has_opened:
+                _log.warning("%s port closed: %s", self._name, reason)
+                self.bring(PortChanged(is_open=False, reason=reason))
+                told = reason
+            if self.is_plugged:
+                await self._sleep()
+            else:
+                await self._in.wait()
+
+    async def _serve_while_plugged(self) -> str:
+        serving = asyncio.ensure_future(self._serve())
+        pulled = asyncio.create_task(self._out.wait(), name=f"{self._name} plug")
+        try:
+            await asyncio.wait((serving, pulled), return_when=asyncio.FIRST_COMPLETED)
+            return serving.result() if serving.done() else UNPLUGGED
+        finally:
+            serving.cancel()
+            pulled.cancel()
+            await asyncio.gather(serving, pulled, return_exceptions=True)
+
+    async def _sleep(self) -> None:
+        """Wait before the next attempt, not while the plug is pulled."""
+        try:
+            async with asyncio.timeout(self._reopen_s):
+                await self._out.wait()
+        except TimeoutError:
+            pass
