@@ -27,6 +27,7 @@ AREAS = (
     "field_quality",
     "planner",
     "telemetry",
+    "ingest",
 )
 OUTPUT = Path("build/bench.json")
 

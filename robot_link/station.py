@@ -10,7 +10,7 @@ from robot_link.command_lane import Command, CommandLane
 from robot_link.delivery import deliver
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec, WireMessage
-from robot_link.mavlink.decode import Value, decoded
+from robot_link.mavlink.decode import Value, decoded, robot_time
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
@@ -221,8 +221,10 @@ class StationLink:
                 case PortChanged():
                     for peer in self._peers.values():
                         self._report_if_changed(peer)
-                case Garbled(frames):
+                case Garbled(frames, data):
                     self._count_bad(transport, None, frames)
+                    at = self._clock.now()
+                    self._on_event(RawFrame(None, transport.carrier, False, data, at))
 
     def _receive(self, transport: DatagramTransport, received: Received) -> None:
         at = self._clock.now()
@@ -237,6 +239,7 @@ class StationLink:
                 outgoing=False,
                 data=received.data,
                 at=at,
+                robot_at=robot_time(messages),
             )
         )
         if sender is None:

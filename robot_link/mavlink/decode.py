@@ -1,5 +1,6 @@
 """What a robot says of itself, out of the dialect's messages: one place for link and journal."""
 
+from collections.abc import Iterable
 from datetime import datetime
 
 from robot_link.mavlink import telemetry
@@ -35,7 +36,10 @@ def decoded(message: WireMessage, robot: RobotId, received_at: datetime) -> Valu
             return None
 
 
-def robot_time(values: list[Value]) -> datetime | None:
-    """Return the newest time that the robot itself wrote into these values, if any."""
-    times = [value.measured_at for value in values if not isinstance(value, RobotMode | None)]
-    return max(times, default=None)
+def robot_time(messages: Iterable[WireMessage]) -> datetime | None:
+    """Return the newest time that the robot itself wrote into these messages, if it did."""
+    newest_us = max((getattr(message, "time_utc_us", 0) for message in messages), default=0)
+    try:
+        return telemetry.moment(newest_us) if newest_us else None
+    except ValueError:
+        return None

@@ -78,7 +78,7 @@ def state_report(
     )
     return StateReport(
         robot=robot,
-        measured_at=_moment(message.time_utc_us),
+        measured_at=moment(message.time_utc_us),
         received_at=received_at,
         position_ned=(message.x, message.y, message.z),
         position_std_m=message.position_std,
@@ -141,7 +141,7 @@ def sample(
         value=message.value,
         position_ned=(message.x, message.y, message.z),
         position_std_m=message.position_std,
-        measured_at=_moment(message.time_utc_us),
+        measured_at=moment(message.time_utc_us),
         received_at=received_at,
     )
 
@@ -214,7 +214,7 @@ def plan_report(
         legs=message.legs,
         energy_used=message.energy_used,
         reason=message.reason,
-        measured_at=_moment(message.time_utc_us),
+        measured_at=moment(message.time_utc_us),
         received_at=received_at,
     )
 
@@ -238,7 +238,12 @@ def _microseconds(moment: datetime) -> int:
     return (moment - _EPOCH) // _MICROSECOND
 
 
-def _moment(microseconds: int) -> datetime:
+def moment(microseconds: int) -> datetime:
+    """Return the moment of a wire's microseconds since 1970.
+
+    Raises:
+        ValueError: If no calendar knows it.
+    """
     try:
         return _EPOCH + timedelta(microseconds=microseconds)
     except OverflowError as error:

@@ -17,6 +17,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "simulate": "start the simulated robots alone",
         "import": "take in a recorded deployment from CSV",
         "export": "write a deployment as CSV, GeoJSON or KML",
+        "journal": "write the raw journal as .tlog, or hold what is stored against it",
         "token": "create, list and revoke the tokens of scripts",
         "user": "add people, change their role or password, make a sign-in link",
         "db": "upgrade, inspect or copy the database",

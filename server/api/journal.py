@@ -1,0 +1,116 @@
+"""The raw journal: every packet both ways, to look into and to take away."""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import islice
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+from fastapi.responses import StreamingResponse
+from pydantic import AwareDatetime
+from sqlalchemy.orm import Session
+
+from db.query.journal import JournalRange, iterate_frames
+from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
+from robot_link.messages import RawFrame
+from server.api.dependency import FoundationDep, StoreDep, Viewer
+from server.recording.tlog import tlog_blocks
+from server.service.view.base import View
+
+router = APIRouter(prefix="/api", tags=["journal"])
+
+RobotName = Annotated[str | None, Query(description="Only packets of this robot.")]
+Start = Annotated[AwareDatetime | None, Query(description="First moment; RFC 3339.")]
+End = Annotated[AwareDatetime | None, Query(description="Last moment; RFC 3339.")]
+
+
+@dataclass(frozen=True, slots=True)
+class PacketView(View):
+    """One packet as it crossed a link."""
+
+    at: datetime
+    """The station's clock."""
+    robot_at: datetime | None
+    """Newest time that the robot wrote into it, by its own clock."""
+    arrived_at: datetime | None
+    """When a gateway ashore had it, where one lies in between."""
+    robot: str | None
+    """``null`` for what could not be attributed to a robot."""
+    carrier: str
+    outgoing: bool
+    bytes: str
+    """Hexadecimal digits."""
+    messages: list[str]
+    """Names of the MAVLink messages in it; empty for other wires."""
+
+
+@dataclass(frozen=True, slots=True)
+class JournalView(View):
+    """Packets in the order in which the station had them."""
+
+    packets: list[PacketView]
+
+
+@router.get("/journal")
+async def read_journal(
+    caller: Viewer,
+    store: StoreDep,
+    robot: RobotName = None,
+    start: Start = None,
+    end: End = None,
+    limit: Annotated[int, Query(ge=1, le=5000)] = 200,
+) -> JournalView:
+    """Return the first packets from ``start`` on."""
+    del caller
+    wanted = JournalRange(robot, start, end)
+
+    def read(session: Session) -> list[RawFrame]:
+        return list(islice(iterate_frames(session, wanted), limit))
+
+    codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
+    return JournalView([_packet(frame, codec) for frame in await store.query(read)])
+
+
+@router.get(
+    "/journal.tlog",
+    response_class=StreamingResponse,
+    responses={200: {"content": {"application/octet-stream": {}}}},
+)
+async def export_tlog(
+    caller: Viewer,
+    store: StoreDep,
+    foundation: FoundationDep,
+    robot: RobotName = None,
+    start: Start = None,
+    end: End = None,
+) -> Response:
+    """Return the MAVLink packets as a telemetry log for QGroundControl, MAVProxy or MAVSDK."""
+    del caller
+    wanted = JournalRange(robot, start, end)
+    await store.query(lambda session: next(iterate_frames(session, wanted), None))
+    mark = "SIMULATION_" if foundation.settings.simulation else ""
+
+    def blocks() -> Generator[bytes]:
+        with store.read() as session:
+            yield from tlog_blocks(iterate_frames(session, wanted))
+
+    name = f"{mark}{robot or 'all'}.tlog"
+    return StreamingResponse(
+        blocks(),
+        media_type="application/octet-stream",
+        headers={"Content-Disposition": f'attachment; filename="{name}"'},
+    )
+
+
+def _packet(frame: RawFrame, codec: Codec) -> PacketView:
+    return PacketView(
+        at=frame.at,
+        robot_at=frame.robot_at,
+        arrived_at=frame.arrived_at,
+        robot=frame.robot,
+        carrier=frame.carrier,
+        outgoing=frame.outgoing,
+        bytes=frame.data.hex(),
+        messages=[message.get_type() for message in codec.unpack(frame.data).messages],
+    )

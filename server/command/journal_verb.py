@@ -1,0 +1,80 @@
+"""``grace journal``: the raw journal as a telemetry log, and what is stored held against it."""
+
+import tempfile
+from argparse import ArgumentParser, Namespace
+from datetime import UTC, datetime
+from pathlib import Path
+
+from db.fault import UnknownIdError
+from db.query.journal import JournalRange, iterate_frames
+from db.store import Store
+from server.command.data import add_data_option, clock_of, open_store, settings_of
+from server.command.failure import CommandError
+from server.recording.replay import compare, replay_into
+from server.recording.tlog import tlog_blocks
+from server.settings import Settings
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the options of the verb."""
+    actions = parser.add_subparsers(dest="action", required=True)
+    tlog = actions.add_parser("tlog", help="write MAVLink packets as a .tlog file")
+    tlog.add_argument("file", type=Path, help="where to; must not exist yet")
+    tlog.add_argument("--robot", help="only packets of this robot")
+    tlog.add_argument("--start", type=_moment, help="first moment, such as 2026-11-21T08:00Z")
+    tlog.add_argument("--end", type=_moment, help="last moment")
+    add_data_option(tlog)
+    replay = actions.add_parser("replay", help="build all telemetry anew and compare it")
+    replay.add_argument("--into", type=Path, help="keep the rebuilt database in this new folder")
+    add_data_option(replay)
+
+
+def run(arguments: Namespace) -> int:
+    """Do one of the two; a running station is not disturbed."""
+    settings = settings_of(arguments)
+    with open_store(settings) as store:
+        if arguments.action == "tlog":
+            wanted = JournalRange(arguments.robot, arguments.start, arguments.end)
+            return _write_tlog(store, wanted, arguments.file)
+        if arguments.into is not None:
+            if arguments.into.exists():
+                raise CommandError(f"{arguments.into} exists; name a new folder.", status=2)
+            arguments.into.mkdir(parents=True)
+            return _replay(store, settings, arguments.into)
+        with tempfile.TemporaryDirectory() as folder:
+            return _replay(store, settings, Path(folder))
+
+
+def _write_tlog(store: Store, wanted: JournalRange, file: Path) -> int:
+    try:
+        with store.read() as session, file.open("xb") as target:
+            target.writelines(tlog_blocks(iterate_frames(session, wanted)))
+    except OSError as error:
+        raise CommandError(f"{file}: {error.strerror}; nothing was written.") from error
+    except UnknownIdError as error:
+        file.unlink()
+        raise CommandError(f"There is no robot {wanted.robot}.") from error
+    print(f"{file.stat().st_size} bytes are in {file}.")
+    return 0
+
+
+def _replay(store: Store, settings: Settings, folder: Path) -> int:
+    rebuilt = Store.open(Settings(data_dir=folder).resolved_database_url)
+    try:
+        with store.read() as session:
+            packets = replay_into(session, rebuilt, clock_of(settings).speed)
+            found = compare(session, rebuilt)
+    finally:
+        rebuilt.close()
+    print(f"{packets} packets of the journal were replayed.")
+    for table in found:
+        print(
+            f"{table.table:14} {table.same} rows the same, {table.only_stored} only stored, "
+            f"{table.only_replayed} only in the journal"
+        )
+    return 0 if all(not table.only_stored and not table.only_replayed for table in found) else 1
+
+
+def _moment(text: str) -> datetime:
+    at = datetime.fromisoformat(text)
+    return at if at.tzinfo is not None else at.replace(tzinfo=UTC)
