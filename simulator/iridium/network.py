@@ -195,6 +195,10 @@ class IridiumNetwork:
         """Return whether a modem finds the network now."""
         return imei in self._lines and not self.conditions.outage and self._in_view(imei)
 
+    def signal(self, imei: str) -> int:
+        """Return how strong a modem hears the network, 0 to 5."""
+        return self._rng.randint(2, 5) if self.has_signal(imei) else 0
+
     def on_ring(self, imei: str, callback: Callable[[], None]) -> Callable[[], None]:
         """Tell a modem of rings; return what ends that.
 
@@ -217,11 +221,11 @@ class IridiumNetwork:
         """
         line = self._lines.get(imei)
         if line is None or not line.subscriber.is_attached:
-            return SessionResult(MobileOriginatedStatus.ACCESS_DENIED, 0)
+            return _failed(MobileOriginatedStatus.ACCESS_DENIED, 0)
         if line.is_in_session:
-            return SessionResult(MobileOriginatedStatus.BUSY, line.momsn)
+            return _failed(MobileOriginatedStatus.BUSY, line.momsn)
         if data is not None and len(data) > MAX_MOBILE_ORIGINATED:
-            return SessionResult(MobileOriginatedStatus.TOO_MANY_SEGMENTS, line.momsn)
+            return _failed(MobileOriginatedStatus.TOO_MANY_SEGMENTS, line.momsn)
         line.is_in_session = True
         try:
             return await self._session(line, data or b"", place)
@@ -234,9 +238,9 @@ class IridiumNetwork:
         imei = line.subscriber.imei
         if not self.has_signal(imei):
             await self._wait(self.conditions.session_s)
-            return SessionResult(MobileOriginatedStatus.NO_NETWORK, line.momsn)
+            return _failed(MobileOriginatedStatus.NO_NETWORK, line.momsn)
         await self._wait(self.conditions.session_s)
-        lost = SessionResult(MobileOriginatedStatus.LINK_LOST, line.momsn)
+        lost = _failed(MobileOriginatedStatus.LINK_LOST, line.momsn)
         if not self.has_signal(imei):
             return lost
         trouble = self._trouble()
@@ -372,3 +376,7 @@ class IridiumNetwork:
 
     def _later(self, delay_s: float, call: Callable[..., None], *args: object) -> None:
         asyncio.get_running_loop().call_later(delay_s / self.clock.speed, call, *args)
+
+
+def _failed(status: MobileOriginatedStatus, momsn: int) -> SessionResult:
+    return SessionResult(status, momsn, MobileTerminatedStatus.ERROR)
