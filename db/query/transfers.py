@@ -32,10 +32,25 @@ class TransferRecord:
     started_at: datetime
     ended_at: datetime | None
     reason: str
+    route: str
+    """What was asked for: ``auto, radio, satellite``."""
+    carrier: str
+    """What carries it now; empty before the first byte."""
+    is_forced: bool
+    """Whether a person wants it sent although the robot was not heard for long."""
 
 
 def add_transfer(
-    session: Session, plan: str, robot: str, *, items: int, size: int, start: bool, at: datetime
+    session: Session,
+    plan: str,
+    robot: str,
+    *,
+    items: int,
+    size: int,
+    start: bool,
+    at: datetime,
+    route: str = "auto",
+    is_forced: bool = False,
 ) -> str:
     """Add a transfer that is still waiting and return its id.
 
@@ -51,6 +66,9 @@ def add_transfer(
         items_sent=0,
         bytes=size,
         start=start,
+        route=route,
+        carrier="",
+        is_forced=is_forced,
         started_at=at,
         reason="",
     )
@@ -60,7 +78,7 @@ def add_transfer(
 
 
 def change_transfer(session: Session, transfer: str, **changes: Any) -> TransferRecord:  # noqa: ANN401 - the fields differ in type
-    """Change ``state, level, items_sent, ended_at`` or ``reason``.
+    """Change ``state, level, items_sent, carrier, ended_at`` or ``reason``.
 
     Raises:
         UnknownIdError: If there is no such transfer.
@@ -69,7 +87,7 @@ def change_transfer(session: Session, transfer: str, **changes: Any) -> Transfer
     if row is None:
         raise UnknownIdError("transfer", transfer)
     for field, value in changes.items():
-        if field not in {"state", "level", "items_sent", "ended_at", "reason"}:
+        if field not in {"state", "level", "items_sent", "carrier", "ended_at", "reason"}:
             raise ValueError(f"{field} of a transfer cannot be changed")
         setattr(row, field, value)
     session.flush()
@@ -117,4 +135,7 @@ def _record(row: Transfer, robot: str) -> TransferRecord:
         started_at=row.started_at,
         ended_at=row.ended_at,
         reason=row.reason,
+        route=row.route,
+        carrier=row.carrier,
+        is_forced=row.is_forced,
     )

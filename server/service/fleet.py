@@ -13,6 +13,7 @@ from robot_link.clock import Clock
 from robot_link.messages import LinkReport, LinkState, PlanReport, Sample, StateReport
 from server.problem import not_found
 from server.service.channel import CHANNELS, FIELD_LIMIT_S, POSITION_LIMIT_S, Channel
+from server.service.link_panel import link_views
 from server.service.picture import Picture, PlanInHand
 from server.service.track import Track
 from server.service.vehicles import Vehicles
@@ -64,6 +65,9 @@ class Fleet:
         else:
             picture.record = record
             picture.geodetic = None
+            for uri in [one for one, link in picture.links.items() if link.uri]:
+                if uri not in record.links:
+                    del picture.links[uri]
             picture.track.set_thresholds(thresholds_m)
         self.touch(record.id)
         return picture
@@ -115,7 +119,7 @@ class Fleet:
 
     def take_link(self, report: LinkReport) -> None:
         """Take the health of one link to a robot."""
-        self._pictures[report.robot].links[report.carrier] = report
+        self._pictures[report.robot].links[report.uri or report.carrier] = report
         self.touch(report.robot)
 
     def set_plan(self, robot: str, plan: PlanInHand | None) -> None:
@@ -178,6 +182,8 @@ class Fleet:
             activity=self._activity(picture),
             plan=self._onboard_plan(picture),
             link=self._link_view(picture),
+            links=link_views(picture),
+            clock_fault=picture.clock_fault,
         )
 
     def live_view(self, robot: str) -> LiveRobotView:
@@ -192,6 +198,8 @@ class Fleet:
             activity=state.activity,
             plan=state.plan,
             link=state.link,
+            links=state.links,
+            clock_fault=state.clock_fault,
             mission_id=picture.mission_id,
             plan_id=None if picture.plan is None else picture.plan.plan_id,
             next_contact=self._next_contact(picture),

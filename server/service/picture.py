@@ -8,6 +8,7 @@ from autonomy.arrays import FloatArray
 from autonomy.planner.plan import Leg, PositionNed
 from db.query.plans import PlanRecord
 from db.query.robots import RobotRecord
+from robot_link.gateway.address import ACOUSTIC_CARRIER, SATELLITE_CARRIERS
 from robot_link.messages import (
     LinkReport,
     LinkState,
@@ -17,6 +18,8 @@ from robot_link.messages import (
     Sample,
     StateReport,
 )
+from robot_link.transport.opening import is_radio
+from server.service.routing import Roads
 from server.service.track import Track
 
 SURFACE_DEPTH_M = 0.3
@@ -54,6 +57,25 @@ class PlanInHand:
         return self.record.state
 
 
+@dataclass(frozen=True, slots=True)
+class SatelliteStanding:
+    """Where a robot's satellite link stands; made anew whenever something of it changes."""
+
+    credits_today: int
+    credits_per_day: int
+    waits_for_budget: bool
+    """Whether something is not sent because today's budget is spent."""
+    next_session_at: datetime | None
+    """When the robot is expected to speak next."""
+    fault: str
+    """What a person must see to, such as a gateway's refusal; empty if nothing."""
+
+    @property
+    def credits_left(self) -> int:
+        """What may still be spent today."""
+        return max(0, self.credits_per_day - self.credits_today)
+
+
 @dataclass(slots=True)
 class Picture:
     """Newest of everything about one robot; changed on the station's event loop only."""
@@ -63,6 +85,11 @@ class Picture:
     state: StateReport | None = None
     plan_report: PlanReport | None = None
     links: dict[str, LinkReport] = field(default_factory=dict)
+    """Newest report of each link, by its URI, or by its carrier where the report names no URI."""
+    satellite: SatelliteStanding | None = None
+    """Where the satellite link stands; ``None`` for a robot without one."""
+    clock_fault: str | None = None
+    """What is wrong with the robot's clock; ``None`` while it is right."""
     remembered: LinkReport | None = None
     """What the database knows of the road, until the robot is heard again."""
     samples: dict[str, Sample] = field(default_factory=dict)
@@ -88,6 +115,42 @@ class Picture:
         return LinkState.NEVER_HEARD if link is None else link.state
 
     @property
+    def radio(self) -> LinkReport | None:
+        """Report of the radio by which the robot is reached best, ``None`` before the first."""
+        return best_link(link for link in self.links.values() if is_radio_carrier(link.carrier))
+
+    @property
+    def radio_state(self) -> LinkState:
+        """What is known of the robot's radios: only these carry a dialogue."""
+        radio = self.radio
+        return LinkState.NEVER_HEARD if radio is None else radio.state
+
+    @property
+    def roads(self) -> Roads:
+        """What is known of each kind of road, for the choice of one."""
+        radio, satellite = self.radio, self.satellite_link
+        has_radio = radio is not None or any(is_radio(uri) for uri in self.record.links)
+        return Roads(
+            radio=self.radio_state if has_radio else None,
+            radio_heard_at=None if radio is None else radio.heard_at,
+            satellite=None if satellite is None else satellite.state,
+            satellite_heard_at=None if satellite is None else satellite.heard_at,
+        )
+
+    @property
+    def satellite_link(self) -> LinkReport | None:
+        """Report of the satellite link, ``None`` for a robot without one."""
+        return best_link(link for link in self.links.values() if link.carrier in SATELLITE_CARRIERS)
+
+    @property
+    def heard_at(self) -> datetime | None:
+        """When the robot was last heard on any link, as far as the database remembers."""
+        heard = [link.heard_at for link in self.links.values() if link.heard_at is not None]
+        if self.remembered is not None and self.remembered.heard_at is not None:
+            heard.append(self.remembered.heard_at)
+        return max(heard, default=None)
+
+    @property
     def leg_now(self) -> int | None:
         """Leg of the plan in hand that the robot says it flies."""
         report = self.plan_report
@@ -108,9 +171,21 @@ class Picture:
         return None
 
 
+def is_radio_carrier(carrier: str) -> bool:
+    """Tell whether a carrier is a radio, on which station and robot speak back and forth."""
+    return carrier not in SATELLITE_CARRIERS and carrier != ACOUSTIC_CARRIER
+
+
 def best_link(links: Iterable[LinkReport]) -> LinkReport | None:
-    """Return the report of the link that reaches the robot best."""
-    return min(links, key=lambda link: _BEST_LINK_FIRST.index(link.state), default=None)
+    """Return the report of the link that reaches the robot best; of equal ones a radio."""
+    return min(
+        links,
+        key=lambda link: (
+            _BEST_LINK_FIRST.index(link.state),
+            not is_radio_carrier(link.carrier),
+        ),
+        default=None,
+    )
 
 
 def remembered_link(state: StateReport, *, radio_under_water: bool) -> LinkReport:

@@ -4,7 +4,16 @@ from datetime import datetime
 
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState, RobotMode, StateReport
 
-_CARRIERS = {"xbee": "XBee"}
+_CARRIERS = {
+    "xbee": "XBee",
+    "serial": "Serial line",
+    "udp": "UDP",
+    "tcp": "TCP",
+    "rockblock": "RockBLOCK",
+    "directip": "Iridium DirectIP",
+    "cloudloop": "Cloudloop",
+    "micromodem": "Acoustic modem",
+}
 _SLOW_M_S = 0.003
 
 

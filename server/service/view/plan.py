@@ -5,6 +5,7 @@ from datetime import datetime
 from typing import Any
 
 from server.service.view.base import View
+from server.service.view.link import TransferPartView
 
 
 @dataclass(frozen=True, slots=True)
@@ -213,6 +214,8 @@ class LivePlanView(View):
     outdated: list[ViolationView]
     """As in the plan itself."""
     message: str
+    transfer: "TransferView | None" = None
+    """The transfer that is under way or was the last by satellite."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -232,3 +235,19 @@ class TransferView(View):
     started_at: datetime
     ended_at: datetime | None
     reason: str
+    route: str = "auto"
+    """What was asked for: ``auto``, ``radio`` or ``satellite``."""
+    carrier: str = ""
+    """What carries it now, such as ``xbee`` or ``rockblock``; empty before the first byte."""
+    sha256: str | None = None
+    """Name of the plan, which the robot echoes once it has it."""
+    expires_at: datetime | None = None
+    """When it is given up; nothing of it is sent after that."""
+    credits: int = 0
+    """Spent on this transfer so far, repetitions included."""
+    parts: list[TransferPartView] = field(default_factory=list)
+    """Messages of a transfer by satellite; empty for one by radio."""
+    can_withdraw: bool = False
+    """Whether it can be withdrawn; what a gateway took already may still reach the robot."""
+    text: str = ""
+    """How far it is, in one sentence."""

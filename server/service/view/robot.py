@@ -5,6 +5,7 @@ from datetime import datetime
 
 from autonomy.site import Site
 from server.service.view.base import View
+from server.service.view.link import RobotLinkView
 
 
 @dataclass(frozen=True, slots=True)
@@ -14,7 +15,8 @@ class LinkView(View):
     carrier: str
     """Kind of the link that was heard last, such as ``xbee``; empty before the first byte."""
     state: str
-    """``never_heard``, ``live``, ``stale``, ``submerged`` or ``port_closed``."""
+    """``never_heard``, ``live``, ``stale``, ``submerged``, ``port_closed`` or
+    ``unplugged``."""
     heard_at: datetime | None
     age_s: float | None
     """Time since the last byte."""
@@ -92,6 +94,10 @@ class StateView(View):
     """What the robot is doing, in words."""
     plan: OnboardPlanView | None
     link: LinkView
+    links: list[RobotLinkView]
+    """Every link that the robot has; ``link`` is the best of them."""
+    clock_fault: str | None
+    """What is wrong with the robot's clock; its values are then in the order of their arrival."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,124 @@
+"""Messages from robots as satellite gateways delivered them, each once."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from hashlib import sha256
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from db.identity import key_of, public_id
+from db.link_tables import InboxRow
+from db.query.robots import robot_key
+from db.tables import Robot
+from robot_link.gateway.gateway import MobileOriginated
+
+
+@dataclass(frozen=True, slots=True)
+class InboxRecord:
+    """One message from a robot."""
+
+    id: str
+    robot: str | None
+    """``None`` for a modem that no robot of the station has."""
+    message: MobileOriginated
+    deliveries: int
+    """How often the gateway delivered it."""
+    is_decoded: bool
+    text: str
+
+
+def add_inbox(
+    session: Session, message: MobileOriginated, robot: str | None
+) -> tuple[InboxRecord, bool]:
+    """Keep a message; tell whether it is new. One that came before is counted only."""
+    digest = sha256(message.data).hexdigest()
+    row = session.scalars(
+        select(InboxRow).where(
+            InboxRow.imei == message.imei,
+            InboxRow.momsn == message.momsn,
+            InboxRow.session_at == message.session_at,
+            InboxRow.sha256 == digest,
+        )
+    ).one_or_none()
+    if row is not None:
+        row.deliveries += 1
+        session.flush()
+        return _record(row, robot), False
+    row = InboxRow(
+        robot_key=None if robot is None else robot_key(session, robot),
+        carrier=message.carrier,
+        imei=message.imei,
+        momsn=message.momsn,
+        mtmsn=message.mtmsn,
+        session_at=message.session_at,
+        arrived_at=message.arrived_at,
+        session_status=message.session_status,
+        latitude_deg=message.latitude_deg,
+        longitude_deg=message.longitude_deg,
+        cep_km=message.cep_km,
+        sha256=digest,
+        data=message.data,
+        deliveries=1,
+        is_decoded=False,
+        text=message.fault,
+    )
+    session.add(row)
+    session.flush()
+    return _record(row, robot), True
+
+
+def note_inbox(session: Session, inbox: str, *, is_decoded: bool, text: str) -> None:
+    """Say what a message was found to say."""
+    row = session.get_one(InboxRow, key_of("inbox", inbox))
+    row.is_decoded, row.text = is_decoded, text
+
+
+def settle_inbox(session: Session, inbox: str, at: datetime) -> None:
+    """Say that everything that a message told is stored where it belongs."""
+    session.get_one(InboxRow, key_of("inbox", inbox)).handled_at = at
+
+
+def unsettled_inbox(session: Session) -> list[InboxRecord]:
+    """Return the messages of known robots that the station had not finished with, in order."""
+    statement = (
+        select(InboxRow, Robot.id)
+        .join(Robot, InboxRow.robot_key == Robot.key)
+        .where(InboxRow.handled_at.is_(None))
+        .order_by(InboxRow.key)
+    )
+    return [_record(row, robot) for row, robot in session.execute(statement)]
+
+
+def inbox_of(session: Session, robot: str, limit: int) -> list[InboxRecord]:
+    """Return the newest messages of a robot, the newest first."""
+    statement = (
+        select(InboxRow)
+        .where(InboxRow.robot_key == robot_key(session, robot))
+        .order_by(InboxRow.key.desc())
+        .limit(limit)
+    )
+    return [_record(row, robot) for row in session.scalars(statement)]
+
+
+def _record(row: InboxRow, robot: str | None) -> InboxRecord:
+    return InboxRecord(
+        id=public_id("inbox", row.key),
+        robot=robot,
+        message=MobileOriginated(
+            carrier=row.carrier,
+            imei=row.imei,
+            momsn=row.momsn,
+            mtmsn=row.mtmsn,
+            session_at=row.session_at,
+            arrived_at=row.arrived_at,
+            data=row.data,
+            latitude_deg=row.latitude_deg,
+            longitude_deg=row.longitude_deg,
+            cep_km=row.cep_km,
+            session_status=row.session_status,
+        ),
+        deliveries=row.deliveries,
+        is_decoded=row.is_decoded,
+        text=row.text,
+    )

@@ -1,0 +1,96 @@
+"""The links of a robot as an operator sees them: state, age, what each carries, in words."""
+
+from robot_link.gateway.address import is_acoustic, is_satellite
+from robot_link.messages import LinkReport, LinkState
+from server.service.picture import Picture
+from server.service.view.link import RobotLinkView
+from server.service.words import carrier_title, clock_time
+
+_DIALOGUE = ["telemetry", "plan", "command", "surface", "parameters", "files"]
+_SATELLITE = ["plan", "command", "surface"]
+
+
+def link_views(picture: Picture) -> list[RobotLinkView]:
+    """Return every link of a robot, in the order in which they are registered."""
+    reports = picture.links
+    return [
+        _view(picture, uri, reports.get(uri) or reports.get(_carrier(uri)))
+        for uri in picture.record.links
+    ]
+
+
+def kind_of(uri: str) -> str:
+    """Return ``radio``, ``satellite`` or ``acoustic``."""
+    if is_satellite(uri):
+        return "satellite"
+    return "acoustic" if is_acoustic(uri) else "radio"
+
+
+def _view(picture: Picture, uri: str, report: LinkReport | None) -> RobotLinkView:
+    kind = kind_of(uri)
+    state = LinkState.NEVER_HEARD if report is None else report.state
+    is_plugged = (report is None or report.is_plugged) and state is not LinkState.UNPLUGGED
+    return RobotLinkView(
+        uri=uri,
+        carrier=_carrier(uri) if report is None else report.carrier,
+        kind=kind,
+        state=state.value,
+        is_plugged=is_plugged,
+        heard_at=None if report is None else report.heard_at,
+        rssi_dbm=None if report is None else report.rssi_dbm,
+        frames_received=0 if report is None else report.frames_received,
+        frames_bad=0 if report is None else report.frames_bad,
+        text=_text(picture, kind, _carrier(uri), state),
+        carries=_carries(picture, kind, state) if is_plugged else [],
+    )
+
+
+def _carrier(uri: str) -> str:
+    return uri.partition("://")[0]
+
+
+def _carries(picture: Picture, kind: str, state: LinkState) -> list[str]:
+    """Return what takes this link as things are; a surface order takes every one."""
+    if kind == "acoustic":
+        return ["range"]
+    if kind == "satellite":
+        return ["surface"] if picture.roads.radio_reaches else list(_SATELLITE)
+    if state in (LinkState.LIVE, LinkState.SUBMERGED) and picture.roads.radio_reaches:
+        return list(_DIALOGUE)
+    return ["surface"] if picture.roads.has_satellite else list(_DIALOGUE)
+
+
+def _text(picture: Picture, kind: str, carrier: str, state: LinkState) -> str:
+    robot, title = picture.record.id, carrier_title(carrier)
+    if state is LinkState.UNPLUGGED:
+        return f"{title} is unplugged; nothing is sent or taken until it is plugged in again."
+    if kind == "acoustic":
+        return "Ranges under water; carries no plans and no orders."
+    if kind == "satellite":
+        return _satellite_text(picture, title, state)
+    match state:
+        case LinkState.LIVE:
+            return f"{title} hears {robot} now."
+        case LinkState.SUBMERGED:
+            return f"{title} expects {robot} when it comes up."
+        case LinkState.STALE:
+            return f"{title} does not hear {robot} any more."
+        case LinkState.PORT_CLOSED:
+            return f"The port of {title} cannot be opened; plug it in."
+        case _:
+            return f"{title} never heard {robot}."
+
+
+def _satellite_text(picture: Picture, title: str, state: LinkState) -> str:
+    robot, standing = picture.record.id, picture.satellite
+    due = None if standing is None else standing.next_session_at
+    expected = "" if due is None else f" Its next session is expected about {clock_time(due)}."
+    match state:
+        case LinkState.NEVER_HEARD:
+            return f"{title} never brought a word of {robot}."
+        case LinkState.SUBMERGED:
+            return f"{robot} dived after its last session by {title}.{expected}"
+        case LinkState.LIVE:
+            return f"{robot} calls by {title} regularly.{expected}"
+        case _:
+            return f"{robot} is overdue: it has not called by {title}.{expected}"
