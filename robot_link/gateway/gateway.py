@@ -7,6 +7,7 @@ Errors by what the caller can do::
         retry == "never"       stop and tell the operator
         retry == "later"       the same bytes may be taken later
     GatewayUnreachableError    nobody knows whether it was taken: try again with the SAME bytes
+    HeldBackError              the other way: the station does not take what a gateway brings
 """
 
 from dataclasses import dataclass
@@ -75,6 +76,14 @@ class GatewayUnreachableError(Exception):
         return str(self)
 
 
+class HeldBackError(Exception):
+    """The station takes no messages of this robot now; the gateway must keep them.
+
+    Raised by whoever keeps incoming messages, such as while the operator has pulled the plug;
+    the argument is a sentence.
+    """
+
+
 @dataclass(frozen=True, slots=True)
 class Taken:
     """A gateway has the message; the robot has not."""
@@ -111,7 +120,7 @@ class MobileOriginated:
     cep_km: float | None
     """Radius of the circle that holds the modem in 80 % of cases."""
     session_status: int = 0
-    """0 to 2 brought the payload; see ``robot_link.gateway.directip``."""
+    """0 to 2 brought the payload (``directip_wire.SessionStatus``); -1 where it is not told."""
     fault: str = ""
     """Why the payload could not be read; empty when it could."""
 
