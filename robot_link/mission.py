@@ -8,8 +8,9 @@ Only the end of a leg travels: it begins where the one before it ended. Where a 
 in a current surfaces, its belief jumps to where it really is, and the next leg begins there; the
 jump travels in the place of the circle, which only spirals have.
 
-A mission of format 1 has no trim. It is still understood, and keeps its bytes and so its name: a
-plan that was stored or is on board stays what it was.
+Format 3 also brings the robot its controller and the prices and kernel that the plan was made with;
+format 2 has none of these, and format 1 no trim either. All are understood, and each keeps its
+bytes and so its name: a plan that was stored or is on board stays what it was.
 """
 
 import hashlib
@@ -21,17 +22,20 @@ import cbor2
 
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 from robot_link.messages import PlanHash
+from robot_link.onboard_settings import OnboardSettings
 
 FORMAT_VERSION = 2
-"""Format of new missions."""
+"""Format of new missions without onboard settings."""
+ONBOARD_FORMAT = 3
+"""Format of missions with onboard settings."""
 _KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
 _FLOAT32_EXACT = 2**24
 _GAP_M = 2e-3
 """Greatest distance between two ends that meet, a little more than rounding makes."""
 _SURFACE_M = 1e-3
 _SPIRAL = _KINDS.index(PrimitiveKind.SPIRAL)
-SETTINGS_FIELDS = {1: 5, 2: 7}
-"""Integers of the settings in the canonical form, by format; their number tells the format."""
+SETTINGS_FIELDS = {1: 5, 2: 7, ONBOARD_FORMAT: 7}
+"""Integers of the settings in the canonical form, by format."""
 ITEM_FIELDS = 10
 """Integers in one leg of the canonical form."""
 
@@ -67,12 +71,26 @@ class Mission:
     legs: tuple[Leg, ...]
     format: int = FORMAT_VERSION
     """Which canonical form names it; format 1 has no trim."""
+    onboard: OnboardSettings | None = None
+    """What else the robot flies by, of format 3; without it the robot has its own."""
 
     @classmethod
     def from_legs(
-        cls, settings: MissionSettings, legs: tuple[Leg, ...], format_version: int = FORMAT_VERSION
+        cls,
+        settings: MissionSettings,
+        legs: tuple[Leg, ...],
+        format_version: int | None = None,
+        *,
+        onboard: OnboardSettings | None = None,
     ) -> Self:
         """Quantize a plan's legs.
+
+        Args:
+            settings: What the robot must know beside the legs.
+            legs: The legs, each from the end of the one before it.
+            format_version: Which canonical form names it; by default the newest that its content
+                needs.
+            onboard: Settings of format 3.
 
         Raises:
             ValueError: If a number does not fit the wire, the format is unknown or cannot carry
@@ -80,6 +98,7 @@ class Mission:
                 start in the settings, at the surface) ends, for only the ends travel; the message
                 names it. At the surface a leg that is no spiral may begin elsewhere.
         """
+        version = format_version or (FORMAT_VERSION if onboard is None else ONBOARD_FORMAT)
         end: PositionNed = (settings.start_x_m, settings.start_y_m, 0.0)
         integers: list[tuple[int, ...]] = []
         for number, leg in enumerate(legs, start=1):
@@ -88,15 +107,24 @@ class Mission:
                 raise ValueError(f"leg {number} does not begin where the one before it ends")
             integers.append(leg_integers(leg, end if jumps else leg.start_ned))
             end = leg.end_ned
-        return cls.from_integers(_settings_integers(settings, format_version), tuple(integers))
+        rounded = _settings_integers(settings, version)
+        if (onboard is not None) != (version == ONBOARD_FORMAT):
+            raise ValueError(f"only format {ONBOARD_FORMAT} of missions carries onboard settings")
+        return cls.from_integers(rounded, tuple(integers), onboard)
 
     @classmethod
-    def from_integers(cls, settings: tuple[int, ...], legs: tuple[tuple[int, ...], ...]) -> Self:
-        """Rebuild a mission from its wire integers (see ``leg_integers``)."""
-        version = next((v for v, n in SETTINGS_FIELDS.items() if n == len(settings)), None)
-        if version is None:
-            known = " or ".join(str(count) for count in SETTINGS_FIELDS.values())
-            raise ValueError(f"mission settings have {known} numbers, not {len(settings)}")
+    def from_integers(
+        cls,
+        settings: tuple[int, ...],
+        legs: tuple[tuple[int, ...], ...],
+        onboard: OnboardSettings | None = None,
+    ) -> Self:
+        """Rebuild a mission from its wire integers (see ``leg_integers``).
+
+        Raises:
+            ValueError: If they are none.
+        """
+        version = _format_of(len(settings), has_onboard=onboard is not None)
         sample_ms, uncertainty_mm, timeout_s, x_mm, y_mm, *trim = settings
         buoyancy_mg, mass_um = trim or (0, 0)
         start: PositionNed = (x_mm / 1e3, y_mm / 1e3, 0.0)
@@ -116,10 +144,11 @@ class Mission:
             ),
             legs=tuple(rebuilt),
             format=version,
+            onboard=onboard,
         )
 
     def settings_integers(self) -> tuple[int, ...]:
-        """Wire integers of the settings: ms, mm, s, mm, mm, and of format 2 also mg, um."""
+        """Wire integers of the settings: ms, mm, s, mm, mm, and from format 2 on mg, um."""
         return _settings_integers(self.settings, self.format)
 
     def leg_integers(self) -> tuple[tuple[int, ...], ...]:
@@ -132,11 +161,13 @@ class Mission:
 
     def canonical_bytes(self) -> bytes:
         """Return the bytes that the hash covers."""
-        content = [
+        content: list[object] = [
             self.format,
             list(self.settings_integers()),
             [list(leg) for leg in self.leg_integers()],
         ]
+        if self.onboard is not None:
+            content.append(list(self.onboard.integers()))
         return cbor2.dumps(content, canonical=True)
 
     def sha256(self) -> PlanHash:
@@ -184,6 +215,16 @@ def _may_jump(leg: Leg, end_before: PositionNed) -> bool:
 
 def _is_surfacing(start: PositionNed, end_before: PositionNed) -> bool:
     return max(start[2], end_before[2]) < _SURFACE_M
+
+
+def _format_of(settings: int, *, has_onboard: bool) -> int:
+    """Return the format of a mission with that many integers of settings."""
+    if has_onboard and settings == SETTINGS_FIELDS[ONBOARD_FORMAT]:
+        return ONBOARD_FORMAT
+    for version in (1, FORMAT_VERSION):
+        if not has_onboard and settings == SETTINGS_FIELDS[version]:
+            return version
+    raise ValueError(f"no format of missions has {settings} numbers of settings")
 
 
 def _settings_integers(settings: MissionSettings, version: int) -> tuple[int, ...]:

@@ -1,4 +1,4 @@
-"""A mission as MAVLink mission items: settings and trim first, then the legs, circles after theirs.
+"""A mission as MAVLink mission items: settings, trim, tuning, then the legs, circles after theirs.
 
 Every number is an integer of ``robot_link.mission``'s canonical form, exact in its field.
 """
@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from robot_link.mavlink.wire import grace
 from robot_link.messages import SystemId
 from robot_link.mission import Mission
+from robot_link.onboard_settings import OnboardSettings
 
 MissionItem = grace.MAVLink_mission_item_int_message
 
@@ -18,6 +19,10 @@ _LEG_COMMANDS = (
     grace.MAV_CMD_GRACE_SWIM,
 )
 """In the order of the canonical form's kinds."""
+_TUNING_NUMBERS = 7
+"""Integers in one item: four parameters and the position, all exact in a float32."""
+_TUNING_FIRST = 2
+"""Where tuning begins: behind settings and trim."""
 
 
 def mission_items(mission: Mission, system: SystemId) -> tuple[MissionItem, ...]:
@@ -33,6 +38,8 @@ def mission_items(mission: Mission, system: SystemId) -> tuple[MissionItem, ...]
     if trim:
         params = (trim[0], trim[1], 0, 0)
         items.append(_item(grace.MAV_CMD_GRACE_TRIM, params=params, position=(0, 0, 0)))
+    if mission.onboard is not None:
+        items += _tuning_items(mission.onboard)
     for kind, x, y, z, speed, duration, energy, heading, radius, turn in mission.leg_integers():
         params = (speed, duration, energy, heading)
         items.append(_item(_LEG_COMMANDS[kind], params=params, position=(x, y, z)))
@@ -62,6 +69,7 @@ def mission_from_items(items: Sequence[MissionItem]) -> Mission:
     first = _integers(items[0])
     settings = (*first[:3], *first[4:6])
     legs: list[tuple[int, ...]] = []
+    tuning: list[int] = []
     for number, item in enumerate(items[1:], start=1):
         integers = _integers(item)
         if item.command in _LEG_COMMANDS:
@@ -71,9 +79,26 @@ def mission_from_items(items: Sequence[MissionItem]) -> Mission:
             legs[-1] = (*legs[-1][:-2], *integers[:2])
         elif item.command == grace.MAV_CMD_GRACE_TRIM and number == 1:
             settings = (*settings, *integers[:2])
+        elif (
+            item.command == grace.MAV_CMD_GRACE_TUNING
+            and number == _TUNING_FIRST + len(tuning) // _TUNING_NUMBERS
+        ):
+            tuning += integers
         else:
             raise ValueError(f"item {number} with command {item.command} does not belong there")
-    return Mission.from_integers(settings, tuple(legs))
+    onboard = OnboardSettings.from_integers(tuning) if tuning else None
+    return Mission.from_integers(settings, tuple(legs), onboard)
+
+
+def _tuning_items(onboard: OnboardSettings) -> list[MissionItem]:
+    """Return the items that carry onboard settings, the last filled up with zeros."""
+    integers = onboard.integers()
+    items: list[MissionItem] = []
+    for first in range(0, len(integers), _TUNING_NUMBERS):
+        part = integers[first : first + _TUNING_NUMBERS]
+        a, b, c, d, x, y, z = (*part, *(0,) * (_TUNING_NUMBERS - len(part)))
+        items.append(_item(grace.MAV_CMD_GRACE_TUNING, params=(a, b, c, d), position=(x, y, z)))
+    return items
 
 
 def _item(
