@@ -108,7 +108,7 @@ class SampleSender:
             fate.add_done_callback(lambda done: self._settle(sequences, done.result()))
 
     def _settle(self, sequences: Iterable[int], delivery: Delivery) -> None:
-        if delivery.fate is Fate.DELIVERED:
+        if delivery.fate in (Fate.DELIVERED, Fate.UNCONFIRMED):
             self._failures = 0
         else:
             self._fail(sequences)

@@ -8,6 +8,8 @@ from typing import Final, NewType, Protocol
 
 Address = NewType("Address", int)
 """64-bit address of a radio."""
+FAR_END: Final = Address(0)
+"""Whoever is at the other end of a link that has no addresses."""
 BROADCAST: Final = Address(0xFFFF)
 """Everyone in reach; never confirmed by a receiver."""
 
@@ -17,6 +19,8 @@ class Fate(StrEnum):
 
     DELIVERED = "delivered"
     """The far radio confirmed it (of a broadcast: it was sent)."""
+    UNCONFIRMED = "unconfirmed"
+    """It left, and this kind of link never says more."""
     NOT_ACKNOWLEDGED = "not_acknowledged"
     """No confirmation; the far side may have it nevertheless."""
     TOO_LARGE = "too_large"

@@ -13,6 +13,20 @@ from typing import Protocol
 import serial
 
 _CHUNK_BYTES = 65536
+_CONNECT_S = 5.0
+"""Longest wait for a TCP connection."""
+_KEEPALIVE = tuple(
+    (getattr(socket, name), value)
+    for name, value in (
+        ("TCP_KEEPIDLE", 4),
+        ("TCP_KEEPINTVL", 2),
+        ("TCP_KEEPCNT", 3),
+        ("TCP_USER_TIMEOUT", 10_000),
+    )
+    if hasattr(socket, name)
+)
+"""Seconds, counts and milliseconds after which a far side that vanished without a word is noticed,
+where the system lets them be set."""
 
 
 class Port(Protocol):
@@ -81,6 +95,11 @@ class TcpPort:
     def __init__(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._reader = reader
         self._writer = writer
+        connection: socket.socket = writer.get_extra_info("socket")
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        for option, value in _KEEPALIVE:
+            connection.setsockopt(socket.IPPROTO_TCP, option, value)
 
     @classmethod
     async def open(cls, host: str, port: int) -> "TcpPort":
@@ -89,10 +108,13 @@ class TcpPort:
         Raises:
             OSError: If nobody answers.
         """
-        reader, writer = await asyncio.open_connection(host, port)
-        connection: socket.socket = writer.get_extra_info("socket")
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return cls(reader, writer)
+        try:
+            async with asyncio.timeout(_CONNECT_S):
+                return cls(*await asyncio.open_connection(host, port))
+        except TimeoutError as error:
+            raise OSError(f"{host} port {port} does not answer") from error
+        except socket.gaierror as error:
+            raise OSError(f"{host} has no address: {error.strerror}") from error
 
     async def read(self) -> bytes:
         """Return the next bytes; none means that the far side closed."""

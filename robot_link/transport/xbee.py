@@ -1,9 +1,25 @@
-"""An XBee radio in API mode as a datagram transport."""
+"""An XBee radio in API mode as a datagram transport, ``xbee:///dev/ttyUSB0?baud=115200``.
+
+The wire: 8N1 at ``baud`` (115200 where the URI does not say), with ``rtscts=1`` under hardware flow
+control; ``xbee://host:port`` is the same stream over TCP. On it, API frames (see ``xbee_frame``) as
+the radio's AP parameter has them, ``ap=1`` (plain) or ``ap=2`` (escaped):
+
+- 0x08 asks a parameter and 0x88 answers: NP (bytes per packet), SH and SL (address) and BR (rate
+  in the air) when the port opens, DB (strength of the last packet) every second, ND on request.
+- 0x10 sends to a 64-bit address, FFFF to all; 0x8B says what became of it, 0x21 that the far radio
+  did not confirm. 0x90 brings a packet and its sender's address.
+
+Each packet holds one or more whole MAVLink frames. ``rate=10k`` or ``rate=200k`` says how fast the
+radio is in the air where its firmware does not.
+"""
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from typing import Final
+from functools import partial
+from types import MappingProxyType
+from typing import Final, Literal
 
 from robot_link.transport.datagram import (
     Address,
@@ -15,7 +31,8 @@ from robot_link.transport.datagram import (
     TransportEvent,
 )
 from robot_link.transport.keeper import PortKeeper
-from robot_link.transport.port import Port
+from robot_link.transport.port import Port, SerialPort, TcpPort
+from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee_frame import (
     ApiMode,
     AtCommand,
@@ -30,6 +47,11 @@ from robot_link.transport.xbee_frame import (
     encode,
     parse_content,
 )
+from robot_link.transport.xbee_neighbour import (
+    REPORT_STRENGTH,
+    NeighbourRadio,
+    parse_neighbour,
+)
 
 _FATES: Final[dict[int, Fate]] = {
     TransmitCode.SUCCESS: Fate.DELIVERED,
@@ -41,6 +63,9 @@ _FATES: Final[dict[int, Fate]] = {
 BYTES_PER_S: Final = {10: 300.0, 200: 6000.0}
 """Telemetry of a whole fleet by the radio's rate in the air, kbit/s: a quarter of what it carries
 at best, so that commands, acknowledgements and repetitions find their place."""
+_MODES: Final[Mapping[str, ApiMode]] = MappingProxyType({"1": 1, "2": 2})
+_RATES: Final[Mapping[str, Literal[10, 200] | None]] = MappingProxyType({"10k": 10, "200k": 200})
+_LONGEST_DISCOVERY_S = 60.0
 _UNANSWERED_QUESTIONS = 3
 """After so many in a row the radio counts as gone."""
 
@@ -51,8 +76,10 @@ class XBeeTiming:
 
     window: int = 4
     """Datagrams handed to the radio and not yet answered; its own buffers hold few."""
-    status_timeout_s: float = 10.0
-    """Longest wait for a transmit status (a 10 kb/s radio retries for seconds)."""
+    status_timeout_s: float = 2.0
+    """Longest wait for a transmit status."""
+    slow_status_timeout_s: float = 10.0
+    """The same of a radio of 10 kbit/s, or of unknown rate: it retries for seconds."""
     question_timeout_s: float = 1.0
     """Longest wait for an answer to an AT command."""
     signal_period_s: float = 1.0
@@ -75,8 +102,18 @@ class XBeeTransport:
         open_port: Callable[[], Awaitable[Port]],
         mode: ApiMode = 1,
         timing: XBeeTiming | None = None,
+        rate_kbit_s: Literal[10, 200] | None = None,
     ) -> None:
+        """Describe a radio; ``run`` opens it.
+
+        Args:
+            open_port: Opens the port to the radio, raising ``OSError`` where it cannot.
+            mode: The radio's AP parameter.
+            timing: Its time-outs.
+            rate_kbit_s: Its rate in the air; None asks the radio.
+        """
         self._open_port = open_port
+        self._rate_kbit_s = rate_kbit_s
         self._mode: ApiMode = mode
         self._timing = timing or XBeeTiming()
         self._port: Port | None = None
@@ -85,6 +122,8 @@ class XBeeTransport:
         self._window = asyncio.Semaphore(self._timing.window)
         self._sent: dict[int, tuple[asyncio.Future[Delivery], asyncio.TimerHandle]] = {}
         self._asked: dict[int, asyncio.Future[AtReply]] = {}
+        self._discovery: _Discovery | None = None
+        self._status_timeout_s = self._timing.slow_status_timeout_s
         self._last_id = 0
         self._last_sender: Address | None = None
         self._rssi_dbm: dict[Address, float] = {}
@@ -125,7 +164,7 @@ class XBeeTransport:
             raise PortClosedError
         frame_id = self._next_id()
         timer = asyncio.get_running_loop().call_later(
-            self._timing.status_timeout_s,
+            self._status_timeout_s,
             self._settle,
             frame_id,
             Delivery(Fate.UNKNOWN, detail="the radio did not say"),
@@ -172,7 +211,7 @@ class XBeeTransport:
                 for content in reader.feed(data):
                     self._handle(parse_content(content))
                 if reader.bad > garbled:
-                    self._keeper.bring(Garbled(reader.bad - garbled))
+                    self._keeper.bring(Garbled(reader.bad - garbled, reader.take_dropped()))
                     garbled = reader.bad
         except OSError as error:
             return str(error)
@@ -187,6 +226,8 @@ class XBeeTransport:
                 fate = _FATES.get(status, Fate.REFUSED)
                 detail = f"status 0x{status:02X} from the radio" if fate is Fate.REFUSED else ""
                 self._settle(frame_id, Delivery(fate, retries, detail))
+            case AtReply(frame_id) if self._discovery and frame_id == self._discovery.frame_id:
+                self._discovery.take(frame)
             case AtReply(frame_id):
                 asked = self._asked.get(frame_id)
                 if asked is not None and not asked.done():
@@ -209,16 +250,69 @@ class XBeeTransport:
         try:
             limit = await self._ask(b"NP")
             high, low = await self._ask(b"SH"), await self._ask(b"SL")
+            self._set_rate(await self._ask(b"BR"))
             self.address = Address(int.from_bytes(high + low.rjust(4, b"\0"), "big"))
             self.max_payload = int.from_bytes(limit, "big")
             self._keeper.opened()
             while True:
                 await asyncio.sleep(self._timing.signal_period_s)
-                self._note_strength(await self._ask(b"DB"))
+                if self._discovery is None:
+                    self._note_strength(await self._ask(b"DB"))
         except TimeoutError:
             return f"no XBee in API mode {self._mode} answers"
         except (OSError, PortClosedError) as error:
             return str(error) or "the port closed"
+
+    def _set_rate(self, answer: bytes) -> None:
+        """Take the rate in the air from the URI, or from the radio's BR parameter: 0 is 10 kbit/s.
+
+        A radio that does not say is waited for as if it were slow, and used as if it were fast.
+        """
+        rate = self._rate_kbit_s
+        if rate is None and answer:
+            rate = 200 if int.from_bytes(answer, "big") else 10
+        timing = self._timing
+        self._status_timeout_s = (
+            timing.status_timeout_s if rate == 200 else timing.slow_status_timeout_s
+        )
+        self.bytes_per_s = BYTES_PER_S[rate or 200]
+
+    async def discover(self) -> list[NeighbourRadio]:
+        """Ask which other radios are in the network; takes as long as the radio waits for them.
+
+        Raises:
+            PortClosedError: If no port is open.
+        """
+        if not self.max_payload or self._discovery is not None:
+            raise PortClosedError("the port is closed, or the radio is already asking")
+        self._discovery = discovery = _Discovery(self._next_id())
+        options = b""
+        try:
+            options = await self._ask(b"NO")
+            if options:
+                await self._ask(b"NO", bytes((options[-1] | REPORT_STRENGTH,)))
+            longest_s = await self._discovery_s()
+            await self._write(AtCommand(discovery.frame_id, b"ND"))
+            with suppress(TimeoutError):
+                async with asyncio.timeout(longest_s):
+                    await discovery.is_over.wait()
+            if options:
+                await self._ask(b"NO", options)
+        except TimeoutError as error:
+            raise PortClosedError("the radio does not answer") from error
+        finally:
+            self._discovery = None
+        return list(discovery.found.values())
+
+    async def _discovery_s(self) -> float:
+        """Return how long the radio waits for the others, by N? (ms), else by NT (0.1 s)."""
+        if answer := await self._ask(b"N?"):
+            wait_s = int.from_bytes(answer, "big") / 1000
+        elif answer := await self._ask(b"NT"):
+            wait_s = int.from_bytes(answer, "big") / 10
+        else:
+            wait_s = _LONGEST_DISCOVERY_S
+        return min(wait_s, _LONGEST_DISCOVERY_S) + self._timing.question_timeout_s
 
     def _note_strength(self, answer: bytes) -> None:
         """Keep the strength of the last packet; it is the sender's whose packet came last."""
@@ -226,8 +320,8 @@ class XBeeTransport:
             self._rssi_dbm[self._last_sender] = -float(answer[-1])
             self._last_sender = None
 
-    async def _ask(self, command: bytes) -> bytes:
-        """Return the value of a parameter, empty where the radio does not know it.
+    async def _ask(self, command: bytes, value: bytes = b"") -> bytes:
+        """Return the value of a parameter, empty where the radio does not know it; or set it.
 
         Raises:
             TimeoutError: If the radio stays silent.
@@ -237,7 +331,7 @@ class XBeeTransport:
             self._asked[frame_id] = asyncio.get_running_loop().create_future()
             try:
                 async with asyncio.timeout(self._timing.question_timeout_s):
-                    await self._write(AtCommand(frame_id, command))
+                    await self._write(AtCommand(frame_id, command, value))
                     reply = await self._asked[frame_id]
             except TimeoutError:
                 continue
@@ -260,5 +354,40 @@ class XBeeTransport:
         """Return a frame number of 1..255 that nothing waits for."""
         while True:
             self._last_id = self._last_id % 255 + 1
-            if self._last_id not in self._sent and self._last_id not in self._asked:
+            taken = self._discovery.frame_id if self._discovery else 0
+            if self._last_id not in (taken, *self._sent, *self._asked):
                 return self._last_id
+
+
+class _Discovery:
+    """Answers to one ND command, all under its frame number."""
+
+    def __init__(self, frame_id: int) -> None:
+        self.frame_id = frame_id
+        self.found: dict[Address, NeighbourRadio] = {}
+        self.is_over = asyncio.Event()
+        """Set by an empty answer, with which some radios say that no more comes."""
+
+    def take(self, reply: AtReply) -> None:
+        """Take one answer."""
+        if not reply.value:
+            self.is_over.set()
+        elif (radio := parse_neighbour(reply.value)) is not None:
+            self.found[radio.address] = radio
+
+
+def xbee_radio(uri: LinkUri) -> XBeeTransport:
+    """Return the transport of an XBee.
+
+    Raises:
+        ValueError: If the URI names none.
+    """
+    mode: ApiMode = uri.choice("ap", _MODES, default=1)
+    rate: Literal[10, 200] | None = uri.choice("rate", _RATES, default=None)
+    if uri.host or uri.port is not None:
+        opener = partial(TcpPort.open, *uri.host_and_port("TCP"))
+    else:
+        baud = uri.whole("baud", 115200, 300, 4_000_000)
+        opener = partial(SerialPort.open, uri.line(), baud=baud, flow_control=uri.switch("rtscts"))
+    uri.finish()
+    return XBeeTransport(opener, mode, rate_kbit_s=rate)

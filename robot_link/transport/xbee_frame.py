@@ -19,6 +19,7 @@ _START = 0x7E
 _ESCAPE = 0x7D
 _ESCAPED = frozenset((0x7E, 0x7D, 0x11, 0x13))
 _FLIP = 0x20
+_KEPT_BYTES = 1024
 _LONGEST_CONTENT = 512
 """More than any frame of these radios; a greater length is not one."""
 _ANY_NETWORK = 0xFFFE
@@ -188,6 +189,7 @@ class FrameReader:
         self._mode = mode
         self._buffer = bytearray()
         self._is_lost = False
+        self._dropped = bytearray()
         self.bad = 0
         """Stretches of bytes dropped because they were no frame."""
 
@@ -211,8 +213,15 @@ class FrameReader:
                 self._drop(1)
         return contents
 
+    def take_dropped(self) -> bytes:
+        """Return the first bytes that were dropped since the last call."""
+        dropped = bytes(self._dropped)
+        self._dropped.clear()
+        return dropped
+
     def _drop(self, count: int) -> None:
         """Search on behind bytes that are no frame; a stretch counts once."""
+        self._dropped += self._buffer[: min(count, _KEPT_BYTES - len(self._dropped))]
         del self._buffer[:count]
         self.bad += not self._is_lost
         self._is_lost = True

@@ -300,10 +300,10 @@ async def test_garbage_at_the_port_is_counted():
 @pytest.mark.parametrize(
     ("uri", "complaint"),
     [
-        ("udp://127.0.0.1:1", "unknown kind of link"),
+        ("telnet://127.0.0.1:1", "unknown kind of link 'telnet'; known are xbee, serial, udp, tcp"),
         ("xbee://", "needs the path"),
         ("xbee://127.0.0.1", "needs host and port"),
-        ("xbee:///dev/ttyS0?ap=3", "ap must be 1 or 2"),
+        ("xbee:///dev/ttyS0?ap=3", "ap must be 1 or 2, not '3'"),
         ("xbee:///dev/ttyS0?baud=fast", "whole number"),
         ("xbee:///dev/ttyS0?speed=1", "unknown option speed"),
     ],

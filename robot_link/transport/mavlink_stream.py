@@ -1,0 +1,151 @@
+"""MAVLink 2 on a byte stream that carries nothing else: a serial line or a TCP connection.
+
+The wire is one MAVLink frame after another in both directions, see ``mavlink_frame``; there is
+one far end, which has no address. Whatever is between frames is skipped and counted. Nothing
+confirms that a frame arrived.
+"""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import dataclass
+
+from robot_link.transport.datagram import (
+    FAR_END,
+    Address,
+    Delivery,
+    Fate,
+    Garbled,
+    PortClosedError,
+    Received,
+    TransportEvent,
+)
+from robot_link.transport.keeper import PortKeeper
+from robot_link.transport.mavlink_frame import MavlinkFrameReader
+from robot_link.transport.port import Port
+
+
+@dataclass(frozen=True, slots=True)
+class StreamTiming:
+    """Wall seconds of one stream."""
+
+    write_timeout_s: float = 10.0
+    """Longest wait for the far side to take bytes; then the stream counts as dead."""
+    quiet_s: float = 1.0
+    """Silence after which half a frame is given up."""
+    reopen_s: float = 0.5
+    """Time between two attempts to open the port."""
+
+
+class MavlinkStream:
+    """Carries MAVLink frames over a byte stream to one far end. Belongs to one event loop."""
+
+    def __init__(
+        self,
+        carrier: str,
+        open_port: Callable[[], Awaitable[Port]],
+        *,
+        bytes_per_s: float,
+        frame_bytes: int,
+        timing: StreamTiming | None = None,
+    ) -> None:
+        """Describe a stream; ``run`` opens it.
+
+        Args:
+            carrier: Kind of link for reports.
+            open_port: Opens the stream, raising ``OSError`` where it cannot.
+            bytes_per_s: Telemetry that it carries, bytes per second.
+            frame_bytes: How many bytes are handed over at once, at most.
+            timing: Its time-outs.
+        """
+        self.carrier = carrier
+        self.bytes_per_s = bytes_per_s
+        self.max_payload = 0
+        """0 while the port is closed."""
+        self._open_port = open_port
+        self._frame_bytes = frame_bytes
+        self._timing = timing or StreamTiming()
+        self._keeper = PortKeeper(carrier, self._serve, self._timing.reopen_s)
+        self._port: Port | None = None
+        self._writing = asyncio.Lock()
+        self._stuck = asyncio.Event()
+
+    @property
+    def is_plugged(self) -> bool:
+        """Whether the operator lets the port be open."""
+        return self._keeper.is_plugged
+
+    def set_plugged(self, is_plugged: bool) -> None:
+        """Pull the plug, or put it back."""
+        self._keeper.set_plugged(is_plugged)
+
+    async def run(self) -> None:
+        """Open, serve and open again until cancelled."""
+        await self._keeper.run()
+
+    def events(self) -> AsyncIterator[TransportEvent]:
+        """Yield what the stream brings, in order, until cancelled; for one reader."""
+        return self._keeper.events()
+
+    async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
+        """Write frames; whoever is at the far end gets them, whatever the address."""
+        del address
+        fate: asyncio.Future[Delivery] = asyncio.get_running_loop().create_future()
+        async with self._writing:
+            if self._port is None or not self.max_payload:
+                raise PortClosedError
+            try:
+                async with asyncio.timeout(self._timing.write_timeout_s):
+                    await self._port.write(data)
+            except TimeoutError as error:
+                self._stuck.set()
+                raise PortClosedError("the far side takes no bytes") from error
+            except OSError as error:
+                raise PortClosedError(str(error)) from error
+        fate.set_result(Delivery(Fate.UNCONFIRMED))
+        return fate
+
+    async def _serve(self) -> str:
+        """Serve one opening of the port; return why it ended."""
+        try:
+            self._port = await self._open_port()
+        except OSError as error:
+            return str(error) or type(error).__name__
+        self._stuck.clear()
+        self.max_payload = self._frame_bytes
+        self._keeper.opened()
+        reading = asyncio.create_task(self._read(self._port), name=f"{self.carrier} read")
+        watching = asyncio.create_task(self._stuck.wait(), name=f"{self.carrier} watch")
+        try:
+            await asyncio.wait((reading, watching), return_when=asyncio.FIRST_COMPLETED)
+            return reading.result() if reading.done() else "the far side takes no bytes"
+        finally:
+            reading.cancel()
+            watching.cancel()
+            await asyncio.gather(reading, watching, return_exceptions=True)
+            self.max_payload = 0
+            self._port.close()
+            self._port = None
+
+    async def _read(self, port: Port) -> str:
+        frames = MavlinkFrameReader()
+        bad = 0
+        next_bytes = asyncio.ensure_future(port.read())
+        try:
+            while True:
+                done, _ = await asyncio.wait((next_bytes,), timeout=self._timing.quiet_s)
+                data = next_bytes.result() if done else b""
+                if done and not data:
+                    return "the far side hung up"
+                whole = frames.feed(data) if done else frames.flush()
+                if whole:
+                    self._keeper.bring(Received(FAR_END, b"".join(whole), None))
+                if frames.bad > bad:
+                    self._keeper.bring(Garbled(frames.bad - bad, frames.take_dropped()))
+                    bad = frames.bad
+                if done:
+                    next_bytes = asyncio.ensure_future(port.read())
+        except OSError as error:
+            return str(error)
+        finally:
+            next_bytes.cancel()
+            await asyncio.gather(next_bytes, return_exceptions=True)

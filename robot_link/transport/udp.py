@@ -1,0 +1,170 @@
+"""MAVLink over UDP, ``udp://host:port`` or, to be called, ``udp://0.0.0.0:14550?listen=1``.
+
+The wire: each UDP packet holds one or more whole MAVLink 2 frames. Packets may be lost, doubled
+or overtake one another; nothing confirms them. Port 14550 is where a ground station usually
+listens for vehicles.
+
+``udp://host:port`` sends to that address from a port of the system's choice and hears that
+address alone. Who listens talks with whoever spoke first, until that one has been silent for ten
+seconds and another speaks; packets of others are dropped and counted.
+"""
+
+import asyncio
+import math
+import socket
+from collections.abc import AsyncIterator
+from dataclasses import dataclass
+from typing import Any
+
+from robot_link.clock import monotonic_s
+from robot_link.transport.datagram import (
+    FAR_END,
+    Address,
+    Delivery,
+    Fate,
+    Garbled,
+    PortClosedError,
+    Received,
+    TransportEvent,
+)
+from robot_link.transport.keeper import PortKeeper
+from robot_link.transport.uri import LinkUri
+
+_PACKET_BYTES = 1200
+"""Fits one packet of any network without being split."""
+_KEPT_BYTES = 1024
+
+
+@dataclass(frozen=True, slots=True)
+class UdpTiming:
+    """Wall seconds of one socket."""
+
+    faithful_s: float = 10.0
+    """Silence of the far end after which another may take its place."""
+    reopen_s: float = 0.5
+    """Time between two attempts to open the socket."""
+
+
+class UdpTransport:
+    """Carries datagrams to one far end. Belongs to one event loop."""
+
+    carrier = "udp"
+    bytes_per_s = math.inf
+
+    def __init__(
+        self, host: str, port: int, *, listens: bool, timing: UdpTiming | None = None
+    ) -> None:
+        self.max_payload = 0
+        """0 while the socket is closed."""
+        self.trouble = ""
+        """What the network last said of a packet that it did not take, for a person."""
+        self._host = host
+        self._port = port
+        self._listens = listens
+        self._timing = timing or UdpTiming()
+        self._keeper = PortKeeper(self.carrier, self._serve, self._timing.reopen_s)
+        self._socket: asyncio.DatagramTransport | None = None
+        self._far_end: tuple[Any, ...] | None = None
+        self._heard_s = 0.0
+
+    @property
+    def is_plugged(self) -> bool:
+        """Whether the operator lets the socket be open."""
+        return self._keeper.is_plugged
+
+    def set_plugged(self, is_plugged: bool) -> None:
+        """Pull the plug, or put it back."""
+        self._keeper.set_plugged(is_plugged)
+
+    async def run(self) -> None:
+        """Open, serve and open again until cancelled."""
+        await self._keeper.run()
+
+    def events(self) -> AsyncIterator[TransportEvent]:
+        """Yield what the socket brings, in order, until cancelled; for one reader."""
+        return self._keeper.events()
+
+    async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
+        """Send a packet to the far end, whatever the address."""
+        del address
+        fate: asyncio.Future[Delivery] = asyncio.get_running_loop().create_future()
+        if self._socket is None or self._socket.is_closing():
+            raise PortClosedError
+        if len(data) > self.max_payload:
+            detail = f"{len(data)} bytes do not fit a packet of {self.max_payload}"
+            fate.set_result(Delivery(Fate.TOO_LARGE, detail=detail))
+        elif self._far_end is None:
+            fate.set_result(Delivery(Fate.REFUSED, detail="nobody has spoken at this port yet"))
+        else:
+            self._socket.sendto(data, None if not self._listens else self._far_end)
+            fate.set_result(Delivery(Fate.UNCONFIRMED))
+        return fate
+
+    def hear(self, data: bytes, sender: tuple[Any, ...]) -> None:
+        """Take a packet from the network."""
+        if self._listens and sender != self._far_end:
+            is_faithful = monotonic_s() - self._heard_s <= self._timing.faithful_s
+            if self._far_end is not None and is_faithful:
+                self._keeper.bring(Garbled(1, data[:_KEPT_BYTES]))
+                return
+            self._far_end = sender
+        self._heard_s = monotonic_s()
+        self.trouble = ""
+        if data:
+            self._keeper.bring(Received(FAR_END, data, None))
+
+    async def _serve(self) -> str:
+        """Serve one opening of the socket; return why it ended."""
+        loop = asyncio.get_running_loop()
+        closed: asyncio.Future[str] = loop.create_future()
+        where = (self._host, self._port)
+        try:
+            self._socket, _ = await loop.create_datagram_endpoint(
+                lambda: _Ear(self, closed),
+                local_addr=where if self._listens else None,
+                remote_addr=None if self._listens else where,
+            )
+        except socket.gaierror as error:
+            return f"{self._host} has no address: {error.strerror}"
+        except OSError as error:
+            return str(error)
+        self._far_end = None if self._listens else where
+        self.max_payload = _PACKET_BYTES
+        self._keeper.opened()
+        try:
+            return await closed
+        finally:
+            self.max_payload = 0
+            self._socket.abort()
+            self._socket = None
+
+
+class _Ear(asyncio.DatagramProtocol):
+    """Hands on what a socket hears."""
+
+    def __init__(self, owner: UdpTransport, closed: asyncio.Future[str]) -> None:
+        self._owner = owner
+        self._closed = closed
+
+    def datagram_received(self, data: bytes, addr: tuple[Any, ...]) -> None:
+        self._owner.hear(data, addr)
+
+    def error_received(self, exc: Exception) -> None:
+        """Keep what the network said: a far end that is not there yet may come."""
+        self._owner.trouble = (exc.strerror if isinstance(exc, OSError) else None) or str(exc)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if not self._closed.done():
+            self._closed.set_result(str(exc) if exc else "the socket was closed")
+
+
+def udp_link(uri: LinkUri) -> UdpTransport:
+    """Return the transport of a UDP socket.
+
+    Raises:
+        ValueError: If the URI names none.
+    """
+    host, port = uri.host_and_port("UDP")
+    listens = uri.switch("listen")
+    uri.finish()
+    return UdpTransport(host, port, listens=listens)

@@ -1,0 +1,85 @@
+"""Taking a link's URI apart, and saying what is wrong with it."""
+
+from collections.abc import Mapping
+from typing import NoReturn, TypeVar
+from urllib.parse import parse_qsl, urlsplit
+
+Value = TypeVar("Value")
+
+
+class LinkUri:
+    """The parts of ``scheme://host:port?options`` or ``scheme:///path?options``.
+
+    Every complaint is a ``ValueError`` that repeats the URI and names the part.
+    """
+
+    def __init__(self, uri: str) -> None:
+        self._uri = uri
+        try:
+            parts = urlsplit(uri)
+            self.port = parts.port
+        except ValueError as error:
+            self.refuse(str(error))
+        self.scheme = parts.scheme
+        self.host = parts.hostname or ""
+        self.path = parts.path
+        if "@" in parts.netloc:
+            self.refuse("a link has no user name and no password")
+        if parts.fragment and self.scheme != "xbee":
+            self.refuse("only a radio of an XBee network is named after a #")
+        self._options: dict[str, str] = {}
+        for name, value in parse_qsl(parts.query, keep_blank_values=True):
+            if name in self._options:
+                self.refuse(f"{name} is given twice")
+            self._options[name] = value
+
+    def refuse(self, complaint: str) -> NoReturn:
+        """Say what is wrong.
+
+        Raises:
+            ValueError: Always.
+        """
+        raise ValueError(f"{self._uri}: {complaint}")
+
+    def whole(self, name: str, default: int, least: int, most: int) -> int:
+        """Take a whole number out of the options."""
+        text = self._options.pop(name, str(default))
+        if not text.isdecimal() or not text.isascii():
+            self.refuse(f"{name} must be a whole number, not {text!r}")
+        if not least <= int(text[:18]) <= most:
+            self.refuse(f"{name} must be {least} to {most}, not {text[:18]}")
+        return int(text)
+
+    def switch(self, name: str) -> bool:
+        """Take an option that is 0 or 1 out of the options; absent it is 0."""
+        return self.choice(name, {"0": False, "1": True}, default=False)
+
+    def choice(self, name: str, values: Mapping[str, Value], default: Value) -> Value:
+        """Take one of a few words out of the options."""
+        text = self._options.pop(name, None)
+        if text is None:
+            return default
+        if text not in values:
+            self.refuse(f"{name} must be {' or '.join(values)}, not {text!r}")
+        return values[text]
+
+    def line(self) -> str:
+        """Return the path of a serial line."""
+        if self.host or self.port is not None:
+            self.refuse("the path of a serial line begins after three slashes, as in :///dev/ttyS0")
+        if not self.path.strip("/"):
+            self.refuse("a serial link needs the path of its line")
+        return self.path
+
+    def host_and_port(self, kind: str) -> tuple[str, int]:
+        """Return where a network link leads."""
+        if not self.host or not self.port:
+            self.refuse(f"a {kind} link needs host and port")
+        if self.path.strip("/"):
+            self.refuse(f"a {kind} link has no path")
+        return self.host, self.port
+
+    def finish(self) -> None:
+        """Complain of options that nobody took."""
+        if self._options:
+            self.refuse(f"unknown option {', '.join(self._options)}")
