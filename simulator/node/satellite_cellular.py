@@ -1,0 +1,88 @@
+"""A cellular device as a device of the satellite node: records by a direct TCP connection.
+
+Each session opens a connection to a host ashore, sends ``u16 length | record`` (length 0: nothing)
+after a line with its name, and is answered ``u8 taken | u16 queued | u16 length | record``. While
+no session runs, a second connection (first byte ``R``, sessions ``S``) brings one byte a ring.
+All integers are big endian.
+"""
+
+import asyncio
+import logging
+import struct
+from collections.abc import Callable
+from contextlib import suppress
+
+from simulator.node.satellite import SessionOutcome
+
+_RECORD_MAX = 340
+_ANSWER = struct.Struct(">BHH")
+_CONNECT_S = 5.0
+_REOPEN_S = 1.0
+
+_log = logging.getLogger(__name__)
+
+
+class CellularDevice:
+    """Exchanges records with one host ashore.
+
+    Args:
+        name: How the host knows the device.
+        host: Where the host is.
+        port: Its port.
+        session_limit_s: Wall time that a session may take.
+    """
+
+    kind = "cellular"
+    record_max = _RECORD_MAX
+
+    def __init__(self, name: str, host: str, port: int, session_limit_s: float = 60.0) -> None:
+        self.name = name
+        self._host = host
+        self._port = port
+        self._limit_s = session_limit_s
+        self._has_host = False
+
+    async def run(self, on_ring: Callable[[], None]) -> None:
+        """Listen for rings until cancelled; a host that is away is tried again."""
+        while True:
+            with suppress(OSError, TimeoutError):
+                reader, writer = await self._connect(b"R")
+                self._has_host = True
+                try:
+                    while await reader.read(1):
+                        on_ring()
+                finally:
+                    self._has_host = False
+                    writer.close()
+            await asyncio.sleep(_REOPEN_S)
+
+    async def session(self, record: bytes | None, *, for_ring: bool) -> SessionOutcome:
+        """Exchange records; a host that is away gives an outcome that says so."""
+        try:
+            async with asyncio.timeout(self._limit_s):
+                return await self._session(record)
+        except (OSError, TimeoutError, asyncio.IncompleteReadError) as error:
+            return SessionOutcome(False, None, 0, f"no cellular session: {error or 'no answer'}")
+
+    async def signal(self) -> int:
+        """Return five bars while the host is there, else none."""
+        return 5 if self._has_host else 0
+
+    async def _session(self, record: bytes | None) -> SessionOutcome:
+        reader, writer = await self._connect(b"S")
+        try:
+            data = record or b""
+            writer.write(struct.pack(">H", len(data)) + data)
+            taken, queued, length = _ANSWER.unpack(await reader.readexactly(_ANSWER.size))
+            received = await reader.readexactly(length) if length else None
+        finally:
+            writer.close()
+        return SessionOutcome(
+            bool(taken), received, queued, "" if taken else "the host did not take the record"
+        )
+
+    async def _connect(self, purpose: bytes) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
+        async with asyncio.timeout(_CONNECT_S):
+            reader, writer = await asyncio.open_connection(self._host, self._port)
+        writer.write(purpose + self.name.encode() + b"\n")
+        return reader, writer
