@@ -1,8 +1,9 @@
 """What can go wrong in an exchange with a robot, by what the caller can do.
 
 ServiceError
-├── NoAnswerError      try again at the next contact
-└── ServiceRefusedError   the robot said no; the sentence says why
+├── NoAnswerError            try again at the next contact
+│   └── FileInterruptedError    go on from what is there
+└── ServiceRefusedError      the robot said no; the sentence says why
 """
 
 
@@ -12,6 +13,15 @@ class ServiceError(Exception):
 
 class NoAnswerError(ServiceError):
     """The robot stayed silent."""
+
+
+class FileInterruptedError(NoAnswerError):
+    """A download stopped on its way."""
+
+    def __init__(self, reason: str, partial: bytes) -> None:
+        """Say why, and keep the first bytes of the file."""
+        super().__init__(reason)
+        self.partial = partial
 
 
 class ServiceRefusedError(ServiceError):

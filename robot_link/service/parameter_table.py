@@ -9,6 +9,10 @@ from enum import IntEnum
 NAME_BYTES = 16
 """Longest name of a parameter, ASCII."""
 
+_EXPONENT = 0x7F800000
+_FRACTION = 0x007FFFFF
+_QUIET = 0x00400000
+
 
 class ParameterType(IntEnum):
     """How a parameter travels; the number is MAVLink's MAV_PARAM_TYPE."""
@@ -34,6 +38,17 @@ class ParameterType(IntEnum):
         bits = {1: 8, 2: 8, 3: 16, 4: 16, 5: 32, 6: 32}[self.value]
         is_signed = self.value % 2 == 0
         return (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) if is_signed else (0, 2**bits - 1)
+
+    def survives_bytewise(self, value: float) -> bool:
+        """Tell whether a value is the same after its way through MAVLink's float field.
+
+        The bytes of some 32-bit integers are those of a signalling NaN, which processors change.
+        """
+        if not self.is_integer:
+            return True
+        bits = int(value) & 0xFFFFFFFF
+        is_nan = bits & _EXPONENT == _EXPONENT and bits & _FRACTION != 0
+        return not is_nan or bool(bits & _QUIET)
 
 
 class ParameterRefusal(ValueError):  # noqa: N818 - an answer, as others of this name
@@ -107,6 +122,8 @@ class ParameterTable:
                 raise ValueError(f"parameter {parameter.name} is declared twice")
             self._parameters[parameter.name] = parameter
             self._values[parameter.name] = _checked(parameter, parameter.default)
+        self._names = tuple(self._parameters)
+        self._places = {name: place for place, name in enumerate(self._names)}
         for name, value in (values or {}).items():
             parameter = self._parameters.get(name)
             if parameter is not None and not _refusal(parameter, value):
@@ -121,8 +138,7 @@ class ParameterTable:
 
     def at(self, index: int) -> ParameterValue | None:
         """Return the parameter at a place, None beyond the end."""
-        names = list(self._parameters)
-        return self.read(names[index]) if 0 <= index < len(names) else None
+        return self.read(self._names[index]) if 0 <= index < len(self._names) else None
 
     def read(self, name: str) -> ParameterValue:
         """Return one parameter.
@@ -130,8 +146,12 @@ class ParameterTable:
         Raises:
             KeyError: If there is none of this name.
         """
-        index = list(self._parameters).index(name) if name in self._parameters else -1
-        return ParameterValue(name, self._values[name], self._parameters[name].type, index)
+        parameter = self._parameters[name]
+        return ParameterValue(name, self._values[name], parameter.type, self._places[name])
+
+    def find(self, name: str) -> ParameterValue | None:
+        """Return one parameter, None where there is none of this name."""
+        return self.read(name) if name in self._parameters else None
 
     def set(self, name: str, value: float) -> ParameterValue:
         """Change one parameter; return it as it is kept.
@@ -156,6 +176,8 @@ def _refusal(parameter: Parameter, value: float) -> str:
     high = min(parameter.maximum, parameter.type.limits[1])
     if not low <= value <= high:
         return f"{parameter.name} must be between {low:g} and {high:g}, not {value:g}"
+    if not parameter.type.survives_bytewise(value):
+        return f"{parameter.name} cannot be {value:g}: MAVLink cannot carry it"
     return ""
 
 
