@@ -26,5 +26,9 @@ class SatelliteConditions:
     """No modem finds the network."""
     gateway_outage: bool = False
     """The gateways answer nobody and push nothing until it ends."""
+    answer_loss: float = 0.0
+    """Probability that a gateway takes a message and its answer gets lost."""
+    gateway_failure: float = 0.0
+    """Probability that a gateway fails to take a message, for no fault of the message."""
     ring: bool = True
     """Rings are sent."""
