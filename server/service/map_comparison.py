@@ -16,9 +16,9 @@ from server.job import JobError, JobProgress
 from server.problem import conflict, not_found
 from server.service.field_model import MODEL_TITLES
 from server.service.fleet import Fleet
+from server.service.job_per_key import JobPerKey
 from server.service.map_grid import grid_of
 from server.service.map_group import MapGroup
-from server.service.map_jobs import MapJobs
 from server.service.map_record import Comparison, comparison_record
 from server.service.map_samples import field_samples, usable
 from server.service.mapping import FieldMaps
@@ -39,7 +39,7 @@ class MapComparisons:
         self._fleet = fleet
         self._maps = maps
         self._workers = workers
-        self._jobs = MapJobs(foundation.jobs, "map comparison")
+        self._jobs = JobPerKey[MapGroup](foundation.jobs, "map comparison")
 
     async def start(self, robot: str, variable: str, *, by: str) -> str:
         """Begin to compare; return the id of the job, the one under way if there is one.

@@ -23,9 +23,9 @@ from server.foundation import Foundation
 from server.job import JobError, JobProgress
 from server.problem import conflict
 from server.service.fleet import Fleet
+from server.service.job_per_key import JobPerKey
 from server.service.map_comparison import map_group
 from server.service.map_group import MapGroup
-from server.service.map_jobs import MapJobs
 from server.service.map_samples import Water, field_samples
 from server.service.mapping import FieldMaps
 from server.service.task.map_problem import LEARN_FIELD, LearnedField, LearningProblem
@@ -50,7 +50,7 @@ class MapLearning:
         self._fleet = fleet
         self._maps = maps
         self._workers = workers
-        self._jobs = MapJobs(foundation.jobs, "map learning")
+        self._jobs = JobPerKey[MapGroup](foundation.jobs, "map learning")
         self._learned_at: dict[tuple[Water, str], int] = {}
         """Samples of a variable that a water's map had when its kernels were last learned."""
         self._is_beginning = False

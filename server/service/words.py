@@ -123,3 +123,9 @@ _APPLIED = {
 def onboard_plan_state(state: OnboardPlanState) -> str:
     """Return the name of a plan's state on board, as REST says it."""
     return state.name.lower()
+
+
+def sentence(error: Exception) -> str:
+    """Return what an error says, as a sentence."""
+    text = str(error) or "The robot did not answer"
+    return f"{text[0].upper()}{text[1:]}".rstrip(".") + "."

@@ -1,15 +1,16 @@
-"""Jobs about maps, at most one of a kind for each map."""
+"""Jobs of which at most one is under way for each thing that they are about."""
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
-from typing import Any
+from collections.abc import Awaitable, Callable, Hashable, Mapping
+from typing import Any, Generic, TypeVar
 
 from server.job import JobBoard, JobProgress
-from server.service.map_group import MapGroup
+
+Key = TypeVar("Key", bound=Hashable)
 
 
-class MapJobs:
-    """The jobs of one kind that are under way, by the map that they are of.
+class JobPerKey(Generic[Key]):
+    """The jobs of one kind that are under way, by what they are about: a map, a robot, a file.
 
     Belongs to one event loop.
     """
@@ -17,20 +18,20 @@ class MapJobs:
     def __init__(self, board: JobBoard, kind: str) -> None:
         self._board = board
         self._kind = kind
-        self._running: dict[MapGroup, str] = {}
+        self._running: dict[Key, str] = {}
         self._starting = asyncio.Lock()
 
     def __bool__(self) -> bool:
         """Whether there is any."""
         return bool(self._running)
 
-    def get(self, group: MapGroup) -> str | None:
-        """Return the id of the job of a map, if one is under way."""
-        return self._running.get(group)
+    def get(self, key: Key) -> str | None:
+        """Return the id of the job about something, if one is under way."""
+        return self._running.get(key)
 
     async def start(
         self,
-        group: MapGroup,
+        key: Key,
         work: Callable[[JobProgress], Awaitable[Mapping[str, Any]]],
         *,
         by: str,
@@ -40,18 +41,21 @@ class MapJobs:
         Raises:
             StoreError: Nothing was begun.
         """
+        is_over = False
 
         async def until_done(progress: JobProgress) -> Mapping[str, Any]:
+            nonlocal is_over
             try:
                 return await work(progress)
             finally:
-                self._running.pop(group, None)
+                is_over = True
+                self._running.pop(key, None)
 
         async with self._starting:
-            running = self._running.get(group)
+            running = self._running.get(key)
             if running is not None:
                 return running
             job = await self._board.start(self._kind, until_done, by=by)
-            if any(one.id == job.id for one in self._board.running):
-                self._running[group] = job.id
+            if not is_over and any(one.id == job.id for one in self._board.running):
+                self._running[key] = job.id
             return job.id

@@ -1,0 +1,178 @@
+"""Log files of robots: listed and fetched over radio, piece by piece, and kept ashore whole."""
+
+import asyncio
+import hashlib
+from collections import defaultdict
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, Protocol
+
+from db.query import onboard as query
+from db.query.onboard import LogRecord
+from robot_link.messages import RobotId
+from robot_link.service.error import FileInterruptedError, ServiceError
+from robot_link.service.file_store import FileEntry
+from server.foundation import Foundation
+from server.job import JobError, JobProgress
+from server.problem import conflict, not_found
+from server.service.fleet import Fleet
+from server.service.job_per_key import JobPerKey
+from server.service.view.onboard import FetchedLogView, RobotLogsView, RobotLogView
+from server.service.words import sentence
+
+FOLDER = "robot-logs"
+"""Where in the data folder the copies lie."""
+_DEEPEST_FOLDER = 4
+
+
+class FileRadio(Protocol):
+    """The part of the road to the robots that carries files; never a satellite."""
+
+    async def list_files(self, robot: RobotId, path: str = "/") -> Sequence[FileEntry]:
+        """Return the entries of a folder."""
+        ...
+
+    async def download_file(
+        self, robot: RobotId, path: str, *, have: bytes, report: Callable[[int, int], None]
+    ) -> bytes:
+        """Return a whole file whose checksum was right."""
+        ...
+
+
+class RobotLogs:
+    """Belongs to one event loop; a robot is asked for one thing at a time.
+
+    A transfer that breaks off keeps what came in a ``.part`` file; the next one goes on from there.
+    A copy gets its place only when it is whole.
+    """
+
+    def __init__(self, foundation: Foundation, fleet: Fleet, radio: FileRadio) -> None:
+        self._store = foundation.store
+        self._clock = foundation.clock
+        self._listings = JobPerKey[str](foundation.jobs, "log listing")
+        self._fetches = JobPerKey[str](foundation.jobs, "log fetching")
+        self._fleet = fleet
+        self._radio = radio
+        self._folder = foundation.settings.data_dir / FOLDER
+        self._asking: dict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
+
+    async def view(self, robot: str) -> RobotLogsView:
+        """Return the files that a robot named last.
+
+        Raises:
+            Problem: 404 if there is no such robot.
+        """
+        self._fleet.picture(robot)
+        records = await self._store.query(lambda session: query.list_logs(session, robot))
+        return RobotLogsView(
+            read_at=max((record.listed_at for record in records), default=None),
+            logs=[_view(record) for record in records],
+        )
+
+    async def read(self, robot: str, *, by: str) -> str:
+        """Begin to ask for the list of files; return the job's id.
+
+        Raises:
+            Problem: 404 for an unknown robot, 409 for a recording.
+        """
+        self._check_talks(robot)
+        return await self._listings.start(
+            robot, lambda progress: self._list(robot, progress), by=by
+        )
+
+    async def download(self, robot: str, path: str, *, by: str) -> str:
+        """Begin to fetch a file; return the job's id, that of the one under way if any.
+
+        Raises:
+            Problem: 404 for an unknown robot or file, 409 for a recording.
+        """
+        self._check_talks(robot)
+        known = await self._store.query(lambda session: query.list_logs(session, robot))
+        record = next((one for one in known if one.path == path), None)
+        if record is None:
+            raise not_found(f"{robot} has named no file {path!r}; list its files first.")
+        return await self._fetches.start(
+            record.id, lambda progress: self._fetch(record, progress), by=by
+        )
+
+    async def copy(self, robot: str, log: str) -> tuple[LogRecord, Path]:
+        """Return a file's record and where its copy lies.
+
+        Raises:
+            UnknownIdError: If there is no such file.
+            Problem: 404 if it is another robot's, or was not fetched yet.
+        """
+        record = await self._store.query(lambda session: query.get_log(session, log))
+        path = self._folder / f"{log}.bin"
+        if record.robot != robot or record.sha256 is None or not path.exists():
+            raise not_found(f"{log} of {robot} is not ashore; fetch it first.")
+        return record, path
+
+    async def _list(self, robot: str, progress: JobProgress) -> Mapping[str, Any]:
+        progress.report(0.0, f"Asking {robot} for its files.")
+        sizes: dict[str, int] = {}
+        try:
+            async with self._asking[robot]:
+                await self._walk(RobotId(robot), "/", sizes, _DEEPEST_FOLDER)
+        except ServiceError as error:
+            raise JobError(sentence(error)) from error
+        at = self._clock.now()
+        await self._store.write(lambda session: query.keep_listing(session, robot, sizes, at))
+        return {"files": len(sizes)}
+
+    async def _walk(self, robot: RobotId, path: str, sizes: dict[str, int], deeper: int) -> None:
+        for entry in await self._radio.list_files(robot, path):
+            below = f"{path.rstrip('/')}/{entry.name}"
+            if not entry.is_folder:
+                sizes[below] = entry.size
+            elif deeper:
+                await self._walk(robot, below, sizes, deeper - 1)
+
+    async def _fetch(self, record: LogRecord, progress: JobProgress) -> Mapping[str, Any]:
+        self._folder.mkdir(parents=True, exist_ok=True)
+        part = self._folder / f"{record.id}.part"
+        have = part.read_bytes() if part.exists() else b""
+
+        def report(received: int, total: int) -> None:
+            share = received / total if total else 1.0
+            progress.report(share, f"{received} of {total} bytes of {record.path}.")
+
+        report(len(have), max(record.size, len(have)))
+        try:
+            async with self._asking[record.robot]:
+                content = await self._radio.download_file(
+                    RobotId(record.robot), record.path, have=have, report=report
+                )
+        except ServiceError as error:
+            if isinstance(error, FileInterruptedError):
+                part.write_bytes(error.partial)
+            raise JobError(sentence(error)) from error
+        part.write_bytes(content)
+        part.replace(self._folder / f"{record.id}.bin")
+        sha256 = hashlib.sha256(content).hexdigest()
+        at = self._clock.now()
+        await self._store.write(
+            lambda session: query.note_fetched(
+                session, record.id, size=len(content), sha256=sha256, at=at
+            )
+        )
+        return {"log": record.id, "bytes": len(content), "sha256": sha256}
+
+    def _check_talks(self, robot: str) -> None:
+        if self._fleet.picture(robot).record.system_id is None:
+            raise conflict(f"{robot} is a recording; it cannot be asked anything.")
+
+
+def _view(record: LogRecord) -> RobotLogView:
+    fetched = None
+    if record.sha256 is not None and record.fetched_at is not None:
+        fetched = FetchedLogView(
+            record.id, record.fetched_at, record.fetched_size or 0, record.sha256
+        )
+    return RobotLogView(
+        id=record.id,
+        path=record.path,
+        bytes=record.size,
+        modified_at=None,
+        downloaded=fetched,
+    )
