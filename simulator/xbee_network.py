@@ -38,17 +38,18 @@ class XBeeNetwork:
         *,
         discovery_s: float = 3.2,
     ) -> None:
-        self._air = Air(rng, conditions, in_reach)
+        self.air = Air(rng, conditions, in_reach)
+        """What is between the radios."""
         self._discovery_s = discovery_s
 
     @property
     def conditions(self) -> AirConditions:
         """How bad the air is; may be replaced at any time."""
-        return self._air.conditions
+        return self.air.conditions
 
     @conditions.setter
     def conditions(self, conditions: AirConditions) -> None:
-        self._air.conditions = conditions
+        self.air.conditions = conditions
 
     def robot_radio(self, address: Address, node_id: str = "") -> RobotRadio:
         """Return the radio of a robot, in process.
@@ -60,16 +61,16 @@ class XBeeNetwork:
         Raises:
             ValueError: If the address is taken.
         """
-        radio = RobotRadio(address, self._air)
+        radio = RobotRadio(address, self.air)
         name = node_id or f"ROBOT {address & 0xFFFF:04X}"
-        self._air.listen(address, Listener(name, radio.hear))
+        self.air.listen(address, Listener(name, radio.hear))
         return radio
 
     def transmit(
         self, source: Address, destination: Address, data: bytes
     ) -> asyncio.Future[Delivery]:
         """Send a packet into the air; the future tells what its sender's radio will say."""
-        return self._air.transmit(source, destination, data)
+        return self.air.transmit(source, destination, data)
 
     @asynccontextmanager
     async def pty(
@@ -90,14 +91,14 @@ class XBeeNetwork:
             with suppress(BlockingIOError):
                 module.feed(os.read(ours, 65536))
 
-        self._air.listen(address, Listener(STATION_NODE_ID, module.hear))
+        self.air.listen(address, Listener(STATION_NODE_ID, module.hear))
         loop.add_reader(ours, take)
         point(link, os.ttyname(theirs))
         try:
             yield
         finally:
             unlink(link)
-            self._air.leave(address)
+            self.air.leave(address)
             loop.remove_reader(ours)
             outlet.close()
             os.close(theirs)
@@ -120,14 +121,14 @@ class XBeeNetwork:
                 return
             clients.add(writer)
             module = self._module(address, mode, partial(write_unless_full, writer))
-            self._air.listen(address, Listener(STATION_NODE_ID, module.hear))
+            self.air.listen(address, Listener(STATION_NODE_ID, module.hear))
             try:
                 while data := await reader.read(65536):
                     module.feed(data)
             except ConnectionError:
                 pass
             finally:
-                self._air.leave(address)
+                self.air.leave(address)
                 clients.discard(writer)
                 writer.close()
 
@@ -143,4 +144,4 @@ class XBeeNetwork:
     def _module(
         self, address: Address, mode: ApiMode, write: Callable[[bytes], None]
     ) -> StationModule:
-        return StationModule(address, mode, self._air, write, self._discovery_s)
+        return StationModule(address, mode, self.air, write, self._discovery_s)

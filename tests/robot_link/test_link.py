@@ -228,14 +228,14 @@ async def test_a_submerged_robot_does_not_talk_to_itself(tmp_path: Path):
         await until(lambda: not robot.unacknowledged_samples)
         it.reachable.clear()
         attempts: list[bytes] = []
-        transmit = it.air.transmit
+        transmit = it.air.air.transmit
 
         def counted(source: Address, destination: Address, data: bytes):
             if len(data) >= SAMPLE_FRAME_BYTES:
                 attempts.append(data)
             return transmit(source, destination, data)
 
-        it.air.transmit = counted
+        it.air.air.transmit = counted
         for number in range(100):
             robot.record_sample("blue_light", number, (0.0, 0.0, 1.0), 0.1, SystemClock().now())
         await asyncio.sleep(0.5)
