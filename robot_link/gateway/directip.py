@@ -7,6 +7,7 @@ to the gateway and waits for a confirmation. The layouts are in
 """
 
 import asyncio
+import contextlib
 import logging
 from collections import Counter
 from collections.abc import Awaitable, Callable
@@ -161,10 +162,17 @@ class DirectIpGateway:
         except WireError as error:
             raise GatewayUnreachableError(f"The gateway's answer is none: {error}.") from None
         finally:
-            writer.close()
+            await _hang_up(writer)
         if answer.mt_confirmation is None:
             raise GatewayUnreachableError("The gateway's answer confirms nothing.")
         return answer.mt_confirmation
+
+
+async def _hang_up(writer: asyncio.StreamWriter) -> None:
+    """Close at once: the answer is there, or none is waited for any more."""
+    writer.transport.abort()
+    with contextlib.suppress(OSError):
+        await writer.wait_closed()
 
 
 def _taken(answer: MtConfirmation, client_id: int) -> Taken:

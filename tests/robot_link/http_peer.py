@@ -1,0 +1,64 @@
+"""An HTTP server of a few lines, which keeps what it was asked, byte by byte."""
+
+import asyncio
+from contextlib import asynccontextmanager, suppress
+from dataclasses import dataclass, field
+
+
+@dataclass
+class Request:
+    head: str
+    body: bytes
+
+    @property
+    def line(self):
+        return self.head.split("\r\n", 1)[0]
+
+
+@dataclass
+class HttpPeer:
+    url: str = ""
+    requests: list[Request] = field(default_factory=list)
+
+
+@asynccontextmanager
+async def http_peer(answers):
+    """Answer each request with the next (status, text); None lets the request wait for ever."""
+    peer = HttpPeer()
+    waiting = list(answers)
+    serving = set()
+
+    async def serve(reader, writer):
+        serving.add(asyncio.current_task())
+        try:
+            head = (await reader.readuntil(b"\r\n\r\n")).decode()
+            length = int(head.lower().split("content-length:")[1].split("\r\n")[0])
+            peer.requests.append(Request(head, await reader.readexactly(length)))
+            answer = waiting.pop(0)
+            if answer is None:
+                await asyncio.Event().wait()
+            status, text = answer
+            body = text.encode()
+            location = "Location: http://127.0.0.1:1/elsewhere\r\n" if status == 302 else ""
+            writer.write(
+                f"HTTP/1.1 {status} Said\r\nContent-Length: {len(body)}\r\n{location}"
+                "Connection: close\r\n\r\n".encode()
+            )
+            writer.write(body)
+            await writer.drain()
+        except (asyncio.CancelledError, ConnectionError, asyncio.IncompleteReadError):
+            pass
+        finally:
+            writer.close()
+            with suppress(ConnectionError, asyncio.CancelledError):
+                await writer.wait_closed()
+
+    server = await asyncio.start_server(serve, "127.0.0.1", 0)
+    peer.url = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+    try:
+        yield peer
+    finally:
+        server.close()
+        for task in serving:
+            task.cancel()
+        await asyncio.gather(*serving, return_exceptions=True)
