@@ -11,6 +11,7 @@ from autonomy.vehicle.config import VEHICLES, Vehicle
 from robot_link.messages import RobotId, SystemId
 from robot_link.transport.datagram import Address
 from simulator.battery import BatteryModel
+from simulator.onboard.clock import ClockModel
 from simulator.sensor import SensorModel
 
 
@@ -39,6 +40,18 @@ class RobotDefinition:
     battery: BatteryModel
     current_ne_m_s: tuple[float, float] = (0.0, 0.0)
     """Current that stays, which the robot does not know of."""
+    antenna_ne_m: tuple[float, float] = (0.0, 0.0)
+    """Where the station's antenna stands."""
+    radio_range_m: float = math.inf
+    """Farther from that antenna no radio passes."""
+    far_ne_m: tuple[float, float] | None = None
+    """Where the robot floats at first if it is to begin out of radio range."""
+    imei: str = ""
+    """Number of its satellite modem; empty without one."""
+    clock: ClockModel | None = None
+    """How wrong its clock is between GPS pulses; None is a robot that is given the time."""
+    acoustic_address: int | None = None
+    """Address of its acoustic modem; None without one."""
 
     @property
     def estimator(self) -> EstimatorConfig:
@@ -49,6 +62,15 @@ class RobotDefinition:
     def energy(self) -> EnergyConfig:
         """Prices of its primitives."""
         return PLANNER_PRESETS.get(self.vehicle.key, PlannerConfig()).energy
+
+    def far_away(self) -> "RobotDefinition":
+        """Return the robot as it begins out of radio range, where it has such a place."""
+        return self if self.far_ne_m is None else replace(self, start_ne_m=self.far_ne_m)
+
+    def is_in_range(self, north_m: float, east_m: float) -> bool:
+        """Tell whether a place is near enough to the station's antenna for radio."""
+        north, east = self.antenna_ne_m
+        return math.hypot(north_m - north, east_m - east) <= self.radio_range_m
 
 
 MINI_1 = RobotDefinition(
@@ -132,8 +154,17 @@ GRACE_1 = RobotDefinition(
         full_v=21.0,
         empty_v=16.0,
     ),
+    antenna_ne_m=(60.0, 90.0),
+    radio_range_m=150.0,
+    far_ne_m=(360.0, 350.0),
+    imei="300234000000020",
+    clock=ClockModel(rate_std_ppm=20.0),
+    acoustic_address=2,
 )
-"""GRACE 3 in the practice lake; GPS fixes its position at the surface."""
+"""GRACE 3 in the practice lake; GPS fixes its position at the surface.
+
+The station's antenna stands on a jetty in the south-west; beyond its range the satellite is left.
+"""
 
 FLEET: dict[RobotId, RobotDefinition] = {
     definition.robot: definition for definition in (MINI_1, MINI_2, GRACE_1)

@@ -1,5 +1,6 @@
 """One simulated robot: a body in its water, and the onboard program that moves it."""
 
+from collections.abc import Callable
 from datetime import datetime
 
 import numpy as np
@@ -74,6 +75,7 @@ class SimulatedRobot:
         seed: Starting point of its randomness.
         started_at: Its clock at the beginning.
         conditions: Layers and waves of the water; by default mixed and calm.
+        stamp: Tells the time by its own clock; by default the steps are counted.
     """
 
     def __init__(
@@ -82,6 +84,7 @@ class SimulatedRobot:
         seed: int,
         started_at: datetime,
         conditions: WaterConditions | None = None,
+        stamp: Callable[[], datetime] | None = None,
     ) -> None:
         self.definition = definition
         self.body = SimulatedBody(definition, seed, conditions)
@@ -94,13 +97,20 @@ class SimulatedRobot:
             energy=definition.energy,
             hardware=self.body,
             started_at=started_at,
+            stamp=stamp,
         )
 
     @property
     def is_in_reach(self) -> bool:
         """Whether radio passes between the robot and its station now."""
-        depth_m = self.body.plant.position_ned[2]
-        return self.definition.site.radio_under_water or depth_m <= self.definition.antenna_depth_m
+        north, east, _ = self.body.plant.position_ned
+        is_dry = self.definition.site.radio_under_water or self.has_sky
+        return is_dry and self.definition.is_in_range(north, east)
+
+    @property
+    def has_sky(self) -> bool:
+        """Whether its antennas are out of the water now."""
+        return self.body.plant.position_ned[2] <= self.definition.antenna_depth_m
 
     def step(self, radio: Radio) -> None:
         """Let one period of the onboard program pass."""

@@ -1,7 +1,10 @@
 """The mission executive: flies the plan on board, keeps its limits, obeys commands."""
 
+from dataclasses import replace
 from enum import Enum, auto
 
+from autonomy.control.catalogue import CONTROLLERS
+from autonomy.control.controller import Controller
 from autonomy.planner.config import EnergyConfig
 from autonomy.planner.plan import Leg, PrimitiveKind
 from robot_link.messages import (
@@ -12,6 +15,7 @@ from robot_link.messages import (
 )
 from robot_link.mission import Mission
 from robot_link.onboard import CommandOutcome
+from robot_link.onboard_settings import DigestSettings
 from simulator.onboard.account import EnergyAccount
 from simulator.onboard.course import anchored_end, dive_ends, is_surface
 from simulator.onboard.hardware import SetPoints
@@ -28,11 +32,14 @@ from simulator.onboard.maneuver import (
     distance,
 )
 from simulator.onboard.navigation import Estimate
+from simulator.onboard.profile import FlightProfile
 from simulator.onboard.safety import danger, mission_over, plan_flaw
 from simulator.onboard.trim import Trim
 
 DIGITS = 12
 """Digits of a plan's hash that START names."""
+_TALK_MAX_S = 400.0
+"""Longest stay at the surface for a call by satellite that does not end."""
 
 
 class Stage(Enum):
@@ -70,7 +77,9 @@ class Executive:
 
     def __init__(self, flight: Flight, energy: EnergyConfig) -> None:
         self._flight = flight
+        self._own_controller = flight.pilot.controller
         self._energy = energy
+        self._prices = energy
         self._account = EnergyAccount(energy)
         self._mission: Mission | None = None
         self._ends: tuple[int, ...] = ()
@@ -96,9 +105,20 @@ class Executive:
         return self._maneuver.mode
 
     @property
+    def surfaced_s(self) -> float:
+        """How long the robot has been at the surface; 0 under water."""
+        return self._surfaced_s
+
+    @property
     def energy_used(self) -> float:
         """Energy units spent since the mission began."""
         return self._account.used
+
+    @property
+    def digest_settings(self) -> DigestSettings | None:
+        """What tells which samples change the map most, where the mission on board brought it."""
+        onboard = None if self._mission is None else self._mission.onboard
+        return None if onboard is None else onboard.digest_settings()
 
     @property
     def is_sampling(self) -> bool:
@@ -136,13 +156,21 @@ class Executive:
             case CommandKind.START:
                 return self._start(plan_digits)
 
-    def step(self, estimate: Estimate, dt_s: float, *, samples_waiting: bool) -> SetPoints:
+    def step(
+        self,
+        estimate: Estimate,
+        dt_s: float,
+        *,
+        samples_waiting: bool,
+        is_talking: bool = False,
+    ) -> SetPoints:
         """Return the set points for the next ``dt_s`` seconds, before trim.
 
         Args:
             estimate: Where the robot is.
             dt_s: Length of the step.
             samples_waiting: Whether some samples are not yet known to be stored ashore.
+            is_talking: Whether a call by satellite is due or under way.
         """
         is_surfaced = self._flight.is_surfaced(estimate)
         self._surfaced_s = self._surfaced_s + dt_s if is_surfaced else 0.0
@@ -152,7 +180,7 @@ class Executive:
             if self._flown is not None:
                 self._account.fly_leg(self._flown.share(estimate))
             self._keep_limits(estimate)
-        self._proceed(estimate, samples_waiting)
+        self._proceed(estimate, samples_waiting, is_talking=is_talking)
         return self._maneuver.step(estimate, dt_s)
 
     def _start(self, plan_digits: str) -> CommandOutcome:
@@ -169,13 +197,34 @@ class Executive:
             return CommandOutcome.NOT_NOW
         self.plan_state = OnboardPlanState.RUNNING
         self.trim = Trim.of(mission.settings)
+        self._take_settings(mission)
         self.reason = ""
         self.leg = 0
         self._hold = False
         self._mission_s = 0.0
-        self._account = EnergyAccount(self._energy)
+        self._account = EnergyAccount(self._prices)
         self._enter(Stage.NEXT, Float(self._flight, RobotMode.SURFACED))
         return CommandOutcome.DONE
+
+    def set_controller(self, controller: Controller) -> None:
+        """Fly with this controller, except while a mission brings its own."""
+        self._own_controller = controller
+        if self._mission is None or self._mission.onboard is None:
+            self._flight.pilot.controller = controller
+
+    def set_profile(self, profile: FlightProfile) -> None:
+        """Keep to these manners from the next maneuver on."""
+        self._flight = replace(self._flight, profile=profile)
+
+    def _take_settings(self, mission: Mission) -> None:
+        """Fly with what the mission brought; what it does not bring is the robot's own."""
+        pilot, onboard = self._flight.pilot, mission.onboard
+        if onboard is None:
+            pilot.controller, self._prices = self._own_controller, self._energy
+            return
+        kind = CONTROLLERS[onboard.controller_kind]
+        pilot.controller = kind.make(self._flight.vehicle, onboard.controller_config())
+        self._prices = onboard.energy_config()
 
     def _keep_limits(self, estimate: Estimate) -> None:
         """Come up where a limit is met: for this dive, or for good."""
@@ -203,7 +252,7 @@ class Executive:
         self._abort_reason = reason
         self._enter(Stage.ABORT, Rise(self._flight))
 
-    def _proceed(self, estimate: Estimate, samples_waiting: bool) -> None:
+    def _proceed(self, estimate: Estimate, samples_waiting: bool, *, is_talking: bool) -> None:
         """Go on to the next stage if this one is over."""
         if self._hold and self._stage in _BEFORE_A_DIVE:
             self._enter(Stage.HELD, Float(self._flight, RobotMode.HOLDING))
@@ -223,7 +272,7 @@ class Executive:
                 if self._maneuver.is_done(estimate):
                     self._enter(Stage.SURFACED, Float(self._flight, RobotMode.SURFACED))
             case Stage.SURFACED:
-                if self._may_dive(estimate, samples_waiting):
+                if self._may_dive(estimate, samples_waiting, is_talking=is_talking):
                     self._begin_leg(estimate)
             case Stage.LEG:
                 if self._maneuver.is_done(estimate):
@@ -256,15 +305,18 @@ class Executive:
         else:
             self._enter(Stage.TURN, Turn(flight, lambda now: _course(flight, legs, headed, now)))
 
-    def _may_dive(self, estimate: Estimate, samples_waiting: bool) -> bool:
+    def _may_dive(self, estimate: Estimate, samples_waiting: bool, *, is_talking: bool) -> bool:
         profile = self._flight.profile
         if self._surfaced_s < profile.surface_min_s or not estimate.has_fix:
+            return False
+        if is_talking and self._surfaced_s < _TALK_MAX_S:
             return False
         return not samples_waiting or self._surfaced_s > profile.surface_max_s
 
     def _begin_leg(self, estimate: Estimate) -> None:
         legs = self._dive()
         self._account.begin_leg(legs[0])
+        self._flight.pilot.controller.reset()
         flown = begin_leg(self._flight, legs, estimate)
         self._enter(Stage.LEG, flown)
         self._flown = flown

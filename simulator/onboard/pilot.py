@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from autonomy.control.config import BacksteppingConfig
-from autonomy.control.controller import BacksteppingController
+from autonomy.control.controller import BacksteppingController, Controller
 from autonomy.control.reference import Reference
 from autonomy.vehicle.config import Vehicle
 from simulator.onboard.course import wrap
@@ -47,17 +47,21 @@ class DepthReference:
 class Pilot:
     """Turns what is wanted of the motion into set points.
 
-    Depth and pitch are controlled by the proposed backstepping law (thesis Eq. 3.19) that tracks a
-    point just ahead on the course. The tail is the pilot's own, because it also flaps.
+    Depth and pitch are controlled by a law that tracks a point just ahead on the course; by the
+    proposed backstepping law (thesis Eq. 3.19) unless a mission brings another. The tail is the
+    pilot's own, because it also flaps.
 
     Args:
         vehicle: The robot.
         config: Gains of the backstepping law.
+        period_s: Time between two steps, for laws that remember.
     """
 
-    def __init__(self, vehicle: Vehicle, config: BacksteppingConfig) -> None:
+    def __init__(self, vehicle: Vehicle, config: BacksteppingConfig, period_s: float = 0.1) -> None:
         self._vehicle = vehicle
-        self._controller = BacksteppingController(vehicle, config)
+        self._period_s = period_s
+        self.controller: Controller = BacksteppingController(vehicle, config)
+        """The law; may be replaced between two steps."""
         self._flaps = False
 
     def rest(self) -> SetPoints:
@@ -172,7 +176,7 @@ class Pilot:
         north, east, _ = estimate.position_ned
         speed = forward_speed(estimate)
         ahead = (math.cos(heading), math.sin(heading))
-        command = self._controller.command(
+        command = self.controller.command(
             estimate.state,
             Reference(
                 (north + _AHEAD_M * ahead[0], east + _AHEAD_M * ahead[1], depth.depth_m),
@@ -180,7 +184,7 @@ class Pilot:
                 (speed * ahead[0], speed * ahead[1], depth.rate_m_s),
                 acceleration_ned=(0.0, 0.0, depth.acceleration_m_s2),
             ),
-            0.0,
+            self._period_s,
         )
         return SetPoints(_clip(command.m0_kg, net_buoyancy_max_kg), command.rp1_m)
 

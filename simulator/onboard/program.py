@@ -1,5 +1,6 @@
 """The onboard program: ten times a second from readings to set points, never seeing the truth."""
 
+from collections.abc import Callable
 from datetime import datetime, timedelta
 from typing import Protocol
 
@@ -18,6 +19,7 @@ from robot_link.messages import (
 )
 from robot_link.mission import Mission
 from robot_link.onboard import CommandOutcome
+from robot_link.onboard_settings import DigestSettings
 from simulator.onboard.executive import Executive
 from simulator.onboard.hardware import Hardware
 from simulator.onboard.maneuver import Flight
@@ -76,6 +78,7 @@ class OnboardProgram:
         energy: Prices of its primitives.
         hardware: Its body.
         started_at: Its clock now.
+        stamp: Tells the time by the robot's own clock; without it the steps are counted.
     """
 
     def __init__(
@@ -89,8 +92,10 @@ class OnboardProgram:
         energy: EnergyConfig,
         hardware: Hardware,
         started_at: datetime,
+        stamp: Callable[[], datetime] | None = None,
     ) -> None:
         self._robot = robot
+        self._stamp = stamp
         self._variable = site.variable
         self._limits = vehicle.limits
         self._hardware = hardware
@@ -98,7 +103,7 @@ class OnboardProgram:
         self._steps = 0
         self._readings = hardware.read()
         self._navigator = Navigator(estimator, vehicle, site, self._readings, PERIOD_S)
-        pilot = Pilot(vehicle, controller)
+        pilot = Pilot(vehicle, controller, PERIOD_S)
         self.executive = Executive(
             Flight(vehicle, FLIGHT_PROFILES[vehicle.key], site, pilot), energy
         )
@@ -108,6 +113,8 @@ class OnboardProgram:
         self._next_sample_s = 0.0
         self._told_mode: RobotMode | None = None
         self._told_plan: tuple[OnboardPlanState, int] | None = None
+        self.is_talking = False
+        """Whether a call by satellite is due or under way, for which the robot stays up."""
 
     @property
     def time_s(self) -> float:
@@ -117,7 +124,19 @@ class OnboardProgram:
     @property
     def now(self) -> datetime:
         """The robot's clock."""
+        if self._stamp is not None:
+            return self._stamp()
         return self._started_at + timedelta(seconds=self.time_s)
+
+    @property
+    def surfaced_s(self) -> float:
+        """How long the robot has been at the surface; 0 under water."""
+        return self.executive.surfaced_s
+
+    @property
+    def digest_settings(self) -> DigestSettings | None:
+        """What tells which samples change the map most, where the mission on board brought it."""
+        return self.executive.digest_settings
 
     def plan_refusal(self) -> str:
         """Return why no new plan can be taken now, or ""."""
@@ -142,7 +161,10 @@ class OnboardProgram:
         self._steps += 1
         self.estimate = self._read(began_s)
         self._set_points = self.executive.step(
-            self.estimate, PERIOD_S, samples_waiting=radio.unacknowledged_samples > 0
+            self.estimate,
+            PERIOD_S,
+            samples_waiting=radio.unacknowledged_samples > 0,
+            is_talking=self.is_talking,
         )
         self._hardware.actuate(self.executive.trim.command(self._set_points, self._limits))
         self._measure(radio)

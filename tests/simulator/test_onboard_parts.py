@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import simulator.node
 import simulator.onboard
 from autonomy.planner import primitive
 from autonomy.vehicle.config import VEHICLES
@@ -141,13 +142,15 @@ def test_robot_that_never_had_a_fix_does_not_claim_a_position():
     assert found.has_fix
 
 
-def test_onboard_program_knows_nothing_of_the_truth():
-    for path in Path(simulator.onboard.__file__).parent.glob("*.py"):
+def test_onboard_program_and_nodes_know_nothing_of_the_truth():
+    folders = [Path(package.__file__).parent for package in (simulator.onboard, simulator.node)]
+    for path in [path for folder in folders for path in folder.glob("*.py")]:
         nodes = list(ast.walk(ast.parse(path.read_text())))
         imported = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
         for node in nodes:
             if isinstance(node, ast.Import):
                 imported += [alias.name for alias in node.names]
         for name in imported:
-            assert not name.startswith("simulator") or name.startswith("simulator.onboard")
+            is_foreign = not name.startswith("simulator")
+            assert is_foreign or name.startswith(("simulator.onboard", "simulator.node"))
             assert name != "autonomy.field.synthetic"

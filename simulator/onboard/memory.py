@@ -1,0 +1,110 @@
+"""What a robot remembers while it is switched off: files that are replaced whole or not at all."""
+
+import json
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from robot_link.messages import CommandNumber
+from robot_link.mission import Mission
+from robot_link.robot_program import CommandOutcome
+from robot_link.satellite.blob import Blob, mission_of
+
+_KEY_BYTES = 32
+
+
+class KeyUnreadableError(Exception):
+    """A robot's key file does not hold a key; the text names the file."""
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file so that a cut at any moment leaves the old content or the new."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    fresh = path.with_name(f".{path.name}.new")
+    with fresh.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    fresh.replace(path)
+
+
+class FilePlanStore:
+    """The plan on board in one file.
+
+    A file that holds no plan counts as none: the robot then flies nothing until it is told again.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        self._mission = self._read()
+
+    def load(self) -> Mission | None:
+        """Return the plan on board, None without one."""
+        return self._mission
+
+    def replace(self, mission: Mission) -> None:
+        """Make a mission the plan on board, whole or not at all."""
+        blob = Blob.of(mission)
+        replace_file(self._path, bytes((blob.codec,)) + blob.packed)
+        self._mission = mission
+
+    def _read(self) -> Mission | None:
+        try:
+            data = self._path.read_bytes()
+            return mission_of(data[1:], data[0]) if data else None
+        except (FileNotFoundError, ValueError):
+            return None
+
+
+class FileCommandMemory:
+    """What came of the newest commands, in one file; see ``robot_link.command_desk``."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def load(self) -> Sequence[tuple[CommandNumber, int, CommandOutcome]]:
+        """Return number, expiry and outcome, oldest first; nothing where the file is none."""
+        try:
+            rows = json.loads(self._path.read_text())
+            return [(CommandNumber(n), int(at), CommandOutcome(what)) for n, at, what in rows]
+        except (FileNotFoundError, ValueError, TypeError):
+            return []
+
+    def save(self, outcomes: Sequence[tuple[CommandNumber, int, CommandOutcome]]) -> None:
+        """Replace what is kept."""
+        replace_file(self._path, json.dumps(list(outcomes)).encode())
+
+
+class FileValues:
+    """Values by name, such as of parameters, in one file."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def load(self) -> dict[str, float]:
+        """Return what was saved; nothing where the file is none."""
+        try:
+            values = json.loads(self._path.read_text())
+            return {str(name): float(value) for name, value in values.items()}
+        except (FileNotFoundError, ValueError, TypeError, AttributeError):
+            return {}
+
+    def save(self, values: dict[str, float]) -> None:
+        """Replace what is kept."""
+        replace_file(self._path, json.dumps(values, indent=1).encode())
+
+
+def read_key(path: Path) -> bytes:
+    """Return a robot's key.
+
+    Raises:
+        FileNotFoundError: If there is none.
+        KeyUnreadableError: If the file holds anything but 64 hexadecimal digits.
+    """
+    try:
+        key = bytes.fromhex(path.read_text(encoding="ascii").strip())
+    except ValueError:
+        key = b""
+    if len(key) != _KEY_BYTES:
+        raise KeyUnreadableError(f"{path} does not hold {_KEY_BYTES} bytes in hexadecimal")
+    return key

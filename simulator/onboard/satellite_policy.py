@@ -1,0 +1,92 @@
+"""When a robot calls by satellite, and for how long it stays up for it; pure, by its own time."""
+
+import math
+from dataclasses import dataclass, replace
+
+_FIRST_RETRY_S = 30.0
+_LONGEST_RETRY_S = 480.0
+SESSIONS_MAX = 8
+"""Sessions of one call."""
+
+
+@dataclass(frozen=True, slots=True)
+class CallLimits:
+    """What the operator allows, in seconds of the robot."""
+
+    radio_silence_s: float
+    """A robot at the surface calls when it has not heard its station by radio for so long."""
+    session_period_s: float
+    """Time between two calls of a robot that stays at the surface."""
+
+
+@dataclass(frozen=True, slots=True)
+class Situation:
+    """What the robot knows of itself at one moment."""
+
+    time_s: float
+    """Its program's time."""
+    surfaced_s: float
+    """How long it has been at the surface; 0 under water."""
+    silent_s: float
+    """How long its station was not heard by radio; infinite before the first time."""
+    has_rung: bool
+    """Whether a ring was heard since the last call."""
+    has_news: bool
+    """Whether there is something that the station asked for and has not been told by satellite."""
+
+
+@dataclass(frozen=True, slots=True)
+class CallPolicy:
+    """Decides on calls. Every change returns a new value.
+
+    A robot that comes up gives the radio ``radio_silence_s`` to be heard. If it stays silent the
+    robot calls, and again after each ``session_period_s`` at the surface. A ring, or an answer
+    that belongs to a message from the satellite, makes it call at once even where radio is live.
+    A call that fails is repeated after 30 s, twice as long each time.
+    """
+
+    limits: CallLimits
+    called_s: float = -math.inf
+    """When the last call succeeded."""
+    failed_s: float = -math.inf
+    failures: int = 0
+    """Calls that failed since the last one that did not."""
+
+    def is_due(self, now: Situation) -> bool:
+        """Tell whether to call now."""
+        if now.surfaced_s <= 0.0 or now.time_s < self._retry_s(now):
+            return False
+        if now.has_rung or now.has_news:
+            return True
+        return self._is_silent(now) and self._is_owed(now)
+
+    def is_awaited(self, now: Situation) -> bool:
+        """Tell whether a robot that wants to dive should stay up for a call."""
+        if now.surfaced_s <= 0.0 or self.failures > 1:
+            return False
+        is_alone = now.silent_s >= min(now.surfaced_s, self.limits.radio_silence_s)
+        return now.has_rung or now.has_news or (is_alone and not self._has_called(now))
+
+    def called(self, time_s: float, *, is_sent: bool) -> "CallPolicy":
+        """Note how a call ended."""
+        if is_sent:
+            return replace(self, called_s=time_s, failures=0)
+        return replace(self, failed_s=time_s, failures=self.failures + 1)
+
+    def _is_silent(self, now: Situation) -> bool:
+        return min(now.surfaced_s, now.silent_s) >= self.limits.radio_silence_s
+
+    def _is_owed(self, now: Situation) -> bool:
+        is_late = now.time_s - self.called_s >= self.limits.session_period_s
+        return is_late or not self._has_called(now)
+
+    def _has_called(self, now: Situation) -> bool:
+        """Tell whether a call succeeded since the robot came up."""
+        return self.called_s > now.time_s - now.surfaced_s
+
+    def _retry_s(self, now: Situation) -> float:
+        """Return when a call may be tried again; at once after coming up."""
+        if self.failures == 0 or self.failed_s <= now.time_s - now.surfaced_s:
+            return -math.inf
+        wait_s = _FIRST_RETRY_S * 2.0 ** (self.failures - 1)
+        return self.failed_s + min(wait_s, _LONGEST_RETRY_S)
