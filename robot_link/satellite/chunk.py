@@ -1,13 +1,42 @@
-"""Chunks: a mission cut into messages of at most 270 bytes."""
+"""Chunks: a mission cut into messages of at most 270 bytes, and how the robot reads messages.
 
+A chunk, big endian, before the code of ``frame``:
+
+    u8   version << 4 | 1
+    u8   flags: bits 0, 1 codec of the blob; 2 last chunk; 3 start; 4 acknowledgements seen
+    u32  transfer id
+    u8   index, from 0
+    u8   number of chunks
+    u32  counter of the transfer
+    ...  data, 1..250 bytes
+"""
+
+import math
+import struct
 from dataclasses import dataclass
 
-from robot_link.mavlink.command import ReceivedCommand
 from robot_link.messages import SystemId
 from robot_link.satellite.blob import Blob, BlobCodec, TransferId
+from robot_link.satellite.frame import (
+    MAC_BYTES,
+    MOBILE_TERMINATED_MAX,
+    MessageType,
+    WireError,
+    first_byte,
+    opened_down,
+    sealed_down,
+)
+from robot_link.satellite.order import Order, read_order
 
 MOST_CHUNKS = 40
 """A gateway queues 50 messages for one robot; more would push each other out."""
+_HEADER = struct.Struct(">BBIBBI")
+DATA_MAX = MOBILE_TERMINATED_MAX - _HEADER.size - MAC_BYTES
+_CREDIT_BYTES = 50
+_THRIFTY_MAX = MOBILE_TERMINATED_MAX // _CREDIT_BYTES * _CREDIT_BYTES - _HEADER.size - MAC_BYTES
+"""Data of a message that fills its credits; more, up to ``DATA_MAX``, costs a credit more."""
+_CODEC_MASK, _LAST, _START, _ACK_SEEN = 3, 4, 8, 16
+_FLAGS_MAX = 31
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,15 +55,6 @@ class Chunk:
     """Whether the mission is to be flown as soon as it is on board."""
     ack_seen: bool
     """Whether the station has seen the final word on every transfer and order before this one."""
-
-
-@dataclass(frozen=True, slots=True)
-class Order:
-    """A command, with the counter that keeps an old one from being said again."""
-
-    command: ReceivedCommand
-    counter: int
-    ack_seen: bool
 
 
 def cut(
@@ -59,12 +79,34 @@ def cut(
     Raises:
         ValueError: If the mission needs more than ``MOST_CHUNKS``.
     """
-    raise NotImplementedError
+    parts = _parts(blob.packed)
+    flags = blob.codec | _START * start | _ACK_SEEN * ack_seen
+    first = first_byte(MessageType.CHUNK)
+    return tuple(
+        sealed_down(
+            _HEADER.pack(
+                first,
+                flags | _LAST * (index == len(parts) - 1),
+                blob.transfer_id,
+                index,
+                len(parts),
+                counter,
+            )
+            + part,
+            key,
+            system,
+        )
+        for index, part in enumerate(parts)
+    )
 
 
 def sizes(blob: Blob) -> tuple[int, ...]:
-    """Return the bytes of each message that ``cut`` makes, for a quote."""
-    raise NotImplementedError
+    """Return the bytes of each message that ``cut`` makes, for a quote.
+
+    Raises:
+        ValueError: If the mission needs more than ``MOST_CHUNKS``.
+    """
+    return tuple(_HEADER.size + len(part) + MAC_BYTES for part in _parts(blob.packed))
 
 
 def read_mobile_terminated(data: bytes, key: bytes, system: SystemId) -> Chunk | Order:
@@ -73,4 +115,45 @@ def read_mobile_terminated(data: bytes, key: bytes, system: SystemId) -> Chunk |
     Raises:
         WireError: If it is none for this robot.
     """
-    raise NotImplementedError
+    kind, body = opened_down(data, key, system)
+    if kind is MessageType.ORDER:
+        return read_order(body)
+    if kind is not MessageType.CHUNK or len(body) <= _HEADER.size:
+        raise WireError("this is no message to a robot")
+    _, flags, transfer_id, index, count, counter = _HEADER.unpack_from(body)
+    codec = flags & _CODEC_MASK
+    if flags > _FLAGS_MAX or codec not in tuple(BlobCodec):
+        raise WireError(f"flags {flags:#x} of a chunk are unknown")
+    if not index < count <= MOST_CHUNKS or bool(flags & _LAST) != (index == count - 1):
+        raise WireError(f"chunk {index} of {count} cannot be")
+    return Chunk(
+        transfer_id=TransferId(transfer_id),
+        counter=counter,
+        index=index,
+        count=count,
+        data=body[_HEADER.size :],
+        codec=BlobCodec(codec),
+        is_last=bool(flags & _LAST),
+        start=bool(flags & _START),
+        ack_seen=bool(flags & _ACK_SEEN),
+    )
+
+
+def _parts(packed: bytes) -> list[bytes]:
+    """Cut bytes into as few parts as can be, and of these as few credits.
+
+    Messages that fill their credits come first; where the parts would become too many, as many as
+    needed are filled up at the price of one credit more each.
+    """
+    count = math.ceil(len(packed) / DATA_MAX)
+    if count > MOST_CHUNKS:
+        raise ValueError(f"the mission needs {count} satellite messages; at most {MOST_CHUNKS}")
+    excess = len(packed) - count * _THRIFTY_MAX
+    filled = max(0, math.ceil(excess / (DATA_MAX - _THRIFTY_MAX)))
+    lengths = [DATA_MAX] * filled + [_THRIFTY_MAX] * (count - filled)
+    parts: list[bytes] = []
+    first = 0
+    for length in lengths:
+        parts.append(packed[first : first + length])
+        first += length
+    return parts

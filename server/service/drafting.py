@@ -3,6 +3,8 @@
 from collections.abc import Sequence
 from datetime import datetime
 
+from autonomy.configuration import Configuration
+from autonomy.field.config import FieldConfig
 from autonomy.planner.check import outdated, violations
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.edge import surfacings
@@ -11,11 +13,14 @@ from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.trim import TrimConfig, trim_flaw
 from db.query.plans import PlanRecord
 from robot_link.mission import Mission, MissionSettings
+from robot_link.onboard_settings import OnboardSettings
 from server.configuration import CurrentConfiguration
 from server.service.picture import Picture
 from server.service.plan_document import Draft, legs_of
 from server.service.view.plan import ViolationView
 
+ONBOARD_CONTROLLER = "controller.backstepping"
+"""Kind of the gains that a mission brings on board."""
 SENDABLE = ("draft", "on_board")
 """States of a plan that can be sent; one that is on board already is only started."""
 
@@ -26,6 +31,9 @@ def draft_of(
     config: PlannerConfig,
     trim: CurrentConfiguration,
     best: Candidate,
+    *,
+    controller: Configuration,
+    field: FieldConfig,
 ) -> Draft:
     """Return a trajectory as a mission, with the account that an operator decides by.
 
@@ -35,6 +43,8 @@ def draft_of(
         config: Settings that it was planned with.
         trim: The robot's trim, which the mission brings on board.
         best: The trajectory.
+        controller: Gains that the mission brings on board, of ``ONBOARD_CONTROLLER``.
+        field: The robot's map, by which it chooses the samples that it sends by satellite.
     """
     first = best.legs[0].start_ned
     offsets = trim.value_as(TrimConfig)
@@ -48,18 +58,30 @@ def draft_of(
         net_buoyancy_offset_kg=offsets.net_buoyancy_offset_kg,
         mass_position_offset_m=offsets.mass_position_offset_m,
     )
+    onboard, unfit = _onboard_settings(controller, config, field)
     return Draft(
-        mission=Mission.from_legs(settings, best.legs),
+        mission=Mission.from_legs(settings, best.legs, onboard=onboard),
         points=best.points,
         energy=best.energy,
         duration_s=best.duration_s,
         worst_std_m=best.worst_std_m,
-        violations=broken_limits(picture, vehicle, config, settings, best.legs),
+        violations=(*broken_limits(picture, vehicle, config, settings, best.legs), *unfit),
         trim_id=trim.id,
         trim_at=trim.changed_at,
         surfacings=comes_up,
         satellite_bytes=comes_up * config.mission.surfacing_bytes,
     )
+
+
+def _onboard_settings(
+    controller: Configuration, config: PlannerConfig, field: FieldConfig
+) -> tuple[OnboardSettings | None, tuple[ViolationView, ...]]:
+    """Return what the mission brings on board, or why that cannot travel."""
+    try:
+        return OnboardSettings.of(ONBOARD_CONTROLLER, controller, config, field), ()
+    except ValueError as error:
+        text = f"The robot cannot be given these settings: {error}."
+        return None, (ViolationView(ONBOARD_CONTROLLER, text),)
 
 
 def broken_limits(

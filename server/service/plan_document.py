@@ -13,6 +13,7 @@ from autonomy.planner.plan import Candidate, Leg, ObjectivePoint
 from db.query.plans import PlanRecord
 from robot_link.messages import PlanReport
 from robot_link.mission import Mission, MissionSettings
+from robot_link.onboard_settings import OnboardSettings
 from server.service.view.plan import (
     AccountView,
     LadderView,
@@ -60,14 +61,17 @@ class Draft:
         """
         old = self.mission
         settings = replace(old.settings, timeout_s=old.settings.timeout_s + 1.0)
-        return replace(self, mission=Mission.from_legs(settings, old.legs, old.format))
+        mission = Mission.from_legs(settings, old.legs, old.format, onboard=old.onboard)
+        return replace(self, mission=mission)
 
 
 def draft_document(draft: Draft) -> dict[str, Any]:
     """Return the part of a plan's document that a draft fills."""
+    onboard = draft.mission.onboard
     return {
         "format": draft.mission.format,
         "settings": asdict(draft.mission.settings),
+        "onboard_settings": None if onboard is None else list(onboard.integers()),
         "trim_id": draft.trim_id,
         "trim_at": None if draft.trim_at is None else draft.trim_at.isoformat(),
         "legs": [asdict(leg) for leg in draft.mission.legs],
@@ -156,11 +160,18 @@ def points_of(document: Mapping[str, Any]) -> FloatArray:
 def mission_of(plan: PlanRecord) -> Mission:
     """Return what travels to the robot; its hash is the plan's.
 
-    A document that names no format is of the first, which had no trim.
+    A document that names no format is of the first, which had no trim; one without onboard
+    settings is of a format that brought none.
     """
     document = plan.document
     settings = MissionSettings(**document["settings"])
-    return Mission.from_legs(settings, legs_of(document), document.get("format", 1))
+    integers = document.get("onboard_settings")
+    return Mission.from_legs(
+        settings,
+        legs_of(document),
+        document.get("format", 1),
+        onboard=None if integers is None else OnboardSettings.from_integers(integers),
+    )
 
 
 def plan_view(

@@ -10,13 +10,20 @@ from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
 from dataclasses import asdict
 from typing import Any
 
+from autonomy.field.config import FieldConfig
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus
 from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
 from server.foundation import Foundation
 from server.problem import conflict
-from server.service.drafting import broken_limits, broken_off, draft_of, outdated_by
+from server.service.drafting import (
+    ONBOARD_CONTROLLER,
+    broken_limits,
+    broken_off,
+    draft_of,
+    outdated_by,
+)
 from server.service.fleet import Fleet
 from server.service.plan_document import Draft, draft_document, mission_of, search_document
 from server.service.plan_ledger import PlanLedger
@@ -350,9 +357,18 @@ class Planning:
         await self._fail(plan, message, {"interrupted": True})
 
     async def _draft(self, robot: str, config: PlannerConfig, best: Candidate) -> Draft:
-        trim = await self._foundation.configurations.current("trim", robot)
-        vehicle = self._fleet.vehicle(robot)
-        return draft_of(self._fleet.picture(robot), vehicle, config, trim, best)
+        book = self._foundation.configurations
+        controller = await book.current(ONBOARD_CONTROLLER, robot)
+        field = await book.current("field", robot)
+        return draft_of(
+            self._fleet.picture(robot),
+            self._fleet.vehicle(robot),
+            config,
+            await book.current("trim", robot),
+            best,
+            controller=controller.value,
+            field=field.value_as(FieldConfig),
+        )
 
 
 async def _done(work: Coroutine[Any, Any, object]) -> None:

@@ -9,6 +9,7 @@ from datetime import datetime, timedelta
 import cbor2
 import pytest
 
+from autonomy.control.config import BACKSTEPPING_PRESETS
 from autonomy.site import TANK
 from db.query.events import newest_events
 from robot_link.clock import SystemClock
@@ -74,7 +75,7 @@ async def test_transfer_counts_the_items_that_the_wire_counts(client, world):
     body = {"kind": "primitives", "legs": [{"kind": "dive", "end_ned": [0, 0, 0.5]}, circle]}
     transfer = (await upload(client, await draft(client, body))).json()["transfer"]
     found = (await client.get(f"/api/transfers/{transfer}")).json()
-    assert found["items"] == 5, "settings, trim, two legs, one circle"
+    assert found["items"] == 10, "settings, trim, five of tuning, two legs, one circle"
 
 
 async def test_upload_that_meets_failing_storage_ends_once_storage_works(client, world, tmp_path):
@@ -296,8 +297,25 @@ async def test_plan_that_was_stored_before_there_was_trim_keeps_its_hash(client,
     record = await station.plans.get(await draft(client))
     offsets = ("net_buoyancy_offset_kg", "mass_position_offset_m")
     settings = {k: v for k, v in record.document["settings"].items() if k not in offsets}
-    document = {k: v for k, v in record.document.items() if k not in ("format", "trim_id")}
+    newer = ("format", "trim_id", "onboard_settings")
+    document = {k: v for k, v in record.document.items() if k not in newer}
     mission = mission_of(replace(record, document=document | {"settings": settings}))
     assert mission.settings.net_buoyancy_offset_kg == mission.settings.mass_position_offset_m == 0.0
     version, numbers, _ = cbor2.loads(mission.canonical_bytes())
     assert (version, len(numbers)) == (1, 5)
+
+
+async def test_plan_brings_its_controller_on_board_and_one_stored_before_keeps_its_hash(
+    client, station
+):
+    record = await station.plans.get(await draft(client))
+    mission = mission_of(record)
+    assert mission.sha256() == record.sha256
+    assert mission.onboard is not None
+    assert mission.onboard.controller_config() == BACKSTEPPING_PRESETS["miniglider"].model_copy(
+        update={"pitch_trade_rad": 0.3491}
+    )
+    older = {k: v for k, v in record.document.items() if k != "onboard_settings"}
+    before = mission_of(replace(record, document=older | {"format": 2}))
+    version, numbers, _ = cbor2.loads(before.canonical_bytes())
+    assert (version, len(numbers), before.onboard) == (2, 7, None)

@@ -63,7 +63,7 @@ async def test_plan_is_on_board_only_after_the_robot_echoed_its_hash(client, wor
     found = await plan_in(client, plan, "on_board")
     assert world.uploads == [(MINI, found["sha256"])]
     done = await transfer_in(client, transfer, "on_board")
-    assert (done["level"], done["items_sent"]) == ("applied", 4), "settings, trim, two legs"
+    assert (done["level"], done["items_sent"]) == ("applied", 9), "settings, trim, tuning, two legs"
     ladder = found["ladder"]
     assert ladder["draft_at"] < ladder["sent_at"] < ladder["on_board_at"]
     assert ladder["running_at"] is None
