@@ -38,6 +38,7 @@ export default defineConfig(
       // svelte-check knows the types of a component's properties; this parser does not.
       '@typescript-eslint/no-unsafe-argument': 'off',
       '@typescript-eslint/no-unsafe-assignment': 'off',
+      '@typescript-eslint/no-unsafe-member-access': 'off',
       '@typescript-eslint/no-unsafe-return': 'off',
       // Addresses are built by src/page/route.ts; there is no base path to resolve.
       'svelte/no-navigation-without-resolve': 'off',

@@ -94,6 +94,8 @@ function route(station: FakeStation, request: IncomingMessage, url: URL, body: J
   if (first === 'robots') return robots(station, method, url, [second, third, fourth, fifth], body);
   if (first === 'missions') return missions(station, method, second, third);
   if (first === 'plans') return plans(station, second, third, body);
+  if (first === 'transfers') return transfers(station, second, third);
+  if (first === 'gateways') return station.links.gateways(method, second, body);
   if (first === 'surveys') return surveys(station, body);
   if (first === 'commands') return { body: station.commands.get(second) };
   if (first === 'config') return config(station, request, url, second, third, body);
@@ -149,9 +151,11 @@ function robots(
   const start = Date.parse(url.searchParams.get('start') ?? iso(now - 900_000));
   const end = Date.parse(url.searchParams.get('end') ?? iso(now));
   const points = Math.min(600, Number(url.searchParams.get('max_points') ?? 500));
-  const answer = station.control.ofRobot(id, part, item, body);
+  const answer =
+    station.control.ofRobot(id, part, item, body) ??
+    station.links.ofRobot(robot, method, [part, item], body);
   if (answer) return answer;
-  if (part === 'state') return { body: robot.live(now) };
+  if (part === 'state') return { body: station.live(robot) };
   if (part === 'commands' && method === 'GET') {
     return { body: [...station.commands.values()].filter((each) => each.robot === id) };
   }
@@ -231,13 +235,25 @@ function plans(station: FakeStation, id: string, action: string, body: JsonObjec
   const survey = station.surveys.find((each) => each.plans.some((plan) => plan.id === id));
   const plan = survey?.plans.find((each) => each.id === id);
   if (!survey || !plan) return problem(404, `There is no plan '${id}'.`);
-  if (action === 'upload') survey.send(station.now());
+  if (action === 'satellite') return { body: station.links.quote(plan.sha256 ?? '') };
+  if (action === 'upload') {
+    const isLake = survey.robot.site.kind === 'lake' && process.env.MOCK_NEAR !== '1';
+    const isSatellite = body.route === 'satellite' || (body.route === 'auto' && isLake);
+    return { status: 202, body: { transfer: station.links.transfers.begin(survey, isSatellite) } };
+  }
   if (action === 'cancel') survey.cancel(station.now());
   if (action === 'choose') {
     return { status: 202, body: { id: survey.choose(Number(body.runner_up), station.now()) } };
   }
   if (action === 'continue') return { status: 202, body: { id: survey.searchOn(station.now()) } };
-  return action ? { status: 202, body: { transfer: 'transfer-1' } } : { body: plan };
+  return { body: { ...plan, transfer: station.links.transfers.of(id) } };
+}
+
+function transfers(station: FakeStation, id: string, action: string): Answer {
+  const transfer = station.links.transfers.byId.get(id);
+  if (!transfer) return problem(404, `There is no transfer '${id}'.`);
+  if (action === 'withdraw') station.links.transfers.withdraw(id);
+  return { body: transfer };
 }
 
 function config(

@@ -143,6 +143,37 @@ const PID: JsonObject = {
   ),
 };
 
+const SATELLITE: JsonObject = {
+  type: 'object',
+  title: 'SatelliteConfig',
+  properties: {
+    credits_per_day: number('Credits a day', '', 100, {
+      type: 'integer',
+      minimum: 0,
+      description: 'Nothing is sent beyond this budget, orders to surface aside.',
+    }),
+    price_per_credit: number('Price of a credit', '', 0.12, { minimum: 0 }),
+    currency: { title: 'Currency', type: 'string', default: 'GBP' },
+    expiry_h: number('Plans are given up after', 'h', 96, { exclusiveMinimum: 0 }),
+    session_period_s: number('Time between sessions', 's', 1800, { display_unit: 'min' }),
+    radio_silence_s: number('Radio silence before the satellite', 's', 600, { display_unit: 'min' }),
+  },
+}; // prettier-ignore
+
+const ROUTES: JsonObject = {
+  type: 'string',
+  enum: ['auto', 'radio', 'satellite'],
+  default: 'auto',
+};
+const LINK: JsonObject = {
+  type: 'object',
+  title: 'RoutingConfig',
+  properties: {
+    plan: { ...ROUTES, title: 'Plans', description: 'Automatic: radio while it reaches the robot.' },
+    command: { ...ROUTES, title: 'Orders' },
+  },
+}; // prettier-ignore
+
 export const KINDS: Record<string, { title: string; schema: JsonObject; value: JsonObject }> = {
   planner: {
     title: 'Planner',
@@ -179,6 +210,19 @@ export const KINDS: Record<string, { title: string; schema: JsonObject; value: J
       energy: { dive: 1 },
     },
   },
+  satellite: {
+    title: 'Satellite',
+    schema: SATELLITE,
+    value: {
+      credits_per_day: 100,
+      price_per_credit: 0.12,
+      currency: 'GBP',
+      expiry_h: 96,
+      session_period_s: 1800,
+      radio_silence_s: 600,
+    },
+  },
+  link: { title: 'Routing', schema: LINK, value: { plan: 'auto', command: 'auto' } },
   ...CONTROL_KINDS,
   'controller.pid': {
     title: 'PID',

@@ -5,11 +5,13 @@ import type {
   Job,
   Json,
   JsonObject,
+  LiveRobot,
   LiveTick,
   StationEvent,
 } from '../src/api/types';
 import { isObject } from '../src/form/schema';
 import { FakeControl } from './control';
+import { FakeLinks } from './link';
 import { FakeMaps } from './map';
 import { FakeSurvey } from './survey';
 import { FakeRobot, iso, LAKE, TANK } from './robot';
@@ -25,6 +27,7 @@ export class FakeStation {
     new FakeRobot('grace-1', 'GRACE 3', 'Scaled, not identified.', 2, LAKE),
   ];
   readonly control = new FakeControl(this);
+  readonly links = new FakeLinks(this);
   readonly maps = new FakeMaps(this);
   surveys: FakeSurvey[] = [];
   commands = new Map<string, Command>();
@@ -179,6 +182,15 @@ export class FakeStation {
     });
   }
 
+  /** One robot as the live stream tells it. */
+  live(robot: FakeRobot): LiveRobot {
+    const links = this.links.of(robot);
+    const told = robot.live(this.now());
+    const [radio] = links;
+    const link = radio?.state === 'stale' ? { ...told.link, state: 'stale' } : told.link;
+    return { ...told, link, links };
+  }
+
   tick(after: number): LiveTick {
     const now = this.now();
     for (const survey of this.surveys) survey.step(now);
@@ -187,12 +199,19 @@ export class FakeStation {
     return {
       at: iso(now),
       cursor: this.#cursor,
-      robots: Object.fromEntries(this.robots.map((robot) => [robot.id, robot.live(now)])),
+      robots: Object.fromEntries(this.robots.map((robot) => [robot.id, this.live(robot)])),
       events: this.events.filter((event) => event.cursor > after),
       plans: Object.fromEntries(
         plans.map(({ id, state, progress, ladder, onboard, stage }) => [
           id,
-          { state, progress, ladder, onboard, stage: stage ?? null },
+          {
+            state,
+            progress,
+            ladder,
+            onboard,
+            stage: stage ?? null,
+            transfer: this.links.transfers.of(id),
+          },
         ]),
       ),
       missions: Object.fromEntries(

@@ -265,11 +265,27 @@ export class FakeSurvey {
     return this.plan?.id ?? '';
   }
 
-  send(nowMs: number): void {
+  /** Let the plan be on its way; by satellite it arrives when it arrives. */
+  send(nowMs: number, isRadio = true): void {
     const { plan } = this;
-    if (!plan) return;
+    if (plan?.state !== 'draft') return;
     this.mission.state = 'running';
     this.#enter(plan, 'sent', nowMs);
+    if (isRadio) this.arrive(nowMs);
+  }
+
+  /** It did not arrive: a draft again. */
+  unsend(): void {
+    const { plan } = this;
+    if (plan?.state !== 'sent') return;
+    plan.state = 'draft';
+    plan.ladder = { ...plan.ladder, sent_at: null };
+    this.mission.state = 'ready';
+  }
+
+  arrive(nowMs: number): void {
+    const { plan } = this;
+    if (!plan) return;
     setTimeout(() => this.#enter(plan, 'on_board', nowMs + 1500), 1500);
     setTimeout(() => this.#enter(plan, 'running', nowMs + 2500), 2500);
   }

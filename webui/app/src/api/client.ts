@@ -1,4 +1,5 @@
-import { noAnswer, problemOf } from './problem';
+import { LinkApi } from './link_client';
+import { at, listed, part, Road, type Call, type Listed, type Query } from './road';
 import type {
   Alarm,
   Command,
@@ -24,6 +25,7 @@ import type {
   Robot,
   RobotState,
   Role,
+  RouteChoice,
   Samples,
   SceneChange,
   SceneView,
@@ -31,20 +33,17 @@ import type {
   SteadyMotion,
   Token,
   Track,
-  Transfer,
   TrimAccepted,
   WhatIf,
   WhatIfListing,
 } from './types';
 
-type Query = Record<string, string | number | boolean | null | undefined>;
-
-interface Call {
-  query?: Query;
-  body?: unknown;
-  form?: FormData;
-  headers?: Record<string, string>;
-  signal?: AbortSignal;
+export interface SendWish {
+  route?: RouteChoice;
+  /** Send also one that the robot has meanwhile moved away from. */
+  confirmed?: boolean;
+  /** Send also to a robot that was not heard for too long. */
+  force?: boolean;
 }
 
 export interface Versioned<T> {
@@ -54,10 +53,14 @@ export interface Versioned<T> {
 
 /** The station's REST interface, one method a resource; every refusal is thrown as a Problem. */
 export class Api {
-  #csrf = '';
+  readonly #road = new Road();
+  /** Links, satellite messages, gateways, parameters and logs. */
+  readonly link = new LinkApi(this.#road);
 
   /** Called when the station no longer knows this browser. */
-  onSignedOut: () => void = () => undefined;
+  set onSignedOut(act: () => void) {
+    this.#road.onSignedOut = act;
+  }
 
   health = () => this.#json<Health>('GET', '/api/health');
 
@@ -131,13 +134,11 @@ export class Api {
       body: planning_time_s === null ? {} : { planning_time_s },
     });
 
-  /** Send a plan; `confirmed` sends also one that the robot has meanwhile moved away from. */
-  uploadPlan = (id: string, confirmed = false) =>
+  /** Send a plan. */
+  uploadPlan = (id: string, wish: SendWish = {}) =>
     this.#json<{ transfer: string }>('POST', `/api/plans/${part(id)}/upload`, {
-      body: { start: true, confirmed },
+      body: { start: true, ...wish },
     });
-
-  transfer = (id: string) => this.#json<Transfer>('GET', `/api/transfers/${part(id)}`);
 
   maps = (robot: string) => this.#json<MapListing[]>('GET', `${at(robot)}/maps`);
 
@@ -289,51 +290,19 @@ export class Api {
   revokeToken = (id: string) => this.#send('DELETE', `/api/tokens/${part(id)}`);
 
   #remember(session: Session): Session {
-    this.#csrf = session.csrf_token;
+    this.#road.csrf = session.csrf_token;
     return session;
   }
 
-  async #json<T>(method: string, path: string, call: Call = {}): Promise<T> {
-    const response = await this.#send(method, path, call);
-    return (await response.json()) as T;
-  }
+  #json = <T>(method: string, path: string, call: Call = {}): Promise<T> =>
+    this.#road.json<T>(method, path, call);
 
-  async #send(method: string, path: string, call: Call = {}): Promise<Response> {
-    const headers = new Headers({ Accept: 'application/json', ...call.headers });
-    if (method !== 'GET') {
-      headers.set('X-CSRF-Token', this.#csrf);
-      if (method === 'POST') headers.set('Idempotency-Key', newKey());
-    }
-    let body: BodyInit | undefined = call.form;
-    if (call.body !== undefined) {
-      headers.set('Content-Type', 'application/json');
-      body = JSON.stringify(call.body);
-    }
-    let response: Response;
-    try {
-      response = await fetch(path + queryString(call.query), {
-        method,
-        headers,
-        body: body ?? null,
-        signal: call.signal ?? null,
-        credentials: 'same-origin',
-      });
-    } catch (error) {
-      if (error instanceof DOMException && error.name === 'AbortError') throw error;
-      throw noAnswer();
-    }
-    if (response.ok) return response;
-    if (response.status === 401 && path !== '/api/session') this.onSignedOut();
-    throw await problemOf(response);
-  }
+  #send = (method: string, path: string, call: Call = {}): Promise<Response> =>
+    this.#road.send(method, path, call);
 }
 
 async function versioned<T>(response: Response): Promise<Versioned<T>> {
   return { value: (await response.json()) as T, etag: response.headers.get('ETag') };
-}
-
-function at(robot: string): string {
-  return `/api/robots/${part(robot)}`;
 }
 
 function vehicleAt(key: string): string {
@@ -342,30 +311,4 @@ function vehicleAt(key: string): string {
 
 function identificationAt(id: string): string {
   return `/api/identifications/${part(id)}`;
-}
-
-/** A list, whether it comes bare or as the one list of an object. */
-type Listed<T> = T[] | Record<string, T[]>;
-
-function listed<T>(answer: Listed<T>): T[] {
-  return Array.isArray(answer) ? answer : (Object.values(answer)[0] ?? []);
-}
-
-function part(value: string): string {
-  return encodeURIComponent(value);
-}
-
-export function queryString(query: Query = {}): string {
-  const pairs = new URLSearchParams();
-  for (const [name, value] of Object.entries(query)) {
-    if (value !== null && value !== undefined) pairs.set(name, String(value));
-  }
-  const text = pairs.toString();
-  return text && `?${text}`;
-}
-
-/** One key a request, so that a repeated request acts once. */
-function newKey(): string {
-  const bytes = crypto.getRandomValues(new Uint8Array(16));
-  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
 }

@@ -1,5 +1,6 @@
 /** Shapes of plans, missions and transfers; conventions as in `types.ts`. */
 
+import type { TransferPart } from './link_types';
 import type { JsonObject, Ned, Time } from './types';
 
 export type PrimitiveKind = 'glide' | 'spiral' | 'dive' | 'swim';
@@ -138,6 +139,8 @@ export interface Plan {
   stage?: 'waiting' | 'searching' | 'rehearsing' | null;
   /** Why a draft no longer fits its robot; empty while it does. */
   outdated?: Violation[];
+  /** Its newest way to the robot. */
+  transfer?: Transfer | null;
 }
 
 export interface MissionRound {
@@ -203,4 +206,14 @@ export interface Transfer {
   started_at: Time;
   ended_at: Time | null;
   reason: string;
+  carrier?: string;
+  sha256?: string | null;
+  expires_at?: Time | null;
+  /** Spent on it so far. */
+  credits?: number;
+  /** Its messages, where it goes by satellite. */
+  parts?: TransferPart[];
+  can_withdraw?: boolean;
+  /** What is known of it, a sentence. */
+  text?: string;
 }

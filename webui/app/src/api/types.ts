@@ -6,9 +6,11 @@
  * `null`.
  */
 
+import type { RobotLink } from './link_types';
 import type { Mission, Plan, Scores } from './survey_types';
 
 export * from './control_types';
+export * from './link_types';
 export * from './map_types';
 export * from './survey_types';
 
@@ -85,6 +87,7 @@ export interface Robot {
   simulated: boolean;
   site: Site;
   link: Link;
+  links?: RobotLink[];
   mode: string | null;
   activity: string;
   mission_id: string | null;
@@ -132,6 +135,10 @@ export interface RobotState {
   activity: string;
   plan: OnboardPlan | null;
   link: Link;
+  /** Every link of it; `link` is the one that reaches it best. */
+  links?: RobotLink[];
+  /** What is wrong with its clock; its values are then in the order of their arrival. */
+  clock_fault?: string | null;
 }
 
 /** What a live tick says of one robot: its state, and what the robot list would say now. */

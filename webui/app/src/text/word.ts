@@ -31,6 +31,11 @@ const LINKS: Record<string, Word> = {
     tone: 'alarm',
     help: 'The station cannot open the port of this link. It keeps trying.',
   },
+  unplugged: {
+    text: 'Unplugged',
+    tone: 'watch',
+    help: 'A person pulled the plug: the station does not use this link until it is plugged in again.',
+  },
 };
 
 export function linkWord(state: string): Word {
@@ -40,6 +45,13 @@ export function linkWord(state: string): Word {
 const CARRIERS: Record<string, string> = {
   xbee: 'XBee',
   iridium: 'Iridium',
+  rockblock: 'RockBLOCK',
+  directip: 'Iridium DirectIP',
+  cloudloop: 'Cloudloop',
+  serial: 'serial line',
+  udp: 'UDP',
+  tcp: 'TCP',
+  micromodem: 'acoustic modem',
   acoustic: 'acoustic',
   simulator: 'simulator',
 };

@@ -16,6 +16,9 @@ const HELP: Record<string, string> = {
   'controller.governor':
     'Backstepping that learns offsets and foresees a slow, late mass actuator.',
   'controller.swimming': 'Beats the tail to swim.',
+  satellite:
+    'Tariff and daily budget of satellite messages, how long they stand, and how often the robot calls.',
+  link: 'Which link plans, orders and telemetry take.',
 };
 
 interface Group {
@@ -26,6 +29,7 @@ interface Group {
 const GROUPS: readonly Group[] = [
   { title: 'Survey', has: (kind) => ['planner', 'field', 'estimator'].includes(kind) },
   { title: 'Controllers', has: (kind) => kind.startsWith('controller.') },
+  { title: 'Links', has: (kind) => ['satellite', 'link'].includes(kind) },
   { title: 'Vehicle', has: (kind) => ['trim', 'identification', 'trial'].includes(kind) },
 ];
 

@@ -1,0 +1,37 @@
+import type { RobotLink } from '../api/types';
+import { Fetched } from './fetched.svelte';
+import type { Station } from './station.svelte';
+
+const ASK_EVERY_MS = 5000;
+
+/** The links of a robot, as the live stream or else the station's answer tells them. */
+export class RobotLinks {
+  readonly #station: Station;
+  readonly #robot: string;
+  readonly #asked: Fetched<RobotLink[]>;
+
+  constructor(station: Station, robot: string) {
+    this.#station = station;
+    this.#robot = robot;
+    this.#asked = new Fetched(() => station.api.link.links(robot));
+  }
+
+  readonly list = $derived.by(
+    (): readonly RobotLink[] =>
+      this.#station.live[this.#robot]?.report?.links ?? this.#asked.value ?? [],
+  );
+  readonly refusal = $derived.by(() => this.#asked.refusal);
+  readonly isKnown = $derived.by(
+    () =>
+      this.#asked.value !== null || this.#station.live[this.#robot]?.report?.links !== undefined,
+  );
+
+  /** Keep them current until the returned function is called; for effects. */
+  follow(): () => void {
+    return this.#asked.every(ASK_EVERY_MS);
+  }
+
+  plug(uri: string, plugged: boolean): Promise<boolean> {
+    return this.#asked.after(() => this.#station.api.link.plug(this.#robot, uri, plugged));
+  }
+}

@@ -1,0 +1,54 @@
+import type { LinkKind, RobotLink, RouteChoice, SatelliteQuote } from '../../api/types';
+import { shownState } from '../../part/link_state';
+import { carrierName } from '../../text/word';
+
+/** The way that a plan would take, and why. */
+export interface Way {
+  route: 'radio' | 'satellite';
+  reason: string;
+}
+
+/** What "automatic" takes: the station's word, else what its links tell. */
+export function wayOf(
+  choice: RouteChoice,
+  links: readonly RobotLink[],
+  quote: SatelliteQuote | null,
+): Way {
+  if (choice !== 'auto') {
+    return { route: choice, reason: 'You chose it.' };
+  }
+  return quote?.auto ?? guessedWay(links);
+}
+
+function guessedWay(links: readonly RobotLink[]): Way {
+  const isUsable = (kind: LinkKind) => (link: RobotLink) => link.kind === kind && link.is_plugged;
+  const radios = links.filter(isUsable('radio'));
+  const live = radios.find((link) => shownState(link) === 'live');
+  if (live) return { route: 'radio', reason: `${carrierName(live.carrier)} is live and costs nothing.` };
+  if (links.some(isUsable('satellite'))) {
+    return { route: 'satellite', reason: 'No radio hears the robot now.' };
+  }
+  return { route: 'radio', reason: 'The robot has no other link; the plan waits for contact.' };
+} // prettier-ignore
+
+/** `1.30 GBP`; a tariff without a price is told as such. */
+export function priceText(price: number, currency: string): string {
+  return currency === '' ? 'no price set' : `${price.toFixed(2)} ${currency}`;
+}
+
+/** `1 credit`, `10 credits` */
+export function creditText(credits: number): string {
+  return `${credits} ${credits === 1 ? 'credit' : 'credits'}`;
+}
+
+/** `270 + 136 B`: what each message carries. */
+export function sizesText(messages: readonly { bytes: number }[]): string {
+  return `${messages.map(({ bytes }) => bytes).join(' + ')} B`;
+}
+
+/** Why it must not be sent by satellite: the station's refusal, or a budget that it would break. */
+export function refusalOf(quote: SatelliteQuote): string {
+  if (quote.refusal) return quote.refusal;
+  if (quote.credits <= quote.credits_left_today) return '';
+  return `It takes ${creditText(quote.credits)}, and ${quote.credits_left_today} are left of today’s budget.`;
+}

@@ -1,0 +1,87 @@
+import type { LinkKind, RobotLink } from '../api/types';
+import { carrierName, words } from '../text/word';
+import type { IconName } from './Icon.svelte';
+
+export const LINK_ICONS: Record<LinkKind, IconName> = {
+  radio: 'radio',
+  satellite: 'satellite',
+  acoustic: 'acoustic',
+};
+
+/** A state has a shape of its own, so that no colour is needed to tell it. */
+const STATE_ICONS: Record<string, IconName> = {
+  live: 'check',
+  stale: 'warning',
+  submerged: 'info',
+  never_heard: 'help',
+  port_closed: 'critical',
+  unplugged: 'unplug',
+};
+
+export function stateIcon(state: string): IconName {
+  return STATE_ICONS[state] ?? 'info';
+}
+
+/** State of a link as it is shown: a pulled plug overrules whatever else is known of it. */
+export function shownState(link: Pick<RobotLink, 'state' | 'is_plugged'>): string {
+  return link.is_plugged ? link.state : 'unplugged';
+}
+
+/** Link by which a robot was heard last; ranges of an acoustic modem are no word of its own. */
+export function lastHeard(links: readonly RobotLink[]): RobotLink | null {
+  return links
+    .filter(({ heard_at, kind }) => heard_at !== null && kind !== 'acoustic')
+    .reduce<RobotLink | null>(
+      (last, link) =>
+        last === null || Date.parse(link.heard_at ?? '') > Date.parse(last.heard_at ?? '')
+          ? link
+          : last,
+      null,
+    );
+}
+
+/** Seconds since a link was heard; `null` if it never was. */
+export function linkAge(link: RobotLink, nowMs: number): number | null {
+  return link.heard_at === null ? null : Math.max(0, (nowMs - Date.parse(link.heard_at)) / 1000);
+}
+
+export function hasSatellite(links: readonly RobotLink[]): boolean {
+  return links.some(({ kind }) => kind === 'satellite');
+}
+
+/** What the station would do without this link, before its plug is pulled. */
+export function unplugText(robot: string, link: RobotLink, links: readonly RobotLink[]): string {
+  const name = carrierName(link.carrier);
+  if (link.kind === 'acoustic') {
+    return `No range to ${robot} is measured until it is plugged in again. Orders and plans do not need it.`;
+  }
+  const others = links.filter(
+    (other) => other.uri !== link.uri && other.kind !== 'acoustic' && other.is_plugged,
+  );
+  const rest =
+    others.length > 0
+      ? `${robot} is then reached only by ${others.map((other) => carrierName(other.carrier)).join(' and ')}.`
+      : `No other link reaches ${robot}: neither orders, not even to surface, nor plans get through.`;
+  if (link.kind === 'satellite') {
+    return `The station hands nothing more to ${name} and takes nothing from it: the gateway keeps what ${robot} says and brings it later. What the gateway already has still reaches the robot. ${rest}`;
+  }
+  return `The station closes the port and hears nothing by ${name}. ${rest} ${robot} keeps the plan that it has.`;
+}
+
+const CARRIED: Record<string, string> = {
+  telemetry: 'telemetry',
+  plan: 'plans',
+  command: 'orders',
+  surface: 'orders to surface',
+  parameters: 'parameters',
+  files: 'log files',
+  range: 'ranges',
+};
+
+/** Kinds of messages as a person reads them. */
+export function carriedText(kinds: readonly string[]): string {
+  if (kinds.length === 0) return 'nothing now';
+  // An order to surface is one of the orders.
+  const told = kinds.includes('command') ? kinds.filter((kind) => kind !== 'surface') : kinds;
+  return told.map((kind) => CARRIED[kind] ?? words(kind).toLowerCase()).join(', ');
+}
