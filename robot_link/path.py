@@ -8,11 +8,11 @@ from robot_link.clock import Clock, monotonic_s
 from robot_link.messages import LinkReport, LinkState, RobotId, RobotMode, SystemId
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address, DatagramTransport, Received
+from robot_link.transport.uri import LinkUri
 
 _UNDER_WATER = frozenset(
     (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING, RobotMode.ABORTING)
 )
-_LONGEST_ADDRESS_DIGITS = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,18 +31,9 @@ class RadioPath:
         ``xbee:///dev/ttyUSB0#0013A20041F00002`` is the radio of that address alone.
 
         Raises:
-            ValueError: If what follows the ``#`` is no address.
+            ValueError: If what follows a ``#`` is no address.
         """
-        _, mark, text = uri.partition("#")
-        if not mark:
-            return cls(uri)
-        digits = text.lower()
-        if not 1 <= len(digits) <= _LONGEST_ADDRESS_DIGITS or set(digits) - set("0123456789abcdef"):
-            raise ValueError(
-                f"{uri}: a radio's address is 1 to {_LONGEST_ADDRESS_DIGITS} hexadecimal digits,"
-                f" not {text!r}"
-            )
-        return cls(uri, Address(int(digits, 16)))
+        return cls(uri, LinkUri(uri).address if "#" in uri else None)
 
     @property
     def transport_uri(self) -> str:

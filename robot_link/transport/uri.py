@@ -4,11 +4,14 @@ from collections.abc import Mapping
 from typing import NoReturn, TypeVar
 from urllib.parse import parse_qsl, urlsplit
 
+from robot_link.transport.datagram import Address
+
 Value = TypeVar("Value")
+_ADDRESS_DIGITS = 16
 
 
 class LinkUri:
-    """The parts of ``scheme://host:port?options`` or ``scheme:///path?options``.
+    """The parts of ``scheme://host:port?options#address`` or ``scheme:///path?options#address``.
 
     Every complaint is a ``ValueError`` that repeats the URI and names the part.
     """
@@ -27,6 +30,8 @@ class LinkUri:
             self.refuse("a link has no user name and no password")
         if parts.fragment and self.scheme != "xbee":
             self.refuse("only a radio of an XBee network is named after a #")
+        self.address = self._address(parts.fragment) if parts.fragment else None
+        """The robot's radio that the URI names, behind a ``#``."""
         self._options: dict[str, str] = {}
         for name, value in parse_qsl(parts.query, keep_blank_values=True):
             if name in self._options:
@@ -40,6 +45,13 @@ class LinkUri:
             ValueError: Always.
         """
         raise ValueError(f"{self._uri}: {complaint}")
+
+    def _address(self, text: str) -> Address:
+        if len(text) > _ADDRESS_DIGITS or set(text.lower()) - set("0123456789abcdef"):
+            self.refuse(
+                f"a radio's address is 1 to {_ADDRESS_DIGITS} hexadecimal digits, not {text!r}"
+            )
+        return Address(int(text, 16))
 
     def whole(self, name: str, default: int, least: int, most: int) -> int:
         """Take a whole number out of the options."""

@@ -1,0 +1,264 @@
+"""Opening a link by itself and saying in plain words what it hears."""
+
+import asyncio
+from collections import Counter
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from typing import Final
+
+from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
+from robot_link.mavlink.wire import grace
+from robot_link.transport.advice import (
+    Advice,
+    byte_advice,
+    envelope_advice,
+    port_advice,
+    silence_advice,
+)
+from robot_link.transport.datagram import (
+    BROADCAST,
+    FAR_END,
+    Garbled,
+    PortChanged,
+    PortClosedError,
+    Received,
+)
+from robot_link.transport.opening import open_transport
+from robot_link.transport.speed import find_speed
+from robot_link.transport.udp import UdpTransport
+from robot_link.transport.uri import LinkUri
+from robot_link.transport.xbee import XBeeTransport
+
+_BEAT_S: Final = 1.0
+_TRIAL_S: Final = 2.0
+"""How long to listen at each other speed."""
+_KEPT_BYTES: Final = 4096
+_MESSAGES_SHOWN: Final = 6
+
+
+@dataclass(slots=True)
+class Hearing:
+    """What came while the doctor listened."""
+
+    was_open: bool = False
+    closed_reason: str = ""
+    """Why the port closed or did not open, the last time."""
+    frames: Counter[tuple[int, int]] = field(default_factory=Counter[tuple[int, int]])
+    """Valid frames by system id and radio."""
+    messages: Counter[str] = field(default_factory=Counter[str])
+    strength_dbm: dict[int, float] = field(default_factory=dict[int, float])
+    """Last strength by radio."""
+    bad: int = 0
+    strange: bytes = b""
+    """The first bytes that were no frame."""
+
+
+class Doctor:
+    """Examines one link; ``say`` takes each finding as it is made."""
+
+    def __init__(self, uri: str, say: Callable[[str], None]) -> None:
+        """Take a link.
+
+        Raises:
+            ValueError: If the URI names no transport.
+        """
+        self._text = uri
+        self._uri = LinkUri(uri)
+        self._transport = open_transport(uri)
+        self._say = say
+        self._codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
+        self._heard = Hearing()
+
+    async def examine(self, listen_s: float) -> bool:
+        """Open, listen and tell.
+
+        Args:
+            listen_s: How long to listen, s.
+
+        Returns:
+            Whether a robot was heard without anything that needs to be put right.
+        """
+        tasks = [
+            asyncio.create_task(self._transport.run(), name="doctor's port"),
+            asyncio.create_task(self._listen(), name="doctor's ear"),
+            asyncio.create_task(self._beat(), name="doctor's call"),
+        ]
+        try:
+            await asyncio.wait(tasks, timeout=listen_s, return_when=asyncio.FIRST_COMPLETED)
+            for task in tasks:
+                if task.done():
+                    task.result()
+            await self._tell_port()
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+        is_well = self._heard.was_open and self._tell_frames()
+        if self._may_be_too_fast():
+            await self._try_speeds(min(listen_s, _TRIAL_S))
+        return is_well
+
+    async def _listen(self) -> None:
+        heard = self._heard
+        async for event in self._transport.events():
+            match event:
+                case PortChanged(is_open=True):
+                    heard.was_open = True
+                case PortChanged(reason=reason):
+                    heard.closed_reason = reason
+                case Garbled(frames, data):
+                    self._note_bad(frames, data)
+                case Received():
+                    self._note(event)
+
+    def _note(self, received: Received) -> None:
+        messages, bad = self._codec.unpack(received.data)
+        if bad:
+            self._note_bad(bad, b"" if messages else received.data)
+        for message in messages:
+            self._heard.frames[message.get_srcSystem(), received.address] += 1
+            self._heard.messages[message.get_type()] += 1
+        if received.rssi_dbm is not None:
+            self._heard.strength_dbm[received.address] = received.rssi_dbm
+
+    def _note_bad(self, count: int, data: bytes) -> None:
+        heard = self._heard
+        heard.bad += count
+        heard.strange += data[: max(0, _KEPT_BYTES - len(heard.strange))]
+
+    async def _beat(self) -> None:
+        """Say that a ground station is there: many vehicles answer only then."""
+        beat = grace.MAVLink_heartbeat_message(
+            type=grace.MAV_TYPE_GCS,
+            autopilot=grace.MAV_AUTOPILOT_INVALID,
+            base_mode=0,
+            custom_mode=0,
+            system_status=grace.MAV_STATE_ACTIVE,
+            mavlink_version=3,
+        )
+        while True:
+            if self._transport.max_payload:
+                with suppress(PortClosedError):
+                    await self._transport.send(BROADCAST, self._codec.pack(beat))
+            await asyncio.sleep(_BEAT_S)
+
+    async def _tell_port(self) -> None:
+        """Say whether the port opened, and what the radio at it says of itself."""
+        heard = self._heard
+        if not heard.was_open:
+            if heard.strange:
+                self._advise(byte_advice(self._uri, heard.strange))
+            elif "no XBee" in heard.closed_reason:
+                self._advise(_mute_radio(heard.closed_reason))
+            elif heard.closed_reason:
+                self._advise(port_advice(self._uri, heard.closed_reason))
+            else:
+                self._advise(_nobody_called(self._uri))
+            return
+        self._say("The port is open.")
+        if heard.closed_reason:
+            self._say(f"It closed meanwhile: {heard.closed_reason}.")
+        if isinstance(self._transport, XBeeTransport):
+            await self._tell_radio(self._transport)
+
+    async def _tell_radio(self, radio: XBeeTransport) -> None:
+        if radio.address is None:
+            return
+        self._say(
+            f"The XBee {radio.address:016X} answers; one packet carries {radio.max_payload} bytes,"
+            f" and {radio.bytes_per_s:g} bytes per second of telemetry suit its rate in the air."
+        )
+        try:
+            neighbours = await radio.discover()
+        except PortClosedError as error:
+            self._say(f"It could not ask who else is in its network: {error}.")
+            return
+        if not neighbours:
+            self._say("No other radio of its network answers.")
+        for one in neighbours:
+            strength = "" if one.rssi_dbm is None else f" at {one.rssi_dbm:g} dBm"
+            self._say(f"The radio {one.address:016X} ({one.node_id}) answers{strength}.")
+
+    def _tell_frames(self) -> bool:
+        """Say what was heard; return whether it is as it should be."""
+        heard = self._heard
+        for (system, address), count in sorted(heard.frames.items()):
+            strength = heard.strength_dbm.get(address)
+            whence = "" if address == FAR_END else f" from the radio {address:016X}"
+            level = "" if strength is None else f" at {strength:g} dBm"
+            self._say(f"System {system} is heard{whence}{level}: {count} valid frames.")
+        if heard.messages:
+            common = heard.messages.most_common(_MESSAGES_SHOWN)
+            self._say("It says " + ", ".join(f"{name} {count}x" for name, count in common) + ".")
+        is_well = self._tell_conflicts()
+        if heard.bad:
+            self._say(f"{heard.bad} stretches of bytes were no valid frame.")
+        if heard.frames:
+            envelope = envelope_advice(self._uri, heard.strange)
+            if envelope is not None:
+                self._advise(envelope)
+            return is_well and envelope is None
+        if heard.strange:
+            self._advise(byte_advice(self._uri, heard.strange))
+        else:
+            self._advise(silence_advice(self._uri))
+        trouble = self._transport.trouble if isinstance(self._transport, UdpTransport) else ""
+        if trouble:
+            self._say(f"The network says of what was sent: {trouble}.")
+        return False
+
+    def _may_be_too_fast(self) -> bool:
+        """Tell whether bytes, or no XBee, at a serial line leave its speed in doubt."""
+        heard = self._heard
+        is_line = self._uri.scheme in ("serial", "xbee") and not self._uri.host
+        is_mute = "no XBee" in heard.closed_reason
+        return is_line and not heard.frames and (bool(heard.strange) or is_mute)
+
+    async def _try_speeds(self, listen_s: float) -> None:
+        self._say("Trying other speeds ...")
+        speed = await find_speed(self._text, listen_s)
+        if speed is None:
+            self._say("At no usual speed does anything come that makes sense.")
+        else:
+            self._say(f"At {speed} baud it makes sense: write baud={speed} in the link.")
+
+    def _tell_conflicts(self) -> bool:
+        radios: dict[int, set[int]] = {}
+        for system, address in self._heard.frames:
+            radios.setdefault(system, set()).add(address)
+        conflicts = {system: found for system, found in radios.items() if len(found) > 1}
+        for system, found in conflicts.items():
+            names = " and ".join(f"{address:016X}" for address in sorted(found))
+            self._advise(
+                Advice(
+                    f"Radios {names} both speak as system {system}.",
+                    ("Give one of the robots another MAVLink system id.",),
+                )
+            )
+        if STATION_SYSTEM in radios:
+            self._say("Another ground station speaks on this link.")
+        return not conflicts
+
+    def _advise(self, advice: Advice) -> None:
+        self._say(advice.found)
+        for one in advice.tries:
+            self._say(f"  Try: {one}")
+
+
+def _mute_radio(reason: str) -> Advice:
+    return Advice(
+        f"The port opens, but {reason}.",
+        (
+            "Write ap=2 in the link if the radio's AP parameter is 2.",
+            "Set AP to 1 (with Digi's XCTU, say) if it is 0: transparent mode answers nothing.",
+            "Write the radio's speed in the link, such as baud=9600, a new XBee's.",
+        ),
+    )
+
+
+def _nobody_called(uri: LinkUri) -> Advice:
+    return Advice(
+        f"Nobody called at port {uri.port}.",
+        ("Start the far end and let it connect to this machine's address and this port.",),
+    )

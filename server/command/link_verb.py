@@ -1,0 +1,78 @@
+"""``grace link``: the links to robots, looked at from the command line."""
+
+import asyncio
+import logging
+from argparse import ArgumentParser, Namespace
+
+from rich.console import Console
+from rich.table import Table
+
+from db.query.robots import list_robots
+from robot_link.gateway.address import check_link
+from robot_link.transport.doctor import Doctor
+from robot_link.transport.opening import RADIO_SCHEMES, is_radio
+from server.command.data import add_data_option, open_store, settings_of
+from server.command.failure import CommandError
+
+_LONGEST_LISTENING_S = 3600.0
+
+
+def add_arguments(parser: ArgumentParser) -> None:
+    """Declare the options of the verb."""
+    actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
+    doctor = actions.add_parser(
+        "doctor", help="open a link, say what it hears, and what to try where it is silent"
+    )
+    doctor.add_argument(
+        "uri", help="the link, such as xbee:///dev/ttyUSB0 or udp://127.0.0.1:14550"
+    )
+    doctor.add_argument(
+        "--seconds", type=float, default=10.0, help="how long to listen (default: 10)"
+    )
+    show = actions.add_parser("list", help="list the links of the station's robots")
+    add_data_option(show)
+
+
+def run(arguments: Namespace) -> int:
+    """Do the action; the doctor's exit status says whether a robot was heard."""
+    if arguments.action == "doctor":
+        return _examine(arguments.uri, arguments.seconds)
+    with open_store(settings_of(arguments)) as store, store.read() as session:
+        robots = list_robots(session)
+    table = Table("robot", "system", "link", "remark")
+    for robot in robots:
+        for number, uri in enumerate(robot.links):
+            name = robot.id if number == 0 else ""
+            table.add_row(name, str(robot.system_id or ""), uri, _remark(uri))
+        if not robot.links:
+            remark = "a recording" if robot.kind == "recorded" else "no link: give it one"
+            table.add_row(robot.id, str(robot.system_id or ""), "", remark)
+    Console().print(table if robots else "There is no robot yet.")
+    return 0
+
+
+def _examine(uri: str, listen_s: float) -> int:
+    if not 0 < listen_s <= _LONGEST_LISTENING_S:
+        raise CommandError(f"--seconds must be above 0 and up to {_LONGEST_LISTENING_S:g}.", 2)
+    scheme = uri.partition(":")[0]
+    if not is_radio(uri) and _remark(uri) == "":
+        raise CommandError(
+            f"{scheme} links cannot be listened to from here; the robot's page of a running"
+            f" station shows them. The doctor examines {', '.join(RADIO_SCHEMES)}.",
+            2,
+        )
+    logging.getLogger("robot_link").addHandler(logging.NullHandler())
+    try:
+        doctor = Doctor(uri, lambda line: print(line, flush=True))
+    except ValueError as error:
+        raise CommandError(f"{error}.", 2) from error
+    return 0 if asyncio.run(doctor.examine(listen_s)) else 1
+
+
+def _remark(uri: str) -> str:
+    """Return what is wrong with a link, or ""."""
+    try:
+        check_link(uri)
+    except ValueError as error:
+        return str(error)
+    return ""
