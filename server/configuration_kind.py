@@ -15,6 +15,7 @@ from autonomy.trial.config import TRIAL_PRESETS, TrialConfig
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
 from db.query.robots import RobotRecord
+from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from server.problem import not_found
 
 
@@ -28,6 +29,7 @@ class Reach:
 
 
 AT_STATION = Reach("station", "Used by the station, from the next plan, map or run on.")
+AT_ONCE = Reach("station", "Used by the station at once, for what is on its way too.")
 WITH_MISSION = Reach("mission", "Reaches the robot with the next plan that is made.")
 TRIED_ONLY = Reach(
     "none", "Used in what-if runs only. Not on board: the robot flies its own settings."
@@ -64,6 +66,12 @@ def _by_vehicle(
     )
 
 
+def _same_for_all(key: str, title: str, default: Configuration) -> ConfigurationKind:
+    return ConfigurationKind(
+        key, title, type(default), default, lambda _robot, _vehicle: default, AT_ONCE
+    )
+
+
 def _of_controller(kind: ControllerKind) -> ConfigurationKind:
     like_others = _by_vehicle(
         kind.key, kind.title, kind.presets, kind.preset(MINIGLIDER.key), TRIED_ONLY
@@ -90,6 +98,8 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             _by_vehicle(
                 "identification", "Identification", IDENTIFICATION_PRESETS, IdentificationConfig()
             ),
+            _same_for_all("satellite", "Satellite", SatelliteConfig()),
+            _same_for_all("link", "Links", RoutingConfig()),
             *map(_of_controller, CONTROLLERS.values()),
         )
     }

@@ -24,7 +24,7 @@ from server.service.track import Track
 
 SURFACE_DEPTH_M = 0.3
 """A leg that ends above this brings the robot to the surface, where radio reaches it."""
-_UNDER_WATER = (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING)
+UNDER_WATER = (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING)
 _BEST_LINK_FIRST = (
     LinkState.LIVE,
     LinkState.SUBMERGED,
@@ -190,7 +190,7 @@ def best_link(links: Iterable[LinkReport]) -> LinkReport | None:
 
 def remembered_link(state: StateReport, *, radio_under_water: bool) -> LinkReport:
     """Return what a stored state says of the road to a robot that was not heard since."""
-    dived = state.mode in _UNDER_WATER and not radio_under_water
+    dived = state.mode in UNDER_WATER and not radio_under_water
     return LinkReport(
         robot=state.robot,
         carrier="",

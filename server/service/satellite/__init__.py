@@ -1,0 +1,1 @@
+"""Talking to robots by satellite: every byte costs, every answer takes a surfacing or more."""

@@ -1,0 +1,91 @@
+"""When a robot was heard by satellite, and when it will speak next."""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Final
+
+from robot_link.messages import LinkReport, LinkState
+from robot_link.satellite.config import SatelliteConfig
+from server.service.picture import UNDER_WATER, Picture
+from server.service.satellite.modem import Modem
+
+_MISSED: Final = 2
+"""Sessions that may fail before a robot counts as overdue: the next word is due after two."""
+
+
+@dataclass(frozen=True, slots=True)
+class Heard:
+    """What a modem brought."""
+
+    session_at: datetime
+    """Of its newest session, by the satellite network's clock."""
+    frames_received: int
+    frames_bad: int
+
+
+def next_session_at(picture: Picture, heard: Heard | None, period_s: float) -> datetime | None:
+    """Return when a robot is expected to call next.
+
+    One that dived calls when it comes up; one that radio reaches does not call at all.
+    """
+    if heard is None or picture.radio_state is LinkState.LIVE:
+        return None
+    if _has_dived(picture):
+        return picture.next_surfacing()
+    return heard.session_at + timedelta(seconds=period_s)
+
+
+def link_report(
+    modem: Modem,
+    picture: Picture,
+    heard: Heard | None,
+    config: SatelliteConfig,
+    now: datetime,
+    *,
+    is_plugged: bool,
+) -> LinkReport:
+    """Return the health of a satellite link, from the robot's last session."""
+    return LinkReport(
+        robot=modem.robot,
+        carrier=modem.carrier,
+        state=_state(picture, heard, config, now) if is_plugged else LinkState.UNPLUGGED,
+        heard_at=None if heard is None else heard.session_at,
+        rssi_dbm=None,
+        frames_received=0 if heard is None else heard.frames_received,
+        frames_bad=0 if heard is None else heard.frames_bad,
+        uri=modem.uri,
+        is_plugged=is_plugged,
+        radio=modem.imei,
+    )
+
+
+def is_out_of_contact(picture: Picture, config: SatelliteConfig, now: datetime) -> bool:
+    """Tell whether a robot was not heard on any link for so long that nothing is sent."""
+    heard_at = picture.heard_at
+    return heard_at is None or now - heard_at > timedelta(hours=config.contact_expiry_h)
+
+
+def out_of_contact_text(picture: Picture, config: SatelliteConfig) -> str:
+    """Say why nothing is sent to a robot that is out of contact."""
+    robot, heard_at = picture.record.id, picture.heard_at
+    if heard_at is None:
+        return f"{robot} was never heard on any link."
+    return (
+        f"{robot} was last heard at {heard_at:%Y-%m-%d %H:%MZ}, more than "
+        f"{config.contact_expiry_h:g} h ago."
+    )
+
+
+def _state(
+    picture: Picture, heard: Heard | None, config: SatelliteConfig, now: datetime
+) -> LinkState:
+    if heard is None:
+        return LinkState.NEVER_HEARD
+    if _has_dived(picture):
+        return LinkState.SUBMERGED
+    patience = timedelta(seconds=_MISSED * config.session_period_s)
+    return LinkState.LIVE if now - heard.session_at <= patience else LinkState.STALE
+
+
+def _has_dived(picture: Picture) -> bool:
+    return picture.state is not None and picture.state.mode in UNDER_WATER

@@ -1,0 +1,121 @@
+"""What a message from a robot says: pure functions from bytes to values."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+
+from robot_link.gateway.gateway import MobileOriginated
+from robot_link.messages import (
+    OnboardPlanState,
+    PlanHash,
+    PlanReport,
+    RobotId,
+    Sample,
+    StateReport,
+    SystemId,
+)
+from robot_link.satellite.frame import WireError
+from robot_link.satellite.record import (
+    MobileOriginatedContent,
+    ShortPlanReport,
+    read_mobile_originated,
+)
+
+Telling = StateReport | Sample | PlanReport
+FindPlan = Callable[[str], PlanHash | None]
+"""Returns the full hash of a plan that the station knows by its first digits."""
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One message, read or not."""
+
+    content: MobileOriginatedContent | None
+    """``None`` for an empty message, and for one that cannot be read."""
+    fault: str
+    """Why it cannot be read; empty if it can."""
+    text: str
+    """What it says, in one sentence."""
+
+
+def read(message: MobileOriginated, key: bytes, system: SystemId, robot: RobotId) -> Reading:
+    """Read a message; one that cannot be read is no error, but says so."""
+    if message.fault:
+        return Reading(None, message.fault, message.fault)
+    if not message.data:
+        return Reading(None, "", "An empty message: the modem asked for what waits for it.")
+    try:
+        content = read_mobile_originated(message.data, key, system, robot, message.arrived_at)
+    except WireError as error:
+        return Reading(None, str(error), f"Not understood: {error}.")
+    return Reading(content, "", _summary(content))
+
+
+def values_of(
+    content: MobileOriginatedContent,
+    robot: RobotId,
+    session_at: datetime,
+    arrived_at: datetime,
+    find_plan: FindPlan,
+) -> Sequence[Telling]:
+    """Return what a record tells, as radio would have told it.
+
+    Args:
+        content: The record.
+        robot: Who says it.
+        session_at: When it was said, by the satellite network's clock.
+        arrived_at: When the station had it.
+        find_plan: Finds plans by the digits that a record has room for.
+    """
+    told: list[Telling] = []
+    if content.state is not None:
+        told.append(content.state)
+    if content.plan is not None:
+        said_at = session_at if content.state is None else content.state.measured_at
+        told.append(_plan_report(content.plan, robot, said_at, arrived_at, find_plan))
+    told.extend(content.samples)
+    return told
+
+
+def _plan_report(
+    plan: ShortPlanReport,
+    robot: RobotId,
+    said_at: datetime,
+    arrived_at: datetime,
+    find_plan: FindPlan,
+) -> PlanReport:
+    """Return a report with the full hash; a stranger's plan keeps the digits that were said."""
+    sha256 = (find_plan(plan.digits) or PlanHash(plan.digits)) if plan.digits else None
+    return PlanReport(
+        robot=robot,
+        sha256=sha256,
+        state=plan.state,
+        leg=plan.leg,
+        legs=plan.legs,
+        energy_used=plan.energy_used,
+        reason=plan.reason.sentence,
+        measured_at=said_at,
+        received_at=arrived_at,
+    )
+
+
+def _summary(content: MobileOriginatedContent) -> str:
+    parts: list[str] = []
+    if content.state is not None:
+        north_m, east_m, _ = content.state.position_ned
+        parts.append(
+            f"{content.state.mode.name.lower()} at {north_m:.0f} m north, {east_m:.0f} m east"
+        )
+    if content.plan is not None and content.plan.state is not OnboardPlanState.NONE:
+        plan = content.plan
+        parts.append(f"plan {plan.digits[:8]} {plan.state.name.lower().replace('_', ' ')}")
+    parts.extend(
+        f"transfer {ack.transfer_id:08x} {ack.state.name.lower()}, "
+        f"{len(ack.received)} of {ack.count} parts"
+        for ack in content.acks
+    )
+    parts.extend(f"order {one.number} {one.outcome.value}" for one in content.answers)
+    if content.samples:
+        parts.append(f"{len(content.samples)} samples")
+    text = "; ".join(parts) or "nothing new"
+    return f"{text[0].upper()}{text[1:]}."

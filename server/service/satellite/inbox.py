@@ -1,0 +1,207 @@
+"""The way in: a message is a row, with everything that it proves, before its gateway is answered.
+
+What the robot acknowledges is written down in the transaction of its message. Its telemetry goes
+the way that radio's goes; a message counts as settled once that is stored too, and one that is not
+settled when the station starts is told again, which changes nothing that was stored.
+"""
+
+from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Final
+
+from sqlalchemy.orm import Session
+
+from db.query import inbox as query
+from db.query.events import add_event
+from db.query.inbox import InboxRecord
+from db.query.outbox import OutboxRecord, get_outbox, open_outbox
+from db.query.plans import plan_by_hash
+from db.query.satellite_messages import message_of_mtmsn
+from db.store import Store
+from robot_link.clock import Clock
+from robot_link.gateway.gateway import MobileOriginated
+from robot_link.messages import PlanHash, RawFrame
+from server.service.satellite import order_row, plan_row
+from server.service.satellite.content import FindPlan, Reading, Telling, read, values_of
+from server.service.satellite.message_row import fetched
+from server.service.satellite.modem import Modem
+from server.service.words import carrier_title
+
+_IN_QUEUE: Final = timedelta(days=5)
+"""A gateway keeps a message no longer, so an older one cannot be meant by its number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """What one delivery amounted to."""
+
+    is_new: bool
+    reading: Reading
+    changed: tuple[OutboxRecord, ...]
+    """Rows of the outbox about which it proved something."""
+    values: Sequence[Telling]
+
+
+class Inbox:
+    """Takes messages of robots. Belongs to one event loop.
+
+    Args:
+        store: Where the rows are.
+        clock: The robots' clock.
+        tell: Takes what a message tells; returns once that is stored.
+        journal: Takes the bytes of every message.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        clock: Clock,
+        tell: Callable[[Sequence[Telling]], Awaitable[None]],
+        journal: Callable[[RawFrame], None],
+    ) -> None:
+        self._store = store
+        self._clock = clock
+        self._tell = tell
+        self._journal = journal
+
+    async def take(self, message: MobileOriginated, modem: Modem | None, key: bytes) -> Arrival:
+        """Keep a message and what it proves; return after the commit.
+
+        Args:
+            message: As a gateway delivered it.
+            modem: Whose it is; ``None`` for a modem of no robot here.
+            key: The robot's key.
+
+        Raises:
+            StoreUnavailableError: Nothing was kept; the gateway must deliver it again.
+        """
+        reading = _read(message, modem, key)
+        arrival = await self._store.write(lambda s: _keep(s, message, modem, reading))
+        if arrival.is_new:
+            state = None if reading.content is None else reading.content.state
+            self._journal(
+                RawFrame(
+                    robot=None if modem is None else modem.robot,
+                    carrier=message.carrier,
+                    outgoing=False,
+                    data=message.data,
+                    at=self._clock.now(),
+                    robot_at=None if state is None else state.measured_at,
+                    arrived_at=message.session_at,
+                )
+            )
+        return arrival
+
+    async def settle(self, message: MobileOriginated, values: Sequence[Telling]) -> None:
+        """Pass on what a message tells, then write down that it is done with."""
+        await self._tell(values)
+        at = self._clock.now()
+
+        def write(session: Session) -> None:
+            for record in query.unsettled_inbox(session):
+                if _is_same(record.message, message):
+                    query.settle_inbox(session, record.id, at)
+
+        await self._store.write(write)
+
+    async def unsettled(self) -> list[InboxRecord]:
+        """Return the messages that the station had not done with when it stopped."""
+        return await self._store.query(query.unsettled_inbox)
+
+    async def values_again(
+        self, record: InboxRecord, modem: Modem, key: bytes
+    ) -> Sequence[Telling]:
+        """Return what a stored message tells."""
+        reading = _read(record.message, modem, key)
+        return await self._store.query(
+            lambda session: _values(session, record.message, modem, reading)
+        )
+
+
+def _read(message: MobileOriginated, modem: Modem | None, key: bytes) -> Reading:
+    if modem is None:
+        text = f"No robot has the modem {message.imei}."
+        return Reading(None, text, text)
+    return read(message, key, modem.system, modem.robot)
+
+
+def _keep(
+    session: Session, message: MobileOriginated, modem: Modem | None, reading: Reading
+) -> Arrival:
+    record, is_new = query.add_inbox(session, message, None if modem is None else modem.robot)
+    if not is_new:
+        return Arrival(is_new=False, reading=reading, changed=(), values=())
+    query.note_inbox(session, record.id, is_decoded=not reading.fault, text=reading.text)
+    if modem is None:
+        return Arrival(is_new=True, reading=reading, changed=(), values=())
+    if reading.fault:
+        _flag(session, message, modem, reading)
+        query.settle_inbox(session, record.id, message.arrived_at)
+        return Arrival(is_new=True, reading=reading, changed=(), values=())
+    changed = _prove(session, message, modem, reading)
+    values = _values(session, message, modem, reading)
+    return Arrival(is_new=True, reading=reading, changed=tuple(changed), values=values)
+
+
+def _prove(
+    session: Session, message: MobileOriginated, modem: Modem, reading: Reading
+) -> list[OutboxRecord]:
+    """Write down what a session proves of what is on its way to the robot."""
+    content, at = reading.content, message.session_at
+    acks = () if content is None else content.acks
+    answers = () if content is None else content.answers
+    plan = None if content is None else content.plan
+    changed: dict[str, OutboxRecord] = {}
+    brought = None
+    if message.mtmsn:
+        brought = message_of_mtmsn(session, message.imei, message.mtmsn, at - _IN_QUEUE)
+    for row in open_outbox(session, modem.robot):
+        if row.kind == "plan":
+            mtmsn = message.mtmsn if brought is not None and brought.outbox == row.id else None
+            ground = plan_row.hear(row, acks, plan, mtmsn, at)
+            changed[row.id] = plan_row.keep(session, row, ground, message.arrived_at)
+        elif row.kind == "order":
+            changed[row.id] = order_row.hear(session, row, answers, at)
+    if brought is not None:
+        fetched(session, brought, at)
+        row = get_outbox(session, brought.outbox)
+        if row.kind == "order":
+            changed[row.id] = order_row.reached(session, row)
+    return list(changed.values())
+
+
+def _values(
+    session: Session, message: MobileOriginated, modem: Modem, reading: Reading
+) -> Sequence[Telling]:
+    if reading.content is None:
+        return ()
+    find: FindPlan = lambda digits: _plan(session, modem, digits)  # noqa: E731 - names its type
+    return values_of(reading.content, modem.robot, message.session_at, message.arrived_at, find)
+
+
+def _plan(session: Session, modem: Modem, digits: str) -> PlanHash | None:
+    found = plan_by_hash(session, modem.robot, digits)
+    return None if found is None or found.sha256 is None else PlanHash(found.sha256)
+
+
+def _flag(session: Session, message: MobileOriginated, modem: Modem, reading: Reading) -> None:
+    add_event(
+        session,
+        message.arrived_at,
+        "satellite.undecoded",
+        f"A message of {modem.robot} by {carrier_title(message.carrier)} "
+        f"(MOMSN {message.momsn}) was not understood: {reading.fault}. Its bytes are kept.",
+        level="watch",
+        robot=modem.robot,
+        data={"momsn": message.momsn, "imei": message.imei},
+    )
+
+
+def _is_same(one: MobileOriginated, other: MobileOriginated) -> bool:
+    return (one.imei, one.momsn, one.session_at, one.data) == (
+        other.imei,
+        other.momsn,
+        other.session_at,
+        other.data,
+    )

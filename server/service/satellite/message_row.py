@@ -1,0 +1,134 @@
+"""What becomes of one message to a robot, written down together with what it was part of."""
+
+from datetime import datetime
+
+from sqlalchemy.orm import Session
+
+from db.query import outbox as outbox_query
+from db.query import satellite_messages as query
+from db.query.events import add_event
+from db.query.outbox import OutboxRecord
+from db.query.satellite_messages import SENDING, SatelliteMessage
+from robot_link.gateway.gateway import Taken
+from server.service.satellite import order_row, plan_row
+from server.service.words import carrier_title
+
+
+def taken(session: Session, message: str, answer: Taken, at: datetime) -> OutboxRecord:
+    """Write down that the gateway has a message; a repetition of the answer changes nothing."""
+    before = query.get_message(session, message)
+    row = outbox_query.get_outbox(session, before.outbox)
+    if before.queued_at is not None:
+        return row
+    query.change_message(
+        session,
+        message,
+        state="taken",
+        attempts=before.attempts + 1,
+        message_id=answer.message_id,
+        mtmsn=answer.mtmsn,
+        queued_at=at,
+        retry_at=None,
+        text="" if answer.position is None else f"Place {answer.position} in the queue.",
+    )
+    if row.ended_at is None:
+        row = _noted(session, row, before, answer, at)
+    add_event(
+        session,
+        at,
+        "satellite.queued",
+        f"{carrier_title(row.carrier)} took {what(row, before)} for {row.robot}; the robot has "
+        "not fetched it yet.",
+        robot=row.robot,
+        data={"outbox": row.id, "message": answer.message_id, "mtmsn": answer.mtmsn},
+    )
+    return row
+
+
+def postponed(
+    session: Session, message: str, sentence: str, at: datetime, retry_at: datetime
+) -> OutboxRecord:
+    """Write down that a message is to be handed over again, the same bytes, and why."""
+    before = query.get_message(session, message)
+    row = outbox_query.get_outbox(session, before.outbox)
+    if before.state == SENDING:
+        query.change_message(
+            session, message, attempts=before.attempts + 1, retry_at=retry_at, text=sentence
+        )
+        if before.text != sentence:
+            text = f"{carrier_title(row.carrier)} did not take {what(row, before)}: {sentence}"
+            _tell(session, row, "satellite.waits", f"{text} It is tried again.", at)
+    return row
+
+
+def refused(session: Session, message: str, sentence: str, at: datetime) -> OutboxRecord:
+    """Write down that the gateway will never take a message, which ends what it was part of."""
+    before = query.get_message(session, message)
+    row = outbox_query.get_outbox(session, before.outbox)
+    if before.state != SENDING:
+        return row
+    query.change_message(
+        session,
+        message,
+        state="refused",
+        attempts=before.attempts + 1,
+        retry_at=None,
+        text=sentence,
+    )
+    reason = f"{carrier_title(row.carrier)} did not take it: {sentence}"
+    _tell(session, row, "satellite.refused", f"{what(row, before).capitalize()}: {reason}", at)
+    row = plan_row.refuse(session, row, reason, at)
+    drop(session, row)
+    return row
+
+
+def drop(session: Session, row: OutboxRecord) -> None:
+    """Send nothing more of a row that has ended; what a gateway may have is not called back."""
+    for message in query.messages_of(session, row.id):
+        if message.state == SENDING:
+            tried = message.attempts > 0
+            query.change_message(
+                session,
+                message.id,
+                state="unknown" if tried else "dropped",
+                retry_at=None,
+                text="Not sent again; nobody knows whether the gateway has it."
+                if tried
+                else "Not sent.",
+            )
+
+
+def fetched(session: Session, message: SatelliteMessage, at: datetime) -> None:
+    """Write down that the robot's modem has a message, as the network says by its number."""
+    if message.state in ("taken", "unknown"):
+        query.change_message(session, message.id, state="radio", radio_at=at)
+
+
+def what(row: OutboxRecord, message: SatelliteMessage) -> str:
+    """Return what a message is, for a sentence."""
+    if row.kind == "order":
+        return f"the {row.document['kind']} order"
+    if row.kind == "withdrawal":
+        return "the word that withdraws what is still on its way"
+    count = len(plan_row.ground_of(row).parts)
+    return f"part {message.part + 1} of {count} of {row.document['plan']}"
+
+
+def _noted(
+    session: Session, row: OutboxRecord, message: SatelliteMessage, answer: Taken, at: datetime
+) -> OutboxRecord:
+    match row.kind:
+        case "plan":
+            ground = plan_row.ground_of(row)
+            sent = ground.sent(message.part, at, answer.message_id, answer.mtmsn)
+            return plan_row.keep(session, row, sent, at)
+        case "order":
+            return order_row.sent(session, row)
+        case _:
+            return outbox_query.change_outbox(
+                session, row.id, state="applied", level="queued", ended_at=at
+            )
+
+
+def _tell(session: Session, row: OutboxRecord, kind: str, text: str, at: datetime) -> None:
+    add_event(session, at, kind, text, level="watch", robot=row.robot, data={"outbox": row.id})

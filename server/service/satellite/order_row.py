@@ -1,0 +1,145 @@
+"""An order on its way by satellite as a row; the robot acts once however often it hears it."""
+
+from collections.abc import Iterable
+from datetime import datetime, timedelta
+from typing import Any, Final
+
+from sqlalchemy.orm import Session
+
+from db.query import outbox as query
+from db.query.commands import CommandRecord
+from db.query.outbox import OutboxRecord
+from robot_link.messages import CommandKind, CommandNumber, PlanHash
+from robot_link.robot_program import CommandOutcome
+from robot_link.satellite.ground import next_counter
+from robot_link.satellite.order import pack_order
+from robot_link.satellite.record import CommandAnswer
+from server.service.satellite.modem import Modem
+
+SURFACE_PRIORITY: Final = 1
+ORDER_PRIORITY: Final = 3
+_ONE_SURFACING: Final = timedelta(minutes=5)
+"""Sessions that are nearer to each other belong to one surfacing."""
+_REFUSALS: Final = {
+    CommandOutcome.NOT_NOW: "the robot cannot do this now",
+    CommandOutcome.WRONG_PLAN: "the robot holds another plan",
+    CommandOutcome.UNSUPPORTED: "the robot does not know this command",
+}
+
+
+def begin_order(
+    session: Session, command: CommandRecord, modem: Modem, at: datetime
+) -> OutboxRecord:
+    """Return the row of a command to one modem, added if it has none; nothing is sent yet."""
+    known = query.outbox_of_command(session, command.id, modem.imei)
+    if known is not None:
+        return known
+    return query.add_outbox(
+        session,
+        command.robot,
+        "order",
+        carrier=modem.carrier,
+        imei=modem.imei,
+        counter=next_counter(query.newest_counter(session, command.robot), at),
+        document={
+            "kind": command.kind.value,
+            "number": command.number,
+            "plan": command.plan_sha256,
+            "sends": 0,
+            "sent_surfacing": None,
+            "surfacings": 0,
+            "surfaced_at": None,
+        },
+        at=at,
+        expires_at=command.expires_at,
+        command=command.id,
+    )
+
+
+def is_surface(row: OutboxRecord) -> bool:
+    """Tell whether a row is an order to surface, which no budget stops."""
+    return row.kind == "order" and row.document["kind"] == CommandKind.SURFACE.value
+
+
+def order_bytes(row: OutboxRecord, key: bytes, modem: Modem, *, ack_seen: bool) -> bytes:
+    """Return the message that carries an order."""
+    document = row.document
+    return pack_order(
+        CommandKind(document["kind"]),
+        CommandNumber(document["number"]),
+        row.expires_at,
+        None if document["plan"] is None else PlanHash(document["plan"]),
+        key,
+        modem.system,
+        row.counter,
+        ack_seen=ack_seen,
+    )
+
+
+def is_due(row: OutboxRecord) -> bool:
+    """Tell whether an order is to be sent now.
+
+    Once, and again after two surfacings without an answer: in the first the robot may have fetched
+    it after it had spoken.
+    """
+    document = row.document
+    if not document["sends"]:
+        return True
+    return document["surfacings"] - document["sent_surfacing"] >= 2
+
+
+def sent(session: Session, row: OutboxRecord) -> OutboxRecord:
+    """Note that a gateway took an order."""
+    document = row.document
+    noted = {"sends": document["sends"] + 1, "sent_surfacing": document["surfacings"]}
+    level = "queued" if row.level == query.CREATED else row.level
+    return query.change_outbox(session, row.id, document={**document, **noted}, level=level)
+
+
+def reached(session: Session, row: OutboxRecord) -> OutboxRecord:
+    """Note that the robot's modem fetched an order."""
+    if row.level not in (query.CREATED, "queued"):
+        return row
+    return query.change_outbox(session, row.id, level="radio")
+
+
+def hear(
+    session: Session, row: OutboxRecord, answers: Iterable[CommandAnswer], session_at: datetime
+) -> OutboxRecord:
+    """Note a session of the robot, and its answer if it gives one."""
+    if session_at < row.created_at:
+        return row
+    for answer in answers:
+        if answer.number == row.document["number"]:
+            return _answered(session, row, answer.outcome, session_at)
+    document = _surfaced(row.document, session_at)
+    if document == row.document:
+        return row
+    return query.change_outbox(session, row.id, document=document)
+
+
+def settle(session: Session, command: str, state: str, at: datetime) -> None:
+    """End the rows of a command that was settled, by whatever road."""
+    for row in query.open_outbox(session):
+        if row.command == command:
+            query.change_outbox(session, row.id, state=state, ended_at=at)
+
+
+def _answered(
+    session: Session, row: OutboxRecord, outcome: CommandOutcome, at: datetime
+) -> OutboxRecord:
+    if outcome is CommandOutcome.DONE:
+        return query.change_outbox(session, row.id, state="applied", level="applied", ended_at=at)
+    reason = _REFUSALS.get(outcome, "the robot failed to do this")
+    return query.change_outbox(session, row.id, state="refused", reason=reason, ended_at=at)
+
+
+def _surfaced(document: Any, at: datetime) -> dict[str, Any]:  # noqa: ANN401 - a JSON object
+    last = document["surfaced_at"]
+    if last is not None and at - datetime.fromisoformat(last) < _ONE_SURFACING:
+        return {**document}
+    return {
+        **document,
+        "surfacings": document["surfacings"] + 1,
+        "surfaced_at": at.isoformat(),
+    }

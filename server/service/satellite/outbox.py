@@ -1,0 +1,236 @@
+"""The way out: rows become messages, and messages are handed to gateways.
+
+A message is a row in state "sending" before the gateway is called. Whoever is killed in between
+leaves that row behind, and it is handed over again: the same bytes under the same number, which
+the gateway may charge again but the robot takes once.
+"""
+
+import asyncio
+import logging
+from collections.abc import Callable
+from contextlib import suppress
+from datetime import timedelta
+from typing import Final, Protocol
+
+from sqlalchemy.orm import Session
+
+from db.fault import StoreError
+from db.query.outbox import OutboxRecord, get_outbox, open_outbox
+from db.query.satellite_messages import SENDING, SatelliteMessage, messages_in
+from db.store import Store
+from robot_link.clock import Clock
+from robot_link.gateway.gateway import (
+    GatewayRefusal,
+    GatewayUnreachableError,
+    Taken,
+    retry_after_s,
+)
+from robot_link.messages import RawFrame, RobotId
+from server.service.satellite import message_row
+from server.service.satellite.order_row import is_surface
+from server.service.satellite.preparing import Looked, Means, expire, needs_work, prepare
+from server.service.turn import until_stored
+
+log = logging.getLogger(__name__)
+
+LOOK_S: Final = 1.0
+"""Wall time between two looks at what is due."""
+_URGENT: Final = 1
+
+
+class Sender(Protocol):
+    """Hands messages to the gateway of a carrier; ``server.service.gateways.Gateways``."""
+
+    async def send(
+        self,
+        carrier: str,
+        imei: str,
+        data: bytes,
+        *,
+        client_id: int,
+        flush: bool = False,
+        priority: int = 5,
+    ) -> Taken:
+        """Hand one message over; raises as ``robot_link.gateway.gateway.SatelliteGateway``."""
+        ...
+
+
+class Outbox:
+    """Sends what is due, to each modem one message after another. Belongs to one event loop.
+
+    Args:
+        store: Where the rows are.
+        clock: The robots' clock.
+        sender: The gateways.
+        means: Returns what sending a row takes, or a sentence that says why nothing may be sent.
+        on_change: Called with each row that changed, after the commit.
+        journal: Takes the bytes that a gateway took.
+    """
+
+    def __init__(
+        self,
+        store: Store,
+        clock: Clock,
+        sender: Sender,
+        means: Callable[[OutboxRecord], Means | str],
+        on_change: Callable[[OutboxRecord], None],
+        journal: Callable[[RawFrame], None],
+    ) -> None:
+        self._store = store
+        self._clock = clock
+        self._sender = sender
+        self._means = means
+        self._on_change = on_change
+        self._journal = journal
+        self._stirred = asyncio.Event()
+        self._calls: dict[str, asyncio.Task[None]] = {}
+        self._called: dict[str, SatelliteMessage] = {}
+        self.waits: dict[str, str] = {}
+        """Why an open row is not sent on, by its id."""
+        self._over_budget: dict[str, str] = {}
+        """Robots by the rows that wait for a budget."""
+
+    def stir(self) -> None:
+        """Look at once: something new is to be sent, or an obstacle is gone."""
+        self._stirred.set()
+
+    def waits_for_budget(self, robot: str) -> bool:
+        """Tell whether something for a robot is not sent because today's budget is spent."""
+        return robot in self._over_budget.values()
+
+    async def run(self) -> None:
+        """Send until cancelled."""
+        try:
+            while True:
+                self._stirred.clear()
+                await until_stored("the satellite outbox", self.step)
+                with suppress(TimeoutError):
+                    async with asyncio.timeout(LOOK_S):
+                        await self._stirred.wait()
+        finally:
+            await self._let_go()
+
+    async def step(self) -> None:
+        """Do what is due now; calls of gateways go on by themselves."""
+        now = self._clock.now()
+        rows = await self._store.query(open_outbox)
+        waits: dict[str, str] = {}
+        over_budget: dict[str, str] = {}
+        for row in rows:
+            looked = await self._look_at(row)
+            if looked.waits:
+                waits[row.id] = looked.waits
+            if looked.is_over_budget:
+                over_budget[row.id] = row.robot
+        self.waits, self._over_budget = waits, over_budget
+        free = await self._store.query(_messages)
+        for message, row in free:
+            if message.retry_at is None or message.retry_at <= now:
+                self._call(message, row)
+
+    async def settle(self) -> None:
+        """Wait until no gateway is being called."""
+        while self._calls:
+            await asyncio.wait(list(self._calls.values()))
+
+    async def _look_at(self, row: OutboxRecord) -> Looked:
+        now = self._clock.now()
+        if not await self._store.query(lambda session: needs_work(session, row, now)):
+            return Looked()
+        if now >= row.expires_at:
+            self._changed(await self._store.write(lambda session: expire(session, row.id, now)))
+            return Looked()
+        means = self._means(row)
+        if isinstance(means, str):
+            return Looked(means)
+        try:
+            return await self._store.write(lambda session: prepare(session, row.id, means, now))
+        except (ValueError, KeyError) as error:
+            log.exception("%s cannot be sent", row.id)
+            return Looked(f"It cannot be sent: {error}")
+
+    def _call(self, message: SatelliteMessage, row: OutboxRecord) -> None:
+        """Call the gateway; an order to surface does not wait for what is being said before it."""
+        busy = any(other.imei == message.imei for other in self._called.values())
+        if message.id in self._calls or (busy and not is_surface(row)):
+            return
+        if row.state != "open" or isinstance(self._means(row), str):
+            return
+        name = f"{message.id} to {message.robot} by {message.carrier}"
+        task = asyncio.create_task(self._hand_over(message), name=name)
+        self._calls[message.id], self._called[message.id] = task, message
+        task.add_done_callback(lambda _: self._called_back(message.id))
+
+    def _called_back(self, message: str) -> None:
+        task = self._calls.pop(message)
+        del self._called[message]
+        if not task.cancelled() and task.exception() is not None:
+            log.error("%s was not handed over", task.get_name(), exc_info=task.exception())
+        self._stirred.set()
+
+    async def _hand_over(self, message: SatelliteMessage) -> None:
+        try:
+            answer = await self._sender.send(
+                message.carrier,
+                message.imei,
+                message.data,
+                client_id=message.client_id,
+                flush=message.flush,
+                priority=message.priority,
+            )
+        except GatewayUnreachableError as error:
+            await self._postpone(message, error.sentence)
+        except GatewayRefusal as error:
+            if error.retry == "later":
+                await self._postpone(message, error.sentence)
+            else:
+                await self._refuse(message, error.sentence)
+        except ValueError as error:
+            await self._refuse(message, f"{error}.")
+        else:
+            await self._take(message, answer)
+
+    async def _take(self, message: SatelliteMessage, answer: Taken) -> None:
+        at = self._clock.now()
+        robot = RobotId(message.robot)
+        self._journal(RawFrame(robot, message.carrier, True, message.data, at))
+        await self._note(message, lambda s: message_row.taken(s, message.id, answer, at))
+
+    async def _postpone(self, message: SatelliteMessage, sentence: str) -> None:
+        at = self._clock.now()
+        wait_s = retry_after_s(message.attempts + 1) * max(1.0, self._clock.speed)
+        retry_at = at + timedelta(seconds=wait_s)
+        await self._note(
+            message, lambda s: message_row.postponed(s, message.id, sentence, at, retry_at)
+        )
+
+    async def _refuse(self, message: SatelliteMessage, sentence: str) -> None:
+        at = self._clock.now()
+        await self._note(message, lambda s: message_row.refused(s, message.id, sentence, at))
+
+    async def _note(
+        self, message: SatelliteMessage, write: Callable[[Session], OutboxRecord]
+    ) -> None:
+        async def work() -> None:
+            self._changed(await self._store.write(write))
+
+        try:
+            await until_stored(message.id, work)
+        except StoreError as error:
+            # The row still says "sending": it is handed over again at the next start.
+            log.warning("%s: what the gateway said was not kept: %s", message.id, error)
+
+    def _changed(self, row: OutboxRecord) -> None:
+        self._on_change(row)
+
+    async def _let_go(self) -> None:
+        calls = list(self._calls.values())
+        for call in calls:
+            call.cancel()
+        await asyncio.gather(*calls, return_exceptions=True)
+
+
+def _messages(session: Session) -> list[tuple[SatelliteMessage, OutboxRecord]]:
+    """Return the messages that a gateway is to have, the urgent ones first, with their rows."""
+    found = [(one, get_outbox(session, one.outbox)) for one in messages_in(session, SENDING)]
+    return sorted(found, key=lambda pair: pair[0].priority > _URGENT)

@@ -1,0 +1,168 @@
+"""Which messages are to be sent now, and their rows: written down before the first byte leaves."""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from typing import Final
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from db.identity import key_of
+from db.link_tables import OutboxRow
+from db.query import outbox as outbox_query
+from db.query import satellite_messages as query
+from db.query.outbox import CREATED, OutboxRecord
+from db.query.plans import get_plan
+from db.query.robots import robot_key
+from db.query.satellite_messages import SENDING
+from robot_link.satellite.blob import Blob
+from robot_link.satellite.chunk import cut
+from robot_link.satellite.config import Tariff
+from robot_link.satellite.fare import credits
+from server.service.plan_document import mission_of
+from server.service.satellite import order_row, plan_row
+from server.service.satellite.budget import budget_of
+from server.service.satellite.message_row import drop
+from server.service.satellite.modem import Modem
+
+_FORGOTTEN: Final = timedelta(days=10)
+"""What is older than this cannot be in any queue, nor can the robot's word on it."""
+
+
+@dataclass(frozen=True, slots=True)
+class Means:
+    """What sending to one robot takes."""
+
+    modem: Modem
+    key: bytes
+    tariff: Tariff
+
+
+@dataclass(frozen=True, slots=True)
+class Looked:
+    """What came of a look at a row."""
+
+    waits: str = ""
+    """Why something that is due is not sent; empty if nothing waits."""
+    is_over_budget: bool = False
+
+
+def needs_work(session: Session, row: OutboxRecord, now: datetime) -> bool:
+    """Tell, without changing anything, whether a row has something to send or has expired."""
+    if now >= row.expires_at:
+        return True
+    return bool(_due(session, row, now))
+
+
+def expire(session: Session, outbox: str, now: datetime) -> OutboxRecord:
+    """End a row whose time has passed; nothing of it is sent any more."""
+    row = outbox_query.get_outbox(session, outbox)
+    if row.ended_at is not None or now < row.expires_at:
+        return row
+    if row.kind == "plan":
+        row = plan_row.keep(session, row, plan_row.ground_of(row).expired(now), now)
+    if row.ended_at is None:
+        row = outbox_query.change_outbox(
+            session, outbox, state="expired", reason="it was not answered in time", ended_at=now
+        )
+    drop(session, row)
+    return row
+
+
+def prepare(session: Session, outbox: str, means: Means, now: datetime) -> Looked:
+    """Add the messages that are due, as far as today's budget allows."""
+    row = outbox_query.get_outbox(session, outbox)
+    if row.ended_at is not None or row.state != "open":
+        return Looked()
+    due = _due(session, row, now)
+    if not due:
+        return Looked()
+    texts = _bytes(session, row, means)
+    for index in due:
+        data = texts[index]
+        cost = credits(len(data), means.tariff)
+        budget = budget_of(session, row.robot, means.tariff, now)
+        if not order_row.is_surface(row) and not budget.allows(cost):
+            return Looked(
+                f"Today's budget of {budget.per_day} credits is spent ({budget.spent} used, "
+                f"{cost} more needed); it goes on at 00:00Z, or with a greater budget.",
+                is_over_budget=True,
+            )
+        query.add_message(
+            session,
+            row.id,
+            row.robot,
+            part=index,
+            carrier=row.carrier,
+            imei=row.imei,
+            data=data,
+            cost=cost,
+            at=now,
+            flush=bool(row.document.get("flush")) and _is_first(session, row),
+            priority=_priority(row),
+        )
+    return Looked()
+
+
+def _due(session: Session, row: OutboxRecord, now: datetime) -> tuple[int, ...]:
+    if row.ended_at is not None or row.state != "open":
+        return ()
+    sending = {one.part for one in query.messages_of(session, row.id) if one.state == SENDING}
+    if row.kind == "plan":
+        return tuple(i for i in plan_row.ground_of(row).due(now) if i not in sending)
+    return () if sending or not order_row.is_due(row) else (0,)
+
+
+def _bytes(session: Session, row: OutboxRecord, means: Means) -> tuple[bytes, ...]:
+    ack_seen = _ack_seen(session, row)
+    if row.kind == "order":
+        return (order_row.order_bytes(row, means.key, means.modem, ack_seen=ack_seen),)
+    blob = Blob.of(mission_of(get_plan(session, row.document["plan"])))
+    return cut(
+        blob,
+        means.key,
+        means.modem.system,
+        row.counter,
+        start=plan_row.ground_of(row).start,
+        ack_seen=ack_seen,
+    )
+
+
+def _ack_seen(session: Session, row: OutboxRecord) -> bool:
+    """Tell whether the robot need not repeat its word on anything from before this row."""
+    earlier = session.scalars(
+        select(OutboxRow).where(
+            OutboxRow.robot_key == robot_key(session, row.robot),
+            OutboxRow.key < key_of("outbox", row.id),
+            OutboxRow.created_at > row.created_at - _FORGOTTEN,
+        )
+    )
+    return all(_is_over(one) for one in earlier)
+
+
+def _is_over(row: OutboxRow) -> bool:
+    if row.state == "applied" or (row.kind != "plan" and row.ended_at is not None):
+        return True
+    if row.ended_at is None:
+        return False
+    never_left = row.level == CREATED and not any(
+        part["sends"] for part in row.document["transfer"]["parts"]
+    )
+    return never_left or row.document["transfer"]["state"] == "refused"
+
+
+def _is_first(session: Session, row: OutboxRecord) -> bool:
+    """Tell whether this is the first message of a row, and nothing else waits to be fetched.
+
+    Emptying the gateway's queue must not throw an order away.
+    """
+    if query.messages_of(session, row.id):
+        return False
+    others = outbox_query.open_outbox(session, row.robot)
+    return not any(one.kind == "order" and one.level == "queued" for one in others)
+
+
+def _priority(row: OutboxRecord) -> int:
+    if order_row.is_surface(row):
+        return order_row.SURFACE_PRIORITY
+    return order_row.ORDER_PRIORITY if row.kind == "order" else 5

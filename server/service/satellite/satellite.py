@@ -1,0 +1,325 @@
+"""A station's satellite side, put together: what others of the station ask of it."""
+
+import asyncio
+import logging
+from collections.abc import Awaitable, Callable, Sequence
+from datetime import datetime, timedelta
+from typing import Final
+
+from sqlalchemy.orm import Session
+
+from db.query import outbox as outbox_query
+from db.query.commands import CommandRecord
+from db.query.inbox import inbox_of
+from db.query.outbox import OutboxRecord
+from db.query.plans import PlanRecord
+from db.query.transfers import TransferRecord
+from robot_link.gateway.gateway import HeldBackError, MobileOriginated
+from robot_link.messages import (
+    CommandKind,
+    CommandLevel,
+    CommandNumber,
+    CommandReport,
+    RawFrame,
+    RobotId,
+)
+from robot_link.satellite.blob import Blob
+from robot_link.satellite.ground import next_counter
+from robot_link.satellite.order import pack_order
+from server.foundation import Foundation
+from server.service.fleet import Fleet
+from server.service.picture import Picture, SatelliteStanding
+from server.service.plan_document import mission_of
+from server.service.plug import Plugs
+from server.service.routing import Choice, MessageKind, Wish, carriers_for
+from server.service.satellite import order_row, plan_row
+from server.service.satellite.contact import (
+    Heard,
+    is_out_of_contact,
+    link_report,
+    next_session_at,
+    out_of_contact_text,
+)
+from server.service.satellite.content import Telling
+from server.service.satellite.inbox import Inbox
+from server.service.satellite.modem import Modem, modems_of
+from server.service.satellite.outbox import LOOK_S, Outbox, Sender
+from server.service.satellite.preparing import Means
+from server.service.satellite.standing import DEFAULT_SETTINGS, Account, Settings, accounts
+from server.service.satellite.unwritten import UnwrittenOrders
+from server.service.turn import Turns, until_stored
+
+log = logging.getLogger(__name__)
+
+ORDER_LIFE: Final = timedelta(hours=24)
+"""An order that goes by satellite waits at least this long for its robot to call."""
+
+
+class Satellite:
+    """Plans, orders and messages by satellite. Belongs to one event loop.
+
+    Args:
+        foundation: The shared parts of the station.
+        fleet: The robots as they are now.
+        sender: The gateways.
+        plugs: What the operator has unplugged.
+        tell: Takes what messages tell, as radio's; returns once it is stored.
+        journal: Takes every byte, both ways.
+        on_level: Takes the levels of commands that were proved.
+    """
+
+    def __init__(
+        self,
+        foundation: Foundation,
+        fleet: Fleet,
+        sender: Sender,
+        plugs: Plugs,
+        tell: Callable[[Sequence[Telling]], Awaitable[None]],
+        journal: Callable[[RawFrame], None],
+        on_level: Callable[[CommandReport], None],
+    ) -> None:
+        self._store = foundation.store
+        self._clock = foundation.clock
+        self._secrets = foundation.secrets
+        self._fleet = fleet
+        self._plugs = plugs
+        self._on_level = on_level
+        self._settings: dict[str, Settings] = {}
+        self._heard: dict[str, Heard] = {}
+        self._rows: dict[str, OutboxRecord] = {}
+        """Newest row of each transfer that went by satellite since the start."""
+        self._turns = Turns("satellite messages")
+        self.inbox = Inbox(self._store, self._clock, tell, journal)
+        self.outbox = Outbox(
+            self._store, self._clock, sender, self._means, self._row_changed, journal
+        )
+        self._unwritten = UnwrittenOrders(sender)
+
+    async def load(self) -> None:
+        """Remember who was heard when, and finish what the station had not done when it stopped."""
+        await self.refresh()
+        for row in await self._store.query(outbox_query.open_outbox):
+            self._row_changed(row)
+        for record in await self.inbox.unsettled():
+            modem = self._modem(record.message.imei)
+            if modem is not None:
+                key = self._secrets.robot_key(modem.robot)
+                values = await self.inbox.values_again(record, modem, key)
+                self._pass_on(record.message, values)
+
+    async def run(self) -> None:
+        """Serve until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self.outbox.run(), name="satellite outbox")
+            group.create_task(self._turns.run(), name="satellite messages")
+            group.create_task(self._unwritten.run(), name="unwritten satellite orders")
+            group.create_task(self._look(), name="satellite links")
+
+    async def refresh(self) -> None:
+        """Read settings, budgets and last sessions anew, and show them."""
+        at = self._clock.now()
+        pictures = {p.record.id: p for p in self._fleet.pictures if modems_of(p.record)}
+        found = await self._store.query(lambda session: accounts(session, pictures, at))
+        for robot, picture in pictures.items():
+            self._settings[robot] = found[robot].settings
+            for modem in modems_of(picture.record):
+                if modem.imei not in self._heard:
+                    await self._remember(modem)
+            self._show(picture, found[robot])
+
+    def is_plugged(self, imei: str) -> bool:
+        """Tell whether messages of a modem are taken; a stranger's are."""
+        modem = self._modem(imei)
+        return modem is None or self._plugs.is_plugged(modem.uri)
+
+    async def take(self, message: MobileOriginated) -> bool:
+        """Take what a gateway delivers; tell whether it is new. It is kept when this returns.
+
+        Raises:
+            HeldBackError: The operator has unplugged the link; the gateway must keep the message.
+            StoreUnavailableError: It could not be kept; the gateway must deliver it again.
+        """
+        modem = self._modem(message.imei)
+        if modem is not None and not self._plugs.is_plugged(modem.uri):
+            raise HeldBackError(f"The satellite link of {modem.robot} is unplugged.")
+        key = b"" if modem is None else self._secrets.robot_key(modem.robot)
+        arrival = await self.inbox.take(message, modem, key)
+        if arrival.is_new and modem is not None:
+            self._note_heard(modem, message.session_at, is_bad=bool(arrival.reading.fault))
+            for row in arrival.changed:
+                self._row_changed(row)
+            if not arrival.reading.fault:
+                self._pass_on(message, arrival.values)
+            self.outbox.stir()
+        return arrival.is_new
+
+    def settings(self, robot: str) -> Settings:
+        """Return the settings that hold for a robot, as they were read last."""
+        return self._settings.get(robot, DEFAULT_SETTINGS)
+
+    def choice(self, robot: str, kind: MessageKind, wish: Wish = "auto") -> Choice:
+        """Choose the roads of a message to a robot."""
+        picture, routing = self._fleet.picture(robot), self.settings(robot).routing
+        setting: Wish = routing.plan if kind == "plan" else routing.command
+        return carriers_for(kind, picture.roads, setting, wish)
+
+    def modem(self, robot: str) -> Modem | None:
+        """Return the satellite link that a robot is told things by."""
+        modems = modems_of(self._fleet.picture(robot).record)
+        return next((one for one in modems if self._plugs.is_plugged(one.uri)), None)
+
+    def obstacle(self, robot: str) -> str:
+        """Return why nothing may be sent to a robot unless its operator insists, or ""."""
+        picture, settings = self._fleet.picture(robot), self.settings(robot).satellite
+        if is_out_of_contact(picture, settings, self._clock.now()):
+            return out_of_contact_text(picture, settings)
+        return ""
+
+    async def begin(self, transfer: TransferRecord, plan: PlanRecord) -> OutboxRecord | None:
+        """Begin or go on to send a plan by satellite; ``None`` if the robot has no link for it."""
+        modem = self.modem(transfer.robot)
+        if modem is None:
+            return None
+        at, blob = self._clock.now(), Blob.of(mission_of(plan))
+        life = timedelta(hours=self.settings(transfer.robot).satellite.expiry_h)
+
+        def write(session: Session) -> OutboxRecord:
+            return plan_row.begin_plan(
+                session, transfer, plan, blob, modem, at=at, expires_at=at + life
+            )
+
+        row = await self._store.write(write)
+        self._row_changed(row)
+        self.outbox.stir()
+        return row
+
+    def row_of(self, transfer: str) -> OutboxRecord | None:
+        """Return how far a transfer is by satellite; ``None`` if it was never to go there."""
+        return self._rows.get(transfer)
+
+    async def hold(self, transfer: str) -> None:
+        """Send nothing more of a transfer while radio is tried."""
+        await self._store.write(lambda session: plan_row.hold(session, transfer))
+
+    def order_in(self, session: Session, command: CommandRecord) -> None:
+        """Add the rows of an order to every satellite link of its robot, with the order itself."""
+        for modem in modems_of(self._fleet.picture(command.robot).record):
+            if self._plugs.is_plugged(modem.uri):
+                order_row.begin_order(session, command, modem, command.created_at)
+            if command.kind is not CommandKind.SURFACE:
+                return
+
+    def surface_unwritten(self, robot: str, number: CommandNumber, expires: datetime) -> None:
+        """Send an order to surface that could not be written down: storage must not stop it."""
+        picture, at = self._fleet.picture(robot), self._clock.now()
+        for modem in modems_of(picture.record):
+            if self._plugs.is_plugged(modem.uri):
+                key, counter = self._secrets.robot_key(robot), next_counter(0, at)
+                data = pack_order(
+                    CommandKind.SURFACE, number, expires, None, key, modem.system, counter
+                )
+                self._unwritten.add(modem, number, data, self._on_level, self._clock)
+
+    def _means(self, row: OutboxRecord) -> Means | str:
+        if not self._fleet.knows(row.robot):
+            return f"There is no robot {row.robot} any more."
+        picture = self._fleet.picture(row.robot)
+        modem = next((one for one in modems_of(picture.record) if one.imei == row.imei), None)
+        if modem is None:
+            return f"{row.robot} has no modem {row.imei} any more."
+        if not self._plugs.is_plugged(modem.uri):
+            return "The satellite link is unplugged."
+        obstacle = self.obstacle(row.robot)
+        if obstacle and not order_row.is_surface(row) and not row.document.get("is_forced"):
+            return f"{obstacle} It is sent when the robot is heard again."
+        tariff = self.settings(row.robot).satellite.tariff
+        return Means(modem, self._secrets.robot_key(row.robot), tariff)
+
+    def _modem(self, imei: str) -> Modem | None:
+        for picture in self._fleet.pictures:
+            for modem in modems_of(picture.record):
+                if modem.imei == imei:
+                    return modem
+        return None
+
+    def _row_changed(self, row: OutboxRecord) -> None:
+        if row.transfer is not None:
+            self._rows[row.transfer] = row
+        elif row.kind == "order":
+            self._tell_level(row)
+        if self._fleet.knows(row.robot):
+            self._fleet.touch(row.robot)
+
+    def _tell_level(self, row: OutboxRecord) -> None:
+        """Tell how far an order is; telling a level again changes nothing."""
+        at = row.ended_at or self._clock.now()
+        number = CommandNumber(row.document["number"])
+        level = _LEVELS.get(row.state if row.state in _LEVELS else row.level)
+        if level is None or (row.state == "refused" and row.document["sends"] == 0):
+            return
+        self._on_level(
+            CommandReport(RobotId(row.robot), number, level, at, row.carrier, row.reason)
+        )
+
+    def _pass_on(self, message: MobileOriginated, values: Sequence[Telling]) -> None:
+        self._turns.add(lambda: self.inbox.settle(message, values))
+
+    async def _look(self) -> None:
+        while True:
+            await until_stored("satellite links", self.refresh)
+            await asyncio.sleep(LOOK_S)
+
+    async def _remember(self, modem: Modem) -> None:
+        newest = await self._store.query(lambda session: inbox_of(session, modem.robot, 20))
+        sessions = [one.message.session_at for one in newest if one.message.imei == modem.imei]
+        if sessions:
+            self._heard[modem.imei] = Heard(max(sessions), 0, 0)
+
+    def _note_heard(self, modem: Modem, session_at: datetime, *, is_bad: bool) -> None:
+        known = self._heard.get(modem.imei) or Heard(session_at, 0, 0)
+        self._heard[modem.imei] = Heard(
+            max(known.session_at, session_at),
+            known.frames_received + (not is_bad),
+            known.frames_bad + is_bad,
+        )
+        picture, settings = self._fleet.picture(modem.robot), self.settings(modem.robot)
+        self._report(picture, modem, settings)
+
+    def _report(self, picture: Picture, modem: Modem, settings: Settings) -> None:
+        report = link_report(
+            modem,
+            picture,
+            self._heard.get(modem.imei),
+            settings.satellite,
+            self._clock.now(),
+            is_plugged=self._plugs.is_plugged(modem.uri),
+        )
+        if picture.links.get(modem.uri) != report:
+            self._fleet.take_link(report)
+
+    def _show(self, picture: Picture, account: Account) -> None:
+        modems = modems_of(picture.record)
+        for modem in modems:
+            self._report(picture, modem, account.settings)
+        heard = [self._heard[one.imei] for one in modems if one.imei in self._heard]
+        newest = max(heard, key=lambda one: one.session_at, default=None)
+        period_s = account.settings.satellite.session_period_s
+        standing = SatelliteStanding(
+            credits_today=account.budget.spent,
+            credits_per_day=account.budget.per_day,
+            waits_for_budget=self.outbox.waits_for_budget(picture.record.id),
+            next_session_at=next_session_at(picture, newest, period_s),
+            fault=account.fault,
+        )
+        if picture.satellite != standing:
+            picture.satellite = standing
+            self._fleet.touch(picture.record.id)
+
+
+_LEVELS: Final = {
+    "queued": CommandLevel.QUEUED,
+    "radio": CommandLevel.RADIO,
+    "applied": CommandLevel.APPLIED,
+    "refused": CommandLevel.REFUSED,
+    "expired": CommandLevel.EXPIRED,
+}
