@@ -177,7 +177,9 @@ async def _on_store_unavailable(
 
 
 async def _on_failure(request: Request, error: Exception) -> Response:
-    logger.error("%s %s failed", request.method, request.url.path, exc_info=error)
+    route = request.scope.get("route")
+    path = getattr(route, "path", request.url.path)  # without what a secret path would tell
+    logger.error("%s %s failed", request.method, path, exc_info=error)
     return problem_response(500, "The station failed at this; its log says why.")
 
 

@@ -1,12 +1,12 @@
 """What a station process is told from outside: by the command line or the environment."""
 
 from functools import cached_property
-from ipaddress import ip_address
+from ipaddress import ip_address, ip_network
 from pathlib import Path
 from typing import Self
 
 import platformdirs
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 
@@ -41,12 +41,21 @@ class Settings(BaseSettings):
     """Address on which DirectIP messages of robots are taken; the gateway must reach it."""
     directip_port: int | None = Field(default=None, ge=0, le=65535)
     """Port on which DirectIP messages of robots are taken; none means that nobody listens."""
+    directip_allowed: tuple[str, ...] = ()
+    """Networks from which DirectIP messages are taken, such as ``192.0.2.0/24``; none means all."""
     gateway_public_url: str | None = None
     """How satellite gateways reach this station, such as ``https://station.example.org``."""
     session_hours: float = Field(default=12.0, gt=0)
     """How long a browser stays signed in."""
     worker_processes: int = Field(default=2, ge=1, le=64)
     """How many planning runs and map fits may run at once."""
+
+    @field_validator("directip_allowed")
+    @classmethod
+    def _are_networks(cls, value: tuple[str, ...]) -> tuple[str, ...]:
+        for network in value:
+            ip_network(network)
+        return value
 
     @model_validator(mode="after")
     def _is_safe_to_reach(self) -> Self:

@@ -44,6 +44,11 @@ _REFUSALS: Final[dict[int, tuple[GatewayFault, Retry, str]]] = {
         "Cloudloop does not know the thing of modem {imei}; check the robot's link.",
     ),
     402: (GatewayFault.NO_CREDIT, "never", "The Cloudloop account has no credits left."),
+    409: (
+        GatewayFault.NO_LINE_RENTAL,
+        "never",
+        "Cloudloop takes nothing for modem {imei}; check its line rental and its registration.",
+    ),
     413: (GatewayFault.TOO_LONG, "never", "Cloudloop says that the message is too long."),
     429: (GatewayFault.BUSY, "later", "Cloudloop has no room at the moment; it is tried again."),
 }

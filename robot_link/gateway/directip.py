@@ -9,6 +9,8 @@ to the gateway and waits for a confirmation. The layouts are in
 import asyncio
 import contextlib
 import logging
+import socket
+import struct
 from collections import Counter
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
@@ -175,6 +177,14 @@ async def _hang_up(writer: asyncio.StreamWriter) -> None:
         await writer.wait_closed()
 
 
+def _reset(writer: asyncio.StreamWriter) -> None:
+    """Break a connection so that the far side cannot take it for an orderly end."""
+    connection: socket.socket = writer.get_extra_info("socket")
+    with contextlib.suppress(OSError):
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+    writer.transport.abort()
+
+
 def _taken(answer: MtConfirmation, client_id: int) -> Taken:
     if answer.status > 0:
         return Taken(str(answer.reference), client_id, answer.status)
@@ -265,13 +275,13 @@ class Listener:
         if task is None:
             raise RuntimeError("a connection is served outside of a task")
         if not self._may_come(writer):
-            writer.transport.abort()
+            _reset(writer)
             return
         self._serving.add(task)
         try:
             await self._serve(reader, writer)
         except asyncio.CancelledError:
-            writer.transport.abort()  # the end of the station; the stream's own task must not fail
+            _reset(writer)  # the end of the station; the stream's own task must not fail
         finally:
             self._serving.discard(task)
             writer.close()
@@ -320,7 +330,7 @@ class Listener:
         """Say no, or break the connection where the gateway hears nothing else."""
         self.refused[reason] += 1
         if not self._confirms:
-            writer.transport.abort()
+            _reset(writer)
         elif not writer.is_closing():
             writer.write(encode(DirectIpMessage(mo_confirmation=0)))
 

@@ -20,8 +20,8 @@ from db.query.robots import (
 )
 from db.query.sample_places import SamplePlaces, sample_places
 from db.query.telemetry import history, track
+from robot_link.gateway.address import check_link
 from robot_link.messages import RobotId, SystemId
-from robot_link.transport.opening import open_transport
 from server.api.body import Body
 from server.api.dependency import Admin, FoundationDep, StoreDep, Viewer
 from server.api.idempotency import IdempotentRoute
@@ -52,7 +52,8 @@ class NewRobot(Body):
     system_id: int = Field(ge=1, le=249)
     """Its MAVLink system id."""
     links: list[str] = Field(min_length=1, max_length=8)
-    """URIs of its links, such as ``xbee:///dev/ttyUSB0?baud=115200``."""
+    """URIs of its links, the best first, such as ``xbee:///dev/ttyUSB0?baud=115200`` or
+    ``rockblock://300234010753370``."""
     site: Site
     """The water that it works in."""
     kind: Literal["real", "simulated"] = "real"
@@ -249,7 +250,7 @@ def _check_links(links: list[str]) -> None:
     errors: list[FieldError] = []
     for i, uri in enumerate(links):
         try:
-            open_transport(uri)
+            check_link(uri)
         except ValueError as error:
             errors.append(FieldError(loc=["links", i], msg=str(error)))
     if errors:

@@ -36,7 +36,8 @@ class Guard:
         if not self._settings.is_loopback:
             return True
         name = connection.url.hostname
-        public = {urlsplit(origin).hostname for origin in self._settings.public_origins}
+        origins = [*self._settings.public_origins, self._settings.gateway_public_url or ""]
+        public = {urlsplit(origin).hostname for origin in origins} - {None}
         return name in _LOOPBACK_NAMES or name in public
 
     def origin_is_ours(self, connection: HTTPConnection) -> bool:
