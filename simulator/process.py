@@ -1,33 +1,31 @@
-"""The simulator's process: robots that live by the shared clock, behind emulated radios."""
+"""The simulator's process: robots that live by the shared clock, behind emulated links."""
 
 import asyncio
 import logging
 import os
 import random
 import signal
-from contextlib import AsyncExitStack, suppress
+from collections.abc import AsyncGenerator, Callable
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
+
+from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
+from cryptography.hazmat.primitives.serialization import load_pem_private_key
 
 from robot_link.clock import Clock
-from robot_link.messages import LogId
-from robot_link.onboard import RobotLink
-from robot_link.plan_store import MemoryPlanStore
-from robot_link.sample_log import MemorySampleLog
-from simulator.fleet import FLEET, RobotDefinition
-from simulator.onboard.program import PERIOD_S
-from simulator.robot import SimulatedRobot
-from simulator.settings import SimulatorSettings
+from robot_link.transport.datagram import DatagramTransport
+from simulator.equipment import Equipment, Timekeeping, disciplined, equipped
+from simulator.fleet import RobotDefinition
+from simulator.iridium.network import IridiumNetwork
+from simulator.iridium.rockblock_gateway import RockBlockGateway
+from simulator.iridium.subscriber import Account
+from simulator.life import BareBody, WholeRobot, live
+from simulator.node.body import BodyNode
+from simulator.onboard.computer import KEY_FILE, Computer
+from simulator.onboard.memory import read_key
+from simulator.robot import SimulatedBody, SimulatedRobot
+from simulator.settings import GatewaySettings, SimulatorSettings
 from simulator.xbee_network import XBeeNetwork
 
-_STATE_INTERVAL_S = 0.1
-"""Wall time between two state reports of a robot whose clock is not fast."""
-_STATE_GAP_S = 1.0
-"""Time between two state reports by the robot's own clock, at most: a record of a flight that
-leaves out more is of no use to learn a vehicle from."""
-_SLEEP_MIN_S = 0.02
-"""The radio needs about as long to take a report before the next one replaces it."""
-_STEPS_AT_ONCE = 50
-"""Steps of one robot before the event loop gets its turn: some ten milliseconds."""
-_CATCHING_UP_SLEEP_S = 0.001
 _PARENT_CHECK_S = 1.0
 
 _log = logging.getLogger(__name__)
@@ -55,17 +53,19 @@ async def serve(settings: SimulatorSettings, stopped: asyncio.Event) -> None:
     Raises:
         ExceptionGroup: If a robot or a link failed.
     """
-    async with AsyncExitStack() as links, asyncio.TaskGroup() as group:
+    bodies: dict[str, SimulatedBody] = {}
+    network = _satellites(settings, lambda imei: imei in bodies and bodies[imei].has_sky)
+    async with _gateway(settings.gateway, network), asyncio.TaskGroup() as group:
         tasks: list[asyncio.Task[None]] = []
         if settings.parent_pid is not None:
             watch = _watch(settings.parent_pid, stopped)
             tasks.append(group.create_task(watch, name="parent watch"))
         for name in settings.robots:
-            definition = FLEET[name]
-            robot, link = await _build(settings, definition, links)
-            life = _live(robot, link, settings.clock())
-            tasks.append(group.create_task(link.run(), name=f"{definition.robot} link"))
-            tasks.append(group.create_task(life, name=f"{definition.robot} life"))
+            definition = settings.definition(name)
+            life = (_whole if settings.has_programs else _bare)(
+                settings, definition, network, bodies
+            )
+            tasks.append(group.create_task(life, name=f"{name} life"))
         _log.info("simulating %s at speed %g", ", ".join(settings.robots), settings.speed)
         await stopped.wait()
         for task in tasks:
@@ -73,54 +73,148 @@ async def serve(settings: SimulatorSettings, stopped: asyncio.Event) -> None:
     _log.info("simulation ended")
 
 
-async def _build(
-    settings: SimulatorSettings, definition: RobotDefinition, links: AsyncExitStack
-) -> tuple[SimulatedRobot, RobotLink]:
-    """Put a robot into its water, and its station's radio on a pseudo-terminal."""
-    clock = settings.clock()
-    started_at = clock.now()
-    robot = SimulatedRobot(definition, settings.seed, started_at, settings.conditions())
+async def _whole(
+    settings: SimulatorSettings,
+    definition: RobotDefinition,
+    network: IridiumNetwork,
+    bodies: dict[str, SimulatedBody],
+) -> None:
+    """Let a robot live with its onboard program until cancelled."""
+    truth = settings.clock()
+    time = Timekeeping.of(definition, settings.seed, truth)
+    robot = SimulatedRobot(
+        definition,
+        settings.seed,
+        time.started_at,
+        settings.conditions(),
+        stamp=lambda: time.at(robot.program.time_s),
+    )
+    bodies[definition.imei] = robot.body
+    async with AsyncExitStack() as stack:
+        radios = await stack.enter_async_context(_station_radio(settings, definition, robot.body))
+        equipment = await stack.enter_async_context(
+            equipped(
+                definition,
+                robot.body,
+                time,
+                network,
+                lambda device: settings.device_path(definition.robot, device),
+            )
+        )
+        await stack.enter_async_context(disciplined(time.onboard, equipment))
+        radio = radios.robot_radio(definition.radio_address, definition.robot)
+        computer = _computer(settings, robot, radio, time.clock(), equipment)
+        async with asyncio.TaskGroup() as group:
+            group.create_task(computer.run(), name=f"{definition.robot} computer")
+            await live(WholeRobot(robot, computer), truth)
+
+
+def _computer(
+    settings: SimulatorSettings,
+    robot: SimulatedRobot,
+    radio: DatagramTransport,
+    clock: Clock,
+    equipment: Equipment,
+) -> Computer:
+    definition = robot.definition
+    memory = settings.memory(definition.robot)
+    satellite = equipment.client("satellite")
+    key = None if memory is None else _key(settings, definition)
+    return Computer(
+        definition.robot,
+        definition.system_id,
+        definition.vehicle,
+        program=robot.program,
+        radio=radio,
+        clock=clock,
+        memory=memory,
+        satellite=None if satellite is None or key is None else (satellite, key),
+    )
+
+
+def _key(settings: SimulatorSettings, definition: RobotDefinition) -> bytes | None:
+    """Return a robot's key; None where nobody gave it one."""
+    memory = settings.memory(definition.robot)
+    with suppress(FileNotFoundError):
+        return None if memory is None else read_key(memory / KEY_FILE)
+    return None
+
+
+async def _bare(
+    settings: SimulatorSettings,
+    definition: RobotDefinition,
+    network: IridiumNetwork,
+    bodies: dict[str, SimulatedBody],
+) -> None:
+    """Let a robot's body and devices live until cancelled; its program runs elsewhere."""
+    truth = settings.clock()
+    time = Timekeeping.of(definition, settings.seed, truth)
+    body = SimulatedBody(definition, settings.seed, settings.conditions())
+    node = BodyNode(body, lambda: time.oscillator.count_s(body.plant.time_s))
+    bodies[definition.imei] = body
+    async with AsyncExitStack() as stack:
+        radios = await stack.enter_async_context(_station_radio(settings, definition, body))
+        line = settings.device_path(definition.robot, "radio")
+        await stack.enter_async_context(radios.pty(definition.radio_address, line))
+        await stack.enter_async_context(
+            equipped(
+                definition,
+                body,
+                time,
+                network,
+                lambda device: settings.device_path(definition.robot, device),
+                (node.server,),
+            )
+        )
+        await live(BareBody(body, node), truth)
+
+
+@asynccontextmanager
+async def _station_radio(
+    settings: SimulatorSettings, definition: RobotDefinition, body: SimulatedBody
+) -> AsyncGenerator[XBeeNetwork]:
+    """Put the station's radio of a robot's network on a pseudo-terminal."""
     network = XBeeNetwork(
         random.Random(f"{settings.seed} {definition.robot}"),
         settings.air(),
-        lambda _from, _to: robot.is_in_reach,
+        lambda _from, _to: body.is_in_reach,
     )
-    await links.enter_async_context(
-        network.pty(definition.station_address, settings.link_path(definition.robot))
-    )
-    link = RobotLink(
-        definition.system_id,
-        network.robot_radio(definition.radio_address),
-        clock,
-        robot.program,
-        log=MemorySampleLog(LogId(int(started_at.timestamp()))),
-        plans=MemoryPlanStore(),
-    )
-    return robot, link
+    path = settings.link_path(definition.robot)
+    async with network.pty(definition.station_address, path):
+        yield network
 
 
-async def _live(robot: SimulatedRobot, link: RobotLink, clock: Clock) -> None:
-    """Let a robot live by the clock, sleeping in between."""
-    at_speed_s = max(_STATE_GAP_S, 2.0 * _SLEEP_MIN_S * clock.speed)
-    interval_s = min(_STATE_INTERVAL_S * clock.speed, at_speed_s)
-    reported_s = robot.program.time_s
-    while True:
-        lag_s = (clock.now() - robot.program.now).total_seconds()
-        steps = int(lag_s / PERIOD_S)
-        is_late = steps > _STEPS_AT_ONCE
-        due_s = reported_s + (at_speed_s if is_late else interval_s) - 0.5 * PERIOD_S
-        has_reported = False
-        for _ in range(min(steps, _STEPS_AT_ONCE)):
-            robot.step(link)
-            if robot.program.time_s >= due_s:
-                reported_s = robot.program.time_s
-                link.report_state(robot.program.state_report())
-                has_reported = True
-                break
-        if is_late:
-            await asyncio.sleep(_SLEEP_MIN_S if has_reported else _CATCHING_UP_SLEEP_S)
-        else:
-            await asyncio.sleep(max(PERIOD_S / clock.speed, _SLEEP_MIN_S))
+def _satellites(settings: SimulatorSettings, in_view: Callable[[str], bool]) -> IridiumNetwork:
+    """Return the satellite network, which knows the modem of every robot."""
+    network = IridiumNetwork(
+        random.Random(f"{settings.seed} satellites"),
+        settings.satellite(),
+        settings.clock(),
+        in_view,
+    )
+    gateway = settings.gateway
+    account = Account("", "") if gateway is None else Account(gateway.username, gateway.password)
+    for name in settings.robots:
+        imei = settings.definition(name).imei
+        if imei:
+            network.add_subscriber(imei, account)
+    return network
+
+
+@asynccontextmanager
+async def _gateway(
+    settings: GatewaySettings | None, network: IridiumNetwork
+) -> AsyncGenerator[None]:
+    if settings is None:
+        yield
+        return
+    key = load_pem_private_key(settings.private_key_pem.encode(), password=None)
+    if not isinstance(key, RSAPrivateKey):
+        raise ValueError("the gateway signs with an RSA key")  # noqa: TRY004 - the text is wrong
+    gateway = RockBlockGateway(network, key, settings.push_url)
+    async with gateway.serve("127.0.0.1", settings.port) as url:
+        _log.info("satellite gateway at %s", url)
+        yield
 
 
 async def _watch(parent_pid: int, stopped: asyncio.Event) -> None:

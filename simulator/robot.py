@@ -6,6 +6,7 @@ from datetime import datetime
 import numpy as np
 
 from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
+from autonomy.frames import wgs84_from_ned
 from simulator.battery import Battery
 from simulator.conditions import WaterConditions
 from simulator.current import DriftingCurrent
@@ -47,6 +48,28 @@ class SimulatedBody:
             definition.site,
         )
         """The truth, which the onboard program never sees."""
+        self._definition = definition
+
+    @property
+    def has_sky(self) -> bool:
+        """Whether its antennas are out of the water now."""
+        return self.plant.position_ned[2] <= self._definition.antenna_depth_m
+
+    @property
+    def is_in_reach(self) -> bool:
+        """Whether radio passes between the robot and its station now."""
+        north, east, _ = self.plant.position_ned
+        is_dry = self._definition.site.radio_under_water or self.has_sky
+        return is_dry and self._definition.is_in_range(north, east)
+
+    @property
+    def place_deg(self) -> tuple[float, float]:
+        """Latitude and longitude of where it truly is."""
+        site = self._definition.site
+        latitude, longitude = wgs84_from_ned(
+            self.plant.position_ned[:2], site.origin_latitude_deg, site.origin_longitude_deg
+        )
+        return float(latitude), float(longitude)
 
     def read(self) -> Readings:
         """Return the newest readings of all sensors."""
@@ -103,14 +126,7 @@ class SimulatedRobot:
     @property
     def is_in_reach(self) -> bool:
         """Whether radio passes between the robot and its station now."""
-        north, east, _ = self.body.plant.position_ned
-        is_dry = self.definition.site.radio_under_water or self.has_sky
-        return is_dry and self.definition.is_in_range(north, east)
-
-    @property
-    def has_sky(self) -> bool:
-        """Whether its antennas are out of the water now."""
-        return self.body.plant.position_ned[2] <= self.definition.antenna_depth_m
+        return self.body.is_in_reach
 
     def step(self, radio: Radio) -> None:
         """Let one period of the onboard program pass."""

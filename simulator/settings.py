@@ -10,8 +10,24 @@ from autonomy.vehicle.water import Wave
 from robot_link.clock import ScaledClock
 from robot_link.messages import RobotId
 from simulator.conditions import WaterConditions
-from simulator.fleet import FLEET, USUAL_ROBOTS, robots_named
+from simulator.fleet import FLEET, USUAL_ROBOTS, RobotDefinition, robots_named
+from simulator.iridium.conditions import SatelliteConditions
 from simulator.xbee_network import AirConditions
+
+
+class GatewaySettings(Configuration):
+    """The emulated RockBLOCK gateway: where it is, who its customer is, and how it signs."""
+
+    port: int = Field(ge=1, le=65535)
+    """Loopback port at which it takes messages to robots."""
+    push_url: str
+    """Where it pushes the messages of robots."""
+    username: str
+    """Name of the customer's account."""
+    password: str = Field(repr=False)
+    """Password of the customer's account."""
+    private_key_pem: str = Field(repr=False)
+    """The key with which it signs what it pushes."""
 
 
 class SimulatorSettings(Configuration):
@@ -30,6 +46,22 @@ class SimulatorSettings(Configuration):
     """Which robots live."""
     seed: int = Field(default=0, ge=0)
     """Starting point of all randomness: currents, sensors, links."""
+    memory_folder: Path | None = None
+    """Folder with a folder for each robot: what it remembers while it is switched off, its key
+    and its logs. Without one robots forget, and have no satellite link."""
+    is_far: bool = False
+    """Robots that can begin out of radio range do."""
+    has_programs: bool = True
+    """Whether the robots' onboard programs run here. Without them the robots' nodes and radios
+    wait for programs of their own."""
+    gateway: GatewaySettings | None = None
+    """The satellite gateway; without one messages of robots lead nowhere."""
+    satellite_loss: float = Field(default=0.05, ge=0.0, lt=1.0)
+    """Part of the satellite messages that are lost on the way to a robot, and from it."""
+    satellite_duplication: float = Field(default=0.02, ge=0.0, lt=1.0)
+    """Part of the satellite messages that come twice."""
+    satellite_session_s: float = Field(default=12.0, gt=0.0, le=120.0)
+    """Length of a satellite session, by the robots' clock."""
     parent_pid: int | None = Field(default=None, gt=0)
     """The simulator ends when the process with this id does."""
     loss: float = Field(default=0.02, ge=0.0, lt=1.0)
@@ -75,6 +107,29 @@ class SimulatorSettings(Configuration):
             wave_height_m=self.wave_height_m,
             wave_period_s=self.wave_period_s,
         )
+
+    def satellite(self) -> SatelliteConditions:
+        """Return how bad the satellite service is."""
+        return SatelliteConditions(
+            loss=self.satellite_loss,
+            mobile_originated_loss=self.satellite_loss,
+            duplication=self.satellite_duplication,
+            reordering=self.satellite_duplication,
+            session_s=self.satellite_session_s,
+        )
+
+    def definition(self, robot: RobotId) -> RobotDefinition:
+        """Return a robot as it begins."""
+        definition = FLEET[robot]
+        return definition.far_away() if self.is_far else definition
+
+    def memory(self, robot: RobotId) -> Path | None:
+        """Return the folder of a robot's memory; None where robots forget."""
+        return None if self.memory_folder is None else self.memory_folder / robot
+
+    def device_path(self, robot: RobotId, device: str) -> Path:
+        """Return the path of the line to one of a robot's devices."""
+        return self.link_folder / f"{robot}-{device}"
 
     def link_path(self, robot: RobotId) -> Path:
         """Return the path of the station radio's pseudo-terminal in a robot's network."""

@@ -44,7 +44,7 @@ class ModemError(Exception):
     """The modem answered otherwise than it should; the port is opened again."""
 
 
-class Modem9602:
+class Driver9602:
     """Owns one modem; belongs to one event loop.
 
     Args:
@@ -65,7 +65,7 @@ class Modem9602:
         self._one = asyncio.Lock()
 
     @classmethod
-    def at(cls, line: Path) -> "Modem9602":
+    def at(cls, line: Path) -> "Driver9602":
         """Return the modem on a serial line or pseudo-terminal."""
         return cls(lambda: SerialPort.open(str(line), baud=19200, flow_control=False))
 

@@ -1,0 +1,137 @@
+"""The devices of one simulated robot, each behind its node, and where the nodes are found."""
+
+import asyncio
+import json
+from collections.abc import AsyncGenerator, Callable, Coroutine, Mapping
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+import numpy as np
+
+from robot_link.clock import Clock
+from simulator.background import alongside
+from simulator.fleet import RobotDefinition
+from simulator.iridium.modem_9602 import Modem9602
+from simulator.iridium.network import IridiumNetwork
+from simulator.iridium.session import Place
+from simulator.node.client import NodeClient
+from simulator.node.gps_clock import GpsClockNode, discipline
+from simulator.node.satellite import SatelliteNode
+from simulator.node.satellite_9602 import Driver9602
+from simulator.node.server import NodeServer
+from simulator.node.wire import NodeAddress
+from simulator.onboard.clock import ClockModel, OnboardClock, Oscillator, RunningClock
+from simulator.robot import SimulatedBody
+
+_CLOCK_SEED = 3
+"""Tells the randomness of a robot's counter from that of its water and its sensors."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timekeeping:
+    """What one robot tells the time by."""
+
+    started_at: datetime
+    """True time at which it was switched on."""
+    truth: Clock
+    oscillator: Oscillator
+    onboard: OnboardClock
+
+    @classmethod
+    def of(cls, definition: RobotDefinition, seed: int, truth: Clock) -> "Timekeeping":
+        """Switch a robot's counter on; of a robot that is given the time it is exact."""
+        model = definition.clock or ClockModel(0.0, 0.0)
+        generator = np.random.default_rng([seed, definition.system_id, _CLOCK_SEED])
+        started_at = truth.now()
+        return cls(started_at, truth, Oscillator(model, generator), OnboardClock(started_at))
+
+    def at(self, true_s: float) -> datetime:
+        """Return what the robot's clock showed so long after it was switched on."""
+        return self.onboard.at(self.oscillator.count_s(true_s))
+
+    def count_s(self) -> float:
+        """Return what the counter shows now."""
+        elapsed_s = (self.truth.now() - self.started_at).total_seconds()
+        return self.oscillator.count_s(elapsed_s)
+
+    def clock(self) -> Clock:
+        """Return the robot's clock."""
+        return RunningClock(self.onboard, self.count_s, self.truth.speed)
+
+
+@dataclass(frozen=True, slots=True)
+class Equipment:
+    """Where the nodes of a robot listen, by their names."""
+
+    addresses: Mapping[str, NodeAddress]
+
+    def client(self, node: str) -> NodeClient | None:
+        """Return a client of a node that its user runs; None where there is no such node."""
+        address = self.addresses.get(node)
+        return None if address is None else NodeClient(address)
+
+
+@asynccontextmanager
+async def equipped(
+    definition: RobotDefinition,
+    body: SimulatedBody,
+    time: Timekeeping,
+    network: IridiumNetwork,
+    device_path: Callable[[str], Path],
+    more: tuple[NodeServer, ...] = (),
+) -> AsyncGenerator[Equipment]:
+    """Switch the devices of a robot on, and off again when the context is left.
+
+    Args:
+        definition: The robot.
+        body: Where it is.
+        time: Its counter.
+        network: The satellite network that knows its modem.
+        device_path: Where the line to a device appears, by the device's name.
+        more: Further nodes to serve.
+    """
+    async with AsyncExitStack() as stack:
+        addresses: dict[str, NodeAddress] = {}
+
+        async def serve(server: NodeServer, work: Coroutine[None, None, None] | None) -> None:
+            addresses[server.name] = await stack.enter_async_context(server.serve())
+            if work is not None:
+                name = f"{definition.robot} {server.name} node"
+                await stack.enter_async_context(alongside(work, name))
+
+        if definition.imei:
+            line = device_path("satellite")
+            modem = Modem9602(definition.imei, network, lambda: Place(*body.place_deg))
+            await stack.enter_async_context(modem.pty(line))
+            satellite = SatelliteNode(Driver9602.at(line))
+            await serve(satellite.server, satellite.run())
+        if definition.clock is not None:
+            gps = GpsClockNode(time.oscillator, time.truth, time.started_at, lambda: body.has_sky)
+            await serve(gps.server, gps.run())
+        for server in more:
+            await serve(server, None)
+        directory = device_path("nodes.json")
+        await asyncio.to_thread(_write, directory, addresses)
+        try:
+            yield Equipment(addresses)
+        finally:
+            directory.unlink(missing_ok=True)
+
+
+@asynccontextmanager
+async def disciplined(onboard: OnboardClock, equipment: Equipment) -> AsyncGenerator[None]:
+    """Set a clock by the robot's GPS, where it has one, as long as the context lasts."""
+    node = equipment.client("gps_clock")
+    if node is None:
+        yield
+        return
+    async with alongside(node.run(), "clock node"), alongside(discipline(onboard, node), "clock"):
+        yield
+
+
+def _write(path: Path, addresses: Mapping[str, NodeAddress]) -> None:
+    fresh = path.with_name(f".{path.name}.new")
+    fresh.write_text(json.dumps({name: str(address) for name, address in addresses.items()}))
+    fresh.replace(path)

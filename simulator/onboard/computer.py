@@ -1,0 +1,156 @@
+"""The robot's computer: the onboard program with its links, memory, parameters and log."""
+
+import asyncio
+import logging
+from datetime import datetime
+from pathlib import Path
+
+from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
+from autonomy.vehicle.config import Vehicle
+from robot_link.clock import Clock
+from robot_link.messages import LogId, RobotId, SystemId
+from robot_link.onboard import RobotLink
+from robot_link.plan_store import MemoryPlanStore
+from robot_link.sample_log import MemorySampleLog
+from robot_link.satellite.config import SatelliteConfig
+from robot_link.satellite.receiver import FileStore, MemoryStore, Receiver
+from robot_link.service.file_store import FolderFiles
+from robot_link.transport.datagram import DatagramTransport
+from simulator.node.client import NodeClient
+from simulator.node.satellite import SatelliteClient
+from simulator.onboard.log import FileLog, NoLog, OnboardLog
+from simulator.onboard.memory import FileCommandMemory, FilePlanStore, FileValues
+from simulator.onboard.own_parameters import OwnParameters
+from simulator.onboard.profile import FLIGHT_PROFILES
+from simulator.onboard.program import OnboardProgram
+from simulator.onboard.satellite_policy import CallLimits
+from simulator.onboard.satellite_talk import SatelliteTalk, TalkSettings
+
+KEY_FILE = "robot.key"
+"""The robot's key, in the folder of its memory."""
+_log = logging.getLogger(__name__)
+
+
+class Computer:
+    """Everything that runs on board of one robot but what steps the program.
+
+    What was on board when the robot was switched off is on board again: the plan (which waits for
+    START), the commands that acted, chunks of missions, and changed parameters.
+
+    Args:
+        robot: Its name.
+        system: Its MAVLink system id.
+        vehicle: Its model.
+        program: What flies it.
+        radio: Its radio.
+        clock: Its clock.
+        memory: Folder of what it remembers; None forgets.
+        satellite: Its satellite node, and its key; None without a modem.
+    """
+
+    def __init__(
+        self,
+        robot: RobotId,
+        system: SystemId,
+        vehicle: Vehicle,
+        *,
+        program: OnboardProgram,
+        radio: DatagramTransport,
+        clock: Clock,
+        memory: Path | None,
+        satellite: tuple[NodeClient, bytes] | None = None,
+    ) -> None:
+        self.program = program
+        started_at = clock.now()
+        samples = MemorySampleLog(LogId(int(started_at.timestamp())))
+        plans = MemoryPlanStore() if memory is None else FilePlanStore(memory / "plan")
+        talk = None if satellite is None else _talk_settings()
+        self.log: OnboardLog = NoLog() if memory is None else _log_in(memory, started_at)
+        values = None if memory is None else FileValues(memory / "parameters.json")
+        parameters = OwnParameters(
+            vehicle,
+            BACKSTEPPING_PRESETS.get(vehicle.key, BacksteppingConfig()),
+            FLIGHT_PROFILES[vehicle.key],
+            program.executive,
+            talk,
+            kept={} if values is None else values.load(),
+            save=_forget if values is None else values.save,
+        )
+        if (mission := plans.load()) is not None:
+            program.take_plan(mission)
+        self.link = RobotLink(
+            system,
+            radio,
+            clock,
+            program,
+            log=samples,
+            plans=plans,
+            parameters=parameters.table,
+            files=None if memory is None else FolderFiles(memory / "log"),
+            command_memory=None if memory is None else FileCommandMemory(memory / "commands.json"),
+        )
+        """What the program talks through."""
+        self.talk: SatelliteTalk | None = None
+        """Its talk by satellite; None without a modem."""
+        self._nodes: tuple[NodeClient, ...] = ()
+        if satellite is not None and talk is not None:
+            node, key = satellite
+            store = MemoryStore() if memory is None else FileStore(memory / "satellite")
+            self._nodes = (node,)
+            self.talk = SatelliteTalk(
+                robot,
+                system,
+                key,
+                client=SatelliteClient(node),
+                receiver=Receiver(store, key, system),
+                link=self.link,
+                program=program,
+                samples=samples,
+                clock=clock,
+                settings=talk,
+                note=self.log.note,
+            )
+
+    async def run(self) -> None:
+        """Talk until cancelled."""
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(self.link.run(), name="link")
+                for node in self._nodes:
+                    group.create_task(node.run(), name="satellite node")
+                if self.talk is not None:
+                    group.create_task(self.talk.run(), name="satellite talk")
+        finally:
+            self.log.close()
+
+    def step(self) -> None:
+        """Let one period of the program pass; call it ten times a second of the robot."""
+        mode, state = self.program.executive.mode, self.program.executive.plan_state
+        self.program.step(self.link)
+        executive = self.program.executive
+        if executive.mode is not mode:
+            self.log.note(f"mode {executive.mode.name.lower()}")
+        if executive.plan_state is not state:
+            reason = f": {executive.reason}" if executive.reason else ""
+            self.log.note(f"plan {executive.plan_state.name.lower()}{reason}")
+
+    def report_state(self) -> None:
+        """Tell the station where the robot believes to be, and write it down."""
+        report = self.program.state_report()
+        self.link.report_state(report)
+        self.log.track(report)
+
+
+def _talk_settings() -> TalkSettings:
+    config = SatelliteConfig()
+    return TalkSettings(
+        CallLimits(config.radio_silence_s, config.session_period_s), config.digest_bytes
+    )
+
+
+def _log_in(memory: Path, started_at: datetime) -> FileLog:
+    return FileLog(memory / "log", started_at)
+
+
+def _forget(_values: dict[str, float]) -> None:
+    """A robot without a disk keeps nothing."""

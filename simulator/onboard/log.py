@@ -1,0 +1,109 @@
+"""The robot's own log on board: what happened, and where it believed to be, as text files.
+
+``events-<start>.txt`` has a line for each event, ``track-<start>.csv`` one for each few seconds.
+The station downloads them; the oldest are deleted so that the disk never fills.
+"""
+
+from datetime import datetime
+from pathlib import Path
+from typing import Protocol, TextIO
+
+from robot_link.messages import StateReport
+
+TRACK_PERIOD_S = 5.0
+_FILES_KEPT = 8
+"""Of each kind."""
+_BYTES_MAX = 4_000_000
+"""A file that is longer takes no more."""
+_COLUMNS = (
+    "time,north_m,east_m,depth_m,position_std_m,roll_rad,pitch_rad,heading_rad,net_buoyancy_kg,"
+    "mass_position_m,tail_rad,battery_fraction,battery_v,mode,has_fix,energy_used"
+)
+
+
+class OnboardLog(Protocol):
+    """Where a robot writes what it does."""
+
+    def note(self, sentence: str) -> None:
+        """Write down that something happened."""
+        ...
+
+    def track(self, state: StateReport) -> None:
+        """Write down where the robot believes to be; more often than needed does not matter."""
+        ...
+
+    def close(self) -> None:
+        """Write out what is held back."""
+        ...
+
+
+class NoLog:
+    """The log of a robot that has no disk."""
+
+    def note(self, sentence: str) -> None:
+        """Forget it."""
+
+    def track(self, state: StateReport) -> None:
+        """Forget it."""
+
+    def close(self) -> None:
+        """Do nothing."""
+
+
+class FileLog:
+    """A log in one folder; belongs to one event loop, and writes a little at a time.
+
+    Args:
+        folder: Where the files are; nothing else should be.
+        started_at: Names the files.
+    """
+
+    def __init__(self, folder: Path, started_at: datetime) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        name = f"{started_at:%Y%m%dT%H%M%SZ}"
+        for kind in ("events", "track"):
+            for old in sorted(folder.glob(f"{kind}-*"))[: 1 - _FILES_KEPT]:
+                old.unlink()
+        self._at = started_at
+        self._events = _opened(folder / f"events-{name}.txt", "")
+        self._track = _opened(folder / f"track-{name}.csv", _COLUMNS)
+        self._tracked_at: datetime | None = None
+
+    def note(self, sentence: str) -> None:
+        """Write an event with the time of the last state."""
+        _write(self._events, f"{self._at:%Y-%m-%dT%H:%M:%SZ} {sentence}")
+
+    def track(self, state: StateReport) -> None:
+        """Write a state if the last one was written long enough ago."""
+        self._at = at = state.measured_at
+        before = self._tracked_at
+        if before is not None and 0.0 <= (at - before).total_seconds() < TRACK_PERIOD_S:
+            return
+        self._tracked_at = at
+        numbers = (
+            *state.position_ned,
+            state.position_std_m,
+            *(state.roll_rad, state.pitch_rad, state.heading_rad),
+            *(state.net_buoyancy_kg, state.mass_position_m, state.tail_rad),
+            *(state.battery_fraction, state.battery_v),
+        )
+        cells = [f"{at:%Y-%m-%dT%H:%M:%S.%fZ}", *(f"{number:.5g}" for number in numbers)]
+        cells += [state.mode.name.lower(), str(int(state.has_fix)), f"{state.energy_used:.4g}"]
+        _write(self._track, ",".join(cells))
+
+    def close(self) -> None:
+        """Write out what is held back."""
+        self._events.close()
+        self._track.close()
+
+
+def _opened(path: Path, header: str) -> TextIO:
+    file = path.open("a", encoding="utf-8", buffering=1)
+    if header and file.tell() == 0:
+        file.write(header + "\n")
+    return file
+
+
+def _write(file: TextIO, line: str) -> None:
+    if not file.closed and file.tell() < _BYTES_MAX:
+        file.write(line + "\n")
