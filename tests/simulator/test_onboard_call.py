@@ -1,0 +1,71 @@
+"""When a robot calls by satellite, decided without a clock, a modem or a radio."""
+
+import math
+
+import pytest
+
+from simulator.onboard.satellite_policy import CallLimits, CallPolicy, Situation
+
+LIMITS = CallLimits(radio_silence_s=20.0, session_period_s=600.0)
+POLICY = CallPolicy(LIMITS)
+
+
+def at(
+    time_s: float,
+    surfaced_s: float,
+    silent_s: float = math.inf,
+    *,
+    rung: bool = False,
+    news: bool = False,
+) -> Situation:
+    return Situation(time_s, surfaced_s, silent_s, rung, news)
+
+
+def test_robot_gives_the_radio_its_time_before_it_calls():
+    assert not POLICY.is_due(at(100.0, 19.9))
+    assert POLICY.is_due(at(100.0, 20.0))
+    assert not POLICY.is_due(at(100.0, 60.0, silent_s=5.0))
+    assert POLICY.is_due(at(100.0, 60.0, silent_s=20.0))
+
+
+@pytest.mark.parametrize("why", [{"rung": True}, {"news": True}, {}])
+def test_nobody_calls_under_water(why):
+    assert not POLICY.is_due(at(100.0, 0.0, **why))
+    assert not POLICY.is_awaited(at(100.0, 0.0, **why))
+
+
+def test_ring_and_news_make_it_call_at_once_even_while_radio_is_live():
+    assert POLICY.is_due(at(100.0, 0.1, silent_s=0.0, rung=True))
+    assert POLICY.is_due(at(100.0, 0.1, silent_s=0.0, news=True))
+    assert not POLICY.is_due(at(100.0, 0.1, silent_s=0.0))
+
+
+def test_robot_that_stays_up_calls_once_a_period_and_once_after_each_dive():
+    called = POLICY.called(120.0, is_sent=True)
+    assert not called.is_due(at(300.0, 200.0))
+    assert called.is_due(at(720.0, 620.0))
+    assert called.is_due(at(300.0, 30.0))
+
+
+def test_failed_call_is_tried_again_after_a_growing_wait_and_at_once_after_coming_up():
+    failed = POLICY.called(100.0, is_sent=False)
+    assert not failed.is_due(at(129.0, 80.0))
+    assert failed.is_due(at(130.0, 80.0))
+    twice = failed.called(130.0, is_sent=False)
+    assert not twice.is_due(at(189.0, 140.0, rung=True))
+    assert twice.is_due(at(190.0, 140.0))
+    assert twice.is_due(at(189.0, 25.0))
+    for _ in range(20):
+        twice = twice.called(130.0, is_sent=False)
+    assert twice.is_due(at(130.0 + 480.0, 600.0))
+    assert twice.called(700.0, is_sent=True).failures == 0
+
+
+def test_robot_stays_up_for_its_call_but_not_for_one_that_keeps_failing():
+    assert POLICY.is_awaited(at(100.0, 5.0))
+    assert not POLICY.is_awaited(at(100.0, 5.0, silent_s=1.0))
+    assert POLICY.is_awaited(at(100.0, 5.0, silent_s=1.0, rung=True))
+    assert not POLICY.called(95.0, is_sent=True).is_awaited(at(100.0, 20.0))
+    failing = POLICY.called(80.0, is_sent=False)
+    assert failing.is_awaited(at(100.0, 60.0))
+    assert not failing.called(95.0, is_sent=False).is_awaited(at(100.0, 60.0))
