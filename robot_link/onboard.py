@@ -8,16 +8,11 @@ from robot_link.clock import Clock, monotonic_s
 from robot_link.command_desk import CommandDesk, CommandMemory
 from robot_link.delivery import deliver
 from robot_link.mavlink import telemetry
-from robot_link.mavlink.codec import (
-    ROBOT_COMPONENT,
-    STATION_COMPONENT,
-    STATION_SYSTEM,
-    Codec,
-    WireMessage,
-)
-from robot_link.mavlink.command import ReceivedCommand, received_command
+from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_SYSTEM, Codec, WireMessage
+from robot_link.mavlink.command import ReceivedCommand, is_grace_command, received_command
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
+    CommandKind,
     LogId,
     OnboardPlanState,
     PlanHash,
@@ -33,7 +28,11 @@ from robot_link.robot_program import CommandOutcome, RobotProgram
 from robot_link.sample_log import Measurement, SampleLog
 from robot_link.sample_sender import SampleSender
 from robot_link.service.file_store import FileStore, NoFiles
+from robot_link.service.heartbeat import DoubleWatch
 from robot_link.service.parameter_table import ParameterTable
+from robot_link.service.service_desk import ServiceDesk
+from robot_link.service.signing import Signing, Verdict
+from robot_link.service.waypoint_mission import WaypointRules
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import BROADCAST, Address, DatagramTransport, Received
 
@@ -41,6 +40,9 @@ __all__ = ["CommandOutcome", "RobotLink", "RobotProgram"]
 
 _ATTEMPTS = 3
 _SILENCES_BEFORE_ANOTHER_STATION = 3
+_ANYONE = 0
+_STREAM_SHARE = 0.5
+"""What standard telemetry may take of a radio; the rest is for what our own station asks."""
 
 
 _RESULTS = {
@@ -68,6 +70,10 @@ class RobotLink:
         parameters: What can be read and set from outside; none without.
         files: What can be downloaded; nothing without.
         command_memory: What the robot remembers of commands when it is restarted.
+        waypoints: How it flies missions of other makers' ground stations; without, those are not
+            served at all.
+        signing: Signs every frame and lets none in that is not signed alike; without, no frame is
+            signed or refused for it.
         timing: Time-outs.
     """
 
@@ -83,6 +89,8 @@ class RobotLink:
         parameters: ParameterTable | None = None,
         files: FileStore | None = None,
         command_memory: CommandMemory | None = None,
+        waypoints: WaypointRules | None = None,
+        signing: Signing | None = None,
         timing: LinkTiming | None = None,
     ) -> None:
         self.parameters = ParameterTable(()) if parameters is None else parameters
@@ -91,20 +99,43 @@ class RobotLink:
         self._transport = transport
         self._clock = clock
         self._timing = timing or LinkTiming()
-        self._codec = Codec(system, ROBOT_COMPONENT)
+        self._patience_s = _SILENCES_BEFORE_ANOTHER_STATION * self._timing.stale_s
+        self._signing = signing
+        self._codec = Codec(system, ROBOT_COMPONENT, signing)
         self._samples = SampleSender(log, self._codec, transport, self._timing)
         self._station: Address | None = None
         self._station_heard_s = -math.inf
         self._station_known = asyncio.Event()
-        self._replies: asyncio.Queue[WireMessage] = asyncio.Queue()
+        self._replies: asyncio.Queue[tuple[Address | None, WireMessage]] = asyncio.Queue()
         self._commands = CommandDesk(program, command_memory)
         self._mode = RobotMode.IDLE
         self._mode_changed = asyncio.Event()
         self._state: StateReport | None = None
         self._state_changed = asyncio.Event()
-        self._plan = PlanDesk(plans, program, clock, self._timing, self._replies.put_nowait)
+        self._plan = PlanDesk(
+            plans, program, clock, self._timing, lambda message: self._answer(None, message)
+        )
+        self._services = ServiceDesk(
+            system,
+            clock,
+            program,
+            self._plan,
+            parameters=self.parameters,
+            files=self.files,
+            rules=waypoints,
+            answer_s=self._timing.answer_s,
+            master_s=self._patience_s,
+            reply=self._answer,
+            station_heard_s=lambda: self.last_heard_station_s,
+        )
+        self._doubles = DoubleWatch()
         self.frames_bad = 0
         """Frames dropped for a bad checksum, a foreign sender or impossible content."""
+
+    @property
+    def conflict(self) -> str:
+        """Sentence on another robot that speaks under this one's system id, or ""."""
+        return self._doubles.sentence(self._system, monotonic_s())
 
     @property
     def plan_hash(self) -> PlanHash | None:
@@ -159,6 +190,7 @@ class RobotLink:
                 ("samples", self._samples.run()),
                 ("replies", self._reply()),
                 ("mission", self._ask_again()),
+                ("services", self._services.run(self._budget, self._send_service)),
             ):
                 group.create_task(work, name=f"system {self._system} {name}")
 
@@ -176,7 +208,7 @@ class RobotLink:
 
         ``robot`` and ``received_at`` do not travel.
         """
-        self._state = state
+        self._state = self._services.state = state
         self._state_changed.set()
 
     def record_sample(
@@ -215,20 +247,29 @@ class RobotLink:
         messages, bad = self._codec.unpack(received.data)
         self.frames_bad += bad
         for message in messages:
-            if not self._is_from_station(message, received.address):
+            if not self._is_welcome(message, received.address):
                 self.frames_bad += 1
-                continue
-            if getattr(message, "target_system", self._system) != self._system:
-                continue
-            self._obey(message)
+            elif getattr(message, "target_system", _ANYONE) in (_ANYONE, self._system):
+                self._obey(message, received.address)
 
-    def _is_from_station(self, message: WireMessage, address: Address) -> bool:
-        """Hold to one station's radio; another may take over when it has been silent long."""
-        if message.get_srcSystem() != STATION_SYSTEM:
+    def _is_welcome(self, message: WireMessage, address: Address) -> bool:
+        """Tell whether a message is to be believed: signed where it must be, of a known master."""
+        if self._signing is not None:
+            verdict = self._signing.check(bytes(message.get_msgbuf()))
+            if verdict is not Verdict.GOOD:
+                return False
+        speaker = message.get_srcSystem()
+        if speaker == self._system:
+            self._doubles.note(self._system, address, monotonic_s())
             return False
+        if speaker == STATION_SYSTEM:
+            return self._is_from_station(address)
+        return self._services.welcomes(message, address)
+
+    def _is_from_station(self, address: Address) -> bool:
+        """Hold to one station's radio; another may take over when it has been silent long."""
         now_s = monotonic_s()
-        patience_s = _SILENCES_BEFORE_ANOTHER_STATION * self._timing.stale_s
-        is_free = self._station is None or now_s - self._station_heard_s > patience_s
+        is_free = self._station is None or now_s - self._station_heard_s > self._patience_s
         if address != self._station and not is_free:
             return False
         self._station, self._station_heard_s = address, now_s
@@ -236,43 +277,61 @@ class RobotLink:
         self._samples.contact(address)
         return True
 
-    def _obey(self, message: WireMessage) -> None:
+    def _obey(self, message: WireMessage, address: Address) -> None:
         now_s = monotonic_s()
+        is_station = message.get_srcSystem() == STATION_SYSTEM
         match message:
-            case grace.MAVLink_command_long_message():
-                self._answer_command(message, now_s)
-            case grace.MAVLink_grace_plan_offer_message():
+            case grace.MAVLink_command_long_message() if is_grace_command(message):
+                self._answer_command(message, address, now_s)
+            case grace.MAVLink_grace_plan_offer_message() if is_station:
                 self._plan.take_offer(message, now_s)
-            case grace.MAVLink_mission_count_message():
+            case grace.MAVLink_mission_count_message() if is_station and self._plan.expects(
+                message
+            ):
                 self._plan.take_count(message, now_s)
-            case grace.MAVLink_mission_item_int_message():
+            case grace.MAVLink_mission_item_int_message() if is_station and self._plan.expects(
+                message
+            ):
                 self._plan.take_item(message, now_s)
-            case grace.MAVLink_grace_sample_ack_message():
+            case grace.MAVLink_grace_sample_ack_message() if is_station:
                 sequences = telemetry.acknowledged_sequences(message)
                 self._samples.stored(LogId(message.log), sequences)
-            case _:
+            case grace.MAVLink_heartbeat_message() if is_station:
                 pass
+            case _:
+                self._services.hear(message, address)
 
-    def _answer_command(self, message: grace.MAVLink_command_long_message, now_s: float) -> None:
+    def _answer_command(
+        self, message: grace.MAVLink_command_long_message, address: Address, now_s: float
+    ) -> None:
         try:
             command = received_command(message)
         except ValueError:
             self.frames_bad += 1
             return
+        is_master = message.get_srcSystem() == STATION_SYSTEM
+        is_free = self.last_heard_station_s > self._patience_s
         if command is None:
             outcome, number = CommandOutcome.UNSUPPORTED, 0
-        else:
+        elif is_master or is_free or command.kind is CommandKind.SURFACE:
             outcome, number = self._commands.take(command, now_s), command.number
-        self._replies.put_nowait(
+        else:
+            outcome, number = CommandOutcome.NOT_NOW, command.number
+        self._answer(
+            address,
             grace.MAVLink_command_ack_message(
                 command=message.command,
                 result=_RESULTS[outcome],
                 progress=0,
                 result_param2=number,
-                target_system=STATION_SYSTEM,
-                target_component=STATION_COMPONENT,
-            )
+                target_system=message.get_srcSystem(),
+                target_component=message.get_srcComponent(),
+            ),
         )
+
+    def _answer(self, address: Address | None, message: WireMessage) -> None:
+        """Queue an answer to a radio; to the station's where it is None."""
+        self._replies.put_nowait((address, message))
 
     async def _ask_again(self) -> None:
         while True:
@@ -281,7 +340,8 @@ class RobotLink:
 
     async def _reply(self) -> None:
         while True:
-            await self._send(await self._replies.get(), _ATTEMPTS)
+            address, message = await self._replies.get()
+            await self._send(message, _ATTEMPTS, address)
 
     async def _send_states(self) -> None:
         await self._station_known.wait()
@@ -310,10 +370,23 @@ class RobotLink:
                 mavlink_version=3,
             )
             await self._send(heartbeat, _ATTEMPTS)
+            for address in self._services.guests() if self._station is not None else ():
+                if address != self._station:
+                    await self._send(heartbeat, 1, address)
             await _changed_or_after(self._mode_changed, self._timing.heartbeat_s)
 
-    async def _send(self, message: WireMessage, attempts: int) -> None:
-        address = BROADCAST if self._station is None else self._station
+    def _budget(self) -> float:
+        """Return what standard telemetry may take of the radio, bytes per second."""
+        return self._transport.bytes_per_s * _STREAM_SHARE
+
+    async def _send_service(self, address: Address, message: WireMessage) -> None:
+        await self._send(message, 1, address)
+
+    async def _send(
+        self, message: WireMessage, attempts: int, address: Address | None = None
+    ) -> None:
+        if address is None:
+            address = BROADCAST if self._station is None else self._station
         await deliver(self._transport, address, self._codec.pack(message), attempts=attempts)
 
 

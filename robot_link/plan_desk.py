@@ -80,6 +80,18 @@ class PlanDesk:
         )
         self.changed.set()
 
+    def mission(self) -> Mission | None:
+        """Return the plan on board."""
+        return self._plans.load()
+
+    def expects(self, message: WireMessage) -> bool:
+        """Tell whether a count or an item belongs to a plan that the station offered."""
+        match message:
+            case grace.MAVLink_mission_count_message():
+                return self._receiver.is_offered(message.count)
+            case _:
+                return self._receiver.is_receiving
+
     def on_board(self) -> PlanOnBoard:
         """Return what is to be said of the plan on board."""
         said = self.said

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from robot_link.mavlink.wire import grace
 from robot_link.messages import SystemId
+from robot_link.service.signing import Signing
 
 STATION_SYSTEM = SystemId(255)
 ROBOT_COMPONENT = grace.MAV_COMP_ID_AUTOPILOT1
@@ -32,13 +33,25 @@ class Unpacked(NamedTuple):
 
 
 class Codec:
-    """Frames of one sender and, in the other direction, of anyone."""
+    """Frames of one sender and, in the other direction, of anyone.
 
-    def __init__(self, system: SystemId, component: int) -> None:
+    With ``signing`` what is packed is signed. Nothing is checked when unpacking: who wants
+    signatures asks ``Signing.check`` for each message's own frame.
+    """
+
+    def __init__(self, system: SystemId, component: int, signing: Signing | None = None) -> None:
         self._mavlink = grace.MAVLink(None, srcSystem=system, srcComponent=component)
+        self._reader = grace.MAVLink(None)
+        self._signing = signing
+        if signing is not None:
+            self._mavlink.signing.secret_key = signing.secret
+            self._mavlink.signing.link_id = signing.link
+            self._mavlink.signing.sign_outgoing = True
 
     def pack(self, message: WireMessage) -> bytes:
         """Return the frame of a message; frames of one codec are numbered modulo 256."""
+        if self._signing is not None:
+            self._mavlink.signing.timestamp = self._signing.next_stamp()
         frame = message.pack(self._mavlink)
         self._mavlink.seq = (self._mavlink.seq + 1) % 256
         return frame
@@ -62,7 +75,7 @@ class Codec:
 
     def _decode(self, frame: bytes) -> WireMessage | None:
         try:
-            message = self._mavlink.decode(bytearray(frame))
+            message = self._reader.decode(bytearray(frame))
         except grace.MAVError:
             return None
         return None if isinstance(message, grace.MAVLink_unknown) else message

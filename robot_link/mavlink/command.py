@@ -59,6 +59,11 @@ def command_message(
     )
 
 
+def is_grace_command(message: grace.MAVLink_command_long_message) -> bool:
+    """Tell whether a command is one of this dialect's, which carry a number and an expiry."""
+    return message.command in _KINDS
+
+
 def received_command(message: grace.MAVLink_command_long_message) -> ReceivedCommand | None:
     """Decode a command; None for one that is not of this dialect.
 

@@ -53,6 +53,15 @@ class MissionReceiver:
         self._heard_s = 0.0
         self._asked_s = 0.0
 
+    @property
+    def is_receiving(self) -> bool:
+        """Whether a mission was offered and is not complete."""
+        return self._sha256 is not None
+
+    def is_offered(self, count: int) -> bool:
+        """Tell whether a mission of so many items was offered."""
+        return self.is_receiving and count == self._count
+
     def offer(self, sha256: PlanHash, count: int, now_s: float) -> None:
         """Prepare for a mission of ``count`` items."""
         if (sha256, count) != (self._sha256, self._count):

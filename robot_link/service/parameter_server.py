@@ -12,6 +12,7 @@ from robot_link.service.parameter_wire import (
     name_octets,
     to_wire,
 )
+from robot_link.service.status_text import status_texts
 
 ENCODING = IntegerEncoding.BYTEWISE
 """How this project's robots put integers into the float field; their capability bits say so."""
@@ -76,11 +77,7 @@ class ParameterServer:
 
     def _refusal(self, kept: ParameterValue, code: int, reason: str) -> list[WireMessage]:
         """Say in three ways that nothing changed: for new askers, for old ones, for people."""
-        text = grace.MAVLink_statustext_message(
-            severity=grace.MAV_SEVERITY_WARNING,
-            text=reason.encode("ascii", errors="replace")[:50],
-        )
-        return [_error(kept.name, _BY_NAME, code), self._message(kept), text]
+        return [_error(kept.name, _BY_NAME, code), self._message(kept), *status_texts(reason)]
 
     def _message(self, value: ParameterValue) -> WireMessage:
         return grace.MAVLink_param_value_message(

@@ -1,0 +1,206 @@
+"""Standard mission items as this project's legs, and back; pure.
+
+A waypoint at the depth of the one before it is swum to, one at another depth is glided to; a
+waypoint straight above or below is a dive. Heights above the water are the surface. What a gliding
+robot cannot fly is refused by the number of the item: loiters, jumps, take-offs, slopes that are
+too flat or too steep.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from autonomy.frames import ned_from_wgs84, wgs84_from_ned
+from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
+from robot_link.mavlink.wire import grace
+from robot_link.mission import Mission, MissionSettings
+from robot_link.service.standard_item import StandardItem
+
+_GLOBAL = frozenset(
+    (
+        grace.MAV_FRAME_GLOBAL,
+        grace.MAV_FRAME_GLOBAL_RELATIVE_ALT,
+        grace.MAV_FRAME_GLOBAL_INT,
+        grace.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+    )
+)
+_DEGREES = 1e-7
+_LOCAL_M = 1e-4
+_SAME_M = 0.01
+
+
+class WaypointRefusal(ValueError):  # noqa: N818 - an answer, as others of this name
+    """An item cannot be flown; the message names it."""
+
+    def __init__(self, number: int, result: int, reason: str) -> None:
+        """Name the item, the MAV_MISSION_RESULT and the reason."""
+        super().__init__(f"item {number}: {reason}")
+        self.result = result
+
+
+@dataclass(frozen=True, slots=True)
+class WaypointRules:
+    """How a robot flies waypoints that name no speed, and what it can fly."""
+
+    origin_latitude_deg: float
+    """Origin of the site's frame."""
+    origin_longitude_deg: float
+    """Origin of the site's frame."""
+    swim_speed_m_s: float = 0.2
+    """Speed over ground at constant depth."""
+    vertical_speed_m_s: float = 0.1
+    """Vertical speed of a glide or dive."""
+    flattest_glide_deg: float = 10.0
+    """Least slope of a glide, from the horizontal."""
+    steepest_glide_deg: float = 60.0
+    """Greatest slope of a glide; a vertical way is a dive."""
+    depth_max_m: float = 50.0
+    """Greatest depth."""
+    sample_period_s: float = 2.0
+    """Time between two field samples."""
+    max_uncertainty_m: float = 20.0
+    """Horizontal position std at which the robot comes up."""
+    timeout_factor: float = 3.0
+    """The mission ends after so many times its planned duration."""
+
+
+def mission_of_waypoints(
+    items: Sequence[StandardItem], start: PositionNed, rules: WaypointRules
+) -> Mission:
+    """Build the mission that standard items describe.
+
+    Args:
+        items: The items in order.
+        start: Where the robot is; the first leg begins there, at the surface.
+        rules: How waypoints are flown.
+
+    Raises:
+        WaypointRefusal: If an item cannot be flown, or none is a waypoint.
+    """
+    here: PositionNed = (start[0], start[1], 0.0)
+    speed_m_s = rules.swim_speed_m_s
+    legs: list[Leg] = []
+    for number, item in enumerate(items):
+        match item.command:
+            case grace.MAV_CMD_NAV_WAYPOINT:
+                there = _place(number, item, rules)
+                if _distance(here, there) > _SAME_M:
+                    legs.append(_leg(number, here, there, speed_m_s, rules))
+                    here = there
+            case grace.MAV_CMD_DO_CHANGE_SPEED:
+                speed_m_s = _speed(number, item, speed_m_s)
+            case grace.MAV_CMD_NAV_RETURN_TO_LAUNCH:
+                legs += _up(here, rules)
+                here = (here[0], here[1], 0.0)
+                home: PositionNed = (start[0], start[1], 0.0)
+                if _distance(here, home) > _SAME_M:
+                    legs.append(_leg(number, here, home, speed_m_s, rules))
+                    here = home
+            case _:
+                reason = f"command {item.command} cannot be flown by a glider"
+                raise WaypointRefusal(number, grace.MAV_MISSION_UNSUPPORTED, reason)
+    legs += _up(here, rules)
+    if not legs:
+        raise WaypointRefusal(0, grace.MAV_MISSION_INVALID, "the mission leads nowhere")
+    duration_s = sum(leg.duration_s for leg in legs)
+    settings = MissionSettings(
+        sample_period_s=rules.sample_period_s,
+        max_uncertainty_m=rules.max_uncertainty_m,
+        timeout_s=math.ceil(rules.timeout_factor * duration_s) + 60.0,
+        start_x_m=start[0],
+        start_y_m=start[1],
+    )
+    try:
+        return Mission.from_legs(settings, tuple(legs))
+    except ValueError as error:
+        raise WaypointRefusal(0, grace.MAV_MISSION_INVALID, str(error)) from error
+
+
+def waypoints_of_mission(mission: Mission, rules: WaypointRules) -> tuple[StandardItem, ...]:
+    """Return the ends of a mission's legs as waypoints, for whoever reads it back."""
+    return tuple(_waypoint(leg.end_ned, rules) for leg in mission.legs)
+
+
+def _waypoint(place: PositionNed, rules: WaypointRules) -> StandardItem:
+    origin = (rules.origin_latitude_deg, rules.origin_longitude_deg)
+    latitude, longitude = wgs84_from_ned(place[:2], *origin).tolist()
+    return StandardItem(
+        command=grace.MAV_CMD_NAV_WAYPOINT,
+        frame=grace.MAV_FRAME_GLOBAL_RELATIVE_ALT_INT,
+        x=round(latitude / _DEGREES),
+        y=round(longitude / _DEGREES),
+        z=-place[2],
+    )
+
+
+def _place(number: int, item: StandardItem, rules: WaypointRules) -> PositionNed:
+    if not math.isfinite(item.z):
+        raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM7, "it has no altitude")
+    if item.frame in _GLOBAL:
+        latitude, longitude = item.x * _DEGREES, item.y * _DEGREES
+        if abs(latitude) > 90.0 or abs(longitude) > 180.0:
+            raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM5_X, "no such place")
+        origin = (rules.origin_latitude_deg, rules.origin_longitude_deg)
+        north, east = ned_from_wgs84(latitude, longitude, *origin).tolist()
+        depth = -item.z
+    elif item.frame == grace.MAV_FRAME_LOCAL_NED:
+        north, east, depth = item.x * _LOCAL_M, item.y * _LOCAL_M, item.z
+    else:
+        reason = f"frame {item.frame} is not known"
+        raise WaypointRefusal(number, grace.MAV_MISSION_UNSUPPORTED_FRAME, reason)
+    if depth > rules.depth_max_m:
+        reason = f"{depth:.1f} m is deeper than {rules.depth_max_m:g} m"
+        raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM7, reason)
+    return (north, east, max(0.0, depth))
+
+
+def _speed(number: int, item: StandardItem, speed_m_s: float) -> float:
+    asked = item.parameters[1]
+    if asked == -1.0:
+        return speed_m_s
+    if not (math.isfinite(asked) and asked > 0.0):
+        reason = f"{asked:g} m/s is no speed"
+        raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM2, reason)
+    return asked
+
+
+def _leg(
+    number: int, here: PositionNed, there: PositionNed, speed_m_s: float, rules: WaypointRules
+) -> Leg:
+    heading = math.atan2(there[1] - here[1], there[0] - here[0])
+    along = math.dist(here[:2], there[:2])
+    down = abs(there[2] - here[2])
+    if down <= _SAME_M:
+        return _built(PrimitiveKind.SWIM, here, there, speed_m_s, along / speed_m_s, heading)
+    vertical = rules.vertical_speed_m_s
+    if along <= _SAME_M:
+        return _built(PrimitiveKind.DIVE, here, there, vertical, down / vertical, heading)
+    slope_deg = math.degrees(math.atan2(down, along))
+    if not rules.flattest_glide_deg <= slope_deg <= rules.steepest_glide_deg:
+        possible = f"{rules.flattest_glide_deg:g}..{rules.steepest_glide_deg:g} deg"
+        reason = f"the glide to it slopes {slope_deg:.0f} deg, {possible} can be flown"
+        raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM7, reason)
+    return _built(PrimitiveKind.GLIDE, here, there, vertical, down / vertical, heading)
+
+
+def _up(here: PositionNed, rules: WaypointRules) -> list[Leg]:
+    if here[2] <= _SAME_M:
+        return []
+    surface: PositionNed = (here[0], here[1], 0.0)
+    vertical = rules.vertical_speed_m_s
+    return [_built(PrimitiveKind.DIVE, here, surface, vertical, here[2] / vertical, 0.0)]
+
+
+def _built(
+    kind: PrimitiveKind,
+    here: PositionNed,
+    there: PositionNed,
+    speed_m_s: float,
+    duration_s: float,
+    heading_rad: float,
+) -> Leg:
+    return Leg(kind, here, there, speed_m_s, duration_s, 0.0, heading_rad)
+
+
+def _distance(here: PositionNed, there: PositionNed) -> float:
+    return math.dist(here, there)
