@@ -28,6 +28,7 @@ AREAS = (
     "planner",
     "telemetry",
     "ingest",
+    "garbage",
 )
 OUTPUT = Path("build/bench.json")
 

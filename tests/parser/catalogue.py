@@ -1,0 +1,197 @@
+"""Everything that takes bytes from outside, with the errors that it may answer with.
+
+``make`` returns a fresh parser, for some keep what they were fed; ``captures`` are real messages
+from which bit-flipped ones are made. Behind a code that only the right sender can make lies a
+parser too: there the garbage is sealed with the right key.
+"""
+
+import json
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+
+from robot_link.gateway import cloudloop, directip_wire, rockblock
+from robot_link.gateway.push import PushRefusal
+from robot_link.mavlink import telemetry
+from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_COMPONENT, STATION_SYSTEM, Codec
+from robot_link.mavlink.command import command_message, received_command
+from robot_link.mavlink.decode import decoded, robot_time
+from robot_link.mavlink.mission_item import mission_from_items, mission_items
+from robot_link.messages import (
+    CommandKind,
+    CommandNumber,
+    LogId,
+    RobotId,
+    SystemId,
+)
+from robot_link.sample_log import Measurement
+from robot_link.satellite import blob as satellite_blob
+from robot_link.satellite.chunk import cut, read_mobile_terminated
+from robot_link.satellite.frame import WireError, sealed_down, sealed_up
+from robot_link.satellite.order import pack_order
+from robot_link.satellite.record import (
+    MobileOriginatedContent,
+    compose,
+    read_mobile_originated,
+)
+from robot_link.service.file_wire import FileRequest, read_file_request, read_listing
+from robot_link.transport.datagram import Address
+from robot_link.transport.mavlink_frame import MavlinkFrameReader
+from robot_link.transport.xbee_frame import (
+    FrameReader,
+    ReceivePacket,
+    TransmitRequest,
+    TransmitStatus,
+    encode,
+    parse_content,
+)
+from tests.robot_link.rig import mission
+from tests.robot_link.signed_push import form_push, json_push, private_key
+from tests.robot_link.test_cloudloop import lingo
+from tests.server.service.fake_link import state_report
+
+AT = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
+ROBOT, SYSTEM, KEY = RobotId("mini-1"), SystemId(1), bytes(range(32))
+SEALED_MAX = 250
+
+
+@dataclass(frozen=True, slots=True)
+class Parser:
+    """One way in."""
+
+    name: str
+    make: Callable[[], Callable[[bytes], object]]
+    captures: tuple[bytes, ...]
+    refusals: tuple[type[Exception], ...] = ()
+    """What it raises for what it does not take; anything else is a fault."""
+    longest: int = 4096
+    """Bytes of one message at most; a stream takes any number."""
+
+
+def catalogue() -> tuple[Parser, ...]:
+    """Return every parser of the product."""
+    return (*_radio(), *_satellite(), *_gateways())
+
+
+def _radio() -> tuple[Parser, ...]:
+    robot = Codec(SYSTEM, ROBOT_COMPONENT)
+    measurement = Measurement("blue_light", 0.4, (1.0, 0.5, 0.3), 0.05, AT)
+    frames = (
+        robot.pack(telemetry.state_message(state_report(ROBOT, at=AT))),
+        robot.pack(telemetry.sample_message(LogId(1), 7, measurement)),
+        *(robot.pack(item) for item in mission_items(mission(), SYSTEM)),
+        robot.pack(
+            command_message(SYSTEM, CommandKind.SURFACE, CommandNumber(7), AT, None, confirmation=0)
+        ),
+    )
+    packets = (
+        ReceivePacket(Address(0x0013A20041F00001), frames[0]),
+        TransmitRequest(1, Address(0x0013A20041F00001), frames[1]),
+        TransmitStatus(1, 0, 0x21),
+    )
+    file_request = FileRequest(1, 4, data=b"/log/dive-1.csv").octets()
+    return (
+        Parser("xbee_plain", lambda: _xbee(1), tuple(encode(p.content(), 1) for p in packets)),
+        Parser("xbee_escaped", lambda: _xbee(2), tuple(encode(p.content(), 2) for p in packets)),
+        Parser("mavlink_stream", lambda: MavlinkFrameReader().feed, frames),
+        Parser("mavlink_datagram", lambda: _datagram, frames),
+        Parser("mission_items", lambda: _items, frames, (ValueError,)),
+        Parser("file_request", lambda: read_file_request, (file_request,), (ValueError,)),
+        Parser("file_listing", lambda: read_listing, (b"Flog.csv\t120\0Dold\0",)),
+    )
+
+
+def _satellite() -> tuple[Parser, ...]:
+    packed = satellite_blob.Blob.of(mission())
+    is_deflated = packed.codec == satellite_blob.BlobCodec.DEFLATE
+    plain = zlib.decompress(packed.packed, -15) if is_deflated else packed.packed
+    deflater = zlib.compressobj(9, zlib.DEFLATED, -15)
+    deflated = deflater.compress(plain) + deflater.flush()
+    chunks = cut(packed, KEY, SYSTEM, 5, start=True, ack_seen=False)
+    order = pack_order(CommandKind.SURFACE, CommandNumber(9), AT, None, KEY, SYSTEM, 6)
+    state = replace(state_report(ROBOT, at=AT))
+    record = compose(MobileOriginatedContent(counter=3, state=state), KEY, SYSTEM, 340)
+    return (
+        Parser("mobile_terminated", lambda: _down, (*chunks, order), (WireError,)),
+        Parser("mobile_originated", lambda: _up, (record,), (WireError,)),
+        Parser(
+            "mobile_terminated_sealed",
+            lambda: lambda data: _down(sealed_down(data[:SEALED_MAX], KEY, SYSTEM)),
+            tuple(chunk[:-8] for chunk in (*chunks, order)),
+            (WireError,),
+            SEALED_MAX,
+        ),
+        Parser(
+            "mobile_originated_sealed",
+            lambda: lambda data: _up(sealed_up(data[:SEALED_MAX], KEY, SYSTEM)),
+            (record[:-8],),
+            (WireError,),
+            SEALED_MAX,
+        ),
+        Parser("blob_raw", lambda: lambda data: _blob(data, 0), (plain,), (WireError,)),
+        Parser("blob_packed", lambda: lambda data: _blob(data, 1), (deflated,), (WireError,)),
+    )
+
+
+def _gateways() -> tuple[Parser, ...]:
+    message = directip_wire.DirectIpMessage(
+        mo_header=directip_wire.MoHeader(7, "300234010753370", 0, 12, 3, int(AT.timestamp())),
+        mo_payload=b"hello",
+    )
+    public_key = private_key().public_key()
+    bodies = (form_push(), json_push())
+
+    def push(data: bytes) -> object:
+        return rockblock.read_push(data, "application/json", public_key, AT)
+
+    return (
+        Parser(
+            "directip",
+            lambda: lambda data: directip_wire.read_message(data, AT),
+            (directip_wire.encode(message),),
+            (directip_wire.WireError,),
+        ),
+        Parser(
+            "cloudloop",
+            lambda: lambda data: cloudloop.read_push(data, AT),
+            (json.dumps(lingo()).encode(),),
+            (PushRefusal,),
+        ),
+        Parser("rockblock", lambda: push, bodies, (PushRefusal,)),
+    )
+
+
+def _xbee(mode: int) -> Callable[[bytes], object]:
+    reader = FrameReader(mode)
+    return lambda data: [parse_content(content) for content in reader.feed(data)]
+
+
+def _datagram(data: bytes) -> object:
+    messages = Codec(STATION_SYSTEM, STATION_COMPONENT).unpack(data).messages
+    robot_time(messages)
+    for message in messages:
+        try:
+            decoded(message, ROBOT, AT)
+        except ValueError:
+            continue
+        if message.get_type() == "COMMAND_LONG":
+            received_command(message)
+    return messages
+
+
+def _items(data: bytes) -> object:
+    messages = Codec(STATION_SYSTEM, STATION_COMPONENT).unpack(data).messages
+    return mission_from_items([one for one in messages if one.get_type() == "MISSION_ITEM_INT"])
+
+
+def _down(data: bytes) -> object:
+    return read_mobile_terminated(data, KEY, SYSTEM)
+
+
+def _up(data: bytes) -> object:
+    return read_mobile_originated(data, KEY, SYSTEM, ROBOT, AT)
+
+
+def _blob(data: bytes, codec: int) -> object:
+    return satellite_blob.mission_of(data, codec)
