@@ -40,7 +40,7 @@ class SatelliteConfig(Configuration):
     )
     """How often a robot at the surface, out of reach of radio, calls by satellite."""
     radio_silence_s: float = quantity(
-        60.0, "s", title="Radio silence before a call", ge=1.0, le=86400.0
+        20.0, "s", title="Radio silence before a call", ge=1.0, le=86400.0
     )
     """A robot at the surface calls by satellite once it has not heard its station by radio for
     this long."""

@@ -1,99 +1,88 @@
-"""The robot's records: one compact message that says all that fits."""
+"""The robot's records: one compact message that says all that fits.
 
-from dataclasses import dataclass
+A record, big endian, before the code of ``frame``:
+
+    u8   version << 4 | 3
+    u8   flags: bit 0 words, 1 state, 2 plan, 3 samples
+    u32  counter
+    words    u8 acks << 4 | answers; of each ack u32 transfer id, u8 chunks, u8 state << 5 | reason
+             and, while receiving, a bit for each chunk, the first in the lowest bit of the first
+             byte; of each answer u24 number, u8 outcome
+    state    ``state_code``
+    plan     ``state_code``
+    samples  ``sample_code``
+
+One ack, state and plan take 69 bytes (70 while a mission of up to eight chunks comes in), which
+fills the first segment over the air.
+"""
+
+import struct
 from datetime import datetime
-from enum import IntEnum
 
-from robot_link.messages import (
-    CommandNumber,
-    OnboardPlanState,
-    RobotId,
-    Sample,
-    StateReport,
-    SystemId,
-)
+from robot_link.messages import CommandNumber, RobotId, SystemId
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.blob import TransferId
+from robot_link.satellite.content import (
+    CommandAnswer,
+    MobileOriginatedContent,
+    Reason,
+    ShortPlanReport,
+    TransferAck,
+    TransferState,
+)
+from robot_link.satellite.frame import (
+    MAC_BYTES,
+    MOBILE_ORIGINATED_MAX,
+    MessageType,
+    WireError,
+    first_byte,
+    opened_up,
+    sealed_up,
+)
+from robot_link.satellite.octets import OctetReader
+from robot_link.satellite.sample_code import most_that_fit, packed_samples, unpacked_samples
+from robot_link.satellite.state_code import (
+    PLAN_BYTES,
+    STATE_BYTES,
+    packed_plan,
+    packed_state,
+    reason_of,
+    unpacked_plan,
+    unpacked_state,
+)
+
+__all__ = [
+    "BEST_SIZES",
+    "CommandAnswer",
+    "MobileOriginatedContent",
+    "Reason",
+    "ShortPlanReport",
+    "TransferAck",
+    "TransferState",
+    "compose",
+    "read_mobile_originated",
+]
 
 BEST_SIZES = (70, 205, 340)
 """Sizes that fill whole segments over the air."""
+SMALLEST = 70
+"""A record must be allowed this many bytes."""
 
-
-class TransferState(IntEnum):
-    """What the robot says of a mission transfer."""
-
-    RECEIVING = 0
-    APPLIED = 1
-    BAD_HASH = 2
-    BAD_SCHEMA = 3
-    REFUSED = 4
-
-
-class Reason(IntEnum):
-    """Why the robot refused a mission or gave up a plan, in one byte."""
-
-    NONE = 0
-    OTHER = 1
-    MISSION_RUNS = 2
-    COMING_UP = 3
-    SURFACED_BY_COMMAND = 4
-
-    @property
-    def sentence(self) -> str:
-        """Return the words, "" for NONE."""
-        raise NotImplementedError
-
-    @classmethod
-    def of(cls, sentence: str) -> "Reason":
-        """Return the reason that a robot's sentence says; OTHER for one that is not listed."""
-        raise NotImplementedError
-
-
-@dataclass(frozen=True, slots=True)
-class TransferAck:
-    """The robot's word on one transfer."""
-
-    transfer_id: TransferId
-    count: int
-    received: frozenset[int]
-    """Indices of the chunks that it holds or held."""
-    state: TransferState
-    reason: Reason = Reason.NONE
-
-
-@dataclass(frozen=True, slots=True)
-class CommandAnswer:
-    """The robot's word on one command."""
-
-    number: CommandNumber
-    outcome: CommandOutcome
-
-
-@dataclass(frozen=True, slots=True)
-class ShortPlanReport:
-    """The robot's word on the plan on board."""
-
-    digits: str
-    """First 16 hexadecimal digits of the plan's hash, "" without one."""
-    state: OnboardPlanState
-    leg: int
-    legs: int
-    energy_used: float
-    reason: Reason = Reason.NONE
-
-
-@dataclass(frozen=True, slots=True)
-class MobileOriginatedContent:
-    """All that one record says."""
-
-    counter: int
-    """Newer for each record of a robot."""
-    state: StateReport | None = None
-    plan: ShortPlanReport | None = None
-    acks: tuple[TransferAck, ...] = ()
-    answers: tuple[CommandAnswer, ...] = ()
-    samples: tuple[Sample, ...] = ()
-    """To ``compose``: the most telling first; as read: by log and number."""
+_HEADER = struct.Struct(">BBI")
+_ACK = struct.Struct(">IBB")
+_WORDS, _STATE, _PLAN, _SAMPLES = 1, 2, 4, 8
+_FLAGS_MAX = 15
+_WORDS_MAX = 15
+"""Acks, and answers, of one record."""
+_REASON_BITS = 5
+_NUMBER_BYTES = 3
+_OUTCOMES = (
+    CommandOutcome.DONE,
+    CommandOutcome.NOT_NOW,
+    CommandOutcome.WRONG_PLAN,
+    CommandOutcome.UNSUPPORTED,
+)
+"""By the number that travels."""
 
 
 def compose(
@@ -110,9 +99,35 @@ def compose(
         max_bytes: Bytes that the operator allows; ``BEST_SIZES`` fill whole segments.
 
     Raises:
-        ValueError: If ``max_bytes`` cannot hold a record at all, or a number is not finite.
+        ValueError: If ``max_bytes`` is no size of a record, or a number is not finite.
     """
-    raise NotImplementedError
+    if not SMALLEST <= max_bytes <= MOBILE_ORIGINATED_MAX:
+        raise ValueError(f"a record has {SMALLEST} to {MOBILE_ORIGINATED_MAX} bytes, max_bytes")
+    room = max_bytes - _HEADER.size - MAC_BYTES
+    words = _packed_words(content.acks, content.answers, room)
+    parts = [(_WORDS, words)] if words else []
+    room -= len(words)
+    if content.state is not None and room >= STATE_BYTES:
+        parts.append((_STATE, packed_state(content.state)))
+        room -= STATE_BYTES
+    if content.plan is not None and room >= PLAN_BYTES:
+        parts.append((_PLAN, packed_plan(content.plan)))
+        room -= PLAN_BYTES
+    samples = most_that_fit(content.samples, room)
+    if samples:
+        parts.append((_SAMPLES, packed_samples(samples)))
+    flags = sum(flag for flag, _ in parts)
+    header = _HEADER.pack(first_byte(MessageType.RECORD), flags, content.counter)
+    return sealed_up(header + b"".join(part for _, part in parts), key, system)
+
+
+def sample_room(content: MobileOriginatedContent, max_bytes: int) -> int:
+    """Return the bytes that ``compose`` has left for samples beside the rest of the content."""
+    room = max_bytes - _HEADER.size - MAC_BYTES
+    room -= len(_packed_words(content.acks, content.answers, room))
+    room -= 0 if content.state is None else STATE_BYTES
+    room -= 0 if content.plan is None else PLAN_BYTES
+    return max(0, room)
 
 
 def read_mobile_originated(
@@ -123,4 +138,92 @@ def read_mobile_originated(
     Raises:
         WireError: If it is none of this robot.
     """
-    raise NotImplementedError
+    kind, body = opened_up(data, key, system)
+    if kind is not MessageType.RECORD or len(body) < _HEADER.size:
+        raise WireError("this is no record of a robot")
+    _, flags, counter = _HEADER.unpack_from(body)
+    if flags > _FLAGS_MAX:
+        raise WireError(f"flags {flags:#x} of a record are unknown")
+    reader = OctetReader(body[_HEADER.size :])
+    acks, answers = _words(reader) if flags & _WORDS else ((), ())
+    state_bytes = reader.take(STATE_BYTES) if flags & _STATE else None
+    plan = unpacked_plan(reader.take(PLAN_BYTES)) if flags & _PLAN else None
+    state = None
+    if state_bytes is not None:
+        energy_used = 0.0 if plan is None else plan.energy_used
+        state = unpacked_state(state_bytes, robot, received_at, energy_used)
+    samples = unpacked_samples(reader, robot, received_at) if flags & _SAMPLES else ()
+    if not reader.is_at_end:
+        raise WireError("something follows the end of a record")
+    return MobileOriginatedContent(counter, state, plan, acks, answers, samples)
+
+
+def _packed_words(
+    acks: tuple[TransferAck, ...], answers: tuple[CommandAnswer, ...], room: int
+) -> bytes:
+    """Return acks and answers as far as they fit, the first ones first."""
+    ack_parts = _fitting([_packed_ack(ack) for ack in acks], room - 1)
+    room -= sum(map(len, ack_parts))
+    answer_parts = _fitting([_packed_answer(answer) for answer in answers], room - 1)
+    if not ack_parts and not answer_parts:
+        return b""
+    counts = len(ack_parts) << 4 | len(answer_parts)
+    return bytes([counts]) + b"".join((*ack_parts, *answer_parts))
+
+
+def _fitting(parts: list[bytes], room: int) -> list[bytes]:
+    fitting: list[bytes] = []
+    for part in parts[:_WORDS_MAX]:
+        room -= len(part)
+        if room < 0:
+            break
+        fitting.append(part)
+    return fitting
+
+
+def _packed_ack(ack: TransferAck) -> bytes:
+    packed = _ACK.pack(ack.transfer_id, ack.count, ack.state << _REASON_BITS | ack.reason)
+    if ack.state is not TransferState.RECEIVING:
+        return packed
+    bits = sum(1 << index for index in ack.received)
+    return packed + bits.to_bytes(_bitmap_bytes(ack.count), "little")
+
+
+def _packed_answer(answer: CommandAnswer) -> bytes:
+    outcome = _OUTCOMES.index(answer.outcome)
+    return answer.number.to_bytes(_NUMBER_BYTES, "big") + bytes([outcome])
+
+
+def _words(
+    reader: OctetReader,
+) -> tuple[tuple[TransferAck, ...], tuple[CommandAnswer, ...]]:
+    acks, answers = divmod(reader.take(1)[0], 1 << 4)
+    return (
+        tuple(_ack(reader) for _ in range(acks)),
+        tuple(_answer(reader) for _ in range(answers)),
+    )
+
+
+def _ack(reader: OctetReader) -> TransferAck:
+    transfer_id, count, word = _ACK.unpack(reader.take(_ACK.size))
+    try:
+        state = TransferState(word >> _REASON_BITS)
+    except ValueError as error:
+        raise WireError("the state of a transfer is unknown") from error
+    received = frozenset(range(count))
+    if state is TransferState.RECEIVING:
+        bits = int.from_bytes(reader.take(_bitmap_bytes(count)), "little")
+        received = frozenset(index for index in range(count) if bits >> index & 1)
+    return TransferAck(TransferId(transfer_id), count, received, state, reason_of(word))
+
+
+def _answer(reader: OctetReader) -> CommandAnswer:
+    number = int.from_bytes(reader.take(_NUMBER_BYTES), "big")
+    outcome = reader.take(1)[0]
+    if outcome >= len(_OUTCOMES):
+        raise WireError("the outcome of a command is unknown")
+    return CommandAnswer(CommandNumber(number), _OUTCOMES[outcome])
+
+
+def _bitmap_bytes(count: int) -> int:
+    return (count + 7) // 8

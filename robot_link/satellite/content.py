@@ -1,0 +1,135 @@
+"""What a robot's record says, as values."""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+from robot_link.messages import (
+    SURFACED_BY_COMMAND,
+    CommandNumber,
+    OnboardPlanState,
+    Sample,
+    StateReport,
+)
+from robot_link.robot_program import CommandOutcome
+from robot_link.satellite.blob import TransferId
+
+
+class TransferState(IntEnum):
+    """What the robot says of a mission transfer."""
+
+    RECEIVING = 0
+    APPLIED = 1
+    BAD_HASH = 2
+    BAD_SCHEMA = 3
+    REFUSED = 4
+
+
+class Reason(IntEnum):
+    """Why the robot refused a mission or gave up a plan, in five bits."""
+
+    NONE = 0
+    OTHER = 1
+    MISSION_RUNS = 2
+    COMING_UP = 3
+    SURFACED_BY_COMMAND = 4
+    TIMEOUT = 5
+    BATTERY = 6
+    UNCERTAIN = 7
+    FLOOR = 8
+    SHORE = 9
+    NO_LEGS = 10
+    LEAVES_WATER = 11
+    NO_SPEED = 12
+    TRIM = 13
+
+    @property
+    def sentence(self) -> str:
+        """Return the words, "" for NONE."""
+        return _SENTENCES[self]
+
+    @classmethod
+    def of(cls, sentence: str) -> "Reason":
+        """Return the reason that a robot's sentence says; OTHER for one that is not listed."""
+        if not sentence:
+            return cls.NONE
+        return next((reason for reason, mark in _MARKS.items() if mark in sentence), cls.OTHER)
+
+
+_SENTENCES = {
+    Reason.NONE: "",
+    Reason.OTHER: "the robot's reason is longer than a satellite message",
+    Reason.MISSION_RUNS: "a mission is running: wait for its end, or surface the robot",
+    Reason.COMING_UP: "the robot is coming up",
+    Reason.SURFACED_BY_COMMAND: SURFACED_BY_COMMAND,
+    Reason.TIMEOUT: "the mission took longer than it may",
+    Reason.BATTERY: "the battery is below its reserve",
+    Reason.UNCERTAIN: "the position is too uncertain",
+    Reason.FLOOR: "the floor is near",
+    Reason.SHORE: "a wall or the shore is near",
+    Reason.NO_LEGS: "the plan has no legs",
+    Reason.LEAVES_WATER: "a leg leaves the water",
+    Reason.NO_SPEED: "a leg has no speed",
+    Reason.TRIM: "the trim is more than the robot's limits allow",
+}
+_MARKS = {
+    Reason.MISSION_RUNS: "a mission is running",
+    Reason.COMING_UP: "coming up",
+    Reason.SURFACED_BY_COMMAND: SURFACED_BY_COMMAND,
+    Reason.TIMEOUT: "the mission took longer",
+    Reason.BATTERY: "the battery is below",
+    Reason.UNCERTAIN: "position is too uncertain",
+    Reason.FLOOR: "the floor is near",
+    Reason.SHORE: "the shore is near",
+    Reason.NO_LEGS: "no legs",
+    Reason.LEAVES_WATER: "leaves the water",
+    Reason.NO_SPEED: "no speed",
+    Reason.TRIM: "trim",
+}
+"""What tells a robot's sentence; numbers and names within it do not travel."""
+
+
+@dataclass(frozen=True, slots=True)
+class TransferAck:
+    """The robot's word on one transfer."""
+
+    transfer_id: TransferId
+    count: int
+    received: frozenset[int]
+    """Indices of the chunks that it holds or held."""
+    state: TransferState
+    reason: Reason = Reason.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class CommandAnswer:
+    """The robot's word on one command."""
+
+    number: CommandNumber
+    outcome: CommandOutcome
+
+
+@dataclass(frozen=True, slots=True)
+class ShortPlanReport:
+    """The robot's word on the plan on board."""
+
+    digits: str
+    """First 16 hexadecimal digits of the plan's hash, "" without one."""
+    state: OnboardPlanState
+    leg: int
+    legs: int
+    energy_used: float
+    reason: Reason = Reason.NONE
+
+
+@dataclass(frozen=True, slots=True)
+class MobileOriginatedContent:
+    """All that one record says."""
+
+    counter: int
+    """Newer for each record of a robot."""
+    state: StateReport | None = None
+    plan: ShortPlanReport | None = None
+    acks: tuple[TransferAck, ...] = ()
+    answers: tuple[CommandAnswer, ...] = ()
+    samples: tuple[Sample, ...] = ()
+    """To ``compose``: the most telling first; as read: by log and number."""
