@@ -31,6 +31,10 @@ from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee import XBeeTransport
 
 _BEAT_S: Final = 1.0
+_LOOK_S: Final = 0.05
+"""Time between two looks whether the port is open."""
+_UNDECIDED_S: Final = 4.0
+"""After so long it is plain that no XBee answers."""
 _TRIAL_S: Final = 2.0
 """How long to listen at each other speed."""
 _KEPT_BYTES: Final = 4096
@@ -86,6 +90,8 @@ class Doctor:
         ]
         try:
             await asyncio.wait(tasks, timeout=listen_s, return_when=asyncio.FIRST_COMPLETED)
+            if self._is_undecided():
+                await asyncio.wait(tasks, timeout=_UNDECIDED_S, return_when=asyncio.FIRST_COMPLETED)
             for task in tasks:
                 if task.done():
                     task.result()
@@ -141,7 +147,9 @@ class Doctor:
             if self._transport.max_payload:
                 with suppress(PortClosedError):
                     await self._transport.send(BROADCAST, self._codec.pack(beat))
-            await asyncio.sleep(_BEAT_S)
+                await asyncio.sleep(_BEAT_S)
+            else:
+                await asyncio.sleep(_LOOK_S)
 
     async def _tell_port(self) -> None:
         """Say whether the port opened, and what the radio at it says of itself."""
@@ -208,12 +216,20 @@ class Doctor:
             self._say(f"The network says of what was sent: {trouble}.")
         return False
 
+    def _is_undecided(self) -> bool:
+        """Tell whether an XBee was asked who it is and its silence is not yet plain."""
+        heard = self._heard
+        said_anything = heard.was_open or heard.closed_reason or heard.strange
+        return self._uri.scheme == "xbee" and not said_anything
+
     def _may_be_too_fast(self) -> bool:
         """Tell whether bytes, or no XBee, at a serial line leave its speed in doubt."""
         heard = self._heard
         is_line = self._uri.scheme in ("serial", "xbee") and not self._uri.host
         is_mute = "no XBee" in heard.closed_reason
-        return is_line and not heard.frames and (bool(heard.strange) or is_mute)
+        is_plain = envelope_advice(self._uri, heard.strange) is not None
+        is_doubtful = bool(heard.strange) or is_mute
+        return is_line and is_doubtful and not heard.frames and not is_plain
 
     async def _try_speeds(self, listen_s: float) -> None:
         self._say("Trying other speeds ...")

@@ -66,6 +66,8 @@ at best, so that commands, acknowledgements and repetitions find their place."""
 _MODES: Final[Mapping[str, ApiMode]] = MappingProxyType({"1": 1, "2": 2})
 _RATES: Final[Mapping[str, Literal[10, 200] | None]] = MappingProxyType({"10k": 10, "200k": 200})
 _LONGEST_DISCOVERY_S = 60.0
+_DISCOVERY_MARGIN_S = 0.3
+"""For the last answer's way through the port."""
 _UNANSWERED_QUESTIONS = 3
 """After so many in a row the radio counts as gone."""
 
@@ -131,7 +133,7 @@ class XBeeTransport:
         """The radio's NP parameter; 0 while the port is closed."""
         self.address: Address | None = None
         """The radio's own address; None while the port is closed."""
-        self.bytes_per_s = BYTES_PER_S[200]
+        self.bytes_per_s = BYTES_PER_S[rate_kbit_s or 200]
         """Telemetry that the network's air may carry."""
 
     async def run(self) -> None:
@@ -312,7 +314,7 @@ class XBeeTransport:
             wait_s = int.from_bytes(answer, "big") / 10
         else:
             wait_s = _LONGEST_DISCOVERY_S
-        return min(wait_s, _LONGEST_DISCOVERY_S) + self._timing.question_timeout_s
+        return min(wait_s, _LONGEST_DISCOVERY_S) + _DISCOVERY_MARGIN_S
 
     def _note_strength(self, answer: bytes) -> None:
         """Keep the strength of the last packet; it is the sender's whose packet came last."""

@@ -1,0 +1,271 @@
+"""The doctor says in plain words what a link brings, and what to try."""
+
+import asyncio
+import os
+import random
+import socket
+import termios
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
+from robot_link.messages import SystemId
+from robot_link.transport.advice import byte_advice, port_advice
+from robot_link.transport.datagram import BROADCAST, Address, PortClosedError
+from robot_link.transport.doctor import Doctor
+from robot_link.transport.opening import open_transport
+from robot_link.transport.port import SerialPort
+from robot_link.transport.uri import LinkUri
+from robot_link.transport.xbee_frame import ReceivePacket, encode
+from server.command.main import main
+from simulator.xbee_network import AirConditions, XBeeNetwork
+from tests.robot_link.far_end import heartbeat, line, running
+
+STATION = Address(0x0013A200_41F000FF)
+LISTEN_S = 0.4
+
+
+async def examined(uri: str, listen_s: float = LISTEN_S) -> tuple[bool, str]:
+    said: list[str] = []
+    is_well = await Doctor(uri, said.append).examine(listen_s)
+    return is_well, "\n".join(said)
+
+
+async def repeating(say: Callable[[], object], every_s: float = 0.02) -> None:
+    while True:
+        say()
+        await asyncio.sleep(every_s)
+
+
+class Speaking:
+    """Says something again and again while the context lasts."""
+
+    def __init__(self, say: Callable[[], object]) -> None:
+        self._say = say
+
+    async def __aenter__(self) -> None:
+        self._task = asyncio.create_task(repeating(self._say))
+
+    async def __aexit__(self, *_: object) -> None:
+        self._task.cancel()
+        await asyncio.gather(self._task, return_exceptions=True)
+
+
+async def test_robots_of_an_xbee_network_are_named_with_radio_and_strength(tmp_path: Path):
+    air = XBeeNetwork(random.Random(1), AirConditions(), discovery_s=0.2)
+    radios = {system: air.robot_radio(Address(0x0013A200_41F00000 + system)) for system in (1, 2)}
+    tasks = [
+        asyncio.create_task(talk(radio, Codec(SystemId(system), ROBOT_COMPONENT)))
+        for system, radio in radios.items()
+    ]
+    try:
+        async with air.pty(STATION, tmp_path / "xbee"):
+            is_well, said = await examined(f"xbee://{tmp_path}/xbee")
+    finally:
+        for task in tasks:
+            task.cancel()
+    assert is_well
+    assert "The XBee 0013A20041F000FF answers; one packet carries 256 bytes" in said
+    assert "The radio 0013A20041F00001 (ROBOT 0001) answers at -52 dBm." in said
+    assert "System 2 is heard from the radio 0013A20041F00002" in said
+    assert "HEARTBEAT" in said
+
+
+async def talk(radio, codec: Codec) -> None:
+    while True:
+        await radio.send(BROADCAST, heartbeat(1, codec))
+        await asyncio.sleep(0.02)
+
+
+async def test_two_radios_that_speak_as_one_system_are_told(tmp_path: Path):
+    air = XBeeNetwork(random.Random(1), AirConditions(), discovery_s=0.2)
+    radios = [air.robot_radio(Address(0x0013A200_41F00000 + n)) for n in (1, 2)]
+    tasks = [
+        asyncio.create_task(talk(radio, Codec(SystemId(7), ROBOT_COMPONENT))) for radio in radios
+    ]
+    try:
+        async with air.pty(STATION, tmp_path / "xbee"):
+            is_well, said = await examined(f"xbee://{tmp_path}/xbee")
+    finally:
+        for task in tasks:
+            task.cancel()
+    assert not is_well
+    assert "0013A20041F00001 and 0013A20041F00002 both speak as system 7" in said
+    assert "another MAVLink system id" in said
+
+
+async def test_an_xbee_that_answers_alone_is_no_robot(tmp_path: Path):
+    air = XBeeNetwork(random.Random(1), AirConditions(), discovery_s=0.2)
+    async with air.pty(STATION, tmp_path / "xbee"):
+        is_well, said = await examined(f"xbee://{tmp_path}/xbee")
+    assert not is_well
+    assert "No other radio of its network answers." in said
+    assert "Nothing was heard." in said
+    assert "above the water" in said
+
+
+async def test_the_wrong_api_mode_is_told(tmp_path: Path):
+    air = XBeeNetwork(random.Random(1), AirConditions())
+    async with air.pty(STATION, tmp_path / "xbee", 2):
+        is_well, said = await examined(f"xbee://{tmp_path}/xbee?ap=1")
+    assert not is_well
+    assert "API mode 2" in said
+    assert "ap=2" in said
+
+
+async def test_a_vehicle_on_a_line_is_heard(tmp_path: Path):
+    with line(tmp_path / "line") as far:
+        async with Speaking(lambda: far.write(heartbeat(3))):
+            is_well, said = await examined(f"serial://{tmp_path}/line")
+    assert is_well
+    assert "System 1 is heard:" in said
+
+
+async def test_an_xbee_taken_for_a_plain_line_is_told(tmp_path: Path):
+    packet = encode(ReceivePacket(Address(5), heartbeat(1)).content(), 1)
+    with line(tmp_path / "line") as far:
+        async with Speaking(lambda: far.write(packet)):
+            is_well, said = await examined(f"serial://{tmp_path}/line")
+    assert not is_well
+    assert "An XBee in API mode 1 is at the port." in said
+    assert "xbee:// instead of serial://" in said
+
+
+async def test_the_right_speed_of_a_line_is_found(tmp_path: Path):
+    """The far end speaks at 9600 baud: at any other speed its bytes come out as garbage."""
+    rng = random.Random(2)
+    with line(tmp_path / "line") as far:
+
+        def speak() -> None:
+            speed = termios.tcgetattr(far.descriptor)[5]
+            far.write(heartbeat(1) if speed == termios.B9600 else rng.randbytes(20))
+
+        async with Speaking(speak):
+            is_well, said = await examined(f"serial://{tmp_path}/line?baud=57600", 0.3)
+    assert not is_well
+    assert "no MAVLink frame" in said
+    assert "At 9600 baud it makes sense: write baud=9600" in said
+
+
+async def test_garbage_at_every_speed_is_told_as_such(tmp_path: Path):
+    rng = random.Random(3)
+    with line(tmp_path / "line") as far:
+        async with Speaking(lambda: far.write(rng.randbytes(30))):
+            is_well, said = await examined(f"serial://{tmp_path}/line", 0.1)
+    assert not is_well
+    assert "At no usual speed" in said
+
+
+async def test_a_line_that_another_program_has_is_told(tmp_path: Path):
+    with line(tmp_path / "line"):
+        other = await SerialPort.open(str(tmp_path / "line"), baud=57600, flow_control=False)
+        try:
+            is_well, said = await examined(f"serial://{tmp_path}/line")
+        finally:
+            other.close()
+    assert not is_well
+    assert "Another program has" in said
+    assert "fuser" in said
+
+
+async def test_a_line_that_is_not_there_is_told(tmp_path: Path):
+    is_well, said = await examined(f"serial://{tmp_path}/line")
+    assert not is_well
+    assert f"There is no line {tmp_path}/line." in said
+    os.symlink("/dev/pts/none", tmp_path / "line")
+    _, said = await examined(f"serial://{tmp_path}/line")
+    assert "leads nowhere" in said
+
+
+async def test_a_network_link_that_nobody_serves_is_told():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        port = one.getsockname()[1]
+    is_well, said = await examined(f"tcp://127.0.0.1:{port}")
+    assert not is_well
+    assert f"Nobody listens at 127.0.0.1 port {port}." in said
+    is_well, said = await examined(f"tcp://127.0.0.1:{port}?listen=1")
+    assert not is_well
+    assert f"Nobody called at port {port}." in said
+    is_well, said = await examined(f"udp://127.0.0.1:{port}")
+    assert not is_well
+    assert "Connection refused" in said
+
+
+async def test_a_vehicle_that_waits_to_be_called_is_heard():
+    """Many vehicles speak UDP only with a ground station that has spoken first."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as one:
+        one.bind(("127.0.0.1", 0))
+        port = one.getsockname()[1]
+    robot = open_transport(f"udp://127.0.0.1:{port}?listen=1")
+    async with running(robot):
+        task = asyncio.create_task(answer(robot))
+        is_well, said = await examined(f"udp://127.0.0.1:{port}")
+        task.cancel()
+    assert is_well
+    assert "System 1 is heard" in said
+
+
+async def answer(robot) -> None:
+    async for _ in robot.events():
+        try:
+            await robot.send(BROADCAST, heartbeat(1))
+        except PortClosedError:
+            return
+
+
+@pytest.mark.parametrize(
+    ("reason", "sentence"),
+    [
+        ("[Errno 13] could not open port: Permission denied", "may not use /dev/ttyS9"),
+        ("[Errno 11] Could not exclusively lock port", "Another program has /dev/ttyS9 open"),
+        ("[Errno 5] Input/output error", "The port does not open: [Errno 5]"),
+    ],
+)
+def test_what_the_system_says_of_a_port_becomes_a_sentence(reason: str, sentence: str):
+    assert sentence in port_advice(LinkUri("serial:///dev/ttyS9"), reason).found
+
+
+def test_a_host_without_an_address_is_told():
+    reason = "glider.invalid has no address: Name or service not known"
+    advice = port_advice(LinkUri("tcp://glider.invalid:5760"), reason)
+    assert any("Write glider.invalid correctly" in one for one in advice.tries)
+
+
+@pytest.mark.parametrize(
+    ("uri", "data", "sentence"),
+    [
+        ("serial:///dev/x", b"\xfe\x09\x00\x01\x01\x00" + bytes(11) + b"\xfe\x09", "MAVLink 1"),
+        ("serial:///dev/x", b"$GPGGA,123519,4807.038,N*47\r\n", "Text comes from the port"),
+        ("serial:///dev/x", encode(b"\x8a\x00", 2), "An XBee in API mode"),
+        ("xbee:///dev/x", heartbeat(1) + heartbeat(2), "Plain MAVLink comes from the port"),
+        ("tcp://127.0.0.1:1", bytes(range(0x80, 0xC0)), "no MAVLink frame"),
+    ],
+)
+def test_strange_bytes_are_recognized(uri: str, data: bytes, sentence: str):
+    assert sentence in byte_advice(LinkUri(uri), data).found
+
+
+def test_no_bytes_however_strange_do_harm():
+    rng = random.Random(4)
+    for uri in ("serial:///dev/x", "xbee:///dev/x", "udp://127.0.0.1:1"):
+        for _ in range(300):
+            assert byte_advice(LinkUri(uri), rng.randbytes(rng.randrange(200))).found
+
+
+def test_the_command_line_examines_a_link_and_tells_by_its_exit_status(capsys):
+    assert main(["link", "doctor", "serial:///dev/no-such-line", "--seconds", "0.2"]) == 1
+    assert "There is no line /dev/no-such-line." in capsys.readouterr().out
+    assert main(["link", "doctor", "serial://", "--seconds", "1"]) == 2
+    assert "needs the path" in capsys.readouterr().err
+    assert main(["link", "doctor", "rockblock://300234010753370"]) == 2
+    assert "cannot be listened to from here" in capsys.readouterr().err
+    assert main(["link", "doctor", "udp://127.0.0.1:1", "--seconds", "-1"]) == 2
+    assert "--seconds" in capsys.readouterr().err
+
+
+def test_the_command_line_lists_links_of_a_fresh_station(tmp_path: Path, capsys):
+    assert main(["link", "list", "--data", str(tmp_path)]) == 0
+    assert "There is no robot yet." in capsys.readouterr().out
