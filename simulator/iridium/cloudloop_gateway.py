@@ -60,7 +60,7 @@ class CloudloopGateway:
     def __init__(self, network: IridiumNetwork, push_url: str | None) -> None:
         self._network = network
         self.webhook = Webhook(push_url, ANSWER_TIMEOUT_S)
-        self.pusher = Pusher(self._push, SCHEDULE, network.clock)
+        self.pusher = Pusher(self._push, SCHEDULE, network.clock, network.settle)
 
     @asynccontextmanager
     async def serve(self, host: str = "127.0.0.1", port: int = 0) -> AsyncGenerator[str]:
@@ -130,6 +130,8 @@ class CloudloopGateway:
     def _take(self, message: MobileOriginatedMessage) -> None:
         if message.session_status == 0:
             self.pusher.put(message)
+        else:
+            self._network.settle(message)
 
     async def _push(self, message: MobileOriginatedMessage) -> bool:
         if self._network.conditions.gateway_outage:

@@ -74,7 +74,7 @@ class DirectIpGateway:
         self._customer: tuple[str, int] | None = None
         self.refuses_address = False
         """Whether the customer's network address is not among those agreed on."""
-        self.pusher = Pusher(self._push, SCHEDULE, network.clock)
+        self.pusher = Pusher(self._push, SCHEDULE, network.clock, network.settle)
         self.point_to(push_url)
 
     def point_to(self, push_url: str | None) -> None:

@@ -5,16 +5,17 @@ Everything that takes time takes it by the robots' clock. One network belongs to
 
 import asyncio
 import random
-from collections import Counter
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from datetime import datetime, timedelta
+from collections.abc import Callable, Mapping
+from datetime import timedelta
 from functools import partial
+from pathlib import Path
 
 from robot_link.clock import Clock
 from simulator.iridium.acceptance import Accepted, Reason, RefusedError
 from simulator.iridium.conditions import SatelliteConditions
-from simulator.iridium.message_queue import LOWEST_PRIORITY, MessageQueue, QueuedMessage
+from simulator.iridium.line import OUTGOING_CAPACITY, SEQUENCE, Line
+from simulator.iridium.memory import MemoryFile, NetworkMemory
+from simulator.iridium.message_queue import LOWEST_PRIORITY, QueuedMessage
 from simulator.iridium.session import (
     MobileOriginatedMessage,
     MobileOriginatedStatus,
@@ -25,27 +26,12 @@ from simulator.iridium.session import (
 from simulator.iridium.subscriber import Account, Carrier, Subscriber, credit_count
 
 MAX_MOBILE_ORIGINATED = 340
-MAX_MOBILE_TERMINATED = 270
 """Bytes of one message of a 9602 modem."""
 
-_SEQUENCE = 65536
 _SECOND_RING_S = 20.0
 _QUIET_S = 10.0
 """A message that follows another one sooner causes no ring of its own."""
 _KM_PER_DEGREE = 111.2
-
-
-@dataclass(slots=True)
-class _Line:
-    """What the network knows of one modem."""
-
-    subscriber: Subscriber
-    queue: MessageQueue = field(default_factory=MessageQueue)
-    momsn: int = 0
-    mtmsn: int = 0
-    is_in_session: bool = False
-    ring_callbacks: list[Callable[[], None]] = field(default_factory=list)
-    last_ready_at: datetime | None = None
 
 
 class IridiumNetwork:
@@ -53,8 +39,8 @@ class IridiumNetwork:
 
     ``in_view(imei)`` says whether a modem has power and sees the sky now. The customers' end is
     a gateway: it calls ``accept`` for each message to a modem, and is called for each message
-    from one. ``credits_charged`` counts what messages to each modem cost,
-    ``mobile_originated_credits`` what those from it cost.
+    from one. With a ``memory_file`` another network of a later process goes on where this one
+    ended; sessions and rings under way are lost.
     """
 
     def __init__(
@@ -63,17 +49,21 @@ class IridiumNetwork:
         conditions: SatelliteConditions,
         clock: Clock,
         in_view: Callable[[str], bool] = lambda _imei: True,
+        memory_file: Path | None = None,
     ) -> None:
         self.conditions = conditions
         """May be replaced at any time."""
         self.clock = clock
-        self.credits_charged: Counter[str] = Counter()
-        self.mobile_originated_credits: Counter[str] = Counter()
         self._rng = rng
         self._in_view = in_view
-        self._lines: dict[str, _Line] = {}
+        self._lines: dict[str, Line] = {}
         self._gateways: dict[Carrier, list[Callable[[MobileOriginatedMessage], None]]] = {}
-        self._next_id = 1
+        self._memory_file = None if memory_file is None else MemoryFile(memory_file)
+        memory = NetworkMemory() if self._memory_file is None else self._memory_file.load()
+        self._memories = memory.lines
+        self._next_id = memory.next_id
+        self._unclaimed: list[MobileOriginatedMessage] = []
+        """Messages from modems for which there is no gateway yet."""
 
     # ---- customers -----------------------------------------------------------------------------
 
@@ -94,7 +84,10 @@ class IridiumNetwork:
         if imei in self._lines:
             raise ValueError(f"the modem {imei} is known already")
         subscriber = Subscriber(imei, account, carrier, serial or int(imei[-5:]), thing)
-        self._lines[imei] = _Line(subscriber)
+        line = self._lines[imei] = Line(subscriber)
+        if imei in self._memories:
+            line.remember(self._memories[imei])
+            self._unclaimed += line.outgoing.values()
         return subscriber
 
     def subscriber(self, imei: str) -> Subscriber | None:
@@ -106,6 +99,16 @@ class IridiumNetwork:
     def subscribers(self) -> Mapping[str, Subscriber]:
         """Every modem by its IMEI."""
         return {imei: line.subscriber for imei, line in self._lines.items()}
+
+    @property
+    def credits_charged(self) -> Mapping[str, int]:
+        """What messages to each modem have cost."""
+        return {imei: line.credits_charged for imei, line in self._lines.items()}
+
+    @property
+    def mobile_originated_credits(self) -> Mapping[str, int]:
+        """What messages from each modem have cost."""
+        return {imei: line.mobile_originated_credits for imei, line in self._lines.items()}
 
     def waiting(self, imei: str) -> tuple[QueuedMessage, ...]:
         """Return what waits for a modem or is on its way into the queue, the next one first.
@@ -120,10 +123,21 @@ class IridiumNetwork:
     def on_message(
         self, carrier: Carrier, callback: Callable[[MobileOriginatedMessage], None]
     ) -> Callable[[], None]:
-        """Tell a gateway of each session of its modems; return what ends that."""
+        """Tell a gateway of each session of its modems; return what ends that.
+
+        The gateway calls ``settle`` for a message that need not be remembered any longer.
+        """
         callbacks = self._gateways.setdefault(carrier, [])
         callbacks.append(callback)
+        unclaimed, self._unclaimed = self._unclaimed, []
+        for message in unclaimed:
+            self._later(0.0, self._hand_over, self._lines[message.imei], message)
         return partial(callbacks.remove, callback)
+
+    def settle(self, message: MobileOriginatedMessage) -> None:
+        """Forget a message that its customer has taken, or never will."""
+        self._lines[message.imei].outgoing.pop(message.record_id, None)
+        self._remember()
 
     def accept(
         self,
@@ -147,22 +161,20 @@ class IridiumNetwork:
             RefusedError: If the message is not taken; nothing is charged or deleted then.
         """
         line = self._swept(imei)
-        credits_needed = self._check(line, data, mtmsn)
+        credits_needed = line.price_of(data, mtmsn)
         if flush:
             line.queue.flush()
         if not line.queue.has_room(priority):
             raise RefusedError(Reason.QUEUE_FULL)
         if mtmsn is None:
-            mtmsn = line.mtmsn = line.mtmsn % (_SEQUENCE - 1) + 1
+            mtmsn = line.mtmsn = line.mtmsn % (SEQUENCE - 1) + 1
         now = self.clock.now()
         delay_s = self._transit_s()
         ready_at = now + timedelta(seconds=delay_s)
         message = QueuedMessage(self._number(), mtmsn, data, priority, now, ready_at)
         position = line.queue.put(message)
-        account = line.subscriber.account
-        if account.credits_left is not None:
-            account.credits_left -= credits_needed
-        self.credits_charged[imei] += credits_needed
+        line.charge(credits_needed)
+        self._remember()
         self._later(delay_s, self._announce, line)
         return Accepted(message.message_id, mtmsn, position)
 
@@ -172,7 +184,9 @@ class IridiumNetwork:
         Raises:
             RefusedError: If the modem is not known.
         """
-        return self._swept(imei).queue.flush()
+        count = self._swept(imei).queue.flush()
+        self._remember()
+        return count
 
     def ring(self, imei: str) -> None:
         """Ring a modem that has no message.
@@ -231,10 +245,11 @@ class IridiumNetwork:
             return await self._session(line, data or b"", place)
         finally:
             line.is_in_session = False
+            self._remember()
 
     # ---- within --------------------------------------------------------------------------------
 
-    async def _session(self, line: _Line, data: bytes, place: Place | None) -> SessionResult:
+    async def _session(self, line: Line, data: bytes, place: Place | None) -> SessionResult:
         imei = line.subscriber.imei
         if not self.has_signal(imei):
             await self._wait(self.conditions.session_s)
@@ -253,7 +268,7 @@ class IridiumNetwork:
         result = self._fetch(line)
         if trouble != "ashore":
             self._report(line, data, place, mtmsn=result.mtmsn)
-        line.momsn = (line.momsn + 1) % _SEQUENCE
+        line.momsn = (line.momsn + 1) % SEQUENCE
         return result
 
     def _trouble(self) -> str:
@@ -261,7 +276,7 @@ class IridiumNetwork:
             return ""
         return self._rng.choice(("before", "after", "ashore"))
 
-    def _fetch(self, line: _Line) -> SessionResult:
+    def _fetch(self, line: Line) -> SessionResult:
         """Let a modem fetch what is next in its queue."""
         ok = MobileOriginatedStatus.OK
         ready = self._swept(line.subscriber.imei).queue.ready(self.clock.now())
@@ -279,11 +294,11 @@ class IridiumNetwork:
         return SessionResult(ok, line.momsn, received, message.mtmsn, message.data, len(ready))
 
     def _report(
-        self, line: _Line, data: bytes, place: Place | None, *, mtmsn: int, status: int = 0
+        self, line: Line, data: bytes, place: Place | None, *, mtmsn: int, status: int = 0
     ) -> None:
         """Bring a session to the gateway's knowledge, after a while, perhaps twice."""
         if status == 0:
-            self.mobile_originated_credits[line.subscriber.imei] += credit_count(len(data))
+            line.mobile_originated_credits += credit_count(len(data))
         cep_km = self._rng.randint(1, 8)
         place = self._blur(place, cep_km)
         message = MobileOriginatedMessage(
@@ -298,6 +313,7 @@ class IridiumNetwork:
             longitude_deg=place.longitude_deg,
             cep_km=cep_km,
         )
+        line.post(message)
         delay_s = self._transit_s()
         if self.draw(self.conditions.reordering):
             delay_s += 2.0 * (self.conditions.session_s + self._transit_s())
@@ -314,31 +330,14 @@ class IridiumNetwork:
         longitude_deg = place.longitude_deg + self._rng.gauss(0.0, std_deg)
         return Place(max(-90.0, min(90.0, latitude_deg)), (longitude_deg + 180.0) % 360.0 - 180.0)
 
-    def _hand_over(self, line: _Line, message: MobileOriginatedMessage) -> None:
-        for callback in tuple(self._gateways.get(line.subscriber.carrier, ())):
+    def _hand_over(self, line: Line, message: MobileOriginatedMessage) -> None:
+        callbacks = tuple(self._gateways.get(line.subscriber.carrier, ()))
+        if not callbacks:
+            self._unclaimed = [*self._unclaimed, message][-OUTGOING_CAPACITY:]
+        for callback in callbacks:
             callback(message)
 
-    def _check(self, line: _Line, data: bytes, mtmsn: int | None) -> int:
-        """Return the credits that a message needs."""
-        subscriber = line.subscriber
-        credits_needed = credit_count(len(data))
-        credits_left = subscriber.account.credits_left
-        refusals: Iterator[tuple[bool, Reason]] = iter(
-            (
-                (not subscriber.has_line_rental, Reason.NO_LINE_RENTAL),
-                (not data, Reason.EMPTY),
-                (len(data) > MAX_MOBILE_TERMINATED, Reason.TOO_LONG),
-                (not subscriber.is_attached, Reason.NOT_ATTACHED),
-                (mtmsn is not None and not 0 < mtmsn < _SEQUENCE, Reason.BAD_MTMSN),
-                (credits_left is not None and credits_left < credits_needed, Reason.NO_CREDIT),
-            )
-        )
-        for is_so, reason in refusals:
-            if is_so:
-                raise RefusedError(reason)
-        return credits_needed
-
-    def _announce(self, line: _Line) -> None:
+    def _announce(self, line: Line) -> None:
         """Ring for a message that has come into the queue."""
         now = self.clock.now()
         last_at, line.last_ready_at = line.last_ready_at, now
@@ -346,23 +345,29 @@ class IridiumNetwork:
             self._ring(line)
             self._later(_SECOND_RING_S, self._ring_again, line)
 
-    def _ring_again(self, line: _Line) -> None:
+    def _ring_again(self, line: Line) -> None:
         if line.queue.ready(self.clock.now()):
             self._ring(line)
 
-    def _ring(self, line: _Line) -> None:
+    def _ring(self, line: Line) -> None:
         subscriber = line.subscriber
         is_sent = self.conditions.ring and subscriber.is_ring_enabled and subscriber.is_attached
         if is_sent and self.has_signal(subscriber.imei) and not self.draw(self.conditions.loss):
             for callback in tuple(line.ring_callbacks):
                 callback()
 
-    def _swept(self, imei: str) -> _Line:
+    def _swept(self, imei: str) -> Line:
         line = self._lines.get(imei)
         if line is None:
             raise RefusedError(Reason.UNKNOWN_IMEI)
-        line.queue.sweep(self.clock.now())
+        if line.queue.sweep(self.clock.now()):
+            self._remember()
         return line
+
+    def _remember(self) -> None:
+        if self._memory_file is not None:
+            lines = {imei: line.memory() for imei, line in self._lines.items()}
+            self._memory_file.save(NetworkMemory(self._next_id, self._memories | lines))
 
     def _transit_s(self) -> float:
         return self.conditions.latency_s + self.conditions.jitter_s * self._rng.random()

@@ -40,7 +40,7 @@ class Pusher:
     """Delivers messages one at a time; belongs to one event loop.
 
     A message that could not be delivered within twelve hours is dropped, and so is the oldest
-    one when too many wait.
+    one when too many wait. ``settle`` is told of each message that has come to its end.
     """
 
     def __init__(
@@ -48,12 +48,14 @@ class Pusher:
         deliver: Callable[[MobileOriginatedMessage], Awaitable[bool]],
         schedule: RetrySchedule,
         clock: Clock,
+        settle: Callable[[MobileOriginatedMessage], None],
     ) -> None:
         self.delivered = 0
         self.dropped = 0
         self._deliver = deliver
         self._schedule = schedule
         self._clock = clock
+        self._settle = settle
         self._parcels: list[_Parcel] = []
         self._arrived = asyncio.Event()
 
@@ -66,7 +68,7 @@ class Pusher:
         """Take a message to deliver."""
         now = self._clock.now()
         if len(self._parcels) >= CAPACITY:
-            self._parcels.pop(0)
+            self._forget(self._parcels[0])
             self.dropped += 1
         self._parcels.append(_Parcel(message, now + LIFETIME, now))
         self._arrived.set()
@@ -104,6 +106,7 @@ class Pusher:
 
     def _forget(self, parcel: _Parcel) -> None:
         self._parcels = [other for other in self._parcels if other is not parcel]
+        self._settle(parcel.message)
 
     async def _wait(self, duration_s: float | None) -> None:
         """Wait for a new message, by the robots' clock no longer than so long."""

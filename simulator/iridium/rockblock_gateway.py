@@ -87,7 +87,7 @@ class RockBlockGateway:
         self._key = private_key
         self._format = push_format
         self.webhook = Webhook(push_url, ANSWER_TIMEOUT_S)
-        self.pusher = Pusher(self._push, SCHEDULE, network.clock)
+        self.pusher = Pusher(self._push, SCHEDULE, network.clock, network.settle)
 
     @asynccontextmanager
     async def serve(self, host: str = "127.0.0.1", port: int = 0) -> AsyncGenerator[str]:
@@ -153,7 +153,9 @@ class RockBlockGateway:
             return _CODES.get(error.reason, Failure.SYSTEM)
 
     def _take(self, message: MobileOriginatedMessage) -> None:
-        if message.session_status != _BROKEN_OFF:
+        if message.session_status == _BROKEN_OFF:
+            self._network.settle(message)
+        else:
             self.pusher.put(message)
 
     async def _push(self, message: MobileOriginatedMessage) -> bool:

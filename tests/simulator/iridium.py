@@ -3,6 +3,7 @@
 import random
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 from robot_link.clock import ScaledClock
 from simulator.iridium.network import IridiumNetwork, SatelliteConditions
@@ -40,10 +41,14 @@ def network_of(
     clock: HandClock | ScaledClock | None = None,
     carrier: Carrier = "rockblock",
     in_view: Callable[[str], bool] = lambda _imei: True,
+    memory_file: Path | None = None,
+    listens: bool = True,
 ) -> tuple[IridiumNetwork, list[MobileOriginatedMessage]]:
     """Return a network with one modem, and the list of what its gateway is told."""
-    network = IridiumNetwork(random.Random(seed), conditions, clock or running_clock(), in_view)
+    chosen = clock or running_clock()
+    network = IridiumNetwork(random.Random(seed), conditions, chosen, in_view, memory_file)
     network.add_subscriber(IMEI, Account("fleet", "word"), carrier=carrier, thing="thing-1")
     told: list[MobileOriginatedMessage] = []
-    network.on_message(carrier, told.append)
+    if listens:
+        network.on_message(carrier, told.append)
     return network, told

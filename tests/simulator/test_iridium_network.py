@@ -2,6 +2,7 @@ import asyncio
 from dataclasses import replace
 from datetime import timedelta
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
@@ -345,6 +346,48 @@ def test_imei_must_be_one_and_unique():
         network.add_subscriber("12", network.subscriber(IMEI).account)
     with pytest.raises(ValueError, match="known already"):
         network.add_subscriber(IMEI, network.subscriber(IMEI).account)
+
+
+# ---- restarts --------------------------------------------------------------------------------
+
+
+async def test_network_goes_on_where_its_process_ended(tmp_path: Path):
+    clock, file = HandClock(), tmp_path / "network.json"
+    before, _ = network_of(clock=clock, memory_file=file, listens=False)
+    before.subscriber(IMEI).account.credits_left = 100
+    await queued(before, b"\x00\xff" * 40, b"two", b"three")
+    first = await before.session(IMEI, b"up", Place(42.7, -84.5))
+    await asyncio.sleep(0.02)
+
+    after, told = network_of(clock=clock, memory_file=file, seed=2)
+    assert [m.data for m in after.waiting(IMEI)] == [b"two", b"three"]
+    assert after.credits_charged == before.credits_charged == {IMEI: 4}
+    assert after.mobile_originated_credits == {IMEI: 1}
+    await until(lambda: told)
+    assert [(m.data, m.momsn, m.session_at) for m in told] == [(b"up", 0, clock.now())]
+    second = await after.session(IMEI, None)
+    assert (first.momsn, second.momsn) == (0, 1)
+    assert (first.mtmsn, second.mtmsn) == (1, 2)
+    assert after.accept(IMEI, b"four").message_id > told[0].record_id
+
+
+async def test_message_that_was_taken_is_not_told_again_after_a_restart(tmp_path: Path):
+    clock, file = HandClock(), tmp_path / "network.json"
+    before, told_before = network_of(clock=clock, memory_file=file)
+    await before.session(IMEI, b"up")
+    await until(lambda: told_before)
+    before.settle(told_before[0])
+    _, told_after = network_of(clock=clock, memory_file=file)
+    await asyncio.sleep(0.02)
+    assert told_after == []
+
+
+def test_memory_that_cannot_be_read_is_an_empty_one(tmp_path: Path, caplog):
+    file = tmp_path / "network.json"
+    file.write_bytes(b"{")
+    network, _ = network_of(memory_file=file)
+    assert network.waiting(IMEI) == ()
+    assert "holds no memory" in caplog.text
 
 
 def test_conditions_are_harmless_unless_somebody_asks():
