@@ -172,9 +172,9 @@ class AcousticModem:
         """
         match name, fields:
             case "MPC", [source, destination]:
-                self._ping(int(source), int(destination))
+                self._ping(int(source), int(destination), fields)
             case "MUC", [source, destination, word]:
-                self._mini(int(source), int(destination), int(word, 16))
+                self._mini(int(source), int(destination), int(word, 16), fields)
             case "PDT" | "PNT", [*_]:
                 self._ping_transponders(name, fields)
             case "CFG", [setting, value]:
@@ -190,8 +190,8 @@ class AcousticModem:
             case _:
                 self._complain(4, "unknown command")
 
-    def _ping(self, source: int, destination: int) -> None:
-        self._say("CAMPC", source, destination)
+    def _ping(self, source: int, destination: int, fields: Sequence[str]) -> None:
+        self._say("CAMPC", *fields)
         node = self._nodes.get(destination)
         out_s = None if node is None else self._travel_s(node)
         back_s = None if node is None else self._travel_s(node)
@@ -204,10 +204,10 @@ class AcousticModem:
         reply = ("CAMPR", *pair, f"{measured_s:.4f}")
         self._later(out_s + self.conditions.turnaround_s + back_s, self._arrive, reply)
 
-    def _mini(self, source: int, destination: int, word: int) -> None:
+    def _mini(self, source: int, destination: int, word: int, fields: Sequence[str]) -> None:
         if not 0 <= word < 2**_WORD_BITS:
             raise ValueError(f"{word} has more than {_WORD_BITS} bits")
-        self._say("CAMUC", source, destination, f"{word:04x}")
+        self._say("CAMUC", *fields)
         node = self._nodes.get(destination)
         travel_s = None if node is None else self._travel_s(node)
         if node is not None and travel_s is not None and not self._draw(self.conditions.garbling):
