@@ -27,6 +27,7 @@ AREAS = (
     "field_quality",
     "planner",
     "telemetry",
+    "radio",
     "ingest",
     "garbage",
 )

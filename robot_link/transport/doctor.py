@@ -90,8 +90,10 @@ class Doctor:
         ]
         try:
             await asyncio.wait(tasks, timeout=listen_s, return_when=asyncio.FIRST_COMPLETED)
-            if self._is_undecided():
-                await asyncio.wait(tasks, timeout=_UNDECIDED_S, return_when=asyncio.FIRST_COMPLETED)
+            with suppress(TimeoutError):
+                async with asyncio.timeout(_UNDECIDED_S):
+                    while self._is_undecided():  # noqa: ASYNC110 - several things may decide it
+                        await asyncio.sleep(_LOOK_S)
             for task in tasks:
                 if task.done():
                     task.result()
