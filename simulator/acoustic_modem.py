@@ -161,7 +161,7 @@ class AcousticModem:
         name, *fields = text.split(",")
         try:
             self._command(name[2:], fields)
-        except ValueError:
+        except (ValueError, OverflowError):
             self._complain(3, "bad field")
 
     def _command(self, name: str, fields: Sequence[str]) -> None:

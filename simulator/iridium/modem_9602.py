@@ -21,6 +21,7 @@ from simulator.iridium.session import Place, SessionResult
 from simulator.pseudo_terminal import pseudo_terminal
 
 _WRITTEN, _TIMED_OUT, _BAD_SUM, _BAD_SIZE = 0, 1, 2, 3
+_SIZE_DIGITS = 3
 _MAX_TEXT = 120
 _LINE_BYTES = 4096
 """A host that sends more without an end of line is not speaking AT."""
@@ -150,7 +151,7 @@ class Modem9602:
                 self._say("OK")
             case "+SBDMTA?":
                 self._say(f"+SBDMTA:{int(self._rings)}", "OK")
-            case "+SBDREG":
+            case "+SBDREG" | "+SBDREG?":
                 self._say(f"+SBDREG:{2 if self._network.has_signal(self._imei) else 1},0", "OK")
             case "+CRISX":
                 self._say(f"+CRISX:0,{int(self._has_ring)},{self._frame():08x}", "OK")
@@ -176,7 +177,8 @@ class Modem9602:
 
     async def _take_binary(self, argument: str) -> None:
         """Take a message of a known size and its sum."""
-        size = int(argument) if argument.isascii() and argument.isdecimal() else 0
+        is_number = argument.isascii() and argument.isdecimal() and len(argument) <= _SIZE_DIGITS
+        size = int(argument) if is_number else 0
         if not 1 <= size <= MAX_MOBILE_ORIGINATED:
             self._say(str(_BAD_SIZE), "OK")
             return

@@ -9,6 +9,8 @@ import httpx
 
 from simulator.iridium.loopback import check_loopback
 
+_PORTS = 65536
+
 
 class Webhook:
     """One URL that takes messages.
@@ -31,10 +33,16 @@ class Webhook:
         """Post to another URL from now on.
 
         Raises:
-            ValueError: If it is not of this machine.
+            ValueError: If it is none, or not of this machine.
         """
         if url is not None:
             check_loopback(urlsplit(url).hostname)
+            try:
+                parts = httpx.URL(url)
+            except httpx.InvalidURL as error:
+                raise ValueError(f"{url}: {error}") from error
+            if parts.scheme not in ("http", "https") or not 0 < (parts.port or 80) < _PORTS:
+                raise ValueError(f"{url}: messages are posted to http://host:port/path")
         self._url = url
 
     @asynccontextmanager

@@ -1,8 +1,10 @@
 import asyncio
 import os
+import random
 from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import replace
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
 import adafruit_rockblock
@@ -95,6 +97,43 @@ async def test_unknown_command_is_an_error_and_the_next_one_is_not(tmp_path: Pat
         host.write(bytes(range(256)) * 20 + b"\r")
         await host.until(b"ERROR\r\n")
         assert OK in await host.ask("AT")
+
+
+async def test_garbage_never_stops_the_modem(tmp_path: Path):
+    network, _ = network_of()
+    rng = random.Random(9)
+    commands = (b"AT+SBDWB=", b"AT+SBDWT=", b"AT", b"at+SBDMTA=", b"AT+SBDIX=", b"\r\n", b"")
+    async with host_of(tmp_path, network, write_timeout_s=0.01) as host:
+        host.write(b"AT+SBDWB=" + b"9" * 5000 + b"\r")
+        assert await host.until(OK) == b"\r\n3\r\n" + OK
+        for _ in range(200):
+            host.write(rng.choice(commands) + rng.randbytes(rng.randrange(40)) + b"\r")
+            await asyncio.sleep(0.001)
+            with suppress(BlockingIOError):
+                os.read(host._descriptor, 65536)
+        await until(lambda: not network._lines[IMEI].is_in_session)
+        await asyncio.sleep(0.3)
+        host.write(b"\rATZ\r")
+        await host.until(OK)
+        host.heard = b""
+        host.write(b"AT+CGSN\r")
+        await host.until(IMEI.encode())
+
+
+async def test_modem_tells_registration_and_the_networks_time(tmp_path: Path):
+    network, _ = network_of()
+    async with host_of(tmp_path, network) as host:
+        assert b"TA19002" in await host.ask("AT+CGMR")
+        assert b"+SBDREG:2,0" in await host.ask("AT+SBDREG?")
+        time = (await host.ask("AT-MSSTM")).split(b": ")[1].split()[0]
+        shown = datetime(2014, 5, 11, 14, 23, 55, tzinfo=UTC) + int(time, 16) * timedelta(
+            milliseconds=90
+        )
+        assert abs((shown - network.clock.now()).total_seconds()) < 100
+        assert b"+CRISX:0,0," in await host.ask("AT+CRISX")
+        network.conditions = replace(QUICK, outage=True)
+        assert b"+SBDREG:1,0" in await host.ask("AT+SBDREG?")
+        assert b"no network service" in await host.ask("AT-MSSTM")
 
 
 async def test_message_goes_in_with_its_sum_and_comes_out_of_the_loop_test_with_its_length(
@@ -216,6 +255,10 @@ async def test_text_messages_keep_their_case(tmp_path: Path):
         await host.ask("AT+SBDTC")
         assert b"Surface now" in await host.ask("AT+SBDRT")
         assert await host.ask("AT+SBDWT=" + "x" * 121, b"ERROR\r\n") == b"\r\nERROR\r\n"
+        await host.ask("AT+SBDWT", b"READY\r\n")
+        assert await host.ask("on the next line") == OK
+        await host.ask("AT+SBDTC")
+        assert b"on the next line" in await host.ask("AT+SBDRT")
 
 
 async def test_host_may_hang_up_and_come_back(tmp_path: Path):

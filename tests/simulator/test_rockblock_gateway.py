@@ -186,6 +186,9 @@ async def test_gateway_serves_this_machine_only():
             pass
     with pytest.raises(ValueError, match="this machine only"):
         RockBlockGateway(network, KEY, "https://example.org/push")
+    for wrong in ("ftp://127.0.0.1/push", "http://127.0.0.1:99999/push"):
+        with pytest.raises(ValueError, match="http://host:port/path"):
+            RockBlockGateway(network, KEY, wrong)
 
 
 # ---- from a modem ---------------------------------------------------------------------------
