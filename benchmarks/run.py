@@ -29,6 +29,7 @@ AREAS = (
     "telemetry",
     "radio",
     "ingest",
+    "satellite",
     "garbage",
 )
 OUTPUT = Path("build/bench.json")
