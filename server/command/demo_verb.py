@@ -21,10 +21,12 @@ from robot_link.clock import Clock
 from robot_link.messages import RobotId
 from server.clock_file import read_clock, start_clock, stop_clock
 from server.command.data import add_data_option, open_store, settings_of
+from server.command.demo_gateway import prepare_gateway
 from server.command.failure import CommandError
-from server.command.simulate_verb import LINK_FOLDER
+from server.command.simulate_verb import LINK_FOLDER, part
 from server.command.supervisor import Child, Supervisor
 from server.data_folder import CLOCK_FILE
+from server.secret import SecretStore
 from server.security import register
 from server.security.role import Role
 from simulator.fleet import FLEET, USUAL_ROBOTS, RobotDefinition, robots_named
@@ -47,6 +49,18 @@ def add_arguments(parser: ArgumentParser) -> None:
         default=",".join(USUAL_ROBOTS),
         help=f"which of {', '.join(FLEET)} (default: %(default)s)",
     )
+    parser.add_argument(
+        "--far", action="store_true", help="begin with the lake robot out of radio range"
+    )
+    parser.add_argument(
+        "--loss", type=part, metavar="PART", help="part of the radio frames that are lost, 0 to 0.9"
+    )
+    parser.add_argument(
+        "--satellite-loss",
+        type=part,
+        metavar="PART",
+        help="part of the satellite messages that are lost, 0 to 0.9",
+    )
     parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
 
 
@@ -62,6 +76,8 @@ def run(arguments: Namespace) -> int:
         clock_file = folder / CLOCK_FILE
         start_clock(clock_file, arguments.speed)
         sign_in = _prepare(folder, read_clock(clock_file), robots)
+        secrets = SecretStore(settings_of(Namespace(data=folder)).secret_dir)
+        prepare_gateway(folder, secrets, _url(listener))
         try:
             return asyncio.run(_supervise(arguments, folder, listener, sign_in))
         finally:
@@ -71,12 +87,12 @@ def run(arguments: Namespace) -> int:
 async def _supervise(
     arguments: Namespace, folder: Path, listener: socket.socket, sign_in: str
 ) -> int:
-    url = f"http://127.0.0.1:{listener.getsockname()[1]}"
+    url = _url(listener)
     grace = (sys.executable, "-m", "server.command")
     data = ("--data", str(folder), "--parent-pid", str(os.getpid()))
     clock = ("--clock-file", str(folder / CLOCK_FILE))
     port = ("--port", str(listener.getsockname()[1]), "--listen-fd", str(listener.fileno()))
-    lives = ("--seed", str(arguments.seed), "--robots", arguments.robots)
+    lives = ("--seed", str(arguments.seed), "--robots", arguments.robots, *_trouble(arguments))
     simulator = Child("simulator", (*grace, "simulate", *data, *lives))
     station = Child(
         "station",
@@ -93,6 +109,20 @@ async def _supervise(
             webbrowser.open(f"{url}/sign-in?token={sign_in}")
 
     return await Supervisor((simulator, station), folder / "log", ready).run()
+
+
+def _url(listener: socket.socket) -> str:
+    return f"http://127.0.0.1:{listener.getsockname()[1]}"
+
+
+def _trouble(arguments: Namespace) -> tuple[str, ...]:
+    """Return the simulator's options that make a link's life harder."""
+    options: list[str] = ["--far"] if arguments.far else []
+    if arguments.loss is not None:
+        options += ["--loss", str(arguments.loss)]
+    if arguments.satellite_loss is not None:
+        options += ["--satellite-loss", str(arguments.satellite_loss)]
+    return tuple(options)
 
 
 def _prepare(folder: Path, clock: Clock, robots: tuple[RobotId, ...]) -> str:
@@ -120,13 +150,16 @@ def _prepare(folder: Path, clock: Clock, robots: tuple[RobotId, ...]) -> str:
 
 def _record(definition: RobotDefinition, folder: Path, at: datetime) -> RobotRecord:
     link = folder.resolve() / LINK_FOLDER / definition.link_name
+    links = [f"xbee://{link}"]
+    if definition.imei:
+        links.append(f"rockblock://{definition.imei}")
     return RobotRecord(
         id=definition.robot,
         name=definition.robot,
         model=definition.vehicle.key,
         kind="simulated",
         system_id=definition.system_id,
-        links=(f"xbee://{link}",),
+        links=tuple(links),
         site=definition.site,
         created_at=at,
     )

@@ -15,6 +15,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "demo": "start the station with two simulated robots and print its address",
         "serve": "start the station alone",
         "simulate": "start the simulated robots alone",
+        "robot": "run one robot's onboard program alone, against its nodes",
         "link": "listen to a link and say what to try, or list the links of the robots",
         "import": "take in a recorded deployment from CSV",
         "export": "write a deployment as CSV, GeoJSON or KML",

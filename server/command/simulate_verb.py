@@ -1,6 +1,6 @@
 """``grace simulate``: the simulated robots and their radios."""
 
-from argparse import SUPPRESS, ArgumentParser, Namespace
+from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, Namespace
 
 from pydantic import ValidationError
 
@@ -8,9 +8,11 @@ from server.clock_file import ClockAnchors, start_clock
 from server.command.data import add_data_option, settings_of
 from server.command.failure import CommandError
 from server.data_folder import CLOCK_FILE
+from server.secret import SecretStore
 
 LINK_FOLDER = "links"
 """Folder below the data folder where the station's ends of the radios appear."""
+_PART_MAX = 0.9
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -21,17 +23,50 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=0, help="starting point of all randomness")
     parser.add_argument("--robots", help="names of the robots, comma between them")
-    parser.add_argument("--loss", type=float, help="part of the radio frames that are lost")
+    parser.add_argument(
+        "--far", action="store_true", help="begin with the lake robot out of radio range"
+    )
+    parser.add_argument(
+        "--loss", type=part, metavar="PART", help="part of the radio frames that are lost, 0 to 0.9"
+    )
+    parser.add_argument(
+        "--satellite-loss",
+        type=part,
+        metavar="PART",
+        help="part of the satellite messages that are lost, 0 to 0.9",
+    )
+    parser.add_argument(
+        "--bodies",
+        action="store_true",
+        help="simulate bodies, devices and radios alone; grace robot runs the onboard programs",
+    )
     parser.add_argument("--parent-pid", type=int, help=SUPPRESS)
+
+
+def part(text: str) -> float:
+    """Read a share that leaves something over.
+
+    Raises:
+        ArgumentTypeError: If it does not lie between 0 and 0.9.
+    """
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 <= value <= _PART_MAX:
+        raise ArgumentTypeError(f"{text} does not lie between 0 and {_PART_MAX:g}")
+    return value
 
 
 def run(arguments: Namespace) -> int:
     """Simulate until told to stop."""
     # The simulator is heavy to import; no other verb but this one runs it.
+    from server.command.demo_gateway import MEMORY_FOLDER, give_keys, read_gateway
     from simulator.process import run as run_simulator
     from simulator.settings import SimulatorSettings
 
-    folder = settings_of(arguments).data_dir
+    station = settings_of(arguments)
+    folder = station.data_dir
     folder.mkdir(parents=True, exist_ok=True)
     clock_file = folder / CLOCK_FILE
     if clock_file.exists() and arguments.speed is None:
@@ -48,6 +83,11 @@ def run(arguments: Namespace) -> int:
         "seed": arguments.seed,
         "parent_pid": arguments.parent_pid,
         "loss": arguments.loss,
+        "satellite_loss": arguments.satellite_loss,
+        "is_far": arguments.far,
+        "has_programs": not arguments.bodies,
+        "memory_folder": folder / MEMORY_FOLDER,
+        "gateway": read_gateway(folder),
         "robots": arguments.robots and arguments.robots.split(","),
     }
     try:
@@ -57,5 +97,6 @@ def run(arguments: Namespace) -> int:
     except ValidationError as error:
         first = error.errors()[0]
         raise CommandError(f"{first['loc'][0]}: {first['msg']}", status=2) from error
+    give_keys(folder, SecretStore(station.secret_dir), settings.robots)
     run_simulator(settings)
     return 0

@@ -78,6 +78,7 @@ class Computer:
         )
         if (mission := plans.load()) is not None:
             program.take_plan(mission)
+        self._noted = program.executive.mode, program.executive.plan_state
         self.link = RobotLink(
             system,
             radio,
@@ -125,12 +126,15 @@ class Computer:
 
     def step(self) -> None:
         """Let one period of the program pass; call it ten times a second of the robot."""
-        mode, state = self.program.executive.mode, self.program.executive.plan_state
         self.program.step(self.link)
         executive = self.program.executive
-        if executive.mode is not mode:
+        told = executive.mode, executive.plan_state
+        if told == self._noted:
+            return
+        before, self._noted = self._noted, told
+        if before[0] is not told[0]:
             self.log.note(f"mode {executive.mode.name.lower()}")
-        if executive.plan_state is not state:
+        if before[1] is not told[1]:
             reason = f": {executive.reason}" if executive.reason else ""
             self.log.note(f"plan {executive.plan_state.name.lower()}{reason}")
 

@@ -13,7 +13,14 @@ from typing import Protocol
 
 from robot_link.clock import Clock
 from robot_link.mavlink.command import ReceivedCommand
-from robot_link.messages import PlanHash, RobotId, Sample, StateReport, SystemId
+from robot_link.messages import (
+    OnboardPlanState,
+    PlanHash,
+    RobotId,
+    Sample,
+    StateReport,
+    SystemId,
+)
 from robot_link.mission import Mission
 from robot_link.onboard_settings import DigestSettings
 from robot_link.plan_desk import PlanOnBoard
@@ -22,11 +29,14 @@ from robot_link.sample_log import SampleLog
 from robot_link.satellite.digest import choose
 from robot_link.satellite.receiver import Complete, Nothing, OrderReceived, Receiver
 from robot_link.satellite.record import (
+    CommandAnswer,
     MobileOriginatedContent,
     Reason,
     ShortPlanReport,
+    TransferAck,
     compose,
     read_mobile_originated,
+    sample_room,
 )
 from simulator.node.satellite import SatelliteClient, SessionOutcome
 from simulator.node.wire import NodeError, NodeGoneError, NodeSilentError
@@ -37,6 +47,7 @@ _TICK_S = 0.05
 _RADIO_WALL_S = 3.0
 """The station's radio is heard once a second of the wall, however fast the robot lives."""
 _DIGITS = 16
+_FLOWN = (OnboardPlanState.RUNNING, OnboardPlanState.DONE, OnboardPlanState.FAILED)
 
 _log = logging.getLogger(__name__)
 
@@ -148,7 +159,7 @@ class SatelliteTalk:
         self._note = note
         self._policy = CallPolicy(settings.limits)
         self._has_rung = False
-        self._told: object = None
+        self._told: frozenset[TransferAck | CommandAnswer] = frozenset()
         self._said: set[int] = set()
         self.sessions = 0
         """Sessions since the program began."""
@@ -159,7 +170,6 @@ class SatelliteTalk:
         """Call whenever a call is due, until cancelled."""
         if pending := self._receiver.pending(self._link.plan_hash):
             self._apply(pending)
-        self._told = self._answers()
         listening = asyncio.create_task(self._listen(), name=f"{self._robot} rings")
         try:
             while True:
@@ -191,7 +201,7 @@ class SatelliteTalk:
             surfaced_s=self._program.surfaced_s,
             silent_s=self._link.last_heard_station_s * self._clock.speed,
             has_rung=self._has_rung,
-            has_news=self._answers() != self._told,
+            has_news=self._has_news,
         )
 
     async def _call(self) -> None:
@@ -200,10 +210,9 @@ class SatelliteTalk:
         for_ring, self._has_rung = self._has_rung, False
         is_sent = False
         for number in range(SESSIONS_MAX):
-            has_news = self._answers() != self._told
             is_full = number == 0
             said = self._answers()
-            record = self._record(is_full=is_full) if is_full or has_news else None
+            record = self._record(is_full=is_full) if is_full or self._has_news else None
             outcome = await self._session(record, for_ring=for_ring and is_full)
             is_sent = outcome.is_sent
             if is_sent and record is not None:
@@ -214,9 +223,9 @@ class SatelliteTalk:
             if not is_sent:
                 self._has_rung = self._has_rung or for_ring
                 break
-            if outcome.queued == 0 and self._answers() == self._told:
-                break
             if self._program.surfaced_s <= 0.0:
+                break
+            if outcome.queued == 0 and not self._has_news:
                 break
         self._policy = self._policy.called(self._program.time_s, is_sent=is_sent)
 
@@ -248,8 +257,13 @@ class SatelliteTalk:
                 self._note(f"message by satellite: {reason}")
 
     def _apply(self, complete: Complete) -> None:
-        refusal = self._link.take_mission(complete.mission, start=complete.start)
+        """Put a mission on board, unless it came and was flown by another road already."""
+        plan = self._link.plan_report()
         name = complete.mission.sha256()[:_DIGITS]
+        if plan.sha256 == complete.mission.sha256() and plan.state in _FLOWN:
+            refusal = ""
+        else:
+            refusal = self._link.take_mission(complete.mission, start=complete.start)
         if refusal:
             self._receiver.refused(complete.transfer_id, refusal)
             self._note(f"mission {name} by satellite refused: {refusal}")
@@ -257,9 +271,13 @@ class SatelliteTalk:
             self._receiver.applied(complete.transfer_id)
             self._note(f"mission {name} by satellite is on board")
 
-    def _answers(self) -> object:
+    def _answers(self) -> frozenset[TransferAck | CommandAnswer]:
         """Return what the station asked for and waits to hear."""
-        return (self._receiver.acks(), self._receiver.answers())
+        return frozenset((*self._receiver.acks(), *self._receiver.answers()))
+
+    @property
+    def _has_news(self) -> bool:
+        return not self._answers() <= self._told
 
     def _record(self, *, is_full: bool) -> bytes:
         plan = self._link.plan_report()
@@ -276,11 +294,14 @@ class SatelliteTalk:
             ),
             acks=self._receiver.acks(),
             answers=self._receiver.answers(),
-            samples=self._digest() if is_full else (),
         )
-        return compose(content, self._key, self._system, self._settings.record_bytes)
+        most = self._settings.record_bytes
+        if is_full:
+            content = replace(content, samples=self._digest(sample_room(content, most)))
+        return compose(content, self._key, self._system, most)
 
-    def _digest(self) -> tuple[Sample, ...]:
+    def _digest(self, room: int) -> tuple[Sample, ...]:
+        """Return the samples that change the map most, within so many bytes of a record."""
         kept = [number for number in self._samples.kept() if number not in self._said]
         samples: list[Sample] = []
         for number in kept:
@@ -299,7 +320,7 @@ class SatelliteTalk:
                         received_at=measured.measured_at,
                     )
                 )
-        return choose(samples, self._program.digest_settings, self._settings.record_bytes)
+        return choose(samples, self._program.digest_settings, room)
 
     def _remember(self, record: bytes) -> None:
         """Note which samples a record that was taken ashore carried: they need not go again."""

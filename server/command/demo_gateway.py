@@ -1,0 +1,108 @@
+"""The demo's satellite gateway: what station and simulator must agree on before both start."""
+
+import os
+import secrets
+import socket
+from collections.abc import Iterable
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from cryptography.hazmat.primitives.asymmetric import rsa
+from cryptography.hazmat.primitives.serialization import (
+    Encoding,
+    NoEncryption,
+    PrivateFormat,
+    PublicFormat,
+    load_pem_private_key,
+)
+from pydantic import ValidationError
+
+from robot_link.messages import RobotId
+from server.secret import GatewayAccount, SecretStore
+from simulator.fleet import FLEET
+from simulator.settings import GatewaySettings
+
+GATEWAY_FILE = Path("simulator") / "gateway.json"
+"""Below the data folder: the emulated gateway's settings, with its private key."""
+MEMORY_FOLDER = "robots"
+"""Below the data folder: a folder for each simulated robot's own memory."""
+_LOOPBACK = ("127.0.0.1", "localhost", "::1")
+_USER = "demo"
+_RSA_BITS = 2048
+
+
+def prepare_gateway(folder: Path, store: SecretStore, station_url: str) -> None:
+    """Give the station an account with the emulated gateway, and the gateway its customer.
+
+    An account with a gateway that is not of this machine is left as it is; robots that do not
+    exist are then not reached by satellite.
+    """
+    file = folder / GATEWAY_FILE
+    account = store.gateway("rockblock")
+    if account is not None and urlsplit(account.url).hostname not in _LOOPBACK:
+        file.unlink(missing_ok=True)
+        return
+    before = read_gateway(folder)
+    key = _new_key() if before is None else before.private_key_pem
+    settings = GatewaySettings(
+        port=_free_port(),
+        push_url=f"{station_url}/api/gateways/rockblock/push/{store.push_path('rockblock')}",
+        username=_USER,
+        password=secrets.token_urlsafe(16) if before is None else before.password,
+        private_key_pem=key,
+    )
+    write_secret(file, settings.model_dump_json(indent=2))
+    store.set_gateway(
+        "rockblock",
+        GatewayAccount(
+            url=f"http://127.0.0.1:{settings.port}/rockblock/MT",
+            username=settings.username,
+            password=settings.password,
+            public_key=_public_half(key),
+        ),
+    )
+
+
+def read_gateway(folder: Path) -> GatewaySettings | None:
+    """Return the emulated gateway's settings; None where there are none that can be read."""
+    try:
+        return GatewaySettings.model_validate_json((folder / GATEWAY_FILE).read_text())
+    except (FileNotFoundError, ValidationError):
+        return None
+
+
+def give_keys(folder: Path, store: SecretStore, robots: Iterable[RobotId]) -> None:
+    """Write into each robot's memory the key that it shares with the station."""
+    for robot in robots:
+        if FLEET[robot].imei:
+            key = store.robot_key(robot).hex()
+            write_secret(folder / MEMORY_FOLDER / robot / "robot.key", key)
+
+
+def write_secret(file: Path, text: str) -> None:
+    """Replace a file that nobody but its user may read."""
+    file.parent.mkdir(parents=True, exist_ok=True)
+    fresh = file.with_name(f".{file.name}.new")
+    fresh.unlink(missing_ok=True)
+    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    with open(descriptor, "w", encoding="utf-8") as handle:
+        handle.write(text)
+    fresh.replace(file)
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def _new_key() -> str:
+    key = rsa.generate_private_key(public_exponent=65537, key_size=_RSA_BITS)
+    pem = key.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
+    return pem.decode("ascii")
+
+
+def _public_half(private_pem: str) -> str:
+    key = load_pem_private_key(private_pem.encode(), password=None).public_key()
+    pem = key.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo)
+    return pem.decode("ascii")

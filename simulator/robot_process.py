@@ -1,0 +1,193 @@
+"""The onboard program alone, in a process of its own, against nodes over sockets.
+
+This is what a robot's computer runs: the nodes own the hardware, or stand for it, and the program
+knows their addresses and its radio's line, nothing else. It steps whenever the body node publishes
+readings, and its clock counts what their counter says, set by the pulses of the clock node.
+"""
+
+import asyncio
+import logging
+import signal
+from collections.abc import Mapping
+from contextlib import AsyncExitStack, suppress
+from datetime import UTC, datetime
+from pathlib import Path
+
+from pydantic import Field, field_validator
+
+from autonomy.configuration import Configuration
+from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
+from robot_link.messages import RobotId
+from robot_link.transport.opening import open_transport
+from simulator.background import alongside
+from simulator.fleet import FLEET, robots_named
+from simulator.node.body import RemoteBody
+from simulator.node.client import NodeClient
+from simulator.node.gps_clock import discipline
+from simulator.node.wire import NodeAddress, NodeError, NodeGoneError, NodeSilentError
+from simulator.onboard.clock import OnboardClock, RunningClock
+from simulator.onboard.computer import KEY_FILE, Computer
+from simulator.onboard.memory import read_key
+from simulator.onboard.program import PERIOD_S, OnboardProgram
+
+_FIRST_PULSE_S = 3.0
+"""Wall time that a robot waits for the time before it begins without."""
+_CATCH_UP_MAX = 20
+"""Steps for one set of readings, after others were missed."""
+_REPORT_S = 0.1
+"""Wall time between two state reports."""
+
+_log = logging.getLogger(__name__)
+
+
+class RobotSettings(Configuration):
+    """Which robot this is, and where its hardware is."""
+
+    robot: RobotId
+    """Its name."""
+    nodes: Mapping[str, str]
+    """Addresses of its nodes by name; body is needed, gps_clock and satellite are used where
+    there are any."""
+    radio: str
+    """URI of its radio's line."""
+    memory: Path
+    """Folder of what it remembers while it is switched off, with its key."""
+    speed: float = Field(default=1.0, ge=0.1, le=50.0)
+    """Seconds of the robot per second of the wall, where its nodes are simulated."""
+
+    @field_validator("robot")
+    @classmethod
+    def _is_known(cls, robot: RobotId) -> RobotId:
+        return robots_named((robot,))[0]
+
+    @field_validator("nodes")
+    @classmethod
+    def _has_a_body(cls, nodes: Mapping[str, str]) -> Mapping[str, str]:
+        if "body" not in nodes:
+            raise ValueError("a robot needs a body node")
+        for address in nodes.values():
+            NodeAddress.of(address)
+        return nodes
+
+    @field_validator("radio")
+    @classmethod
+    def _is_a_radio(cls, radio: str) -> str:
+        open_transport(radio)
+        return radio
+
+
+def run(settings: RobotSettings) -> None:
+    """Fly the robot until SIGTERM or SIGINT.
+
+    Raises:
+        ExceptionGroup: If a part of the program failed.
+        KeyUnreadableError: If the robot's key is none.
+    """
+    asyncio.run(_serve_until_told(settings))
+
+
+async def _serve_until_told(settings: RobotSettings) -> None:
+    stopped = asyncio.Event()
+    for number in (signal.SIGTERM, signal.SIGINT):
+        asyncio.get_running_loop().add_signal_handler(number, stopped.set)
+    await serve(settings, stopped)
+
+
+async def serve(settings: RobotSettings, stopped: asyncio.Event) -> None:
+    """Fly the robot on this event loop until ``stopped`` is set.
+
+    Raises:
+        ExceptionGroup: If a part of the program failed.
+        KeyUnreadableError: If the robot's key is none.
+    """
+    async with asyncio.TaskGroup() as group:
+        life = group.create_task(_live(settings), name=f"{settings.robot} life")
+        await stopped.wait()
+        life.cancel()
+    _log.info("%s ended", settings.robot)
+
+
+async def _live(settings: RobotSettings) -> None:
+    async with AsyncExitStack() as stack:
+
+        async def client(name: str) -> NodeClient | None:
+            if name not in settings.nodes:
+                return None
+            node = NodeClient(NodeAddress.of(settings.nodes[name]))
+            await stack.enter_async_context(alongside(node.run(), f"{name} node"))
+            return node
+
+        body_node = NodeClient(NodeAddress.of(settings.nodes["body"]))
+        body = RemoteBody(body_node)
+        await stack.enter_async_context(alongside(body_node.run(), "body node"))
+        onboard = OnboardClock(datetime.now(UTC))
+        gps = await client("gps_clock")
+        if gps is not None:
+            await stack.enter_async_context(alongside(discipline(onboard, gps), "clock"))
+            await _first_pulse(onboard)
+        await body.wait()
+        computer = _computer(settings, body, onboard)
+        async with asyncio.TaskGroup() as group:
+            group.create_task(computer.run(), name=f"{settings.robot} computer")
+            await _fly(computer, body, settings.speed)
+
+
+def _computer(settings: RobotSettings, body: RemoteBody, onboard: OnboardClock) -> Computer:
+    definition = FLEET[settings.robot]
+    clock = RunningClock(onboard, lambda: body.count_s, settings.speed)
+    program = OnboardProgram(
+        definition.robot,
+        definition.vehicle,
+        definition.site,
+        estimator=definition.estimator,
+        controller=BACKSTEPPING_PRESETS.get(definition.vehicle.key, BacksteppingConfig()),
+        energy=definition.energy,
+        hardware=body,
+        started_at=clock.now(),
+        stamp=clock.now,
+    )
+    satellite = None
+    if "satellite" in settings.nodes:
+        with suppress(FileNotFoundError):
+            key = read_key(settings.memory / KEY_FILE)
+            satellite = NodeClient(NodeAddress.of(settings.nodes["satellite"])), key
+    return Computer(
+        definition.robot,
+        definition.system_id,
+        definition.vehicle,
+        program=program,
+        radio=open_transport(settings.radio),
+        clock=clock,
+        memory=settings.memory,
+        satellite=satellite,
+    )
+
+
+async def _first_pulse(onboard: OnboardClock) -> None:
+    """Wait for the time, but not for ever: a robot that starts under water has no GPS."""
+    for _ in range(100):
+        if onboard.last_step_s is not None:
+            return
+        await asyncio.sleep(_FIRST_PULSE_S / 100)
+    _log.warning("no GPS pulse: the robot begins with its computer's time")
+
+
+async def _fly(computer: Computer, body: RemoteBody, speed: float) -> None:
+    """Step the program by the body's readings until cancelled."""
+    program = computer.program
+    began_s = body.count_s - program.time_s
+    reported_s = program.time_s
+    while True:
+        await body.wait()
+        behind = round((body.count_s - began_s - program.time_s) / PERIOD_S)
+        for _ in range(min(max(behind, 1), _CATCH_UP_MAX)):
+            computer.step()
+        if behind > _CATCH_UP_MAX:
+            began_s = body.count_s - program.time_s
+        try:
+            await body.push()
+        except (NodeError, NodeGoneError, NodeSilentError) as error:
+            _log.warning("the body did not take its set points: %s", error)
+        if program.time_s - reported_s >= _REPORT_S * speed:
+            reported_s = program.time_s
+            computer.report_state()
