@@ -60,6 +60,10 @@ class Peer:
         self.paths = tuple(
             PeerPath(path, transports[path.transport_uri], clock, timing) for path in endpoint.paths
         )
+        self.confirmed_by = ""
+        """Kind of the radio that last confirmed something."""
+        self.heard_by = ""
+        """Kind of the radio that last brought something."""
         self._chosen: PeerPath | None = None
         self._codec = codec
         self._on_raw = on_raw
@@ -113,6 +117,7 @@ class Peer:
     def heard(self, transport: DatagramTransport, received: Received, frames: int) -> None:
         """Note that valid frames came from the robot's radio."""
         if (path := self.path_on(transport)) is not None:
+            self.heard_by = transport.carrier
             path.heard(received, frames)
 
     def count_bad(self, transport: DatagramTransport, frames: int) -> None:
@@ -153,7 +158,9 @@ class Peer:
         confirmed = False
         for path in self.paths if on_every_path else self._roads():
             fate = await self._deliver_on(path, frames, on_taken, is_wanted)
-            confirmed = confirmed or fate is Fate.DELIVERED
+            if fate is Fate.DELIVERED:
+                confirmed = True
+                self.confirmed_by = path.transport.carrier
             gives_up = fate is not None and fate not in _ANOTHER_ROAD_MAY_HELP
             if gives_up and not on_every_path:
                 break

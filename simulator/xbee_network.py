@@ -5,22 +5,23 @@ does; the robots' radios are ``DatagramTransport`` objects in the simulator's ow
 """
 
 import asyncio
-import os
 import random
-import tty
 from collections.abc import AsyncGenerator, Callable
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from functools import partial
 from pathlib import Path
 
 from robot_link.transport.datagram import Address, Delivery
 from robot_link.transport.xbee_frame import ApiMode
+from simulator.pseudo_terminal import pseudo_terminal
 from simulator.xbee_air import MAX_PAYLOAD, Air, AirConditions, Listener
 from simulator.xbee_module import STATION_NODE_ID, StationModule
-from simulator.xbee_outlet import PtyOutlet, point, unlink, write_unless_full
 from simulator.xbee_radio import RobotRadio
 
 __all__ = ["MAX_PAYLOAD", "AirConditions", "RobotRadio", "XBeeNetwork"]
+
+_OVERRUN_BYTES = 2**18
+"""More than so many bytes that a TCP client does not take are lost."""
 
 
 class XBeeNetwork:
@@ -80,29 +81,17 @@ class XBeeNetwork:
 
         Leaving the context pulls the plug: whoever has the port open sees it vanish.
         """
-        loop = asyncio.get_running_loop()
-        ours, theirs = os.openpty()
-        tty.setraw(theirs)
-        os.set_blocking(ours, False)
-        outlet = PtyOutlet(ours)
-        module = self._module(address, mode, outlet.write)
 
-        def take() -> None:
-            with suppress(BlockingIOError):
-                module.feed(os.read(ours, 65536))
+        def feed(data: bytes) -> None:
+            module.feed(data)
 
-        self.air.listen(address, Listener(STATION_NODE_ID, module.hear))
-        loop.add_reader(ours, take)
-        point(link, os.ttyname(theirs))
-        try:
-            yield
-        finally:
-            unlink(link)
-            self.air.leave(address)
-            loop.remove_reader(ours)
-            outlet.close()
-            os.close(theirs)
-            os.close(ours)
+        async with pseudo_terminal(link, feed) as write:
+            module = self._module(address, mode, write)
+            self.air.listen(address, Listener(STATION_NODE_ID, module.hear))
+            try:
+                yield
+            finally:
+                self.air.leave(address)
 
     @asynccontextmanager
     async def tcp(
@@ -120,7 +109,7 @@ class XBeeNetwork:
                 writer.close()
                 return
             clients.add(writer)
-            module = self._module(address, mode, partial(write_unless_full, writer))
+            module = self._module(address, mode, partial(_write_unless_full, writer))
             self.air.listen(address, Listener(STATION_NODE_ID, module.hear))
             try:
                 while data := await reader.read(65536):
@@ -145,3 +134,8 @@ class XBeeNetwork:
         self, address: Address, mode: ApiMode, write: Callable[[bytes], None]
     ) -> StationModule:
         return StationModule(address, mode, self.air, write, self._discovery_s)
+
+
+def _write_unless_full(writer: asyncio.StreamWriter, frame: bytes) -> None:
+    if writer.transport.get_write_buffer_size() < _OVERRUN_BYTES:
+        writer.write(frame)
