@@ -78,10 +78,7 @@ def unpacked_legs(
     for head in numbers:
         if not 0 <= head <= _HEAD_MAX or len(legs) == MOST_LEGS:
             raise ValueError(f"leg {len(legs) + 1} of the mission is none")
-        try:
-            leg = _next_leg(path, head, numbers, prices)
-        except StopIteration as error:
-            raise ValueError("the last leg of the mission is cut short") from error
+        leg = _next_leg(path, head, numbers, prices)
         if any(abs(number) >= _WIRE_MAX for number in leg):
             raise ValueError(f"leg {len(legs) + 1} of the mission is out of the wire's range")
         legs.append(leg)
@@ -106,7 +103,9 @@ def _next_leg(
 
 
 def _number(numbers: Iterator[int]) -> int:
-    number = next(numbers)
+    number = next(numbers, None)
+    if number is None:
+        raise ValueError("the last leg of the mission is cut short")
     if abs(number) > _OFFSET_MAX:
         raise ValueError("a number of the mission is out of the wire's range")
     return number
