@@ -5,6 +5,8 @@ from itertools import pairwise
 from pathlib import Path
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from robot_link.satellite import fare
 from simulator.iridium.acceptance import Reason, RefusedError
@@ -58,6 +60,22 @@ def test_full_queue_refuses_what_is_less_urgent_than_all_that_it_holds():
     with pytest.raises(OverflowError, match="higher priority"):
         queue.put(message(100, 5))
     assert len(queue) == CAPACITY
+
+
+@settings(deadline=None, max_examples=50)
+@given(st.lists(st.integers(1, 5), max_size=200))
+def test_queue_holds_the_newest_of_the_most_urgent(priorities: list[int]):
+    queue, expected = MessageQueue(), []
+    for number, priority in enumerate(priorities):
+        lowest = max((p for p, _ in expected), default=0)
+        if len(expected) == CAPACITY and priority > lowest:
+            assert not queue.has_room(priority)
+            continue
+        if len(expected) == CAPACITY:
+            expected.remove(next(entry for entry in expected if entry[0] == lowest))
+        expected = sorted([*expected, (priority, number)])
+        assert queue.put(message(number, priority)) == expected.index((priority, number)) + 1
+    assert [(m.priority, m.message_id) for m in queue] == expected
 
 
 def test_purge_takes_every_message_of_a_modem_when_one_is_too_old():

@@ -1,0 +1,40 @@
+"""What the station says before it sends is what the emulated service charges afterwards."""
+
+import asyncio
+from dataclasses import replace
+
+import pytest
+
+from robot_link.gateway.rockblock import RockBlockGateway as StationGateway
+from robot_link.messages import SystemId
+from robot_link.satellite import chunk, fare
+from robot_link.satellite.blob import Blob, mission_of
+from simulator.iridium.shore import ShoreSettings, open_shore
+from tests.robot_link.rig import mission
+from tests.simulator.iridium import IMEI, QUICK, network_of
+
+KEY, SYSTEM = bytes(range(32)), SystemId(7)
+
+
+@pytest.mark.parametrize("dives", [1, 4, 12])
+async def test_mission_costs_what_was_quoted_and_arrives_byte_by_byte(dives: int):
+    blob = Blob.of(mission(dives))
+    messages = chunk.cut(blob, KEY, SYSTEM, counter=1, start=True, ack_seen=False)
+    quoted = fare.quote(chunk.sizes(blob))
+    network, _ = network_of(replace(QUICK, latency_s=0.0, jitter_s=0.0))
+    async with open_shore(network, ShoreSettings()) as shore:
+        client = StationGateway(shore.rockblock_url, "fleet", "word")
+        for number, message in enumerate(messages, 1):
+            await client.send(IMEI, message, client_id=number)
+        await client.close()
+    assert network.credits_charged[IMEI] == quoted.credits
+    assert quoted.messages == len(messages)
+    parts: dict[int, bytes] = {}
+    for _ in messages:
+        await asyncio.sleep(0)
+        result = await network.session(IMEI, None)
+        read = chunk.read_mobile_terminated(result.mt_data, KEY, SYSTEM)
+        parts[read.index] = read.data
+    packed = b"".join(parts[index] for index in sorted(parts))
+    assert packed == blob.packed
+    assert mission_of(packed, read.codec) == mission(dives)
