@@ -78,7 +78,10 @@ class CommandLane:
             if command.number == message.result_param2:
                 if message.result == grace.MAV_RESULT_ACCEPTED:
                     self._settle(command, CommandLevel.APPLIED)
-                elif message.result != grace.MAV_RESULT_IN_PROGRESS:
+                elif message.result == grace.MAV_RESULT_IN_PROGRESS:
+                    command.is_confirmed = True
+                    self._tell_once(command, CommandLevel.RADIO)
+                else:
                     reason = _REFUSALS.get(message.result, "the robot failed to do this")
                     self._settle(command, CommandLevel.REFUSED, reason)
                 return
@@ -118,6 +121,7 @@ class CommandLane:
             (message,),
             on_taken=lambda: self._tell_once(command, CommandLevel.QUEUED),
             is_wanted=lambda: not command.settled.is_set() and self._left_s(command) > 0,
+            on_every_path=command.kind is CommandKind.SURFACE,
         )
         if command.is_confirmed:
             self._tell_once(command, CommandLevel.RADIO)

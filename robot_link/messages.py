@@ -199,6 +199,11 @@ class LinkReport:
     """Whether the operator lets it be used."""
     radio: str = ""
     """Address of the radio that counts as the robot's, 16 hexadecimal digits; empty until known."""
+    clock_offset_s: float | None = None
+    """The robot's clock minus the station's; None until known."""
+    trouble: str = ""
+    """Sentence on what is wrong beside the state: a clock that is off by hours, or another radio
+    that speaks under the robot's system id."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,9 @@ from robot_link.messages import (
     OnboardPlanState,
     PlanHash,
     PositionNed,
+    RobotId,
     RobotMode,
+    Sample,
     StateReport,
     SystemId,
 )
@@ -28,7 +30,7 @@ from robot_link.robot_program import CommandOutcome, RobotProgram
 from robot_link.sample_log import Measurement, SampleLog
 from robot_link.sample_sender import SampleSender
 from robot_link.service.file_store import FileStore, NoFiles
-from robot_link.service.heartbeat import DoubleWatch
+from robot_link.service.heartbeat import DoubleWatch, robot_heartbeat
 from robot_link.service.parameter_table import ParameterTable
 from robot_link.service.service_desk import ServiceDesk
 from robot_link.service.signing import Signing, Verdict
@@ -152,9 +154,13 @@ class RobotLink:
         """Seconds of the wall since the station was heard; infinite before the first time."""
         return monotonic_s() - self._station_heard_s
 
-    def unsent_samples(self) -> tuple[Measurement, ...]:
-        """Return the samples that are not yet known to be stored ashore, in order."""
-        return self._samples.kept()
+    def unsent_samples(self, robot: RobotId) -> tuple[Sample, ...]:
+        """Return the samples that are not yet known to be stored ashore, in order.
+
+        Args:
+            robot: Whose they are; ``received_at`` is when they were measured.
+        """
+        return self._samples.kept(robot)
 
     def plan_report(self) -> PlanOnBoard:
         """Return what is to be said of the plan on board, by whatever road."""
@@ -361,14 +367,7 @@ class RobotLink:
     async def _beat(self) -> None:
         while True:
             self._mode_changed.clear()
-            heartbeat = grace.MAVLink_heartbeat_message(
-                type=grace.MAV_TYPE_SUBMARINE,
-                autopilot=grace.MAV_AUTOPILOT_GENERIC,
-                base_mode=grace.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
-                custom_mode=int(self._mode),
-                system_status=grace.MAV_STATE_ACTIVE,
-                mavlink_version=3,
-            )
+            heartbeat = robot_heartbeat(self._mode)
             await self._send(heartbeat, _ATTEMPTS)
             for address in self._services.guests() if self._station is not None else ():
                 if address != self._station:

@@ -7,41 +7,36 @@ from functools import partial
 
 from robot_link.clock import Clock
 from robot_link.command_lane import Command, CommandLane
-from robot_link.delivery import deliver
 from robot_link.mavlink import telemetry
-from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec, WireMessage
-from robot_link.mavlink.decode import Value, decoded, robot_time
-from robot_link.mavlink.wire import grace
+from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
     LinkEvent,
     LinkReport,
-    LinkState,
     LogId,
-    OnboardPlanState,
     PlanHash,
-    PlanReport,
     RawFrame,
     RobotId,
-    RobotMode,
-    Sample,
-    StateReport,
-    SystemId,
     UploadReport,
 )
 from robot_link.mission import Mission
 from robot_link.path import RadioPath, RobotEndpoint
 from robot_link.peer import Peer
 from robot_link.sample_gate import SampleGate
+from robot_link.service.clock_sync import ClockOffset
+from robot_link.service.file_store import FileEntry
+from robot_link.service.heartbeat import beat
+from robot_link.service.link_watch import LinkWatch
+from robot_link.service.owned_tasks import OwnedTasks
+from robot_link.service.parameter_table import ParameterValue
+from robot_link.service.reception import Reception
+from robot_link.service.robot_services import RobotServices
+from robot_link.service.roster import Member, Roster
+from robot_link.service.signing import Signing
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import (
-    BROADCAST,
-    Address,
     DatagramTransport,
-    Garbled,
-    PortChanged,
-    Received,
 )
 from robot_link.upload import Upload
 
@@ -71,44 +66,96 @@ class StationLink:
         clock: Clock,
         on_event: Callable[[LinkEvent], None],
         timing: LinkTiming | None = None,
+        signing: Callable[[RobotId], Signing | None] = lambda _robot: None,
     ) -> None:
-        self._transports = transports
+        self._transports: dict[str, DatagramTransport] = {}
         self._clock = clock
         self._on_event = on_event
         self._timing = timing or LinkTiming()
+        self._signing = signing
         self._codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
         self._samples = SampleGate()
         self._samples_owed = asyncio.Event()
-        self._uploads: dict[RobotId, Upload] = {}
-        self._told_state: dict[tuple[RobotId, str], LinkState] = {}
-        self._peers = {
-            robot: Peer(
-                robot,
-                endpoint,
-                transports,
-                self._codec,
-                clock,
-                on_event,
-                self._timing,
-            )
-            for robot, endpoint in robots.items()
-        }
-        self._lanes = {robot: CommandLane(peer, on_event) for robot, peer in self._peers.items()}
-        self._peer_of_system: dict[SystemId, Peer] = {
-            peer.system: peer for peer in self._peers.values()
-        }
+        self._roster = Roster()
+        self._watch = LinkWatch(self._roster, on_event)
+        self._reception = Reception(
+            self._roster,
+            self._codec,
+            self._watch,
+            self._samples,
+            self._samples_owed,
+            clock,
+            on_event,
+        )
+        self._tasks = OwnedTasks()
+        self.set_robots(robots, transports)
 
     async def run(self) -> None:
         """Serve until cancelled; ports that close are opened again by themselves."""
         async with asyncio.TaskGroup() as group:
-            for uri, transport in self._transports.items():
-                group.create_task(transport.run(), name=f"{uri} port")
-                group.create_task(self._listen(transport), name=f"{uri} listen")
-                group.create_task(self._beat(transport), name=f"{uri} heartbeat")
-            for robot, lane in self._lanes.items():
-                group.create_task(lane.run(), name=f"{robot} commands")
+            group.create_task(self._tasks.run(), name="radios and robots")
             group.create_task(self._acknowledge(), name="sample acknowledgements")
-            group.create_task(self._report_links(), name="link reports")
+            group.create_task(self._watch.run(self._timing.report_s), name="link reports")
+
+    def set_robots(
+        self,
+        robots: Mapping[RobotId, RobotEndpoint],
+        transports: Mapping[str, DatagramTransport],
+    ) -> None:
+        """Say which robots there are; also while serving.
+
+        A robot whose endpoint is the same goes on undisturbed, and so does the transport of a URI
+        that is used already: the new one of that URI is not touched. Of a robot that is gone or
+        has other links now, an upload under way ends as FAILED, and its commands are dropped
+        without a word: the owner sends unfinished ones again.
+
+        Raises:
+            KeyError: If a robot's link names no transport.
+        """
+        for member in list(self._roster):
+            if robots.get(member.robot) != member.endpoint:
+                self.cancel_upload(member.robot, "the robot's links were changed")
+                self._tasks.remove(member.robot)
+                self._roster.remove(member.robot)
+        for uri in [uri for uri in self._transports if uri not in transports]:
+            self._tasks.remove(uri)
+            del self._transports[uri]
+        for uri, transport in transports.items():
+            if uri not in self._transports:
+                self._transports[uri] = transport
+                self._serve(uri, transport)
+        for robot, endpoint in robots.items():
+            if self._roster.get(robot) is None:
+                member = self._member(robot, endpoint)
+                self._roster.add(member)
+                work = {"commands": member.lane.run, "clock": member.services.run}
+                self._tasks.add(robot, work)
+
+    def _member(self, robot: RobotId, endpoint: RobotEndpoint) -> Member:
+        signing = self._signing(robot)
+        codec = self._codec
+        if signing is not None:
+            codec = Codec(STATION_SYSTEM, STATION_COMPONENT, signing)
+        peer = Peer(
+            robot, endpoint, self._transports, codec, self._clock, self._on_event, self._timing
+        )
+        return Member(endpoint, peer, CommandLane(peer, self._on_event), codec, signing)
+
+    def _serve(self, uri: str, transport: DatagramTransport) -> None:
+        codecs = partial(self._codecs_on, transport)
+        told = partial(self._tell_sent, transport)
+        period_s = self._timing.heartbeat_s
+        work = {
+            "port": transport.run,
+            "listen": partial(self._reception.listen, transport),
+            "heartbeat": partial(beat, transport, codecs, told, period_s),
+        }
+        self._tasks.add(uri, work)
+
+    def _codecs_on(self, transport: DatagramTransport) -> list[Codec]:
+        """Return who packs for the robots of a radio, each once."""
+        reached = [one for one in self._roster if one.peer.path_on(transport) is not None]
+        return list(dict.fromkeys(one.codec for one in reached)) or [self._codec]
 
     async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
         """Put a mission on board; progress travels as ``UploadReport`` events.
@@ -121,21 +168,20 @@ class StationLink:
             UploadUnderWayError: If another upload to this robot has not ended.
             KeyError: If no such robot is known.
         """
-        peer = self._peers[robot]
-        if robot in self._uploads:
+        member = self._roster[robot]
+        if member.upload is not None:
             raise UploadUnderWayError(f"another upload to {robot} has not ended")
-        upload = Upload(peer, mission, self._on_event)
-        self._uploads[robot] = upload
+        member.upload = Upload(member.peer, mission, self._on_event)
         try:
-            return await upload.run()
+            return await member.upload.run()
         finally:
-            del self._uploads[robot]
+            member.upload = None
 
     def cancel_upload(self, robot: RobotId, reason: str) -> None:
         """End an upload under way as FAILED; without one, do nothing."""
-        upload = self._uploads.get(robot)
-        if upload is not None:
-            upload.cancel(reason)
+        member = self._roster.get(robot)
+        if member is not None and member.upload is not None:
+            member.upload.cancel(reason)
 
     def send_command(
         self,
@@ -162,7 +208,7 @@ class StationLink:
         Raises:
             KeyError: If no such robot is known.
         """
-        lane = self._lanes[robot]
+        lane = self._roster[robot].lane
         if kind is CommandKind.SURFACE:
             self.cancel_upload(robot, "the robot is told to surface")
         lane.submit(Command(kind, number, expires, plan))
@@ -176,8 +222,83 @@ class StationLink:
         Raises:
             KeyError: If no such robot is known.
         """
-        self._samples.store(self._peers[robot].robot, log, sequences)
+        self._samples.store(self._roster[robot].robot, log, sequences)
         self._samples_owed.set()
+
+    async def read_parameters(self, robot: RobotId) -> tuple[ParameterValue, ...]:
+        """Return every parameter of a robot, in its own order.
+
+        Raises:
+            ServiceError: If it is not in radio contact, falls silent or refuses.
+            KeyError: If no such robot is known.
+        """
+        services = self._roster[robot].services
+        services.check_live()
+        return await services.parameters.read_all()
+
+    async def write_parameter(self, robot: RobotId, name: str, value: float) -> ParameterValue:
+        """Set a parameter of a robot, and return it as it was read back.
+
+        Raises:
+            ValueError: If the value is not of the parameter's type.
+            ServiceError: If the robot is not in radio contact, falls silent or refuses.
+            KeyError: If no such robot is known.
+        """
+        services = self._roster[robot].services
+        services.check_live()
+        return await services.parameters.write(name, value)
+
+    async def list_files(self, robot: RobotId, path: str = "/") -> tuple[FileEntry, ...]:
+        """Return the entries of a folder on board.
+
+        Raises:
+            ServiceError: If the robot is not in radio contact, falls silent or refuses.
+            KeyError: If no such robot is known.
+        """
+        services = self._roster[robot].services
+        services.check_live()
+        return await services.files.list(path)
+
+    async def download_file(
+        self,
+        robot: RobotId,
+        path: str,
+        *,
+        have: bytes = b"",
+        report: Callable[[int, int], None] = lambda _received, _size: None,
+    ) -> bytes:
+        """Return a whole file of a robot; its checksum is that of the file on board.
+
+        Args:
+            robot: Whose file.
+            path: The file, from the root of what the robot offers.
+            have: Its first bytes, from ``FileInterruptedError.partial`` of an earlier attempt.
+            report: Called with the bytes that are there, and the file's size.
+
+        Raises:
+            FileInterruptedError: If the robot fell silent on the way.
+            ServiceError: If the robot is not in radio contact or refuses.
+            KeyError: If no such robot is known.
+        """
+        services = self._roster[robot].services
+        services.check_live()
+        return await services.files.download(path, have=have, report=report)
+
+    def services(self, robot: RobotId) -> RobotServices:
+        """Return the clients of a robot: standard missions and commands for other makers' ones.
+
+        Raises:
+            KeyError: If no such robot is known.
+        """
+        return self._roster[robot].services
+
+    def clock_offset(self, robot: RobotId) -> ClockOffset | None:
+        """Return how far a robot's clock is off; None until something is known of it.
+
+        Raises:
+            KeyError: If no such robot is known.
+        """
+        return self._roster[robot].services.clock.offset
 
     def link_report(self, robot: RobotId) -> LinkReport:
         """Return what is known of the best road to a robot now.
@@ -185,7 +306,7 @@ class StationLink:
         Raises:
             KeyError: If no such robot is known.
         """
-        return self._peers[robot].link_report()
+        return self._watch.best(self._roster[robot])
 
     def link_reports(self, robot: RobotId) -> list[LinkReport]:
         """Return what is known of every road to a robot now, the preferred one first.
@@ -193,7 +314,7 @@ class StationLink:
         Raises:
             KeyError: If no such robot is known.
         """
-        return self._peers[robot].link_reports()
+        return self._watch.reports(self._roster[robot])
 
     def choose_link(self, robot: RobotId, uri: str | None) -> None:
         """Talk to a robot by this link only; None leaves the choice to what is live.
@@ -201,7 +322,7 @@ class StationLink:
         Raises:
             KeyError: If no such robot is known, or it has no such link.
         """
-        self._peers[robot].choose(uri)
+        self._roster[robot].peer.choose(uri)
 
     def set_plugged(self, uri: str, is_plugged: bool) -> None:
         """Pull the plug of a link, or put it back; robots that share the radio share the plug.
@@ -210,121 +331,7 @@ class StationLink:
             KeyError: If no such link is known.
         """
         self._transports[RadioPath(uri).transport_uri].set_plugged(is_plugged)
-        for peer in self._peers.values():
-            self._report_if_changed(peer)
-
-    async def _listen(self, transport: DatagramTransport) -> None:
-        async for event in transport.events():
-            match event:
-                case Received():
-                    self._receive(transport, event)
-                case PortChanged():
-                    for peer in self._peers.values():
-                        self._report_if_changed(peer)
-                case Garbled(frames, data):
-                    self._count_bad(transport, None, frames)
-                    at = self._clock.now()
-                    self._on_event(RawFrame(None, transport.carrier, False, data, at))
-
-    def _receive(self, transport: DatagramTransport, received: Received) -> None:
-        at = self._clock.now()
-        sender = self._peer_at(transport, received.address)
-        messages, bad = self._codec.unpack(received.data)
-        if sender is None and messages:
-            sender = self._bind(transport, messages[0])
-        self._on_event(
-            RawFrame(
-                robot=None if sender is None else sender.robot,
-                carrier=transport.carrier,
-                outgoing=False,
-                data=received.data,
-                at=at,
-                robot_at=robot_time(messages),
-            )
-        )
-        if sender is None:
-            self._count_bad(transport, None, max(1, bad + len(messages)))
-            return
-        own = [message for message in messages if message.get_srcSystem() == sender.system]
-        self._count_bad(transport, sender, bad + len(messages) - len(own))
-        if own:
-            sender.heard(transport, received, len(own))
-            self._report_if_changed(sender)
-            for message in own:
-                self._interpret(transport, sender, message, at)
-            self._lanes[sender.robot].contact()
-
-    def _peer_at(self, transport: DatagramTransport, address: Address) -> Peer | None:
-        for peer in self._peers.values():
-            if peer.speaks_at(transport, address):
-                return peer
-        return None
-
-    def _bind(self, transport: DatagramTransport, message: WireMessage) -> Peer | None:
-        """Return the robot that an unknown radio speaks for, if that robot has no radio yet."""
-        peer = self._peer_of_system.get(SystemId(message.get_srcSystem()))
-        return peer if peer is not None and peer.is_unbound_on(transport) else None
-
-    def _count_bad(self, transport: DatagramTransport, sender: Peer | None, frames: int) -> None:
-        for peer in self._peers.values() if sender is None else (sender,):
-            peer.count_bad(transport, frames)
-
-    def _interpret(
-        self, transport: DatagramTransport, peer: Peer, message: WireMessage, at: datetime
-    ) -> None:
-        match message:
-            case grace.MAVLink_command_ack_message():
-                self._lanes[peer.robot].answered(message)
-            case grace.MAVLink_mission_request_int_message():
-                if (upload := self._uploads.get(peer.robot)) is not None:
-                    upload.hear(message)
-            case _:
-                try:
-                    value = decoded(message, peer.robot, at)
-                except ValueError:
-                    peer.count_bad(transport, 1)
-                else:
-                    self._take(peer, value)
-
-    def _take(self, peer: Peer, value: Value) -> None:
-        match value:
-            case RobotMode():
-                peer.mode = value
-            case StateReport():
-                peer.mode = value.mode
-                self._on_event(value)
-            case Sample():
-                if self._samples.admit(value):
-                    self._on_event(value)
-                else:
-                    self._samples_owed.set()
-            case PlanReport():
-                self._take_plan_report(peer, value)
-            case None:
-                pass
-
-    def _take_plan_report(self, peer: Peer, report: PlanReport) -> None:
-        """Tell what is on board; the fate of an offer is its upload's business alone."""
-        if (upload := self._uploads.get(peer.robot)) is not None:
-            upload.hear(report)
-        if report.state not in (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED):
-            self._on_event(report)
-
-    async def _beat(self, transport: DatagramTransport) -> None:
-        while True:
-            if transport.max_payload:
-                message = grace.MAVLink_heartbeat_message(
-                    type=grace.MAV_TYPE_GCS,
-                    autopilot=grace.MAV_AUTOPILOT_INVALID,
-                    base_mode=0,
-                    custom_mode=0,
-                    system_status=grace.MAV_STATE_ACTIVE,
-                    mavlink_version=3,
-                )
-                frame = self._codec.pack(message)
-                taken = partial(self._tell_sent, transport, frame)
-                await deliver(transport, BROADCAST, frame, on_taken=taken)
-            await asyncio.sleep(self._timing.heartbeat_s)
+        self._watch.tell_all_changes()
 
     def _tell_sent(self, transport: DatagramTransport, frame: bytes) -> None:
         self._on_event(
@@ -345,25 +352,8 @@ class StationLink:
                 await asyncio.sleep(self._timing.acknowledge_s)
                 self._samples_owed.clear()
                 for (robot, log), sequences in self._samples.take_owed().items():
-                    peer = self._peers[robot]
-                    messages = telemetry.acknowledgements(peer.system, log, sequences)
-                    group.create_task(peer.deliver(messages), name=f"{robot} acknowledgement")
-
-    async def _report_links(self) -> None:
-        while True:
-            for peer in self._peers.values():
-                self._report_link(peer)
-            await asyncio.sleep(self._timing.report_s)
-
-    def _report_if_changed(self, peer: Peer) -> None:
-        for report in peer.link_reports():
-            if self._told_state.get((peer.robot, report.uri)) is not report.state:
-                self._tell_link(report)
-
-    def _report_link(self, peer: Peer) -> None:
-        for report in peer.link_reports():
-            self._tell_link(report)
-
-    def _tell_link(self, report: LinkReport) -> None:
-        self._told_state[report.robot, report.uri] = report.state
-        self._on_event(report)
+                    if (member := self._roster.get(robot)) is not None:
+                        system = member.peer.system
+                        messages = telemetry.acknowledgements(system, log, sequences)
+                        work = member.peer.deliver(messages)
+                        group.create_task(work, name=f"{robot} acknowledgement")

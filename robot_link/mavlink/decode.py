@@ -24,7 +24,9 @@ def decoded(message: WireMessage, robot: RobotId, received_at: datetime) -> Valu
         ValueError: If the content is impossible.
     """
     match message:
-        case grace.MAVLink_heartbeat_message():
+        case grace.MAVLink_heartbeat_message(
+            type=grace.MAV_TYPE_SUBMARINE, autopilot=grace.MAV_AUTOPILOT_GENERIC
+        ):
             return RobotMode(message.custom_mode)
         case grace.MAVLink_grace_state_message():
             return telemetry.state_report(message, robot, received_at)

@@ -1,12 +1,16 @@
-"""Who speaks under a system id: one radio is believed, others under the same id are told of."""
+"""The station's presence, and who speaks under a robot's system id besides the robot."""
 
+import asyncio
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
-from robot_link.mavlink.codec import WireMessage
+from robot_link.delivery import deliver
+from robot_link.mavlink.codec import Codec, WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.messages import SystemId
-from robot_link.transport.datagram import Address
+from robot_link.messages import RobotMode, SystemId
+from robot_link.transport.datagram import BROADCAST, Address, DatagramTransport
 
 _TOLD_S = 60.0
 """How long after it was last heard a double is spoken of."""
@@ -14,6 +18,18 @@ _ADDRESSES = 8
 
 GROUND_STATIONS: Final = frozenset((grace.MAV_TYPE_GCS, grace.MAV_TYPE_ONBOARD_CONTROLLER))
 """Types in a heartbeat of those who may ask a robot for something."""
+
+
+def robot_heartbeat(mode: RobotMode) -> grace.MAVLink_heartbeat_message:
+    """Return what a robot says of its presence."""
+    return grace.MAVLink_heartbeat_message(
+        type=grace.MAV_TYPE_SUBMARINE,
+        autopilot=grace.MAV_AUTOPILOT_GENERIC,
+        base_mode=grace.MAV_MODE_FLAG_CUSTOM_MODE_ENABLED,
+        custom_mode=int(mode),
+        system_status=grace.MAV_STATE_ACTIVE,
+        mavlink_version=3,
+    )
 
 
 def is_ground_station(message: WireMessage) -> bool:
@@ -68,3 +84,33 @@ class DoubleWatch:
             f"another radio ({radios}) speaks as system {system}; it is not obeyed:"
             " give one of the two robots another system id"
         )
+
+
+async def beat(
+    transport: DatagramTransport,
+    codecs: Callable[[], Iterable[Codec]],
+    on_sent: Callable[[bytes], None],
+    period_s: float,
+) -> None:
+    """Announce the station to everyone in reach of a radio until cancelled.
+
+    Args:
+        transport: The radio.
+        codecs: Returns who packs: one for all robots without a key, one for each that has its own.
+        on_sent: Called with each frame that the radio took.
+        period_s: Wall time between two heartbeats.
+    """
+    while True:
+        for codec in codecs() if transport.max_payload else ():
+            frame = codec.pack(
+                grace.MAVLink_heartbeat_message(
+                    type=grace.MAV_TYPE_GCS,
+                    autopilot=grace.MAV_AUTOPILOT_INVALID,
+                    base_mode=0,
+                    custom_mode=0,
+                    system_status=grace.MAV_STATE_ACTIVE,
+                    mavlink_version=3,
+                )
+            )
+            await deliver(transport, BROADCAST, frame, on_taken=partial(on_sent, frame))
+        await asyncio.sleep(period_s)

@@ -20,6 +20,8 @@ from robot_link.service.parameter_wire import (
 _ASKED_AT_ONCE = 8
 """Missing parameters that are asked for together."""
 _BY_NAME = -1
+_READINGS = 3
+"""How often a value is read that is not the one that was set: an answer may be an old one, late."""
 
 _ValueMessage = grace.MAVLink_param_value_message
 
@@ -116,11 +118,14 @@ class ParameterClient:
             param_value=to_wire(value, kind, encoding),
             param_type=int(kind),
         )
-        await self._ask(name, (setting,), f"to the setting of {name}")
-        kept = await self.read(name)
-        if kept.value != setting_value(value, kind):
-            raise ServiceRefusedError(f"{name} was not taken: the robot still holds {kept.value:g}")
-        return kept
+        kept = self._decoded(
+            await self._ask(name, (setting,), f"to the setting of {name}"), encoding
+        )
+        for _ in range(_READINGS):
+            kept = await self.read(name)
+            if kept.value == setting_value(value, kind):
+                return kept
+        raise ServiceRefusedError(f"{name} was not taken: the robot still holds {kept.value:g}")
 
     async def _learn_encoding(self) -> None:
         """Ask once for the capability bits; a vehicle may keep silent of them."""

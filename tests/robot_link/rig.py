@@ -8,10 +8,10 @@ from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from autonomy.planner.plan import Leg, PrimitiveKind
-from robot_link.clock import SystemClock
+from robot_link.clock import Clock, SystemClock
 from robot_link.messages import (
     CommandKind,
     LinkEvent,
@@ -26,6 +26,7 @@ from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard import CommandOutcome, RobotLink
 from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog
+from robot_link.service.signing import Signing
 from robot_link.station import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address
@@ -113,7 +114,11 @@ class Rig:
 
     @asynccontextmanager
     async def station(
-        self, timing: LinkTiming = HASTE, bind: bool = False
+        self,
+        timing: LinkTiming = HASTE,
+        bind: bool = False,
+        signing: Callable[[RobotId], Signing | None] = lambda _robot: None,
+        clock: Clock | None = None,
     ) -> AsyncIterator[tuple[StationLink, Heard]]:
         heard = Heard()
         link = StationLink(
@@ -124,9 +129,10 @@ class Rig:
                 )
                 for robot in self.robots
             },
-            SystemClock(),
+            clock or SystemClock(),
             heard,
             timing,
+            signing,
         )
         heard.station = link
         async with running(link.run):
@@ -154,6 +160,7 @@ async def rig(
     robots: tuple[RobotId, ...] = (MINI,),
     timing: LinkTiming = HASTE,
     cable: AsyncExitStack | None = None,
+    **equipment: Any,
 ) -> AsyncIterator[Rig]:
     """Set up the air; closing ``cable`` pulls the plug of the station's radio."""
     reachable = set(robots)
@@ -163,7 +170,7 @@ async def rig(
         return all(by_address[one] in reachable for one in (first, second) if one in by_address)
 
     air = XBeeNetwork(random.Random(1), conditions, passes)
-    built = {robot: robot_on(air, robot, timing) for robot in robots}
+    built = {robot: robot_on(air, robot, timing, **equipment) for robot in robots}
     async with AsyncExitStack() as stack:
         await (cable or stack).enter_async_context(air.pty(STATION, folder / "xbee"))
         for robot in built.values():
@@ -171,16 +178,23 @@ async def rig(
         yield Rig(air, f"xbee://{folder}/xbee", built, reachable)
 
 
-def robot_on(air: XBeeNetwork, robot: RobotId, timing: LinkTiming = HASTE) -> Robot:
+def robot_on(
+    air: XBeeNetwork,
+    robot: RobotId,
+    timing: LinkTiming = HASTE,
+    clock: Clock | None = None,
+    **equipment: Any,
+) -> Robot:
     program, plans, log = Program(), MemoryPlanStore(), MemorySampleLog(LogId(77))
     link = RobotLink(
         SYSTEMS[robot],
         air.robot_radio(ADDRESSES[robot]),
-        SystemClock(),
+        clock or SystemClock(),
         program,
         log=log,
         plans=plans,
         timing=timing,
+        **equipment,
     )
     return Robot(program, link, plans, log)
 

@@ -1,0 +1,57 @@
+"""The health of every link, told when it changes and now and then."""
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import replace
+
+from robot_link.messages import LinkReport, LinkState, RobotId
+from robot_link.service.roster import Member, Roster
+
+
+class LinkWatch:
+    """Completes the reports of a robot's links by what is known of it by whatever road."""
+
+    def __init__(self, roster: Roster, on_report: Callable[[LinkReport], None]) -> None:
+        self._roster = roster
+        self._on_report = on_report
+        self._told: dict[tuple[RobotId, str], LinkState] = {}
+
+    def best(self, member: Member) -> LinkReport:
+        """Return the report of the best road to a robot."""
+        return self._completed(member, member.peer.link_report())
+
+    def reports(self, member: Member) -> list[LinkReport]:
+        """Return the reports of all roads to a robot, the preferred one first."""
+        return [self._completed(member, report) for report in member.peer.link_reports()]
+
+    def tell_changes(self, member: Member) -> None:
+        """Tell of each road whose state is another than what was told last."""
+        for report in member.peer.link_reports():
+            if self._told.get((member.robot, report.uri)) is not report.state:
+                self._tell(self._completed(member, report))
+
+    def tell_all_changes(self) -> None:
+        """Tell of every road of every robot that changed."""
+        for member in self._roster:
+            self.tell_changes(member)
+
+    async def run(self, period_s: float) -> None:
+        """Tell of every road once in a while until cancelled."""
+        while True:
+            for member in self._roster:
+                for report in self.reports(member):
+                    self._tell(report)
+            await asyncio.sleep(period_s)
+
+    def _completed(self, member: Member, report: LinkReport) -> LinkReport:
+        offset = member.services.clock.offset
+        troubles = (self._roster.conflict(member), "" if offset is None else offset.sentence)
+        return replace(
+            report,
+            clock_offset_s=None if offset is None else offset.offset_s,
+            trouble="; ".join(trouble for trouble in troubles if trouble),
+        )
+
+    def _tell(self, report: LinkReport) -> None:
+        self._told[report.robot, report.uri] = report.state
+        self._on_report(report)

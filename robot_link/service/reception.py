@@ -1,0 +1,134 @@
+"""What radios bring to the station: journaled, attributed to a robot, decoded, passed on."""
+
+import asyncio
+from collections.abc import Callable
+from datetime import datetime
+
+from robot_link.clock import Clock
+from robot_link.mavlink.codec import Codec, WireMessage
+from robot_link.mavlink.decode import Value, decoded, robot_time
+from robot_link.mavlink.wire import grace
+from robot_link.messages import (
+    LinkEvent,
+    OnboardPlanState,
+    PlanReport,
+    RawFrame,
+    RobotMode,
+    Sample,
+    StateReport,
+)
+from robot_link.sample_gate import SampleGate
+from robot_link.service.link_watch import LinkWatch
+from robot_link.service.roster import Member, Roster
+from robot_link.transport.datagram import DatagramTransport, Garbled, PortChanged, Received
+
+
+class Reception:
+    """Belongs to one event loop.
+
+    Args:
+        roster: The robots.
+        codec: Decodes frames.
+        watch: Told when a link may have changed.
+        samples: What is stored already.
+        samples_owed: Set when a robot must hear again that a sample is stored.
+        clock: The station's clock.
+        on_event: Called with everything that is learned, in order.
+    """
+
+    def __init__(
+        self,
+        roster: Roster,
+        codec: Codec,
+        watch: LinkWatch,
+        samples: SampleGate,
+        samples_owed: asyncio.Event,
+        clock: Clock,
+        on_event: Callable[[LinkEvent], None],
+    ) -> None:
+        self._roster = roster
+        self._codec = codec
+        self._watch = watch
+        self._samples = samples
+        self._samples_owed = samples_owed
+        self._clock = clock
+        self._on_event = on_event
+
+    async def listen(self, transport: DatagramTransport) -> None:
+        """Take what one radio brings until cancelled."""
+        async for event in transport.events():
+            match event:
+                case Received():
+                    self._receive(transport, event)
+                case PortChanged():
+                    self._watch.tell_all_changes()
+                case Garbled(frames, data):
+                    self._roster.count_bad(transport, None, frames)
+                    at = self._clock.now()
+                    self._on_event(RawFrame(None, transport.carrier, False, data, at))
+
+    def _receive(self, transport: DatagramTransport, received: Received) -> None:
+        at = self._clock.now()
+        messages, bad = self._codec.unpack(received.data)
+        sender, own = self._roster.attributed(transport, received, messages)
+        self._on_event(
+            RawFrame(
+                robot=None if sender is None else sender.robot,
+                carrier=transport.carrier,
+                outgoing=False,
+                data=received.data,
+                at=at,
+                robot_at=robot_time(messages),
+            )
+        )
+        dropped = bad + len(messages) - len(own)
+        self._roster.count_bad(transport, sender, dropped if sender else max(1, dropped))
+        if sender is not None and own:
+            sender.peer.heard(transport, received, len(own))
+            self._watch.tell_changes(sender)
+            for message in own:
+                self._interpret(transport, sender, message, at)
+            sender.lane.contact()
+
+    def _interpret(
+        self, transport: DatagramTransport, sender: Member, message: WireMessage, at: datetime
+    ) -> None:
+        sender.services.hear(message)
+        match message:
+            case grace.MAVLink_command_ack_message():
+                sender.lane.answered(message)
+            case grace.MAVLink_mission_request_int_message():
+                if sender.upload is not None:
+                    sender.upload.hear(message)
+            case _:
+                try:
+                    value = decoded(message, sender.robot, at)
+                except ValueError:
+                    sender.peer.count_bad(transport, 1)
+                else:
+                    self._take(sender, value)
+
+    def _take(self, sender: Member, value: Value) -> None:
+        match value:
+            case RobotMode():
+                sender.peer.mode = value
+            case StateReport():
+                sender.peer.mode = value.mode
+                sender.services.clock.note_frame(value.measured_at, value.received_at)
+                self._on_event(value)
+            case Sample():
+                if self._samples.admit(value):
+                    self._on_event(value)
+                else:
+                    self._samples_owed.set()
+            case PlanReport():
+                self._take_plan_report(sender, value)
+            case None:
+                pass
+
+    def _take_plan_report(self, sender: Member, report: PlanReport) -> None:
+        """Tell what is on board; the fate of an offer is its upload's business alone."""
+        if sender.upload is not None:
+            sender.upload.hear(report)
+        if report.state not in (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED):
+            self._on_event(report)

@@ -1,0 +1,129 @@
+"""The robots that a station talks to, and whose radio speaks for which of them."""
+
+import logging
+from collections.abc import Iterator
+
+from robot_link.clock import monotonic_s
+from robot_link.command_lane import CommandLane
+from robot_link.mavlink.codec import Codec, WireMessage
+from robot_link.messages import RobotId, SystemId
+from robot_link.path import RobotEndpoint
+from robot_link.peer import Peer
+from robot_link.service.heartbeat import DoubleWatch
+from robot_link.service.robot_services import RobotServices
+from robot_link.service.signing import Signing, Verdict
+from robot_link.transport.datagram import Address, DatagramTransport, Received
+from robot_link.upload import Upload
+
+_log = logging.getLogger(__name__)
+
+
+class Member:
+    """One robot with everything that talks to it."""
+
+    def __init__(
+        self,
+        endpoint: RobotEndpoint,
+        peer: Peer,
+        lane: CommandLane,
+        codec: Codec,
+        signing: Signing | None,
+    ) -> None:
+        self.endpoint = endpoint
+        self.peer = peer
+        self.lane = lane
+        self.codec = codec
+        """Packs what goes to this robot."""
+        self.signing = signing
+        self.services = RobotServices(peer)
+        self.upload: Upload | None = None
+        """The upload under way."""
+
+    @property
+    def robot(self) -> RobotId:
+        """Name of the robot."""
+        return self.peer.robot
+
+
+class Roster:
+    """Finds the robot that a frame is from; counts what is nobody's.
+
+    A radio that speaks under the system id of a robot whose radio is another one is not believed;
+    it is remembered for the operator.
+    """
+
+    def __init__(self) -> None:
+        self._members: dict[RobotId, Member] = {}
+        self._by_system: dict[SystemId, Member] = {}
+        self._doubles = DoubleWatch()
+
+    def __iter__(self) -> Iterator[Member]:
+        return iter(self._members.values())
+
+    def __getitem__(self, robot: RobotId) -> Member:
+        return self._members[robot]
+
+    def get(self, robot: RobotId) -> Member | None:
+        """Return a robot, None where there is none of this name."""
+        return self._members.get(robot)
+
+    def add(self, member: Member) -> None:
+        """Talk to another robot."""
+        self._members[member.robot] = member
+        self._by_system[member.peer.system] = member
+
+    def remove(self, robot: RobotId) -> None:
+        """Talk to a robot no more."""
+        member = self._members.pop(robot)
+        if self._by_system.get(member.peer.system) is member:
+            del self._by_system[member.peer.system]
+
+    def conflict(self, member: Member) -> str:
+        """Return a sentence on other radios that speak as this robot, or ""."""
+        return self._doubles.sentence(member.peer.system, monotonic_s())
+
+    def attributed(
+        self, transport: DatagramTransport, received: Received, messages: list[WireMessage]
+    ) -> tuple[Member | None, list[WireMessage]]:
+        """Return whose datagram this is, and which of its messages are believed."""
+        trusted = [message for message in messages if self._is_trusted(message)]
+        sender = self._at(transport, received.address)
+        if sender is None and trusted:
+            sender = self._bound(transport, received.address, trusted[0])
+        if sender is None:
+            return None, []
+        system = sender.peer.system
+        return sender, [message for message in trusted if message.get_srcSystem() == system]
+
+    def count_bad(self, transport: DatagramTransport, sender: Member | None, frames: int) -> None:
+        """Count dropped frames for their sender, or for every robot of the radio."""
+        for member in self if sender is None else (sender,):
+            member.peer.count_bad(transport, frames)
+
+    def _is_trusted(self, message: WireMessage) -> bool:
+        """Tell whether a message is signed by the robot's key, where it has one."""
+        member = self._by_system.get(SystemId(message.get_srcSystem()))
+        if member is None or member.signing is None:
+            return True
+        return member.signing.check(bytes(message.get_msgbuf())) is Verdict.GOOD
+
+    def _at(self, transport: DatagramTransport, address: Address) -> Member | None:
+        for member in self:
+            if member.peer.speaks_at(transport, address):
+                return member
+        return None
+
+    def _bound(
+        self, transport: DatagramTransport, address: Address, message: WireMessage
+    ) -> Member | None:
+        """Return the robot that an unknown radio speaks for, if that robot has no radio yet."""
+        system = SystemId(message.get_srcSystem())
+        member = self._by_system.get(system)
+        if member is None or member.peer.path_on(transport) is None:
+            return None
+        if member.peer.is_unbound_on(transport):
+            return member
+        now_s = monotonic_s()
+        if self._doubles.note(system, address, now_s):
+            _log.warning("%s: %s", member.robot, self._doubles.sentence(system, now_s))
+        return None
