@@ -53,7 +53,7 @@ def test_a_survey_is_planned_sent_flown_and_mapped(page, demo):
     expect(page.get_by_text("until 14 energy units are spent")).to_be_visible()
     look_at_the_draft(page)
     shoot(page, "plan")
-    hold(page, re.compile("Send plan"))
+    send(page)
     ladder = page.get_by_role("list", name="State of the plan")
     for step in ("Sent", "On board", "Running"):
         expect(ladder.get_by_text(step, exact=True)).to_be_visible()
@@ -66,6 +66,18 @@ def test_a_survey_is_planned_sent_flown_and_mapped(page, demo):
     expect(page.get_by_text("Against the truth")).to_be_visible(timeout=180_000)
     look_at_the_map(page, demo)
     shoot(page, "map")
+
+
+def send(page):
+    """Nothing is sent before the summary was read and its button held."""
+    page.get_by_role("button", name=re.compile("^Send plan [0-9]+ to mini-1 …")).click()
+    summary = page.get_by_role("region", name="Summary of what will be sent")
+    expect(summary).to_contain_text("By radio")
+    expect(summary).to_contain_text("Nothing is sent before you hold the button")
+    ladder = page.get_by_role("list", name="State of the plan")
+    expect(ladder).not_to_contain_text(re.compile(r"Sent\s*\d\d:\d\d:\d\dZ"))
+    hold(page, re.compile("Send plan [0-9]+ to mini-1 by radio"))
+    expect(summary).to_be_hidden()
 
 
 def look_at_the_draft(page):

@@ -52,17 +52,21 @@ export class FakeLinks {
   readonly #station: FakeStation;
   readonly #gateways: Gateway[] = [
     {
-      kind: 'rockblock', url: 'http://127.0.0.1:18080/rockblock/MT', username: 'grace-demo',
-      has_password: true, has_public_key: true, push_url: '/api/gateways/rockblock/push/k3vQ9pXtB2mW7sLd',
-      accepted: 41, duplicate: 6, refused: { bad_signature: 1, too_large: 0, unknown_path: 2 },
+      kind: 'rockblock', title: 'RockBLOCK', url: 'http://127.0.0.1:18080/rockblock/MT', username: 'grace-demo',
+      has_password: true, has_public_key: true, confirms: false, port: null,
+      push_url: '/api/gateways/rockblock/push/k3vQ9pXtB2mW7sLd', accepted: 41, duplicate: 6,
+      refused: { signature: 1, too_large: 0, bad_path: 2 }, last_at: iso(Date.now() - 2_000_000), fault: null,
     },
     {
-      kind: 'directip', url: '', username: '', has_password: false, push_url: null, accepted: 0,
-      duplicate: 0, refused: {},
+      kind: 'directip', title: 'DirectIP', url: 'tcp://directip.sbd.iridium.com:10800', username: '', has_password: false,
+      has_public_key: false, confirms: false, port: null, push_url: null, accepted: 0, duplicate: 0,
+      refused: {}, last_at: null, fault: null,
     },
     {
-      kind: 'cloudloop', url: '', username: '', has_password: false,
+      kind: 'cloudloop', title: 'Cloudloop', url: 'https://api.cloudloop.com', username: '', has_password: false,
+      has_public_key: false, confirms: false, port: null,
       push_url: '/api/gateways/cloudloop/push/k3vQ9pXtB2mW7sLd', accepted: 0, duplicate: 0, refused: {},
+      last_at: null, fault: null,
     },
   ]; // prettier-ignore
 

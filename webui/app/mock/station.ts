@@ -187,7 +187,9 @@ export class FakeStation {
     const links = this.links.of(robot);
     const told = robot.live(this.now());
     const [radio] = links;
-    const link = radio?.state === 'stale' ? { ...told.link, state: 'stale' } : told.link;
+    const space = links.find(({ kind, is_plugged }) => kind === 'satellite' && is_plugged);
+    const best = radio?.state === 'stale' && space ? space : null;
+    const link = best ? { ...told.link, carrier: best.carrier, state: best.state } : told.link;
     return { ...told, link, links };
   }
 

@@ -103,16 +103,25 @@ export interface SatelliteLog {
 /** Account at one satellite gateway. The password goes to the station and never comes back. */
 export interface Gateway {
   kind: string;
+  title: string;
+  /** Where messages to robots go; the gateway's usual address while nobody stored another. */
   url: string;
   username: string;
   has_password: boolean;
-  has_public_key?: boolean;
-  /** Where the gateway shall push what robots say. */
+  has_public_key: boolean;
+  /** Whether DirectIP expects a confirmation of each message of a robot. */
+  confirms: boolean;
+  /** Where the gateway shall push what robots say; `null` of one that delivers to `port`. */
   push_url: string | null;
+  port: number | null;
   accepted: number;
   duplicate: number;
   /** How many pushes were refused, by reason. */
   refused: Record<string, number>;
+  /** When the last message came. */
+  last_at: Time | null;
+  /** Why the account cannot be read. */
+  fault: string | null;
 }
 
 export interface GatewayChange {
@@ -120,6 +129,7 @@ export interface GatewayChange {
   username?: string;
   password?: string;
   public_key?: string;
+  confirms?: boolean;
 }
 
 export interface Parameter {

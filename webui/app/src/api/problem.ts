@@ -51,6 +51,15 @@ export function sentence(error: unknown): string {
   return error instanceof Error ? error.message : 'Something unforeseen went wrong.';
 }
 
+/** The same with what is wrong with each field, where no form shows it beside the field. */
+export function wholeSentence(error: unknown): string {
+  const faults = error instanceof Problem ? error.errors : [];
+  const told = faults.map(({ path, message }) =>
+    `${path.join(' ')}: ${message}`.replace(/^: /, ''),
+  );
+  return [sentence(error), ...told].join(' ');
+}
+
 function fieldErrors(value: unknown): FieldError[] {
   if (!Array.isArray(value)) return [];
   return value.filter(isRecord).map((error) => ({

@@ -16,9 +16,10 @@ export class Errand {
   #isBeginning = $state.raw(false);
   #refused = $state.raw('');
   readonly #watch: JobWatch;
-  readonly #ondone: (job: Job) => void;
+  readonly #ondone: (job: Job) => string;
 
-  constructor(station: Station, ondone: (job: Job) => void = () => undefined) {
+  /** @param ondone Acts upon a job that did what it was begun for, and tells of it. */
+  constructor(station: Station, ondone: (job: Job) => string) {
     this.#watch = new JobWatch(station, (job) => this.#take(job));
     this.#ondone = ondone;
   }
@@ -46,10 +47,13 @@ export class Errand {
   stop = (): void => this.#watch.stop();
 
   #take(job: Job | null): void {
-    this.hasFailed = job?.state !== 'done';
-    const unknown = 'The station knows nothing of this any more; ask again.';
-    const cancelled = job?.state === 'cancelled' ? 'Cancelled.' : '';
-    this.outcome = job === null ? unknown : job.message || cancelled;
-    if (job?.state === 'done') this.#ondone(job);
+    this.hasFailed = job?.state !== 'done' && job?.state !== 'cancelled';
+    this.outcome = this.#told(job);
+  }
+
+  #told(job: Job | null): string {
+    if (job === null) return 'The station knows nothing of this any more; ask again.';
+    if (job.state === 'done') return this.#ondone(job);
+    return job.state === 'cancelled' ? 'Cancelled.' : job.message;
   }
 }

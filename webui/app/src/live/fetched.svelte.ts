@@ -4,10 +4,13 @@ import { sentence } from '../api/problem';
 export class Fetched<T> {
   /** What was read last; `null` before the first answer. */
   value = $state.raw<T | null>(null);
-  /** Why it was not read, or why what was asked for was not done; the next answer clears it. */
-  refusal = $state.raw('');
+  #unread = $state.raw('');
+  #undone = $state.raw('');
   readonly #read: () => Promise<T>;
   #asked = 0;
+
+  /** Why it was not read, until it is, or why something was not done, until the next is. */
+  readonly refusal = $derived(this.#undone || this.#unread);
 
   constructor(read: () => Promise<T>) {
     this.#read = read;
@@ -20,9 +23,9 @@ export class Fetched<T> {
       const value = await this.#read();
       if (mine !== this.#asked) return;
       this.value = value;
-      this.refusal = '';
+      this.#unread = '';
     } catch (error) {
-      if (mine === this.#asked) this.refusal = sentence(error);
+      if (mine === this.#asked) this.#unread = sentence(error);
     }
   };
 
@@ -30,9 +33,9 @@ export class Fetched<T> {
   async after(action: () => Promise<unknown>): Promise<boolean> {
     try {
       await action();
+      this.#undone = '';
     } catch (error) {
-      this.#asked++;
-      this.refusal = sentence(error);
+      this.#undone = sentence(error);
       return false;
     }
     await this.load();

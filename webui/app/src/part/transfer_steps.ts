@@ -57,8 +57,14 @@ export function transferEnd(transfer: Transfer): string | null {
   const ends = ['applied', 'refused', 'expired', 'withdrawn', 'superseded', 'failed'];
   const found = ends.find((end) => said.includes(end));
   if (found !== undefined) return found;
-  if (said.includes('on_board')) return 'applied';
+  if (said.includes('on_board') || said.includes('running')) return 'applied';
   return transfer.ended_at === null ? null : 'failed';
+}
+
+/** Whether there is something of it to tell that the plan's own ladder does not tell. */
+export function isTelling(transfer: Transfer, planState: string): boolean {
+  if (transferEnd(transfer) !== 'applied') return true;
+  return (transfer.parts ?? []).length > 0 && ['sent', 'on_board', 'running'].includes(planState);
 }
 
 /** Queued, radio, applied: each with the moment at which all of it was proved. */

@@ -85,6 +85,11 @@ export function energy(value: number): string {
   return value < 0.05 ? '0' : fixed(value, value < 9.95 ? 1 : value % 1 === 0 ? 0 : 1);
 }
 
+/** Signal strength as a radio reports it. */
+export function signal(dbm: number | null): string {
+  return dbm === null ? '–' : `${fixed(dbm, 0)} dBm`;
+}
+
 export function bytes(value: number): string {
   return value < 10_000 ? `${value} B` : `${(value / 1000).toFixed(1)} kB`;
 }

@@ -122,6 +122,11 @@ export function words(key: string): string {
   return spaced.charAt(0).toUpperCase() + spaced.slice(1);
 }
 
+/** `1 credit`, `10 credits` */
+export function creditText(credits: number): string {
+  return `${credits} ${credits === 1 ? 'credit' : 'credits'}`;
+}
+
 /** Plan 14 of `plan-14`. */
 export function planName(id: string | null): string {
   if (id === null) return 'plan';

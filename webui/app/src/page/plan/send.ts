@@ -1,6 +1,6 @@
 import type { LinkKind, RobotLink, RouteChoice, SatelliteQuote } from '../../api/types';
 import { shownState } from '../../part/link_state';
-import { carrierName } from '../../text/word';
+import { carrierName, creditText } from '../../text/word';
 
 /** The way that a plan would take, and why. */
 export interface Way {
@@ -15,7 +15,10 @@ export function wayOf(
   quote: SatelliteQuote | null,
 ): Way {
   if (choice !== 'auto') {
-    return { route: choice, reason: 'You chose it.' };
+    return {
+      route: choice,
+      reason: choice === 'radio' ? 'By radio, as you chose.' : 'By satellite, as you chose.',
+    };
   }
   return quote?.auto ?? guessedWay(links);
 }
@@ -24,21 +27,16 @@ function guessedWay(links: readonly RobotLink[]): Way {
   const isUsable = (kind: LinkKind) => (link: RobotLink) => link.kind === kind && link.is_plugged;
   const radios = links.filter(isUsable('radio'));
   const live = radios.find((link) => shownState(link) === 'live');
-  if (live) return { route: 'radio', reason: `${carrierName(live.carrier)} is live and costs nothing.` };
+  if (live) return { route: 'radio', reason: `By radio: ${carrierName(live.carrier)} is live and costs nothing.` };
   if (links.some(isUsable('satellite'))) {
-    return { route: 'satellite', reason: 'No radio hears the robot now.' };
+    return { route: 'satellite', reason: 'By satellite: no radio hears the robot now.' };
   }
-  return { route: 'radio', reason: 'The robot has no other link; the plan waits for contact.' };
+  return { route: 'radio', reason: 'By radio: the plan waits until the robot is heard.' };
 } // prettier-ignore
 
 /** `1.30 GBP`; a tariff without a price is told as such. */
 export function priceText(price: number, currency: string): string {
   return currency === '' ? 'no price set' : `${price.toFixed(2)} ${currency}`;
-}
-
-/** `1 credit`, `10 credits` */
-export function creditText(credits: number): string {
-  return `${credits} ${credits === 1 ? 'credit' : 'credits'}`;
 }
 
 /** `270 + 136 B`: what each message carries. */

@@ -1,0 +1,45 @@
+import { describe, expect, test } from 'vitest';
+import type { RobotLink, SatelliteQuote } from '../../api/types';
+import { priceText, refusalOf, sizesText, wayOf } from './send';
+
+const RADIO = { kind: 'radio', carrier: 'xbee', state: 'live', is_plugged: true } as RobotLink;
+const SPACE = { kind: 'satellite', carrier: 'rockblock', is_plugged: true } as RobotLink;
+const QUOTE = {
+  credits: 10,
+  credits_left_today: 88,
+  refusal: null,
+  auto: { route: 'radio', reason: 'By radio, which reaches the robot.' },
+} as SatelliteQuote;
+
+describe('the way of a plan', () => {
+  test('is the one that was chosen', () => {
+    expect(wayOf('satellite', [RADIO, SPACE], QUOTE).route).toBe('satellite');
+  });
+
+  test('is the station’s where it is left to it', () => {
+    expect(wayOf('auto', [SPACE], QUOTE)).toEqual(QUOTE.auto);
+  });
+
+  test('is guessed by the same rule while the station has not said', () => {
+    expect(wayOf('auto', [RADIO, SPACE], null).route).toBe('radio');
+    expect(wayOf('auto', [{ ...RADIO, state: 'stale' }, SPACE], null).route).toBe('satellite');
+    expect(wayOf('auto', [{ ...RADIO, is_plugged: false }, SPACE], null).route).toBe('satellite');
+    expect(wayOf('auto', [{ ...RADIO, state: 'stale' }], null).route).toBe('radio');
+  });
+});
+
+describe('what it costs', () => {
+  test('is told with its currency, or not at all', () => {
+    expect(priceText(1.2, 'GBP')).toBe('1.20 GBP');
+    expect(priceText(0, '')).toBe('no price set');
+    expect(sizesText([{ bytes: 270 }, { bytes: 176 }])).toBe('270 + 176 B');
+  });
+
+  test('is refused beyond the day’s budget', () => {
+    expect(refusalOf(QUOTE)).toBe('');
+    expect(refusalOf({ ...QUOTE, credits_left_today: 4 })).toContain('4 are left');
+    expect(refusalOf({ ...QUOTE, refusal: 'The link is unplugged.' })).toBe(
+      'The link is unplugged.',
+    );
+  });
+});
