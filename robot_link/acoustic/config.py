@@ -1,0 +1,19 @@
+"""What turns an acoustic travel time into a range."""
+
+from autonomy.configuration import Configuration, quantity
+
+
+class AcousticConfig(Configuration):
+    """Ranging with an acoustic modem."""
+
+    sound_speed_m_s: float = quantity(1500.0, "m/s", title="Sound speed", ge=1300.0, le=1700.0)
+    """Speed of sound between modem and robot; a CTD cast tells it better than a table."""
+    range_max_m: float = quantity(1500.0, "m", title="Longest range", gt=0.0, le=20000.0)
+    """An answer from farther away is not waited for."""
+    turnaround_s: float = quantity(0.05, "s", title="Turnaround", ge=0.0, le=10.0, advanced=True)
+    """Time that the far modem or transponder takes before it answers."""
+
+    @property
+    def answer_s(self) -> float:
+        """How long an answer may take: there, back, the turnaround, and a second to spare."""
+        return 2.0 * self.range_max_m / self.sound_speed_m_s + self.turnaround_s + 1.0

@@ -1,0 +1,393 @@
+"""The Micro-Modem's driver: ranges good and bad, a modem that restarts, and one that goes away."""
+
+import asyncio
+import contextlib
+from contextlib import asynccontextmanager
+from random import Random
+
+import pytest
+
+from robot_link.acoustic.config import AcousticConfig
+from robot_link.acoustic.micromodem import MicroModem, open_modem
+from robot_link.acoustic.modem_line import ModemRefusedError, ModemTiming
+from robot_link.acoustic.nmea import decode, encode
+from robot_link.clock import ScaledClock, SystemClock
+from robot_link.messages import RobotId
+from robot_link.transport.datagram import Garbled, PortChanged, PortClosedError
+from simulator.acoustic_modem import AcousticConditions, AcousticModem, AcousticNode
+
+GRACE, MINI = RobotId("grace-1"), RobotId("mini-1")
+HASTE = ModemTiming(echo_s=0.05, tries=3, check_s=30.0, reopen_s=0.01)
+NEAR = AcousticConfig(range_max_m=1.0, turnaround_s=0.0)
+"""Answers are waited for little more than a second."""
+
+
+class FakeModem:
+    """The far side of the port: echoes commands, and answers as the test lets it."""
+
+    def __init__(self, answers=None):
+        self.commands = []
+        self.is_deaf = False
+        self.answers = answers or {}
+        self.settings = {}
+        self._incoming = asyncio.Queue()
+
+    async def open(self):
+        return self
+
+    async def read(self):
+        return await self._incoming.get()
+
+    async def write(self, data):
+        fields = decode(data)
+        self.commands.append(fields)
+        if self.is_deaf:
+            return
+        answer = self.answers.get(fields[0])
+        if answer is not None:
+            self.say(*(answer(fields) if callable(answer) else answer))
+            return
+        self.say(self.echo(fields))
+
+    def echo(self, fields):
+        if fields[0] == "CCCFG":
+            self.settings[fields[1]] = fields[2]
+        if fields[0] == "CCCFQ":
+            return ("CACFG", fields[1], self.settings.get(fields[1], "0"))
+        return ("CA" + fields[0][2:], *fields[1:])
+
+    def say(self, *sentences):
+        if sentences:
+            self.bring(b"".join(map(encode, sentences)))
+
+    def bring(self, data):
+        self._incoming.put_nowait(data)
+
+    def close(self):
+        pass
+
+    def count(self, name):
+        return sum(fields[0] == name for fields in self.commands)
+
+
+@asynccontextmanager
+async def driving(fake, config=NEAR, timing=HASTE, on_mini=lambda _: None):
+    modem = MicroModem(
+        fake.open, 1, {2: GRACE, 3: MINI}, scaled_clock(20.0), config, timing, on_mini
+    )
+    running = asyncio.create_task(modem.run())
+    events = modem.events()
+    try:
+        assert await anext(events) == PortChanged(is_open=True, reason="")
+        yield modem, events
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+
+async def met(condition):
+    async with asyncio.timeout(10):
+        while True:
+            if condition():
+                return
+            await asyncio.sleep(0.002)
+
+
+def replying(*pair, travel="0.0004"):
+    return lambda fields: (("CAMPC", *fields[1:]), ("CAMPR", *pair, travel))
+
+
+async def test_the_modem_is_told_its_address_and_what_to_report():
+    fake = FakeModem()
+    async with driving(fake) as (modem, _):
+        assert modem.is_ready
+        await met(lambda: fake.count("CCCLK"))
+    assert fake.commands[:4] == [
+        ("CCCFG", "SRC", "1"),
+        ("CCCFG", "REV", "1"),
+        ("CCCFG", "RXP", "1"),
+        ("CCCFG", "CST", "1"),
+    ]
+
+
+@pytest.mark.parametrize("pair", [("1", "2"), ("2", "1")])
+async def test_an_answer_is_a_range_whichever_modem_it_names_first(pair):
+    fake = FakeModem({"CCMPC": replying(*pair)})
+    async with driving(fake) as (modem, _):
+        found = await modem.ping(2)
+    assert (found.robot, found.peer, found.is_valid, found.reason) == (GRACE, 2, True, "")
+    assert found.travel_time_s == 0.0004
+    assert found.range_m == pytest.approx(0.6)
+
+
+async def test_the_range_follows_the_speed_of_sound():
+    fake = FakeModem({"CCMPC": replying("1", "2")})
+    async with driving(fake) as (modem, _):
+        modem.config = AcousticConfig(sound_speed_m_s=1400.0, range_max_m=1.0)
+        assert (await modem.ping(2)).range_m == pytest.approx(0.56)
+
+
+@pytest.mark.parametrize("travel", ["0.0000", "-0.0100", "99.0"])
+async def test_a_travel_time_that_cannot_be_is_told_and_not_valid(travel):
+    fake = FakeModem({"CCMPC": replying("1", "2", travel=travel)})
+    async with driving(fake) as (modem, _):
+        found = await modem.ping(2)
+    assert (found.is_valid, found.travel_time_s) == (False, float(travel))
+    assert "cannot be" in found.reason
+
+
+async def test_silence_and_garbled_answers_end_with_the_time_out():
+    garbled = {"CCMPC": lambda fields: (("CAMPC", *fields[1:]), ("CAMSG", "BAD_CRC", "2"))}
+    for answers, reason in ((None, "no answer"), (garbled, "only a garbled answer")):
+        async with driving(FakeModem(answers)) as (modem, _):
+            found = await modem.ping(2)
+        assert (found.is_valid, found.travel_time_s, found.range_m) == (False, None, None)
+        assert found.reason == f"{reason} within 1.0 s"
+
+
+async def test_answers_of_others_are_not_taken_for_ours():
+    async with driving(fake := FakeModem()) as (modem, _):
+        asking = asyncio.create_task(modem.ping(2))
+        await met(lambda: fake.count("CCMPC"))
+        fake.say(("CAMPR", "1", "3", "0.0001"), ("CAMPR", "2", "4", "0.0001"))
+        fake.say(("CAMPR", "2", "1", "0.0005"))
+        assert (await asking).travel_time_s == 0.0005
+
+
+async def test_one_ping_is_in_the_water_at_a_time():
+    async with driving(fake := FakeModem()) as (modem, _):
+        asking = [asyncio.create_task(modem.ping(peer)) for peer in (2, 3)]
+        await met(lambda: fake.count("CCMPC"))
+        fake.say(("CAMPR", "1", "3", "0.0003"))  # nobody has asked it yet
+        fake.say(("CAMPR", "1", "2", "0.0002"))
+        await met(lambda: fake.count("CCMPC") == 2)
+        fake.say(("CAMPR", "1", "3", "0.0004"))
+        found = await asyncio.gather(*asking)
+    assert [one.travel_time_s for one in found] == [0.0002, 0.0004]
+
+
+async def test_a_late_answer_is_not_taken_for_the_next_ones():
+    async with driving(fake := FakeModem()) as (modem, _):
+        assert not (await modem.ping(2)).is_valid
+        fake.say(("CAMPR", "1", "2", "0.0005"))
+        fake.answers = {"CCMPC": replying("1", "3", travel="0.0001")}
+        assert (await modem.ping(3)).travel_time_s == 0.0001
+
+
+async def test_a_modem_that_restarts_is_configured_again():
+    async with driving(fake := FakeModem()) as (modem, _):
+        await met(lambda: fake.count("CCCLK"))
+        asking = asyncio.create_task(modem.ping(2))
+        await met(lambda: fake.count("CCMPC"))
+        fake.say(("CAREV", "101112", "INIT", "0.93.0.30"))
+        found = await asking
+        assert (found.is_valid, found.reason) == (False, "the modem restarted")
+        await met(lambda: fake.commands.count(("CCCFG", "SRC", "1")) == 2)
+        await met(lambda: modem.is_ready)
+        fake.answers = {"CCMPC": replying("1", "2")}
+        assert (await modem.ping(2)).is_valid
+
+
+async def test_a_restart_that_was_not_heard_is_noticed_by_asking():
+    timing = ModemTiming(echo_s=0.05, check_s=0.02, reopen_s=0.01)
+    async with driving(fake := FakeModem(), timing=timing) as (_, _):
+        await met(lambda: fake.count("CCCFQ"))
+        fake.settings.clear()
+        await met(lambda: fake.commands.count(("CCCFG", "SRC", "1")) == 2)
+
+
+async def test_a_command_that_is_not_echoed_is_sent_again():
+    heard = []
+
+    def second_time(fields):
+        heard.append(fields)
+        if len(heard) < 3:
+            return ()
+        return ("CAMPC", *fields[1:]), ("CAMPR", "1", "2", "0.0004")
+
+    async with driving(FakeModem({"CCMPC": second_time})) as (modem, _):
+        assert (await modem.ping(2)).is_valid
+    assert len(heard) == 3
+
+
+async def test_a_modem_that_falls_silent_is_opened_anew():
+    async with driving(fake := FakeModem()) as (modem, events):
+        await met(lambda: fake.count("CCCLK"))
+        fake.is_deaf = True
+        assert (await modem.ping(2)).reason == "no Micro-Modem answers"
+        assert await anext(events) == PortChanged(is_open=False, reason="no Micro-Modem answers")
+        assert (await modem.ping(2)).reason == "the modem is not there"
+        fake.is_deaf = False
+        assert (await anext(events)).is_open
+        fake.answers = {"CCMPC": replying("1", "2")}
+        assert (await modem.ping(2)).is_valid
+
+
+async def test_a_port_that_closes_ends_the_ping_and_is_opened_again():
+    async with driving(fake := FakeModem()) as (modem, events):
+        asking = asyncio.create_task(modem.ping(2))
+        await met(lambda: fake.count("CCMPC"))
+        fake.bring(b"")
+        assert (await asking).reason == "the modem's port closed"
+        assert await anext(events) == PortChanged(is_open=False, reason="the modem hung up")
+        assert (await anext(events)).is_open
+
+
+async def test_a_pulled_plug_keeps_the_modem_quiet():
+    async with driving(FakeModem({"CCMPC": replying("1", "2")})) as (modem, events):
+        modem.set_plugged(False)
+        assert not (await anext(events)).is_open
+        assert not modem.is_plugged
+        assert (await modem.ping(2)).reason == "the modem is not there"
+        with pytest.raises(PortClosedError):
+            await modem.mini(2, 5)
+        modem.set_plugged(True)
+        assert (await anext(events)).is_open
+        assert (await modem.ping(2)).is_valid
+
+
+async def test_what_the_modem_complains_of_is_the_reason():
+    refuse = {
+        "CCMPC": (("CAERR", "101112", "NMEA", "3", "bad field"),),
+        "CCMUC": (("CAERR", "101112", "NMEA", "4", "unknown"),),
+    }
+    async with driving(fake := FakeModem(refuse)) as (modem, _):
+        assert (await modem.ping(2)).reason == "the modem refused: NMEA 3 bad field"
+        with pytest.raises(ModemRefusedError, match="unknown"):
+            await modem.mini(2, 7)
+        assert modem.is_ready
+    assert fake.count("CCMPC") == 3
+
+
+async def test_an_older_modem_that_refuses_a_report_or_the_clock_serves_nevertheless():
+    refuse = (("CAERR", "101112", "NMEA", "4", "unknown command"),)
+    answers = {"CCCLK": refuse, "CCMPC": replying("1", "2")}
+    async with driving(fake := FakeModem(answers)) as (modem, _):
+        await met(lambda: fake.count("CCCLK") == 3)
+        assert (await modem.ping(2)).is_valid
+
+
+async def test_rubbish_on_the_line_is_told_and_harms_nothing():
+    random = Random(23)
+    async with driving(fake := FakeModem({"CCMPC": replying("1", "2")})) as (modem, events):
+        for _ in range(50):
+            fake.bring(random.randbytes(200))
+        fake.bring(b"\r\n$CAMPR,1,2,0.01*00\r\n")
+        fake.say(("CAMPR", "1", "2", "soon"), ("SNTTA",), ("CAMUA", "2"), ("CAMPR",))
+        assert (await modem.ping(2)).is_valid
+        assert isinstance(await anext(events), Garbled)
+
+
+async def test_mini_packets_go_out_and_come_in():
+    came = []
+    async with driving(fake := FakeModem(), on_mini=came.append) as (modem, _):
+        await modem.mini(2, 0x1ABC)
+        fake.say(("CAMUA", "3", "1", "0abc"), ("CAMUA", "9", "1", "0001"), ("CAMUA", "1", "1", "1"))
+        await met(lambda: came)
+        for wrong in ((2, 0x2000), (9, 1)):
+            with pytest.raises(ValueError, match=r"mini packet|no robot"):
+                await modem.mini(*wrong)
+    assert ("CCMUC", "1", "2", "1ABC") in fake.commands
+    assert [(one.robot, one.peer, one.word) for one in came] == [(MINI, 3, 0xABC)]
+
+
+async def test_transponders_tell_their_times_and_the_silent_ones_are_none():
+    times = ("SNTTA", "0.0002", "", "0.0004", "", "101112.00")
+    answers = {
+        "CCPDT": lambda fields: (("SNPDT", *fields[1:]), times),
+        "CCPNT": lambda fields: (("SNPNT", *fields[1:]), times),
+    }
+    async with driving(fake := FakeModem(answers)) as (modem, _):
+        remus = await modem.ping_remus(3)
+        generic = await modem.ping_narrow_band(26000, 5, 5, (25000, 25500, 26500, 27000))
+        fake.answers = {}
+        silent = await modem.ping_remus(3)
+    for found in (remus, generic):
+        assert found.travel_times_s == (0.0002, None, 0.0004, None)
+        assert found.ranges_m == pytest.approx((0.3, None, 0.6, None))
+        assert found.is_valid
+    assert (silent.is_valid, silent.ranges_m) == (False, (None,) * 4)
+    assert "no answer" in silent.reason
+
+
+async def test_a_robot_without_a_modem_cannot_be_asked():
+    async with driving(FakeModem()) as (modem, _):
+        with pytest.raises(ValueError, match="no robot"):
+            await modem.ping(9)
+
+
+# Against the emulated modem on a pseudo-terminal.
+
+
+def scaled_clock(speed):
+    now = SystemClock().now()
+    return ScaledClock(now, now, speed)
+
+
+@asynccontextmanager
+async def water(tmp_path, conditions, nodes=None, robots=None):
+    """The station's modem in emulated water that is 20 times as fast; mini-1 is out of reach."""
+    clock = scaled_clock(20.0)
+    nodes = nodes or {2: AcousticNode(lambda: (300.0, 400.0, 0.0)), 3: AcousticNode(lambda: None)}
+    emulated = AcousticModem(lambda: (0.0, 0.0, 0.0), nodes, Random(2), conditions, clock)
+    line = tmp_path / "modem"
+    links = {
+        robot: f"micromodem://{line}?us=1&peer={peer}"
+        for peer, robot in (robots or {2: GRACE}).items()
+    }
+    config = AcousticConfig(range_max_m=75.0, turnaround_s=0.0)
+    async with emulated.pty(line):
+        modem = open_modem(links, clock, config, ModemTiming(echo_s=0.5, reopen_s=0.02))
+        running = asyncio.create_task(modem.run())
+        try:
+            await met(lambda: modem.is_ready)
+            yield modem, emulated
+        finally:
+            running.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await running
+
+
+@pytest.mark.parametrize("replier_first", [False, True])
+async def test_ranges_to_an_emulated_modem_are_right(tmp_path, replier_first):
+    conditions = AcousticConditions(replier_first=replier_first)
+    async with water(tmp_path, conditions, robots={2: GRACE, 3: MINI}) as (modem, emulated):
+        assert emulated.settings["SRC"] == 1
+        ranges = [(await modem.ping(2)).range_m for _ in range(5)]
+        assert ranges == pytest.approx([500.0] * 5, abs=6.0)
+        if replier_first:
+            assert (await modem.ping(3)).reason.startswith("no answer")
+
+
+async def test_an_emulated_modem_that_reboots_gets_its_address_back(tmp_path):
+    async with water(tmp_path, AcousticConditions()) as (modem, emulated):
+        emulated.reboot()
+        assert emulated.settings["SRC"] == 0
+        await met(lambda: emulated.settings["SRC"] == 1 and modem.is_ready)
+        assert (await modem.ping(2)).is_valid
+        await met(lambda: emulated.is_clock_set)
+
+
+async def test_a_line_that_is_not_there_yet_is_opened_once_it_is(tmp_path):
+    clock = scaled_clock(20.0)
+    line = tmp_path / "modem"
+    links = {GRACE: f"micromodem://{line}?us=1&peer=2"}
+    modem = open_modem(links, clock, timing=ModemTiming(echo_s=0.5, reopen_s=0.02))
+    events = modem.events()
+    running = asyncio.create_task(modem.run())
+    try:
+        assert not (await anext(events)).is_open
+        emulated = AcousticModem(lambda: None, {}, Random(2), AcousticConditions(), clock)
+        async with emulated.pty(line):
+            assert (await anext(events)).is_open
+    finally:
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+
+def test_links_that_do_not_name_one_modem_are_refused():
+    clock = SystemClock()
+    one, two = "micromodem:///dev/ttyS0?us=1&peer=2", "micromodem:///dev/ttyS1?us=1&peer=3"
+    for links in ({}, {GRACE: one, MINI: two}, {GRACE: one, MINI: one}):
+        with pytest.raises(ValueError, match="modem"):
+            open_modem(links, clock)
