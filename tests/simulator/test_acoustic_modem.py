@@ -2,12 +2,16 @@ import asyncio
 import os
 import random
 import statistics
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
 
+from robot_link.acoustic.config import AcousticConfig
+from robot_link.acoustic.measurement import MiniReceived
+from robot_link.acoustic.micromodem import MicroModem, open_modem
+from robot_link.messages import RobotId
 from simulator.acoustic_modem import AcousticConditions, AcousticModem, AcousticNode, Point
 from tests.robot_link.rig import until
 from tests.simulator.iridium import running_clock
@@ -245,9 +249,81 @@ async def test_sentence_that_is_none_is_complained_of_and_the_next_is_obeyed(
             assert answer.startswith(b"$CAERR,")
 
 
+async def test_garbage_never_stops_the_modem(tmp_path: Path):
+    rng = random.Random(9)
+    names = ("MPC,", "MUC,1,2,", "PDT,1,1,0,0,", "CFG,", "PNT,", "MSC,", "CLK,", "")
+    async with host_of(tmp_path, modem_of()) as host:
+        host.write(b"$CCPDT,1,1,0,0," + b"9" * 400 + b",1,1,1,1\r\n")
+        assert b"bad field" in await host.line()
+        for _ in range(300):
+            host.write(b"$CC" + rng.choice(names).encode() + rng.randbytes(20) + b"\r\n")
+            await asyncio.sleep(0)
+        host.ask("CCCFQ,SRC")
+        while not (await host.line()).startswith(b"$CACFG,SRC"):
+            pass
+
+
 async def test_checksum_may_be_left_out_and_sentences_may_come_in_pieces(tmp_path: Path):
     async with host_of(tmp_path, modem_of()) as host:
         for piece in (b"$CCM", b"PC,1", b",2\r"):
             host.write(piece)
             await asyncio.sleep(0.005)
         assert await host.says("CAMPC,1,2")
+
+
+# ---- with the station's own driver -------------------------------------------------------------
+
+
+@asynccontextmanager
+async def driver_of(
+    folder: Path, on_mini: Callable[[MiniReceived], None] = lambda _: None
+) -> AsyncIterator[MicroModem]:
+    driver = open_modem(
+        {RobotId("grace-1"): f"micromodem://{folder}/modem?us=1&peer=2"},
+        running_clock(100.0),
+        AcousticConfig(range_max_m=150.0),
+        on_mini=on_mini,
+    )
+    running = asyncio.create_task(driver.run())
+    try:
+        await until(lambda: driver.is_ready)
+        yield driver
+    finally:
+        running.cancel()
+        await asyncio.wait((running,))
+
+
+async def test_driver_configures_ranges_and_exchanges_minis(tmp_path: Path):
+    heard: list[tuple[int, int]] = []
+    minis: list[MiniReceived] = []
+    modem = modem_of(hear=lambda source, word: heard.append((source, word)))
+    async with modem.pty(tmp_path / "modem"), driver_of(tmp_path, minis.append) as driver:
+        assert modem.settings["SRC"] == 1
+        measured = await driver.ping(2)
+        assert measured.is_valid
+        assert measured.range_m == pytest.approx(15.15, abs=0.1)
+        await driver.mini(2, 0x1ABC)
+        await until(lambda: heard == [(1, 0x1ABC)])
+        modem.send_mini(2, 0x0DE)
+        await until(lambda: minis)
+        assert (minis[0].robot, minis[0].word) == ("grace-1", 0x0DE)
+
+
+async def test_driver_takes_either_order_and_tells_garbled_from_silent(tmp_path: Path):
+    modem = modem_of(AcousticConditions(travel_time_std_s=0.0, replier_first=True))
+    async with modem.pty(tmp_path / "modem"), driver_of(tmp_path) as driver:
+        assert (await driver.ping(2)).is_valid
+        modem.conditions = AcousticConditions(garbling=1.0)
+        garbled = await driver.ping(2)
+        assert not garbled.is_valid
+        assert "garbled" in garbled.reason
+
+
+async def test_driver_configures_a_modem_again_that_has_restarted(tmp_path: Path):
+    modem = modem_of()
+    async with modem.pty(tmp_path / "modem"), driver_of(tmp_path) as driver:
+        await until(lambda: modem.is_clock_set)
+        modem.reboot()
+        assert modem.settings["SRC"] == 0
+        await until(lambda: modem.settings["SRC"] == 1 and modem.is_clock_set)
+        assert (await driver.ping(2)).is_valid
