@@ -5,12 +5,14 @@ from which bit-flipped ones are made. Behind a code that only the right sender c
 parser too: there the garbage is sealed with the right key.
 """
 
+import contextlib
 import json
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 
+from robot_link.acoustic import nmea, sentence
 from robot_link.gateway import cloudloop, directip_wire, rockblock
 from robot_link.gateway.push import PushRefusal
 from robot_link.mavlink import telemetry
@@ -71,7 +73,7 @@ class Parser:
 
 def catalogue() -> tuple[Parser, ...]:
     """Return every parser of the product."""
-    return (*_radio(), *_satellite(), *_gateways())
+    return (*_radio(), *_satellite(), *_gateways(), _acoustic())
 
 
 def _radio() -> tuple[Parser, ...]:
@@ -160,6 +162,31 @@ def _gateways() -> tuple[Parser, ...]:
         ),
         Parser("rockblock", lambda: push, bodies, (PushRefusal,)),
     )
+
+
+def _acoustic() -> Parser:
+    sentences = (
+        ("CAMPR", 2, 1, 0.0101),
+        ("CAMUA", 1, 2, "1FFF"),
+        ("SNTTA", 0.1, "", 0.3, "", "120000.00"),
+        ("CAREV", "120000", "INIT", "0.94"),
+        ("CAERR", "120000", "DATA_TIMEOUT", 3),
+    )
+    stream = b"".join(nmea.encode(fields) for fields in sentences)
+    return Parser("acoustic", _sentences, (stream, *map(nmea.encode, sentences)))
+
+
+def _sentences() -> Callable[[bytes], object]:
+    reader = nmea.SentenceReader()
+
+    def feed(data: bytes) -> object:
+        heard = []
+        for fields in reader.feed(data)[0]:
+            with contextlib.suppress(ValueError):
+                heard.append(sentence.meaning(fields))
+        return heard
+
+    return feed
 
 
 def _xbee(mode: int) -> Callable[[bytes], object]:

@@ -34,7 +34,7 @@ def test_garbage_is_refused_without_a_fault(name):
             feed(data)
 
 
-@pytest.mark.parametrize("name", ["xbee_plain", "xbee_escaped", "mavlink_stream"])
+@pytest.mark.parametrize("name", ["xbee_plain", "xbee_escaped", "mavlink_stream", "acoustic"])
 def test_a_stream_of_garbage_holds_no_growing_memory(name):
     parser = PARSERS[name]
     feed = parser.make()
