@@ -10,6 +10,8 @@ from itertools import pairwise
 from types import MappingProxyType
 from typing import Any, Literal, Self, get_args, get_origin
 
+from pydantic import ValidationError
+
 from autonomy.configuration import Configuration
 from autonomy.control.catalogue import CONTROLLERS
 from autonomy.field.config import FieldConfig, KernelParameters, KernelShape
@@ -181,10 +183,15 @@ def _gain_codes(model: type[Configuration], config: Configuration) -> tuple[int,
         try:
             _with_gains(model, codes)
         except ValueError as error:
-            problem = problem or str(error)
+            problem = problem or _sentence(error)
         else:
             return codes
     raise ValueError(f"the gains cannot travel, for rounded they would be none: {problem}")
+
+
+def _sentence(error: ValueError) -> str:
+    """Return the first complaint of a model in one line."""
+    return str(error.errors()[0]["msg"]) if isinstance(error, ValidationError) else str(error)
 
 
 def _code(name: str, value: float | str, choices: Sequence[Any], *, toward_zero: bool) -> int:

@@ -28,7 +28,7 @@ _HEAD_MAX = 15
 MOST_LEGS = 1000
 """More are no mission that a robot flies between two visits."""
 _WIRE_MAX = 2**24
-_OFFSET_MAX = 2 * _WIRE_MAX
+_OFFSET_MAX = 2**40
 
 
 def packed_legs(
