@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import random
 from collections.abc import AsyncGenerator, Callable, Coroutine, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
@@ -11,11 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from robot_link.clock import Clock
+from robot_link.messages import RobotId
+from simulator.acoustic_modem import AcousticConditions, AcousticModem, Point
+from simulator.acoustic_modem import AcousticNode as WaterNode
 from simulator.background import alongside
-from simulator.fleet import RobotDefinition
+from simulator.fleet import STATION_ACOUSTIC, STATION_ADDRESS, RobotDefinition
 from simulator.iridium.modem_9602 import Modem9602
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.session import Place
+from simulator.node.acoustic import AcousticNode
 from simulator.node.client import NodeClient
 from simulator.node.gps_clock import GpsClockNode, discipline
 from simulator.node.satellite import SatelliteNode
@@ -25,6 +30,9 @@ from simulator.node.wire import NodeAddress
 from simulator.onboard.clock import ClockModel, OnboardClock, Oscillator, RunningClock
 from simulator.robot import SimulatedBody
 
+STATION_NAME = RobotId("station")
+_STATION_DEPTH_M = 1.0
+"""Depth of the station's acoustic modem, below its antenna."""
 _CLOCK_SEED = 3
 """Tells the randomness of a robot's counter from that of its water and its sensors."""
 
@@ -110,6 +118,17 @@ async def equipped(
         if definition.clock is not None:
             gps = GpsClockNode(time.oscillator, time.truth, time.started_at, lambda: body.has_sky)
             await serve(gps.server, gps.run())
+        if definition.acoustic_address is not None:
+            await stack.enter_async_context(_acoustic_modems(definition, body, time, device_path))
+            node = AcousticNode(
+                device_path("acoustic"),
+                definition.acoustic_address,
+                {STATION_ADDRESS: STATION_NAME},
+                time.clock(),
+            )
+            await serve(node.server, node.run())
+            events = alongside(node.drain(), f"{definition.robot} acoustic events")
+            await stack.enter_async_context(events)
         for server in more:
             await serve(server, None)
         directory = device_path("nodes.json")
@@ -128,6 +147,38 @@ async def disciplined(onboard: OnboardClock, equipment: Equipment) -> AsyncGener
         yield
         return
     async with alongside(node.run(), "clock node"), alongside(discipline(onboard, node), "clock"):
+        yield
+
+
+@asynccontextmanager
+async def _acoustic_modems(
+    definition: RobotDefinition,
+    body: SimulatedBody,
+    time: Timekeeping,
+    device_path: Callable[[str], Path],
+) -> AsyncGenerator[None]:
+    """Put the modems of robot and station on their lines; each is the other's peer."""
+    north, east = definition.antenna_ne_m
+
+    def modem(name: str, us: Callable[[], Point], peer: int, there: WaterNode) -> AcousticModem:
+        rng = random.Random(f"{definition.robot} {name}")
+        return AcousticModem(us, {peer: there}, rng, AcousticConditions(), time.truth)
+
+    def station_position() -> Point:
+        return north, east, _STATION_DEPTH_M
+
+    def robot_position() -> Point:
+        return body.plant.position_ned
+
+    ours = definition.acoustic_address or 0
+    robot_end = WaterNode(robot_position, lambda _, word: robot.send_mini(STATION_ADDRESS, word))
+    station_end = WaterNode(station_position, lambda _, word: station.send_mini(ours, word))
+    station = modem("station", station_position, ours, robot_end)
+    robot = modem("robot", robot_position, STATION_ADDRESS, station_end)
+    async with (
+        station.pty(device_path(STATION_ACOUSTIC)),
+        robot.pty(device_path("acoustic")),
+    ):
         yield
 
 

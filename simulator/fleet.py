@@ -14,6 +14,11 @@ from simulator.battery import BatteryModel
 from simulator.onboard.clock import ClockModel
 from simulator.sensor import SensorModel
 
+STATION_ADDRESS = 1
+"""Address of the station's acoustic modem."""
+STATION_ACOUSTIC = "acoustic-station"
+"""Name, among a robot's devices, of the line at which the station finds that modem."""
+
 
 @dataclass(frozen=True, slots=True)
 class RobotDefinition:

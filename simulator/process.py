@@ -191,6 +191,7 @@ def _satellites(settings: SimulatorSettings, in_view: Callable[[str], bool]) -> 
         settings.satellite(),
         settings.clock(),
         in_view,
+        settings.satellite_memory,
     )
     gateway = settings.gateway
     account = Account("", "") if gateway is None else Account(gateway.username, gateway.password)

@@ -56,6 +56,8 @@ class SimulatorSettings(Configuration):
     wait for programs of their own."""
     gateway: GatewaySettings | None = None
     """The satellite gateway; without one messages of robots lead nowhere."""
+    satellite_memory: Path | None = None
+    """File in which the satellite network keeps its queues while the simulator does not run."""
     satellite_loss: float = Field(default=0.05, ge=0.0, lt=1.0)
     """Part of the satellite messages that are lost on the way to a robot, and from it."""
     satellite_duplication: float = Field(default=0.02, ge=0.0, lt=1.0)

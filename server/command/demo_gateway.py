@@ -24,6 +24,8 @@ from simulator.settings import GatewaySettings
 
 GATEWAY_FILE = Path("simulator") / "gateway.json"
 """Below the data folder: the emulated gateway's settings, with its private key."""
+NETWORK_FILE = Path("simulator") / "satellites.json"
+"""Below the data folder: the emulated satellite network's queues."""
 MEMORY_FOLDER = "robots"
 """Below the data folder: a folder for each simulated robot's own memory."""
 _LOOPBACK = ("127.0.0.1", "localhost", "::1")

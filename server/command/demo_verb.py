@@ -29,7 +29,14 @@ from server.data_folder import CLOCK_FILE
 from server.secret import SecretStore
 from server.security import register
 from server.security.role import Role
-from simulator.fleet import FLEET, USUAL_ROBOTS, RobotDefinition, robots_named
+from simulator.fleet import (
+    FLEET,
+    STATION_ACOUSTIC,
+    STATION_ADDRESS,
+    USUAL_ROBOTS,
+    RobotDefinition,
+    robots_named,
+)
 
 DEFAULT_PORT = 8000
 PORTS_TRIED = 20
@@ -153,6 +160,10 @@ def _record(definition: RobotDefinition, folder: Path, at: datetime) -> RobotRec
     links = [f"xbee://{link}"]
     if definition.imei:
         links.append(f"rockblock://{definition.imei}")
+    if definition.acoustic_address is not None:
+        line = link.with_name(f"{definition.robot}-{STATION_ACOUSTIC}")
+        options = f"us={STATION_ADDRESS}&peer={definition.acoustic_address}"
+        links.append(f"micromodem://{line}?{options}")
     return RobotRecord(
         id=definition.robot,
         name=definition.robot,

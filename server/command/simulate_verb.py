@@ -61,7 +61,7 @@ def part(text: str) -> float:
 def run(arguments: Namespace) -> int:
     """Simulate until told to stop."""
     # The simulator is heavy to import; no other verb but this one runs it.
-    from server.command.demo_gateway import MEMORY_FOLDER, give_keys, read_gateway
+    from server.command.demo_gateway import MEMORY_FOLDER, NETWORK_FILE, give_keys, read_gateway
     from simulator.process import run as run_simulator
     from simulator.settings import SimulatorSettings
 
@@ -88,6 +88,7 @@ def run(arguments: Namespace) -> int:
         "has_programs": not arguments.bodies,
         "memory_folder": folder / MEMORY_FOLDER,
         "gateway": read_gateway(folder),
+        "satellite_memory": folder / NETWORK_FILE,
         "robots": arguments.robots and arguments.robots.split(","),
     }
     try:
