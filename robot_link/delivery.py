@@ -1,5 +1,6 @@
 """Handing one datagram to a radio until it is confirmed, a few times."""
 
+import asyncio
 from collections.abc import Callable
 
 from robot_link.transport.datagram import (
@@ -19,6 +20,7 @@ async def deliver(
     attempts: int = 1,
     on_taken: Callable[[], None] = lambda: None,
     is_wanted: Callable[[], bool] = lambda: True,
+    pause_s: Callable[[], float] = lambda: 0.0,
 ) -> Delivery:
     """Send a datagram, again where the far radio does not confirm.
 
@@ -31,12 +33,16 @@ async def deliver(
         attempts: How often at most.
         on_taken: Called each time that the radio has taken it.
         is_wanted: Asked before each attempt whether it shall still be sent.
+        pause_s: Asked before each repetition how long to wait; unequal times keep two radios that
+            talked at once from doing so again.
 
     Returns:
         The radio's last word; of unknown fate where there is no open port.
     """
     delivery = Delivery(Fate.UNKNOWN, detail="nothing was sent")
-    for _ in range(attempts):
+    for attempt in range(attempts):
+        if attempt:
+            await asyncio.sleep(pause_s())
         if not is_wanted():
             break
         try:

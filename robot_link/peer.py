@@ -1,5 +1,7 @@
 """One robot as the station sees it: its radios, its last word, and which road reaches it best."""
 
+import asyncio
+import random
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Final
@@ -29,7 +31,8 @@ _BEST_FIRST: Final = (
     LinkState.PORT_CLOSED,
     LinkState.UNPLUGGED,
 )
-_ANOTHER_ROAD_MAY_HELP: Final = frozenset((Fate.NOT_ACKNOWLEDGED, Fate.REFUSED, Fate.TOO_LARGE))
+_LEFT: Final = frozenset((Fate.DELIVERED, Fate.UNCONFIRMED))
+"""Fates after which no other road needs to be tried."""
 
 
 class Peer:
@@ -65,6 +68,7 @@ class Peer:
         self.heard_by = ""
         """Kind of the radio that last brought something."""
         self._chosen: PeerPath | None = None
+        self._jitter = random.Random(endpoint.system)
         self._codec = codec
         self._on_raw = on_raw
 
@@ -155,16 +159,16 @@ class Peer:
             confirm.
         """
         frames = [self._codec.pack(message) for message in messages]
-        confirmed = False
-        for path in self.paths if on_every_path else self._roads():
-            fate = await self._deliver_on(path, frames, on_taken, is_wanted)
-            if fate is Fate.DELIVERED:
-                confirmed = True
-                self.confirmed_by = path.transport.carrier
-            gives_up = fate is not None and fate not in _ANOTHER_ROAD_MAY_HELP
-            if gives_up and not on_every_path:
-                break
-        return confirmed
+        send = partial(self._deliver_on, frames=frames, on_taken=on_taken, is_wanted=is_wanted)
+        if on_every_path:
+            async with asyncio.TaskGroup() as group:
+                sent = [group.create_task(send(path)) for path in self.paths]
+            return any(task.result() is Fate.DELIVERED for task in sent)
+        for path in self._roads():
+            fate = await send(path)
+            if fate in _LEFT:
+                return fate is Fate.DELIVERED
+        return False
 
     def _rank(self, path: PeerPath) -> int:
         return _BEST_FIRST.index(path.state(self.mode))
@@ -187,13 +191,11 @@ class Peer:
         frames: Sequence[bytes],
         on_taken: Callable[[], None],
         is_wanted: Callable[[], bool],
-    ) -> Fate | None:
-        """Return the worst fate of the datagrams on one road; None where its port is closed."""
+    ) -> Fate:
+        """Return the worst fate of the datagrams on one road."""
         address = BROADCAST if path.address is None else path.address
         worst = Fate.DELIVERED
         for packet in packets(frames, path.transport.max_payload):
-            if not path.transport.max_payload:
-                return None
             delivery = await deliver(
                 path.transport,
                 address,
@@ -201,11 +203,18 @@ class Peer:
                 attempts=ATTEMPTS,
                 on_taken=partial(self._taken, path, packet, on_taken),
                 is_wanted=is_wanted,
+                pause_s=self._pause_s,
             )
             if delivery.fate is not Fate.DELIVERED:
                 worst = delivery.fate
-        is_proof = worst is not Fate.DELIVERED or address != BROADCAST
-        return worst if is_proof else Fate.UNKNOWN
+        if worst is Fate.DELIVERED:
+            if address == BROADCAST:
+                return Fate.UNCONFIRMED
+            self.confirmed_by = path.transport.carrier
+        return worst
+
+    def _pause_s(self) -> float:
+        return self.timing.repeat_jitter_s * self._jitter.random()
 
     def _taken(self, path: PeerPath, packet: bytes, on_taken: Callable[[], None]) -> None:
         on_taken()

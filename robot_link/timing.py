@@ -21,6 +21,8 @@ class LinkTiming:
     """Wait for an answer to a command, an offer or a request before it is repeated."""
     retry_s: float = 3.0
     """Time between attempts to reach a robot that does not confirm, unless it is heard before."""
+    repeat_jitter_s: float = 0.05
+    """Longest wait before a datagram that was not confirmed is sent again."""
     upload_s: float = 30.0
     """Longest upload, beside what every item adds."""
     upload_item_s: float = 0.5

@@ -127,7 +127,10 @@ class TcpPort:
 
     def close(self) -> None:
         """Close the connection."""
-        self._writer.close()
+        if self._writer.transport.get_write_buffer_size():
+            self._writer.transport.abort()
+        else:
+            self._writer.close()
 
 
 async def _ready(

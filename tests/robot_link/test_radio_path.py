@@ -171,6 +171,16 @@ async def test_a_pulled_plug_is_shown_and_the_other_radio_taken(tmp_path: Path):
             it.station.set_plugged("udp://127.0.0.1:1", False)
 
 
+async def test_surface_is_said_on_every_road_at_once_whatever_the_operator_chose(tmp_path: Path):
+    """Each of this robot's two radios has a link of its own, so that it obeys once by each."""
+    async with two_roads(tmp_path) as it:
+        await until(lambda: it.states() == [LinkState.LIVE, LinkState.LIVE])
+        it.station.choose_link(MINI, it.uris[0])
+        it.station.send_command(MINI, CommandKind.SURFACE, CommandNumber(1), soon())
+        await until(lambda: len(it.program.obeyed) == 2)
+        assert {kind for kind, _ in it.program.obeyed} == {CommandKind.SURFACE}
+
+
 async def test_a_foreign_radio_on_one_road_is_dropped_and_counted_there(tmp_path: Path):
     async with two_roads(tmp_path, second_address=Address(5)) as it:
         await until(lambda: it.states()[0] is LinkState.LIVE)
