@@ -12,8 +12,10 @@ from server.security.rate import RateLimit
 from tests.robot_link.http_peer import http_peer
 from tests.robot_link.signed_push import IMEI, public_pem
 from tests.robot_link.test_directip import confirmation, gateway_saying
+from tests.server.gateway_station import _tables, blank_database, robot, station
 from tests.server.station_app import signed_in
-from tests.server.test_gateway_push import robot, station
+
+__all__ = ["_tables", "blank_database"]
 
 
 @pytest.fixture
@@ -59,28 +61,28 @@ async def test_a_password_goes_to_no_other_address_unasked(app, admin):
     assert app.state.foundation.secrets.gateway("rockblock").password == "p"
 
 
-@pytest.mark.parametrize(
-    ("kind", "wrong"),
-    [
-        ("rockblock", {"url": "http://rockblock.example/MT"}),
-        ("rockblock", {"url": "https://ann:word@rockblock.example/MT"}),
-        ("rockblock", {"url": "https://rockblock.example/MT?password=x"}),
-        ("rockblock", {"url": "ftp://rockblock.example"}),
-        ("rockblock", {"url": "tcp://rockblock.example:1"}),
-        ("rockblock", {"url": "https://[::1"}),
-        ("rockblock", {"public_key": "no key"}),
-        ("rockblock", {"colour": "red"}),
-        ("directip", {"url": "https://directip.example"}),
-        ("directip", {"url": "tcp://directip.example"}),
-        ("directip", {"url": "tcp://directip.example:99999"}),
-        ("pigeon", {}),
-    ],
-)
-async def test_what_is_wrong_is_refused_at_its_field_and_changes_nothing(app, admin, kind, wrong):
-    answer = await admin.put(f"/api/gateways/{kind}", json=wrong | {"password": "pass-word-1"})
-    assert answer.status_code == 422
-    assert answer.json()["errors"]
-    assert "pass-word-1" not in answer.text
+WRONG = [
+    ("rockblock", {"url": "http://rockblock.example/MT"}),
+    ("rockblock", {"url": "https://ann:word@rockblock.example/MT"}),
+    ("rockblock", {"url": "https://rockblock.example/MT?password=x"}),
+    ("rockblock", {"url": "ftp://rockblock.example"}),
+    ("rockblock", {"url": "tcp://rockblock.example:1"}),
+    ("rockblock", {"url": "https://[::1"}),
+    ("rockblock", {"public_key": "no key"}),
+    ("rockblock", {"colour": "red"}),
+    ("directip", {"url": "https://directip.example"}),
+    ("directip", {"url": "tcp://directip.example"}),
+    ("directip", {"url": "tcp://directip.example:99999"}),
+    ("pigeon", {}),
+]
+
+
+async def test_what_is_wrong_is_refused_at_its_field_and_changes_nothing(app, admin):
+    for kind, wrong in WRONG:
+        answer = await admin.put(f"/api/gateways/{kind}", json=wrong | {"password": "pass-word-1"})
+        assert answer.status_code == 422, wrong
+        assert answer.json()["errors"]
+        assert "pass-word-1" not in answer.text
     assert app.state.foundation.secrets.gateway("rockblock").password == "s3cret-word"
 
 

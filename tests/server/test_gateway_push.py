@@ -6,24 +6,16 @@ import json
 import logging
 import re
 import socket
-from contextlib import asynccontextmanager
-from datetime import UTC, datetime
 
 import httpx
 import pytest
 
-from autonomy.site import LAKE
 from db.fault import StoreUnavailableError
 from db.query.events import newest_events
-from db.query.inbox import add_inbox
-from db.query.robots import RobotRecord, add_robot
+from db.query.robots import add_robot
 from robot_link.gateway.gateway import HeldBackError
-from robot_link.messages import RobotId, SystemId
-from server.app import create_app
 from server.secret import GatewayAccount
 from server.security.rate import RateLimit
-from server.service.gateways import Gateways
-from server.settings import Settings
 from tests.robot_link.signed_push import (
     FORM,
     IMEI,
@@ -38,48 +30,11 @@ from tests.robot_link.signed_push import (
     unsigned_token,
 )
 from tests.robot_link.test_directip import CAPTURE, deliver
+from tests.server.gateway_station import PASSWORD, _tables, blank_database, robot, station
 from tests.server.station_app import client_of, signed_in
 
-PASSWORD = "s3cret-word"
 CLOUDLOOP_IMEI = "300234065366010"
-
-
-class Keeper:
-    """Stands where the station's services are: keeps messages in the inbox, and no more."""
-
-    def __init__(self, foundation):
-        self._store = foundation.store
-        self.fault = None
-        self.messages = []
-        self.gateways = Gateways(foundation, self.take)
-
-    async def start(self):
-        await self.gateways.start()
-
-    async def stop(self):
-        await self.gateways.stop()
-
-    async def take(self, message):
-        if self.fault is not None:
-            raise self.fault
-        _, is_new = await self._store.write(lambda session: add_inbox(session, message, None))
-        self.messages.append(message)
-        return is_new
-
-
-@asynccontextmanager
-async def station(folder, **settings):
-    app = create_app(Settings(data_dir=folder, **settings), Keeper)
-    async with app.router.lifespan_context(app):
-        secrets = app.state.foundation.secrets
-        account = GatewayAccount(
-            url="https://rockblock.example/MT",
-            username="ann",
-            password=PASSWORD,
-            public_key=public_pem(),
-        )
-        secrets.set_gateway("rockblock", account)
-        yield app
+__all__ = ["_tables", "blank_database"]
 
 
 @pytest.fixture
@@ -247,19 +202,6 @@ async def test_a_modem_that_a_robot_has_is_no_stranger(app, gateway):
     )
     await push(app, gateway, form_push())
     assert await events(app, "gateway.unknown_imei") == []
-
-
-def robot(links):
-    return RobotRecord(
-        id=RobotId("grace-1"),
-        name="grace-1",
-        model="grace3",
-        kind="real",
-        system_id=SystemId(2),
-        links=links,
-        site=LAKE,
-        created_at=datetime.now(UTC),
-    )
 
 
 async def test_cloudloop_pushes_to_its_own_path(app, gateway):

@@ -1,0 +1,83 @@
+"""A station whose services are its gateways and an inbox, and no more."""
+
+import shutil
+from contextlib import asynccontextmanager
+from datetime import UTC, datetime
+
+import pytest
+
+from autonomy.site import LAKE
+from db.query.inbox import add_inbox
+from db.query.robots import RobotRecord
+from db.store import Store
+from robot_link.messages import RobotId, SystemId
+from server.app import create_app
+from server.secret import GatewayAccount
+from server.service.gateways import Gateways
+from server.settings import Settings
+from tests.robot_link.signed_push import public_pem
+
+PASSWORD = "s3cret-word"
+
+
+class Keeper:
+    """Stands where the station's services are: keeps messages in the inbox, and no more."""
+
+    def __init__(self, foundation):
+        self._store = foundation.store
+        self.fault = None
+        self.messages = []
+        self.gateways = Gateways(foundation, self.take)
+
+    async def start(self):
+        await self.gateways.start()
+
+    async def stop(self):
+        await self.gateways.stop()
+
+    async def take(self, message):
+        if self.fault is not None:
+            raise self.fault
+        _, is_new = await self._store.write(lambda session: add_inbox(session, message, None))
+        self.messages.append(message)
+        return is_new
+
+
+@pytest.fixture(scope="session")
+def blank_database(tmp_path_factory):
+    """A database with its tables and nothing in it, made once: that takes its time."""
+    folder = tmp_path_factory.mktemp("blank")
+    Store.open(Settings(data_dir=folder).resolved_database_url).close()
+    return folder / "station.sqlite3"
+
+
+@pytest.fixture(autouse=True)
+def _tables(blank_database, tmp_path):
+    shutil.copy(blank_database, tmp_path / blank_database.name)
+
+
+@asynccontextmanager
+async def station(folder, **settings):
+    app = create_app(Settings(data_dir=folder, **settings), Keeper)
+    async with app.router.lifespan_context(app):
+        account = GatewayAccount(
+            url="https://rockblock.example/MT",
+            username="ann",
+            password=PASSWORD,
+            public_key=public_pem(),
+        )
+        app.state.foundation.secrets.set_gateway("rockblock", account)
+        yield app
+
+
+def robot(links):
+    return RobotRecord(
+        id=RobotId("grace-1"),
+        name="grace-1",
+        model="grace3",
+        kind="real",
+        system_id=SystemId(2),
+        links=links,
+        site=LAKE,
+        created_at=datetime.now(UTC),
+    )
