@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import Mapping
-from contextlib import suppress
 from types import MappingProxyType
 from typing import Final
 
@@ -68,13 +67,18 @@ class RobotServices:
 
     async def run(self) -> None:
         """Compare the clocks now and then, while the robot is in contact, until cancelled."""
+        pause_s = _CLOCK_LOOK_S
         while True:
             if self.is_live:
-                with suppress(NoAnswerError):
+                try:
                     await self.clock.measure()
-                    await asyncio.sleep(_CLOCK_PERIOD_S)
-                    continue
-            await asyncio.sleep(_CLOCK_LOOK_S)
+                    pause_s = _CLOCK_PERIOD_S
+                except NoAnswerError:  # not every vehicle answers, and a robot may have dived
+                    pause_s = min(2 * pause_s, _CLOCK_PERIOD_S)
+                await asyncio.sleep(pause_s)
+            else:
+                pause_s = _CLOCK_LOOK_S
+                await asyncio.sleep(_CLOCK_LOOK_S)
 
     @property
     def is_live(self) -> bool:

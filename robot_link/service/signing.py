@@ -105,10 +105,11 @@ class FileSigningMemory:
             ValueError: If the file is not one of ours; it must be looked at, not forgotten.
         """
         try:
-            kept = json.loads(self._path.read_text(encoding="utf-8"))
+            text = self._path.read_text(encoding="utf-8")
         except FileNotFoundError:
             return SigningMarks()
         try:
+            kept = json.loads(text)
             streams = {
                 (int(link), int(system), int(component)): int(stamp)
                 for link, system, component, stamp in kept["streams"]

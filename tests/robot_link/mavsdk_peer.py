@@ -1,7 +1,7 @@
 """MAVSDK as a process of its own, so that the threads of its native library end with it.
 
-``python -m tests.robot_link.mavsdk_peer ground_station URL`` or ``vehicle URL FOLDER``: what it
-saw is written to standard output, one JSON object a line.
+``python -m tests.robot_link.mavsdk_peer ground_station URL FOLDER`` or ``vehicle URL FOLDER``: what
+it saw is written to standard output, one JSON object a line.
 """
 
 import asyncio
@@ -12,6 +12,7 @@ from collections.abc import AsyncIterator, Awaitable
 from typing import Any
 
 from mavsdk.asyncio.mavsdk import Configuration, Mavsdk
+from mavsdk.asyncio.plugins.ftp.ftp import FtpAsync
 from mavsdk.asyncio.plugins.ftp_server.ftp_server import FtpServerAsync
 from mavsdk.asyncio.plugins.mission_raw.mission_raw import MissionRawAsync
 from mavsdk.asyncio.plugins.mission_raw_server.mission_raw_server import MissionRawServerAsync
@@ -26,7 +27,8 @@ LONGEST_S = 60.0
 
 
 def say(**what: Any) -> None:
-    print(json.dumps(what), flush=True)
+    sys.stdout.write(json.dumps(what) + "\n")
+    sys.stdout.flush()
 
 
 async def first(stream: AsyncIterator[Any]) -> Any:
@@ -42,7 +44,7 @@ async def within(work: Awaitable[Any]) -> Any:
         return await work
 
 
-async def ground_station(url: str) -> None:
+async def ground_station(url: str, local: str) -> None:
     mavsdk = Mavsdk(Configuration.create_with_component_type(ComponentType.GROUND_STATION))
     await mavsdk.add_any_connection(url)
     system = await mavsdk.first_autopilot(timeout_s=LONGEST_S)
@@ -96,6 +98,17 @@ async def ground_station(url: str) -> None:
         period=await within(param.get_param_int("SAT_PERIOD_S")),
         gain=await within(param.get_param_float("GAIN_PITCH")),
     )
+
+    files = FtpAsync(system)
+    listed = await within(files.list_directory("/"))
+    for use_burst in (False, True):
+        folder = f"{local}/{use_burst}"
+        async with asyncio.timeout(LONGEST_S):
+            async for _ in files.download("/dive.bin", folder, use_burst):
+                pass
+    same = await within(files.are_files_identical(f"{local}/True/dive.bin", "/dive.bin"))
+    names = [[entry.name, entry.size_bytes] for entry in listed.entries]
+    say(files=names, identical=same)
 
 
 async def vehicle(url: str, folder: str) -> None:

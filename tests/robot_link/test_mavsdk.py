@@ -19,6 +19,7 @@ from robot_link.path import RadioPath
 from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog
 from robot_link.service.error import ServiceRefusedError
+from robot_link.service.file_store import FolderFiles
 from robot_link.service.parameter_table import Parameter, ParameterTable, ParameterType
 from robot_link.service.standard_item import StandardItem
 from robot_link.service.waypoint_mission import WaypointRules
@@ -70,7 +71,13 @@ async def said(process: asyncio.subprocess.Process, key: str) -> dict[str, Any]:
     raise AssertionError(f"the peer ended before it said {key!r}")
 
 
-async def test_mavsdk_as_ground_station_reads_a_robot_and_gives_it_a_mission():
+async def test_mavsdk_as_ground_station_reads_a_robot_and_gives_it_a_mission(tmp_path: Path):
+    logs, local = tmp_path / "logs", tmp_path / "local"
+    logs.mkdir()
+    for folder in ("False", "True"):
+        (local / folder).mkdir(parents=True)
+    content = bytes(n * n % 251 for n in range(9000)) + bytes(500)
+    (logs / "dive.bin").write_bytes(content)
     port = free_port()
     table = ParameterTable(
         (
@@ -87,11 +94,12 @@ async def test_mavsdk_as_ground_station_reads_a_robot_and_gives_it_a_mission():
         log=MemorySampleLog(LogId(1)),
         plans=plans,
         parameters=table,
+        files=FolderFiles(logs),
         waypoints=RULES,
     )
     link.report_state(state(SystemClock().now()))
     async with (
-        peer("ground_station", f"udpin://127.0.0.1:{port}") as mavsdk,
+        peer("ground_station", f"udpin://127.0.0.1:{port}", str(local)) as mavsdk,
         running(link.run),
     ):
         await said(mavsdk, "connected")
@@ -113,6 +121,10 @@ async def test_mavsdk_as_ground_station_reads_a_robot_and_gives_it_a_mission():
         assert await said(mavsdk, "period") == {"period": 1234, "gain": 0.75}
         assert table.read("SAT_PERIOD_S").value == 1234
         assert table.read("GAIN_PITCH").value == 0.75
+        files = await said(mavsdk, "identical")
+        assert files == {"files": [["dive.bin", len(content)]], "identical": True}
+        for folder in ("False", "True"):
+            assert (local / folder / "dive.bin").read_bytes() == content
 
 
 async def test_mavsdk_as_vehicle_takes_a_mission_and_parameters_and_serves_a_file(tmp_path: Path):
@@ -143,6 +155,7 @@ async def test_mavsdk_as_vehicle_takes_a_mission_and_parameters_and_serves_a_fil
         await said(mavsdk, "ready")
         await until(lambda: station.link_report(VEHICLE).state is LinkState.LIVE, LONGEST_S)
         await station.services(VEHICLE).missions.upload(items)
+        await station.services(VEHICLE).missions.verify(items)
         kept = await said(mavsdk, "mission")
         assert kept["mission"] == [[item.command, item.x, item.y, item.z] for item in items]
         listed = {value.name: value for value in await station.read_parameters(VEHICLE)}
