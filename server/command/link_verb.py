@@ -5,6 +5,7 @@ import logging
 from argparse import ArgumentParser, Namespace
 
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from db.query.robots import list_robots
@@ -13,6 +14,7 @@ from robot_link.transport.doctor import Doctor
 from robot_link.transport.opening import RADIO_SCHEMES, is_radio
 from server.command.data import add_data_option, open_store, settings_of
 from server.command.failure import CommandError
+from server.command.remote import add_remote_options, checked, open_remote
 
 _LONGEST_LISTENING_S = 3600.0
 
@@ -31,24 +33,52 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     show = actions.add_parser("list", help="list the links of the station's robots")
     add_data_option(show)
+    add_remote_options(show)
 
 
 def run(arguments: Namespace) -> int:
     """Do the action; the doctor's exit status says whether a robot was heard."""
     if arguments.action == "doctor":
         return _examine(arguments.uri, arguments.seconds)
+    table = _live_links(arguments) if arguments.url else _registered_links(arguments)
+    Console().print(table if table.row_count else "There is no robot yet.")
+    return 0
+
+
+def _registered_links(arguments: Namespace) -> Table:
+    """Return the links as the data folder has them."""
     with open_store(settings_of(arguments)) as store, store.read() as session:
         robots = list_robots(session)
     table = Table("robot", "system", "link", "remark")
     for robot in robots:
         for number, uri in enumerate(robot.links):
-            name = robot.id if number == 0 else ""
-            table.add_row(name, str(robot.system_id or ""), uri, _remark(uri))
+            system = robot.system_id if number == 0 else None
+            name = "" if number else robot.id
+            table.add_row(name, str(system or ""), escape(uri), escape(_remark(uri)))
         if not robot.links:
             remark = "a recording" if robot.kind == "recorded" else "no link: give it one"
             table.add_row(robot.id, str(robot.system_id or ""), "", remark)
-    Console().print(table if robots else "There is no robot yet.")
-    return 0
+    return table
+
+
+def _live_links(arguments: Namespace) -> Table:
+    """Return the links as a running station knows them now."""
+    table = Table("robot", "link", "state", "frames", "bad", "dBm", "remark")
+    with open_remote(arguments) as client:
+        for robot in checked(client.get("/api/robots")).json():
+            links = checked(client.get(f"/api/robots/{robot['id']}/links")).json()
+            for number, link in enumerate(links):
+                strength = link["rssi_dbm"]
+                table.add_row(
+                    "" if number else robot["id"],
+                    escape(link["uri"]),
+                    link["state"].replace("_", " "),
+                    str(link["frames_received"]),
+                    str(link["frames_bad"]),
+                    "" if strength is None else f"{strength:g}",
+                    escape(link["text"]),
+                )
+    return table
 
 
 def _examine(uri: str, listen_s: float) -> int:

@@ -6,12 +6,18 @@ import random
 import socket
 import termios
 from collections.abc import Callable
+from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import pytest
 
+from autonomy.site import TANK
+from db.query.robots import RobotRecord, add_robot
+from db.store import Store
+from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
-from robot_link.messages import SystemId
+from robot_link.messages import RobotId, SystemId
 from robot_link.transport.advice import byte_advice, port_advice
 from robot_link.transport.datagram import BROADCAST, Address, PortClosedError
 from robot_link.transport.doctor import Doctor
@@ -266,6 +272,29 @@ def test_the_command_line_examines_a_link_and_tells_by_its_exit_status(capsys):
     assert "--seconds" in capsys.readouterr().err
 
 
-def test_the_command_line_lists_links_of_a_fresh_station(tmp_path: Path, capsys):
+def test_the_command_line_lists_every_link_and_what_is_wrong_with_it(
+    tmp_path: Path, capsys, monkeypatch
+):
+    monkeypatch.setenv("COLUMNS", "200")
     assert main(["link", "list", "--data", str(tmp_path)]) == 0
     assert "There is no robot yet." in capsys.readouterr().out
+    links = ("xbee:///dev/x", "rockblock://300234010753370", "serial://dev/y", "tcp://[::1]:5760")
+    with closing(Store.open(f"sqlite:///{tmp_path}/station.sqlite3")) as store:
+        for name, uris in (("glider-1", links), ("glider-2", ())):
+            robot = RobotRecord(
+                id=RobotId(name),
+                name=name,
+                model="grace",
+                kind="real",
+                system_id=SystemId(7 + len(uris)),
+                links=uris,
+                site=TANK,
+                created_at=SystemClock().now(),
+            )
+            store.change(partial(add_robot, robot=robot)).result()
+    assert main(["link", "list", "--data", str(tmp_path)]) == 0
+    told = " ".join(capsys.readouterr().out.split())
+    for words in (*links, "three", "slashes", "glider-2", "no link"):
+        assert words in told
+    assert main(["link", "list", "--url", "http://127.0.0.1:1", "--token", "x"]) == 1
+    assert "does not answer" in capsys.readouterr().err
