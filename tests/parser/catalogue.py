@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
+from functools import partial
 
 from robot_link.acoustic import nmea, sentence
 from robot_link.gateway import cloudloop, directip_wire, rockblock
@@ -38,8 +39,10 @@ from robot_link.satellite.record import (
     read_mobile_originated,
 )
 from robot_link.service.file_wire import FileRequest, read_file_request, read_listing
+from robot_link.transport.advice import byte_advice
 from robot_link.transport.datagram import Address
 from robot_link.transport.mavlink_frame import MavlinkFrameReader
+from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee_frame import (
     FrameReader,
     ReceivePacket,
@@ -47,6 +50,11 @@ from robot_link.transport.xbee_frame import (
     TransmitStatus,
     encode,
     parse_content,
+)
+from robot_link.transport.xbee_neighbour import (
+    NeighbourRadio,
+    neighbour_value,
+    parse_neighbour,
 )
 from tests.robot_link.rig import mission
 from tests.robot_link.signed_push import form_push, json_push, private_key
@@ -92,10 +100,13 @@ def _radio() -> tuple[Parser, ...]:
         TransmitRequest(1, Address(0x0013A20041F00001), frames[1]),
         TransmitStatus(1, 0, 0x21),
     )
+    neighbour = NeighbourRadio(Address(0x0013A20041F00001), "mini-1", -52.0)
     file_request = FileRequest(1, 4, data=b"/log/dive-1.csv").octets()
     return (
         Parser("xbee_plain", lambda: _xbee(1), tuple(encode(p.content(), 1) for p in packets)),
         Parser("xbee_escaped", lambda: _xbee(2), tuple(encode(p.content(), 2) for p in packets)),
+        Parser("xbee_neighbour", lambda: parse_neighbour, (neighbour_value(neighbour),)),
+        Parser("strange_bytes", lambda: partial(byte_advice, LinkUri("xbee:///dev/x")), frames),
         Parser("mavlink_stream", lambda: MavlinkFrameReader().feed, frames),
         Parser("mavlink_datagram", lambda: _datagram, frames),
         Parser("mission_items", lambda: _items, frames, (ValueError,)),
