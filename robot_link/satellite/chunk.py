@@ -37,6 +37,7 @@ _THRIFTY_MAX = MOBILE_TERMINATED_MAX // _CREDIT_BYTES * _CREDIT_BYTES - _HEADER.
 """Data of a message that fills its credits; more, up to ``DATA_MAX``, costs a credit more."""
 _CODEC_MASK, _LAST, _START, _ACK_SEEN = 3, 4, 8, 16
 _FLAGS_MAX = 31
+_COUNTER_MAX = 2**32 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,8 +78,10 @@ def cut(
         ack_seen: The station has seen the final word on every transfer and order before.
 
     Raises:
-        ValueError: If the mission needs more than ``MOST_CHUNKS``.
+        ValueError: If the mission needs more than ``MOST_CHUNKS``, or the counter does not fit.
     """
+    if not 0 <= counter <= _COUNTER_MAX:
+        raise ValueError(f"counter {counter} cannot travel")
     parts = _parts(blob.packed)
     flags = blob.codec | _START * start | _ACK_SEEN * ack_seen
     first = first_byte(MessageType.CHUNK)
