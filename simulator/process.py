@@ -54,7 +54,7 @@ async def serve(settings: SimulatorSettings, stopped: asyncio.Event) -> None:
         ExceptionGroup: If a robot or a link failed.
     """
     bodies: dict[str, SimulatedBody] = {}
-    network = _satellites(settings, lambda imei: imei in bodies and bodies[imei].has_sky)
+    network = satellites(settings, lambda imei: imei in bodies and bodies[imei].has_sky)
     async with _gateway(settings.gateway, network), asyncio.TaskGroup() as group:
         tasks: list[asyncio.Task[None]] = []
         if settings.parent_pid is not None:
@@ -184,7 +184,7 @@ async def _station_radio(
         yield network
 
 
-def _satellites(settings: SimulatorSettings, in_view: Callable[[str], bool]) -> IridiumNetwork:
+def satellites(settings: SimulatorSettings, in_view: Callable[[str], bool]) -> IridiumNetwork:
     """Return the satellite network, which knows the modem of every robot."""
     network = IridiumNetwork(
         random.Random(f"{settings.seed} satellites"),

@@ -19,6 +19,8 @@ from simulator.node.wire import Content, NodeError, NodeFault
 from simulator.onboard.hardware import Hardware, Readings, SetPoints
 
 READINGS = "readings"
+_WAITING = 50
+"""Sets of readings that wait for a program that is late: each may hold a fix."""
 _SET_POINTS = frozenset(field.name for field in fields(SetPoints))
 
 
@@ -68,7 +70,7 @@ class RemoteBody:
 
     def __init__(self, node: NodeClient) -> None:
         self._node = node
-        self._readings: Subscription = node.subscribe(READINGS)
+        self._readings: Subscription = node.subscribe(READINGS, _WAITING)
         self._newest: Readings | None = None
         self._field = 0.0
         self._wanted: SetPoints | None = None
