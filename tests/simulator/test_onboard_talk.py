@@ -1,0 +1,231 @@
+"""The robot's talk by satellite, the same program over two kinds of device."""
+
+import asyncio
+import math
+from contextlib import asynccontextmanager
+from dataclasses import dataclass, field
+from datetime import timedelta
+
+import pytest
+
+from robot_link.messages import (
+    CommandKind,
+    CommandNumber,
+    LogId,
+    OnboardPlanState,
+    RobotId,
+    RobotMode,
+    StateReport,
+    SystemId,
+)
+from robot_link.mission import Mission
+from robot_link.plan_desk import PlanOnBoard
+from robot_link.robot_program import CommandOutcome
+from robot_link.sample_log import Measurement, MemorySampleLog
+from robot_link.satellite.blob import Blob
+from robot_link.satellite.chunk import cut
+from robot_link.satellite.content import TransferState
+from robot_link.satellite.order import pack_order
+from robot_link.satellite.receiver import MemoryStore, Receiver
+from robot_link.satellite.record import read_mobile_originated
+from simulator.background import alongside
+from simulator.node.satellite import SatelliteClient
+from simulator.onboard.satellite_policy import CallLimits
+from simulator.onboard.satellite_talk import SatelliteTalk, TalkSettings
+from tests.robot_link.rig import until
+from tests.simulator.flight import EPOCH, mission, two_dives
+from tests.simulator.satellite_rig import IMEI, cellular, fast_clock, heard, iridium, network
+
+ROBOT, SYSTEM, KEY = RobotId("grace-1"), SystemId(2), bytes(range(32))
+STATE = StateReport(
+    robot=ROBOT,
+    measured_at=EPOCH,
+    received_at=EPOCH,
+    position_ned=(360.0, 350.0, 0.0),
+    position_std_m=2.0,
+    velocity_ned=(0.0, 0.0, 0.0),
+    roll_rad=0.0,
+    pitch_rad=0.1,
+    heading_rad=0.8,
+    net_buoyancy_kg=-0.05,
+    mass_position_m=0.0,
+    tail_rad=0.0,
+    battery_fraction=0.9,
+    battery_v=20.0,
+    mode=RobotMode.IDLE,
+    has_fix=True,
+    energy_used=0.0,
+)
+
+
+NO_PLAN = PlanOnBoard(None, OnboardPlanState.NONE, 0, 0, 0.0, "")
+
+
+@dataclass
+class Link:
+    """What the robot's radio side is told."""
+
+    refusal: str = ""
+    plan: PlanOnBoard = NO_PLAN
+    taken: list[tuple[str, bool]] = field(default_factory=list)
+    commands: list[CommandKind] = field(default_factory=list)
+    last_heard_station_s: float = math.inf
+
+    @property
+    def plan_hash(self):
+        return self.plan.sha256
+
+    def plan_report(self) -> PlanOnBoard:
+        return self.plan
+
+    def take_mission(self, taken: Mission, *, start: bool) -> str:
+        self.taken.append((taken.sha256(), start))
+        if not self.refusal:
+            state = OnboardPlanState.RUNNING if start else OnboardPlanState.ON_BOARD
+            self.plan = PlanOnBoard(taken.sha256(), state, 0, len(taken.legs), 0.0, "")
+        return self.refusal
+
+    def take_command(self, command) -> CommandOutcome:
+        self.commands.append(command.kind)
+        return CommandOutcome.DONE
+
+
+@dataclass
+class Afloat:
+    """A robot that has lain at the surface for hours, by a clock of its own."""
+
+    clock: object
+    surfaced_s: float = 20_000.0
+    is_talking: bool = False
+    digest_settings: None = None
+
+    @property
+    def time_s(self) -> float:
+        return (self.clock.now() - EPOCH).total_seconds()
+
+    def state_report(self) -> StateReport:
+        return STATE
+
+
+@dataclass
+class Rig:
+    """The talk with what it says and does."""
+
+    talk: SatelliteTalk
+    link: Link
+    program: Afloat
+    samples: MemorySampleLog
+    ashore: list[bytes]
+    sky: object
+    store: MemoryStore
+
+    def records(self):
+        return [
+            read_mobile_originated(data, KEY, SYSTEM, ROBOT, EPOCH) for data in self.ashore if data
+        ]
+
+    def states(self) -> list[TransferState]:
+        return [ack.state for record in self.records() for ack in record.acks]
+
+
+@asynccontextmanager
+async def talking(kind, folder, *, store: MemoryStore | None = None, link: Link | None = None):
+    sky = network()
+    ashore = heard(sky)
+    clock = fast_clock()
+    store = store or MemoryStore()
+    samples = MemorySampleLog(LogId(1))
+    for n in range(40):
+        place = (float(n), float(7 * n % 11), 3.0)
+        samples.append(Measurement("chlorophyll", 2.0 + 0.1 * n, place, 3.0, EPOCH))
+    async with kind(sky, folder) as node:
+        rig_link, program = link or Link(), Afloat(clock)
+        talk = SatelliteTalk(
+            ROBOT,
+            SYSTEM,
+            KEY,
+            client=SatelliteClient(node),
+            receiver=Receiver(store, KEY, SYSTEM),
+            link=rig_link,
+            program=program,
+            samples=samples,
+            clock=clock,
+            settings=TalkSettings(CallLimits(20.0, 600.0), 205),
+        )
+        async with alongside(talk.run(), "talk"):
+            yield Rig(talk, rig_link, program, samples, ashore, sky, store)
+
+
+def parts(plan: Mission, counter: int = 2, *, start: bool = True) -> tuple[bytes, ...]:
+    return cut(Blob.of(plan), KEY, SYSTEM, counter, start=start, ack_seen=False)
+
+
+KINDS = pytest.mark.parametrize("kind", [iridium, cellular])
+
+
+@KINDS
+async def test_one_program_calls_and_takes_a_mission_over_either_device(kind, tmp_path):
+    plan = mission(*two_dives())
+    async with talking(kind, tmp_path) as rig:
+        await until(lambda: bool(rig.records()))
+        first = rig.records()[0]
+        assert first.state.position_ned == pytest.approx((360.0, 350.0, 0.0), abs=0.2)
+        assert first.samples
+        for part in (*parts(plan), *parts(plan)):
+            rig.sky.accept(IMEI, part)
+        await until(lambda: TransferState.APPLIED in rig.states())
+        assert rig.link.taken == [(plan.sha256(), True)]
+        last = rig.records()[-1]
+        assert last.plan.digits == plan.sha256()[:16]
+        assert last.plan.state is OnboardPlanState.RUNNING
+
+
+async def test_samples_that_were_taken_ashore_are_not_sent_again(tmp_path):
+    async with talking(iridium, tmp_path) as rig:
+        await until(lambda: bool(rig.records()))
+        rig.sky.accept(IMEI, b"garbage that only rings")
+        await until(lambda: len(rig.records()) >= 2)
+        sent = [sample.sequence for record in rig.records() for sample in record.samples]
+        assert len(sent) == len(set(sent)) > 4
+        assert rig.talk.refused == 1
+        assert all(size <= 205 for size in map(len, rig.ashore))
+
+
+async def test_mission_that_is_refused_is_told_and_changes_nothing(tmp_path):
+    link = Link(refusal="a mission is running: wait for its end, or surface the robot")
+    async with talking(iridium, tmp_path, link=link) as rig:
+        for part in parts(mission(*two_dives())):
+            rig.sky.accept(IMEI, part)
+        await until(lambda: TransferState.REFUSED in rig.states())
+        assert rig.link.plan.sha256 is None
+
+
+async def test_mission_that_came_and_was_flown_by_radio_is_not_flown_again(tmp_path):
+    plan = mission(*two_dives())
+    flown = PlanOnBoard(plan.sha256(), OnboardPlanState.DONE, 4, 4, 12.0, "")
+    async with talking(iridium, tmp_path, link=Link(plan=flown)) as rig:
+        for part in parts(plan):
+            rig.sky.accept(IMEI, part)
+        await until(lambda: TransferState.APPLIED in rig.states())
+        assert rig.link.taken == []
+
+
+async def test_order_is_obeyed_once_and_answered_over_a_restart(tmp_path):
+    order = pack_order(
+        CommandKind.SURFACE, CommandNumber(5), EPOCH + timedelta(days=1), None, KEY, SYSTEM, 7
+    )
+    store = MemoryStore()
+    for turn in range(2):
+        async with talking(iridium, tmp_path, store=store) as rig:
+            rig.sky.accept(IMEI, order)
+            await until(lambda rig=rig: any(record.answers for record in rig.records()))
+            assert rig.link.commands == ([CommandKind.SURFACE] if turn == 0 else [])
+
+
+async def test_nobody_calls_while_the_radio_is_heard_until_it_rings(tmp_path):
+    async with talking(iridium, tmp_path, link=Link(last_heard_station_s=0.0)) as rig:
+        await asyncio.sleep(0.5)
+        assert rig.ashore == []
+        assert not rig.program.is_talking
+        rig.sky.accept(IMEI, b"garbage that only rings")
+        await until(lambda: bool(rig.records()))
