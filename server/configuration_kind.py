@@ -19,6 +19,10 @@ from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from server.problem import not_found
 
 
+ONBOARD_CONTROLLER = "controller.backstepping"
+"""The controller that flies the robots; the gains of the others are for what-if runs."""
+
+
 @dataclass(frozen=True, slots=True)
 class Reach:
     """How far a setting gets."""
@@ -73,8 +77,9 @@ def _same_for_all(key: str, title: str, default: Configuration) -> Configuration
 
 
 def _of_controller(kind: ControllerKind) -> ConfigurationKind:
+    reach = WITH_MISSION if kind.key == ONBOARD_CONTROLLER else TRIED_ONLY
     like_others = _by_vehicle(
-        kind.key, kind.title, kind.presets, kind.preset(MINIGLIDER.key), TRIED_ONLY
+        kind.key, kind.title, kind.presets, kind.preset(MINIGLIDER.key), reach
     )
     return replace(like_others, simulation_preset=kind.simulation_preset)
 

@@ -85,6 +85,8 @@ def add_level(
 ) -> CommandRecord:
     """Note a proved level once; a final level (applied, refused, expired) is never overruled.
 
+    Two carriers may each prove that they took it, which is noted of both.
+
     Raises:
         UnknownIdError: If there is no such command.
     """
@@ -92,7 +94,8 @@ def add_level(
     if row is None:
         raise UnknownIdError("command", command)
     robot = session.scalars(select(Robot.id).where(Robot.key == row.robot_key)).one()
-    if _RANK[level.value] > _RANK[row.level]:
+    rises = _RANK[level.value] > _RANK[row.level]
+    if rises or (level.value == row.level and _is_other_carrier(session, row, carrier)):
         row.level = level.value
         session.add(
             CommandLevelRow(
@@ -101,6 +104,18 @@ def add_level(
         )
         session.flush()
     return _record(session, row, robot)
+
+
+def _is_other_carrier(session: Session, row: Command, carrier: str) -> bool:
+    """Tell whether this carrier is the first to prove again what another has proved."""
+    if row.level not in ("queued", "radio"):
+        return False
+    proved = session.scalars(
+        select(CommandLevelRow.carrier).where(
+            CommandLevelRow.command_key == row.key, CommandLevelRow.level == row.level
+        )
+    )
+    return carrier not in set(proved)
 
 
 def get_command(session: Session, command: str) -> CommandRecord:

@@ -23,7 +23,7 @@ class TransferRecord:
     state: str
     """``waiting, sending, on_board, failed``."""
     level: str
-    """The proved level: ``queued, radio, applied, refused, expired``."""
+    """The proved level: ``created`` (nothing left the station), ``queued, radio, applied``."""
     items: int
     items_sent: int
     bytes: int
@@ -61,7 +61,7 @@ def add_transfer(
         robot_key=robot_key(session, robot),
         plan_key=key_of("plan", plan),
         state="waiting",
-        level="queued",
+        level="created",
         items=items,
         items_sent=0,
         bytes=size,
@@ -108,6 +108,17 @@ def get_transfer(session: Session, transfer: str) -> TransferRecord:
     if found is None:
         raise UnknownIdError("transfer", transfer)
     return _record(*found)
+
+
+def newest_transfer(session: Session, plan: str) -> str | None:
+    """Return the newest transfer of a plan, ``None`` if it was never sent."""
+    key = session.scalars(
+        select(Transfer.key)
+        .where(Transfer.plan_key == key_of("plan", plan))
+        .order_by(Transfer.key.desc())
+        .limit(1)
+    ).one_or_none()
+    return None if key is None else public_id("transfer", key)
 
 
 def open_transfers(session: Session) -> list[TransferRecord]:

@@ -1,6 +1,6 @@
 """Plans: made by the planner or laid out by hand, checked, sent, followed."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query
@@ -15,7 +15,9 @@ from server.api.station_dependency import StationDep
 from server.service.plan_document import plan_summary
 from server.service.primitive_legs import LegRequest
 from server.service.search_request import SearchRequest
+from server.service.upload import RoadWish
 from server.service.view.base import View
+from server.service.view.link import SatelliteQuoteView
 from server.service.view.plan import PlanSummaryView, PlanView, ViolationView
 
 router = APIRouter(prefix="/api", tags=["plans"], route_class=IdempotentRoute)
@@ -72,6 +74,10 @@ class UploadRequest(Body):
     """Whether the robot is told to fly it as soon as it is on board."""
     confirmed: bool = False
     """Whether to send a plan although it was made for another place or time; see `check`."""
+    route: Literal["auto", "radio", "satellite"] = "auto"
+    """The road that it is to take; ``auto`` is what the robot's settings say."""
+    force: bool = False
+    """Whether to send it by satellite although the robot was not heard for long."""
 
 
 class ChoiceRequest(Body):
@@ -160,7 +166,18 @@ async def list_robot_plans(
 async def get_plan(caller: Viewer, plan: str, station: StationDep) -> PlanView:
     """Return a plan: its legs, its account, what it breaks, and where it is on its way."""
     del caller
-    return station.plans.view(await station.plans.get(plan))
+    view = station.plans.view(await station.plans.get(plan))
+    return replace(view, transfer=await station.uploads.view_of_plan(plan))
+
+
+@router.get("/plans/{plan}/satellite")
+async def quote_plan(caller: Viewer, plan: str, station: StationDep) -> SatelliteQuoteView:
+    """Return what the plan would cost by satellite: bytes, messages, credits, price; sends nothing.
+
+    The bytes of each message are those that are sent.
+    """
+    del caller
+    return await station.satellite.quote(await station.plans.get(plan))
 
 
 @router.post("/plans/{plan}/upload", status_code=202)
@@ -173,7 +190,12 @@ async def upload_plan(
     """
     del caller
     wanted = body or UploadRequest()
-    transfer = await station.uploads.upload(plan, start=wanted.start, confirmed=wanted.confirmed)
+    transfer = await station.uploads.upload(
+        plan,
+        start=wanted.start,
+        confirmed=wanted.confirmed,
+        road=RoadWish(wanted.route, wanted.force),
+    )
     return TransferIdView(transfer)
 
 

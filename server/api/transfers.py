@@ -2,15 +2,22 @@
 
 from fastapi import APIRouter
 
-from server.api.dependency import Viewer
+from server.api.dependency import Pilot, Viewer
+from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.service.view.plan import TransferView
 
-router = APIRouter(prefix="/api/transfers", tags=["transfers"])
+router = APIRouter(prefix="/api/transfers", tags=["transfers"], route_class=IdempotentRoute)
 
 
 @router.get("/{transfer}")
 async def get_transfer(caller: Viewer, transfer: str, station: StationDep) -> TransferView:
-    """Return a transfer: items sent, and the level that is proved."""
+    """Return a transfer: its parts, the level that is proved, and what it has cost."""
     del caller
     return await station.uploads.view(transfer)
+
+
+@router.post("/{transfer}/withdraw")
+async def withdraw_transfer(caller: Pilot, transfer: str, station: StationDep) -> TransferView:
+    """Withdraw a transfer that has not arrived; what a gateway took may still reach the robot."""
+    return await station.uploads.withdraw_transfer(transfer, by=caller.name)

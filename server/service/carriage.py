@@ -1,13 +1,15 @@
-"""One plan on its way: contact, the radio's transfer, the robot's word, and its start."""
+"""One plan on its way: the choice of a road, the transfer, the robot's word, and its start."""
 
 import asyncio
 import logging
-from datetime import timedelta
+
+from sqlalchemy.orm import Session
 
 from db.fault import StoreError
 from db.query import transfers as query
 from db.query.plans import PlanRecord
 from db.query.transfers import TransferRecord
+from robot_link.gateway.address import SATELLITE_CARRIERS
 from robot_link.messages import (
     CommandKind,
     CommandLevel,
@@ -23,23 +25,27 @@ from robot_link.station import UploadUnderWayError
 from server.foundation import Foundation
 from server.service.command import Commands
 from server.service.fleet import Fleet
-from server.service.link import Radio
+from server.service.link import Radio, SatelliteRoad
 from server.service.plan_document import mission_of
 from server.service.plan_ledger import PlanLedger
-from server.service.transfer_row import WithdrawnError, check_open, close
+from server.service.routing import Wish
+from server.service.satellite.plan_row import ground_of
+from server.service.transfer_row import WithdrawnError, check_open, close, end_by_satellite
+from server.service.transfer_view import RADIO_LIFE
 from server.service.turn import until_stored
 
 log = logging.getLogger(__name__)
 
 HOLDS = (OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING, OnboardPlanState.DONE)
 """States in which a robot has the plan that it names, whole."""
+_SETTLED = ("applied", "refused", "expired")
 _ATTEMPTS = 3
 _PAUSE_S = 2.0
 _POLL_S = 0.2
 _START_PATIENCE_S = 20.0
 """Wall time for a robot to say that it flies the plan after it was told to start."""
-_LIFE = timedelta(hours=24)
-"""A transfer that found no contact for this long, by the robots' clock, is given up."""
+_RADIO_PATIENCE_S = 20.0
+"""Wall time that a transfer which was not begun by satellite gives radio to come back."""
 
 
 class TransferError(Exception):
@@ -61,6 +67,9 @@ class Carriage:
         ledger: PlanLedger,
         commands: Commands,
         radio: Radio,
+        satellite: SatelliteRoad,
+        *,
+        is_new: bool,
     ) -> None:
         self.transfer = transfer
         self.items_sent = 0
@@ -71,6 +80,9 @@ class Carriage:
         self._ledger = ledger
         self._commands = commands
         self._radio = radio
+        self._satellite = satellite
+        self._may_leave_radio = is_new
+        """Whether satellite may be taken at once: whoever sent it was told which road that is."""
         self._on_the_air = asyncio.Event()
 
     def take(self, report: UploadReport) -> None:
@@ -102,17 +114,22 @@ class Carriage:
         await self._bring_on_board(plan)
         if transfer.start:
             await self._start(plan)
-        await self._change(ended_at=self._clock.now())
+        await self._finish()
 
     async def _bring_on_board(self, plan: PlanRecord) -> None:
-        mission, reason = mission_of(plan), ""
-        for attempt in range(_ATTEMPTS):
-            if attempt:
-                await asyncio.sleep(_PAUSE_S)
-            await self._contact(plan)
-            if self._holds(plan):
+        mission, reason, attempts = mission_of(plan), "", 0
+        while attempts < _ATTEMPTS:
+            road = await self._road(plan)
+            if self._holds(plan) or (road == "satellite" and await self._by_satellite(plan)):
                 break
+            if road == "satellite":
+                await asyncio.sleep(_POLL_S)
+                continue
+            if attempts:
+                await asyncio.sleep(_PAUSE_S)
+            attempts += 1
             reason = await self._send(plan, mission)
+            self._may_leave_radio = False
             if not reason:
                 break
         else:
@@ -127,15 +144,66 @@ class Carriage:
             only_from=("draft", "sent"),
         )
 
+    async def _road(self, plan: PlanRecord) -> str:
+        """Wait for a road to the robot, or for its word that it has the plan; return which."""
+        picture, transfer = self._fleet.picture(plan.robot), self.transfer
+        loop = asyncio.get_running_loop()
+        since, deadline = loop.time(), transfer.started_at + RADIO_LIFE
+        while not self._holds(plan):
+            roads = self._satellite.choice(plan.robot, "plan", _wish(transfer)).roads
+            if "satellite" in roads:
+                waited = loop.time() - since > _RADIO_PATIENCE_S
+                asked_for = transfer.route == "satellite"
+                if waited or asked_for or self._may_leave_radio or self._is_by_satellite():
+                    return "satellite"
+            elif picture.radio_state is LinkState.LIVE:
+                return "radio"
+            if self._clock.now() > deadline:
+                raise TransferError(f"{plan.robot} was not heard for {RADIO_LIFE.days} day.")
+            await asyncio.sleep(_POLL_S)
+        return "radio"
+
+    def _is_by_satellite(self) -> bool:
+        return self._satellite.row_of(self.transfer.id) is not None
+
+    async def _by_satellite(self, plan: PlanRecord) -> bool:
+        """Follow the plan by satellite; tell whether it is on board, or radio is to be tried."""
+        row = await self._satellite.begin(self.transfer, plan)
+        if row is None:
+            return False
+        picture, level, noted = self._fleet.picture(plan.robot), "", False
+        carrier = row.carrier
+        while not (row.state == "applied" or self._holds(plan)):
+            if not noted and any(part.sends for part in ground_of(row).parts):
+                await until_stored(self.transfer.id, lambda: self._note_sending(plan, carrier))
+                noted = True
+            if row.level != level:
+                level = row.level
+                await self._change(level=level)
+            if row.ended_at is not None:
+                raise TransferError(row.reason)
+            if picture.radio_state is LinkState.LIVE and self._may_change_to_radio(plan):
+                await self._satellite.hold(self.transfer.id)
+                return False
+            await asyncio.sleep(_POLL_S)
+            row = self._satellite.row_of(self.transfer.id) or row
+        return True
+
+    def _may_change_to_radio(self, plan: PlanRecord) -> bool:
+        roads = self._satellite.choice(plan.robot, "plan", _wish(self.transfer)).roads
+        return "radio" in roads
+
     async def _send(self, plan: PlanRecord, mission: Mission) -> str:
         """Upload once; return why it did not get on board, or ""."""
         self._on_the_air.clear()
+        radio = self._fleet.picture(plan.robot).radio
+        carrier = "" if radio is None else radio.carrier
         upload = asyncio.ensure_future(self._radio.upload(RobotId(plan.robot), mission))
         on_the_air = asyncio.ensure_future(self._on_the_air.wait())
         try:
             await asyncio.wait({upload, on_the_air}, return_when=asyncio.FIRST_COMPLETED)
             if self._on_the_air.is_set():
-                await until_stored(self.transfer.id, lambda: self._note_sending(plan))
+                await until_stored(self.transfer.id, lambda: self._note_sending(plan, carrier))
             report = await upload
         except UploadUnderWayError:
             return "another upload had not ended"
@@ -147,48 +215,86 @@ class Carriage:
             raise TransferError(f"{plan.robot} refused {plan.id}: {report.reason}")
         return "" if report.state in HOLDS else report.reason or "the robot did not answer"
 
-    async def _note_sending(self, plan: PlanRecord) -> None:
-        """Write down that the radio has taken the first bytes."""
-        await self._change(state="sending", level=CommandLevel.QUEUED.value)
+    async def _note_sending(self, plan: PlanRecord, carrier: str) -> None:
+        """Write down that a radio or a gateway has taken the first bytes."""
+        await self._change(state="sending", carrier=carrier)
+        if carrier not in SATELLITE_CARRIERS:
+            await self._change(level=CommandLevel.QUEUED.value)
         await self._ledger.advance(
             plan.id, "sent", f"{plan.id} is on its way to {plan.robot}.", only_from=("draft",)
         )
 
-    async def _contact(self, plan: PlanRecord) -> None:
-        """Wait until the robot can be reached, or says that it has the plan."""
-        picture = self._fleet.picture(plan.robot)
-        deadline = self.transfer.started_at + _LIFE
-        while not (picture.link_state is LinkState.LIVE or self._holds(plan)):
-            if self._clock.now() > deadline:
-                raise TransferError(f"{plan.robot} was not heard for {_LIFE.days} day.")
-            await asyncio.sleep(_POLL_S)
-
     async def _start(self, plan: PlanRecord) -> None:
         if plan.sha256 is None:
             raise TransferError(f"{plan.id} has no hash.")
+        await self._starts_by_itself(plan)
         for _ in range(_ATTEMPTS):
             if self._has_begun(plan):
                 break
-            await self._contact(plan)
-            await self._commands.send(
+            road = await self._road_of_orders(plan)
+            if self._has_begun(plan):
+                break
+            command = await self._commands.send(
                 plan.robot,
                 CommandKind.START,
                 by="the station",
                 plan=PlanHash(plan.sha256),
                 check=lambda session: check_open(session, self.transfer.id),
             )
-            if await self._begins(plan):
+            if await self._begins(plan, None if road == "radio" else command):
                 break
         else:
             raise TransferError(f"{plan.robot} has {plan.id} on board but does not start it.")
         await self._change(state="running")
 
-    async def _begins(self, plan: PlanRecord) -> bool:
-        """Wait for the robot to say that it flies the plan."""
+    async def _starts_by_itself(self, plan: PlanRecord) -> None:
+        """Wait for a robot that was told to start with the plan itself, as satellite does.
+
+        It says so when it calls next; in reach of radio it is asked after a while.
+        """
+        row = self._satellite.row_of(self.transfer.id)
+        if row is None or row.state != "applied":
+            return
+        picture, loop = self._fleet.picture(plan.robot), asyncio.get_running_loop()
+        live_since: float | None = None
+        while not self._has_begun(plan) and self._clock.now() < row.expires_at:
+            if picture.radio_state is not LinkState.LIVE:
+                live_since = None
+            elif live_since is None:
+                live_since = loop.time()
+            elif loop.time() - live_since > _START_PATIENCE_S:
+                return
+            await asyncio.sleep(_POLL_S)
+
+    async def _road_of_orders(self, plan: PlanRecord) -> str:
+        """Wait until the robot can be told to start, or says that it has; return by which road."""
+        picture = self._fleet.picture(plan.robot)
+        deadline = self._clock.now() + RADIO_LIFE
+        while not self._has_begun(plan):
+            if picture.radio_state is LinkState.LIVE:
+                return "radio"
+            if self._is_by_satellite() and "satellite" in (
+                self._satellite.choice(plan.robot, "command").roads
+            ):
+                return "satellite"
+            if self._clock.now() > deadline:
+                raise TransferError(f"{plan.robot} was not heard for {RADIO_LIFE.days} day.")
+            await asyncio.sleep(_POLL_S)
+        return "radio"
+
+    async def _begins(self, plan: PlanRecord, command: str | None) -> bool:
+        """Wait for the robot to say that it flies the plan.
+
+        Args:
+            plan: The plan.
+            command: An order by satellite, whose answer takes until it expires; else ``None``.
+        """
         with_patience = asyncio.get_running_loop().time() + _START_PATIENCE_S
         while not self._has_begun(plan):
             if asyncio.get_running_loop().time() > with_patience:
-                return False
+                if command is None or (await self._commands.view(command)).level in _SETTLED:
+                    return False
+                with_patience += _START_PATIENCE_S
             await asyncio.sleep(_POLL_S)
         return True
 
@@ -210,6 +316,16 @@ class Carriage:
             lambda session: query.change_transfer(session, self.transfer.id, **changes)
         )
 
+    async def _finish(self) -> None:
+        """End the transfer; what is still to be sent of it by satellite is not sent any more."""
+        at, reason = self._clock.now(), "it is on board already"
+
+        def write(session: Session) -> None:
+            query.change_transfer(session, self.transfer.id, ended_at=at)
+            end_by_satellite(session, self.transfer.id, "superseded", reason, at)
+
+        await self._store.write(write)
+
     async def _give_up(self, reason: str) -> None:
         at = self._clock.now()
         record = await self._store.write(
@@ -217,3 +333,11 @@ class Carriage:
         )
         if record is not None:
             self._ledger.publish(record)
+
+
+def _wish(transfer: TransferRecord) -> Wish:
+    match transfer.route:
+        case "radio" | "satellite" as asked:
+            return asked
+        case _:
+            return "auto"

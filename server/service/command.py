@@ -23,11 +23,12 @@ from robot_link.messages import (
     RobotId,
 )
 from server.problem import conflict
+from server.service.command_row import command_view, note_level
 from server.service.fleet import Fleet
-from server.service.link import Radio
+from server.service.link import Radio, SatelliteRoad
+from server.service.routing import Wish
 from server.service.turn import Turns
-from server.service.view.command import CommandView, LevelView
-from server.service.words import command_text
+from server.service.view.command import CommandView
 
 log = logging.getLogger(__name__)
 
@@ -38,6 +39,8 @@ _LIFE = {
     CommandKind.START: timedelta(minutes=30),
 }
 """Time after which a command is never sent, by the robots' clock."""
+_SATELLITE_LIFE = timedelta(hours=24)
+"""The same of an order that goes by satellite: its robot may not call for hours."""
 _WRITE_PATIENCE_S = 0.1
 """A surface order waits this long, by the wall, for the database."""
 _EMERGENCY_NUMBERS = range(2**24 - 1, 2**24 - 2**16, -1)
@@ -52,11 +55,19 @@ Check = Callable[[Session], None]
 class Commands:
     """Sends commands and follows their levels. Belongs to one event loop."""
 
-    def __init__(self, store: Store, clock: Clock, fleet: Fleet, radio: Radio) -> None:
+    def __init__(
+        self,
+        store: Store,
+        clock: Clock,
+        fleet: Fleet,
+        radio: Radio,
+        satellite: SatelliteRoad,
+    ) -> None:
         self._store = store
         self._clock = clock
         self._fleet = fleet
         self._radio = radio
+        self._satellite = satellite
         self._turns = Turns("command reports")
         self._emergency_numbers = iter(_EMERGENCY_NUMBERS)
         self._unwritten: dict[str, CommandRecord] = {}
@@ -88,11 +99,14 @@ class Commands:
         by: str,
         plan: PlanHash | None = None,
         check: Check | None = None,
+        wish: Wish = "auto",
     ) -> str:
         """Write a command down, send it, and return its id.
 
         SURFACE withdraws, in the same transaction, everything that the station had queued for the
-        robot by itself. It goes out even when it cannot be written down.
+        robot by itself. It goes by every link at once, even when it cannot be written down. Of the
+        others, radio repeats them until it reaches the robot, also where satellite carries them:
+        the robot acts once.
 
         Args:
             robot: Whom to tell.
@@ -100,15 +114,19 @@ class Commands:
             by: Who tells.
             plan: The plan that START means.
             check: Asked in the transaction; what it raises keeps the command from being sent.
+            wish: The road that it is to take, as the operator says.
 
         Raises:
-            Problem: 404 for an unknown robot, 409 for one that cannot be told anything.
+            Problem: 404 for an unknown robot, 409 for one that cannot be told anything, or not by
+                the road that was asked for.
             StoreUnavailableError: The command was not written down and not sent.
         """
         picture = self._fleet.picture(robot)
         if picture.record.system_id is None:
             raise conflict(f"{robot} is a recording; it cannot be told anything.")
         at = self._clock.now()
+        roads = self._roads(robot, kind, wish)
+        life = max(_LIFE[kind], _SATELLITE_LIFE) if "satellite" in roads else _LIFE[kind]
 
         def write(session: Session) -> CommandRecord:
             if check is not None:
@@ -116,8 +134,10 @@ class Commands:
             if kind is CommandKind.SURFACE:
                 self._purge(session, robot, at, by)
             command = query.add_command(
-                session, robot, kind, at=at, expires_at=at + _LIFE[kind], by=by, plan_sha256=plan
+                session, robot, kind, at=at, expires_at=at + life, by=by, plan_sha256=plan
             )
+            if "satellite" in roads:
+                self._satellite.order_in(session, command, is_only=wish == "satellite")
             add_event(
                 session,
                 at,
@@ -134,7 +154,9 @@ class Commands:
         else:
             command = await self._store.write(write)
         if command.id not in self._unwritten:
-            self._send(command)
+            self._satellite.stir()
+            if wish != "satellite":
+                self._send(command)
         if kind is CommandKind.SURFACE:
             for stop in self.on_surface:
                 await stop(robot)
@@ -171,6 +193,19 @@ class Commands:
                 unwritten, level=report.level.value, levels=levels
             )
 
+    def _roads(self, robot: str, kind: CommandKind, wish: Wish) -> tuple[str, ...]:
+        """Return the roads of a command; one that no road takes waits for radio.
+
+        Raises:
+            Problem: 409 if the operator asks for a road that the robot has not.
+        """
+        if kind is CommandKind.SURFACE:
+            return self._satellite.choice(robot, "surface").roads
+        choice = self._satellite.choice(robot, "command", wish)
+        if wish != "auto" and not choice.roads:
+            raise conflict(choice.reason)
+        return choice.roads
+
     def _send(self, command: CommandRecord) -> None:
         self._radio.send_command(
             RobotId(command.robot),
@@ -193,6 +228,7 @@ class Commands:
             return writing.result()
         unwritten = self._unwritten_surface_order(robot, at, by)
         self._send(unwritten)
+        self._satellite.surface_unwritten(robot, unwritten.number, unwritten.expires_at)
         try:
             return await writing
         except StoreUnavailableError as error:
@@ -237,40 +273,10 @@ class Commands:
         self, command: str, level: CommandLevel, at: datetime, carrier: str, reason: str
     ) -> None:
         def write(session: Session) -> None:
-            before = query.get_command(session, command)
-            after = query.add_level(session, command, level, at=at, carrier=carrier, reason=reason)
-            if after.level != before.level:
-                view = command_view(after)
-                add_event(
-                    session,
-                    at,
-                    f"command.{after.level}",
-                    view.text,
-                    level="watch" if after.level in {"refused", "expired"} else "info",
-                    robot=after.robot,
-                    data={"command": after.id, "kind": after.kind.value, "level": after.level},
-                )
+            note_level(session, command, level, at=at, carrier=carrier, reason=reason)
 
         await self._store.write(write)
 
 
 def _unwritten_id(number: CommandNumber) -> str:
     return f"command-unwritten-{number}"
-
-
-def command_view(record: CommandRecord) -> CommandView:
-    """Return a command as REST says it."""
-    reason = record.levels[-1].reason if record.levels else ""
-    return CommandView(
-        id=record.id,
-        robot=record.robot,
-        kind=record.kind.value,
-        level=record.level,
-        levels=[
-            LevelView(step.level.value, step.at, step.carrier, step.reason)
-            for step in record.levels
-        ],
-        created_at=record.created_at,
-        expires_at=record.expires_at,
-        text=command_text(record.robot, record.kind, record.level, reason),
-    )

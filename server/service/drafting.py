@@ -15,12 +15,11 @@ from db.query.plans import PlanRecord
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 from server.configuration import CurrentConfiguration
+from server.configuration_kind import ONBOARD_CONTROLLER
 from server.service.picture import Picture
 from server.service.plan_document import Draft, legs_of
 from server.service.view.plan import ViolationView
 
-ONBOARD_CONTROLLER = "controller.backstepping"
-"""Kind of the gains that a mission brings on board."""
 SENDABLE = ("draft", "on_board")
 """States of a plan that can be sent; one that is on board already is only started."""
 

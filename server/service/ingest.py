@@ -29,6 +29,7 @@ from robot_link.messages import (
     UploadReport,
 )
 from server.service.believable import fault_of_sample, fault_of_state
+from server.service.clock_fault import by_arrival, clock_fault
 from server.service.fleet import Fleet
 
 log = logging.getLogger(__name__)
@@ -77,9 +78,7 @@ class Ingest:
             case Sample():
                 self._take_sample(event)
             case PlanReport():
-                self._append(event)
-                self._fleet.take_plan_report(event)
-                self._listeners.plan(event)
+                self._take_plan_report(event)
             case LinkReport():
                 self._fleet.take_link(event)
             case UploadReport():
@@ -87,13 +86,25 @@ class Ingest:
             case CommandReport():
                 self._listeners.command(event)
 
-    def flush(self) -> None:
-        """Hand everything that waits to the database now."""
+    async def store(self, events: Sequence[LinkEvent]) -> None:
+        """Take events like ``take``, and return once everything that waits is committed.
+
+        Raises:
+            StoreError: If it was not; whoever brings the events must bring them again.
+        """
+        for event in events:
+            self.take(event)
+        stored = self.flush()
+        if stored is not None:
+            await asyncio.wrap_future(stored)
+
+    def flush(self) -> "Future[None] | None":
+        """Hand everything that waits to the database now; ``None`` if nothing waits."""
         if self._flush is not None:
             self._flush.cancel()
             self._flush = None
         if not self._rows:
-            return
+            return None
         rows, samples, refused = self._rows, self._samples, self._refused
         self._rows, self._samples, self._refused = [], [], []
         loop = asyncio.get_running_loop()
@@ -102,14 +113,25 @@ class Ingest:
             if not loop.is_closed():
                 loop.call_soon_threadsafe(self._committed, future, samples, refused)
 
-        self._store.append(rows).add_done_callback(committed)
+        stored = self._store.append(rows)
+        stored.add_done_callback(committed)
+        return stored
 
     def _append(self, row: Telemetry) -> None:
         self._rows.append(row)
         if self._flush is None:
             self._flush = asyncio.get_running_loop().call_later(GATHER_S, self.flush)
 
+    def _take_plan_report(self, report: PlanReport) -> None:
+        report = by_arrival(report, self._fleet.picture(report.robot).clock_fault)
+        self._append(report)
+        self._fleet.take_plan_report(report)
+        self._listeners.plan(report)
+
     def _take_state(self, report: StateReport) -> None:
+        picture = self._fleet.picture(report.robot)
+        picture.clock_fault = clock_fault(report, self._clock.speed)
+        report = by_arrival(report, picture.clock_fault)
         site = self._fleet.picture(report.robot).record.site
         fault = fault_of_state(report, site, self._clock.now(), self._clock.speed)
         if fault is not None:
@@ -120,6 +142,7 @@ class Ingest:
         self._fleet.take_state(report)
 
     def _take_sample(self, sample: Sample) -> None:
+        sample = by_arrival(sample, self._fleet.picture(sample.robot).clock_fault)
         site = self._fleet.picture(sample.robot).record.site
         fault = fault_of_sample(sample, site, self._clock.now(), self._clock.speed)
         if fault is not None:

@@ -15,10 +15,10 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus
 from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
+from server.configuration_kind import ONBOARD_CONTROLLER
 from server.foundation import Foundation
 from server.problem import conflict
 from server.service.drafting import (
-    ONBOARD_CONTROLLER,
     broken_limits,
     broken_off,
     draft_of,

@@ -36,6 +36,10 @@ _LOOK_S = 1.0
 class Link(Radio, Protocol):
     """A radio that must be run."""
 
+    def set_plugged(self, uri: str, is_plugged: bool) -> None:
+        """Pull the plug of a link, or put it back; KeyError if there is no such link."""
+        ...
+
     async def run(self) -> None:
         """Serve until cancelled."""
         ...
@@ -73,6 +77,7 @@ class Road:
         self._on_event = on_event
         self._make = make
         self._robots: dict[RobotId, RobotEndpoint] = {}
+        self._unplugged: set[str] = set()
         self._link = make({}, clock, on_event)
         self._changed = asyncio.Event()
         self._waiting: dict[tuple[RobotId, CommandNumber], datetime] = {}
@@ -89,9 +94,23 @@ class Road:
             return False
         self._link = self._make(endpoints, self._clock, self._on_event)
         self._robots = endpoints
+        for uri in self._unplugged & self._uris():
+            self._link.set_plugged(uri, False)
         self._waiting = {key: end for key, end in self._waiting.items() if key[0] not in endpoints}
         self._changed.set()
         return True
+
+    def set_plugged(self, uri: str, *, is_plugged: bool) -> None:
+        """Pull the plug of a radio or put it back; robots that share it share the plug.
+
+        A radio that comes later, or again, finds its plug as it was left.
+        """
+        (self._unplugged.discard if is_plugged else self._unplugged.add)(uri)
+        if uri in self._uris():
+            self._link.set_plugged(uri, is_plugged)
+
+    def _uris(self) -> set[str]:
+        return {path.uri for end in self._robots.values() for path in end.paths}
 
     async def run(self) -> None:
         """Serve until cancelled."""

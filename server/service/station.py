@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -15,11 +15,23 @@ from db.query.samples import newest_samples
 from db.query.telemetry import Track as StoredTrack
 from db.query.telemetry import newest_plan_report, newest_state
 from db.query.telemetry import track as stored_track
-from robot_link.messages import LinkEvent, PlanReport, RobotId, Sample, StateReport
+from robot_link.gateway.address import is_acoustic
+from robot_link.gateway.gateway import MobileOriginated
+from robot_link.messages import (
+    CommandReport,
+    LinkEvent,
+    PlanReport,
+    RobotId,
+    Sample,
+    StateReport,
+)
+from robot_link.transport.opening import is_radio
 from server.foundation import Foundation
+from server.problem import not_found
 from server.service.command import Commands
 from server.service.fleet import Fleet
 from server.service.fleet_survey import FleetSurveys
+from server.service.gateways import Gateways, KeepMessage
 from server.service.identification import Identifications
 from server.service.ingest import Ingest, Listeners
 from server.service.job_watch import watch_jobs
@@ -34,9 +46,12 @@ from server.service.plan_choice import PlanChoices
 from server.service.plan_follow import PlanFollower
 from server.service.plan_ledger import PlanLedger
 from server.service.planning import Planning
+from server.service.plug import Plugs
+from server.service.ranging import Ranging
 from server.service.rehearsing import Rehearsals
 from server.service.road import LinkFactory, Road, open_link
 from server.service.round_problem import field_config_of
+from server.service.satellite.satellite import Satellite, SatelliteListeners
 from server.service.scene_host import SceneHost
 from server.service.scene_source import StationSceneSource
 from server.service.survey import Surveys, purge_in
@@ -58,13 +73,21 @@ STUDY_NICENESS = 10
 """What-if runs and identifications give way to the planner and to the station itself."""
 
 
+GatewayFactory = Callable[[Foundation, KeepMessage], Gateways]
+
+
 class Station:
     """Everything that the station does for its robots; started once, stopped once.
 
-    Belongs to one event loop. ``make_link`` is where tests put a link of their own.
+    Belongs to one event loop. ``make_link`` and ``make_gateways`` are where tests put their own.
     """
 
-    def __init__(self, foundation: Foundation, make_link: LinkFactory = open_link) -> None:
+    def __init__(
+        self,
+        foundation: Foundation,
+        make_link: LinkFactory = open_link,
+        make_gateways: GatewayFactory = Gateways,
+    ) -> None:
         self._foundation = foundation
         self._tasks: list[asyncio.Task[Any]] = []
         store, clock = foundation.store, foundation.clock
@@ -81,8 +104,20 @@ class Station:
         self.road = Road(clock, self._take_event, make_link)
         self.plans = PlanLedger(store, clock, self.fleet, self.feed)
         self.planning = Planning(foundation, self.fleet, self.plans, self.workers)
-        self.commands = Commands(store, clock, self.fleet, self.road)
-        self.uploads = Uploads(foundation, self.fleet, self.plans, self.commands, self.road)
+        self.plugs = Plugs(store)
+        self.gateways = make_gateways(foundation, self._take_message)
+        self.ranging = Ranging(foundation, self._take_event)
+        self.satellite = Satellite(
+            foundation,
+            self.fleet,
+            self.gateways,
+            self.plugs,
+            SatelliteListeners(self._store_values, self._take_event, self._take_level),
+        )
+        self.commands = Commands(store, clock, self.fleet, self.road, self.satellite)
+        self.uploads = Uploads(
+            foundation, self.fleet, self.plans, self.commands, self.road, self.satellite
+        )
         self.missions = MissionLedger(store, clock, foundation.alarms, self.fleet, self.feed)
         self.choices = PlanChoices(foundation, self.fleet, self.plans, self.missions, self.planning)
         self.surveys = self._surveys()
@@ -106,6 +141,8 @@ class Station:
         await self.vehicles.load()
         for robot in await self._foundation.store.query(list_robots):
             await self._take_up(robot)
+        await self.plugs.load()
+        await self.satellite.load()
         await self.plans.load()
         await self.missions.load()
         await self.whatifs.load()
@@ -119,8 +156,15 @@ class Station:
         self._run("job progress", watch_jobs(self._foundation.jobs, self.feed))
         self._run("scenes", self.scenes.run())
         await self.planning.resume()
-        self.road.set_robots([picture.record for picture in self.fleet.pictures])
+        robots = [picture.record for picture in self.fleet.pictures]
+        self.road.set_robots(robots)
+        for uri in self.plugs.unplugged:
+            self.road.set_plugged(uri, is_plugged=False)
+            self.ranging.set_plugged(uri, is_plugged=False)
+        await self.ranging.set_robots(robots)
         self._run("radio", self.road.run())
+        self._run("satellite", self.satellite.run())
+        await self.gateways.start()
         await self.commands.resume()
         await self.uploads.resume()
         await self.surveys.resume()
@@ -138,6 +182,8 @@ class Station:
         await self.identifications.stop()
         await self.surveys.stop_all()
         await self.uploads.stop()
+        await self.gateways.stop()
+        await self.ranging.stop()
         await self.planning.stop()
         await self.vehicles.stop()
         for task in reversed(self._tasks):
@@ -153,8 +199,28 @@ class Station:
         record = await self._foundation.store.query(lambda session: get_robot(session, robot))
         await self._take_up(record)
         await self._open_maps(record)
-        if self.road.set_robots([picture.record for picture in self.fleet.pictures]):
+        robots = [picture.record for picture in self.fleet.pictures]
+        await self.ranging.set_robots(robots)
+        if self.road.set_robots(robots):
             await self.commands.resume()
+
+    async def set_plugged(self, robot: str, uri: str, *, is_plugged: bool) -> None:
+        """Pull the plug of a link, or put it back.
+
+        Raises:
+            Problem: 404 if the robot has no such link.
+            StoreUnavailableError: Nothing was changed.
+        """
+        if uri not in self.fleet.picture(robot).record.links:
+            raise not_found(f"{robot} has no link {uri!r}.")
+        await self.plugs.set(uri, is_plugged=is_plugged)
+        if is_radio(uri):
+            self.road.set_plugged(uri, is_plugged=is_plugged)
+        if is_acoustic(uri):
+            self.ranging.set_plugged(uri, is_plugged=is_plugged)
+        await self.satellite.refresh()
+        self.satellite.stir()
+        self.fleet.touch(robot)
 
     def _surveys(self) -> Surveys:
         foundation, fleet, missions = self._foundation, self.fleet, self.missions
@@ -230,6 +296,15 @@ class Station:
     async def _planner(self, robot: str) -> PlannerConfig:
         found = await self._foundation.configurations.current("planner", robot)
         return found.value_as(PlannerConfig)
+
+    async def _take_message(self, message: MobileOriginated) -> bool:
+        return await self.satellite.take(message)
+
+    async def _store_values(self, values: Sequence[LinkEvent]) -> None:
+        await self.ingest.store(values)
+
+    def _take_level(self, report: CommandReport) -> None:
+        self.commands.take(report)
 
     def _take_event(self, event: LinkEvent) -> None:
         self.ingest.take(event)

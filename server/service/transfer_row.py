@@ -1,14 +1,16 @@
-"""Transfers as rows: how they are shown, and how they end in one transaction with their plan."""
+"""Transfers as rows: they end in one transaction with their plan and what is still to be sent."""
 
 from datetime import datetime
 
 from sqlalchemy.orm import Session
 
 from db.query import transfers as query
+from db.query.outbox import outbox_of_transfer
 from db.query.plans import PlanRecord, change_plan, get_plan
 from db.query.transfers import TransferRecord
 from server.service.plan_ledger import note_change
-from server.service.view.plan import TransferView
+from server.service.satellite import plan_row
+from server.service.satellite.message_row import drop
 
 
 class WithdrawnError(Exception):
@@ -23,9 +25,14 @@ def check_open(session: Session, transfer: str) -> None:
 
 def withdraw_in(session: Session, robot: str, at: datetime, reason: str) -> None:
     """Withdraw the transfers to a robot, in the transaction of a surface order."""
+    close_all(session, robot, "withdrawn", reason, at)
+
+
+def close_all(session: Session, robot: str, state: str, reason: str, at: datetime) -> None:
+    """End every open transfer to a robot."""
     for transfer in query.open_transfers(session):
         if transfer.robot == robot:
-            close(session, transfer, "withdrawn", reason, at)
+            close(session, transfer, state, reason, at)
 
 
 def close(
@@ -35,6 +42,7 @@ def close(
     if query.get_transfer(session, transfer.id).ended_at is not None:
         return None
     query.change_transfer(session, transfer.id, state=state, reason=reason, ended_at=at)
+    end_by_satellite(session, transfer.id, state, reason, at)
     plan = get_plan(session, transfer.plan)
     if plan.state != "sent":
         return change_plan(session, plan.id, at=at, document={"message": reason})
@@ -44,18 +52,11 @@ def close(
     return draft
 
 
-def transfer_view(record: TransferRecord) -> TransferView:
-    """Return a transfer as REST says it."""
-    return TransferView(
-        id=record.id,
-        robot=record.robot,
-        plan_id=record.plan,
-        state=record.state,
-        items_sent=record.items_sent,
-        items=record.items,
-        bytes=record.bytes,
-        level=record.level,
-        started_at=record.started_at,
-        ended_at=record.ended_at,
-        reason=record.reason,
-    )
+def end_by_satellite(
+    session: Session, transfer: str, state: str, reason: str, at: datetime
+) -> None:
+    """Send nothing more of a transfer by satellite, in the transaction that ends it."""
+    plan_row.end_with_transfer(session, transfer, state, reason, at)
+    row = outbox_of_transfer(session, transfer)
+    if row is not None:
+        drop(session, row)

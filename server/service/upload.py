@@ -8,7 +8,8 @@ is not sent again, and one that did not is.
 import asyncio
 from collections import defaultdict
 from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from typing import Final
 
 from sqlalchemy.orm import Session
 
@@ -23,15 +24,29 @@ from server.service.carriage import Carriage
 from server.service.command import Check, Commands
 from server.service.drafting import SENDABLE, broken_off, outdated_by
 from server.service.fleet import Fleet
-from server.service.link import Radio
+from server.service.link import Radio, SatelliteRoad
 from server.service.plan_document import mission_of
 from server.service.plan_ledger import PlanLedger
-from server.service.transfer_row import transfer_view, withdraw_in
+from server.service.routing import Wish
+from server.service.transfer_row import close_all, withdraw_in
+from server.service.transfer_view import transfer_of_plan, transfer_view
 from server.service.view.plan import TransferView
 
 _NAMED_MAX = 3
 """Limits that a refusal names; the others are in its list."""
 _NOTICE_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class RoadWish:
+    """What the operator says about the road of one transfer."""
+
+    route: Wish = "auto"
+    is_forced: bool = False
+    """Whether it is sent by satellite although the robot was not heard for long."""
+
+
+ANY_ROAD: Final = RoadWish()
 
 
 class Uploads:
@@ -44,6 +59,7 @@ class Uploads:
         ledger: PlanLedger,
         commands: Commands,
         radio: Radio,
+        satellite: SatelliteRoad,
     ) -> None:
         self._foundation = foundation
         self._store = foundation.store
@@ -52,6 +68,7 @@ class Uploads:
         self._ledger = ledger
         self._commands = commands
         self._radio = radio
+        self._satellite = satellite
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._carriages: dict[str, Carriage] = {}
         """What is under way to each robot."""
@@ -65,7 +82,7 @@ class Uploads:
         """Go on with the transfers that were under way when the station stopped."""
         for transfer in await self._store.query(query.open_transfers):
             if self._fleet.knows(transfer.robot):
-                self._begin(transfer)
+                self._begin(transfer, is_new=False)
 
     async def stop(self) -> None:
         """Let go of every transfer; they go on when the station starts again."""
@@ -79,9 +96,18 @@ class Uploads:
         return robot in self._carriages
 
     async def upload(
-        self, plan: str, *, start: bool, check: Check | None = None, confirmed: bool = False
+        self,
+        plan: str,
+        *,
+        start: bool,
+        check: Check | None = None,
+        confirmed: bool = False,
+        road: RoadWish = ANY_ROAD,
     ) -> str:
         """Begin to bring a plan on board and return the transfer's id.
+
+        It takes the place of one that is on its way to the same robot by satellite, which would
+        else hold everything up for days.
 
         Args:
             plan: Id of the plan.
@@ -89,6 +115,7 @@ class Uploads:
             check: Asked in the transaction; what it raises keeps the transfer from beginning.
             confirmed: Whether a person wants it flown although it no longer fits the robot, or its
                 rehearsal broke off.
+            road: The road that it is to take, and whether a person insists on it.
 
         Raises:
             UnknownIdError: If there is no such plan.
@@ -97,8 +124,10 @@ class Uploads:
         """
         record = await self._ledger.get(plan)
         async with self._asking[record.robot]:
-            under_way = await self._under_way(record, start=start)
-            return under_way or await self._new_transfer(record, start, check, confirmed=confirmed)
+            under_way = await self._under_way(record, start=start, road=road)
+            if under_way is not None:
+                return under_way
+            return await self._new_transfer(record, start, check, confirmed=confirmed, road=road)
 
     async def view(self, transfer: str) -> TransferView:
         """Return a transfer and how far it is proved.
@@ -106,11 +135,22 @@ class Uploads:
         Raises:
             UnknownIdError: If there is none of this id.
         """
-        record = await self._store.query(lambda session: query.get_transfer(session, transfer))
-        carriage = self._carriages.get(record.robot)
-        if carriage is not None and carriage.transfer.id == transfer:
-            record = replace(record, items_sent=max(record.items_sent, carriage.items_sent))
-        return transfer_view(record)
+        waits = self._satellite.waits
+        view = await self._store.query(lambda session: transfer_view(session, transfer, waits))
+        return self._with_progress(view)
+
+    async def view_of_plan(self, plan: str) -> TransferView | None:
+        """Return the newest transfer of a plan, ``None`` if it was never sent."""
+        waits = self._satellite.waits
+        view = await self._store.query(lambda session: transfer_of_plan(session, plan, waits))
+        return None if view is None else self._with_progress(view)
+
+    def _with_progress(self, view: TransferView) -> TransferView:
+        """Add the items that the robot proved to have and that are in memory only."""
+        carriage = self._carriages.get(view.robot)
+        if carriage is None or carriage.transfer.id != view.id:
+            return view
+        return replace(view, items_sent=max(view.items_sent, carriage.items_sent))
 
     def take(self, report: UploadReport) -> None:
         """Take how far the link is with an upload."""
@@ -124,12 +164,37 @@ class Uploads:
         await self._store.write(lambda session: withdraw_in(session, robot, at, reason))
         await self._stop_for(robot)
 
+    async def withdraw_transfer(self, transfer: str, *, by: str) -> TransferView:
+        """Withdraw a transfer that has not arrived; its plan is a draft again.
+
+        Raises:
+            UnknownIdError: If there is none of this id.
+            Problem: 409 if there is nothing left to withdraw.
+        """
+        view = await self.view(transfer)
+        if not view.can_withdraw:
+            raise conflict(f"{transfer} is {view.state.replace('_', ' ')}; it cannot be withdrawn.")
+        await self._close(view.robot, "withdrawn", f"{by} withdrew it.")
+        return await self.view(transfer)
+
+    async def _close(self, robot: str, state: str, reason: str) -> None:
+        at = self._clock.now()
+        await self._store.write(lambda session: close_all(session, robot, state, reason, at))
+        await self._stop_for(robot)
+
     async def _new_transfer(
-        self, record: PlanRecord, start: bool, check: Check | None, *, confirmed: bool
+        self,
+        record: PlanRecord,
+        start: bool,
+        check: Check | None,
+        *,
+        confirmed: bool,
+        road: RoadWish,
     ) -> str:
         _check_sendable(record, await self._ledger.of_robot(record.robot, ("running",)))
         if not confirmed:
             self._check_fits(record)
+        self._check_road(record, road)
         mission = mission_of(record)
         at = self._clock.now()
 
@@ -146,15 +211,19 @@ class Uploads:
                 size=len(mission.canonical_bytes()),
                 start=start,
                 at=at,
+                route=road.route,
+                is_forced=road.is_forced,
             )
             return query.get_transfer(session, transfer)
 
         transfer = await self._store.write(write)
-        self._begin(transfer)
+        self._begin(transfer, is_new=True)
         return transfer.id
 
-    async def _under_way(self, plan: PlanRecord, *, start: bool) -> str | None:
+    async def _under_way(self, plan: PlanRecord, *, start: bool, road: RoadWish) -> str | None:
         """Return the transfer of this plan that is under way, if it is the one that is asked for.
+
+        One by satellite gives way to another plan.
 
         Raises:
             Problem: 409 if another transfer to the robot is under way.
@@ -168,7 +237,15 @@ class Uploads:
             await asyncio.wait([self._tasks[transfer.id]], timeout=_NOTICE_S)
             if transfer.id not in self._tasks:
                 return None
-        if transfer.plan != plan.id or transfer.start != start:
+        is_other = transfer.plan != plan.id or transfer.start != start
+        is_other = is_other or road.route not in ("auto", transfer.route)
+        row = self._satellite.row_of(transfer.id)
+        if is_other and row is not None and row.state not in ("applied", "held"):
+            _check_sendable(await self._ledger.get(plan.id), [], is_resent=transfer.plan == plan.id)
+            self._check_road(plan, road)
+            await self._close(plan.robot, "superseded", f"{plan.id} takes its place.")
+            return None
+        if is_other:
             raise conflict(
                 f"{transfer.plan} is on its way to {plan.robot}; wait until {transfer.id} "
                 "has ended."
@@ -188,9 +265,29 @@ class Uploads:
                 [FieldError(loc=[one.field], msg=one.message) for one in found],
             )
 
-    def _begin(self, transfer: TransferRecord) -> None:
+    def _check_road(self, plan: PlanRecord, road: RoadWish) -> None:
+        """Refuse a road that cannot be taken, or that only a person who insists may take."""
+        choice = self._satellite.choice(plan.robot, "plan", road.route)
+        if not choice.roads and road.route != "auto":
+            raise conflict(choice.reason)
+        if "satellite" in choice.roads and not road.is_forced:
+            obstacle = self._satellite.obstacle(plan.robot)
+            if obstacle:
+                raise conflict(
+                    f"{obstacle} Nothing is sent to it by satellite unless you insist.",
+                    [FieldError(loc=["body", "force"], msg=obstacle)],
+                )
+
+    def _begin(self, transfer: TransferRecord, *, is_new: bool) -> None:
         carriage = Carriage(
-            transfer, self._foundation, self._fleet, self._ledger, self._commands, self._radio
+            transfer,
+            self._foundation,
+            self._fleet,
+            self._ledger,
+            self._commands,
+            self._radio,
+            self._satellite,
+            is_new=is_new,
         )
         task = self._foundation.background.start(
             f"{transfer.id} to {transfer.robot}", self._carry(carriage)
@@ -221,8 +318,17 @@ class Uploads:
         await self._ledger.refresh(robot)
 
 
-def _check_sendable(plan: PlanRecord, running: list[PlanRecord]) -> None:
-    if plan.state not in SENDABLE:
+def _check_sendable(
+    plan: PlanRecord, running: list[PlanRecord], *, is_resent: bool = False
+) -> None:
+    """Refuse a plan that is in no state to be sent, or breaks a limit.
+
+    Args:
+        plan: The plan.
+        running: What its robot flies.
+        is_resent: Whether it is on its way already, by a road that it shall leave.
+    """
+    if plan.state not in SENDABLE and not (is_resent and plan.state == "sent"):
         raise conflict(
             f"{plan.id} is {plan.state.replace('_', ' ')}; only a draft can be sent. Plan again."
         )

@@ -1,5 +1,6 @@
 """What the station says of a robot, in words: plain, short, and never more than is known."""
 
+from collections.abc import Sequence
 from datetime import datetime
 
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState, RobotMode, StateReport
@@ -14,6 +15,7 @@ _CARRIERS = {
     "cloudloop": "Cloudloop",
     "micromodem": "Acoustic modem",
 }
+_BY_SATELLITE = ("rockblock", "directip", "cloudloop")
 _SLOW_M_S = 0.003
 
 
@@ -66,6 +68,9 @@ def surface_forecast(
     robot: str, link: LinkState, carrier: str, next_contact: datetime | None
 ) -> str:
     """Say what "surface now" would do at this moment."""
+    if carrier in _BY_SATELLITE and link is not LinkState.UNPLUGGED:
+        when = "" if next_contact is None else f", expected about {clock_time(next_contact)}"
+        return f"Reaches {robot} at its next session by {carrier_title(carrier)}{when}"
     match link:
         case LinkState.LIVE:
             return f"Reaches {robot} now by {carrier_title(carrier)}"
@@ -88,12 +93,24 @@ def clock_time(moment: datetime) -> str:
     return moment.strftime("%H:%MZ")
 
 
-def command_text(robot: str, kind: CommandKind, level: str, reason: str) -> str:
-    """Say how far a command is proved to have come."""
+def command_text(
+    robot: str, kind: CommandKind, level: str, reason: str, carriers: Sequence[str] = ()
+) -> str:
+    """Say how far a command is proved to have come.
+
+    Args:
+        robot: Who is told.
+        kind: What it is told.
+        level: The highest level that was proved.
+        reason: Why it was refused or expired.
+        carriers: The links that proved that level.
+    """
     order = _ORDERS[kind]
     match level:
         case "queued":
-            return f"{order} for {robot}: the radio took it; {robot} has not answered yet."
+            gateways = [carrier_title(one) for one in carriers if one in _BY_SATELLITE]
+            takers = " and ".join(gateways) or "the radio"
+            return f"{order} for {robot}: {takers} took it; {robot} has not answered yet."
         case "radio":
             return f"{order} delivered to {robot}'s radio; {robot} has not answered yet."
         case "applied":

@@ -14,12 +14,9 @@ from robot_link.messages import (
     StateReport,
     SystemId,
 )
+from robot_link.satellite.content import MobileOriginatedContent, ShortPlanReport
 from robot_link.satellite.frame import WireError
-from robot_link.satellite.record import (
-    MobileOriginatedContent,
-    ShortPlanReport,
-    read_mobile_originated,
-)
+from robot_link.satellite.record import read_mobile_originated
 
 Telling = StateReport | Sample | PlanReport
 FindPlan = Callable[[str], PlanHash | None]

@@ -167,7 +167,7 @@ def _prove(
         fetched(session, brought, at)
         row = get_outbox(session, brought.outbox)
         if row.kind == "order":
-            changed[row.id] = order_row.reached(session, row)
+            changed[row.id] = order_row.reached(session, row, at)
     return list(changed.values())
 
 

@@ -77,7 +77,9 @@ def refused(session: Session, message: str, sentence: str, at: datetime) -> Outb
     )
     reason = f"{carrier_title(row.carrier)} did not take it: {sentence}"
     _tell(session, row, "satellite.refused", f"{what(row, before).capitalize()}: {reason}", at)
-    row = plan_row.refuse(session, row, reason, at)
+    if row.ended_at is None:
+        end = order_row.refused if row.kind == "order" else plan_row.refuse
+        row = end(session, row, reason, at)
     drop(session, row)
     return row
 
@@ -123,7 +125,7 @@ def _noted(
             sent = ground.sent(message.part, at, answer.message_id, answer.mtmsn)
             return plan_row.keep(session, row, sent, at)
         case "order":
-            return order_row.sent(session, row)
+            return order_row.sent(session, row, at)
         case _:
             return outbox_query.change_outbox(
                 session, row.id, state="applied", level="queued", ended_at=at

@@ -9,11 +9,12 @@ from sqlalchemy.orm import Session
 from db.query import outbox as query
 from db.query.commands import CommandRecord
 from db.query.outbox import OutboxRecord
-from robot_link.messages import CommandKind, CommandNumber, PlanHash
+from robot_link.messages import CommandKind, CommandLevel, CommandNumber, PlanHash
 from robot_link.robot_program import CommandOutcome
+from robot_link.satellite.content import CommandAnswer
 from robot_link.satellite.ground import next_counter
 from robot_link.satellite.order import pack_order
-from robot_link.satellite.record import CommandAnswer
+from server.service.command_row import note_level
 from server.service.satellite.modem import Modem
 
 SURFACE_PRIORITY: Final = 1
@@ -28,7 +29,7 @@ _REFUSALS: Final = {
 
 
 def begin_order(
-    session: Session, command: CommandRecord, modem: Modem, at: datetime
+    session: Session, command: CommandRecord, modem: Modem, at: datetime, *, is_only: bool
 ) -> OutboxRecord:
     """Return the row of a command to one modem, added if it has none; nothing is sent yet."""
     known = query.outbox_of_command(session, command.id, modem.imei)
@@ -45,6 +46,7 @@ def begin_order(
             "kind": command.kind.value,
             "number": command.number,
             "plan": command.plan_sha256,
+            "is_only": is_only,
             "sends": 0,
             "sent_surfacing": None,
             "surfacings": 0,
@@ -88,19 +90,37 @@ def is_due(row: OutboxRecord) -> bool:
     return document["surfacings"] - document["sent_surfacing"] >= 2
 
 
-def sent(session: Session, row: OutboxRecord) -> OutboxRecord:
+def sent(session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
     """Note that a gateway took an order."""
     document = row.document
     noted = {"sends": document["sends"] + 1, "sent_surfacing": document["surfacings"]}
     level = "queued" if row.level == query.CREATED else row.level
+    _note(session, row, CommandLevel.QUEUED, at)
     return query.change_outbox(session, row.id, document={**document, **noted}, level=level)
 
 
-def reached(session: Session, row: OutboxRecord) -> OutboxRecord:
+def reached(session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
     """Note that the robot's modem fetched an order."""
     if row.level not in (query.CREATED, "queued"):
         return row
+    _note(session, row, CommandLevel.RADIO, at)
     return query.change_outbox(session, row.id, level="radio")
+
+
+def expired(session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
+    """Give an order up whose time has passed."""
+    reason = "it was not answered in time"
+    row = query.change_outbox(session, row.id, state="expired", reason=reason, ended_at=at)
+    _note(session, row, CommandLevel.EXPIRED, at, f"{reason}.")
+    return row
+
+
+def refused(session: Session, row: OutboxRecord, reason: str, at: datetime) -> OutboxRecord:
+    """End an order that the gateway will never take; by radio it may still reach the robot."""
+    row = query.change_outbox(session, row.id, state="refused", reason=reason, ended_at=at)
+    if row.document["is_only"] and not row.document["sends"]:
+        _note(session, row, CommandLevel.EXPIRED, at, f"{reason}")
+    return row
 
 
 def hear(
@@ -118,20 +138,25 @@ def hear(
     return query.change_outbox(session, row.id, document=document)
 
 
-def settle(session: Session, command: str, state: str, at: datetime) -> None:
-    """End the rows of a command that was settled, by whatever road."""
-    for row in query.open_outbox(session):
-        if row.command == command:
-            query.change_outbox(session, row.id, state=state, ended_at=at)
-
-
 def _answered(
     session: Session, row: OutboxRecord, outcome: CommandOutcome, at: datetime
 ) -> OutboxRecord:
     if outcome is CommandOutcome.DONE:
-        return query.change_outbox(session, row.id, state="applied", level="applied", ended_at=at)
+        row = query.change_outbox(session, row.id, state="applied", level="applied", ended_at=at)
+        _note(session, row, CommandLevel.APPLIED, at)
+        return row
     reason = _REFUSALS.get(outcome, "the robot failed to do this")
-    return query.change_outbox(session, row.id, state="refused", reason=reason, ended_at=at)
+    row = query.change_outbox(session, row.id, state="refused", reason=reason, ended_at=at)
+    _note(session, row, CommandLevel.REFUSED, at, reason)
+    return row
+
+
+def _note(
+    session: Session, row: OutboxRecord, level: CommandLevel, at: datetime, reason: str = ""
+) -> None:
+    """Write the level down with the command too, in the same transaction."""
+    if row.command is not None:
+        note_level(session, row.command, level, at=at, carrier=row.carrier, reason=reason)
 
 
 def _surfaced(document: Any, at: datetime) -> dict[str, Any]:  # noqa: ANN401 - a JSON object

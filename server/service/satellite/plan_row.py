@@ -12,8 +12,8 @@ from db.query.plans import PlanRecord
 from db.query.transfers import TransferRecord
 from robot_link.messages import OnboardPlanState
 from robot_link.satellite.blob import Blob
+from robot_link.satellite.content import ShortPlanReport, TransferAck, TransferState
 from robot_link.satellite.ground import GroundState, GroundTransfer, PartLevel, next_counter
-from robot_link.satellite.record import ShortPlanReport, TransferAck, TransferState
 from server.service.satellite.modem import Modem
 
 HOLDS: Final = (OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING, OnboardPlanState.DONE)
@@ -173,8 +173,7 @@ def _is_old_refusal(row: OutboxRecord, ground: GroundTransfer, ack: TransferAck)
     if ack.state not in _REFUSALS or not row.document.get("was_refused"):
         return False
     return not any(
-        part.level is PartLevel.RADIO
-        or (part.sent_surfacing is not None and ground.surfacings - part.sent_surfacing > 1)
+        part.level is PartLevel.RADIO or (part.sends > 0 and part.sessions >= part.sessions_needed)
         for part in ground.parts
     )
 

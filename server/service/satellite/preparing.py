@@ -61,6 +61,8 @@ def expire(session: Session, outbox: str, now: datetime) -> OutboxRecord:
         return row
     if row.kind == "plan":
         row = plan_row.keep(session, row, plan_row.ground_of(row).expired(now), now)
+    elif row.kind == "order":
+        row = order_row.expired(session, row, now)
     if row.ended_at is None:
         row = outbox_query.change_outbox(
             session, outbox, state="expired", reason="it was not answered in time", ended_at=now

@@ -2,9 +2,9 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Final
 
 from sqlalchemy.orm import Session
 
@@ -17,22 +17,23 @@ from db.query.transfers import TransferRecord
 from robot_link.gateway.gateway import HeldBackError, MobileOriginated
 from robot_link.messages import (
     CommandKind,
-    CommandLevel,
     CommandNumber,
     CommandReport,
+    PlanReport,
     RawFrame,
-    RobotId,
 )
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.ground import next_counter
 from robot_link.satellite.order import pack_order
 from server.foundation import Foundation
+from server.problem import conflict
 from server.service.fleet import Fleet
 from server.service.picture import Picture, SatelliteStanding
 from server.service.plan_document import mission_of
 from server.service.plug import Plugs
 from server.service.routing import Choice, MessageKind, Wish, carriers_for
 from server.service.satellite import order_row, plan_row
+from server.service.satellite.budget import budget_of
 from server.service.satellite.contact import (
     Heard,
     is_out_of_contact,
@@ -44,15 +45,27 @@ from server.service.satellite.content import Telling
 from server.service.satellite.inbox import Inbox
 from server.service.satellite.modem import Modem, modems_of
 from server.service.satellite.outbox import LOOK_S, Outbox, Sender
+from server.service.satellite.panel import satellite_view
 from server.service.satellite.preparing import Means
+from server.service.satellite.preview import Circumstances, has_mission, quote_view
 from server.service.satellite.standing import DEFAULT_SETTINGS, Account, Settings, accounts
 from server.service.satellite.unwritten import UnwrittenOrders
 from server.service.turn import Turns, until_stored
+from server.service.view.link import SatelliteQuoteView, SatelliteView
 
 log = logging.getLogger(__name__)
 
-ORDER_LIFE: Final = timedelta(hours=24)
-"""An order that goes by satellite waits at least this long for its robot to call."""
+
+@dataclass(frozen=True, slots=True)
+class SatelliteListeners:
+    """Who is told what; all are called on the event loop."""
+
+    tell: Callable[[Sequence[Telling]], Awaitable[None]]
+    """Takes what messages tell, as radio's; returns once it is stored."""
+    journal: Callable[[RawFrame], None]
+    """Takes every byte, both ways."""
+    level: Callable[[CommandReport], None]
+    """Takes levels of commands that are not written down with what proved them."""
 
 
 class Satellite:
@@ -63,9 +76,7 @@ class Satellite:
         fleet: The robots as they are now.
         sender: The gateways.
         plugs: What the operator has unplugged.
-        tell: Takes what messages tell, as radio's; returns once it is stored.
-        journal: Takes every byte, both ways.
-        on_level: Takes the levels of commands that were proved.
+        listeners: Who is told what.
     """
 
     def __init__(
@@ -74,24 +85,24 @@ class Satellite:
         fleet: Fleet,
         sender: Sender,
         plugs: Plugs,
-        tell: Callable[[Sequence[Telling]], Awaitable[None]],
-        journal: Callable[[RawFrame], None],
-        on_level: Callable[[CommandReport], None],
+        listeners: SatelliteListeners,
     ) -> None:
         self._store = foundation.store
         self._clock = foundation.clock
         self._secrets = foundation.secrets
         self._fleet = fleet
         self._plugs = plugs
-        self._on_level = on_level
+        self._listeners = listeners
         self._settings: dict[str, Settings] = {}
         self._heard: dict[str, Heard] = {}
         self._rows: dict[str, OutboxRecord] = {}
         """Newest row of each transfer that went by satellite since the start."""
+        self._plan_said: dict[str, tuple[datetime, datetime]] = {}
+        """When each robot's last word on its plan arrived by satellite, and when it was said."""
         self._turns = Turns("satellite messages")
-        self.inbox = Inbox(self._store, self._clock, tell, journal)
+        self.inbox = Inbox(self._store, self._clock, listeners.tell, listeners.journal)
         self.outbox = Outbox(
-            self._store, self._clock, sender, self._means, self._row_changed, journal
+            self._store, self._clock, sender, self._means, self._row_changed, listeners.journal
         )
         self._unwritten = UnwrittenOrders(sender)
 
@@ -126,6 +137,11 @@ class Satellite:
                 if modem.imei not in self._heard:
                     await self._remember(modem)
             self._show(picture, found[robot])
+
+    @property
+    def waits(self) -> Mapping[str, str]:
+        """Why rows of the outbox are not sent on, by their ids."""
+        return self.outbox.waits
 
     def is_plugged(self, imei: str) -> bool:
         """Tell whether messages of a modem are taken; a stranger's are."""
@@ -175,6 +191,40 @@ class Satellite:
             return out_of_contact_text(picture, settings)
         return ""
 
+    async def quote(self, plan: PlanRecord) -> SatelliteQuoteView:
+        """Return what a plan would cost, and what speaks against sending it by satellite.
+
+        Raises:
+            Problem: 409 if there is nothing to send yet, or it is too long for satellite.
+        """
+        if not has_mission(plan):
+            raise conflict(f"{plan.id} is {plan.state}; there is nothing to send.")
+        robot, now = plan.robot, self._clock.now()
+        tariff, modem = self.settings(robot).satellite.tariff, self.modem(robot)
+        given = Circumstances(
+            picture=self._fleet.picture(robot),
+            tariff=tariff,
+            budget=await self._store.query(lambda s: budget_of(s, robot, tariff, now)),
+            choice=self.choice(robot, "plan"),
+            carrier=None if modem is None else modem.carrier,
+            road_fault=self.choice(robot, "plan", "satellite").reason,
+            obstacle=self.obstacle(robot),
+            now=now,
+        )
+        try:
+            return quote_view(plan, given)
+        except ValueError as error:
+            raise conflict(f"{plan.id} cannot go by satellite: {error}.") from error
+
+    async def view(self, robot: str, limit: int) -> SatelliteView:
+        """Return a robot's budget and its newest messages.
+
+        Raises:
+            Problem: 404 if there is no such robot.
+        """
+        picture, now = self._fleet.picture(robot), self._clock.now()
+        return await self._store.query(lambda s: satellite_view(s, picture, now, limit))
+
     async def begin(self, transfer: TransferRecord, plan: PlanRecord) -> OutboxRecord | None:
         """Begin or go on to send a plan by satellite; ``None`` if the robot has no link for it."""
         modem = self.modem(transfer.robot)
@@ -197,17 +247,26 @@ class Satellite:
         """Return how far a transfer is by satellite; ``None`` if it was never to go there."""
         return self._rows.get(transfer)
 
+    def stir(self) -> None:
+        """Look at once for what is to be sent."""
+        self.outbox.stir()
+
     async def hold(self, transfer: str) -> None:
         """Send nothing more of a transfer while radio is tried."""
         await self._store.write(lambda session: plan_row.hold(session, transfer))
 
-    def order_in(self, session: Session, command: CommandRecord) -> None:
-        """Add the rows of an order to every satellite link of its robot, with the order itself."""
-        for modem in modems_of(self._fleet.picture(command.robot).record):
-            if self._plugs.is_plugged(modem.uri):
-                order_row.begin_order(session, command, modem, command.created_at)
-            if command.kind is not CommandKind.SURFACE:
-                return
+    def order_in(self, session: Session, command: CommandRecord, *, is_only: bool) -> None:
+        """Add the rows of an order with the order itself: to surface, to every link.
+
+        Args:
+            session: The transaction of the order.
+            command: The order.
+            is_only: Whether no other road carries it.
+        """
+        modems = modems_of(self._fleet.picture(command.robot).record)
+        plugged = [one for one in modems if self._plugs.is_plugged(one.uri)]
+        for modem in plugged if command.kind is CommandKind.SURFACE else plugged[:1]:
+            order_row.begin_order(session, command, modem, command.created_at, is_only=is_only)
 
     def surface_unwritten(self, robot: str, number: CommandNumber, expires: datetime) -> None:
         """Send an order to surface that could not be written down: storage must not stop it."""
@@ -218,7 +277,7 @@ class Satellite:
                 data = pack_order(
                     CommandKind.SURFACE, number, expires, None, key, modem.system, counter
                 )
-                self._unwritten.add(modem, number, data, self._on_level, self._clock)
+                self._unwritten.add(modem, number, data, self._listeners.level, self._clock)
 
     def _means(self, row: OutboxRecord) -> Means | str:
         if not self._fleet.knows(row.robot):
@@ -245,24 +304,26 @@ class Satellite:
     def _row_changed(self, row: OutboxRecord) -> None:
         if row.transfer is not None:
             self._rows[row.transfer] = row
-        elif row.kind == "order":
-            self._tell_level(row)
         if self._fleet.knows(row.robot):
             self._fleet.touch(row.robot)
 
-    def _tell_level(self, row: OutboxRecord) -> None:
-        """Tell how far an order is; telling a level again changes nothing."""
-        at = row.ended_at or self._clock.now()
-        number = CommandNumber(row.document["number"])
-        level = _LEVELS.get(row.state if row.state in _LEVELS else row.level)
-        if level is None or (row.state == "refused" and row.document["sends"] == 0):
-            return
-        self._on_level(
-            CommandReport(RobotId(row.robot), number, level, at, row.carrier, row.reason)
-        )
-
     def _pass_on(self, message: MobileOriginated, values: Sequence[Telling]) -> None:
-        self._turns.add(lambda: self.inbox.settle(message, values))
+        """Pass on what a message tells, but not a word on the plan that came after a newer one."""
+        kept: list[Telling] = [one for one in values if not isinstance(one, PlanReport)]
+        for report in values:
+            if isinstance(report, PlanReport) and self._is_newest(report, message.session_at):
+                self._plan_said[report.robot] = (report.received_at, message.session_at)
+                kept.append(report)
+        self._turns.add(lambda: self.inbox.settle(message, kept))
+
+    def _is_newest(self, report: PlanReport, session_at: datetime) -> bool:
+        known = self._fleet.picture(report.robot).plan_report
+        arrived_at, said_at = self._plan_said.get(report.robot, (None, None))
+        if said_at is not None and session_at < said_at:
+            return False
+        if known is None or known.received_at == arrived_at:
+            return True
+        return session_at >= known.received_at
 
     async def _look(self) -> None:
         while True:
@@ -314,12 +375,3 @@ class Satellite:
         if picture.satellite != standing:
             picture.satellite = standing
             self._fleet.touch(picture.record.id)
-
-
-_LEVELS: Final = {
-    "queued": CommandLevel.QUEUED,
-    "radio": CommandLevel.RADIO,
-    "applied": CommandLevel.APPLIED,
-    "refused": CommandLevel.REFUSED,
-    "expired": CommandLevel.EXPIRED,
-}

@@ -40,6 +40,15 @@ class SatelliteMessageCostView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class AutoRouteView(View):
+    """The road that a plan would take by itself."""
+
+    route: str
+    """``radio`` or ``satellite``."""
+    reason: str
+
+
+@dataclass(frozen=True, slots=True)
 class SatelliteQuoteView(View):
     """What sending a plan by satellite takes, before anything is sent."""
 
@@ -53,11 +62,15 @@ class SatelliteQuoteView(View):
     currency: str
     credits_left_today: int
     """Of the robot's budget for this UTC day."""
+    credits_per_day: int
     earliest_delivery_at: datetime | None
     """``null`` while nobody knows when the robot will be heard."""
     text: str
     refusal: str | None
     """Why it cannot be sent by satellite now; ``null`` if it can."""
+    may_force: bool
+    """Whether the refusal is one that an operator who insists may overrule."""
+    auto: AutoRouteView
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +103,8 @@ class OutgoingMessageView(View):
     bytes: int
     credits: int
     state: str
-    """``sending``, ``taken``, ``radio``, ``refused`` or ``dropped``."""
+    """``sending``, ``taken``, ``radio``, ``refused``, ``dropped`` or ``unknown`` (nobody knows
+    whether the gateway has it)."""
     message_id: str | None
     mtmsn: int | None
     text: str

@@ -179,6 +179,8 @@ class PlanView(View):
     message: str
     ladder: LadderView
     onboard: OnboardView | None
+    transfer: "TransferView | None" = None
+    """The newest attempt to bring it on board."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -215,7 +217,7 @@ class LivePlanView(View):
     """As in the plan itself."""
     message: str
     transfer: "TransferView | None" = None
-    """The transfer that is under way or was the last by satellite."""
+    """The newest attempt to bring it on board, while it is under way."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -226,12 +228,14 @@ class TransferView(View):
     robot: str
     plan_id: str
     state: str
-    """``waiting``, ``sending``, ``on_board``, ``running``, ``failed`` or ``withdrawn``."""
+    """``waiting``, ``sending``, ``on_board``, ``running``, ``failed``, ``withdrawn`` or
+    ``superseded``."""
     items_sent: int
     items: int
     bytes: int
     level: str
-    """How far it is proved: ``queued``, ``radio`` or ``applied``."""
+    """How far it is proved: ``created`` (nothing left the station), ``queued``, ``radio`` or
+    ``applied``."""
     started_at: datetime
     ended_at: datetime | None
     reason: str

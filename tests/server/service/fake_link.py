@@ -118,7 +118,9 @@ class FakeRobot:
         self.reason = reason
         self.say(OnboardPlanState.FAILED)
 
-    def sample(self, position, variable="blue_light", value=None, position_std_m=0.05):
+    def sample(
+        self, position, variable="blue_light", value=None, position_std_m=0.05, measured_at=None
+    ):
         at = datetime.now(UTC)
         if value is None:
             value = float(measure(variable, np.array([position]), self.rng)[0])
@@ -130,7 +132,7 @@ class FakeRobot:
             value,
             tuple(position),
             position_std_m,
-            at,
+            measured_at or at,
             at,
         )
         self.sequence += 1
@@ -172,6 +174,9 @@ class FakeLink:
         fake.take(mission)
         return replace(report, state=OnboardPlanState.ON_BOARD, items_sent=len(mission.legs))
 
+    def set_plugged(self, uri, is_plugged):
+        self.world.plugs.append((uri, is_plugged))
+
     def cancel_upload(self, robot, reason):
         self.world.cancelled_uploads.append((robot, reason))
 
@@ -205,6 +210,7 @@ class World:
         self.cancelled_uploads = []
         self.commands = []
         self.acknowledged = []
+        self.plugs = []
         self.flights = []
         self.in_reach = True
         self.radio_takes = True

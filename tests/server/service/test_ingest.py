@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from db.query.events import newest_events
-from db.query.samples import sample_columns
+from db.query.samples import newest_samples, sample_columns
 from db.tables import RawFrameRow, SampleRow, StateRow
 from tests.server.service.conftest import MINI, open_station, until
 from tests.server.service.fake_link import state_report
@@ -69,8 +69,7 @@ IMPOSSIBLE = {
     "far away": {"position_ned": (900.0, 0.5, 0.2)},
     "not a number": {"pitch_rad": math.nan},
     "battery": {"battery_fraction": 7.0},
-    "from the future": {"measured_at": datetime.now(UTC) + timedelta(days=2)},
-    "from before gliders": {"measured_at": datetime(1980, 1, 6, tzinfo=UTC)},
+    "from the future": {"measured_at": datetime.now(UTC) + timedelta(hours=2)},
 }
 
 
@@ -129,6 +128,39 @@ async def test_late_report_is_stored_but_moves_no_gauge_back(station, foundation
         return await count(foundation, StateRow) == 3
 
     await until(all_stored)
+
+
+WRONG_CLOCKS = {
+    "years behind": (datetime(1980, 1, 6, tzinfo=UTC), "years behind (1980-01-05 23:59Z)"),
+    "days ahead": (datetime.now(UTC) + timedelta(days=30), "30 days ahead"),
+}
+
+
+@pytest.mark.parametrize(("said_at", "words"), WRONG_CLOCKS.values(), ids=WRONG_CLOCKS)
+async def test_robot_with_a_wrong_clock_is_shown_as_such_and_ordered_by_arrival(
+    client, station, world, said_at, words
+):
+    now = datetime.now(UTC)
+    for later_s, depth_m in enumerate((0.2, 0.3, 0.1)):
+        arrived = now + timedelta(seconds=later_s)
+        at = said_at - timedelta(seconds=later_s)
+        world.tell(state_report(MINI, (1.0, 0.5, depth_m), at=arrived, measured_at=at))
+    found = (await client.get("/api/robots/mini-1/state")).json()
+    assert words in found["clock_fault"]
+    assert "mini-1" in found["clock_fault"]
+    assert found["channels"]["depth_m"]["value"] == 0.1, "the newest by arrival"
+    assert station.fleet.picture(MINI).state.measured_at == now + timedelta(seconds=2)
+    world.tell(state_report(MINI, at=now + timedelta(seconds=3)))
+    assert (await client.get("/api/robots/mini-1/state")).json()["clock_fault"] is None
+
+
+async def test_samples_of_a_robot_with_a_wrong_clock_are_kept_by_their_arrival(foundation, world):
+    long_ago = datetime(1980, 1, 6, tzinfo=UTC)
+    world.tell(state_report(MINI, measured_at=long_ago))
+    told = world.robots[MINI].sample((1.0, 0.5, 0.2), measured_at=long_ago)
+    await until(lambda: world.acknowledged)
+    kept = await foundation.store.query(lambda session: newest_samples(session, MINI))
+    assert [sample.measured_at for sample in kept] == [told.received_at]
 
 
 async def test_both_clocks_of_a_value_are_kept_apart(client, world):

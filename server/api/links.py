@@ -1,0 +1,75 @@
+"""The links of robots: their state, their plugs, and what crossed the satellite."""
+
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+from pydantic import Field
+
+from db.query.ranges import list_ranges
+from server.api.body import Body
+from server.api.dependency import Pilot, StoreDep, Viewer
+from server.api.idempotency import IdempotentRoute
+from server.api.station_dependency import StationDep
+from server.service.link_panel import link_views
+from server.service.view.link import RangeView, RobotLinkView, SatelliteView
+
+router = APIRouter(prefix="/api/robots", tags=["links"], route_class=IdempotentRoute)
+
+
+class PlugRequest(Body):
+    """Which plug to pull or to put back."""
+
+    uri: str = Field(max_length=500)
+    """The link, as the robot has it."""
+    plugged: bool
+    """Whether the station may use it from now on."""
+
+
+@router.get("/{robot}/links")
+async def get_links(caller: Viewer, robot: str, station: StationDep) -> list[RobotLinkView]:
+    """Return every link of a robot: its state, its age, and what it carries."""
+    del caller
+    return link_views(station.fleet.picture(robot))
+
+
+@router.post("/{robot}/links/plug")
+async def plug_link(
+    caller: Pilot, robot: str, body: PlugRequest, station: StationDep
+) -> list[RobotLinkView]:
+    """Pull the plug of a link, or put it back; robots that share a radio share its plug.
+
+    Nothing is sent by an unplugged satellite link, and its gateway is asked to keep what comes.
+    """
+    del caller
+    await station.set_plugged(robot, body.uri, is_plugged=body.plugged)
+    return link_views(station.fleet.picture(robot))
+
+
+@router.get("/{robot}/satellite")
+async def get_satellite(
+    caller: Viewer,
+    robot: str,
+    station: StationDep,
+    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
+) -> SatelliteView:
+    """Return a robot's satellite budget and its newest messages, out and in."""
+    del caller
+    return await station.satellite.view(robot, limit)
+
+
+@router.get("/{robot}/ranges")
+async def get_ranges(
+    caller: Viewer,
+    robot: str,
+    station: StationDep,
+    store: StoreDep,
+    limit: Annotated[int, Query(ge=1, le=10_000)] = 1000,
+) -> list[RangeView]:
+    """Return the newest acoustic ranges of a robot, good and bad."""
+    del caller
+    station.fleet.picture(robot)
+    found = await store.query(lambda session: list_ranges(session, robot, limit))
+    return [
+        RangeView(one.at, one.peer, one.travel_time_s, one.range_m, one.is_valid, one.reason)
+        for one in found
+    ]
