@@ -159,10 +159,20 @@ class CommandLane:
                 number=command.number,
                 level=level,
                 at=self._peer.clock.now(),
-                carrier=self._peer.carrier,
+                carrier=self._carrier_of(level),
                 reason=reason,
             )
         )
+
+    def _carrier_of(self, level: CommandLevel) -> str:
+        """Return the kind of link that proves a level; of two links each may prove another."""
+        match level:
+            case CommandLevel.RADIO:
+                return self._peer.confirmed_by or self._peer.heard_by
+            case CommandLevel.APPLIED | CommandLevel.REFUSED:
+                return self._peer.heard_by
+            case _:
+                return self._peer.carrier
 
 
 def _expiry_reason(command: Command) -> str:

@@ -127,7 +127,7 @@ class MissionServer:
             return [] if self._ended is None else [self._ack(self._ended)]
         transfer.heard_s = now_s
         if message.seq != len(transfer.items):
-            return []
+            return self.tick(now_s)
         transfer.items.append(standard_item(message))
         if len(transfer.items) < transfer.count:
             return self._request(now_s)

@@ -50,6 +50,12 @@ class Wire:
                         asyncio.get_running_loop().call_soon(self.client, back)
         return True
 
+    def over_the_wire(self, message: WireMessage) -> WireMessage:
+        """Return a robot's message as the station decodes it."""
+        ((heard,), bad) = self._station.unpack(self._robot.pack(message))
+        assert bad == 0
+        return heard
+
     def _carried(self, frame: bytes) -> list[WireMessage]:
         if self.is_cut or self._rng.random() < self.loss:
             return []

@@ -144,8 +144,7 @@ def test_a_value_is_the_same_after_its_way_over_the_wire(kind: ParameterType, da
         return
     carried = to_wire(value, kind, IntegerEncoding.BYTEWISE)
     message = grace.MAVLink_param_value_message(b"X", carried, int(kind), 1, 0)
-    wire = Wire(lambda _: [])
-    again = wire._station.unpack(wire._robot.pack(message)).messages[0]
+    again = Wire(lambda _: []).over_the_wire(message)
     assert from_wire(again, IntegerEncoding.BYTEWISE) == value
     if kind.is_integer and abs(value) <= 2**24:
         cast = grace.MAVLink_param_value_message(b"X", float(value), int(kind), 1, 0)
