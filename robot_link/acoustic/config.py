@@ -10,6 +10,8 @@ class AcousticConfig(Configuration):
     """Speed of sound between modem and robot; a CTD cast tells it better than a table."""
     range_max_m: float = quantity(1500.0, "m", title="Longest range", gt=0.0, le=20000.0)
     """An answer from farther away is not waited for."""
+    period_s: float = quantity(60.0, "s", title="Time between pings", ge=5.0, le=86400.0)
+    """How often each robot under water is asked for its range; pings cost it little."""
     turnaround_s: float = quantity(0.05, "s", title="Turnaround", ge=0.0, le=10.0, advanced=True)
     """Time that the far modem or transponder takes before it answers."""
 

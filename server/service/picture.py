@@ -104,9 +104,14 @@ class Picture:
     @property
     def link(self) -> LinkReport | None:
         """Report of the link by which the robot is reached best, ``None`` before the first."""
-        best = best_link(self.links.values())
+        best = best_link(self._roads)
         unheard = best is None or best.state is LinkState.NEVER_HEARD
         return self.remembered or best if unheard else best
+
+    @property
+    def _roads(self) -> list[LinkReport]:
+        """Reports of the links that carry words; an acoustic modem measures ranges alone."""
+        return [link for link in self.links.values() if link.carrier != ACOUSTIC_CARRIER]
 
     @property
     def link_state(self) -> LinkState:
@@ -145,7 +150,7 @@ class Picture:
     @property
     def heard_at(self) -> datetime | None:
         """When the robot was last heard on any link, as far as the database remembers."""
-        heard = [link.heard_at for link in self.links.values() if link.heard_at is not None]
+        heard = [link.heard_at for link in self._roads if link.heard_at is not None]
         if self.remembered is not None and self.remembered.heard_at is not None:
             heard.append(self.remembered.heard_at)
         return max(heard, default=None)

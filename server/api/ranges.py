@@ -1,0 +1,63 @@
+"""Acoustic ranges between the station and its robots."""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Annotated
+
+from fastapi import APIRouter, Query
+
+from db.query.ranges import list_ranges
+from server.api.dependency import StoreDep, Viewer
+from server.service.view.base import View
+
+router = APIRouter(prefix="/api/robots", tags=["robots"])
+
+
+@dataclass(frozen=True, slots=True)
+class RangeView(View):
+    """One range, good or bad."""
+
+    at: datetime
+    peer: int
+    """Address of the robot's acoustic modem."""
+    travel_time_s: float | None
+    """One way; ``null`` without an answer."""
+    range_m: float | None
+    """Slant range: travel time by speed of sound."""
+    is_valid: bool
+    reason: str
+    """Why it is not valid; empty when it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class RangesView(View):
+    """Ranges of one robot, the newest first."""
+
+    robot: str
+    ranges: list[RangeView]
+
+
+@router.get("/{robot}/ranges")
+async def get_ranges(
+    caller: Viewer,
+    robot: str,
+    store: StoreDep,
+    limit: Annotated[int, Query(ge=1, le=10_000)] = 1000,
+) -> RangesView:
+    """Return the newest acoustic ranges of a robot, those without an answer among them."""
+    del caller
+    found = await store.query(lambda session: list_ranges(session, robot, limit))
+    return RangesView(
+        robot,
+        [
+            RangeView(
+                at=one.at,
+                peer=one.peer,
+                travel_time_s=one.travel_time_s,
+                range_m=one.range_m,
+                is_valid=one.is_valid,
+                reason=one.reason,
+            )
+            for one in found
+        ],
+    )

@@ -1,0 +1,138 @@
+"""Ranges by acoustic modem: asked for again and again, kept good or bad, and their link shown."""
+
+import asyncio
+from contextlib import asynccontextmanager
+from dataclasses import replace
+
+import pytest
+
+from db.query.ranges import list_ranges
+from db.query.robots import add_robot
+from robot_link.acoustic.config import AcousticConfig
+from robot_link.acoustic.micromodem import MicroModem
+from robot_link.gateway.address import acoustic_address
+from robot_link.messages import LinkState, RobotId, SystemId
+from server.service.ranging import Ranging
+from tests.robot_link.test_acoustic_modem import HASTE, FakeModem, replying, scaled_clock
+from tests.server.gateway_station import _tables, blank_database, robot, station
+from tests.server.station_app import signed_in
+
+__all__ = ["_tables", "blank_database"]
+GRACE, MINI = RobotId("grace-1"), RobotId("mini-1")
+LINK = "micromodem:///dev/ttyS9?us=1&peer=2"
+OTHER = "micromodem:///dev/ttyS9?us=1&peer=3"
+NEAR = AcousticConfig(range_max_m=1.0, turnaround_s=0.0, period_s=5.0)
+
+
+@asynccontextmanager
+async def ranging(tmp_path, fake, reports):
+    """Ranging of a station whose robots share one modem, on a clock that runs 20 times as fast."""
+    opened = []
+
+    def open_(links, clock, config):
+        opened.append(dict(links))
+        robots = {acoustic_address(uri).peer: robot_id for robot_id, uri in links.items()}
+        return MicroModem(fake.open, 1, robots, clock, config, HASTE)
+
+    async with station(tmp_path) as app:
+        foundation = replace(app.state.foundation, clock=scaled_clock(20.0))
+        await foundation.store.write(lambda session: add_robot(session, robot((LINK,))))
+        await foundation.store.write(lambda session: add_robot(session, mini()))
+        service = Ranging(foundation, reports.append, NEAR, open_)
+        service.opened = opened
+        service.store = foundation.store
+        service.app = app
+        try:
+            yield service
+        finally:
+            await service.stop()
+
+
+def mini():
+    return replace(robot((OTHER,)), id=MINI, name="mini-1", system_id=SystemId(1))
+
+
+async def kept(service, robot_id, count):
+    async with asyncio.timeout(10):
+        while True:
+            found = await service.store.query(lambda session: list_ranges(session, robot_id))
+            if len(found) >= count:
+                return found
+            await asyncio.sleep(0.005)
+
+
+async def shown(reports, robot_id, state):
+    async with asyncio.timeout(10):
+        while True:
+            newest = [one for one in reports if one.robot == robot_id][-1:]
+            if newest and newest[0].state is state:
+                return newest[0]
+            await asyncio.sleep(0.005)
+
+
+async def test_each_robot_is_asked_and_its_answer_is_kept(tmp_path):
+    reports = []
+    fake = FakeModem({"CCMPC": lambda fields: replying(*fields[1:3])(fields)})
+    async with ranging(tmp_path, fake, reports) as service:
+        await service.set_robots([robot((LINK,)), mini()])
+        assert service.opened == [{GRACE: LINK, MINI: OTHER}]
+        for robot_id, peer in ((GRACE, 2), (MINI, 3)):
+            (found, *_) = await kept(service, robot_id, 1)
+            assert (found.peer, found.is_valid, found.range_m) == (peer, True, pytest.approx(0.6))
+            report = await shown(reports, robot_id, LinkState.LIVE)
+            assert (report.carrier, report.frames_received >= 1) == ("micromodem", True)
+        assert report.uri == OTHER
+        await kept(service, GRACE, 2)
+        async with signed_in(service.app) as client:
+            answer = (await client.get(f"/api/robots/{GRACE}/ranges?limit=1")).json()
+            assert (await client.get("/api/robots/nobody/ranges")).status_code == 404
+    assert len(answer["ranges"]) == 1
+    assert answer["ranges"][0]["range_m"] == pytest.approx(0.6)
+
+
+async def test_silence_is_kept_as_a_range_that_is_not_valid(tmp_path):
+    reports = []
+    async with ranging(tmp_path, FakeModem(), reports) as service:
+        await service.set_robots([robot((LINK,))])
+        await shown(reports, GRACE, LinkState.NEVER_HEARD)
+        (found, *_) = await kept(service, GRACE, 1)
+    assert (found.is_valid, found.range_m) == (False, None)
+    assert "no answer" in found.reason
+
+
+async def test_a_pulled_plug_stops_the_asking_and_is_shown(tmp_path):
+    reports, fake = [], FakeModem({"CCMPC": replying("1", "2")})
+    async with ranging(tmp_path, fake, reports) as service:
+        service.set_plugged(LINK, is_plugged=False)
+        await service.set_robots([robot((LINK,))])
+        report = await shown(reports, GRACE, LinkState.UNPLUGGED)
+        assert not report.is_plugged
+        assert (await service.ping(GRACE)).reason == "the modem is not there"
+        service.set_plugged(LINK, is_plugged=True)
+        await shown(reports, GRACE, LinkState.LIVE)
+
+
+async def test_links_that_stay_keep_their_modem_and_links_that_go_lose_it(tmp_path):
+    reports, fake = [], FakeModem({"CCMPC": replying("1", "2")})
+    async with ranging(tmp_path, fake, reports) as service:
+        for _ in range(2):
+            await service.set_robots([robot((LINK, "xbee:///dev/ttyUSB0"))])
+        assert service.opened == [{GRACE: LINK}]
+        await service.set_robots([robot(("xbee:///dev/ttyUSB0",))])
+        assert await service.ping(GRACE) is None
+        await service.set_robots([robot((LINK,)), mini()])
+        assert service.opened == [{GRACE: LINK}, {GRACE: LINK, MINI: OTHER}]
+
+
+async def test_links_that_name_one_modem_twice_are_left_alone(tmp_path):
+    reports = []
+    async with ranging(tmp_path, FakeModem(), reports) as service:
+        strange = replace(mini(), links=(LINK, "micromodem://broken"))
+
+        def refuse(links, clock, config):
+            raise ValueError(f"{len(links)} links of one modem, by {clock} and {config}")
+
+        service._open = refuse
+        await service.set_robots([robot((LINK,)), strange])
+        assert await service.ping(GRACE) is None
+    assert reports == []
