@@ -24,6 +24,12 @@ export interface RobotLink {
 /** Way of a plan to its robot; `auto` leaves it to the station. */
 export type RouteChoice = 'auto' | 'radio' | 'satellite';
 
+/** The way that a plan would take, and why. */
+export interface Way {
+  route: 'radio' | 'satellite';
+  reason: string;
+}
+
 export interface QuoteMessage {
   index: number;
   bytes: number;
@@ -39,15 +45,15 @@ export interface SatelliteQuote {
   price: number;
   currency: string;
   credits_left_today: number;
-  credits_per_day?: number;
+  credits_per_day: number;
   earliest_delivery_at: Time | null;
   text: string;
   /** Why the station would not send it by satellite, a sentence. */
   refusal: string | null;
   /** Whether a person's word overrules the refusal. */
-  may_force?: boolean;
+  may_force: boolean;
   /** What `auto` takes now, and why. */
-  auto?: { route: 'radio' | 'satellite'; reason: string } | null;
+  auto: Way;
 }
 
 export type PartLevel = 'waiting' | 'queued' | 'radio';

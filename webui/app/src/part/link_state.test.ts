@@ -66,6 +66,11 @@ describe('before a plug is pulled', () => {
     expect(unplugText('grace-1', RADIO, [RADIO, SPACE, SOUND])).toContain('only by RockBLOCK');
   });
 
+  test('the other robots at the same port are named', () => {
+    const text = unplugText('grace-1', RADIO, [RADIO, SPACE], ['mini-1', 'mini-2']);
+    expect(text).toContain('The same port serves mini-1 and mini-2.');
+  });
+
   test('the last one is said to be the last', () => {
     const text = unplugText('grace-1', SPACE, [{ ...RADIO, is_plugged: false }, SPACE, SOUND]);
     expect(text).toContain('No other link reaches grace-1');

@@ -50,7 +50,13 @@ export function hasSatellite(links: readonly RobotLink[]): boolean {
 }
 
 /** What the station would do without this link, before its plug is pulled. */
-export function unplugText(robot: string, link: RobotLink, links: readonly RobotLink[]): string {
+export function unplugText(
+  robot: string,
+  link: RobotLink,
+  links: readonly RobotLink[],
+  /** Names of the robots that share its port. */
+  sharing: readonly string[] = [],
+): string {
   const name = carrierName(link.carrier);
   if (link.kind === 'acoustic') {
     return `No range to ${robot} is measured until it is plugged in again. Orders and plans do not need it.`;
@@ -65,7 +71,8 @@ export function unplugText(robot: string, link: RobotLink, links: readonly Robot
   if (link.kind === 'satellite') {
     return `The station hands nothing more to ${name} and takes nothing from it: the gateway keeps what ${robot} says and brings it later. What the gateway already has still reaches the robot. ${rest}`;
   }
-  return `The station closes the port and hears nothing by ${name}. ${rest} ${robot} keeps the plan that it has.`;
+  const too = sharing.length > 0 ? ` The same port serves ${sharing.join(' and ')}.` : '';
+  return `The station closes the port and hears nothing by ${name}.${too} ${rest} ${robot} keeps the plan that it has.`;
 }
 
 const CARRIED: Record<string, string> = {

@@ -49,7 +49,9 @@ export function planSentence(plan: Pick<Plan, 'state' | 'message' | 'stage'>): s
   if (plan.state === 'planning' && plan.stage === 'waiting') {
     return 'It waits until the other robots of the survey are planned for. Nothing is sent.';
   }
-  const isTold = ['failed', 'cancelled'].includes(plan.state) && plan.message !== '';
+  const hasReturned = plan.state === 'draft' && plan.message.startsWith('Not confirmed');
+  const isTold =
+    (['failed', 'cancelled'].includes(plan.state) && plan.message !== '') || hasReturned;
   const told = isTold ? ` ${plan.message}` : '';
   return SENTENCES[plan.state] + told;
 }

@@ -57,3 +57,8 @@ export function duration(seconds: number | null | undefined): string {
 export function countdown(seconds: number): string {
   return seconds >= 0 ? `in ${duration(seconds)}` : `overdue by ${duration(-seconds)}`;
 }
+
+/** Time to something that comes about then and is not late at once: "in 4 min 10 s", "due now". */
+export function about(seconds: number, patience = 120): string {
+  return seconds < 0 && seconds > -patience ? 'due now' : countdown(seconds);
+}

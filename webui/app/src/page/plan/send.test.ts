@@ -1,6 +1,6 @@
 import { describe, expect, test } from 'vitest';
 import type { RobotLink, SatelliteQuote } from '../../api/types';
-import { priceText, refusalOf, sizesText, wayOf } from './send';
+import { priceText, sizesText, wayOf } from './send';
 
 const RADIO = { kind: 'radio', carrier: 'xbee', state: 'live', is_plugged: true } as RobotLink;
 const SPACE = { kind: 'satellite', carrier: 'rockblock', is_plugged: true } as RobotLink;
@@ -33,13 +33,5 @@ describe('what it costs', () => {
     expect(priceText(1.2, 'GBP')).toBe('1.20 GBP');
     expect(priceText(0, '')).toBe('no price set');
     expect(sizesText([{ bytes: 270 }, { bytes: 176 }])).toBe('270 + 176 B');
-  });
-
-  test('is refused beyond the day’s budget', () => {
-    expect(refusalOf(QUOTE)).toBe('');
-    expect(refusalOf({ ...QUOTE, credits_left_today: 4 })).toContain('4 are left');
-    expect(refusalOf({ ...QUOTE, refusal: 'The link is unplugged.' })).toBe(
-      'The link is unplugged.',
-    );
   });
 });

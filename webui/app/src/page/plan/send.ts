@@ -1,12 +1,6 @@
-import type { LinkKind, RobotLink, RouteChoice, SatelliteQuote } from '../../api/types';
+import type { LinkKind, RobotLink, RouteChoice, SatelliteQuote, Way } from '../../api/types';
 import { shownState } from '../../part/link_state';
-import { carrierName, creditText } from '../../text/word';
-
-/** The way that a plan would take, and why. */
-export interface Way {
-  route: 'radio' | 'satellite';
-  reason: string;
-}
+import { carrierName } from '../../text/word';
 
 /** What "automatic" takes: the station's word, else what its links tell. */
 export function wayOf(
@@ -42,11 +36,4 @@ export function priceText(price: number, currency: string): string {
 /** `270 + 136 B`: what each message carries. */
 export function sizesText(messages: readonly { bytes: number }[]): string {
   return `${messages.map(({ bytes }) => bytes).join(' + ')} B`;
-}
-
-/** Why it must not be sent by satellite: the station's refusal, or a budget that it would break. */
-export function refusalOf(quote: SatelliteQuote): string {
-  if (quote.refusal) return quote.refusal;
-  if (quote.credits <= quote.credits_left_today) return '';
-  return `It takes ${creditText(quote.credits)}, and ${quote.credits_left_today} are left of today’s budget.`;
 }
