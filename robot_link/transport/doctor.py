@@ -40,6 +40,14 @@ _TRIAL_S: Final = 2.0
 _KEPT_BYTES: Final = 4096
 _MESSAGES_SHOWN: Final = 6
 
+_MUTE_ROBOT: Final = Advice(
+    "The radios reach each other, but no robot says anything.",
+    (
+        "Is the robot's own program running?",
+        "Its radio must be in API mode, and its program must call by broadcast.",
+    ),
+)
+
 
 @dataclass(slots=True)
 class Hearing:
@@ -53,6 +61,8 @@ class Hearing:
     messages: Counter[str] = field(default_factory=Counter[str])
     strength_dbm: dict[int, float] = field(default_factory=dict[int, float])
     """Last strength by radio."""
+    neighbours: int = 0
+    """Other radios of the network that answered."""
     bad: int = 0
     strange: bytes = b""
     """The first bytes that were no frame."""
@@ -186,6 +196,7 @@ class Doctor:
             return
         if not neighbours:
             self._say("No other radio of its network answers.")
+        self._heard.neighbours = len(neighbours)
         for one in neighbours:
             strength = "" if one.rssi_dbm is None else f" at {one.rssi_dbm:g} dBm"
             self._say(f"The radio {one.address:016X} ({one.node_id}) answers{strength}.")
@@ -211,6 +222,8 @@ class Doctor:
             return is_well and envelope is None
         if heard.strange:
             self._advise(byte_advice(self._uri, heard.strange))
+        elif heard.neighbours:
+            self._advise(_MUTE_ROBOT)
         else:
             self._advise(silence_advice(self._uri))
         trouble = self._transport.trouble if isinstance(self._transport, UdpTransport) else ""

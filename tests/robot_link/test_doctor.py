@@ -112,6 +112,16 @@ async def test_an_xbee_that_answers_alone_is_no_robot(tmp_path: Path):
     assert "above the water" in said
 
 
+async def test_a_radio_that_answers_for_a_silent_robot_is_told(tmp_path: Path):
+    air = XBeeNetwork(random.Random(1), AirConditions(), discovery_s=0.1)
+    air.robot_radio(Address(0x0013A200_41F00001), "mini-1")
+    async with air.pty(STATION, tmp_path / "xbee"):
+        is_well, said = await examined(f"xbee://{tmp_path}/xbee")
+    assert not is_well
+    assert "(mini-1) answers" in said
+    assert "no robot says anything" in said
+
+
 async def test_the_wrong_api_mode_is_told(tmp_path: Path):
     air = XBeeNetwork(random.Random(1), AirConditions())
     async with air.pty(STATION, tmp_path / "xbee", 2):
