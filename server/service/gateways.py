@@ -26,6 +26,7 @@ from robot_link.gateway.directip import DirectIpGateway, Listener
 from robot_link.gateway.gateway import (
     GatewayFault,
     GatewayRefusal,
+    HeldBackError,
     MobileOriginated,
     SatelliteGateway,
     Taken,
@@ -85,7 +86,7 @@ class Gateways:
         self._told_modems: set[str] = set()
         self.traffic: dict[GatewayKind, Traffic] = {kind: Traffic() for kind in GATEWAY_KINDS}
         self.limits = {kind: RateLimit(_PUSH_BURST, _PUSHES_PER_S) for kind in GATEWAY_KINDS}
-        """How often each gateway may push; whoever lacks its secret path is not counted."""
+        """How often each gateway may deliver; whoever lacks its secret path is not counted."""
 
     @property
     def directip_port(self) -> int | None:
@@ -258,7 +259,7 @@ class Gateways:
         listener = Listener(
             settings.directip_host,
             settings.directip_port or 0,
-            self.take,
+            self._take_delivery,
             self._foundation.clock,
             confirms=account is not None and account.confirms,
             allowed=settings.directip_allowed,
@@ -281,6 +282,13 @@ class Gateways:
         finally:
             self._listener = None
             await listener.stop()
+
+    async def _take_delivery(self, message: MobileOriginated) -> None:
+        """Take a message of the DirectIP port, at which anybody may knock."""
+        if not self.limits["directip"].admits():
+            self.traffic["directip"].refused["too_often"] += 1
+            raise HeldBackError("Messages come too often.")
+        await self.take(message)
 
     async def _attempt(self, work: Coroutine[Any, Any, object]) -> None:
         with contextlib.suppress(StoreError):

@@ -235,6 +235,17 @@ async def test_directip_messages_come_by_their_own_port_and_are_confirmed(tmp_pa
     assert directip.refused == {"malformed": 1}
 
 
+async def test_directip_messages_that_come_too_often_are_left_with_the_gateway(tmp_path):
+    async with station(tmp_path, directip_port=0) as app:
+        gateways = app.state.station.gateways
+        gateways.limits["directip"] = RateLimit(1, 1e-6)
+        await until(lambda: gateways.directip_port)
+        for _ in range(3):
+            assert await deliver(gateways.directip_port, CAPTURE) == b""
+    assert len(app.state.station.messages) == 1
+    assert gateways.traffic["directip"].refused == {"too_often": 2, "not_kept": 2}
+
+
 async def test_a_directip_port_that_is_taken_is_told_as_an_alarm(tmp_path):
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
