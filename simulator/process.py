@@ -124,6 +124,7 @@ def _computer(
         definition.robot,
         definition.system_id,
         definition.vehicle,
+        definition.site,
         program=robot.program,
         radio=radio,
         clock=clock,

@@ -155,6 +155,7 @@ def _computer(settings: RobotSettings, body: RemoteBody, onboard: OnboardClock) 
         definition.robot,
         definition.system_id,
         definition.vehicle,
+        definition.site,
         program=program,
         radio=open_transport(settings.radio),
         clock=clock,

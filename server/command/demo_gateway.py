@@ -74,11 +74,16 @@ def read_gateway(folder: Path) -> GatewaySettings | None:
 
 
 def give_keys(folder: Path, store: SecretStore, robots: Iterable[RobotId]) -> None:
-    """Write into each robot's memory the key that it shares with the station."""
+    """Write into each robot's memory the keys that it shares with the station."""
     for robot in robots:
+        memory = folder / MEMORY_FOLDER / robot
         if FLEET[robot].imei:
-            key = store.robot_key(robot).hex()
-            write_secret(folder / MEMORY_FOLDER / robot / "robot.key", key)
+            write_secret(memory / "robot.key", store.robot_key(robot).hex())
+        signing_key = store.signing_key(robot)
+        if signing_key is None:
+            (memory / "signing.key").unlink(missing_ok=True)
+        else:
+            write_secret(memory / "signing.key", signing_key.hex())
 
 
 def write_secret(file: Path, text: str) -> None:

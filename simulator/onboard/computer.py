@@ -1,11 +1,13 @@
 """The robot's computer: the onboard program with its links, memory, parameters and log."""
 
 import asyncio
-import logging
+import math
 from datetime import datetime
 from pathlib import Path
 
 from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
+from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
+from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from robot_link.clock import Clock
 from robot_link.messages import LogId, RobotId, SystemId
@@ -15,11 +17,13 @@ from robot_link.sample_log import MemorySampleLog
 from robot_link.satellite.config import SatelliteConfig
 from robot_link.satellite.receiver import FileStore, MemoryStore, Receiver
 from robot_link.service.file_store import FolderFiles
+from robot_link.service.signing import FileSigningMemory, Signing
+from robot_link.service.waypoint_mission import WaypointRules
 from robot_link.transport.datagram import DatagramTransport
 from simulator.node.client import NodeClient
 from simulator.node.satellite import SatelliteClient
 from simulator.onboard.log import FileLog, NoLog, OnboardLog
-from simulator.onboard.memory import FileCommandMemory, FilePlanStore, FileValues
+from simulator.onboard.memory import FileCommandMemory, FilePlanStore, FileValues, read_key
 from simulator.onboard.own_parameters import OwnParameters
 from simulator.onboard.profile import FLIGHT_PROFILES
 from simulator.onboard.program import OnboardProgram
@@ -28,7 +32,8 @@ from simulator.onboard.satellite_talk import SatelliteTalk, TalkSettings
 
 KEY_FILE = "robot.key"
 """The robot's key, in the folder of its memory."""
-_log = logging.getLogger(__name__)
+SIGNING_KEY_FILE = "signing.key"
+"""The key that signs its MAVLink frames; without one they are not signed."""
 
 
 class Computer:
@@ -41,6 +46,7 @@ class Computer:
         robot: Its name.
         system: Its MAVLink system id.
         vehicle: Its model.
+        site: Where it works.
         program: What flies it.
         radio: Its radio.
         clock: Its clock.
@@ -53,6 +59,7 @@ class Computer:
         robot: RobotId,
         system: SystemId,
         vehicle: Vehicle,
+        site: Site,
         *,
         program: OnboardProgram,
         radio: DatagramTransport,
@@ -89,6 +96,8 @@ class Computer:
             parameters=parameters.table,
             files=None if memory is None else FolderFiles(memory / "log"),
             command_memory=None if memory is None else FileCommandMemory(memory / "commands.json"),
+            signing=None if memory is None else _signing(memory, clock),
+            waypoints=_waypoint_rules(vehicle, site),
         )
         """What the program talks through."""
         self.talk: SatelliteTalk | None = None
@@ -149,6 +158,29 @@ def _talk_settings() -> TalkSettings:
     config = SatelliteConfig()
     return TalkSettings(
         CallLimits(config.radio_silence_s, config.session_period_s), config.digest_bytes
+    )
+
+
+def _signing(memory: Path, clock: Clock) -> Signing | None:
+    """Return what signs the robot's frames, where it was given a key for that."""
+    try:
+        secret = read_key(memory / SIGNING_KEY_FILE)
+    except FileNotFoundError:
+        return None
+    return Signing(secret, FileSigningMemory(memory / "signing.json"), clock)
+
+
+def _waypoint_rules(vehicle: Vehicle, site: Site) -> WaypointRules:
+    """Return how the robot flies the waypoints of other makers' ground stations."""
+    motion = PLANNER_PRESETS.get(vehicle.key, PlannerConfig()).primitives
+    return WaypointRules(
+        site.origin_latitude_deg,
+        site.origin_longitude_deg,
+        swim_speed_m_s=motion.swim_speed_m_s,
+        vertical_speed_m_s=motion.glide_speed_m_s,
+        flattest_glide_deg=math.degrees(motion.glide_angle_min_rad),
+        steepest_glide_deg=math.degrees(motion.glide_angle_max_rad),
+        depth_max_m=site.water.depth_max_m,
     )
 
 
