@@ -103,6 +103,10 @@ class SecretStore:
             raise ValueError(f"a signing key has {KEY_BYTES} bytes, not {len(key)}")
         _write(file, key.hex())
 
+    def signing_marks(self, robot: str) -> Path:
+        """Return the file in which the stamps of signed frames outlive a restart."""
+        return self._file("stamps", robot)
+
     def gateway(self, kind: GatewayKind) -> GatewayAccount | None:
         """Return the account with a gateway; None where there is none.
 

@@ -1,8 +1,8 @@
-"""The station's radios, rebuilt when the fleet changes."""
+"""The station's radios, which go on undisturbed while robots come and go."""
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Protocol
 
@@ -23,9 +23,17 @@ from robot_link.messages import (
 )
 from robot_link.mission import Mission
 from robot_link.path import RadioPath
+from robot_link.service.clock_sync import ClockOffset
+from robot_link.service.error import NoAnswerError
+from robot_link.service.file_store import FileEntry
+from robot_link.service.parameter_table import ParameterValue
 from robot_link.station import RobotEndpoint, StationLink
+from robot_link.transport.datagram import DatagramTransport
 from robot_link.transport.opening import is_radio, open_transport
 from server.service.link import Radio
+from server.service.parameters import ParameterRadio
+from server.service.robot_logs import FileRadio
+from server.service.signing import RobotSigning
 
 log = logging.getLogger(__name__)
 
@@ -33,8 +41,20 @@ _LOOK_S = 1.0
 """Wall time between two looks for commands that expired."""
 
 
-class Link(Radio, Protocol):
-    """A radio that must be run."""
+class Link(Radio, ParameterRadio, FileRadio, Protocol):
+    """A radio that must be run; ``robot_link.station.StationLink`` is one."""
+
+    def set_robots(
+        self,
+        robots: Mapping[RobotId, RobotEndpoint],
+        transports: Mapping[str, DatagramTransport],
+    ) -> None:
+        """Say which robots there are; those whose links are the same are not disturbed."""
+        ...
+
+    def clock_offset(self, robot: RobotId) -> ClockOffset | None:
+        """Return how far a robot's clock is off; None until something is known of it."""
+        ...
 
     def set_plugged(self, uri: str, is_plugged: bool) -> None:
         """Pull the plug of a link, or put it back; KeyError if there is no such link."""
@@ -45,16 +65,12 @@ class Link(Radio, Protocol):
         ...
 
 
-LinkFactory = Callable[[Mapping[RobotId, RobotEndpoint], Clock, Callable[[LinkEvent], None]], Link]
+LinkFactory = Callable[[Clock, Callable[[LinkEvent], None], RobotSigning], Link]
 
 
-def open_link(
-    robots: Mapping[RobotId, RobotEndpoint], clock: Clock, on_event: Callable[[LinkEvent], None]
-) -> Link:
-    """Return the link to these robots, one transport for each URI."""
-    uris = {path.transport_uri for end in robots.values() for path in end.paths}
-    transports = {uri: open_transport(uri) for uri in sorted(uris)}
-    return StationLink(transports, robots, clock, on_event)
+def open_link(clock: Clock, on_event: Callable[[LinkEvent], None], signing: RobotSigning) -> Link:
+    """Return a link to robots that will be named."""
+    return StationLink({}, {}, clock, on_event, signing=signing)
 
 
 def _paths(robot: RobotRecord) -> tuple[RadioPath, ...]:
@@ -65,21 +81,22 @@ def _paths(robot: RobotRecord) -> tuple[RadioPath, ...]:
 class Road:
     """The ``Radio`` of the services. Belongs to one event loop.
 
-    It stays the same while the link behind it is replaced because a robot was added. A robot
-    without a link of its own cannot be told anything: its commands wait here until it gets one,
-    when whoever sent them sends them again, or until they expire.
+    A robot without a link of its own cannot be told anything: its commands wait here until it
+    gets one, when whoever sent them sends them again, or until they expire.
     """
 
     def __init__(
-        self, clock: Clock, on_event: Callable[[LinkEvent], None], make: LinkFactory
+        self,
+        clock: Clock,
+        on_event: Callable[[LinkEvent], None],
+        make: LinkFactory,
+        signing: RobotSigning,
     ) -> None:
         self._clock = clock
         self._on_event = on_event
-        self._make = make
         self._robots: dict[RobotId, RobotEndpoint] = {}
         self._unplugged: set[str] = set()
-        self._link = make({}, clock, on_event)
-        self._changed = asyncio.Event()
+        self._link = make(clock, on_event, signing)
         self._waiting: dict[tuple[RobotId, CommandNumber], datetime] = {}
         """When each command for a robot without a link expires."""
 
@@ -92,12 +109,13 @@ class Road:
         }
         if endpoints == self._robots:
             return False
-        self._link = self._make(endpoints, self._clock, self._on_event)
+        uris = {path.transport_uri for end in endpoints.values() for path in end.paths}
+        transports = {uri: open_transport(uri) for uri in sorted(uris)}
+        self._link.set_robots(endpoints, transports)
         self._robots = endpoints
         for uri in self._unplugged & self._uris():
             self._link.set_plugged(uri, False)
         self._waiting = {key: end for key, end in self._waiting.items() if key[0] not in endpoints}
-        self._changed.set()
         return True
 
     def set_plugged(self, uri: str, *, is_plugged: bool) -> None:
@@ -114,22 +132,11 @@ class Road:
 
     async def run(self) -> None:
         """Serve until cancelled."""
-        while True:
-            self._changed.clear()
-            link = asyncio.create_task(self._link.run(), name="link")
-            change = asyncio.create_task(self._changed.wait(), name="link change")
-            try:
-                while not (link.done() or change.done()):
-                    self._expire()
-                    await asyncio.wait(
-                        {link, change}, timeout=_LOOK_S, return_when=asyncio.FIRST_COMPLETED
-                    )
-                if link.done():
-                    link.result()
-            finally:
-                link.cancel()
-                change.cancel()
-                await asyncio.gather(link, change, return_exceptions=True)
+        async with asyncio.TaskGroup() as group:
+            group.create_task(self._link.run(), name="link")
+            while True:
+                self._expire()
+                await asyncio.sleep(_LOOK_S)
 
     async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
         """Put a mission on board."""
@@ -169,6 +176,33 @@ class Road:
         """Tell a robot that these samples are stored."""
         if robot in self._robots:
             self._link.acknowledge_samples(robot, log, sequences)
+
+    async def read_parameters(self, robot: RobotId) -> Sequence[ParameterValue]:
+        """Return every parameter of a robot; see ``StationLink``."""
+        return await self._linked(robot).read_parameters(robot)
+
+    async def write_parameter(self, robot: RobotId, name: str, value: float) -> ParameterValue:
+        """Set a parameter and return it as it was read back; see ``StationLink``."""
+        return await self._linked(robot).write_parameter(robot, name, value)
+
+    async def list_files(self, robot: RobotId, path: str = "/") -> Sequence[FileEntry]:
+        """Return the entries of a folder on board; see ``StationLink``."""
+        return await self._linked(robot).list_files(robot, path)
+
+    async def download_file(
+        self, robot: RobotId, path: str, *, have: bytes, report: Callable[[int, int], None]
+    ) -> bytes:
+        """Return a whole file of a robot; see ``StationLink``."""
+        return await self._linked(robot).download_file(robot, path, have=have, report=report)
+
+    def clock_offset(self, robot: RobotId) -> ClockOffset | None:
+        """Return how far a robot's clock is off; None while nothing is known of it."""
+        return self._link.clock_offset(robot) if robot in self._robots else None
+
+    def _linked(self, robot: RobotId) -> Link:
+        if robot not in self._robots:
+            raise NoAnswerError(f"{robot} has no radio; give it one")
+        return self._link
 
     def _expire(self) -> None:
         """Tell of the commands that found no link in time."""

@@ -143,17 +143,23 @@ class FakeRobot:
 class FakeLink:
     """Stands where ``StationLink`` stands."""
 
-    def __init__(self, robots, clock, on_event, world):
+    def __init__(self, clock, on_event, world):
         self.on_event = on_event
         self.world = world
         self.clock = clock
         world.link = self
+
+    def set_robots(self, robots, transports):
+        del transports
         for robot in robots:
-            known = world.robots.get(robot)
+            known = self.world.robots.get(robot)
             if known is None:
-                world.robots[robot] = FakeRobot(robot, on_event)
+                self.world.robots[robot] = FakeRobot(robot, self.on_event)
             else:
-                known.tell = on_event
+                known.tell = self.on_event
+
+    def clock_offset(self, robot):
+        return self.world.clock_offsets.get(robot)
 
     async def run(self):
         await asyncio.Event().wait()
@@ -211,6 +217,7 @@ class World:
         self.commands = []
         self.acknowledged = []
         self.plugs = []
+        self.clock_offsets = {}
         self.flights = []
         self.in_reach = True
         self.radio_takes = True
@@ -219,8 +226,9 @@ class World:
         self.may_upload = asyncio.Event()
         self.may_upload.set()
 
-    def make_link(self, robots, clock, on_event):
-        return FakeLink(robots, clock, on_event, self)
+    def make_link(self, clock, on_event, signing):
+        del signing
+        return FakeLink(clock, on_event, self)
 
     def tell(self, event):
         self.link.on_event(event)

@@ -26,7 +26,6 @@ async def pair(station, world):
         lambda session: add_robot(session, robot_record(SECOND, 7, "miniglider", TANK))
     )
     await station.refresh(SECOND)
-    world.make_link([MINI, SECOND], station.foundation.clock, world.link.on_event)
     world.hear(SECOND)
     world.tell(state_report(SECOND, (2.0, 0.6, 0.0)))
 
@@ -104,7 +103,6 @@ async def test_survey_of_two_goes_on_after_the_station_stopped(tmp_path, world, 
             lambda session: add_robot(session, robot_record(SECOND, 7, "miniglider", TANK))
         )
         await station.refresh(SECOND)
-        world.make_link([MINI, SECOND], station.foundation.clock, world.link.on_event)
         world.tell(state_report(SECOND, (2.0, 0.6, 0.0)))
         both = await station.surveys.create_all([MINI, SECOND], FAST, automation=False, by="test")
         await until(lambda: workers.problems)

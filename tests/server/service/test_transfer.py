@@ -197,7 +197,7 @@ async def test_order_for_a_robot_without_a_link_expires():
     heard: list[object] = []
     world = World()
     clock = SystemClock()
-    way = Road(clock, heard.append, world.make_link)
+    way = Road(clock, heard.append, world.make_link, None)
     serving = asyncio.create_task(way.run())
     soon = clock.now() + timedelta(seconds=0.15)
     way.send_command(MINI, CommandKind.SURFACE, CommandNumber(7), soon)
@@ -215,7 +215,7 @@ async def test_order_that_waits_for_a_link_does_not_expire_once_there_is_one():
     heard: list[object] = []
     world = World()
     clock = SystemClock()
-    way = Road(clock, heard.append, world.make_link)
+    way = Road(clock, heard.append, world.make_link, None)
     serving = asyncio.create_task(way.run())
     soon = clock.now() + timedelta(seconds=0.15)
     way.send_command(MINI, CommandKind.HOLD, CommandNumber(8), soon)
