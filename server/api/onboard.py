@@ -87,5 +87,5 @@ async def get_log(
     del caller
     record, path = await station.robot_logs.copy(robot, log)
     mark = "SIMULATION_" if foundation.settings.simulation else ""
-    name = record.path.rsplit("/", 1)[-1]
-    return FileResponse(path, media_type="application/octet-stream", filename=f"{mark}{robot}_{name}")
+    name = f"{mark}{robot}_{record.path.rsplit('/', 1)[-1]}"
+    return FileResponse(path, media_type="application/octet-stream", filename=name)
