@@ -162,3 +162,38 @@ def test_only_format_3_carries_onboard_settings():
         Mission.from_legs(mission.settings, mission.legs, 4)
     with pytest.raises(ValueError, match="no format of missions has 5 numbers of settings"):
         Mission.from_integers((1, 2, 3, 4, 5), (), ONBOARD)
+
+
+def changed(index: int, value: int) -> tuple[int, ...]:
+    integers = list(ONBOARD.integers())
+    integers[index] = value
+    return tuple(integers)
+
+
+PRICES, THRESHOLDS = 13, 20
+"""Where the energy prices begin, and where the number of thresholds stands."""
+
+
+@pytest.mark.parametrize(
+    ("integers", "sentence"),
+    [
+        (changed(0, 6), "controller 6 of onboard settings is unknown"),
+        (changed(1, 12), "controller.backstepping has 11 gains, not 12"),
+        (changed(12, 2), "is_tail_clipped_first of onboard settings is none of its choices"),
+        (changed(PRICES, -17), "greater than or equal to 0"),
+        (changed(THRESHOLDS, 5), "have 5 fidelity thresholds"),
+        (changed(THRESHOLDS + 1, 16 * 4000), "do not ascend"),
+        (changed(THRESHOLDS + 3, 4), "kernel shape 4 of onboard settings is unknown"),
+        (ONBOARD.integers()[:-1], "cut short"),
+        ((*ONBOARD.integers(), 0, 1), "followed by more"),
+        (changed(5, 2**24), "too large"),
+    ],
+)
+def test_settings_that_are_none_are_refused_with_a_sentence(integers, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        OnboardSettings.from_integers(integers)
+
+
+def test_controller_that_the_catalogue_does_not_have_cannot_travel():
+    with pytest.raises(ValueError, match=r"'controller\.sail' cannot travel"):
+        OnboardSettings.of("controller.sail", BacksteppingConfig(), PLANNER, FIELD)

@@ -167,3 +167,31 @@ def test_any_body_under_a_right_code_is_a_message_or_a_wire_error(body):
 def test_key_of_a_wrong_length_is_the_callers_mistake():
     with pytest.raises(ValueError, match="32 bytes, not 5"):
         cut(Blob.of(short_mission()), b"short", SYSTEM, 1, start=False, ack_seen=False)
+
+
+@pytest.mark.parametrize(
+    ("index", "value"), [(1, 1), (6, 0), (6, 9), (14, 1)], ids=["flags", "kind", "kind", "digits"]
+)
+def test_order_that_no_station_writes_is_refused_though_its_code_is_right(index, value):
+    body = bytearray(order()[:-MAC_BYTES])
+    body[index] = value
+    with pytest.raises(WireError, match="order"):
+        read(sealed_down(bytes(body), KEY, SYSTEM))
+
+
+@pytest.mark.parametrize(
+    ("index", "value"), [(0, 0x21), (0, 0x1F), (0, 0x13), (1, 64), (1, 3), (1, 12), (6, 2), (7, 41)]
+)
+def test_chunk_that_no_station_writes_is_refused_though_its_code_is_right(index, value):
+    body = bytearray(chunks()[0][:-MAC_BYTES])
+    body[index] = value
+    with pytest.raises(WireError):
+        read(sealed_down(bytes(body), KEY, SYSTEM))
+
+
+@pytest.mark.parametrize("counter", [-1, 2**32])
+def test_counter_that_does_not_fit_is_the_callers_mistake(counter):
+    with pytest.raises(ValueError, match="cannot travel"):
+        cut(BLOB, KEY, SYSTEM, counter, start=True, ack_seen=False)
+    with pytest.raises(ValueError, match="cannot travel"):
+        pack_order(CommandKind.HOLD, CommandNumber(1), NOW, None, KEY, SYSTEM, counter)
