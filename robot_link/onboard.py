@@ -2,6 +2,7 @@
 
 import asyncio
 import math
+from contextlib import suppress
 from datetime import datetime
 
 from robot_link.clock import Clock, monotonic_s
@@ -9,7 +10,12 @@ from robot_link.command_desk import CommandDesk, CommandMemory
 from robot_link.delivery import deliver
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_SYSTEM, Codec, WireMessage
-from robot_link.mavlink.command import ReceivedCommand, is_grace_command, received_command
+from robot_link.mavlink.command import (
+    ReceivedCommand,
+    is_grace_command,
+    received_command,
+    result_of,
+)
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
@@ -43,16 +49,13 @@ __all__ = ["CommandOutcome", "RobotLink", "RobotProgram"]
 _ATTEMPTS = 3
 _SILENCES_BEFORE_ANOTHER_STATION = 3
 _ANYONE = 0
+_REPLIES = 512
+"""Answers that may wait for the radio; whoever gets none asks again."""
 _STREAM_SHARE = 0.5
 """What standard telemetry may take of a radio; the rest is for what our own station asks."""
 
 
-_RESULTS = {
-    CommandOutcome.DONE: grace.MAV_RESULT_ACCEPTED,
-    CommandOutcome.NOT_NOW: grace.MAV_RESULT_TEMPORARILY_REJECTED,
-    CommandOutcome.WRONG_PLAN: grace.MAV_RESULT_DENIED,
-    CommandOutcome.UNSUPPORTED: grace.MAV_RESULT_UNSUPPORTED,
-}
+_Command = grace.MAVLink_command_long_message
 
 
 class RobotLink:
@@ -108,7 +111,7 @@ class RobotLink:
         self._station: Address | None = None
         self._station_heard_s = -math.inf
         self._station_known = asyncio.Event()
-        self._replies: asyncio.Queue[tuple[Address | None, WireMessage]] = asyncio.Queue()
+        self._replies: asyncio.Queue[tuple[Address | None, WireMessage]] = asyncio.Queue(_REPLIES)
         self._commands = CommandDesk(program, command_memory)
         self._mode = RobotMode.IDLE
         self._mode_changed = asyncio.Event()
@@ -287,7 +290,7 @@ class RobotLink:
         now_s = monotonic_s()
         is_station = message.get_srcSystem() == STATION_SYSTEM
         match message:
-            case grace.MAVLink_command_long_message() if is_grace_command(message):
+            case _Command() if is_grace_command(message):
                 self._answer_command(message, address, now_s)
             case grace.MAVLink_grace_plan_offer_message() if is_station:
                 self._plan.take_offer(message, now_s)
@@ -303,13 +306,11 @@ class RobotLink:
                 sequences = telemetry.acknowledged_sequences(message)
                 self._samples.stored(LogId(message.log), sequences)
             case grace.MAVLink_heartbeat_message() if is_station:
-                pass
+                return
             case _:
                 self._services.hear(message, address)
 
-    def _answer_command(
-        self, message: grace.MAVLink_command_long_message, address: Address, now_s: float
-    ) -> None:
+    def _answer_command(self, message: _Command, address: Address, now_s: float) -> None:
         try:
             command = received_command(message)
         except ValueError:
@@ -327,7 +328,7 @@ class RobotLink:
             address,
             grace.MAVLink_command_ack_message(
                 command=message.command,
-                result=_RESULTS[outcome],
+                result=result_of(outcome),
                 progress=0,
                 result_param2=number,
                 target_system=message.get_srcSystem(),
@@ -336,8 +337,9 @@ class RobotLink:
         )
 
     def _answer(self, address: Address | None, message: WireMessage) -> None:
-        """Queue an answer to a radio; to the station's where it is None."""
-        self._replies.put_nowait((address, message))
+        """Queue an answer to a radio, the station's where it is None; too many are dropped."""
+        with suppress(asyncio.QueueFull):
+            self._replies.put_nowait((address, message))
 
     async def _ask_again(self) -> None:
         while True:

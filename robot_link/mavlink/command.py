@@ -5,6 +5,7 @@ from datetime import datetime
 
 from robot_link.mavlink.wire import grace
 from robot_link.messages import CommandKind, CommandNumber, PlanHash, SystemId
+from robot_link.robot_program import CommandOutcome
 
 PLAN_DIGITS = 12
 """Leading digits of a plan's hash that START carries."""
@@ -16,6 +17,12 @@ _CODES = {
     CommandKind.START: grace.MAV_CMD_GRACE_START,
 }
 _KINDS = {code: kind for kind, code in _CODES.items()}
+_RESULTS = {
+    CommandOutcome.DONE: grace.MAV_RESULT_ACCEPTED,
+    CommandOutcome.NOT_NOW: grace.MAV_RESULT_TEMPORARILY_REJECTED,
+    CommandOutcome.WRONG_PLAN: grace.MAV_RESULT_DENIED,
+    CommandOutcome.UNSUPPORTED: grace.MAV_RESULT_UNSUPPORTED,
+}
 _EXACT = 2**24
 _HALF_DIGITS = PLAN_DIGITS // 2
 
@@ -57,6 +64,11 @@ def command_message(
         param6=0,
         param7=0,
     )
+
+
+def result_of(outcome: CommandOutcome) -> int:
+    """Return the MAV_RESULT that acknowledges what came of a command."""
+    return _RESULTS[outcome]
 
 
 def is_grace_command(message: grace.MAVLink_command_long_message) -> bool:

@@ -8,11 +8,11 @@ from datetime import datetime
 
 from robot_link.clock import Clock, monotonic_s
 from robot_link.mavlink.codec import STATION_SYSTEM, WireMessage
-from robot_link.mavlink.command import PLAN_DIGITS
+from robot_link.mavlink.command import PLAN_DIGITS, result_of
 from robot_link.mavlink.wire import grace
 from robot_link.messages import CommandKind, PlanHash, StateReport, SystemId
 from robot_link.plan_desk import PlanDesk
-from robot_link.robot_program import CommandOutcome, RobotProgram
+from robot_link.robot_program import RobotProgram
 from robot_link.service.asker import AskerServices
 from robot_link.service.clock_sync import time_answer
 from robot_link.service.file_server import FileServer
@@ -41,12 +41,6 @@ _TICK_S = 0.02
 _NO_MESSAGE = -1
 _HELD_ELSEWHERE = "the robot's own station holds it"
 
-_RESULTS = {
-    CommandOutcome.DONE: grace.MAV_RESULT_ACCEPTED,
-    CommandOutcome.NOT_NOW: grace.MAV_RESULT_TEMPORARILY_REJECTED,
-    CommandOutcome.WRONG_PLAN: grace.MAV_RESULT_DENIED,
-    CommandOutcome.UNSUPPORTED: grace.MAV_RESULT_UNSUPPORTED,
-}
 
 Send = Callable[[Address, WireMessage], Awaitable[None]]
 
@@ -296,4 +290,4 @@ class ServiceDesk:
             if sha256 is None:
                 return grace.MAV_RESULT_TEMPORARILY_REJECTED
             digits = sha256[:PLAN_DIGITS]
-        return _RESULTS[self._program.obey(kind, digits)]
+        return result_of(self._program.obey(kind, digits))

@@ -290,8 +290,10 @@ def test_a_format_that_cannot_carry_a_mission_is_refused_by_its_number():
     settings = MissionSettings(1.0, 0.5, 600.0, 0.0, 0.0, 0.001)
     with pytest.raises(ValueError, match="format 1 of missions carries no trim"):
         Mission.from_legs(settings, (), 1)
-    with pytest.raises(ValueError, match="format 3 of missions is unknown"):
+    with pytest.raises(ValueError, match="only format 3 of missions carries onboard settings"):
         Mission.from_legs(settings, (), 3)
+    with pytest.raises(ValueError, match="format 4 of missions is unknown"):
+        Mission.from_legs(settings, (), 4)
 
 
 def receive(receiver: MissionReceiver, items, rng: random.Random):
