@@ -67,7 +67,8 @@ class _Bench:
 
     modem: MicroModem
     ears: tuple[_Ear, ...]
-    is_open: bool = False
+    opened: asyncio.Event = field(default_factory=asyncio.Event)
+    """Set while the modem is there."""
     tasks: list[asyncio.Task[None]] = field(default_factory=list[asyncio.Task[None]])
 
 
@@ -155,7 +156,7 @@ class Ranging:
         async for event in bench.modem.events():
             match event:
                 case PortChanged():
-                    bench.is_open = event.is_open
+                    (bench.opened.set if event.is_open else bench.opened.clear)()
                 case Garbled():
                     for ear in bench.ears:
                         ear.garbled += event.frames
@@ -166,6 +167,7 @@ class Ranging:
     async def _range(self, bench: _Bench) -> None:
         """Ask each robot in turn, again and again, while the modem is there."""
         while True:
+            await bench.opened.wait()
             for ear in bench.ears:
                 if bench.modem.is_ready:
                     await self._measure(bench, ear)
@@ -220,7 +222,7 @@ class Ranging:
     def _state(self, bench: _Bench, ear: _Ear, now: datetime) -> LinkState:
         if not bench.modem.is_plugged:
             return LinkState.UNPLUGGED
-        if not bench.is_open:
+        if not bench.opened.is_set():
             return LinkState.PORT_CLOSED
         if ear.heard_at is None:
             return LinkState.NEVER_HEARD

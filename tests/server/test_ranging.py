@@ -3,18 +3,25 @@
 import asyncio
 from contextlib import asynccontextmanager
 from dataclasses import replace
+from random import Random
 
 import pytest
 
 from db.query.ranges import list_ranges
 from db.query.robots import add_robot
+from db.store import Store
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.acoustic.micromodem import MicroModem
 from robot_link.gateway.address import acoustic_address
 from robot_link.messages import LinkState, RobotId, SystemId
+from server.app import create_app
 from server.service.ranging import Ranging
+from server.service.station import Station
+from server.settings import Settings
+from simulator.acoustic_modem import AcousticConditions, AcousticModem, AcousticNode
 from tests.robot_link.test_acoustic_modem import HASTE, FakeModem, replying, scaled_clock
 from tests.server.gateway_station import _tables, blank_database, robot, station
+from tests.server.service.fake_link import World
 from tests.server.station_app import signed_in
 
 __all__ = ["_tables", "blank_database"]
@@ -52,10 +59,10 @@ def mini():
     return replace(robot((OTHER,)), id=MINI, name="mini-1", system_id=SystemId(1))
 
 
-async def kept(service, robot_id, count):
+async def kept(store, robot_id, count):
     async with asyncio.timeout(10):
         while True:
-            found = await service.store.query(lambda session: list_ranges(session, robot_id))
+            found = await store.query(lambda session: list_ranges(session, robot_id))
             if len(found) >= count:
                 return found
             await asyncio.sleep(0.005)
@@ -77,12 +84,12 @@ async def test_each_robot_is_asked_and_its_answer_is_kept(tmp_path):
         await service.set_robots([robot((LINK,)), mini()])
         assert service.opened == [{GRACE: LINK, MINI: OTHER}]
         for robot_id, peer in ((GRACE, 2), (MINI, 3)):
-            (found, *_) = await kept(service, robot_id, 1)
+            (found, *_) = await kept(service.store, robot_id, 1)
             assert (found.peer, found.is_valid, found.range_m) == (peer, True, pytest.approx(0.6))
             report = await shown(reports, robot_id, LinkState.LIVE)
             assert (report.carrier, report.frames_received >= 1) == ("micromodem", True)
         assert report.uri == OTHER
-        await kept(service, GRACE, 2)
+        await kept(service.store, GRACE, 2)
         async with signed_in(service.app) as client:
             answer = (await client.get(f"/api/robots/{GRACE}/ranges?limit=1")).json()
             assert (await client.get("/api/robots/nobody/ranges")).status_code == 404
@@ -95,7 +102,7 @@ async def test_silence_is_kept_as_a_range_that_is_not_valid(tmp_path):
     async with ranging(tmp_path, FakeModem(), reports) as service:
         await service.set_robots([robot((LINK,))])
         await shown(reports, GRACE, LinkState.NEVER_HEARD)
-        (found, *_) = await kept(service, GRACE, 1)
+        (found, *_) = await kept(service.store, GRACE, 1)
     assert (found.is_valid, found.range_m) == (False, None)
     assert "no answer" in found.reason
 
@@ -136,3 +143,30 @@ async def test_links_that_name_one_modem_twice_are_left_alone(tmp_path):
         await service.set_robots([robot((LINK,)), strange])
         assert await service.ping(GRACE) is None
     assert reports == []
+
+
+async def test_the_whole_station_asks_a_robot_whose_modem_is_at_a_line(tmp_path, monkeypatch):
+    async def stay_cold(station):
+        del station
+
+    monkeypatch.setattr(Station, "_warm_up", stay_cold)
+    line = tmp_path / "modem"
+    under_water = {2: AcousticNode(lambda: (30.0, 40.0, 0.0))}
+    clock = scaled_clock(20.0)
+    modem = AcousticModem(
+        lambda: (0.0, 0.0, 0.0), under_water, Random(4), AcousticConditions(), clock
+    )
+    settings = Settings(data_dir=tmp_path, worker_processes=1)
+    store = Store.open(settings.resolved_database_url)
+    links = (f"micromodem://{line}?us=1&peer=2",)
+    store.change(lambda session: add_robot(session, robot(links))).result()
+    store.close()
+    world = World()
+    app = create_app(settings, lambda foundation: Station(foundation, world.make_link))
+    async with modem.pty(line), app.router.lifespan_context(app), signed_in(app) as client:
+        (found, *_) = await kept(app.state.foundation.store, GRACE, 1)
+        (link,) = (await client.get("/api/robots/grace-1/links")).json()
+        shown_robot = (await client.get("/api/robots/grace-1/state")).json()
+    assert found.range_m == pytest.approx(50.0, abs=6.0)
+    assert (link["kind"], link["state"], link["carries"]) == ("acoustic", "live", ["range"])
+    assert shown_robot["link"]["state"] == "never_heard"
