@@ -15,9 +15,9 @@ from autonomy.trial.config import TRIAL_PRESETS, TrialConfig
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
 from db.query.robots import RobotRecord
+from robot_link.acoustic.config import AcousticConfig
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from server.problem import not_found
-
 
 ONBOARD_CONTROLLER = "controller.backstepping"
 """The controller that flies the robots; the gains of the others are for what-if runs."""
@@ -105,6 +105,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             ),
             _same_for_all("satellite", "Satellite", SatelliteConfig()),
             _same_for_all("link", "Links", RoutingConfig()),
+            _same_for_all("acoustic", "Acoustic modem", AcousticConfig()),
             *map(_of_controller, CONTROLLERS.values()),
         )
     }

@@ -42,9 +42,7 @@ _LEAST_PERIOD_S = 1.0
 class OpenModem(Protocol):
     """Makes the modem of some links; ``robot_link.acoustic.micromodem.open_modem``."""
 
-    def __call__(
-        self, links: Mapping[RobotId, str], clock: Clock, config: AcousticConfig
-    ) -> MicroModem:
+    def __call__(self, links: Mapping[RobotId, str], clock: Clock) -> MicroModem:
         """Return the modem; ``run`` opens it."""
         ...
 
@@ -78,7 +76,6 @@ class Ranging:
     Args:
         foundation: What the station stands on.
         tell: Takes the state of the links.
-        config: Speed of sound, longest range and how often to ask.
         open_: Makes a modem; where tests put one of their own.
     """
 
@@ -86,13 +83,12 @@ class Ranging:
         self,
         foundation: Foundation,
         tell: Callable[[LinkReport], None],
-        config: AcousticConfig | None = None,
         open_: OpenModem = open_modem,
     ) -> None:
         self._store, self._clock = foundation.store, foundation.clock
         self._background = foundation.background
+        self._configurations = foundation.configurations
         self._tell = tell
-        self._config = config or AcousticConfig()
         self._open = open_
         self._benches: list[_Bench] = []
         self._unplugged: set[str] = set()
@@ -134,7 +130,7 @@ class Ranging:
 
     def _begin(self, links: Mapping[RobotId, str]) -> None:
         try:
-            modem = self._open(links, self._clock, self._config)
+            modem = self._open(links, self._clock)
         except ValueError as error:
             log.warning("an acoustic modem is not used: %s", error)
             return
@@ -171,10 +167,11 @@ class Ranging:
             for ear in bench.ears:
                 if bench.modem.is_ready:
                     await self._measure(bench, ear)
-            period_s = self._config.period_s / self._clock.speed
+            period_s = bench.modem.config.period_s / self._clock.speed
             await asyncio.sleep(max(period_s, _LEAST_PERIOD_S))
 
     async def _measure(self, bench: _Bench, ear: _Ear) -> RangeMeasurement:
+        await self._configure(bench, ear)
         found = await bench.modem.ping(ear.address.peer)
         if found.is_valid:
             ear.heard_at = found.at
@@ -182,6 +179,12 @@ class Ranging:
         self._report(bench)
         await self._keep(found)
         return found
+
+    async def _configure(self, bench: _Bench, ear: _Ear) -> None:
+        """Use what the operator has set by now; while it cannot be read, what held before."""
+        with contextlib.suppress(StoreError):
+            found = await self._configurations.current("acoustic", ear.robot)
+            bench.modem.config = found.value_as(AcousticConfig)
 
     async def _keep(self, found: RangeMeasurement) -> None:
         record = RangeRecord(
@@ -226,7 +229,7 @@ class Ranging:
             return LinkState.PORT_CLOSED
         if ear.heard_at is None:
             return LinkState.NEVER_HEARD
-        period_s = max(self._config.period_s, _LEAST_PERIOD_S * self._clock.speed)
+        period_s = max(bench.modem.config.period_s, _LEAST_PERIOD_S * self._clock.speed)
         is_fresh = (now - ear.heard_at).total_seconds() <= _STALE_PERIODS * period_s
         return LinkState.LIVE if is_fresh else LinkState.STALE
 

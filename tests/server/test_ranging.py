@@ -10,7 +10,6 @@ import pytest
 from db.query.ranges import list_ranges
 from db.query.robots import add_robot
 from db.store import Store
-from robot_link.acoustic.config import AcousticConfig
 from robot_link.acoustic.micromodem import MicroModem
 from robot_link.gateway.address import acoustic_address
 from robot_link.messages import LinkState, RobotId, SystemId
@@ -28,7 +27,7 @@ __all__ = ["_tables", "blank_database"]
 GRACE, MINI = RobotId("grace-1"), RobotId("mini-1")
 LINK = "micromodem:///dev/ttyS9?us=1&peer=2"
 OTHER = "micromodem:///dev/ttyS9?us=1&peer=3"
-NEAR = AcousticConfig(range_max_m=1.0, turnaround_s=0.0, period_s=5.0)
+NEAR = {"range_max_m": 1.0, "turnaround_s": 0.0, "period_s": 5.0}
 
 
 @asynccontextmanager
@@ -36,16 +35,17 @@ async def ranging(tmp_path, fake, reports):
     """Ranging of a station whose robots share one modem, on a clock that runs 20 times as fast."""
     opened = []
 
-    def open_(links, clock, config):
+    def open_(links, clock):
         opened.append(dict(links))
         robots = {acoustic_address(uri).peer: robot_id for robot_id, uri in links.items()}
-        return MicroModem(fake.open, 1, robots, clock, config, HASTE)
+        return MicroModem(fake.open, 1, robots, clock, timing=HASTE)
 
     async with station(tmp_path) as app:
         foundation = replace(app.state.foundation, clock=scaled_clock(20.0))
         await foundation.store.write(lambda session: add_robot(session, robot((LINK,))))
         await foundation.store.write(lambda session: add_robot(session, mini()))
-        service = Ranging(foundation, reports.append, NEAR, open_)
+        await foundation.configurations.patch("acoustic", None, NEAR, by="test")
+        service = Ranging(foundation, reports.append, open_)
         service.opened = opened
         service.store = foundation.store
         service.app = app
@@ -107,6 +107,16 @@ async def test_silence_is_kept_as_a_range_that_is_not_valid(tmp_path):
     assert "no answer" in found.reason
 
 
+async def test_the_speed_of_sound_that_the_operator_sets_holds_from_the_next_range_on(tmp_path):
+    fake = FakeModem({"CCMPC": replying("1", "2", travel="0.0010")})
+    async with ranging(tmp_path, fake, []) as service:
+        await service.set_robots([robot((LINK,))])
+        await kept(service.store, GRACE, 1)
+        configurations = service.app.state.foundation.configurations
+        await configurations.patch("acoustic", GRACE, {"sound_speed_m_s": 1400.0}, by="test")
+        assert (await service.ping(GRACE)).range_m == pytest.approx(1.4)
+
+
 async def test_a_pulled_plug_stops_the_asking_and_is_shown(tmp_path):
     reports, fake = [], FakeModem({"CCMPC": replying("1", "2")})
     async with ranging(tmp_path, fake, reports) as service:
@@ -136,8 +146,8 @@ async def test_links_that_name_one_modem_twice_are_left_alone(tmp_path):
     async with ranging(tmp_path, FakeModem(), reports) as service:
         strange = replace(mini(), links=(LINK, "micromodem://broken"))
 
-        def refuse(links, clock, config):
-            raise ValueError(f"{len(links)} links of one modem, by {clock} and {config}")
+        def refuse(links, clock):
+            raise ValueError(f"{len(links)} links of one modem, by {clock}")
 
         service._open = refuse
         await service.set_robots([robot((LINK,)), strange])
