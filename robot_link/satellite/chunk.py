@@ -27,6 +27,7 @@ from robot_link.satellite.frame import (
     sealed_down,
 )
 from robot_link.satellite.order import Order, read_order
+from robot_link.satellite.withdrawal import Withdrawal, read_withdrawal
 
 MOST_CHUNKS = 40
 """A gateway queues 50 messages for one robot; more would push each other out."""
@@ -112,7 +113,7 @@ def sizes(blob: Blob) -> tuple[int, ...]:
     return tuple(_HEADER.size + len(part) + MAC_BYTES for part in _parts(blob.packed))
 
 
-def read_mobile_terminated(data: bytes, key: bytes, system: SystemId) -> Chunk | Order:
+def read_mobile_terminated(data: bytes, key: bytes, system: SystemId) -> Chunk | Order | Withdrawal:
     """Read a message to a robot.
 
     Raises:
@@ -121,6 +122,8 @@ def read_mobile_terminated(data: bytes, key: bytes, system: SystemId) -> Chunk |
     kind, body = opened_down(data, key, system)
     if kind is MessageType.ORDER:
         return read_order(body)
+    if kind is MessageType.WITHDRAWAL:
+        return read_withdrawal(body)
     if kind is not MessageType.CHUNK or len(body) <= _HEADER.size:
         raise WireError("this is no message to a robot")
     _, flags, transfer_id, index, count, counter = _HEADER.unpack_from(body)

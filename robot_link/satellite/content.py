@@ -41,6 +41,7 @@ class Reason(IntEnum):
     LEAVES_WATER = 11
     NO_SPEED = 12
     TRIM = 13
+    WITHDRAWN = 14
 
     @property
     def sentence(self) -> str:
@@ -70,6 +71,7 @@ _SENTENCES = {
     Reason.LEAVES_WATER: "a leg leaves the water",
     Reason.NO_SPEED: "a leg has no speed",
     Reason.TRIM: "the trim is more than the robot's limits allow",
+    Reason.WITHDRAWN: "it was withdrawn, or the robot was told to surface after it was sent",
 }
 _MARKS = {
     Reason.MISSION_RUNS: "a mission is running",
@@ -84,6 +86,7 @@ _MARKS = {
     Reason.LEAVES_WATER: "leaves the water",
     Reason.NO_SPEED: "no speed",
     Reason.TRIM: "trim",
+    Reason.WITHDRAWN: "withdrawn",
 }
 """What tells a robot's sentence; numbers and names within it do not travel."""
 

@@ -34,6 +34,7 @@ class MessageType(IntEnum):
     CHUNK = 1
     ORDER = 2
     RECORD = 3
+    WITHDRAWAL = 4
 
 
 def sealed_down(body: bytes, key: bytes, system: SystemId) -> bytes:

@@ -44,8 +44,6 @@ class GroundState(StrEnum):
 
 
 _UNDER_WAY = (GroundState.DRAFT, GroundState.QUEUED, GroundState.PARTIAL)
-_WORDS = (GroundState.APPLIED, GroundState.REFUSED)
-"""States that are the robot's own last word."""
 
 
 class PartLevel(StrEnum):
@@ -98,6 +96,8 @@ class GroundTransfer:
     heard_at: datetime | None = None
     """Session of the newest word of the robot on it."""
     ended_at: datetime | None = None
+    is_told: bool = False
+    """Whether the robot said its last word on it, so that it need not repeat it."""
 
     @classmethod
     def begin(
@@ -123,11 +123,6 @@ class GroundTransfer:
     def is_over(self) -> bool:
         """Whether nothing more is to be sent."""
         return self.state not in _UNDER_WAY
-
-    @property
-    def is_told(self) -> bool:
-        """Whether the robot said its last word on it, so that it need not repeat it."""
-        return self.state in _WORDS
 
     @property
     def sends(self) -> int:
@@ -197,11 +192,20 @@ class GroundTransfer:
         if ack.state is TransferState.APPLIED:
             parts = tuple(_held(part, at) for part in self.parts)
             return replace(
-                self, parts=parts, state=GroundState.APPLIED, heard_at=at, ended_at=at, reason=""
+                self,
+                parts=parts,
+                state=GroundState.APPLIED,
+                reason="",
+                heard_at=at,
+                ended_at=at,
+                is_told=True,
             )
+        if self.is_over:  # given up ashore before: the robot agrees
+            return replace(self, heard_at=at, is_told=True)
         return replace(
             self,
             state=GroundState.REFUSED,
+            is_told=True,
             reason=_STATE_SENTENCES.get(ack.state, ack.reason.sentence),
             heard_at=at,
             ended_at=at,
@@ -249,6 +253,7 @@ class GroundTransfer:
             "reason": self.reason,
             "heard_at": _text(self.heard_at),
             "ended_at": _text(self.ended_at),
+            "is_told": self.is_told,
         }
 
     @classmethod
@@ -272,6 +277,7 @@ class GroundTransfer:
                 reason=document["reason"],
                 heard_at=_moment(document["heard_at"]),
                 ended_at=_moment(document["ended_at"]),
+                is_told=bool(document["is_told"]),
             )
         except (KeyError, TypeError) as error:
             raise ValueError("the document is no satellite transfer") from error

@@ -5,7 +5,8 @@ was taken stays taken, a mission that was complete is complete again (``pending`
 repeated in every record until the station says that it has seen it.
 
 One mission comes in at a time, the one with the newest counter. A counter not newer than that of
-the mission applied last marks history: it is never applied, but its word is said again.
+the mission applied last marks history: it is never applied, but its word is said again. Nor is a
+mission applied that was sent before a withdrawal, or before an order to surface.
 """
 
 from dataclasses import dataclass, replace
@@ -22,6 +23,7 @@ from robot_link.satellite.frame import WireError
 from robot_link.satellite.order import Order
 from robot_link.satellite.receiver_memory import Answered, Assembly, Ended, ReceiverMemory
 from robot_link.satellite.receiver_store import FileStore, MemoryStore, ReceiverStore
+from robot_link.satellite.withdrawal import Withdrawal
 
 __all__ = [
     "Complete",
@@ -36,7 +38,7 @@ __all__ = [
 _WORDS_KEPT = 16
 """Words on transfers, and on orders, that are remembered."""
 _STAYS_UP = (CommandKind.SURFACE, CommandKind.HOLD)
-"""Orders after which no earlier mission begins to fly."""
+"""Orders that never expire, and after which no earlier mission begins to fly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +109,14 @@ class Receiver:
             return Nothing(str(error), is_bad=True)
         if message.ack_seen:
             self._note_told(message.counter)
-        taken = self._chunk(message) if isinstance(message, Chunk) else self._order(message, now)
+        match message:
+            case Chunk():
+                taken = self._chunk(message)
+            case Order():
+                taken = self._order(message, now)
+            case Withdrawal():
+                self._raise_floor(message.counter)
+                taken = Nothing("missions from before this message are withdrawn")
         self._save()
         return taken
 
@@ -176,6 +185,9 @@ class Receiver:
             return Nothing("this transfer has ended; its word is said again")
         if chunk.counter <= memory.applied_counter:
             return Nothing("this transfer is older than the mission on board")
+        if chunk.counter <= memory.floor_counter:
+            self._add_word(_withdrawn(chunk.transfer_id, chunk.counter, chunk.count))
+            return Nothing("this transfer was withdrawn")
         assembly = memory.assembly
         if assembly is None or (
             chunk.transfer_id != assembly.transfer_id and chunk.counter > assembly.counter
@@ -237,6 +249,8 @@ class Receiver:
     def _order(self, order: Order, now: datetime) -> OrderReceived | Nothing:
         command, counter = order.command, order.counter
         memory = self._memory
+        if command.kind is CommandKind.SURFACE:
+            self._raise_floor(counter)
         name = (command.number, command.expiry_s)
         for index, one in enumerate(memory.answered):
             if (one.command.number, one.command.expiry_s) == name:
@@ -271,16 +285,31 @@ class Receiver:
         assembly = memory.assembly
         if assembly is None or assembly.transfer_id != transfer_id:
             return
-        word = Ended(transfer_id, assembly.counter, assembly.count, state, reason)
-        others = [one for one in memory.ended if one.transfer_id != transfer_id]
-        memory.ended = [*others, word][-_WORDS_KEPT:]
+        self._add_word(Ended(transfer_id, assembly.counter, assembly.count, state, reason))
         memory.assembly = None
         if state is TransferState.APPLIED:
             memory.applied_counter = assembly.counter
         self._save()
+
+    def _raise_floor(self, counter: int) -> None:
+        """Let no mission that is not newer come on board, nor the one that is coming in."""
+        memory = self._memory
+        memory.floor_counter = max(memory.floor_counter, counter)
+        assembly = memory.assembly
+        if assembly is not None and assembly.counter <= counter:
+            self._add_word(_withdrawn(assembly.transfer_id, assembly.counter, assembly.count))
+            memory.assembly = None
+
+    def _add_word(self, word: Ended) -> None:
+        others = [one for one in self._memory.ended if one.transfer_id != word.transfer_id]
+        self._memory.ended = [*others, word][-_WORDS_KEPT:]
 
     def _remember(self, word: Answered) -> None:
         self._memory.answered = [*self._memory.answered, word][-_WORDS_KEPT:]
 
     def _save(self) -> None:
         self._store.save(self._memory.to_bytes())
+
+
+def _withdrawn(transfer_id: TransferId, counter: int, count: int) -> Ended:
+    return Ended(transfer_id, counter, count, TransferState.REFUSED, Reason.WITHDRAWN)

@@ -80,6 +80,8 @@ class ReceiverMemory:
     """Words on orders, the newest last."""
     applied_counter: int = -1
     """Of the mission that was applied last; older ones are history."""
+    floor_counter: int = -1
+    """Of the newest withdrawal or order to surface; no mission that is not newer is applied."""
     record_counter: int = 0
     """Of the newest record."""
 
@@ -105,6 +107,7 @@ class ReceiverMemory:
                 for one in self.answered
             ],
             "applied_counter": self.applied_counter,
+            "floor_counter": self.floor_counter,
             "record_counter": self.record_counter,
         }
         return json.dumps(document).encode()
@@ -124,6 +127,7 @@ class ReceiverMemory:
                 ended=[_ended(*one) for one in document["ended"]],
                 answered=[_answered(*one) for one in document["answered"]],
                 applied_counter=int(document["applied_counter"]),
+                floor_counter=int(document["floor_counter"]),
                 record_counter=int(document["record_counter"]),
             )
         except (KeyError, TypeError, AttributeError) as error:

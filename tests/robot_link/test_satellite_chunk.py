@@ -15,6 +15,7 @@ from robot_link.satellite.config import Tariff
 from robot_link.satellite.fare import credits, quote
 from robot_link.satellite.frame import MAC_BYTES, WireError, sealed_down, sealed_up
 from robot_link.satellite.order import Order, pack_order
+from robot_link.satellite.withdrawal import Withdrawal, pack_withdrawal
 from tests.robot_link.satellite_case import (
     KEY,
     NOW,
@@ -27,6 +28,7 @@ from tests.robot_link.satellite_case import (
 
 BLOB = Blob.of(SURVEY)
 PLAN = PlanHash("ab" * 32)
+WITHDRAWAL = pack_withdrawal(9, KEY, SYSTEM)
 
 
 def blob_of(size: int) -> Blob:
@@ -44,7 +46,7 @@ def order(kind: CommandKind = CommandKind.SURFACE) -> bytes:
     return pack_order(kind, CommandNumber(2**24 - 1), expires, plan, KEY, SYSTEM, 9)
 
 
-def read(data: bytes) -> Chunk | Order:
+def read(data: bytes) -> Chunk | Order | Withdrawal:
     return read_mobile_terminated(data, KEY, SYSTEM)
 
 
@@ -125,7 +127,7 @@ def test_command_whose_number_does_not_fit_is_refused(number):
         pack_order(CommandKind.HOLD, CommandNumber(number), NOW, None, KEY, SYSTEM, 9)
 
 
-@pytest.mark.parametrize("message", [*chunks(), order(), order(CommandKind.START)])
+@pytest.mark.parametrize("message", [*chunks(), order(), order(CommandKind.START), WITHDRAWAL])
 def test_every_single_flipped_bit_is_refused(message):
     for bit in range(8 * len(message)):
         damaged = bytearray(message)
@@ -134,7 +136,7 @@ def test_every_single_flipped_bit_is_refused(message):
             read(bytes(damaged))
 
 
-@pytest.mark.parametrize("message", [chunks()[0], order()])
+@pytest.mark.parametrize("message", [chunks()[0], order(), WITHDRAWAL])
 def test_message_is_for_one_robot_one_key_and_one_direction(message):
     assert read(message)
     for key, system in ((KEY, OTHER_SYSTEM), (OTHER_KEY, SYSTEM)):
@@ -144,7 +146,7 @@ def test_message_is_for_one_robot_one_key_and_one_direction(message):
         read(sealed_up(message[:-MAC_BYTES], KEY, SYSTEM))
 
 
-@pytest.mark.parametrize("message", [chunks()[0], order()])
+@pytest.mark.parametrize("message", [chunks()[0], order(), WITHDRAWAL])
 def test_message_cut_at_any_byte_is_refused(message):
     for size in range(len(message)):
         with pytest.raises(WireError):
@@ -195,3 +197,14 @@ def test_counter_that_does_not_fit_is_the_callers_mistake(counter):
         cut(BLOB, KEY, SYSTEM, counter, start=True, ack_seen=False)
     with pytest.raises(ValueError, match="cannot travel"):
         pack_order(CommandKind.HOLD, CommandNumber(1), NOW, None, KEY, SYSTEM, counter)
+    with pytest.raises(ValueError, match="cannot travel"):
+        pack_withdrawal(counter, KEY, SYSTEM)
+
+
+def test_withdrawal_costs_one_credit_and_arrives():
+    assert credits(len(WITHDRAWAL)) == 1
+    assert read(WITHDRAWAL) == Withdrawal(9, ack_seen=False)
+    assert read(pack_withdrawal(9, KEY, SYSTEM, ack_seen=True)) == Withdrawal(9, ack_seen=True)
+    for body in (b"\x14\x01\0\0\0\x09", b"\x14\0\0\0\0\x09\0"):
+        with pytest.raises(WireError, match="withdrawal"):
+            read(sealed_down(body, KEY, SYSTEM))

@@ -157,6 +157,9 @@ def test_transfer_that_is_given_up_sends_nothing_more(end):
     gone = getattr(queued(), end)(NOW)
     assert (gone.state.value, gone.is_over, gone.is_told) == (end, True, False)
     assert gone.due(NOW) == ()
+    word_of_it = replace(applied(), state=TransferState.REFUSED, reason=Reason.WITHDRAWN)
+    agreed = gone.heard(word_of_it, NOW)
+    assert (agreed.state.value, agreed.is_told) == (end, True)
     done = queued().heard(applied(), NOW)
     assert getattr(done, end)(NOW) == done, "what the robot applied stays applied"
 

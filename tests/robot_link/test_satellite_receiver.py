@@ -22,6 +22,7 @@ from robot_link.satellite.receiver import (
     OrderReceived,
     Receiver,
 )
+from robot_link.satellite.withdrawal import pack_withdrawal
 from tests.robot_link.satellite_case import (
     KEY,
     NOW,
@@ -248,13 +249,44 @@ def test_order_to_fly_expires_by_the_robots_clock_and_one_to_stay_up_never(robot
     assert robot.obey(order(CommandKind.SURFACE, 8), now=late)
 
 
-def test_mission_from_before_an_order_to_surface_does_not_start(robot):
+def test_mission_from_before_an_order_to_hold_does_not_start(robot):
     first, second = chunks(counter=5, start=True)
     robot.take(first)
-    assert robot.obey(order(CommandKind.SURFACE, 6))
+    assert robot.obey(order(CommandKind.HOLD, 6))
     taken = robot.take(second)
     assert isinstance(taken, Complete)
     assert not taken.start
+
+
+@pytest.mark.parametrize("end", [order(CommandKind.SURFACE, 6), pack_withdrawal(6, KEY, SYSTEM)])
+@pytest.mark.parametrize("heard", [0, 1])
+def test_mission_from_before_a_withdrawal_or_an_order_to_surface_is_refused(robot, end, heard):
+    older, newer = chunks(counter=5, start=True), chunks(counter=7, start=True)
+    if heard:
+        robot.take(*older[:heard])
+    robot.take(end)
+    robot.restart()
+    for message in older:
+        assert isinstance(robot.take(message), Nothing)
+    (ack,) = robot.receiver.acks()
+    assert (ack.state, ack.reason) == (TransferState.REFUSED, Reason.WITHDRAWN)
+    assert robot.apply(*newer).start
+    assert robot.words == [(SURVEY_ID, TransferState.APPLIED)]
+
+
+def test_surface_that_a_newer_order_overtook_still_ends_what_was_sent_before_it(robot):
+    assert robot.obey(order(CommandKind.HOLD, 9))
+    assert not robot.obey(order(CommandKind.SURFACE, 8))
+    assert isinstance(robot.take(*chunks(counter=7)), Nothing)
+    assert isinstance(robot.take(*chunks(short_mission(), counter=10)), Complete)
+
+
+def test_withdrawal_leaves_the_mission_on_board_alone(robot):
+    robot.apply(*chunks(counter=5))
+    robot.take(pack_withdrawal(6, KEY, SYSTEM, ack_seen=True))
+    assert robot.words == []
+    robot.take(chunks(counter=5)[0])
+    assert robot.words == [(SURVEY_ID, TransferState.APPLIED)]
 
 
 def test_very_old_orders_are_not_answered_anew(robot):
