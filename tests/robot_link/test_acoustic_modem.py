@@ -17,7 +17,7 @@ from robot_link.transport.datagram import Garbled, PortChanged, PortClosedError
 from simulator.acoustic_modem import AcousticConditions, AcousticModem, AcousticNode
 
 GRACE, MINI = RobotId("grace-1"), RobotId("mini-1")
-HASTE = ModemTiming(echo_s=0.05, tries=3, check_s=30.0, reopen_s=0.01)
+HASTE = ModemTiming(echo_s=0.15, tries=3, check_s=30.0, reopen_s=0.01)
 NEAR = AcousticConfig(range_max_m=1.0, turnaround_s=0.0)
 """Answers are waited for little more than a second."""
 
@@ -189,7 +189,7 @@ async def test_a_modem_that_restarts_is_configured_again():
 
 
 async def test_a_restart_that_was_not_heard_is_noticed_by_asking():
-    timing = ModemTiming(echo_s=0.05, check_s=0.02, reopen_s=0.01)
+    timing = ModemTiming(echo_s=0.15, check_s=0.02, reopen_s=0.01)
     async with driving(fake := FakeModem(), timing=timing) as (_, _):
         await met(lambda: fake.count("CCCFQ"))
         fake.settings.clear()

@@ -142,7 +142,8 @@ async def cloudloop(answers):
         return THING if imei == IMEI else None
 
     async with http_peer(answers) as peer:
-        gateway = CloudloopGateway(f"{peer.url}/Data/DoSendSbdMessage", TOKEN, thing_of, 0.5)
+        total_s = 0.3 if None in answers else 15.0
+        gateway = CloudloopGateway(f"{peer.url}/Data/DoSendSbdMessage", TOKEN, thing_of, total_s)
         try:
             yield gateway, peer
         finally:

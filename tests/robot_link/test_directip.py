@@ -249,8 +249,8 @@ class Inbox:
 
 
 @asynccontextmanager
-async def listening(inbox, **options):
-    timing = ListenerTiming(message_s=0.5, rest_s=0.02, connections=options.pop("connections", 32))
+async def listening(inbox, *, message_s=15.0, connections=32, **options):
+    timing = ListenerTiming(message_s, rest_s=0.02, connections=connections)
     listener = Listener("127.0.0.1", 0, inbox.take, SystemClock(), timing=timing, **options)
     await listener.start()
     try:
@@ -326,7 +326,7 @@ async def test_a_message_cut_at_any_byte_never_reaches_the_inbox():
 
 async def test_a_peer_that_says_nothing_is_let_go():
     inbox = Inbox()
-    async with listening(inbox) as listener:
+    async with listening(inbox, message_s=0.2) as listener:
         assert await deliver(listener.port, b"\x01") == b""
         assert listener.refused == {"malformed": 1}
 
@@ -362,7 +362,7 @@ async def test_stopping_with_a_connection_open_leaves_nothing_behind():
 
 
 @asynccontextmanager
-async def gateway_saying(answer_of):
+async def gateway_saying(answer_of, answer_s=10.0):
     """Serve as a gateway that answers a parsed message with bytes; None lets it wait."""
     seen = []
 
@@ -389,7 +389,7 @@ async def gateway_saying(answer_of):
     server = await asyncio.start_server(serve, "127.0.0.1", 0)
     port = server.sockets[0].getsockname()[1]
     try:
-        yield DirectIpGateway("127.0.0.1", port, answer_s=0.3), seen
+        yield DirectIpGateway("127.0.0.1", port, answer_s), seen
     finally:
         server.close()
         await asyncio.gather(*serving)
@@ -451,7 +451,7 @@ async def test_each_status_is_a_typed_refusal_with_a_sentence(status, fault, ret
     ],
 )
 async def test_silence_and_answers_that_confirm_nothing_are_to_be_tried_again(answer_of):
-    async with gateway_saying(answer_of) as (gateway, _):
+    async with gateway_saying(answer_of, answer_s=0.3) as (gateway, _):
         with pytest.raises(GatewayUnreachableError):
             await gateway.send(IMEI, b"x", client_id=1)
 
