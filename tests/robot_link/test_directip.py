@@ -262,7 +262,9 @@ async def listening(inbox, *, message_s=15.0, connections=32, **options):
 async def served(listener):
     """Wait until a connection has come in."""
     async with asyncio.timeout(5):
-        while not listener._serving:
+        while True:
+            if listener._serving:
+                return
             await asyncio.sleep(0)
 
 
