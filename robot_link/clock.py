@@ -1,6 +1,8 @@
 """Time as an argument: the real clock, and the scaled one of a demo."""
 
+import asyncio
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from typing import Protocol
@@ -50,3 +52,10 @@ class ScaledClock:
 def monotonic_s() -> float:
     """Return seconds of the wall that never go back, for time-outs on a wire."""
     return time.monotonic()
+
+
+async def set_or_after(event: asyncio.Event, longest_s: float | None) -> None:
+    """Wait until an event is set, at most so many seconds of the wall; without a limit if None."""
+    with suppress(TimeoutError):
+        async with asyncio.timeout(longest_s):
+            await event.wait()

@@ -5,7 +5,7 @@ import math
 from contextlib import suppress
 from datetime import datetime
 
-from robot_link.clock import Clock, monotonic_s
+from robot_link.clock import Clock, monotonic_s, set_or_after
 from robot_link.command_desk import CommandDesk, CommandMemory
 from robot_link.delivery import deliver
 from robot_link.mavlink import telemetry
@@ -37,6 +37,7 @@ from robot_link.sample_log import Measurement, SampleLog
 from robot_link.sample_sender import SampleSender
 from robot_link.service.file_store import FileStore, NoFiles
 from robot_link.service.heartbeat import DoubleWatch, robot_heartbeat
+from robot_link.service.pace import Pace
 from robot_link.service.parameter_table import ParameterTable
 from robot_link.service.service_desk import ServiceDesk
 from robot_link.service.signing import Signing, Verdict
@@ -107,7 +108,8 @@ class RobotLink:
         self._patience_s = _SILENCES_BEFORE_ANOTHER_STATION * self._timing.stale_s
         self._signing = signing
         self._codec = Codec(system, ROBOT_COMPONENT, signing)
-        self._samples = SampleSender(log, self._codec, transport, self._timing)
+        self._pace = Pace(lambda: transport.bytes_per_s)
+        self._samples = SampleSender(log, self._codec, transport, self._timing, self._pace)
         self._station: Address | None = None
         self._station_heard_s = -math.inf
         self._station_known = asyncio.Event()
@@ -356,6 +358,7 @@ class RobotLink:
         while True:
             await self._state_changed.wait()
             self._state_changed.clear()
+            await self._pace.spend(telemetry.STATE_FRAME_BYTES)
             if self._state is not None:
                 await self._send(telemetry.state_message(self._state), 1)
 
@@ -364,7 +367,7 @@ class RobotLink:
         while True:
             self._plan.changed.clear()
             await self._send(self._plan.said, _ATTEMPTS)
-            await _changed_or_after(self._plan.changed, self._timing.plan_report_s)
+            await set_or_after(self._plan.changed, self._timing.plan_report_s)
 
     async def _beat(self) -> None:
         while True:
@@ -374,7 +377,7 @@ class RobotLink:
             for address in self._services.guests() if self._station is not None else ():
                 if address != self._station:
                     await self._send(heartbeat, 1, address)
-            await _changed_or_after(self._mode_changed, self._timing.heartbeat_s)
+            await set_or_after(self._mode_changed, self._timing.heartbeat_s)
 
     def _budget(self) -> float:
         """Return what standard telemetry may take of the radio, bytes per second."""
@@ -389,11 +392,3 @@ class RobotLink:
         if address is None:
             address = BROADCAST if self._station is None else self._station
         await deliver(self._transport, address, self._codec.pack(message), attempts=attempts)
-
-
-async def _changed_or_after(event: asyncio.Event, longest_s: float) -> None:
-    try:
-        async with asyncio.timeout(longest_s):
-            await event.wait()
-    except TimeoutError:
-        pass

@@ -9,6 +9,7 @@ from robot_link.mavlink.telemetry import SAMPLE_FRAME_BYTES, sample_message
 from robot_link.messages import LogId, RobotId, Sample
 from robot_link.sample_log import Measurement, SampleLog
 from robot_link.sample_queue import SampleQueue
+from robot_link.service.pace import Pace
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import (
     Address,
@@ -29,11 +30,17 @@ class SampleSender:
     """
 
     def __init__(
-        self, log: SampleLog, codec: Codec, transport: DatagramTransport, timing: LinkTiming
+        self,
+        log: SampleLog,
+        codec: Codec,
+        transport: DatagramTransport,
+        timing: LinkTiming,
+        pace: Pace,
     ) -> None:
         self._log = log
         self._codec = codec
         self._transport = transport
+        self._pace = pace
         self._stale_s = timing.stale_s
         self._queue = SampleQueue(log.kept(), timing.resend_s, timing.resend_limit_s)
         self._station: Address | None = None
@@ -114,6 +121,7 @@ class SampleSender:
             if (measurement := self._log.get(sequence)) is not None
         ]
         for packet in packets(frames, self._transport.max_payload):
+            await self._pace.spend(len(packet))
             try:
                 fate = await self._transport.send(station, packet)
             except PortClosedError:

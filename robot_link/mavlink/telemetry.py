@@ -25,6 +25,9 @@ ACKNOWLEDGED_AT_ONCE = 256
 SAMPLE_FRAME_BYTES = 12 + grace.MAVLink_grace_sample_message.unpacker.size
 """Bytes of one sample's frame; its last byte is never zero, so none is ever shorter."""
 
+STATE_FRAME_BYTES = 12 + grace.MAVLink_grace_state_message.unpacker.size
+"""Bytes of one state's frame, at most."""
+
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
 _REASON_BYTES = 100

@@ -3,10 +3,9 @@
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Sequence
-from contextlib import suppress
 from datetime import datetime
 
-from robot_link.clock import Clock, monotonic_s
+from robot_link.clock import Clock, monotonic_s, set_or_after
 from robot_link.mavlink.codec import STATION_SYSTEM, WireMessage
 from robot_link.mavlink.command import PLAN_DIGITS, result_of
 from robot_link.mavlink.wire import grace
@@ -166,9 +165,7 @@ class ServiceDesk:
                 await self._send_streams(one, StreamBudget(budget() / len(self._askers)), send)
             is_streaming = any(one.streams.is_wanted for one in self._askers.values())
             idle_s = self._answer_s / 4 if self._askers else None
-            with suppress(TimeoutError):
-                async with asyncio.timeout(_TICK_S if is_streaming else idle_s):
-                    await self._stirred.wait()
+            await set_or_after(self._stirred, _TICK_S if is_streaming else idle_s)
 
     async def _send_streams(self, one: AskerServices, budget: StreamBudget, send: Send) -> None:
         if self.state is None or self._rules is None:

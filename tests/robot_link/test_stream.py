@@ -1,14 +1,16 @@
 """Standard telemetry: who gets it, how often, and what it says."""
 
+import asyncio
 import math
 from dataclasses import replace
 from datetime import timedelta
 
 import pytest
 
-from robot_link.clock import SystemClock
+from robot_link.clock import SystemClock, monotonic_s
 from robot_link.mavlink.wire import grace
 from robot_link.messages import SystemId
+from robot_link.service.pace import Pace
 from robot_link.service.standard_telemetry import (
     TelemetrySource,
     autopilot_version,
@@ -108,3 +110,23 @@ def test_the_version_says_what_the_robot_can_do():
     assert version.capabilities & grace.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
     assert version.capabilities & grace.MAV_PROTOCOL_CAPABILITY_FTP
     assert not version.capabilities & grace.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_C_CAST
+
+
+async def test_states_and_samples_together_keep_to_what_the_air_carries():
+    pace = Pace(lambda: 20_000.0)
+    began_s = monotonic_s()
+    await asyncio.gather(*(spend_all(pace, size, 60) for size in (100, 1000)))
+    took_s = monotonic_s() - began_s
+    assert took_s >= (60 * 1100 - 2 * 20_000 - 1100) / 20_000
+
+
+async def test_a_link_that_carries_everything_makes_nobody_wait():
+    for rate in (math.inf, 0.0):
+        pace = Pace(lambda rate=rate: rate)
+        async with asyncio.timeout(5.0):
+            await spend_all(pace, 10**9, 1000)
+
+
+async def spend_all(pace: Pace, size: int, times: int) -> None:
+    for _ in range(times):
+        await pace.spend(size)
