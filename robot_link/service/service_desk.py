@@ -132,6 +132,8 @@ class ServiceDesk:
                     self._reply(address, answer)
             case grace.MAVLink_command_long_message():
                 self._command(one, message)
+            case grace.MAVLink_command_int_message():
+                self._acknowledge(one, message.command, grace.MAV_RESULT_COMMAND_LONG_ONLY)
             case grace.MAVLink_file_transfer_protocol_message():
                 for answer in one.files.hear(message):
                     self._reply(
@@ -254,10 +256,13 @@ class ServiceDesk:
                 result = self._obey(one, kind)
             case _:
                 result = grace.MAV_RESULT_UNSUPPORTED
+        self._acknowledge(one, message.command, result)
+
+    def _acknowledge(self, one: AskerServices, command: int, result: int) -> None:
         self._reply(
             one.address,
             grace.MAVLink_command_ack_message(
-                command=message.command,
+                command=command,
                 result=result,
                 target_system=one.asker.system,
                 target_component=one.asker.component,

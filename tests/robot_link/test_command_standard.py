@@ -180,6 +180,9 @@ async def test_another_makers_ground_station_is_shown_the_robot_once_it_shows_it
         await it.guest.say(command(grace.MAV_CMD_REQUEST_MESSAGE, float("nan")))
         await it.guest.say(command(grace.MAV_CMD_NAV_TAKEOFF))
         await until(lambda: it.guest.results()[-2:] == [grace.MAV_RESULT_UNSUPPORTED] * 2)
+        integers = grace.MAVLink_command_int_message(ROBOT, 1, 6, 300, 0, 0, 0, 0, 0, 0, 0, 0, 0)
+        await it.guest.say(integers)
+        await until(lambda: it.guest.results()[-1] == grace.MAV_RESULT_COMMAND_LONG_ONLY)
 
 
 async def test_a_guest_commands_only_while_our_own_station_is_silent():

@@ -38,6 +38,7 @@ from tests.robot_link.rig import HASTE, MINI, SYSTEMS, Program, running, state, 
 FAR = Address(0)
 DATAGRAMS = 3000
 SERVED = (
+    "command_int",
     "command_long",
     "mission_count",
     "mission_item_int",

@@ -24,6 +24,7 @@ from robot_link.service.parameter_table import Parameter, ParameterTable, Parame
 from robot_link.service.standard_item import StandardItem
 from robot_link.service.waypoint_mission import WaypointRules
 from robot_link.station import RobotEndpoint, StationLink
+from robot_link.timing import LinkTiming
 from robot_link.transport.opening import open_transport
 from tests.robot_link.rig import Program, running, state, until
 
@@ -137,6 +138,7 @@ async def test_mavsdk_as_vehicle_takes_a_mission_and_parameters_and_serves_a_fil
         {VEHICLE: RobotEndpoint(SystemId(1), (RadioPath(uri),))},
         SystemClock(),
         lambda _event: None,
+        LinkTiming(stale_s=LONGEST_S),
     )
     items = [
         StandardItem(
