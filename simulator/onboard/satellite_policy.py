@@ -50,7 +50,7 @@ class CallPolicy:
     """When the last call succeeded."""
     failed_s: float = -math.inf
     failures: int = 0
-    """Calls that failed since the last one that did not."""
+    """Calls that failed since the last one that did not, or since the robot came up then."""
 
     def is_due(self, now: Situation) -> bool:
         """Tell whether to call now."""
@@ -62,16 +62,20 @@ class CallPolicy:
 
     def is_awaited(self, now: Situation) -> bool:
         """Tell whether a robot that wants to dive should stay up for a call."""
-        if now.surfaced_s <= 0.0 or self.failures > 1:
+        if now.surfaced_s <= 0.0 or self._failures(now) > 1:
             return False
         is_alone = now.silent_s >= min(now.surfaced_s, self.limits.radio_silence_s)
         return now.has_rung or now.has_news or (is_alone and not self._has_called(now))
 
-    def called(self, time_s: float, *, is_sent: bool) -> "CallPolicy":
-        """Note how a call ended."""
+    def called(self, now: Situation, *, is_sent: bool) -> "CallPolicy":
+        """Note how a call ended, now."""
         if is_sent:
-            return replace(self, called_s=time_s, failures=0)
-        return replace(self, failed_s=time_s, failures=self.failures + 1)
+            return replace(self, called_s=now.time_s, failures=0)
+        return replace(self, failed_s=now.time_s, failures=self._failures(now) + 1)
+
+    def _failures(self, now: Situation) -> int:
+        """Return the calls that failed since the robot came up."""
+        return self.failures if self.failed_s > now.time_s - now.surfaced_s else 0
 
     def _is_silent(self, now: Situation) -> bool:
         return min(now.surfaced_s, now.silent_s) >= self.limits.radio_silence_s
@@ -86,7 +90,8 @@ class CallPolicy:
 
     def _retry_s(self, now: Situation) -> float:
         """Return when a call may be tried again; at once after coming up."""
-        if self.failures == 0 or self.failed_s <= now.time_s - now.surfaced_s:
+        failures = self._failures(now)
+        if failures == 0:
             return -math.inf
-        wait_s = _FIRST_RETRY_S * 2.0 ** (self.failures - 1)
+        wait_s = _FIRST_RETRY_S * 2.0 ** (failures - 1)
         return self.failed_s + min(wait_s, _LONGEST_RETRY_S)

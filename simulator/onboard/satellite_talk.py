@@ -227,7 +227,7 @@ class SatelliteTalk:
                 break
             if outcome.queued == 0 and not self._has_news:
                 break
-        self._policy = self._policy.called(self._program.time_s, is_sent=is_sent)
+        self._policy = self._policy.called(self._situation(), is_sent=is_sent)
 
     async def _session(self, record: bytes | None, *, for_ring: bool) -> SessionOutcome:
         self.sessions += 1

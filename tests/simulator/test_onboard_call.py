@@ -41,31 +41,43 @@ def test_ring_and_news_make_it_call_at_once_even_while_radio_is_live():
 
 
 def test_robot_that_stays_up_calls_once_a_period_and_once_after_each_dive():
-    called = POLICY.called(120.0, is_sent=True)
+    called = POLICY.called(at(120.0, 20.0), is_sent=True)
     assert not called.is_due(at(300.0, 200.0))
     assert called.is_due(at(720.0, 620.0))
     assert called.is_due(at(300.0, 30.0))
 
 
 def test_failed_call_is_tried_again_after_a_growing_wait_and_at_once_after_coming_up():
-    failed = POLICY.called(100.0, is_sent=False)
-    assert not failed.is_due(at(129.0, 80.0))
+    failed = POLICY.called(at(100.0, 50.0), is_sent=False)
+    assert not failed.is_due(at(129.0, 79.0))
     assert failed.is_due(at(130.0, 80.0))
-    twice = failed.called(130.0, is_sent=False)
-    assert not twice.is_due(at(189.0, 140.0, rung=True))
+    twice = failed.called(at(130.0, 80.0), is_sent=False)
+    assert not twice.is_due(at(189.0, 139.0, rung=True))
     assert twice.is_due(at(190.0, 140.0))
     assert twice.is_due(at(189.0, 25.0))
     for _ in range(20):
-        twice = twice.called(130.0, is_sent=False)
-    assert twice.is_due(at(130.0 + 480.0, 600.0))
-    assert twice.called(700.0, is_sent=True).failures == 0
+        twice = twice.called(at(130.0, 80.0), is_sent=False)
+    assert not twice.is_due(at(130.0 + 479.0, 559.0))
+    assert twice.is_due(at(130.0 + 480.0, 560.0))
+    assert twice.called(at(700.0, 650.0), is_sent=True).failures == 0
 
 
 def test_robot_stays_up_for_its_call_but_not_for_one_that_keeps_failing():
     assert POLICY.is_awaited(at(100.0, 5.0))
     assert not POLICY.is_awaited(at(100.0, 5.0, silent_s=1.0))
     assert POLICY.is_awaited(at(100.0, 5.0, silent_s=1.0, rung=True))
-    assert not POLICY.called(95.0, is_sent=True).is_awaited(at(100.0, 20.0))
-    failing = POLICY.called(80.0, is_sent=False)
+    assert not POLICY.called(at(95.0, 15.0), is_sent=True).is_awaited(at(100.0, 20.0))
+    failing = POLICY.called(at(80.0, 40.0), is_sent=False)
     assert failing.is_awaited(at(100.0, 60.0))
-    assert not failing.called(95.0, is_sent=False).is_awaited(at(100.0, 60.0))
+    assert not failing.called(at(95.0, 55.0), is_sent=False).is_awaited(at(100.0, 60.0))
+
+
+def test_robot_that_comes_up_again_stays_for_its_call_whatever_failed_before():
+    failing = POLICY
+    for time_s in (80.0, 110.0, 170.0):
+        failing = failing.called(at(time_s, 100.0), is_sent=False)
+    assert not failing.is_awaited(at(180.0, 110.0))
+    assert failing.is_awaited(at(500.0, 5.0))
+    once = failing.called(at(520.0, 25.0), is_sent=False)
+    assert once.is_awaited(at(521.0, 26.0))
+    assert once.is_due(at(550.0, 55.0))
