@@ -65,6 +65,13 @@ describe('a plan on its way by satellite', () => {
     expect(steps.every(({ at }) => at !== null)).toBe(true);
   });
 
+  test('is applied while the robot has yet to start it', () => {
+    const under = { state: 'on_board', level: 'applied' };
+    const steps = transferSteps(transfer([part(0, 'radio')], under), '2026-11-21T05:00:00Z');
+    expect(steps[2]).toMatchObject({ title: 'Applied', at: '2026-11-21T05:00:00Z' });
+    expect(transferSteps(transfer([part(0, 'radio')], under))[2]?.at).not.toBeNull();
+  });
+
   test('that ran out of time is not confirmed, whatever was proved', () => {
     const ended = { state: 'expired', level: 'radio', ended_at: '2026-11-25T04:00:00Z' };
     const steps = transferSteps(transfer([part(0, 'radio'), part(1, 'radio')], ended));

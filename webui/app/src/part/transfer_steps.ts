@@ -67,19 +67,24 @@ export function isTelling(transfer: Transfer, planState: string): boolean {
   return (transfer.parts ?? []).length > 0 && ['sent', 'on_board', 'running'].includes(planState);
 }
 
-/** Queued, radio, applied: each with the moment at which all of it was proved. */
-export function transferSteps(transfer: Transfer): Step[] {
+/**
+ * Queued, radio, applied: each with the moment at which all of it was proved.
+ *
+ * A transfer that also starts the plan goes on after the robot has it; `onBoardAt` tells since when.
+ */
+export function transferSteps(transfer: Transfer, onBoardAt: Time | null = null): Step[] {
   const parts = transfer.parts ?? [];
   const end = transferEnd(transfer);
   const isApplied = end === 'applied';
+  const appliedAt = isApplied ? (onBoardAt ?? transfer.ended_at ?? '') : null;
   const steps: Step[] = RUNGS.map(({ level, title, help }) => {
     const proved = parts.filter((part) => hasReached(part, level)).length;
     const isWhole = parts.length > 0 && proved === parts.length;
-    const at = isWhole ? newest(parts, level) : isApplied ? transfer.ended_at : null;
+    const at = isWhole ? newest(parts, level) : appliedAt;
     const some = at === null && proved > 0 ? `${proved} of ${parts.length}` : '';
     return { title, help, at, detail: some };
   });
-  steps.push({ ...APPLIED, at: isApplied ? transfer.ended_at : null });
+  steps.push({ ...APPLIED, at: appliedAt });
   if (isApplied) return steps;
   const word = end === null ? undefined : ENDS[end];
   if (word) {
