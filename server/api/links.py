@@ -5,13 +5,12 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from pydantic import Field
 
-from db.query.ranges import list_ranges
 from server.api.body import Body
-from server.api.dependency import Pilot, StoreDep, Viewer
+from server.api.dependency import Pilot, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.service.link_panel import link_views
-from server.service.view.link import RangeView, RobotLinkView, SatelliteView
+from server.service.view.link import RobotLinkView, SatelliteView
 
 router = APIRouter(prefix="/api/robots", tags=["links"], route_class=IdempotentRoute)
 
@@ -55,21 +54,3 @@ async def get_satellite(
     """Return a robot's satellite budget and its newest messages, out and in."""
     del caller
     return await station.satellite.view(robot, limit)
-
-
-@router.get("/{robot}/ranges")
-async def get_ranges(
-    caller: Viewer,
-    robot: str,
-    station: StationDep,
-    store: StoreDep,
-    limit: Annotated[int, Query(ge=1, le=10_000)] = 1000,
-) -> list[RangeView]:
-    """Return the newest acoustic ranges of a robot, good and bad."""
-    del caller
-    station.fleet.picture(robot)
-    found = await store.query(lambda session: list_ranges(session, robot, limit))
-    return [
-        RangeView(one.at, one.peer, one.travel_time_s, one.range_m, one.is_valid, one.reason)
-        for one in found
-    ]

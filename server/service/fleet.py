@@ -183,7 +183,7 @@ class Fleet:
             plan=self._onboard_plan(picture),
             link=self._link_view(picture),
             links=link_views(picture),
-            clock_fault=picture.clock_fault,
+            clock_fault=None if picture.clock_fault is None else picture.clock_fault.text,
         )
 
     def live_view(self, robot: str) -> LiveRobotView:

@@ -28,8 +28,10 @@ def kind_of(uri: str) -> str:
 
 def _view(picture: Picture, uri: str, report: LinkReport | None) -> RobotLinkView:
     kind = kind_of(uri)
+    is_plugged = uri not in picture.unplugged
     state = LinkState.NEVER_HEARD if report is None else report.state
-    is_plugged = (report is None or report.is_plugged) and state is not LinkState.UNPLUGGED
+    if not is_plugged:
+        state = LinkState.UNPLUGGED
     return RobotLinkView(
         uri=uri,
         carrier=_carrier(uri) if report is None else report.carrier,

@@ -19,6 +19,7 @@ from robot_link.messages import (
     StateReport,
 )
 from robot_link.transport.opening import is_radio
+from server.service.clock_fault import ClockFault
 from server.service.routing import Roads
 from server.service.track import Track
 
@@ -88,7 +89,9 @@ class Picture:
     """Newest report of each link, by its URI, or by its carrier where the report names no URI."""
     satellite: SatelliteStanding | None = None
     """Where the satellite link stands; ``None`` for a robot without one."""
-    clock_fault: str | None = None
+    unplugged: frozenset[str] = frozenset()
+    """Links whose plug the operator has pulled, by their URI."""
+    clock_fault: ClockFault | None = None
     """What is wrong with the robot's clock; ``None`` while it is right."""
     remembered: LinkReport | None = None
     """What the database knows of the road, until the robot is heard again."""

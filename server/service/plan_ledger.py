@@ -4,6 +4,7 @@ import asyncio
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
+from dataclasses import replace
 from datetime import datetime
 from typing import Any
 
@@ -20,7 +21,7 @@ from server.service.live_feed import LiveFeed
 from server.service.picture import PlanInHand
 from server.service.plan_document import legs_of, live_plan_view, plan_view, points_of
 from server.service.survey_round import AHEAD_OF
-from server.service.view.plan import PlanView, ProgressView, ViolationView
+from server.service.view.plan import PlanView, ProgressView, TransferView, ViolationView
 
 ON_THE_WAY = ("sent", "on_board", "running")
 """States in which a plan has left the station and has not ended."""
@@ -37,6 +38,7 @@ class PlanLedger:
         self._fleet = fleet
         self._feed = feed
         self._progress: dict[str, ProgressView] = {}
+        self._transfers: dict[str, TransferView] = {}
         self.listeners: list[Callable[[PlanRecord], None]] = []
         """Called with each changed plan after the commit; must return at once."""
         self.on_outdated: list[Callable[[str], None]] = []
@@ -251,6 +253,12 @@ class PlanLedger:
             self._progress[plan.id] = progress
         self._offer(plan)
 
+    def set_transfer(self, plan: PlanRecord, transfer: TransferView) -> None:
+        """Say how far a plan is on its way."""
+        if self._transfers.get(plan.id) != transfer:
+            self._transfers[plan.id] = transfer
+            self._offer(plan)
+
     def publish(self, plan: PlanRecord) -> None:
         """Tell everyone about a plan that was changed in the database."""
         if plan.state != "planning":
@@ -297,7 +305,8 @@ class PlanLedger:
         def value() -> object:
             report = self._fleet.picture(plan.robot).plan_report
             progress, outdated = self._progress.get(plan.id), self._outdated(plan)
-            return live_plan_view(plan, progress, report, outdated)
+            view = live_plan_view(plan, progress, report, outdated)
+            return replace(view, transfer=self._transfers.get(plan.id))
 
         self._feed.put("plans", plan.id, value, plan.robot)
 

@@ -41,6 +41,7 @@ from server.service.map_group import MapSettings
 from server.service.map_learning import MapLearning
 from server.service.mapping import FieldMaps
 from server.service.mission_ledger import MissionLedger
+from server.service.parameters import Parameters
 from server.service.picture import remembered_link
 from server.service.plan_choice import PlanChoices
 from server.service.plan_follow import PlanFollower
@@ -50,10 +51,12 @@ from server.service.plug import Plugs
 from server.service.ranging import Ranging
 from server.service.rehearsing import Rehearsals
 from server.service.road import LinkFactory, Road, open_link
+from server.service.robot_logs import RobotLogs
 from server.service.round_problem import field_config_of
 from server.service.satellite.satellite import Satellite, SatelliteListeners
 from server.service.scene_host import SceneHost
 from server.service.scene_source import StationSceneSource
+from server.service.signing import RobotSigning
 from server.service.survey import Surveys, purge_in
 from server.service.survey_map_quality import SurveyMaps
 from server.service.survey_step import SurveySteps
@@ -101,7 +104,10 @@ class Station:
         self.maps = FieldMaps(store, clock)
         self._opening_maps = asyncio.Lock()
         """Whoever waits reads the settings after who went before, so the newest are shown."""
-        self.road = Road(clock, self._take_event, make_link)
+        signing = RobotSigning(foundation.secrets, clock)
+        self.road = Road(clock, self._take_event, make_link, signing)
+        self.parameters = Parameters(foundation, self.fleet, self.road)
+        self.robot_logs = RobotLogs(foundation, self.fleet, self.road)
         self.plans = PlanLedger(store, clock, self.fleet, self.feed)
         self.planning = Planning(foundation, self.fleet, self.plans, self.workers)
         self.plugs = Plugs(store)
@@ -139,9 +145,9 @@ class Station:
     async def start(self) -> None:
         """Take up the fleet as the database knows it, and go on with what was under way."""
         await self.vehicles.load()
+        await self.plugs.load()
         for robot in await self._foundation.store.query(list_robots):
             await self._take_up(robot)
-        await self.plugs.load()
         await self.satellite.load()
         await self.plans.load()
         await self.missions.load()
@@ -167,6 +173,7 @@ class Station:
         await self.gateways.start()
         await self.commands.resume()
         await self.uploads.resume()
+        self._run("transfers", self.uploads.run())
         await self.surveys.resume()
         self._run("surveys", self.surveys.run())
         self._run("planner's machine code", self._warm_up())
@@ -214,6 +221,8 @@ class Station:
         if uri not in self.fleet.picture(robot).record.links:
             raise not_found(f"{robot} has no link {uri!r}.")
         await self.plugs.set(uri, is_plugged=is_plugged)
+        for picture in self.fleet.pictures:
+            picture.unplugged = self.plugs.unplugged
         if is_radio(uri):
             self.road.set_plugged(uri, is_plugged=is_plugged)
         if is_acoustic(uri):
@@ -266,6 +275,7 @@ class Station:
 
     async def _take_up(self, robot: RobotRecord) -> None:
         picture = self.fleet.add(robot, (await self._planner(robot.id)).fidelity_thresholds_m)
+        picture.unplugged = self.plugs.unplugged
         if picture.state is not None:
             return
         memory = await self._foundation.store.query(lambda session: _memory(session, robot.id))

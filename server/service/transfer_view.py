@@ -81,11 +81,13 @@ def _by_satellite(
     refusal = next(
         (f"{carrier_title(row.carrier)}: {one} It is tried again." for one in refusals), ""
     )
-    is_by_satellite = row.state != "held" and record.carrier == row.carrier
+    is_open = row.ended_at is None and row.state != "held"
+    is_by_satellite = is_open or record.carrier == row.carrier
     level = row.level if is_by_satellite and record.level != "applied" else record.level
     return replace(
         view,
         level=level,
+        carrier=row.carrier if is_open else record.carrier,
         expires_at=row.expires_at if is_by_satellite else view.expires_at,
         credits=credits_of(session, row.id),
         parts=[_part(part, credits(part.size, tariff)) for part in ground.parts],

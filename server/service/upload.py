@@ -6,6 +6,7 @@ is not sent again, and one that did not is.
 """
 
 import asyncio
+import logging
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -13,6 +14,7 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
+from db.fault import StoreError
 from db.query import transfers as query
 from db.query.plans import ENDED_STATES, PlanRecord, get_plan
 from db.query.transfers import TransferRecord
@@ -35,6 +37,8 @@ from server.service.view.plan import TransferView
 _NAMED_MAX = 3
 """Limits that a refusal names; the others are in its list."""
 _NOTICE_S = 2.0
+_LOOK_S = 0.5
+log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,6 +87,23 @@ class Uploads:
         for transfer in await self._store.query(query.open_transfers):
             if self._fleet.knows(transfer.robot):
                 self._begin(transfer, is_new=False)
+
+    async def run(self) -> None:
+        """Show how far every transfer is while it is under way, until cancelled."""
+        shown: set[str] = set()
+        while True:
+            under_way = {one.transfer.id for one in self._carriages.values()}
+            for transfer in shown | under_way:
+                await self._show(transfer)
+            shown = under_way
+            await asyncio.sleep(_LOOK_S)
+
+    async def _show(self, transfer: str) -> None:
+        try:
+            view = await self.view(transfer)
+            self._ledger.set_transfer(await self._ledger.get(view.plan_id), view)
+        except StoreError as error:
+            log.warning("%s is not shown: %s", transfer, error)
 
     async def stop(self) -> None:
         """Let go of every transfer; they go on when the station starts again."""

@@ -59,6 +59,8 @@ def _silence(picture: Picture, watch: Watch) -> Verdict | None:
     link = picture.link
     if link is None or link.heard_at is None or link.state is not LinkState.STALE:
         return None
+    if picture.satellite is not None:
+        return None  # It calls when it is due; see ``_contact``.
     if _is_early(watch, max(link.heard_at, watch.since)):
         return None
     robot = picture.record.id
@@ -68,7 +70,7 @@ def _silence(picture: Picture, watch: Watch) -> Verdict | None:
 
 
 def _port(picture: Picture, watch: Watch) -> Verdict | None:
-    if picture.link_state is not LinkState.PORT_CLOSED or _is_early(watch, watch.since):
+    if picture.radio_state is not LinkState.PORT_CLOSED or _is_early(watch, watch.since):
         return None
     return Verdict("warning", f"The radio for {picture.record.id} cannot be opened; plug it in.")
 
@@ -84,6 +86,46 @@ def _overdue(picture: Picture, watch: Watch) -> Verdict | None:
     minutes = int(late.total_seconds() // 60)
     robot = picture.record.id
     return Verdict(level, f"{robot} was to surface at {clock_time(due)}, {minutes} min ago.")
+
+
+def _contact(picture: Picture, watch: Watch) -> Verdict | None:
+    """Judge a robot that calls by satellite and has missed its time; one that dived has its own."""
+    due = None if picture.satellite is None else picture.satellite.next_session_at
+    if due is None or picture.link_state in (LinkState.SUBMERGED, LinkState.UNPLUGGED):
+        return None
+    late = watch.now - due
+    if late < _OVERDUE_WATCH or _is_early(watch, watch.since):
+        return None
+    level = "critical" if late >= _OVERDUE_CRITICAL else "watch"
+    minutes = int(late.total_seconds() // 60)
+    robot = picture.record.id
+    return Verdict(level, f"{robot} was to call at {clock_time(due)}, {minutes} min ago.")
+
+
+def _budget(picture: Picture, watch: Watch) -> Verdict | None:
+    del watch
+    standing = picture.satellite
+    if standing is None or not standing.waits_for_budget:
+        return None
+    return Verdict(
+        "warning",
+        f"The satellite budget of {picture.record.id} is spent "
+        f"({standing.credits_today} of {standing.credits_per_day} credits); what is on its way "
+        "waits until 00:00Z, or for a greater budget.",
+    )
+
+
+def _satellite(picture: Picture, watch: Watch) -> Verdict | None:
+    del watch
+    standing = picture.satellite
+    if standing is None or not standing.fault:
+        return None
+    return Verdict("warning", f"Satellite to {picture.record.id}: {standing.fault}")
+
+
+def _clock(picture: Picture, watch: Watch) -> Verdict | None:
+    del watch
+    return None if picture.clock_fault is None else Verdict("watch", picture.clock_fault.text)
 
 
 def _ended_early(picture: Picture, watch: Watch) -> Verdict | None:
@@ -108,6 +150,10 @@ RULES: tuple[Rule, ...] = (
     Rule("silence", _silence),
     Rule("port", _port),
     Rule("overdue", _overdue),
+    Rule("contact", _contact),
+    Rule("satellite budget", _budget),
+    Rule("satellite", _satellite),
+    Rule("clock", _clock),
     Rule("plan ended early", _ended_early),
 )
 """Every cause of alarm about a robot."""

@@ -143,16 +143,3 @@ class SatelliteView(View):
     """When the robot is expected to speak next; ``null`` while nobody knows."""
     outgoing: list[OutgoingMessageView]
     incoming: list[IncomingMessageView]
-
-
-@dataclass(frozen=True, slots=True)
-class RangeView(View):
-    """One acoustic range."""
-
-    at: datetime
-    peer: int
-    """Acoustic address of the other modem."""
-    travel_time_s: float | None
-    range_m: float | None
-    is_valid: bool
-    reason: str

@@ -20,8 +20,13 @@ RADIO = "xbee://127.0.0.1:9"
 LINKS = [RADIO, URI]
 DIVE = {
     "kind": "primitives",
-    "legs": [{"kind": "dive", "end_ned": [0, 0, depth]} for depth in (3.0, 0.0)],
+    "legs": [
+        {"kind": "dive", "end_ned": [0, 0, number * 1.37 % 5], "speed_m_s": 0.05 + number / 1e3}
+        for number in (*range(1, 40), 0)
+    ],
+    "config": {"round_budget": 400.0, "total_budget": 400.0},
 }
+"""Long enough to need two messages."""
 
 
 def give_links(tmp_path, links):
@@ -55,8 +60,9 @@ async def far_station(tmp_path, world, sky, monkeypatch, links=LINKS):
 
 async def settled(station):
     """Wait until nothing is on its way inside the station."""
-    await station.satellite.outbox.step()
-    await station.satellite.outbox.settle()
+    for _ in range(4):
+        await station.satellite.outbox.step()
+        await station.satellite.outbox.settle()
 
     async def done():
         found = await station.satellite.inbox.unsettled()

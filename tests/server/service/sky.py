@@ -147,10 +147,10 @@ class Caller:
             queue = self.sky.queues[self.imei]
             queued = queue.pop(0) if queue else None
             said = self.message(mtmsn=queued.mtmsn if queued and self.sky.tells_mtmsn else None)
-            if self.sky.rng.random() >= self.sky.loss:
-                await self.sky.deliver(said)
             if queued is not None and self.sky.rng.random() >= self.sky.loss:
                 self.hear(queued.data)
+            if self.sky.rng.random() >= self.sky.loss:
+                await self.sky.deliver(said)
             self.sky.clock.advance(minutes=2)
 
     def hear(self, data):

@@ -1,19 +1,40 @@
 """Plans by satellite: no level before it is proved, one plan on board, never twice."""
 
+import asyncio
+
+import pytest
 import pytest_asyncio
 
+from db.query.events import newest_events
+from robot_link.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
+from robot_link.messages import CommandKind, OnboardPlanState
+from server.service import carriage
 from tests.server.service.conftest import until
-from tests.server.service.far import draft, far_station, in_state, place_under, settled, transfer_of
+from tests.server.service.far import (
+    draft,
+    far_station,
+    hear_radio,
+    in_state,
+    lose_radio,
+    place_under,
+    settled,
+    transfer_of,
+)
 from tests.server.service.sky import ManualClock, Sky
 
 
-@pytest_asyncio.fixture
-async def sky():
+@pytest.fixture(autouse=True)
+def _hasty(monkeypatch):
+    monkeypatch.setattr(carriage, "_POLL_S", 0.02)
+
+
+@pytest.fixture
+def sky():
     return Sky(ManualClock())
 
 
-@pytest_asyncio.fixture
-async def robot(sky, tmp_path):
+@pytest.fixture
+def robot(sky, tmp_path):
     return place_under(sky, tmp_path)
 
 
@@ -25,24 +46,340 @@ async def far(tmp_path, world, sky, robot, monkeypatch):
         yield station, client
 
 
+async def queued(station, client, sky, plan, **body):
+    """Send a plan by satellite and wait until the gateway has it all."""
+    path = await transfer_of(client, plan, **body)
+    await until(lambda: sky.calls)
+    await settled(station)
+    found = (await client.get(path)).json()
+    assert found["level"] == "queued", found
+    return path, found
+
+
 async def test_far_plan_climbs_level_by_level_as_each_is_proved(far, sky, robot):
     station, client = far
     plan = await draft(client)
-    path = await transfer_of(client, plan)
-    queued = await in_state(client, path, "sending")
-    await until(lambda: len(sky.calls) == len(queued["parts"]))
-    await settled(station)
-    queued = (await client.get(path)).json()
-    assert queued["level"] == "queued"
-    assert {part["level"] for part in queued["parts"]} == {"queued"}
-    assert queued["carrier"] == "rockblock"
-    await robot.call(len(queued["parts"]))
+    path, found = await queued(station, client, sky, plan)
+    assert {part["level"] for part in found["parts"]} == {"queued"}
+    assert found["carrier"] == "rockblock"
+    assert found["sha256"] == plan["sha256"]
+    await robot.call(len(found["parts"]))
     await settled(station)
     assert (await client.get(f"/api/plans/{plan['id']}")).json()["state"] == "sent"
     await robot.call()
     done = await in_state(client, path, "on_board")
     assert done["level"] == "applied"
-    assert (await in_state(client, f"/api/plans/{plan['id']}", "on_board"))["sha256"] == (
-        robot.applied[0][0].sha256()
+    assert {part["level"] for part in done["parts"]} == {"radio"}
+    assert (await in_state(client, f"/api/plans/{plan['id']}", "on_board"))["transfer"] == done
+    assert [mission.sha256() for mission, _ in robot.applied] == [plan["sha256"]]
+
+
+async def test_number_that_the_network_gives_proves_the_radio_and_no_more(far, sky, robot):
+    station, client = far
+    sky.tells_mtmsn = True
+    path, found = await queued(station, client, sky, await draft(client))
+    assert all(part["mtmsn"] for part in found["parts"])
+    for _ in found["parts"]:
+        said = robot.message(data=b"", mtmsn=sky.queues[robot.imei].pop(0).mtmsn)
+        await sky.deliver(said)
+    fetched = (await client.get(path)).json()
+    assert fetched["level"] == "radio"
+    assert all(part["radio_at"] for part in fetched["parts"])
+    assert fetched["state"] == "sending"
+    assert robot.applied == []
+    sent = (await client.get("/api/robots/grace-1/satellite")).json()["outgoing"]
+    assert {one["state"] for one in sent} == {"radio"}
+
+
+async def test_plan_that_is_started_by_satellite_needs_no_order(far, sky, robot, world):
+    station, client = far
+    path, found = await queued(station, client, sky, await draft(client), start=True)
+    await robot.call(len(found["parts"]) + 1)
+    done = await in_state(client, path, "running")
+    assert robot.applied[0][1] is True
+    assert robot.commands == []
+    assert not [kind for _, kind, _ in world.commands if kind is CommandKind.START]
+    assert done["ended_at"] is not None
+
+
+async def test_quote_is_what_the_gateway_is_asked_to_take(far, sky):
+    station, client = far
+    plan = await draft(client)
+    quote = (await client.get(f"/api/plans/{plan['id']}/satellite")).json()
+    assert quote["refusal"] is None
+    assert quote["auto"]["route"] == "satellite"
+    assert sky.calls == [], "asking sends nothing"
+    _, found = await queued(station, client, sky, plan)
+    assert [one["bytes"] for one in quote["messages"]] == [len(call[1]) for call in sky.calls]
+    assert quote["credits"] == sum(-(-len(call[1]) // 50) for call in sky.calls)
+    assert found["credits"] == quote["credits"]
+    spent = (await client.get("/api/robots/grace-1/satellite")).json()
+    assert spent["credits_today"] == quote["credits"]
+    assert spent["credits_left"] == quote["credits_left_today"] - quote["credits"]
+
+
+@pytest.mark.parametrize("seed", range(4))
+async def test_lossy_sky_and_restarts_bring_the_plan_once_and_whole(
+    seed, tmp_path, world, sky, robot, monkeypatch
+):
+    sky.rng.seed(seed)
+    plan = path = None
+    for _ in range(30):
+        async with far_station(tmp_path, world, sky, monkeypatch) as (station, client):
+            if plan is None:
+                await robot.call()
+                await settled(station)
+                plan = await draft(client)
+                path = await transfer_of(client, plan)
+                sky.loss = 0.4
+            await until(lambda: station.uploads.is_under_way("grace-1"), 5)
+            await settled(station)
+            await robot.call(2)
+            await settled(station)
+            seen = (await client.get(path)).json()
+            if seen["level"] == "applied":
+                assert robot.applied
+            if seen["level"] == "radio":
+                assert robot.fetched >= len(seen["parts"])
+            row = station.satellite.row_of(path.rsplit("/", 1)[1])
+            if row is not None and row.state == "applied":
+                await in_state(client, path, "on_board")
+                break
+        robot.restart()
+    assert [mission.sha256() for mission, _ in robot.applied] == [plan["sha256"]]
+    assert len(sky.calls) < 25
+
+
+async def test_same_bytes_and_number_go_out_until_the_gateway_is_reached(far, sky):
+    station, client = far
+    sky.refusals = [GatewayUnreachableError("no answer"), None]
+    path = await transfer_of(client, await draft(client))
+    await until(lambda: sky.calls)
+    await settled(station)
+    assert "no answer" in (await client.get(path)).json()["text"]
+    before = list(sky.calls)
+    sky.clock.advance(minutes=11)
+    await settled(station)
+    assert sky.calls.count(before[0]) == 2
+    assert (await client.get(path)).json()["level"] == "queued"
+
+
+@pytest.mark.parametrize(
+    "fault",
+    [
+        GatewayFault.LOGIN,
+        GatewayFault.UNKNOWN_IMEI,
+        GatewayFault.NO_CREDIT,
+        GatewayFault.RING_DISABLED,
+    ],
+)
+async def test_refusal_for_good_ends_the_transfer_with_its_sentence(far, sky, fault):
+    station, client = far
+    plan = await draft(client)
+    sky.refusals = [GatewayRefusal(fault, f"the gateway says {fault.value}.", "never")] * 9
+    path = await transfer_of(client, plan)
+    failed = await in_state(client, path, "failed")
+    assert f"the gateway says {fault.value}" in failed["reason"]
+    assert failed["level"] == "created"
+    assert failed["credits"] == 0
+    again = await in_state(client, f"/api/plans/{plan['id']}", "draft")
+    assert again["message"] == failed["reason"]
+    calls = len(sky.calls)
+    sky.clock.advance(hours=2)
+    await settled(station)
+    assert len(sky.calls) == calls, "it is not tried again"
+    await station.satellite.refresh()
+    assert fault.value in station.fleet.picture("grace-1").satellite.fault
+
+
+async def test_full_queue_is_waited_for(far, sky, robot):
+    station, client = far
+    full = GatewayRefusal(GatewayFault.QUEUE_FULL, "the queue is full.", "later")
+    sky.refusals = [full, full, full]
+    path = await transfer_of(client, await draft(client))
+    await until(lambda: sky.calls)
+    for _ in range(6):
+        await settled(station)
+        sky.clock.advance(minutes=11)
+    await settled(station)
+    assert (await client.get(path)).json()["level"] == "queued"
+    assert {call[2] for call in sky.calls} == {1, 2}, "every try of a message has one number"
+
+
+async def test_robots_refusal_is_said_and_the_plan_is_a_draft_again(far, sky, robot):
+    station, client = far
+    robot.refuses = "a mission is running"
+    plan = await draft(client)
+    path, found = await queued(station, client, sky, plan)
+    await robot.call(len(found["parts"]) + 1)
+    failed = await in_state(client, path, "failed")
+    assert failed["reason"].startswith("grace-1 refused it")
+    assert (await in_state(client, f"/api/plans/{plan['id']}", "draft"))["transfer"] == failed
+
+
+async def test_withdrawn_plan_is_not_sent_any_more(far, sky, robot):
+    station, client = far
+    sky.refusals = [GatewayUnreachableError("no answer")] * 50
+    plan = await draft(client)
+    path = await transfer_of(client, plan)
+    await until(lambda: sky.calls)
+    await settled(station)
+    assert (await client.get(path)).json()["can_withdraw"] is True
+    withdrawn = (await client.post(f"{path}/withdraw")).json()
+    assert (withdrawn["state"], withdrawn["can_withdraw"]) == ("withdrawn", False)
+    calls = len(sky.calls)
+    sky.clock.advance(hours=1)
+    await settled(station)
+    assert len(sky.calls) == calls
+    assert (await client.post(f"{path}/withdraw")).status_code == 409
+    await in_state(client, f"/api/plans/{plan['id']}", "draft")
+
+
+async def test_newer_plan_takes_the_place_of_one_on_its_way_and_only_then_flushes(far, sky, robot):
+    station, client = far
+    first = await draft(client)
+    path, _ = await queued(station, client, sky, first)
+    assert not any(call[3] for call in sky.calls)
+    second = await draft(client)
+    calls = len(sky.calls)
+    newer = await transfer_of(client, second)
+    assert (await client.get(path)).json()["state"] == "superseded"
+    await until(lambda: len(sky.calls) > calls)
+    await settled(station)
+    assert [call[3] for call in sky.calls[calls:]] == [True] + [False] * (
+        len(sky.calls) - calls - 1
     )
+    await robot.call(6)
+    await in_state(client, newer, "on_board")
+    assert [mission.sha256() for mission, _ in robot.applied] == [second["sha256"]]
+
+
+async def test_plan_that_nobody_confirmed_expires_and_is_never_sent_late(far, sky, robot):
+    station, client = far
+    path, _ = await queued(station, client, sky, await draft(client))
+    calls = len(sky.calls)
+    sky.clock.advance(hours=97)
+    await settled(station)
+    failed = await in_state(client, path, "failed")
+    assert "did not confirm it before it expired" in failed["reason"]
+    await robot.call(3)
+    await settled(station)
+    assert len(sky.calls) == calls
+
+
+async def test_robot_out_of_contact_gets_nothing_unless_the_operator_insists(far, sky):
+    station, client = far
+    plan = await draft(client)
+    sky.clock.advance(hours=49)
+    quote = (await client.get(f"/api/plans/{plan['id']}/satellite")).json()
+    assert "more than 48 h ago" in quote["refusal"]
+    assert quote["may_force"] is True
+    url, body = f"/api/plans/{plan['id']}/upload", {"confirmed": True}
+    refused = await client.post(url, json=body)
+    assert refused.status_code == 409
+    assert [error["loc"] for error in refused.json()["errors"]] == [["body", "force"]]
+    assert sky.calls == []
+    forced = await client.post(url, json={**body, "force": True})
+    assert forced.status_code == 202
+    await until(lambda: sky.calls)
+    await settled(station)
+
+
+async def test_plan_that_comes_by_radio_in_the_middle_is_on_board_once(far, sky, robot, world):
+    station, client = far
+    path, _ = await queued(station, client, sky, await draft(client))
+    hear_radio(world, sky)
+    done = await in_state(client, path, "on_board")
+    assert len(world.uploads) == 1
+    assert done["carrier"] == "xbee"
+    row = station.satellite.row_of(path.rsplit("/", 1)[1])
+    calls = len(sky.calls)
+    lose_radio(world)
+    await robot.call(4)
+    await settled(station)
+    assert len(sky.calls) == calls, "nothing of it is sent by satellite any more"
+    assert row is not None
+
+
+async def test_satellite_plan_found_on_board_by_radio_is_not_sent_again(far, sky, robot, world):
+    station, client = far
+    path, found = await queued(station, client, sky, await draft(client))
+    sky.loss = 1.0
+    for one in list(sky.queues[robot.imei]):
+        robot.hear(one.data)
     assert len(robot.applied) == 1
+    world.robots["grace-1"].plan = robot.plan
+    world.robots["grace-1"].say(OnboardPlanState.ON_BOARD)
+    done = await in_state(client, path, "on_board")
+    assert world.uploads == []
+    assert done["level"] == "applied"
+    assert len(found["parts"]) == len(sky.calls)
+
+
+async def test_transfer_by_radio_does_not_jump_to_satellite_when_the_station_restarts(
+    tmp_path, world, sky, robot, monkeypatch
+):
+    world.may_upload.clear()
+    async with far_station(tmp_path, world, sky, monkeypatch) as (station, client):
+        await robot.call()
+        await settled(station)
+        hear_radio(world, sky)
+        plan = await draft(client)
+        path = await transfer_of(client, plan)
+        await in_state(client, path, "sending")
+    async with far_station(tmp_path, world, sky, monkeypatch) as (station, client):
+        await asyncio.sleep(0.2)
+        assert sky.calls == []
+        world.may_upload.set()
+        hear_radio(world, sky)
+        await in_state(client, path, "on_board")
+    assert sky.calls == []
+
+
+async def begun_with_a_budget_for_one_part(station, client):
+    plan = await draft(client)
+    quote = (await client.get(f"/api/plans/{plan['id']}/satellite")).json()
+    credits = quote["messages"][0]["credits"]
+    patch = {"tariff": {"credits_per_day": credits}}
+    await station.foundation.configurations.patch("satellite", "grace-1", patch, by="test")
+    await station.satellite.refresh()
+    return await transfer_of(client, plan), credits
+
+
+async def test_budget_stops_a_plan_until_midnight_or_a_greater_budget(far, sky, robot):
+    station, client = far
+    path, credits = await begun_with_a_budget_for_one_part(station, client)
+    await until(lambda: sky.calls)
+    await settled(station)
+    waiting = (await client.get(path)).json()
+    assert [part["level"] for part in waiting["parts"]] == ["queued", "waiting"]
+    assert f"budget of {credits} credits is spent" in waiting["text"]
+    await station.satellite.refresh()
+    assert station.fleet.picture("grace-1").satellite.waits_for_budget
+    calls = len(sky.calls)
+    await station.commands.send("grace-1", CommandKind.SURFACE, by="test")
+    await until(lambda: len(sky.calls) > calls)
+    await settled(station)
+    assert len(sky.calls[-1][1]) <= 50, "one credit"
+    spent = (await client.get("/api/robots/grace-1/satellite")).json()
+    assert spent["credits_today"] == credits + 1, "the order is exempt, but counted"
+    assert spent["credits_left"] == 0
+
+
+async def test_budget_of_a_new_day_lets_the_rest_go(far, sky, robot):
+    station, client = far
+    path, _ = await begun_with_a_budget_for_one_part(station, client)
+    await until(lambda: sky.calls)
+    await settled(station)
+    assert (await client.get(path)).json()["level"] == "created"
+    sky.clock.advance(hours=15)
+    await settled(station)
+    assert (await client.get(path)).json()["level"] == "queued"
+
+
+async def test_events_trace_every_message(far, sky):
+    station, client = far
+    await queued(station, client, sky, await draft(client))
+    events = await station.foundation.store.query(newest_events)
+    texts = [event.text for event in events if event.kind == "satellite.queued"]
+    assert any("RockBLOCK took part 1 of 2 of plan-1 for grace-1" in text for text in texts)
