@@ -2,13 +2,14 @@
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
 from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig, PlannerConfig
 from autonomy.site import LAKE, TANK, Site
 from autonomy.vehicle.config import VEHICLES, Vehicle
 from robot_link.messages import RobotId, SystemId
+from robot_link.satellite.config import SatelliteConfig
 from robot_link.transport.datagram import Address
 from simulator.battery import BatteryModel
 from simulator.onboard.clock import ClockModel
@@ -53,6 +54,8 @@ class RobotDefinition:
     """Where the robot floats at first if it is to begin out of radio range."""
     imei: str = ""
     """Number of its satellite modem; empty without one."""
+    satellite: SatelliteConfig = field(default_factory=SatelliteConfig)
+    """How it uses that modem, as built; its parameters change it."""
     clock: ClockModel | None = None
     """How wrong its clock is between GPS pulses; None is a robot that is given the time."""
     acoustic_address: int | None = None
@@ -163,6 +166,7 @@ GRACE_1 = RobotDefinition(
     radio_range_m=150.0,
     far_ne_m=(360.0, 350.0),
     imei="300234000000020",
+    satellite=SatelliteConfig(session_period_s=300.0),
     clock=ClockModel(rate_std_ppm=20.0),
     acoustic_address=2,
 )

@@ -130,6 +130,7 @@ def _computer(
         clock=clock,
         memory=memory,
         satellite=None if satellite is None or key is None else (satellite, key),
+        satellite_config=definition.satellite,
     )
 
 

@@ -161,6 +161,7 @@ def _computer(settings: RobotSettings, body: RemoteBody, onboard: OnboardClock) 
         clock=clock,
         memory=settings.memory,
         satellite=satellite,
+        satellite_config=definition.satellite,
     )
 
 

@@ -15,6 +15,7 @@ from pathlib import Path
 
 from sqlalchemy.orm import Session
 
+from db.query.configurations import add_configuration, newest_configuration
 from db.query.people import add_person, find_person
 from db.query.robots import RobotRecord, add_robot, change_robot, list_robots
 from robot_link.clock import Clock
@@ -144,6 +145,7 @@ def _prepare(folder: Path, clock: Clock, robots: tuple[RobotId, ...]) -> str:
                 change_robot(session, robot.id, links=robot.links)
             else:
                 add_robot(session, robot)
+            _agree_on_satellite(session, FLEET[name], at)
         if find_person(session, PERSON) is None:
             add_person(session, PERSON, Role.ADMIN, None, at)
         return register.create_sign_in_link(
@@ -153,6 +155,14 @@ def _prepare(folder: Path, clock: Clock, robots: tuple[RobotId, ...]) -> str:
     (folder / LINK_FOLDER).mkdir(exist_ok=True)
     with open_store(settings_of(Namespace(data=folder))) as store:
         return store.change(prepare).result()
+
+
+def _agree_on_satellite(session: Session, definition: RobotDefinition, at: datetime) -> None:
+    """Let the station know how often a robot calls, unless somebody has told it otherwise."""
+    robot, kind = definition.robot, "satellite"
+    if definition.imei and newest_configuration(session, kind, robot) is None:
+        value = definition.satellite.model_dump(mode="json")
+        add_configuration(session, kind, robot, value, at=at, by="grace demo")
 
 
 def _record(definition: RobotDefinition, folder: Path, at: datetime) -> RobotRecord:

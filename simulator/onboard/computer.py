@@ -52,6 +52,7 @@ class Computer:
         clock: Its clock.
         memory: Folder of what it remembers; None forgets.
         satellite: Its satellite node, and its key; None without a modem.
+        satellite_config: How it uses its modem, as built; by default as the station assumes.
     """
 
     def __init__(
@@ -66,12 +67,13 @@ class Computer:
         clock: Clock,
         memory: Path | None,
         satellite: tuple[NodeClient, bytes] | None = None,
+        satellite_config: SatelliteConfig | None = None,
     ) -> None:
         self.program = program
         started_at = clock.now()
         samples = MemorySampleLog(LogId(int(started_at.timestamp())))
         plans = MemoryPlanStore() if memory is None else FilePlanStore(memory / "plan")
-        talk = None if satellite is None else _talk_settings()
+        talk = None if satellite is None else _talk_settings(satellite_config or SatelliteConfig())
         self.log: OnboardLog = NoLog() if memory is None else _log_in(memory, started_at)
         values = None if memory is None else FileValues(memory / "parameters.json")
         parameters = OwnParameters(
@@ -154,8 +156,7 @@ class Computer:
         self.log.track(report)
 
 
-def _talk_settings() -> TalkSettings:
-    config = SatelliteConfig()
+def _talk_settings(config: SatelliteConfig) -> TalkSettings:
     return TalkSettings(
         CallLimits(config.radio_silence_s, config.session_period_s), config.digest_bytes
     )

@@ -15,7 +15,7 @@ ROBOT = "grace-1"
 def demo(tmp_path_factory):
     demo = Demo(
         tmp_path_factory.mktemp("far"),
-        *("--robots", ROBOT, "--far", "--speed", "20", "--satellite-loss", "0.3", "--seed", "3"),
+        *("--robots", ROBOT, "--far", "--speed", "50", "--satellite-loss", "0.3", "--seed", "3"),
     )
     demo.sign_in()
     yield demo
