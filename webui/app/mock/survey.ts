@@ -279,6 +279,7 @@ export class FakeSurvey {
     const { plan } = this;
     if (plan?.state !== 'sent') return;
     plan.state = 'draft';
+    plan.message = 'Not confirmed on board: its time ran out.';
     plan.ladder = { ...plan.ladder, sent_at: null };
     this.mission.state = 'ready';
   }

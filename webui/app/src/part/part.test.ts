@@ -77,6 +77,13 @@ describe('a plan', () => {
     expect(planSentence(plan('sent', {}))).toContain('has not confirmed');
   });
 
+  test('that came back unconfirmed is not said to be at the station alone', () => {
+    const returned = { ...plan('draft', {}), message: 'Not confirmed on board: it expired.' };
+    expect(planSentence(returned)).toContain('may still reach the robot');
+    expect(planSentence(returned)).not.toContain('Only the station');
+    expect(planSentence(plan('draft', {}))).toContain('Only the station');
+  });
+
   test('that failed shows how far it came', () => {
     const steps = planSteps(plan('failed', { draft_at: 'a', sent_at: 'b', ended_at: 'c' }));
     expect(steps.map(({ title }) => title)).toEqual(['Draft', 'Sent', 'Failed']);

@@ -49,9 +49,11 @@ export function planSentence(plan: Pick<Plan, 'state' | 'message' | 'stage'>): s
   if (plan.state === 'planning' && plan.stage === 'waiting') {
     return 'It waits until the other robots of the survey are planned for. Nothing is sent.';
   }
-  const hasReturned = plan.state === 'draft' && plan.message.startsWith('Not confirmed');
-  const isTold =
-    (['failed', 'cancelled'].includes(plan.state) && plan.message !== '') || hasReturned;
+  // It left the station once: that nobody else has it cannot be said any more.
+  if (plan.state === 'draft' && plan.message.startsWith('Not confirmed')) {
+    return `${plan.message} What left the station may still reach the robot.`;
+  }
+  const isTold = ['failed', 'cancelled'].includes(plan.state) && plan.message !== '';
   const told = isTold ? ` ${plan.message}` : '';
   return SENTENCES[plan.state] + told;
 }

@@ -18,6 +18,7 @@ const HELP: Record<string, string> = {
   'controller.swimming': 'Beats the tail to swim.',
   satellite:
     'Tariff and daily budget of satellite messages, how long they stand, and how often the robot calls.',
+  acoustic: 'Speed of sound and how often and how far the acoustic modem measures ranges.',
   link: 'Which link plans, orders and telemetry take.',
 };
 
@@ -29,7 +30,7 @@ interface Group {
 const GROUPS: readonly Group[] = [
   { title: 'Survey', has: (kind) => ['planner', 'field', 'estimator'].includes(kind) },
   { title: 'Controllers', has: (kind) => kind.startsWith('controller.') },
-  { title: 'Links', has: (kind) => ['satellite', 'link'].includes(kind) },
+  { title: 'Links', has: (kind) => ['satellite', 'link', 'acoustic'].includes(kind) },
   { title: 'Vehicle', has: (kind) => ['trim', 'identification', 'trial'].includes(kind) },
 ];
 
