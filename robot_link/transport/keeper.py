@@ -15,7 +15,8 @@ _log = logging.getLogger(__name__)
 class PortKeeper:
     """Opens a port again and again, and hands on what it brings. Belongs to one event loop.
 
-    A reason is told once, however often the same attempt fails for it.
+    A reason is told once, however often the same attempt fails for it. A fault of the program
+    itself counts as one more reason, with its trace in the log: the other radios must go on.
     """
 
     def __init__(self, name: str, serve: Callable[[], Awaitable[str]], reopen_s: float) -> None:
@@ -81,7 +82,12 @@ class PortKeeper:
         pulled = asyncio.create_task(self._out.wait(), name=f"{self._name} plug")
         try:
             await asyncio.wait((serving, pulled), return_when=asyncio.FIRST_COMPLETED)
-            return serving.result() if serving.done() else UNPLUGGED
+            if not serving.done():
+                return UNPLUGGED
+            if (fault := serving.exception()) is None:
+                return serving.result()
+            _log.error("%s port: a fault of this program", self._name, exc_info=fault)
+            return f"a fault of this program ({type(fault).__name__}); its log says more"
         finally:
             serving.cancel()
             pulled.cancel()

@@ -7,6 +7,7 @@ A port is opened once, used from one event loop and never blocks it; when it fai
 import asyncio
 import os
 import socket
+import termios
 from collections.abc import Callable
 from typing import Protocol
 
@@ -63,7 +64,7 @@ class SerialPort:
         def opened() -> serial.Serial:
             try:
                 return serial.Serial(path, baud, timeout=0, rtscts=flow_control, exclusive=True)
-            except (ValueError, OverflowError) as error:
+            except (ValueError, OverflowError, termios.error) as error:
                 raise OSError(f"{path}: {error}") from error
 
         return cls(await asyncio.to_thread(opened))

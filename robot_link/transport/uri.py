@@ -18,6 +18,8 @@ class LinkUri:
 
     def __init__(self, uri: str) -> None:
         self._uri = uri
+        if not uri.isprintable() or " " in uri:
+            self.refuse("a link is written without spaces and control characters")
         try:
             parts = urlsplit(uri)
             self.port = parts.port
@@ -87,6 +89,10 @@ class LinkUri:
         """Return where a network link leads."""
         if not self.host or not self.port:
             self.refuse(f"a {kind} link needs host and port")
+        try:
+            self.host.encode("idna")
+        except UnicodeError:
+            self.refuse(f"{self.host!r} cannot be the name of a machine")
         if self.path.strip("/"):
             self.refuse(f"a {kind} link has no path")
         return self.host, self.port

@@ -250,11 +250,13 @@ class XBeeTransport:
     async def _watch(self) -> str:
         """Learn who the radio is, then ask for its signal strength; return why that ended."""
         try:
-            limit = await self._ask(b"NP")
+            limit = int.from_bytes(await self._ask(b"NP"), "big")
+            if not limit:
+                return "the radio does not say how many bytes a packet carries (NP)"
             high, low = await self._ask(b"SH"), await self._ask(b"SL")
             self._set_rate(await self._ask(b"BR"))
             self.address = Address(int.from_bytes(high + low.rjust(4, b"\0"), "big"))
-            self.max_payload = int.from_bytes(limit, "big")
+            self.max_payload = limit
             self._keeper.opened()
             while True:
                 await asyncio.sleep(self._timing.signal_period_s)

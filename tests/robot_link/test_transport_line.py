@@ -28,6 +28,7 @@ from robot_link.transport.port import SerialPort
 from robot_link.transport.udp import UdpTiming, UdpTransport
 from simulator.xbee_network import AirConditions, XBeeNetwork
 from tests.robot_link.far_end import heartbeat, line, next_event, next_opening, running
+from tests.robot_link.scripted_port import ScriptedPort
 
 LOCAL = "127.0.0.1"
 
@@ -256,3 +257,26 @@ async def test_a_udp_socket_can_be_unplugged_and_plugged_in():
             other.bind((LOCAL, port))
         transport.set_plugged(True)
         await next_opening(transport)
+
+
+async def test_a_fault_in_one_transport_is_told_and_does_not_end_the_others(caplog):
+    attempts = 0
+
+    async def opened() -> ScriptedPort:
+        nonlocal attempts
+        attempts += 1
+        if attempts == 1:
+            raise RuntimeError("never foreseen")
+        return ScriptedPort()
+
+    stream = MavlinkStream(
+        "tcp", opened, bytes_per_s=1e3, frame_bytes=280, timing=StreamTiming(reopen_s=0.01)
+    )
+    async with running(stream):
+        events = stream.events()
+        closed = await anext(events)
+        assert closed == PortChanged(
+            is_open=False, reason="a fault of this program (RuntimeError); its log says more"
+        )
+        assert await anext(events) == PortChanged(is_open=True, reason="")
+    assert "never foreseen" in caplog.text

@@ -207,6 +207,18 @@ async def test_a_device_that_is_no_xbee_is_named_as_such():
         assert "no XBee in API mode 1 answers" in closed.reason
 
 
+async def test_a_radio_that_does_not_tell_its_packet_size_is_not_called_open():
+    def silent_of_size(data: bytes) -> bytes:
+        if data[5:7] == b"NP":
+            return encode(bytes((0x88, data[4])) + b"NP\x02", 1)
+        return answering_questions(data)
+
+    async with running(XBeeTransport(opener(ScriptedPort(silent_of_size)))) as transport:
+        closed = await next_event(transport, PortChanged)
+        assert not closed.is_open
+        assert "how many bytes a packet carries" in closed.reason
+
+
 async def test_a_question_is_repeated_when_its_answer_is_lost():
     asked: list[bytes] = []
 
