@@ -12,6 +12,7 @@ from server.command.data import add_data_option, clock_of, open_store, settings_
 from server.command.failure import CommandError
 from server.recording.replay import compare, replay_into
 from server.recording.tlog import tlog_blocks
+from server.secret import SecretStore
 from server.settings import Settings
 
 
@@ -59,10 +60,11 @@ def _write_tlog(store: Store, wanted: JournalRange, file: Path) -> int:
 
 
 def _replay(store: Store, settings: Settings, folder: Path) -> int:
+    keys = SecretStore(settings.secret_dir)
     rebuilt = Store.open(Settings(data_dir=folder).resolved_database_url)
     try:
         with store.read() as session:
-            packets = replay_into(session, rebuilt, clock_of(settings).speed)
+            packets = replay_into(session, rebuilt, clock_of(settings).speed, keys.robot_key)
             found = compare(session, rebuilt)
     finally:
         rebuilt.close()

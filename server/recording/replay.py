@@ -4,7 +4,7 @@ The journal is the only source: each packet is decoded as the link decodes it, a
 which the station had it, and what no robot can have measured is left out as it was then.
 """
 
-from collections.abc import Generator, Iterable, Mapping
+from collections.abc import Callable, Generator, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeGuard
 
@@ -13,19 +13,27 @@ from sqlalchemy.orm import Session
 
 from db.ingest import Telemetry, append_telemetry
 from db.query.journal import JournalRange, iterate_frames
+from db.query.plans import plan_by_hash
 from db.query.robots import RobotRecord, add_robot, list_robots
 from db.store import Store
 from db.tables import Base, PlanReportRow, Robot, SampleRow, StateRow
+from robot_link.gateway.address import SATELLITE_CARRIERS
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.decode import Value, decoded
 from robot_link.messages import (
     OnboardPlanState,
+    PlanHash,
     PlanReport,
     RawFrame,
     Sample,
     StateReport,
+    SystemId,
 )
+from robot_link.satellite.frame import WireError
+from robot_link.satellite.record import read_mobile_originated
 from server.service.believable import fault_of_sample, fault_of_state
+from server.service.clock_fault import ClockFault, by_arrival, clock_fault
+from server.service.satellite.content import Telling, values_of
 
 TABLES: tuple[type[Base], ...] = (StateRow, SampleRow, PlanReportRow)
 """What is built from the journal."""
@@ -46,53 +54,107 @@ class TableComparison:
     """Rows that the journal gives and that are not stored."""
 
 
-def replayed_values(
-    frames: Iterable[RawFrame], robots: Mapping[str, RobotRecord], speed: float
-) -> Generator[Telemetry]:
-    """Decode what robots said, in order.
+class Replay:
+    """Decodes the packets of a journal once, in order.
 
     Args:
-        frames: Incoming packets of the journal.
         robots: Every robot by its id.
         speed: Seconds of the robots' clock per second of the wall, as it was then.
+        key: Returns the key by which a robot proves its satellite messages.
+        find_plan: Returns the full hash of a robot's plan by its first digits.
     """
-    codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
-    for frame in frames:
-        robot = None if frame.robot is None else robots.get(frame.robot)
-        if robot is None:
-            continue
-        for message in codec.unpack(frame.data).messages:
-            if message.get_srcSystem() != robot.system_id:
+
+    def __init__(
+        self,
+        robots: Mapping[str, RobotRecord],
+        speed: float,
+        key: Callable[[str], bytes],
+        find_plan: Callable[[str, str], PlanHash | None],
+    ) -> None:
+        self._robots = robots
+        self._speed = speed
+        self._key = key
+        self._find_plan = find_plan
+        self._codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
+        self._clock_faults: dict[str, ClockFault | None] = {}
+        self.packets = 0
+        """Packets that were read."""
+
+    def values(self, frames: Iterable[RawFrame]) -> Generator[Telling]:
+        """Yield what robots said in incoming packets."""
+        for frame in frames:
+            self.packets += 1
+            robot = None if frame.robot is None else self._robots.get(frame.robot)
+            if robot is None or robot.system_id is None:
+                continue
+            is_radio = frame.carrier not in SATELLITE_CARRIERS
+            told = self._by_radio if is_radio else self._by_satellite
+            for value in told(frame, robot, robot.system_id):
+                timed = self._timed(value)
+                if self._is_believable(timed, robot, frame):
+                    yield timed
+
+    def _by_radio(
+        self, frame: RawFrame, robot: RobotRecord, system: SystemId
+    ) -> Generator[Telling]:
+        for message in self._codec.unpack(frame.data).messages:
+            if message.get_srcSystem() != system:
                 continue
             try:
                 value = decoded(message, robot.id, frame.at)
             except ValueError:
                 continue
-            if _is_kept(value, robot, frame, speed):
+            if _is_kept(value):
                 yield value
 
+    def _by_satellite(
+        self, frame: RawFrame, robot: RobotRecord, system: SystemId
+    ) -> Sequence[Telling]:
+        if not frame.data:
+            return ()
+        try:
+            content = read_mobile_originated(
+                frame.data, self._key(robot.id), system, robot.id, frame.at
+            )
+        except WireError:
+            return ()
+        return values_of(
+            content,
+            robot.id,
+            frame.arrived_at or frame.at,
+            frame.at,
+            lambda digits: self._find_plan(robot.id, digits),
+        )
 
-def _is_kept(
-    value: Value, robot: RobotRecord, frame: RawFrame, speed: float
-) -> TypeGuard[StateReport | Sample | PlanReport]:
-    match value:
-        case StateReport():
-            return fault_of_state(value, robot.site, frame.at, speed) is None
-        case Sample():
-            return fault_of_sample(value, robot.site, frame.at, speed) is None
-        case PlanReport():
-            return value.state not in _NOT_KEPT
-        case _:
-            return False
+    def _timed(self, value: Telling) -> Telling:
+        if isinstance(value, StateReport):
+            self._clock_faults[value.robot] = clock_fault(value, self._speed)
+        return by_arrival(value, self._clock_faults.get(value.robot))
+
+    def _is_believable(self, value: Telling, robot: RobotRecord, frame: RawFrame) -> bool:
+        match value:
+            case StateReport():
+                return fault_of_state(value, robot.site, frame.at, self._speed) is None
+            case Sample():
+                return fault_of_sample(value, robot.site, frame.at, self._speed) is None
+            case PlanReport():
+                return True
 
 
-def replay_into(source: Session, target: Store, speed: float) -> int:
+def _is_kept(value: Value) -> TypeGuard[Telling]:
+    if isinstance(value, PlanReport):
+        return value.state not in _NOT_KEPT
+    return isinstance(value, StateReport | Sample)
+
+
+def replay_into(source: Session, target: Store, speed: float, key: Callable[[str], bytes]) -> int:
     """Fill an empty database with the robots of another and what its journal says of them.
 
     Args:
         source: One moment of the database with the journal.
         target: The empty database.
         speed: Seconds of the robots' clock per second of the wall, as it was then.
+        key: Returns the key by which a robot proves its satellite messages.
 
     Returns:
         Packets that were read.
@@ -100,22 +162,20 @@ def replay_into(source: Session, target: Store, speed: float) -> int:
     robots: dict[str, RobotRecord] = {robot.id: robot for robot in list_robots(source)}
     for robot in robots.values():
         target.change(lambda session, robot=robot: add_robot(session, robot)).result()
-    packets = 0
 
-    def counted() -> Generator[RawFrame]:
-        nonlocal packets
-        for frame in iterate_frames(source, JournalRange(incoming_only=True)):
-            packets += 1
-            yield frame
+    def find_plan(robot: str, digits: str) -> PlanHash | None:
+        found = plan_by_hash(source, robot, digits)
+        return None if found is None or found.sha256 is None else PlanHash(found.sha256)
 
+    replay = Replay(robots, speed, key, find_plan)
     batch: list[Telemetry] = []
-    for value in replayed_values(counted(), robots, speed):
+    for value in replay.values(iterate_frames(source, JournalRange(incoming_only=True))):
         batch.append(value)
         if len(batch) == _ROWS_AT_ONCE:
             _keep(target, batch)
             batch = []
     _keep(target, batch)
-    return packets
+    return replay.packets
 
 
 def _keep(target: Store, batch: list[Telemetry]) -> None:

@@ -10,7 +10,7 @@ from typing import Final, TypeVar
 
 from robot_link.messages import PlanReport, Sample, StateReport
 
-Told = TypeVar("Told", StateReport, Sample, PlanReport)
+Told = TypeVar("Told", bound=StateReport | Sample | PlanReport)
 
 _WRONG: Final = timedelta(days=1)
 """A state report tells of now, so it can only be this old if the clock that dated it is wrong; a

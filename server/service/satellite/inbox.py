@@ -12,6 +12,7 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
+from db.ingest import append_telemetry
 from db.query import inbox as query
 from db.query.events import add_event
 from db.query.inbox import InboxRecord
@@ -50,7 +51,6 @@ class Inbox:
         store: Where the rows are.
         clock: The robots' clock.
         tell: Takes what a message tells; returns once that is stored.
-        journal: Takes the bytes of every message.
     """
 
     def __init__(
@@ -58,12 +58,10 @@ class Inbox:
         store: Store,
         clock: Clock,
         tell: Callable[[Sequence[Telling]], Awaitable[None]],
-        journal: Callable[[RawFrame], None],
     ) -> None:
         self._store = store
         self._clock = clock
         self._tell = tell
-        self._journal = journal
 
     async def take(self, message: MobileOriginated, modem: Modem | None, key: bytes) -> Arrival:
         """Keep a message and what it proves; return after the commit.
@@ -77,21 +75,7 @@ class Inbox:
             StoreUnavailableError: Nothing was kept; the gateway must deliver it again.
         """
         reading = _read(message, modem, key)
-        arrival = await self._store.write(lambda s: _keep(s, message, modem, reading))
-        if arrival.is_new:
-            state = None if reading.content is None else reading.content.state
-            self._journal(
-                RawFrame(
-                    robot=None if modem is None else modem.robot,
-                    carrier=message.carrier,
-                    outgoing=False,
-                    data=message.data,
-                    at=self._clock.now(),
-                    robot_at=None if state is None else state.measured_at,
-                    arrived_at=message.session_at,
-                )
-            )
-        return arrival
+        return await self._store.write(lambda s: _keep(s, message, modem, reading))
 
     async def settle(self, message: MobileOriginated, values: Sequence[Telling]) -> None:
         """Pass on what a message tells, then write down that it is done with."""
@@ -132,6 +116,7 @@ def _keep(
     record, is_new = query.add_inbox(session, message, None if modem is None else modem.robot)
     if not is_new:
         return Arrival(is_new=False, reading=reading, changed=(), values=())
+    append_telemetry(session, [_journaled(message, modem, reading)])
     query.note_inbox(session, record.id, is_decoded=not reading.fault, text=reading.text)
     if modem is None:
         return Arrival(is_new=True, reading=reading, changed=(), values=())
@@ -142,6 +127,20 @@ def _keep(
     changed = _prove(session, message, modem, reading)
     values = _values(session, message, modem, reading)
     return Arrival(is_new=True, reading=reading, changed=tuple(changed), values=values)
+
+
+def _journaled(message: MobileOriginated, modem: Modem | None, reading: Reading) -> RawFrame:
+    """Return the message as the raw journal keeps it."""
+    state = None if reading.content is None else reading.content.state
+    return RawFrame(
+        robot=None if modem is None else modem.robot,
+        carrier=message.carrier,
+        outgoing=False,
+        data=message.data,
+        at=message.arrived_at,
+        robot_at=None if state is None else state.measured_at,
+        arrived_at=message.session_at,
+    )
 
 
 def _prove(

@@ -100,7 +100,7 @@ class Satellite:
         self._plan_said: dict[str, tuple[datetime, datetime]] = {}
         """When each robot's last word on its plan arrived by satellite, and when it was said."""
         self._turns = Turns("satellite messages")
-        self.inbox = Inbox(self._store, self._clock, listeners.tell, listeners.journal)
+        self.inbox = Inbox(self._store, self._clock, listeners.tell)
         self.outbox = Outbox(
             self._store, self._clock, sender, self._means, self._row_changed, listeners.journal
         )

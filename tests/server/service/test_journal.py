@@ -32,6 +32,7 @@ from tests.server.service.conftest import MINI, until
 STATION_RADIO = Address(0x0013A200_41F000FF)
 ROUGH = AirConditions(loss=0.1, duplication=0.3, delay_s=0.001, jitter_s=0.01)
 SAMPLES = 60
+KEY = bytes(32)
 
 
 async def talk(link):
@@ -80,7 +81,7 @@ def opened(folder):
 async def test_a_replay_of_the_journal_gives_the_rows_that_are_stored(folder, tmp_path):
     store, rebuilt = opened(folder), opened(tmp_path / "rebuilt")
     with store.read() as session:
-        packets = replay_into(session, rebuilt, 1.0)
+        packets = replay_into(session, rebuilt, 1.0, lambda robot: KEY)
         tables = {table.table: table for table in compare(session, rebuilt)}
     store.close()
     rebuilt.close()
@@ -108,7 +109,7 @@ async def test_a_row_that_the_journal_does_not_give_is_found(folder, tmp_path):
     forged = state(1, 0.0)
     store.append([replace(forged, robot=RobotId(MINI))]).result()
     with store.read() as session:
-        replay_into(session, rebuilt, 1.0)
+        replay_into(session, rebuilt, 1.0, lambda robot: KEY)
         tables = {table.table: table for table in compare(session, rebuilt)}
     store.close()
     rebuilt.close()

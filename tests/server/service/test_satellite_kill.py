@@ -92,7 +92,7 @@ class Process:
         self.outbox = Outbox(
             cut, sky.clock, CutSky(sky, knife), lambda _: means, lambda _: None, lambda _: None
         )
-        self.inbox = Inbox(cut, sky.clock, self._tell, lambda _: None)
+        self.inbox = Inbox(cut, sky.clock, self._tell)
         self.key = key
 
     async def _tell(self, values):
