@@ -19,6 +19,7 @@ from typing import Any, TypeVar
 
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
+from robot_link.mavlink.frame import MavlinkFrameReader
 from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import LinkState, LogId, OnboardPlanState, UploadReport
 from robot_link.mission import Mission
@@ -26,7 +27,6 @@ from robot_link.onboard import RobotLink
 from robot_link.sample_log import MemorySampleLog
 from robot_link.station import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
-from robot_link.transport.mavlink_frame import MavlinkFrameReader
 from robot_link.transport.port import SerialPort
 from robot_link.transport.xbee import XBeeTiming, XBeeTransport
 from robot_link.transport.xbee_frame import FrameReader, ReceivePacket, encode, parse_content

@@ -16,6 +16,7 @@ from robot_link.mavlink.command import (
     received_command,
     result_of,
 )
+from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
@@ -40,7 +41,6 @@ from robot_link.service.heartbeat import DoubleWatch, robot_heartbeat
 from robot_link.service.pace import Pace
 from robot_link.service.parameter_table import ParameterTable
 from robot_link.service.service_desk import ServiceDesk
-from robot_link.service.signing import Signing, Verdict
 from robot_link.service.waypoint_mission import WaypointRules
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import BROADCAST, Address, DatagramTransport, Received

@@ -9,6 +9,7 @@ from robot_link.clock import Clock
 from robot_link.command_lane import Command, CommandLane
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
+from robot_link.mavlink.signing import Signing
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
@@ -33,7 +34,6 @@ from robot_link.service.parameter_table import ParameterValue
 from robot_link.service.reception import Reception
 from robot_link.service.robot_services import RobotServices
 from robot_link.service.roster import Member, Roster
-from robot_link.service.signing import Signing
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import (
     DatagramTransport,

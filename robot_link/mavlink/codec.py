@@ -7,19 +7,14 @@ off or corrupt costs itself alone.
 from collections.abc import Iterable
 from typing import NamedTuple
 
+from robot_link.mavlink.frame import MAGIC, SIGNATURE_BYTES, frame_bytes
+from robot_link.mavlink.signing import Signing
 from robot_link.mavlink.wire import grace
 from robot_link.messages import SystemId
-from robot_link.service.signing import Signing
 
 STATION_SYSTEM = SystemId(255)
 ROBOT_COMPONENT = grace.MAV_COMP_ID_AUTOPILOT1
 STATION_COMPONENT = grace.MAV_COMP_ID_MISSIONPLANNER
-
-_MAGIC = 0xFD
-_HEADER_BYTES = 10
-_CHECKSUM_BYTES = 2
-_SIGNATURE_BYTES = 13
-_SIGNED = 0x01
 
 WireMessage = grace.MAVLink_message
 
@@ -48,6 +43,11 @@ class Codec:
             self._mavlink.signing.link_id = signing.link
             self._mavlink.signing.sign_outgoing = True
 
+    @property
+    def trailer_bytes(self) -> int:
+        """Bytes that signing adds to each frame."""
+        return 0 if self._signing is None else SIGNATURE_BYTES
+
     def pack(self, message: WireMessage) -> bytes:
         """Return the frame of a message; frames of one codec are numbered modulo 256."""
         if self._signing is not None:
@@ -66,7 +66,7 @@ class Codec:
             message = None if end is None else self._decode(datagram[offset:end])
             if end is None or message is None:
                 bad += 1
-                found = datagram.find(_MAGIC, offset + 1)
+                found = datagram.find(MAGIC, offset + 1)
                 offset = len(datagram) if found < 0 else found
             else:
                 messages.append(message)
@@ -96,12 +96,5 @@ def packets(frames: Iterable[bytes], limit: int) -> list[bytes]:
 
 
 def _frame_end(datagram: bytes, offset: int) -> int | None:
-    if datagram[offset] != _MAGIC or len(datagram) - offset < _HEADER_BYTES + _CHECKSUM_BYTES:
-        return None
-    flags = datagram[offset + 2]
-    if flags & ~_SIGNED:
-        return None
-    size = _HEADER_BYTES + datagram[offset + 1] + _CHECKSUM_BYTES
-    if flags & _SIGNED:
-        size += _SIGNATURE_BYTES
-    return offset + size if offset + size <= len(datagram) else None
+    size = frame_bytes(datagram, offset) if datagram[offset] == MAGIC else 0
+    return offset + size if size and offset + size <= len(datagram) else None

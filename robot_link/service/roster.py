@@ -6,12 +6,12 @@ from collections.abc import Iterator
 from robot_link.clock import monotonic_s
 from robot_link.command_lane import CommandLane
 from robot_link.mavlink.codec import Codec, WireMessage
+from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.messages import RobotId, SystemId
 from robot_link.path import RobotEndpoint
 from robot_link.peer import Peer
 from robot_link.service.heartbeat import DoubleWatch
 from robot_link.service.robot_services import RobotServices
-from robot_link.service.signing import Signing, Verdict
 from robot_link.transport.datagram import Address, DatagramTransport, Received
 from robot_link.upload import Upload
 

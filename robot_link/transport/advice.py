@@ -9,7 +9,7 @@ from typing import Final
 
 from serial.tools import list_ports
 
-from robot_link.transport.mavlink_frame import MavlinkFrameReader
+from robot_link.mavlink.frame import MavlinkFrameReader
 from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee_frame import ApiMode, FrameReader
 

@@ -1,14 +1,15 @@
 """MAVLink 2 on a byte stream that carries nothing else: a serial line or a TCP connection.
 
-The wire is one MAVLink frame after another in both directions, see ``mavlink_frame``; there is
-one far end, which has no address. Whatever is between frames is skipped and counted. Nothing
-confirms that a frame arrived.
+The wire is one MAVLink frame after another in both directions, see ``robot_link.mavlink.frame``;
+there is one far end, which has no address. Whatever is between frames is skipped and counted.
+Nothing confirms that a frame arrived.
 """
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass
 
+from robot_link.mavlink.frame import MavlinkFrameReader
 from robot_link.transport.datagram import (
     FAR_END,
     Address,
@@ -20,7 +21,6 @@ from robot_link.transport.datagram import (
     TransportEvent,
 )
 from robot_link.transport.keeper import PortKeeper
-from robot_link.transport.mavlink_frame import MavlinkFrameReader
 from robot_link.transport.port import Port
 
 

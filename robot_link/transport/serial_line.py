@@ -9,7 +9,7 @@ frame arrived or how strong the signal is: it suits a single robot.
 A pseudo-terminal serves as a line. Only one program at a time may have it open.
 """
 
-from robot_link.transport.mavlink_frame import LONGEST_FRAME_BYTES
+from robot_link.mavlink.frame import LONGEST_FRAME_BYTES
 from robot_link.transport.mavlink_stream import MavlinkStream
 from robot_link.transport.port import Port, SerialPort
 from robot_link.transport.uri import LinkUri

@@ -1,8 +1,8 @@
 """Which robots sign what they say over radio, and with which key."""
 
 from robot_link.clock import Clock
+from robot_link.mavlink.signing import FileSigningMemory, Signing
 from robot_link.messages import RobotId
-from robot_link.service.signing import FileSigningMemory, Signing
 from server.secret import SecretStore
 
 

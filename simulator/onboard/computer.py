@@ -10,6 +10,7 @@ from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
 from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from robot_link.clock import Clock
+from robot_link.mavlink.signing import FileSigningMemory, Signing
 from robot_link.messages import LogId, RobotId, SystemId
 from robot_link.onboard import RobotLink
 from robot_link.plan_store import MemoryPlanStore
@@ -17,7 +18,6 @@ from robot_link.sample_log import MemorySampleLog
 from robot_link.satellite.config import SatelliteConfig
 from robot_link.satellite.receiver import FileStore, MemoryStore, Receiver
 from robot_link.service.file_store import FolderFiles
-from robot_link.service.signing import FileSigningMemory, Signing
 from robot_link.service.waypoint_mission import WaypointRules
 from robot_link.transport.datagram import DatagramTransport
 from simulator.node.client import NodeClient

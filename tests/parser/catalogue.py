@@ -20,6 +20,7 @@ from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.command import command_message, received_command
 from robot_link.mavlink.decode import decoded, robot_time
+from robot_link.mavlink.frame import MavlinkFrameReader
 from robot_link.mavlink.mission_item import mission_from_items, mission_items
 from robot_link.messages import (
     CommandKind,
@@ -41,7 +42,6 @@ from robot_link.satellite.record import (
 from robot_link.service.file_wire import FileRequest, read_file_request, read_listing
 from robot_link.transport.advice import byte_advice
 from robot_link.transport.datagram import Address
-from robot_link.transport.mavlink_frame import MavlinkFrameReader
 from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee_frame import (
     FrameReader,

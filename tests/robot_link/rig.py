@@ -12,6 +12,7 @@ from typing import Any, TypeVar
 
 from autonomy.planner.plan import Leg, PrimitiveKind
 from robot_link.clock import Clock, SystemClock
+from robot_link.mavlink.signing import Signing
 from robot_link.messages import (
     CommandKind,
     LinkEvent,
@@ -26,7 +27,6 @@ from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard import CommandOutcome, RobotLink
 from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog
-from robot_link.service.signing import Signing
 from robot_link.station import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address

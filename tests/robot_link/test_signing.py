@@ -9,6 +9,13 @@ import pytest
 
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_COMPONENT, STATION_SYSTEM, Codec
+from robot_link.mavlink.signing import (
+    FileSigningMemory,
+    MemorySigningMemory,
+    Signing,
+    SigningMarks,
+    Verdict,
+)
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
@@ -18,13 +25,6 @@ from robot_link.messages import (
     LinkState,
     OnboardPlanState,
     RobotId,
-)
-from robot_link.service.signing import (
-    FileSigningMemory,
-    MemorySigningMemory,
-    Signing,
-    SigningMarks,
-    Verdict,
 )
 from tests.robot_link.rig import CALM, MINI, ROUGH, SYSTEMS, mission, rig, soon, until
 
@@ -138,13 +138,34 @@ def test_a_robot_whose_clock_is_years_behind_is_heard_once_it_has_heard_the_stat
     assert ashore.check(sender.pack(heartbeat())) is Verdict.GOOD
 
 
-def test_a_broken_file_of_marks_is_not_taken_for_none(tmp_path: Path):
+@pytest.mark.parametrize("content", ["", "[]", "{", '{"stamp": "x", "streams": []}'])
+def test_a_broken_file_of_marks_is_set_aside_and_lets_in_the_last_minute_at_most(
+    tmp_path: Path, caplog, content: str
+):
     path = tmp_path / "marks.json"
-    for content in ("[]", "{", '{"stamp": "x", "streams": []}'):
-        path.write_text(content)
-        with pytest.raises(ValueError, match="marks of signed links"):
-            FileSigningMemory(path).load()
-    assert FileSigningMemory(tmp_path / "none.json").load() == SigningMarks()
+    path.write_text(content)
+    clock = SetClock()
+    sender = robot(signing(clock=clock))
+    old = sender.pack(heartbeat())
+    clock.at += timedelta(seconds=61)
+    receiver = signing(memory=FileSigningMemory(path), clock=clock)
+    assert receiver.check(old) is Verdict.REPLAYED
+    assert receiver.check(sender.pack(heartbeat())) is Verdict.GOOD
+    assert (tmp_path / "marks.json.damaged").read_text() == content
+    assert "held no marks of signed links" in caplog.text
+    assert FileSigningMemory(path).load().streams, "the next marks are kept in its place"
+
+
+def test_a_full_disk_silences_no_signed_link(tmp_path: Path, caplog):
+    class FullDisk(MemorySigningMemory):
+        def save(self, marks: SigningMarks) -> None:
+            raise OSError(28, "No space left on device")
+
+    sender, receiver = robot(signing(memory=FullDisk())), signing(memory=FullDisk())
+    frames = [sender.pack(heartbeat()) for _ in range(5)]
+    assert [receiver.check(frame) for frame in frames] == [Verdict.GOOD] * 5
+    assert receiver.check(frames[0]) is Verdict.REPLAYED
+    assert "No space left" in caplog.text
 
 
 def test_a_secret_of_another_length_is_refused():

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import common
 
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
+from robot_link.mavlink.frame import LONGEST_FRAME_BYTES, MavlinkFrameReader
 from robot_link.messages import SystemId
-from robot_link.transport.mavlink_frame import LONGEST_FRAME_BYTES, MavlinkFrameReader
 from tests.robot_link.far_end import heartbeat
 
 garbage = st.binary(max_size=80)

@@ -11,6 +11,7 @@ frame that was overtaken by a few others is taken; one that was taken already ne
 import hashlib
 import hmac
 import json
+import logging
 import os
 from bisect import insort
 from collections.abc import Mapping
@@ -21,9 +22,9 @@ from pathlib import Path
 from typing import Protocol
 
 from robot_link.clock import Clock
+from robot_link.mavlink.frame import INCOMPATIBLE, SIGNATURE_BYTES, SIGNED
 
 SECRET_BYTES = 32
-SIGNATURE_BYTES = 13
 
 _EPOCH = datetime(2015, 1, 1, tzinfo=UTC)
 _TICK = timedelta(microseconds=10)
@@ -36,9 +37,9 @@ _MARK_STEP = _SECOND
 """How far a stream's stamps may move on before its mark is kept again."""
 _OVERTAKEN = 64
 """Newest stamps of a stream that are remembered one by one."""
-_INCOMPATIBLE = 2
-_SIGNED = 0x01
 _SYSTEM, _COMPONENT = 5, 6
+
+_log = logging.getLogger(__name__)
 
 Stream = tuple[int, int, int]
 """Link number, system and component of a sender."""
@@ -101,8 +102,12 @@ class FileSigningMemory:
     def load(self) -> SigningMarks:
         """Return what was saved last; empty marks where there is no file.
 
+        A damaged file is set aside under another name and told in the log. A robot must be told to
+        surface all the same: its streams begin anew, which lets in what was recorded in the last
+        minute, and nothing older.
+
         Raises:
-            ValueError: If the file is not one of ours; it must be looked at, not forgotten.
+            OSError: If the file cannot be read.
         """
         try:
             text = self._path.read_text(encoding="utf-8")
@@ -115,8 +120,11 @@ class FileSigningMemory:
                 for link, system, component, stamp in kept["streams"]
             }
             return SigningMarks(int(kept["stamp"]), streams)
-        except (KeyError, TypeError, ValueError) as error:
-            raise ValueError(f"{self._path.name}: no marks of signed links") from error
+        except (KeyError, TypeError, ValueError):
+            aside = self._path.with_name(f"{self._path.name}.damaged")
+            self._path.replace(aside)
+            _log.error("%s held no marks of signed links; it is %s now", self._path, aside.name)
+            return SigningMarks()
 
     def save(self, marks: SigningMarks) -> None:
         """Replace the file, whole or not at all."""
@@ -155,7 +163,8 @@ class Signing:
     """Stamps what goes to one robot and checks what comes from it; at both ends alike.
 
     A robot whose clock is behind is heard as soon as it has heard the station: it goes on stamping
-    from the newest stamp that it took.
+    from the newest stamp that it took. Marks that cannot be saved (a full disk) are told in the log
+    and tried again a second later: no link falls silent for them.
 
     Args:
         secret: 32 bytes that both ends hold.
@@ -201,7 +210,7 @@ class Signing:
         return verdict
 
     def _judge(self, frame: bytes) -> Verdict:
-        if not frame[_INCOMPATIBLE] & _SIGNED or len(frame) < SIGNATURE_BYTES:
+        if not frame[INCOMPATIBLE] & SIGNED or len(frame) < SIGNATURE_BYTES:
             return Verdict.UNSIGNED
         if not hmac.compare_digest(self._signature(frame[:-6]), bytes(frame[-6:])):
             return Verdict.FORGED
@@ -225,7 +234,11 @@ class Signing:
         return hashlib.sha256(self.secret + signed).digest()[:6]
 
     def _save(self) -> None:
-        self._memory.save(SigningMarks(self._reserved, dict(self._marked)))
+        try:
+            self._memory.save(SigningMarks(self._reserved, dict(self._marked)))
+        except OSError as error:
+            self._reserved = self._stamp + _SECOND
+            _log.error("marks of a signed link were not saved: %s", error)
 
 
 def _stamp_of(moment: datetime) -> int:

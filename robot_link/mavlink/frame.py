@@ -1,4 +1,4 @@
-"""Finding MAVLink 2 frames in a stream of bytes, without input or output.
+"""The layout of a MAVLink 2 frame, and finding frames in a stream; without input or output.
 
 A frame on the wire is ``FD | length | incompatible flags | compatible flags | sequence | system |
 component | message id u24 | payload | CRC-16 u16 | signature 13``, integers little endian; the
@@ -12,14 +12,33 @@ from typing import Final
 
 from robot_link.mavlink.wire import grace
 
-_MAGIC: Final = 0xFD
+MAGIC: Final = 0xFD
 _OLD_MAGIC: Final = 0xFE
 _HEADER_BYTES: Final = 10
 _CHECKSUM_BYTES: Final = 2
-_SIGNATURE_BYTES: Final = 13
-_SIGNED: Final = 0x01
-LONGEST_FRAME_BYTES: Final = _HEADER_BYTES + 255 + _CHECKSUM_BYTES + _SIGNATURE_BYTES
+SIGNATURE_BYTES: Final = 13
+INCOMPATIBLE: Final = 2
+"""Where a frame's incompatible flags stand."""
+SIGNED: Final = 0x01
+"""The flag of a frame that ends with a signature."""
+LONGEST_FRAME_BYTES: Final = _HEADER_BYTES + 255 + _CHECKSUM_BYTES + SIGNATURE_BYTES
 _KEPT_BYTES: Final = 1024
+
+
+def frame_bytes(data: bytes | bytearray, at: int) -> int | None:
+    """Return the size of the frame whose FD stands at a place.
+
+    Returns:
+        Bytes from FD to the frame's end, which may lie beyond the data; 0 if no frame can begin
+        here, None if too little of its head is there to tell.
+    """
+    head = data[at : at + _HEADER_BYTES]
+    if len(head) > INCOMPATIBLE and head[INCOMPATIBLE] & ~SIGNED:
+        return 0
+    if len(head) < _HEADER_BYTES:
+        return None
+    signature = SIGNATURE_BYTES if head[INCOMPATIBLE] & SIGNED else 0
+    return _HEADER_BYTES + head[1] + _CHECKSUM_BYTES + signature
 
 
 class MavlinkFrameReader:
@@ -55,13 +74,13 @@ class MavlinkFrameReader:
         frames: list[bytes] = []
         at = 0
         while at < len(self._buffer):
-            if self._buffer[at] != _MAGIC:
-                found = self._buffer.find(_MAGIC, at)
+            if self._buffer[at] != MAGIC:
+                found = self._buffer.find(MAGIC, at)
                 end = len(self._buffer) if found < 0 else found
                 self._drop(at, end)
                 at = end
                 continue
-            size = self._size(at)
+            size = frame_bytes(self._buffer, at)
             if size is None and not is_end:
                 break
             if size is not None and self._is_frame(at, size, is_end=is_end):
@@ -82,16 +101,6 @@ class MavlinkFrameReader:
         self.bad += not self._is_lost
         self._is_lost = True
 
-    def _size(self, at: int) -> int | None:
-        """Return the size of the frame that begins here; 0 if none can, None if bytes miss."""
-        head = self._buffer[at : at + _HEADER_BYTES]
-        if len(head) > 2 and head[2] & ~_SIGNED:
-            return 0
-        if len(head) < _HEADER_BYTES:
-            return None
-        signature = _SIGNATURE_BYTES if head[2] & _SIGNED else 0
-        return _HEADER_BYTES + head[1] + _CHECKSUM_BYTES + signature
-
     def _is_frame(self, at: int, size: int, *, is_end: bool) -> bool:
         if not size or at + size > len(self._buffer):
             return False
@@ -99,7 +108,7 @@ class MavlinkFrameReader:
         known = grace.mavlink_map.get(identifier)
         if known is None:
             behind = self._buffer[at + size : at + size + 1]
-            return not behind or behind[0] in (_MAGIC, _OLD_MAGIC)
+            return not behind or behind[0] in (MAGIC, _OLD_MAGIC)
         body = at + _HEADER_BYTES + self._buffer[at + 1]
         checksum = grace.x25crc(bytes(self._buffer[at + 1 : body]))
         checksum.accumulate(bytes((known.crc_extra,)))
