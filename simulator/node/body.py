@@ -9,6 +9,7 @@ Topic ``readings``: the fields of ``Readings``, with ``count_s`` (the robot's co
 moment) and ``field`` (one measurement of what is being mapped, in its unit).
 """
 
+import math
 from collections.abc import Callable
 from dataclasses import asdict, fields
 from typing import Any
@@ -56,7 +57,8 @@ class BodyNode:
 
     async def _actuate(self, values: dict[str, Any]) -> Content:
         unknown = set(values) - _SET_POINTS
-        if unknown or not all(isinstance(value, int | float) for value in values.values()):
+        are_numbers = all(isinstance(value, int | float) for value in values.values())
+        if unknown or not are_numbers or not all(map(math.isfinite, values.values())):
             raise ValueError(f"set points are numbers named {', '.join(sorted(_SET_POINTS))}")
         self._hardware.actuate(SetPoints(**values))
         return {}
@@ -79,7 +81,7 @@ class RemoteBody:
 
     async def wait(self) -> None:
         """Wait for the next readings."""
-        value = await self._readings.get()
+        value = dict(await self._readings.get())
         self.count_s, self._field = value.pop("count_s"), value.pop("field")
         fix = value.pop("fix_ne_m")
         gyro = tuple(value.pop("gyro_rad_s"))

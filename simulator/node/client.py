@@ -22,6 +22,8 @@ _REOPEN_S = 0.2
 _SUBSCRIBE = 0
 """Number of the question that the client itself asks."""
 
+_FAULTS = {fault.value: fault for fault in NodeFault}
+
 _log = logging.getLogger(__name__)
 
 
@@ -155,19 +157,29 @@ class NodeClient:
         except ValueError as error:
             _log.warning("node at %s: %s", self.address, error)
             return
-        if "topic" in said:
-            for subscription in self._subscriptions:
-                if subscription.topic == said["topic"]:
-                    subscription.put(said["value"])
-            return
-        answer = self._asked.get(said.get("id", -1))
-        if answer is not None and not answer.done():
-            if "error" in said:
-                answer.set_exception(NodeError(NodeFault(said["kind"]), said["error"]))
-            else:
-                answer.set_result(said["answer"])
-        elif "error" in said:
-            _log.warning("node at %s: %s", self.address, said["error"])
+        match said:
+            case {"topic": topic, "value": dict(value)}:
+                for subscription in self._subscriptions:
+                    if subscription.topic == topic:
+                        subscription.put(value)
+            case {"id": int(number), "answer": dict(answer)} if asked := self._waiting(number):
+                asked.set_result(answer)
+            case {"id": int(number), "error": str(sentence), "kind": str(kind)} if (
+                asked := self._waiting(number)
+            ):
+                fault = _FAULTS.get(kind, NodeFault.FAILED)
+                asked.set_exception(NodeError(fault, sentence))
+            case {"error": sentence}:
+                _log.warning("node at %s: %s", self.address, sentence)
+            case {"id": int(), "answer": _}:
+                pass  # too late, or to the subscription
+            case _:
+                _log.warning("node at %s: neither an answer nor a topic", self.address)
+
+    def _waiting(self, number: int) -> asyncio.Future[dict[str, Any]] | None:
+        """Return who waits for the answer of this number."""
+        asked = self._asked.get(number)
+        return None if asked is None or asked.done() else asked
 
 
 def _subscribe_line(topics: list[str]) -> bytes:

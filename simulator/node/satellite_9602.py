@@ -20,6 +20,8 @@ from simulator.node.satellite import SessionOutcome
 _ANSWER_S = 5.0
 _SESSION_S = 90.0
 _REOPEN_S = 0.5
+_ANSWERS_MAX = 256
+"""Lines that wait to be looked at; no command is answered with so many."""
 _SESSION_LINE = re.compile(r"\+SBDIXA?:\s*" + r"\s*,\s*".join([r"(-?\d+)"] * 6))
 _STATUS_LINE = re.compile(r"\+SBDSX:\s*" + r"\s*,\s*".join([r"(-?\d+)"] * 6))
 _WRITE_FAULTS = {"1": "it waited too long for the record", "2": "the record arrived damaged"}
@@ -57,7 +59,7 @@ class Driver9602:
     def __init__(self, open_port: Callable[[], Awaitable[Port]]) -> None:
         self._open_port = open_port
         self._port: Port | None = None
-        self._answers: asyncio.Queue[str | bytes | Block] = asyncio.Queue()
+        self._answers: asyncio.Queue[str | bytes | Block] = asyncio.Queue(_ANSWERS_MAX)
         self._dialogue = Dialogue()
         self._held: bytes | None = None
         self._imei = ""
@@ -91,6 +93,11 @@ class Driver9602:
         try:
             async with self._one:
                 return await self._session(self._port, record, for_ring=for_ring)
+        except asyncio.CancelledError:
+            # Half a dialogue would spoil the next one; opened again, the modem is asked what it
+            # holds, so that nothing that came is lost.
+            self._failed.set()
+            raise
         except (OSError, ModemError, TimeoutError) as error:
             self._failed.set()
             return SessionOutcome(False, None, 0, f"the modem failed: {error or 'no answer'}")
@@ -115,7 +122,7 @@ class Driver9602:
         except OSError as error:
             return str(error)
         self._dialogue.forget()
-        self._answers = asyncio.Queue()
+        self._answers = asyncio.Queue(_ANSWERS_MAX)
         self._failed.clear()
         reading = asyncio.create_task(self._read(port, on_ring), name="9602 read")
         failing = asyncio.create_task(self._failed.wait(), name="9602 failure")
@@ -148,6 +155,8 @@ class Driver9602:
         try:
             while data := await port.read():
                 for part in self._dialogue.feed(data):
+                    if self._answers.full():
+                        return "it sends what nobody asked for"
                     self._answers.put_nowait(part)
                 while heard < self._dialogue.rings:
                     heard += 1

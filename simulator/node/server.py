@@ -22,10 +22,18 @@ Answer = Callable[[dict[str, Any]], Awaitable[Content]]
 
 _QUESTIONS_AT_ONCE = 8
 """Of one program; more are refused as BUSY."""
+_ANSWERS_WAITING = 64
+"""Answers that wait for a slow program; until it has read some, nothing more is read from it."""
+_PROGRAMS_MAX = 32
+"""Programs at once; more are hung up on."""
+_NAME_SHOWN = 40
+"""Characters of an unknown question that are said back."""
 _PUBLISHED_WAITING = 64
 """Published lines that wait for a slow program; older ones give way to newer."""
 _BAD_LINES_MAX = 8
 """A program that sends more is cut off."""
+_SENTENCE_MAX = 300
+"""Characters of what a device says of a wrong question."""
 _GOODBYE_S = 1.0
 """Time for a program that is cut off to read why."""
 
@@ -90,6 +98,10 @@ class NodeServer:
                 self.dropped += program.publish(line)
 
     async def _meet(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        if len(self._programs) >= _PROGRAMS_MAX:
+            _log.warning("node %s serves %d programs already", self.name, _PROGRAMS_MAX)
+            writer.transport.abort()
+            return
         program = _Program(self, reader, writer)
         self._programs.add(program)
         try:
@@ -113,17 +125,18 @@ class NodeServer:
                 pass
         if ask not in self._answers:
             known = ", ".join(self._answers)
+            asked = repr(ask[:_NAME_SHOWN])
             raise NodeError(
-                NodeFault.UNKNOWN, f"node {self.name} does not know {ask!r}; it knows {known}"
+                NodeFault.UNKNOWN, f"node {self.name} does not know {asked}; it knows {known}"
             )
         try:
             return await self._answers[ask](values)
         except (ValueError, KeyError, TypeError) as error:
-            raise NodeError(NodeFault.BAD, f"{ask}: {error}") from error
+            raise NodeError(NodeFault.BAD, f"{ask}: {str(error)[:_SENTENCE_MAX]}") from error
 
     def _subscribe(self, program: "_Program", values: dict[str, Any]) -> Content:
         wanted = values.get("topics")
-        if not isinstance(wanted, list) or not set(wanted) <= set(self.topics):
+        if not isinstance(wanted, list) or not all(topic in self.topics for topic in wanted):
             raise NodeError(
                 NodeFault.BAD, f"topics of node {self.name}: {', '.join(self.topics) or 'none'}"
             )
@@ -146,6 +159,7 @@ class _Program:
         self._said: deque[bytes] = deque()
         self._published: deque[bytes] = deque(maxlen=_PUBLISHED_WAITING)
         self._wake = asyncio.Event()
+        self._has_room = asyncio.Event()
         self._tasks: set[asyncio.Task[None]] = set()
         self._ended = asyncio.Event()
         self.topics: set[str] = set()
@@ -156,8 +170,8 @@ class _Program:
         try:
             with suppress(ConnectionError):
                 await self._read()
-            for line in self._said:
-                self._writer.write(line)
+            if not self._writer.is_closing():
+                self._writer.writelines(self._said)
             self._writer.close()
         finally:
             for task in (writing, *self._tasks):
@@ -184,6 +198,7 @@ class _Program:
     async def _read(self) -> None:
         bad = 0
         while bad <= _BAD_LINES_MAX:
+            await self._room()
             try:
                 line = await self._reader.readuntil(b"\n")
             except asyncio.IncompleteReadError:
@@ -218,6 +233,12 @@ class _Program:
             sentence = f"node {self._node.name} failed; its log says why"
             self._say({"id": number, "error": sentence, "kind": NodeFault.FAILED})
 
+    async def _room(self) -> None:
+        """Wait until the program has read enough of its answers."""
+        while len(self._said) >= _ANSWERS_WAITING and not self._writer.is_closing():
+            self._has_room.clear()
+            await self._has_room.wait()
+
     def _say(self, content: Content) -> None:
         self._said.append(line_of(content))
         self._wake.set()
@@ -230,8 +251,10 @@ class _Program:
                 while self._said or self._published:
                     self._writer.write((self._said or self._published).popleft())
                     await self._writer.drain()
+                    self._has_room.set()
         except ConnectionError:
-            self._writer.close()
+            self._writer.transport.abort()
+            self._has_room.set()
 
 
 def _question(line: bytes) -> tuple[int, str, dict[str, Any]]:

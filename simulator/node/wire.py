@@ -102,6 +102,10 @@ def line_of(content: Content) -> bytes:
     return line
 
 
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no number of JSON")
+
+
 def content_of(line: bytes) -> dict[str, Any]:
     """Read one line.
 
@@ -109,8 +113,8 @@ def content_of(line: bytes) -> dict[str, Any]:
         ValueError: If it is not a JSON object; the sentence says why.
     """
     try:
-        content = json.loads(line)
-    except (UnicodeDecodeError, json.JSONDecodeError, RecursionError) as error:
+        content = json.loads(line, parse_constant=_refuse_constant)
+    except (ValueError, RecursionError) as error:
         raise ValueError("a line that is not JSON") from error
     if not isinstance(content, dict):
         raise ValueError("a line that is not a JSON object")  # noqa: TRY004 - the bytes are wrong

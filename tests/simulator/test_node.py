@@ -117,9 +117,80 @@ async def test_program_that_reads_nothing_costs_the_node_a_bounded_memory():
             writer.close()
 
 
+async def test_program_that_asks_without_reading_is_not_read_on_and_harms_nobody():
+    server = node()
+    question = b'{"id": 1, "ask": "describe"}\n' * 200
+    async with server.serve() as address, client_of(address) as other:
+        _, writer = await address.connect()
+        sent = 0
+        try:
+            async with asyncio.timeout(20.0):
+                while writer.transport.get_write_buffer_size() < 1_000_000:
+                    writer.write(question)
+                    sent += len(question)
+                    await asyncio.sleep(0)
+            assert (await other.ask("double", value=1))["value"] == 2
+            assert max(len(program._said) for program in server._programs) < 100
+        finally:
+            writer.transport.abort()
+
+
+async def test_node_that_serves_many_programs_hangs_up_on_more():
+    async with node().serve() as address:
+        programs = [await address.connect() for _ in range(32)]
+        for reader, writer in programs:
+            writer.write(b'{"id": 1, "ask": "describe"}\n')
+            assert await reader.readline()
+        reader, writer = await address.connect()
+        with suppress(ConnectionError):
+            assert await reader.read() == b""
+        for _, one in (*programs, (reader, writer)):
+            one.close()
+
+
+@pytest.mark.parametrize("text", [b"NaN", b"Infinity", b"9" * 5000, b"[" * 30_000])
+async def test_value_that_is_no_json_is_refused(text):
+    async with node().serve() as address:
+        reader, writer = await address.connect()
+        writer.write(b'{"id": 1, "ask": "double", "with": {"value": ' + text + b"}}\n")
+        said = json.loads(await reader.readline())
+        assert "not JSON" in said["error"]
+        writer.close()
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        b'{"topic": "reading"}',
+        b'{"topic": "reading", "value": 3}',
+        b'{"id": 1, "error": "no", "kind": "odd"}',
+        b'{"id": [1], "answer": {}}',
+        b"{}",
+        b"\xff",
+    ],
+)
+async def test_node_that_talks_nonsense_does_not_stop_the_program(line):
+    async def meet(_reader, writer):
+        writer.write(line + b"\n" + b'{"topic": "reading", "value": {"n": 1}}\n')
+        await writer.drain()
+        writer.close()
+
+    server = await asyncio.start_server(meet, "127.0.0.1", 0)
+    client = NodeClient(NodeAddress(port=server.sockets[0].getsockname()[1]))
+    heard = client.subscribe("reading")
+    try:
+        async with running(client.run):
+            assert await heard.get() == {"n": 1}
+    finally:
+        server.close()
+        await server.wait_closed()
+
+
 @pytest.mark.parametrize(
     ("ask", "values", "fault", "sentence"),
     [
+        ("x" * 65_000, {}, NodeFault.UNKNOWN, "does not know 'xxx"),
+        ("subscribe", {"topics": [["nonsense"]]}, NodeFault.BAD, "reading, state"),
         ("dive", {}, NodeFault.UNKNOWN, "does not know 'dive'; it knows double"),
         ("double", {}, NodeFault.BAD, "value"),
         ("broken", {}, NodeFault.FAILED, "its log says why"),
