@@ -101,6 +101,14 @@ class TransferAck:
     """Indices of the chunks that it holds or held."""
     state: TransferState
     reason: Reason = Reason.NONE
+    sending: int | None = None
+    """Of a last word: ``sending_of`` the counter that it answers, for the same mission may be sent
+    again. None while receiving, and where any sending is meant."""
+
+
+def sending_of(counter: int) -> int:
+    """Return the one byte by which a last word names the sending that it answers."""
+    return counter & 0xFF
 
 
 @dataclass(frozen=True, slots=True)

@@ -20,7 +20,7 @@ from typing import Any, Self
 from robot_link.messages import PlanHash
 from robot_link.satellite.blob import Blob, TransferId
 from robot_link.satellite.chunk import sizes
-from robot_link.satellite.content import TransferAck, TransferState
+from robot_link.satellite.content import TransferAck, TransferState, sending_of
 
 SETTLE_S = 60.0
 """A session sooner than this after a chunk was handed over may not have met it at the gateway."""
@@ -181,11 +181,15 @@ class GroundTransfer:
     def heard(self, ack: TransferAck, at: datetime) -> Self:
         """Note the robot's word; one that is older than another was does not take back anything.
 
+        A last word that answers another sending of the same mission says nothing of this one.
+
         Args:
             ack: The word.
             at: When the session was that brought it.
         """
         if ack.transfer_id != self.transfer_id or self.is_told:
+            return self
+        if ack.sending is not None and ack.sending != sending_of(self.counter):
             return self
         if ack.state is TransferState.RECEIVING:
             return self._receiving(ack.received, at)

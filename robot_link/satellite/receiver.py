@@ -177,6 +177,8 @@ class Receiver:
 
     def _chunk(self, chunk: Chunk) -> Complete | Nothing:
         memory = self._memory
+        if memory.assembly is not None and chunk.transfer_id == memory.assembly.transfer_id:
+            return self._assembled(memory.assembly, chunk)
         known = next(
             (one for one in reversed(memory.ended) if one.transfer_id == chunk.transfer_id), None
         )
@@ -188,17 +190,21 @@ class Receiver:
         if chunk.counter <= memory.floor_counter:
             self._add_word(_withdrawn(chunk.transfer_id, chunk.counter, chunk.count))
             return Nothing("this transfer was withdrawn")
-        assembly = memory.assembly
-        if assembly is None or (
-            chunk.transfer_id != assembly.transfer_id and chunk.counter > assembly.counter
-        ):
-            memory.ended = [one for one in memory.ended if one is not known]
-            assembly = memory.assembly = Assembly(
-                chunk.transfer_id, chunk.counter, chunk.count, chunk.codec, chunk.start
-            )
-        elif chunk.transfer_id != assembly.transfer_id:
+        if memory.assembly is not None and chunk.counter <= memory.assembly.counter:
             return Nothing("a newer transfer has taken the place of this one")
-        elif (chunk.count, chunk.codec) != (assembly.count, assembly.codec):
+        memory.ended = [one for one in memory.ended if one is not known]
+        memory.assembly = Assembly(
+            chunk.transfer_id, chunk.counter, chunk.count, chunk.codec, chunk.start
+        )
+        return self._assembled(memory.assembly, chunk)
+
+    def _assembled(self, assembly: Assembly, chunk: Chunk) -> Complete | Nothing:
+        """Add a chunk to the mission that is coming in.
+
+        Its bytes are the mission's whichever sending brought them; what is to become of the mission
+        is said by the newest.
+        """
+        if (chunk.count, chunk.codec) != (assembly.count, assembly.codec):
             return Nothing("this chunk does not fit the others of its transfer", is_bad=True)
         if chunk.counter > assembly.counter:
             assembly.counter, assembly.start = chunk.counter, chunk.start

@@ -9,7 +9,13 @@ from robot_link.mavlink.command import ReceivedCommand
 from robot_link.messages import CommandKind, CommandNumber
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.blob import BlobCodec, TransferId
-from robot_link.satellite.content import CommandAnswer, Reason, TransferAck, TransferState
+from robot_link.satellite.content import (
+    CommandAnswer,
+    Reason,
+    TransferAck,
+    TransferState,
+    sending_of,
+)
 
 
 @dataclass
@@ -50,7 +56,14 @@ class Ended:
     def ack(self) -> TransferAck:
         """The word as it travels."""
         everything = frozenset(range(self.count))
-        return TransferAck(self.transfer_id, self.count, everything, self.state, self.reason)
+        return TransferAck(
+            self.transfer_id,
+            self.count,
+            everything,
+            self.state,
+            self.reason,
+            sending_of(self.counter),
+        )
 
 
 @dataclass(frozen=True, slots=True)

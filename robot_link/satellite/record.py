@@ -7,13 +7,14 @@ A record, big endian, before the code of ``frame``:
     u32  counter
     words    u8 acks << 4 | answers; of each ack u32 transfer id, u8 chunks, u8 state << 5 | reason
              and, while receiving, a bit for each chunk, the first in the lowest bit of the first
-             byte; of each answer u24 number, u8 outcome
+             byte, else the lowest byte of the counter that is answered; of each answer u24 number,
+             u8 outcome
     state    ``state_code``
     plan     ``state_code``
     samples  ``sample_code``
 
-One ack, state and plan take 69 bytes (70 while a mission of up to eight chunks comes in), which
-fills the first segment over the air.
+One ack, state and plan take 70 bytes (of a mission of more than eight chunks that comes in, more),
+which fills the first segment over the air.
 """
 
 import struct
@@ -99,7 +100,8 @@ def compose(
         max_bytes: Bytes that the operator allows; ``BEST_SIZES`` fill whole segments.
 
     Raises:
-        ValueError: If ``max_bytes`` is no size of a record, or a number is not finite.
+        ValueError: If ``max_bytes`` is no size of a record, a number is not finite, or a last word
+            names no sending.
     """
     if not SMALLEST <= max_bytes <= MOBILE_ORIGINATED_MAX:
         raise ValueError(f"a record has {SMALLEST} to {MOBILE_ORIGINATED_MAX} bytes, max_bytes")
@@ -184,7 +186,9 @@ def _fitting(parts: list[bytes], room: int) -> list[bytes]:
 def _packed_ack(ack: TransferAck) -> bytes:
     packed = _ACK.pack(ack.transfer_id, ack.count, ack.state << _REASON_BITS | ack.reason)
     if ack.state is not TransferState.RECEIVING:
-        return packed
+        if ack.sending is None:
+            raise ValueError("a last word on a transfer names the sending that it answers")
+        return packed + bytes([ack.sending])
     bits = sum(1 << index for index in ack.received)
     return packed + bits.to_bytes(_bitmap_bytes(ack.count), "little")
 
@@ -210,11 +214,13 @@ def _ack(reader: OctetReader) -> TransferAck:
         state = TransferState(word >> _REASON_BITS)
     except ValueError as error:
         raise WireError("the state of a transfer is unknown") from error
-    received = frozenset(range(count))
-    if state is TransferState.RECEIVING:
-        bits = int.from_bytes(reader.take(_bitmap_bytes(count)), "little")
-        received = frozenset(index for index in range(count) if bits >> index & 1)
-    return TransferAck(TransferId(transfer_id), count, received, state, reason_of(word))
+    name, reason = TransferId(transfer_id), reason_of(word)
+    if state is not TransferState.RECEIVING:
+        everything, sending = frozenset(range(count)), reader.take(1)[0]
+        return TransferAck(name, count, everything, state, reason, sending)
+    bits = int.from_bytes(reader.take(_bitmap_bytes(count)), "little")
+    received = frozenset(index for index in range(count) if bits >> index & 1)
+    return TransferAck(name, count, received, state, reason)
 
 
 def _answer(reader: OctetReader) -> CommandAnswer:

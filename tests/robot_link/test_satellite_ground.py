@@ -142,6 +142,17 @@ def test_refusal_ends_the_transfer_with_a_sentence(state, sentence):
     assert refused.heard(applied(), NOW) == refused
 
 
+@pytest.mark.parametrize(
+    "state", [one for one in TransferState if one is not TransferState.RECEIVING]
+)
+def test_last_word_on_another_sending_of_the_same_mission_proves_nothing(state):
+    transfer = queued()
+    before = replace(word(0, 1, state=state), sending=4)
+    assert transfer.heard(before, NOW) == transfer
+    mine = replace(word(0, 1, state=state), sending=5)
+    assert transfer.heard(mine, NOW).is_told
+
+
 def test_transfer_expires_but_the_robots_late_word_still_counts():
     gone = queued().expired(EXPIRES)
     assert (gone.state, gone.due(EXPIRES)) == (GroundState.EXPIRED, ())

@@ -274,6 +274,19 @@ def test_mission_from_before_a_withdrawal_or_an_order_to_surface_is_refused(robo
     assert robot.words == [(SURVEY_ID, TransferState.APPLIED)]
 
 
+def test_mission_sent_again_after_a_withdrawal_is_not_taken_for_the_one_withdrawn(robot):
+    old, new = chunks(counter=5), chunks(counter=7, start=True)
+    robot.take(old[0], pack_withdrawal(6, KEY, SYSTEM), old[1])
+    (word,) = robot.receiver.acks()
+    assert (word.state, word.sending) == (TransferState.REFUSED, 5)
+    robot.take(new[0])
+    assert [ack.state for ack in robot.receiver.acks()] == [TransferState.RECEIVING]
+    complete = robot.apply(old[1])
+    assert complete.start, "the bytes are the same, and the newest wish holds"
+    (word,) = robot.receiver.acks()
+    assert (word.state, word.sending) == (TransferState.APPLIED, 7)
+
+
 def test_surface_that_a_newer_order_overtook_still_ends_what_was_sent_before_it(robot):
     assert robot.obey(order(CommandKind.HOLD, 9))
     assert not robot.obey(order(CommandKind.SURFACE, 8))

@@ -68,12 +68,18 @@ def told(content: MobileOriginatedContent, size: int = 340) -> MobileOriginatedC
     return read(compose(content, KEY, SYSTEM, size))
 
 
-def test_state_plan_and_the_ack_of_a_mission_fill_one_segment():
-    content = MobileOriginatedContent(7, state(), PLAN, (ACK,))
+LAST_WORD = TransferAck(
+    TransferId(0xDEADBEEF), 2, frozenset({0, 1}), TransferState.APPLIED, sending=7
+)
+
+
+@pytest.mark.parametrize("ack", [ACK, LAST_WORD])
+def test_state_plan_and_the_ack_of_a_mission_fill_one_segment(ack):
+    content = MobileOriginatedContent(7, state(), PLAN, (ack,))
     record = compose(content, KEY, SYSTEM, 70)
     assert len(record) == 70
     found = read(record)
-    assert (found.counter, found.plan, found.acks, found.answers) == (7, PLAN, (ACK,), ())
+    assert (found.counter, found.plan, found.acks, found.answers) == (7, PLAN, (ack,), ())
     assert found.state is not None
 
 
@@ -151,8 +157,15 @@ def test_word_on_a_transfer_arrives(state_, count):
     is_coming = state_ is TransferState.RECEIVING
     received = frozenset(range(0, count, 2)) if is_coming else frozenset(range(count))
     reason = Reason.NONE if is_coming else Reason.MISSION_RUNS
-    ack = TransferAck(TransferId(5), count, received, state_, reason)
+    sending = None if is_coming else 200
+    ack = TransferAck(TransferId(5), count, received, state_, reason, sending)
     assert told(MobileOriginatedContent(1, acks=(ack,))).acks == (ack,)
+
+
+def test_last_word_that_names_no_sending_does_not_travel():
+    ack = replace(ACK, state=TransferState.APPLIED)
+    with pytest.raises(ValueError, match="names the sending"):
+        told(MobileOriginatedContent(1, acks=(ack,)))
 
 
 def test_words_that_do_not_fit_wait_for_the_next_record():
