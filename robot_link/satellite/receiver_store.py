@@ -33,7 +33,7 @@ class MemoryStore:
 
 
 class FileStore:
-    """A store in one file, which is on the disk when ``save`` returns."""
+    """A store in one file, which is on the disk, its name too, when ``save`` returns."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
@@ -49,7 +49,7 @@ class FileStore:
         """Replace the file.
 
         Raises:
-            OSError: If the disk refuses; the file is then what it was.
+            OSError: If the disk refuses; the file is then what it was, or the new one.
         """
         self._path.parent.mkdir(parents=True, exist_ok=True)
         staged = self._path.with_suffix(".new")
@@ -58,3 +58,8 @@ class FileStore:
             file.flush()
             os.fsync(file.fileno())
         staged.replace(self._path)
+        folder = os.open(self._path.parent, os.O_RDONLY)
+        try:
+            os.fsync(folder)
+        finally:
+            os.close(folder)
