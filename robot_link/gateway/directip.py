@@ -135,9 +135,10 @@ class DirectIpGateway:
         header = MtHeader(client_id.to_bytes(4, "big"), imei, int(disposition))
         message = DirectIpMessage(mt_header=header, mt_payload=data, mt_priority=priority)
         answer = await self._exchange(encode(message))
-        if (answer.client_id, answer.imei) != (header.client_id, imei):
+        is_nameless = answer.status < 0 and not any(answer.client_id)  # it was not understood
+        if not is_nameless and (answer.client_id, answer.imei) != (header.client_id, imei):
             raise GatewayUnreachableError("The gateway answered to another message.")
-        return _taken(answer, client_id)
+        return _taken(answer, imei, client_id)
 
     async def close(self) -> None:
         """Hold nothing: each message has its own connection."""
@@ -185,14 +186,14 @@ def _reset(writer: asyncio.StreamWriter) -> None:
     writer.transport.abort()
 
 
-def _taken(answer: MtConfirmation, client_id: int) -> Taken:
+def _taken(answer: MtConfirmation, imei: str, client_id: int) -> Taken:
     if answer.status > 0:
         return Taken(str(answer.reference), client_id, answer.status)
     if answer.status == MtStatus.NO_PAYLOAD:
         raise GatewayRefusal(GatewayFault.EMPTY, "The gateway saw no payload in the message.")
     if answer.status in _REFUSALS:
         fault, retry, sentence = _REFUSALS[answer.status]
-        raise GatewayRefusal(fault, sentence.format(imei=answer.imei), retry)
+        raise GatewayRefusal(fault, sentence.format(imei=imei), retry)
     raise GatewayRefusal(
         GatewayFault.OTHER, f"The gateway refused the message for reason {answer.status}."
     )
@@ -292,8 +293,8 @@ class Listener:
             return False
         if not self._allowed:
             return True
-        peer = ip_address(writer.get_extra_info("peername")[0])
-        if any(peer in network for network in self._allowed):
+        name = writer.get_extra_info("peername")  # None of a connection that is gone already
+        if name is not None and any(ip_address(name[0]) in net for net in self._allowed):
             return True
         self.refused["address"] += 1
         return False

@@ -60,6 +60,8 @@ _REFUSALS: Final[dict[str, tuple[GatewayFault, str]]] = {
     "16": (GatewayFault.EMPTY, "RockBLOCK says that the message is empty."),
 }
 _SYSTEM_ERROR: Final = "99"
+_TOO_OFTEN: Final = 429
+"""HTTP status of a service that has had enough for a while."""
 
 
 def public_key_of(pem: str) -> RSAPublicKey:
@@ -161,6 +163,12 @@ class RockBlockGateway:
         word, *rest = [part.strip() for part in text.strip().split(",", 2)]
         if word == "OK" and rest and rest[0]:
             return Taken(rest[0][:_TEXT_MAX], None, None)
+        if status == _TOO_OFTEN:
+            raise GatewayRefusal(
+                GatewayFault.BUSY,
+                "RockBLOCK takes no more at the moment; the message is tried again.",
+                "later",
+            )
         if word != "FAILED" or not rest:
             raise GatewayRefusal(
                 GatewayFault.PROTOCOL,

@@ -439,6 +439,14 @@ async def test_each_status_is_a_typed_refusal_with_a_sentence(status, fault, ret
     assert found.value.sentence.endswith(".")
 
 
+async def test_a_refusal_of_what_was_not_understood_counts_though_it_names_no_message():
+    answer = encode(DirectIpMessage(mt_confirmation=MtConfirmation(bytes(4), "0" * 15, 0, -7)))
+    async with gateway_saying(lambda _: answer) as (gateway, _):
+        with pytest.raises(GatewayRefusal) as found:
+            await gateway.send(IMEI, b"x", client_id=1)
+    assert (found.value.fault, found.value.retry) == (GatewayFault.PROTOCOL, "never")
+
+
 @pytest.mark.parametrize(
     "answer_of",
     [

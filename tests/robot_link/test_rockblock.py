@@ -270,6 +270,13 @@ async def test_what_is_no_answer_of_the_service_is_refused(answer):
     assert len(peer.requests) == 1
 
 
+async def test_a_service_that_has_had_enough_is_asked_again_later():
+    async with rockblock([(429, "slow down")]) as (gateway, _):
+        with pytest.raises(GatewayRefusal) as found:
+            await gateway.send(IMEI, b"x", client_id=1)
+    assert (found.value.fault, found.value.retry) == (GatewayFault.BUSY, "later")
+
+
 async def test_an_endless_answer_is_cut():
     async with rockblock([(200, "OK,1," + "x" * 3_000_000)]) as (gateway, _):
         assert (await gateway.send(IMEI, b"x", client_id=1)).message_id == "1"
