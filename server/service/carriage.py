@@ -322,7 +322,7 @@ class Carriage:
 
         def write(session: Session) -> None:
             query.change_transfer(session, self.transfer.id, ended_at=at)
-            end_by_satellite(session, self.transfer.id, "superseded", reason, at)
+            end_by_satellite(session, self.transfer.id, "superseded", reason, at, calls_back=True)
 
         await self._store.write(write)
 

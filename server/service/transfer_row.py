@@ -9,7 +9,7 @@ from db.query.outbox import outbox_of_transfer
 from db.query.plans import PlanRecord, change_plan, get_plan
 from db.query.transfers import TransferRecord
 from server.service.plan_ledger import note_change
-from server.service.satellite import plan_row
+from server.service.satellite import plan_row, withdrawal_row
 from server.service.satellite.message_row import drop
 
 
@@ -24,25 +24,45 @@ def check_open(session: Session, transfer: str) -> None:
 
 
 def withdraw_in(session: Session, robot: str, at: datetime, reason: str) -> None:
-    """Withdraw the transfers to a robot, in the transaction of a surface order."""
-    close_all(session, robot, "withdrawn", reason, at)
+    """Withdraw the transfers to a robot, in the transaction of a surface order.
+
+    The order itself keeps the robot from flying what may still reach it.
+    """
+    close_all(session, robot, "withdrawn", reason, at, calls_back=False)
 
 
-def close_all(session: Session, robot: str, state: str, reason: str, at: datetime) -> None:
-    """End every open transfer to a robot."""
+def close_all(
+    session: Session, robot: str, state: str, reason: str, at: datetime, *, calls_back: bool
+) -> None:
+    """End every open transfer to a robot; see ``close``."""
     for transfer in query.open_transfers(session):
         if transfer.robot == robot:
-            close(session, transfer, state, reason, at)
+            close(session, transfer, state, reason, at, calls_back=calls_back)
 
 
 def close(
-    session: Session, transfer: TransferRecord, state: str, reason: str, at: datetime
+    session: Session,
+    transfer: TransferRecord,
+    state: str,
+    reason: str,
+    at: datetime,
+    *,
+    calls_back: bool = False,
 ) -> PlanRecord | None:
-    """End a transfer that is open; a plan that had not arrived is a draft again."""
+    """End a transfer that is open; a plan that had not arrived is a draft again.
+
+    Args:
+        session: The transaction.
+        transfer: Which.
+        state: How it ended.
+        reason: Why, for the operator.
+        at: When.
+        calls_back: Whether the robot is told by satellite to refuse what a gateway has of it.
+    """
     if query.get_transfer(session, transfer.id).ended_at is not None:
         return None
     query.change_transfer(session, transfer.id, state=state, reason=reason, ended_at=at)
-    end_by_satellite(session, transfer.id, state, reason, at)
+    end_by_satellite(session, transfer.id, state, reason, at, calls_back=calls_back)
     plan = get_plan(session, transfer.plan)
     if plan.state != "sent":
         return change_plan(session, plan.id, at=at, document={"message": reason})
@@ -53,10 +73,13 @@ def close(
 
 
 def end_by_satellite(
-    session: Session, transfer: str, state: str, reason: str, at: datetime
+    session: Session, transfer: str, state: str, reason: str, at: datetime, *, calls_back: bool
 ) -> None:
     """Send nothing more of a transfer by satellite, in the transaction that ends it."""
-    plan_row.end_with_transfer(session, transfer, state, reason, at)
     row = outbox_of_transfer(session, transfer)
-    if row is not None:
-        drop(session, row)
+    if row is None or row.ended_at is not None:
+        return
+    plan_row.end_with_transfer(session, transfer, state, reason, at)
+    drop(session, row)
+    if calls_back:
+        withdrawal_row.begin_withdrawal(session, row, at)

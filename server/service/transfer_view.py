@@ -113,6 +113,8 @@ def _text(record: TransferRecord, row: OutboxRecord | None, waiting: str) -> str
     if record.ended_at is not None or record.state in ("on_board", "running"):
         return _end(record)
     if row is None or row.state == "held":
+        if record.state == "waiting" and record.route != "radio":
+            return "Is being made ready; nothing has left the station."
         if record.state == "waiting":
             return f"Waits until {record.robot} is reached by radio."
         return f"On its way to {record.robot} by radio; {record.robot} has not confirmed it."

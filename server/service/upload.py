@@ -181,9 +181,7 @@ class Uploads:
 
     async def withdraw(self, robot: str, reason: str) -> None:
         """End the transfer to a robot that is under way; a plan that had not arrived is a draft."""
-        at = self._clock.now()
-        await self._store.write(lambda session: withdraw_in(session, robot, at, reason))
-        await self._stop_for(robot)
+        await self._close(robot, "withdrawn", reason, calls_back=True)
 
     async def withdraw_transfer(self, transfer: str, *, by: str) -> TransferView:
         """Withdraw a transfer that has not arrived; its plan is a draft again.
@@ -195,13 +193,16 @@ class Uploads:
         view = await self.view(transfer)
         if not view.can_withdraw:
             raise conflict(f"{transfer} is {view.state.replace('_', ' ')}; it cannot be withdrawn.")
-        await self._close(view.robot, "withdrawn", f"{by} withdrew it.")
+        await self._close(view.robot, "withdrawn", f"{by} withdrew it.", calls_back=True)
         return await self.view(transfer)
 
-    async def _close(self, robot: str, state: str, reason: str) -> None:
+    async def _close(self, robot: str, state: str, reason: str, *, calls_back: bool) -> None:
         at = self._clock.now()
-        await self._store.write(lambda session: close_all(session, robot, state, reason, at))
+        await self._store.write(
+            lambda session: close_all(session, robot, state, reason, at, calls_back=calls_back)
+        )
         await self._stop_for(robot)
+        self._satellite.stir()
 
     async def _new_transfer(
         self,
@@ -264,7 +265,14 @@ class Uploads:
         if is_other and row is not None and row.state not in ("applied", "held"):
             _check_sendable(await self._ledger.get(plan.id), [], is_resent=transfer.plan == plan.id)
             self._check_road(plan, road)
-            await self._close(plan.robot, "superseded", f"{plan.id} takes its place.")
+            # A newer plan by satellite does both by itself: it empties the queue and is newer.
+            roads = self._satellite.choice(plan.robot, "plan", road.route).roads
+            await self._close(
+                plan.robot,
+                "superseded",
+                f"{plan.id} takes its place.",
+                calls_back="satellite" not in roads,
+            )
             return None
         if is_other:
             raise conflict(

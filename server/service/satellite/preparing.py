@@ -24,6 +24,7 @@ from server.service.satellite import order_row, plan_row
 from server.service.satellite.budget import budget_of
 from server.service.satellite.message_row import drop
 from server.service.satellite.modem import Modem
+from server.service.satellite.withdrawal_row import withdrawal_bytes
 
 _FORGOTTEN: Final = timedelta(days=10)
 """What is older than this cannot be in any queue, nor can the robot's word on it."""
@@ -119,6 +120,8 @@ def _bytes(session: Session, row: OutboxRecord, means: Means) -> tuple[bytes, ..
     ack_seen = _ack_seen(session, row)
     if row.kind == "order":
         return (order_row.order_bytes(row, means.key, means.modem, ack_seen=ack_seen),)
+    if row.kind == "withdrawal":
+        return (withdrawal_bytes(row, means.key, means.modem, ack_seen=ack_seen),)
     blob = Blob.of(mission_of(get_plan(session, row.document["plan"])))
     return cut(
         blob,

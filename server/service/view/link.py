@@ -99,7 +99,7 @@ class OutgoingMessageView(View):
 
     at: datetime
     kind: str
-    """``plan`` or ``order``."""
+    """``plan``, ``order`` or ``withdrawal`` (the robot is to refuse what is left of a plan)."""
     bytes: int
     credits: int
     state: str

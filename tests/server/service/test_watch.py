@@ -14,7 +14,8 @@ from robot_link.messages import (
     RobotId,
     RobotMode,
 )
-from server.service.picture import Picture
+from server.service.clock_fault import ClockFault
+from server.service.picture import Picture, SatelliteStanding
 from server.service.track import POINTS_MAX, Track
 from server.service.watch import RULES, Watch
 from tests.server.service.fake_link import state_report
@@ -124,3 +125,43 @@ def test_track_tells_what_floated_from_what_was_flown():
     for number, mode in enumerate(modes):
         track.add((float(number), 0.0, 0.0), 0.02, mode)
     assert track.since(0).is_adrift.tolist() == [True, False, True, False, True]
+
+
+def standing(**changes):
+    values = {
+        "credits_today": 4,
+        "credits_per_day": 100,
+        "waits_for_budget": False,
+        "next_session_at": None,
+        "fault": "",
+    }
+    return SatelliteStanding(**{**values, **changes})
+
+
+@pytest.mark.parametrize(("late_min", "level"), [(5, None), (15, "watch"), (50, "critical")])
+def test_robot_that_misses_its_call_by_satellite_alarms_once(picture, late_min, level):
+    due = NOW - timedelta(minutes=late_min)
+    picture.links = link(LinkState.STALE, age_s=7200)
+    picture.satellite = standing(next_session_at=due)
+    found = verdicts(picture)
+    assert (found["contact"].level if level else None) == level
+    assert set(found) == ({"contact"} if level else set()), "silence is not alarmed as well"
+
+
+def test_spent_budget_alarms_only_while_something_waits_for_it(picture):
+    picture.satellite = standing(credits_today=100)
+    assert verdicts(picture) == {}
+    picture.satellite = standing(credits_today=100, waits_for_budget=True)
+    assert "100 of 100 credits" in verdicts(picture)["satellite budget"].text
+
+
+def test_refused_plan_by_satellite_alarms_with_the_gateways_sentence(picture):
+    picture.satellite = standing(fault="plan-3 refused: RockBLOCK did not take it: no credit.")
+    assert verdicts(picture)["satellite"].text == (
+        "Satellite to mini-1: plan-3 refused: RockBLOCK did not take it: no credit."
+    )
+
+
+def test_wrong_clock_alarms(picture):
+    picture.clock_fault = ClockFault(timedelta(days=-400), "The clock of mini-1 is behind.")
+    assert verdicts(picture)["clock"].text == "The clock of mini-1 is behind."
