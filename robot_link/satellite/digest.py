@@ -22,7 +22,7 @@ from autonomy.field.kernel import covariance
 from autonomy.field.thinning import space_filling
 from robot_link.messages import Sample
 from robot_link.onboard_settings import DigestSettings
-from robot_link.satellite.sample_code import most_that_fit
+from robot_link.satellite.sample_code import can_travel, most_that_fit
 
 CANDIDATES_MAX = 256
 """Of more samples an evenly spread part is considered: an onboard computer is small."""
@@ -37,10 +37,12 @@ def choose(
     """Return the samples to send, the one that changes the map most first.
 
     Args:
-        samples: What the station does not have yet, of one variable.
+        samples: What the station does not have yet, of one variable; those that are no numbers, or
+            too great for a record, are left out.
         settings: Kernel and noise by fidelity; without them samples are spread in space.
         max_bytes: Bytes that they may take in a record (``record.sample_room``).
     """
+    samples = [sample for sample in samples if can_travel(sample)]
     if not samples or max_bytes <= 0:
         return ()
     points = np.array([sample.position_ned for sample in samples])  # (n, 3)

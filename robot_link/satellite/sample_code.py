@@ -53,6 +53,15 @@ def packed_samples(samples: Iterable[Sample]) -> bytes:
     )
 
 
+def can_travel(sample: Sample) -> bool:
+    """Tell whether a record can say a sample; a sensor that fails may say what is no number."""
+    try:
+        packed_samples([sample])
+    except (ValueError, KeyError):
+        return False
+    return True
+
+
 def most_that_fit(samples: Sequence[Sample], room: int) -> tuple[Sample, ...]:
     """Return the first samples of a sequence that take at most ``room`` bytes together."""
     fitting: list[Sample] = []

@@ -55,6 +55,23 @@ def test_each_choice_is_the_one_that_leaves_the_least_variance(seed):
         assert left[chosen[count]] == pytest.approx(min(left.values()), rel=1e-9)
 
 
+@pytest.mark.parametrize("settings", [SETTINGS, None])
+@pytest.mark.parametrize(
+    "broken",
+    [
+        {"value": float("nan")},
+        {"value": 1e39},
+        {"position_ned": (0.0, float("inf"), 1.0)},
+        {"position_std_m": float("nan")},
+        {"variable": "rumour"},
+    ],
+)
+def test_sample_that_is_no_number_does_not_keep_the_others_from_travelling(settings, broken):
+    good = samples_at(track(5))
+    chosen = choose([sample(99, **broken), *good], settings, 340)
+    assert {one.sequence for one in chosen} == {one.sequence for one in good}
+
+
 def test_well_located_sample_is_preferred_at_the_same_place():
     points = np.repeat(track(6), 2, axis=0)
     stds = np.tile([5.0, 1.0], 6)
