@@ -18,10 +18,12 @@ from dataclasses import dataclass
 from robot_link.messages import SystemId
 from robot_link.satellite.blob import Blob, BlobCodec, TransferId
 from robot_link.satellite.frame import (
+    ACK_SEEN,
     MAC_BYTES,
     MOBILE_TERMINATED_MAX,
     MessageType,
     WireError,
+    check_counter,
     first_byte,
     opened_down,
     sealed_down,
@@ -36,9 +38,8 @@ DATA_MAX = MOBILE_TERMINATED_MAX - _HEADER.size - MAC_BYTES
 _CREDIT_BYTES = 50
 _THRIFTY_MAX = MOBILE_TERMINATED_MAX // _CREDIT_BYTES * _CREDIT_BYTES - _HEADER.size - MAC_BYTES
 """Data of a message that fills its credits; more, up to ``DATA_MAX``, costs a credit more."""
-_CODEC_MASK, _LAST, _START, _ACK_SEEN = 3, 4, 8, 16
+_CODEC_MASK, _LAST, _START = 3, 4, 8
 _FLAGS_MAX = 31
-_COUNTER_MAX = 2**32 - 1
 
 
 @dataclass(frozen=True, slots=True)
@@ -81,10 +82,9 @@ def cut(
     Raises:
         ValueError: If the mission needs more than ``MOST_CHUNKS``, or the counter does not fit.
     """
-    if not 0 <= counter <= _COUNTER_MAX:
-        raise ValueError(f"counter {counter} cannot travel")
+    check_counter(counter)
     parts = _parts(blob.packed)
-    flags = blob.codec | _START * start | _ACK_SEEN * ack_seen
+    flags = blob.codec | _START * start | ACK_SEEN * ack_seen
     first = first_byte(MessageType.CHUNK)
     return tuple(
         sealed_down(
@@ -141,7 +141,7 @@ def read_mobile_terminated(data: bytes, key: bytes, system: SystemId) -> Chunk |
         codec=BlobCodec(codec),
         is_last=bool(flags & _LAST),
         start=bool(flags & _START),
-        ack_seen=bool(flags & _ACK_SEEN),
+        ack_seen=bool(flags & ACK_SEEN),
     )
 
 

@@ -28,7 +28,8 @@ class SatelliteConfig(Configuration):
     """What messages cost, and how much may be spent."""
     digest_bytes: int = quantity(205, "B", title="Size of a robot's message", ge=70, le=340)
     """Most bytes of one message of the robot: what state and answers leave free is filled with the
-    samples that change the map most. 70, 205 and 340 fill whole segments over the air."""
+    samples that change the map most. 70, 205 and 340 fill whole segments over the air. The robot
+    goes by its parameter SAT_BYTES, which begins with this."""
     expiry_h: float = quantity(96.0, "h", title="Plans expire after", gt=0.0, le=118.0)
     """A plan that the robot has not confirmed by then is given up. The gateway deletes messages
     after five days."""
@@ -38,12 +39,14 @@ class SatelliteConfig(Configuration):
     session_period_s: float = quantity(
         1800.0, "s", title="Time between sessions", ge=40.0, le=86400.0
     )
-    """How often a robot at the surface, out of reach of radio, calls by satellite."""
+    """How often a robot at the surface, out of reach of radio, calls by satellite; the station
+    expects its next call by this. The robot goes by its parameter SAT_PERIOD_S, which begins with
+    this."""
     radio_silence_s: float = quantity(
         20.0, "s", title="Radio silence before a call", ge=1.0, le=86400.0
     )
     """A robot at the surface calls by satellite once it has not heard its station by radio for
-    this long."""
+    this long. The robot goes by its parameter SAT_SILENCE_S, which begins with this."""
 
 
 class RoutingConfig(Configuration):
@@ -53,5 +56,3 @@ class RoutingConfig(Configuration):
     """auto: by radio while the robot is in reach, else by satellite."""
     command: PlanRoute = quantity("auto", title="Commands go by")
     """auto: by radio while the robot is in reach, else by satellite; surface always by all."""
-    telemetry: Literal["radio"] = quantity("radio", title="Telemetry comes by")
-    """Streams are radio's alone; by satellite the robot says what fits one message."""

@@ -15,6 +15,10 @@ from robot_link.messages import SystemId
 VERSION = 1
 KEY_BYTES = 32
 MAC_BYTES = 8
+COUNTER_MAX = 2**32 - 1
+"""Greatest counter of a message to a robot; as seconds since 1970 it is a day of 2106."""
+ACK_SEEN = 16
+"""Flag of every message to a robot: what it said of all transfers and orders before was heard."""
 MOBILE_TERMINATED_MAX = 270
 """Most bytes that a 9602 modem takes from the satellite in one message."""
 MOBILE_ORIGINATED_MAX = 340
@@ -76,6 +80,16 @@ def opened_up(data: bytes, key: bytes, system: SystemId) -> tuple[MessageType, b
 def first_byte(kind: MessageType) -> int:
     """Return the first byte of a message."""
     return VERSION << 4 | kind
+
+
+def check_counter(counter: int) -> None:
+    """Refuse a counter that does not travel.
+
+    Raises:
+        ValueError: If it does not fit.
+    """
+    if not 0 <= counter <= COUNTER_MAX:
+        raise ValueError(f"counter {counter} cannot travel")
 
 
 def _sealed(body: bytes, direction: bytes, key: bytes, system: SystemId, most: int) -> bytes:

@@ -17,13 +17,19 @@ from datetime import datetime
 
 from robot_link.mavlink.command import PLAN_DIGITS, ReceivedCommand
 from robot_link.messages import CommandKind, CommandNumber, PlanHash, SystemId
-from robot_link.satellite.frame import MessageType, WireError, first_byte, sealed_down
+from robot_link.satellite.frame import (
+    ACK_SEEN,
+    MessageType,
+    WireError,
+    check_counter,
+    first_byte,
+    sealed_down,
+)
 
 _BODY = struct.Struct(">BBIB3sI6s")
 _NUMBER_BYTES = 3
 _NUMBER_MAX = 2 ** (8 * _NUMBER_BYTES) - 1
 _SECOND_MAX = 2**32 - 1
-_ACK_SEEN = 16
 _CODES = {
     CommandKind.SURFACE: 1,
     CommandKind.HOLD: 2,
@@ -74,12 +80,11 @@ def pack_order(
     expiry_s = int(expires.timestamp())
     if not (0 < number <= _NUMBER_MAX and 0 <= expiry_s <= _SECOND_MAX):
         raise ValueError(f"command {number} that expires {expires} cannot travel")
-    if not 0 <= counter <= _SECOND_MAX:
-        raise ValueError(f"counter {counter} cannot travel")
+    check_counter(counter)
     digits = "0" * PLAN_DIGITS if plan is None else plan[:PLAN_DIGITS]
     body = _BODY.pack(
         first_byte(MessageType.ORDER),
-        _ACK_SEEN * ack_seen,
+        ACK_SEEN * ack_seen,
         counter,
         _CODES[kind],
         number.to_bytes(_NUMBER_BYTES, "big"),
@@ -99,7 +104,7 @@ def read_order(body: bytes) -> Order:
         raise WireError(f"an order has {_BODY.size} bytes, not {len(body)}")
     _, flags, counter, code, number, expiry_s, digits = _BODY.unpack(body)
     kind = _KINDS.get(code)
-    if kind is None or flags & ~_ACK_SEEN or not any(number):
+    if kind is None or flags & ~ACK_SEEN or not any(number):
         raise WireError("kind, flags or number of an order are unknown")
     if kind is not CommandKind.START and any(digits):
         raise WireError(f"the order to {kind} names a plan")
@@ -109,4 +114,4 @@ def read_order(body: bytes) -> Order:
         expiry_s=expiry_s,
         plan_digits=digits.hex() if kind is CommandKind.START else "",
     )
-    return Order(command, counter, bool(flags & _ACK_SEEN))
+    return Order(command, counter, bool(flags & ACK_SEEN))

@@ -12,11 +12,16 @@ import struct
 from dataclasses import dataclass
 
 from robot_link.messages import SystemId
-from robot_link.satellite.frame import MessageType, WireError, first_byte, sealed_down
+from robot_link.satellite.frame import (
+    ACK_SEEN,
+    MessageType,
+    WireError,
+    check_counter,
+    first_byte,
+    sealed_down,
+)
 
 _BODY = struct.Struct(">BBI")
-_COUNTER_MAX = 2**32 - 1
-_ACK_SEEN = 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,9 +45,8 @@ def pack_withdrawal(counter: int, key: bytes, system: SystemId, *, ack_seen: boo
     Raises:
         ValueError: If the counter does not fit.
     """
-    if not 0 <= counter <= _COUNTER_MAX:
-        raise ValueError(f"counter {counter} cannot travel")
-    body = _BODY.pack(first_byte(MessageType.WITHDRAWAL), _ACK_SEEN * ack_seen, counter)
+    check_counter(counter)
+    body = _BODY.pack(first_byte(MessageType.WITHDRAWAL), ACK_SEEN * ack_seen, counter)
     return sealed_down(body, key, system)
 
 
@@ -55,6 +59,6 @@ def read_withdrawal(body: bytes) -> Withdrawal:
     if len(body) != _BODY.size:
         raise WireError(f"a withdrawal has {_BODY.size} bytes, not {len(body)}")
     _, flags, counter = _BODY.unpack(body)
-    if flags & ~_ACK_SEEN:
+    if flags & ~ACK_SEEN:
         raise WireError(f"flags {flags:#x} of a withdrawal are unknown")
-    return Withdrawal(counter, bool(flags & _ACK_SEEN))
+    return Withdrawal(counter, bool(flags & ACK_SEEN))

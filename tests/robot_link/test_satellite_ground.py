@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.satellite import run
 from robot_link.satellite.blob import Blob, TransferId
-from robot_link.satellite.config import RoutingConfig, SatelliteConfig
+from robot_link.satellite.config import SatelliteConfig
 from robot_link.satellite.content import Reason, TransferAck, TransferState
 from robot_link.satellite.ground import GroundState, GroundTransfer, PartLevel, next_counter
 from tests.robot_link.satellite_case import NOW, SURVEY
@@ -207,7 +207,6 @@ def test_defaults_stay_within_what_gateways_keep():
     config = SatelliteConfig()
     assert config.expiry_h < 5 * 24
     assert config.contact_expiry_h < config.expiry_h
-    assert RoutingConfig().telemetry == "radio"
 
 
 @pytest.mark.parametrize("block", range(4))
