@@ -1,6 +1,6 @@
 """Messages from robots as satellite gateways delivered them, each once."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime
 from hashlib import sha256
 
@@ -26,6 +26,9 @@ class InboxRecord:
     """How often the gateway delivered it."""
     is_decoded: bool
     text: str
+    is_said_again: bool = False
+    """Whether an earlier session brought the same bytes: every record of a robot has its number,
+    so these are an old one, told again."""
 
 
 def add_inbox(
@@ -45,6 +48,11 @@ def add_inbox(
         row.deliveries += 1
         session.flush()
         return _record(row, robot), False
+    said_again = bool(message.data) and session.scalar(
+        select(InboxRow.key)
+        .where(InboxRow.imei == message.imei, InboxRow.sha256 == digest)
+        .limit(1)
+    )
     row = InboxRow(
         robot_key=None if robot is None else robot_key(session, robot),
         carrier=message.carrier,
@@ -65,7 +73,7 @@ def add_inbox(
     )
     session.add(row)
     session.flush()
-    return _record(row, robot), True
+    return replace(_record(row, robot), is_said_again=bool(said_again)), True
 
 
 def note_inbox(session: Session, inbox: str, *, is_decoded: bool, text: str) -> None:

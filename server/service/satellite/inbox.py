@@ -117,6 +117,9 @@ def _keep(
     if not is_new:
         return Arrival(is_new=False, reading=reading, changed=(), values=())
     append_telemetry(session, [_journaled(message, modem, reading)])
+    if record.is_said_again:
+        text = "the same bytes were heard before, in another session; they prove nothing again"
+        reading = Reading(None, text, f"{text[0].upper()}{text[1:]}.")
     query.note_inbox(session, record.id, is_decoded=not reading.fault, text=reading.text)
     if modem is None:
         return Arrival(is_new=True, reading=reading, changed=(), values=())

@@ -76,7 +76,9 @@ def refused(session: Session, message: str, sentence: str, at: datetime) -> Outb
         text=sentence,
     )
     reason = f"{carrier_title(row.carrier)} did not take it: {sentence}"
-    _tell(session, row, "satellite.refused", f"{what(row, before).capitalize()}: {reason}", at)
+    subject = what(row, before)
+    text = f"{subject[0].upper()}{subject[1:]}: {reason}"
+    _tell(session, row, "satellite.refused", text, at)
     if row.ended_at is None:
         end = order_row.refused if row.kind == "order" else plan_row.refuse
         row = end(session, row, reason, at)

@@ -74,4 +74,4 @@ def _fault(row: OutboxRecord, now: datetime) -> str:
     if now - row.ended_at > _REMEMBERED:
         return ""
     subject = row.document["plan"] if row.kind == "plan" else f"The {row.document['kind']} order"
-    return f"{subject} {row.state}: {row.reason}."
+    return f"{subject} {row.state}: {row.reason.rstrip('.')}."

@@ -129,6 +129,25 @@ async def test_message_that_comes_twice_has_an_effect_once(far, sky, robot):
     assert len(incoming) == 2
 
 
+async def test_old_record_under_a_new_number_proves_nothing(far, sky, robot):
+    station, client = far
+    robot.position_ned = (170.0, 160.0, 0.0)
+    old = robot.message()
+    await sky.deliver(old)
+    await settled(station)
+    robot.position_ned = (180.0, 160.0, 0.0)
+    sky.clock.advance(minutes=30)
+    await robot.call()
+    await settled(station)
+    later = replace(old, momsn=old.momsn + 9, session_at=sky.clock.now())
+    assert await sky.deliver(later) is True
+    await settled(station)
+    assert station.fleet.picture(GRACE).state.position_ned[0] == 180.0
+    newest = (await client.get("/api/robots/grace-1/satellite")).json()["incoming"][0]
+    assert newest["is_decoded"] is False
+    assert "heard before" in newest["text"]
+
+
 @pytest.mark.parametrize("data", [b"\x13garbage", bytes(200), b"hello"])
 async def test_message_that_cannot_be_read_is_kept_and_flagged(far, sky, robot, data):
     station, client = far
