@@ -87,9 +87,17 @@ def run(arguments: Namespace) -> int:
         secrets = SecretStore(settings_of(Namespace(data=folder)).secret_dir)
         prepare_gateway(folder, secrets, _url(listener))
         try:
-            return asyncio.run(_supervise(arguments, folder, listener, sign_in))
+            status = asyncio.run(_supervise(arguments, folder, listener, sign_in))
         finally:
             stop_clock(clock_file)
+    print(_closing_word(arguments), flush=True)
+    return status
+
+
+def _closing_word(arguments: Namespace) -> str:
+    if arguments.data is None:
+        return "Everything has stopped; the data are deleted (--data DIR keeps them)."
+    return f"Everything has stopped. The data are kept in {arguments.data}."
 
 
 async def _supervise(

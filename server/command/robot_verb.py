@@ -7,6 +7,7 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
+from server.command.console_log import log_to_console
 from server.command.failure import CommandError
 
 
@@ -54,6 +55,7 @@ def run(arguments: Namespace) -> int:
         first = error.errors()[0]
         message = first["msg"].removeprefix("Value error, ")
         raise CommandError(f"{first['loc'][0]}: {message}", status=2) from error
+    log_to_console()
     try:
         run_robot(settings)
     except KeyUnreadableError as error:

@@ -1,7 +1,6 @@
 """``grace serve``: the station."""
 
 import asyncio
-import logging
 import signal
 import socket
 from argparse import SUPPRESS, ArgumentParser, Namespace
@@ -14,6 +13,7 @@ import uvicorn
 from db.fault import StoreError
 from db.migrate import NewerSchemaError
 from server.app import create_app
+from server.command.console_log import log_to_console
 from server.command.data import add_data_option, settings_of
 from server.command.failure import CommandError
 from server.command.parent import end_with_parent
@@ -65,10 +65,7 @@ def run(arguments: Namespace) -> int:
     )
     if arguments.parent_pid is not None:
         end_with_parent(arguments.parent_pid)
-    logging.basicConfig(
-        level=logging.INFO, format="%(asctime)s %(levelname)s %(name)s: %(message)s"
-    )
-    logging.getLogger("alembic").setLevel(logging.WARNING)
+    log_to_console()
     try:
         with hold_data_folder(settings.data_dir), _listener(settings, arguments.listen_fd) as at:
             asyncio.run(_serve(settings, at))

@@ -5,6 +5,7 @@ from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, Namespace
 from pydantic import ValidationError
 
 from server.clock_file import ClockAnchors, start_clock
+from server.command.console_log import log_to_console
 from server.command.data import add_data_option, settings_of
 from server.command.failure import CommandError
 from server.data_folder import CLOCK_FILE
@@ -99,5 +100,6 @@ def run(arguments: Namespace) -> int:
         first = error.errors()[0]
         raise CommandError(f"{first['loc'][0]}: {first['msg']}", status=2) from error
     give_keys(folder, SecretStore(station.secret_dir), settings.robots)
+    log_to_console()
     run_simulator(settings)
     return 0

@@ -34,7 +34,7 @@ class Supervisor:
     """Keeps children alive until SIGINT or SIGTERM, then ends them all.
 
     What they print goes to one file each. Children run in sessions of their own, so that Ctrl-C
-    on a terminal reaches them through here, in order.
+    on a terminal reaches them through here, the last one first.
     """
 
     def __init__(
@@ -52,10 +52,10 @@ class Supervisor:
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             loop.add_signal_handler(number, self._stop.set)
-        keepers = [
-            asyncio.create_task(self._keep(child), name=f"keeper of the {child.name}")
-            for child in self._children
-        ]
+        keepers: list[asyncio.Task[None]] = []
+        for number, child in enumerate(self._children, start=1):
+            keeper = self._keep(child, lambda number=number: keepers[number:])
+            keepers.append(asyncio.create_task(keeper, name=f"keeper of the {child.name}"))
         announcer = asyncio.create_task(self._announce(), name="announcer")
         await self._stop.wait()
         announcer.cancel()
@@ -66,8 +66,11 @@ class Supervisor:
     def _log(self, child: Child) -> Path:
         return self._log_folder / f"{child.name}.log"
 
-    async def _keep(self, child: Child) -> None:
-        """Start a child, and start it again when it dies, until told to stop."""
+    async def _keep(self, child: Child, later: Callable[[], Sequence[asyncio.Task[None]]]) -> None:
+        """Start a child, and start it again when it dies, until told to stop.
+
+        It is ended after the ``later`` ones, which may use it.
+        """
         quick_deaths = 0
         while not self._stop.is_set():
             started_s = time.monotonic()
@@ -77,6 +80,7 @@ class Supervisor:
             await asyncio.wait((stop, end), return_when=asyncio.FIRST_COMPLETED)
             stop.cancel()
             if not end.done():
+                await asyncio.gather(*later())
                 await _end(process)
             await end
             if self._stop.is_set():
