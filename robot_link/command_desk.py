@@ -1,5 +1,6 @@
 """The robot's handling of commands: each acts once, and none that SURFACE overtook acts at all."""
 
+import logging
 from collections import OrderedDict
 from collections.abc import Sequence
 from typing import Protocol
@@ -12,6 +13,9 @@ _REMEMBERED = 64
 _NUMBERS = 2**24
 _OVERTAKEN_S = 60.0
 """How long after SURFACE an older command may still be on its way."""
+
+
+_log = logging.getLogger(__name__)
 
 
 class Obedient(Protocol):
@@ -30,7 +34,11 @@ class CommandMemory(Protocol):
         ...
 
     def save(self, outcomes: Sequence[tuple[CommandNumber, int, CommandOutcome]]) -> None:
-        """Replace what is kept, whole or not at all."""
+        """Replace what is kept, whole or not at all.
+
+        Raises:
+            OSError: If it cannot be kept.
+        """
         ...
 
 
@@ -58,9 +66,17 @@ class CommandDesk:
             self._outcomes[name] = self._act(command, now_s)
             if len(self._outcomes) > _REMEMBERED:
                 self._outcomes.popitem(last=False)
-            if self._memory is not None:
-                self._memory.save([(*name, outcome) for name, outcome in self._outcomes.items()])
+            self._keep()
         return self._outcomes[name]
+
+    def _keep(self) -> None:
+        """Keep what is remembered; a robot that cannot (a full disk) must obey all the same."""
+        if self._memory is None:
+            return
+        try:
+            self._memory.save([(*name, outcome) for name, outcome in self._outcomes.items()])
+        except OSError as error:
+            _log.error("what came of the newest commands was not kept: %s", error)
 
     def _act(self, command: ReceivedCommand, now_s: float) -> CommandOutcome:
         if command.kind is CommandKind.SURFACE:

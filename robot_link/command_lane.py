@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from datetime import datetime
 
-from robot_link.mavlink.command import command_message
+from robot_link.mavlink.command import acknowledged_kind, command_message
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
@@ -73,14 +73,19 @@ class CommandLane:
         self._submitted.put_nowait(command)
 
     def answered(self, message: grace.MAVLink_command_ack_message) -> None:
-        """Take the robot's answer; an answer to nothing is a late repetition."""
+        """Take the robot's answer; an answer to nothing is a late repetition.
+
+        A vehicle that does not know the dialect refuses without the command's number.
+        """
+        kind = acknowledged_kind(message)
+        is_strange = message.result == grace.MAV_RESULT_UNSUPPORTED and not message.result_param2
         for command in self._open:
-            if command.number == message.result_param2:
+            if command.kind is kind and (is_strange or command.number == message.result_param2):
                 if message.result == grace.MAV_RESULT_ACCEPTED:
                     self._settle(command, CommandLevel.APPLIED)
                 elif message.result == grace.MAV_RESULT_IN_PROGRESS:
                     command.is_confirmed = True
-                    self._tell_once(command, CommandLevel.RADIO)
+                    self._tell_once(command, CommandLevel.RADIO, self._peer.heard_by)
                 else:
                     reason = _REFUSALS.get(message.result, "the robot failed to do this")
                     self._settle(command, CommandLevel.REFUSED, reason)
@@ -95,6 +100,7 @@ class CommandLane:
     async def _carry(self, command: Command) -> None:
         if command.earlier is not None:
             await self._wait(command, command.earlier.settled, None)
+            command.earlier = None
         attempt = 0
         while not command.settled.is_set():
             if self._left_s(command) <= 0:
@@ -119,12 +125,12 @@ class CommandLane:
         )
         command.is_confirmed = await self._peer.deliver(
             (message,),
-            on_taken=lambda: self._tell_once(command, CommandLevel.QUEUED),
+            on_taken=lambda: self._tell_once(command, CommandLevel.QUEUED, self._peer.taken_by),
             is_wanted=lambda: not command.settled.is_set() and self._left_s(command) > 0,
             on_every_path=command.kind is CommandKind.SURFACE,
         )
         if command.is_confirmed:
-            self._tell_once(command, CommandLevel.RADIO)
+            self._tell_once(command, CommandLevel.RADIO, self._peer.confirmed_by)
 
     async def _wait(self, command: Command, event: asyncio.Event, longest_s: float | None) -> None:
         """Wait for an event, not beyond the command's expiry."""
@@ -145,34 +151,26 @@ class CommandLane:
             self._open.remove(command)
             command.settled.set()
             command.stirred.set()
-            self._tell(command, level, reason)
+            # what expired, no link has proved
+            carrier = "" if level is CommandLevel.EXPIRED else self._peer.heard_by
+            self._tell(command, level, carrier, reason)
 
-    def _tell_once(self, command: Command, level: CommandLevel) -> None:
+    def _tell_once(self, command: Command, level: CommandLevel, carrier: str) -> None:
         if level not in command.told and not command.settled.is_set():
             command.told.add(level)
-            self._tell(command, level)
+            self._tell(command, level, carrier)
 
-    def _tell(self, command: Command, level: CommandLevel, reason: str = "") -> None:
+    def _tell(self, command: Command, level: CommandLevel, carrier: str, reason: str = "") -> None:
         self._on_report(
             CommandReport(
                 robot=self._peer.robot,
                 number=command.number,
                 level=level,
                 at=self._peer.clock.now(),
-                carrier=self._carrier_of(level),
+                carrier=carrier,
                 reason=reason,
             )
         )
-
-    def _carrier_of(self, level: CommandLevel) -> str:
-        """Return the kind of link that proves a level; of two links each may prove another."""
-        match level:
-            case CommandLevel.RADIO:
-                return self._peer.confirmed_by or self._peer.heard_by
-            case CommandLevel.APPLIED | CommandLevel.REFUSED:
-                return self._peer.heard_by
-            case _:
-                return self._peer.carrier
 
 
 def _expiry_reason(command: Command) -> str:

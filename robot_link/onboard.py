@@ -12,7 +12,6 @@ from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_SYSTEM, Codec, WireMessage
 from robot_link.mavlink.command import (
     ReceivedCommand,
-    is_grace_command,
     received_command,
     result_of,
 )
@@ -292,8 +291,8 @@ class RobotLink:
         now_s = monotonic_s()
         is_station = message.get_srcSystem() == STATION_SYSTEM
         match message:
-            case _Command() if is_grace_command(message):
-                self._answer_command(message, address, now_s)
+            case _Command():
+                self._take_command(message, address, now_s)
             case grace.MAVLink_grace_plan_offer_message() if is_station:
                 self._plan.take_offer(message, now_s)
             case grace.MAVLink_mission_count_message() if is_station and self._plan.expects(
@@ -312,27 +311,27 @@ class RobotLink:
             case _:
                 self._services.hear(message, address)
 
-    def _answer_command(self, message: _Command, address: Address, now_s: float) -> None:
+    def _take_command(self, message: _Command, address: Address, now_s: float) -> None:
         try:
             command = received_command(message)
         except ValueError:
             self.frames_bad += 1
             return
+        if command is None:
+            self._services.hear(message, address)
+            return
         is_master = message.get_srcSystem() == STATION_SYSTEM
         is_free = self.last_heard_station_s > self._patience_s
-        if command is None:
-            outcome, number = CommandOutcome.UNSUPPORTED, 0
-        elif is_master or is_free or command.kind is CommandKind.SURFACE:
-            outcome, number = self._commands.take(command, now_s), command.number
-        else:
-            outcome, number = CommandOutcome.NOT_NOW, command.number
+        outcome = CommandOutcome.NOT_NOW
+        if is_master or is_free or command.kind is CommandKind.SURFACE:
+            outcome = self._commands.take(command, now_s)
         self._answer(
             address,
             grace.MAVLink_command_ack_message(
                 command=message.command,
                 result=result_of(outcome),
                 progress=0,
-                result_param2=number,
+                result_param2=command.number,
                 target_system=message.get_srcSystem(),
                 target_component=message.get_srcComponent(),
             ),
@@ -358,7 +357,7 @@ class RobotLink:
         while True:
             await self._state_changed.wait()
             self._state_changed.clear()
-            await self._pace.spend(telemetry.STATE_FRAME_BYTES)
+            await self._pace.spend(telemetry.STATE_FRAME_BYTES + self._codec.trailer_bytes)
             if self._state is not None:
                 await self._send(telemetry.state_message(self._state), 1)
 

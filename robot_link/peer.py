@@ -63,6 +63,8 @@ class Peer:
         self.paths = tuple(
             PeerPath(path, transports[path.transport_uri], clock, timing) for path in endpoint.paths
         )
+        self.taken_by = ""
+        """Kind of the radio that last took something."""
         self.confirmed_by = ""
         """Kind of the radio that last confirmed something."""
         self.heard_by = ""
@@ -71,16 +73,6 @@ class Peer:
         self._jitter = random.Random(endpoint.system)
         self._codec = codec
         self._on_raw = on_raw
-
-    @property
-    def transport(self) -> DatagramTransport:
-        """The radio by which the robot is reached best now."""
-        return self.best_path().transport
-
-    @property
-    def carrier(self) -> str:
-        """Kind of that radio."""
-        return self.transport.carrier
 
     def best_path(self) -> PeerPath:
         """Return the road that would be taken now: the operator's choice, else the best one."""
@@ -217,6 +209,7 @@ class Peer:
         return self.timing.repeat_jitter_s * self._jitter.random()
 
     def _taken(self, path: PeerPath, packet: bytes, on_taken: Callable[[], None]) -> None:
+        self.taken_by = path.transport.carrier
         on_taken()
         self._on_raw(
             RawFrame(

@@ -1,6 +1,7 @@
 """The robot's handling of plans: offers, transfers, and what it says of the plan on board."""
 
 import asyncio
+import logging
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -17,11 +18,15 @@ from robot_link.robot_program import CommandOutcome, RobotProgram
 from robot_link.timing import LinkTiming
 
 _WAITING_OR_FLYING = (OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING)
+_NOT_KEPT = "the robot's memory does not take the plan; the one before stays on board"
 _START_REFUSALS = {
     CommandOutcome.NOT_NOW: "the plan is on board, but the robot cannot start it now",
     CommandOutcome.WRONG_PLAN: "the robot holds another plan than the one to start",
     CommandOutcome.UNSUPPORTED: "the robot does not know how to start a plan",
 }
+
+
+_log = logging.getLogger(__name__)
 
 
 class PlanOnBoard(NamedTuple):
@@ -107,8 +112,8 @@ class PlanDesk:
         if not (is_held and self.said.state in _WAITING_OR_FLYING):
             if refusal := self._program.plan_refusal():
                 return refusal
-            if not is_held:
-                self._plans.replace(mission)
+            if not is_held and (failure := self._keep(mission)):
+                return failure
             self._take(mission)
         if start and self.said.state != OnboardPlanState.RUNNING:
             outcome = self._program.obey(CommandKind.START, sha256[:PLAN_DIGITS])
@@ -158,15 +163,23 @@ class PlanDesk:
                 self._end_transfer(grace.MAV_MISSION_INVALID)
                 self._answer(sha256, OnboardPlanState.REFUSED, reason)
             case Complete(sha256, mission):
-                if refusal := self._program.plan_refusal():
+                if refusal := self._program.plan_refusal() or self._keep(mission):
                     self._end_transfer(grace.MAV_MISSION_DENIED)
                     self._answer(sha256, OnboardPlanState.REFUSED, refusal)
                 else:
-                    self._plans.replace(mission)
                     self._end_transfer(grace.MAV_MISSION_ACCEPTED)
                     self._take(mission)
             case None:
                 pass
+
+    def _keep(self, mission: Mission) -> str:
+        """Make a mission the plan on board; return why that failed, or ""."""
+        try:
+            self._plans.replace(mission)
+        except OSError as error:
+            _log.error("a plan was not kept: %s", error)
+            return _NOT_KEPT
+        return ""
 
     def _take(self, mission: Mission) -> None:
         self._program.take_plan(mission)

@@ -13,7 +13,11 @@ class PlanStore(Protocol):
         ...
 
     def replace(self, mission: Mission) -> None:
-        """Make a mission the plan on board, whole or not at all."""
+        """Make a mission the plan on board, whole or not at all.
+
+        Raises:
+            OSError: If it cannot be kept; the one before is still on board.
+        """
         ...
 
 

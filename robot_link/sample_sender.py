@@ -42,6 +42,7 @@ class SampleSender:
         self._transport = transport
         self._pace = pace
         self._stale_s = timing.stale_s
+        self._frame_bytes = SAMPLE_FRAME_BYTES + codec.trailer_bytes
         self._queue = SampleQueue(log.kept(), timing.resend_s, timing.resend_limit_s)
         self._station: Address | None = None
         self._heard_s = 0.0
@@ -107,7 +108,7 @@ class SampleSender:
                 self._in_contact.clear()
                 continue
             self._stirred.clear()
-            count = max(1, self._transport.max_payload // SAMPLE_FRAME_BYTES)
+            count = max(1, self._transport.max_payload // self._frame_bytes)
             sequences = self._queue.take(count, monotonic_s())
             if sequences:
                 await self._send(station, sequences)

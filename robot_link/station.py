@@ -345,15 +345,31 @@ class StationLink:
         )
 
     async def _acknowledge(self) -> None:
-        """Tell the robots what is stored; a lost word is repeated when the sample comes again."""
+        """Tell the robots what is stored; a lost word is repeated when the sample comes again.
+
+        Each robot is told one thing at a time, and what comes meanwhile together: orders must not
+        queue behind acknowledgements that a slow radio has not taken yet.
+        """
+        busy: set[RobotId] = set()
+
+        async def tell(member: Member, owed: list[tuple[LogId, set[int]]]) -> None:
+            system = member.peer.system
+            try:
+                await member.peer.deliver(
+                    message
+                    for log, sequences in owed
+                    for message in telemetry.acknowledgements(system, log, sequences)
+                )
+            finally:
+                busy.discard(member.robot)
+                self._samples_owed.set()
+
         async with asyncio.TaskGroup() as group:
             while True:
                 await self._samples_owed.wait()
                 await asyncio.sleep(self._timing.acknowledge_s)
                 self._samples_owed.clear()
-                for (robot, log), sequences in self._samples.take_owed().items():
+                for robot, owed in self._samples.take_owed(busy).items():
                     if (member := self._roster.get(robot)) is not None:
-                        system = member.peer.system
-                        messages = telemetry.acknowledgements(system, log, sequences)
-                        work = member.peer.deliver(messages)
-                        group.create_task(work, name=f"{robot} acknowledgement")
+                        busy.add(robot)
+                        group.create_task(tell(member, owed), name=f"{robot} acknowledgement")

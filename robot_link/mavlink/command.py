@@ -71,9 +71,9 @@ def result_of(outcome: CommandOutcome) -> int:
     return _RESULTS[outcome]
 
 
-def is_grace_command(message: grace.MAVLink_command_long_message) -> bool:
-    """Tell whether a command is one of this dialect's, which carry a number and an expiry."""
-    return message.command in _KINDS
+def acknowledged_kind(message: grace.MAVLink_command_ack_message) -> CommandKind | None:
+    """Return which of this dialect's commands an answer is about; None for any other."""
+    return _KINDS.get(message.command)
 
 
 def received_command(message: grace.MAVLink_command_long_message) -> ReceivedCommand | None:

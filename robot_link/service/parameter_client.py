@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
 from robot_link.messages import SystemId
-from robot_link.service.error import NoAnswerError, ServiceRefusedError
+from robot_link.service.error import NoAnswerError, OutOfContactError, ServiceRefusedError
 from robot_link.service.exchange import Correspondent, Exchange, Patience
 from robot_link.service.parameter_table import NAME_BYTES, ParameterType, ParameterValue
 from robot_link.service.parameter_wire import (
@@ -106,10 +106,11 @@ class ParameterClient:
 
         Raises:
             ValueError: If the value is not of the parameter's type.
+            OutOfContactError: If the vehicle fell silent before anything was set.
             NoAnswerError: If the vehicle does not answer; what it holds is not known then.
             ServiceRefusedError: If it holds another value afterwards.
         """
-        kind = self._types.get(name) or (await self.read(name)).type
+        kind = self._types.get(name) or await self._type_of(name)
         encoding = self._encoding or IntegerEncoding.BYTEWISE
         setting = grace.MAVLink_param_set_message(
             target_system=self._exchange.system,
@@ -126,6 +127,12 @@ class ParameterClient:
             if kept.value == setting_value(value, kind):
                 return kept
         raise ServiceRefusedError(f"{name} was not taken: the robot still holds {kept.value:g}")
+
+    async def _type_of(self, name: str) -> ParameterType:
+        try:
+            return (await self.read(name)).type
+        except NoAnswerError as error:
+            raise OutOfContactError(f"{error}, and nothing was set") from error
 
     async def _learn_encoding(self) -> None:
         """Ask once for the capability bits; a vehicle may keep silent of them."""

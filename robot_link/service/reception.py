@@ -71,9 +71,10 @@ class Reception:
         at = self._clock.now()
         messages, bad = self._codec.unpack(received.data)
         sender, own = self._roster.attributed(transport, received, messages)
+        is_believed = bool(own) or not messages
         self._on_event(
             RawFrame(
-                robot=None if sender is None else sender.robot,
+                robot=sender.robot if sender is not None and is_believed else None,
                 carrier=transport.carrier,
                 outgoing=False,
                 data=received.data,

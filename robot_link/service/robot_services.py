@@ -11,7 +11,7 @@ from robot_link.messages import LinkState
 from robot_link.peer import Peer
 from robot_link.service.clock_sync import ClockWatch
 from robot_link.service.command_client import CommandClient
-from robot_link.service.error import NoAnswerError
+from robot_link.service.error import NoAnswerError, OutOfContactError
 from robot_link.service.exchange import Patience
 from robot_link.service.file_client import FileClient
 from robot_link.service.mission_client import MissionClient
@@ -89,7 +89,7 @@ class RobotServices:
         """Refuse to ask a robot that cannot answer.
 
         Raises:
-            NoAnswerError: If the robot is not in radio contact.
+            OutOfContactError: If the robot is not in radio contact.
         """
         if not self.is_live:
-            raise NoAnswerError(f"{self._peer.robot} is not in radio contact")
+            raise OutOfContactError(f"{self._peer.robot} is not in radio contact")

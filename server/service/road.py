@@ -24,7 +24,7 @@ from robot_link.messages import (
 from robot_link.mission import Mission
 from robot_link.path import RadioPath
 from robot_link.service.clock_sync import ClockOffset
-from robot_link.service.error import NoAnswerError
+from robot_link.service.error import OutOfContactError
 from robot_link.service.file_store import FileEntry
 from robot_link.service.parameter_table import ParameterValue
 from robot_link.station import RobotEndpoint, StationLink
@@ -96,6 +96,7 @@ class Road:
         self._on_event = on_event
         self._robots: dict[RobotId, RobotEndpoint] = {}
         self._unplugged: set[str] = set()
+        """Links whose plug the operator pulled, of robots there are and others."""
         self._link = make(clock, on_event, signing)
         self._waiting: dict[tuple[RobotId, CommandNumber], datetime] = {}
         """When each command for a robot without a link expires."""
@@ -119,13 +120,16 @@ class Road:
         return True
 
     def set_plugged(self, uri: str, *, is_plugged: bool) -> None:
-        """Pull the plug of a radio or put it back; robots that share it share the plug.
+        """Pull the plug of a link or put it back.
 
-        A radio that comes later, or again, finds its plug as it was left.
+        Robots that share a radio share its plug: it stays closed while any of their links is
+        unplugged. A radio that comes later, or again, finds its plug as it was left.
         """
         (self._unplugged.discard if is_plugged else self._unplugged.add)(uri)
         if uri in self._uris():
-            self._link.set_plugged(uri, is_plugged)
+            radio = RadioPath(uri).transport_uri
+            shared = {one for one in self._uris() if RadioPath(one).transport_uri == radio}
+            self._link.set_plugged(uri, not shared & self._unplugged)
 
     def _uris(self) -> set[str]:
         return {path.uri for end in self._robots.values() for path in end.paths}
@@ -201,7 +205,7 @@ class Road:
 
     def _linked(self, robot: RobotId) -> Link:
         if robot not in self._robots:
-            raise NoAnswerError(f"{robot} has no radio; give it one")
+            raise OutOfContactError(f"{robot} has no radio; give it one")
         return self._link
 
     def _expire(self) -> None:

@@ -1,9 +1,19 @@
 """Which robots sign what they say over radio, and with which key."""
 
+import logging
+import secrets
+
 from robot_link.clock import Clock
-from robot_link.mavlink.signing import FileSigningMemory, Signing
+from robot_link.mavlink.signing import (
+    SECRET_BYTES,
+    FileSigningMemory,
+    MemorySigningMemory,
+    Signing,
+)
 from robot_link.messages import RobotId
-from server.secret import SecretStore
+from server.secret import SecretStore, SecretUnreadableError
+
+_log = logging.getLogger(__name__)
 
 
 class RobotSigning:
@@ -17,11 +27,22 @@ class RobotSigning:
     def __call__(self, robot: RobotId) -> Signing | None:
         """Return how frames of a robot are signed; ``None`` where it has no signing key.
 
-        Raises:
-            SecretUnreadableError: If its key or its marks are damaged.
+        A robot whose key cannot be read gets one that nobody holds: it is neither believed
+        unsigned nor a reason for the others to go without radio.
         """
         signing = self._known.get(robot)
-        if signing is None and (key := self._secrets.signing_key(robot)) is not None:
-            memory = FileSigningMemory(self._secrets.signing_marks(robot))
-            signing = self._known[robot] = Signing(key, memory, self._clock)
+        if signing is None and (found := self._made(robot)) is not None:
+            signing = self._known[robot] = found
         return signing
+
+    def _made(self, robot: RobotId) -> Signing | None:
+        try:
+            key = self._secrets.signing_key(robot)
+            if key is None:
+                return None
+            memory = FileSigningMemory(self._secrets.signing_marks(robot))
+            return Signing(key, memory, self._clock)
+        except (SecretUnreadableError, OSError) as error:
+            _log.error("%s has no radio until its signing key is put right: %s", robot, error)
+            key = secrets.token_bytes(SECRET_BYTES)
+            return Signing(key, MemorySigningMemory(), self._clock)

@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from robot_link.clock import ScaledClock
+from robot_link.clock import ScaledClock, SystemClock
 from robot_link.command_desk import CommandDesk
+from robot_link.command_lane import Command, CommandLane
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.command import ReceivedCommand, command_message, received_command
+from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
     CommandLevel,
@@ -35,6 +37,7 @@ from tests.robot_link.rig import (
     Program,
     mission,
     rig,
+    running,
     soon,
     until,
 )
@@ -218,6 +221,80 @@ def test_a_command_that_surface_overtook_in_the_air_is_not_obeyed():
     assert desk.take(received(CommandKind.START, 1), 90.0) is CommandOutcome.DONE
     kinds = [CommandKind.SURFACE, CommandKind.RESUME, CommandKind.SURFACE, CommandKind.START]
     assert [kind for kind, _ in program.obeyed] == kinds
+
+
+def test_a_robot_with_a_full_memory_obeys_all_the_same(caplog):
+    class FullMemory:
+        def load(self):
+            return ()
+
+        def save(self, outcomes):
+            raise OSError(28, "No space left on device")
+
+    program = Program()
+    desk = CommandDesk(program, FullMemory())
+    for _ in range(2):
+        assert desk.take(received(CommandKind.SURFACE, 7), 0.0) is CommandOutcome.DONE
+    assert program.obeyed == [(CommandKind.SURFACE, "")]
+    assert "No space left" in caplog.text
+
+
+@dataclasses.dataclass
+class Radios:
+    """Takes by one radio and is confirmed by another; knows what was sent."""
+
+    robot = MINI
+    system = SystemId(1)
+    clock = SystemClock()
+    timing = HASTE
+    taken_by = confirmed_by = heard_by = ""
+    sent: int = 0
+
+    async def deliver(self, messages, on_taken, is_wanted, *, on_every_path):
+        del messages, on_every_path
+        assert is_wanted()
+        self.sent += 1
+        self.taken_by = "serial"
+        on_taken()
+        self.confirmed_by, self.heard_by = "xbee", "udp"
+        return True
+
+
+def answer(result: int, number: int, kind: CommandKind) -> grace.MAVLink_command_ack_message:
+    code = command_message(SystemId(1), kind, FIRST, soon(), None).command
+    return grace.MAVLink_command_ack_message(code, result, 0, number)
+
+
+@pytest.fixture
+async def lane():
+    told: list[CommandReport] = []
+    lane = CommandLane(Radios(), told.append)
+    async with running(lane.run):
+        yield lane, told
+
+
+async def test_each_level_names_the_radio_that_proved_it(lane):
+    lane, told = lane
+    lane.submit(Command(CommandKind.HOLD, FIRST, soon(), None))
+    await until(lambda: len(told) == 2)
+    lane.answered(answer(grace.MAV_RESULT_ACCEPTED, FIRST, CommandKind.HOLD))
+    assert [(one.level, one.carrier) for one in told] == [
+        (CommandLevel.QUEUED, "serial"),
+        (CommandLevel.RADIO, "xbee"),
+        (CommandLevel.APPLIED, "udp"),
+    ]
+
+
+async def test_an_answer_about_another_command_settles_nothing(lane):
+    lane, told = lane
+    lane.submit(Command(CommandKind.HOLD, FIRST, soon(), None))
+    await until(lambda: len(told) == 2)
+    lane.answered(answer(grace.MAV_RESULT_ACCEPTED, FIRST, CommandKind.RESUME))
+    lane.answered(answer(grace.MAV_RESULT_ACCEPTED, SECOND, CommandKind.HOLD))
+    assert len(told) == 2
+    lane.answered(answer(grace.MAV_RESULT_UNSUPPORTED, 0, CommandKind.HOLD))
+    assert told[-1].level is CommandLevel.REFUSED, "a vehicle that knows no numbers"
+    assert told[-1].reason == "the robot does not know this command"
 
 
 def test_numbers_that_begin_again_are_newer_than_those_before():

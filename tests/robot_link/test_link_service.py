@@ -19,7 +19,7 @@ from robot_link.messages import (
 )
 from robot_link.path import RadioPath
 from robot_link.service.clock_sync import ClockSource
-from robot_link.service.error import FileInterruptedError, NoAnswerError, ServiceRefusedError
+from robot_link.service.error import FileInterruptedError, OutOfContactError, ServiceRefusedError
 from robot_link.service.file_store import FolderFiles
 from robot_link.service.parameter_table import Parameter, ParameterTable, ParameterType
 from robot_link.station import RobotEndpoint, StationLink
@@ -86,7 +86,7 @@ async def test_a_robot_out_of_contact_is_not_asked(tmp_path: Path):
     (logs / "dive.bin").write_bytes(bytes(6000))
     async with rig(tmp_path, files=FolderFiles(logs)) as it, it.station() as (station, _):
         it.reachable.clear()
-        with pytest.raises(NoAnswerError, match="mini-1 is not in radio contact"):
+        with pytest.raises(OutOfContactError, match="mini-1 is not in radio contact"):
             await station.read_parameters(MINI)
         it.reachable.add(MINI)
         await live(station)

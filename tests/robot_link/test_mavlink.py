@@ -382,6 +382,7 @@ def test_a_sequence_set_is_a_set(numbers: list[int]):
         ours.add(number)
         theirs.add(number)
     assert [number in ours for number in range(70)] == [number in theirs for number in range(70)]
+    assert len(ours) == sum(number - 1 not in theirs for number in theirs), "one run for each gap"
 
 
 def test_samples_are_due_in_order_then_after_growing_waits_then_never():

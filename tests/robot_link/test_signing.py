@@ -24,6 +24,7 @@ from robot_link.messages import (
     CommandReport,
     LinkState,
     OnboardPlanState,
+    RawFrame,
     RobotId,
 )
 from tests.robot_link.rig import CALM, MINI, ROUGH, SYSTEMS, mission, rig, soon, until
@@ -209,3 +210,16 @@ async def test_a_station_without_the_key_is_neither_heard_nor_bound(
                 assert station.link_report(MINI).state is LinkState.NEVER_HEARD
         async with it.station(signing=lambda _robot: right) as (station, _):
             await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+
+
+async def test_refused_packets_are_journaled_as_nobodys(tmp_path: Path):
+    """Whoever reads the journal again must not take for the robot's what was not believed."""
+    ashore = Signing(KEY, MemorySigningMemory(), SystemClock())
+    async with (
+        rig(tmp_path, CALM) as it,
+        it.station(bind=True, signing=lambda _robot: ashore) as (station, heard),
+    ):
+        await until(lambda: station.link_report(MINI).frames_bad > 2)
+        incoming = [one for one in heard.of(RawFrame) if not one.outgoing]
+        assert incoming
+        assert {one.robot for one in incoming} == {None}

@@ -257,3 +257,19 @@ async def test_nothing_is_told_of_an_upload_that_no_radio_took(tmp_path: Path):
             assert last.state is OnboardPlanState.FAILED
             assert heard.of(UploadReport) == [last]
         assert it.robots[MINI].program.taken == []
+
+
+async def test_a_robot_whose_memory_is_full_refuses_and_keeps_its_plan(tmp_path: Path):
+    def full(_mission):
+        raise OSError(28, "No space left on device")
+
+    async with rig(tmp_path) as it, it.station() as (station, _):
+        assert (await station.upload(MINI, mission(2))).state is OnboardPlanState.ON_BOARD
+        it.robots[MINI].plans.replace = full
+        report = await station.upload(MINI, mission(3))
+        assert report.state is OnboardPlanState.REFUSED
+        assert report.reason.startswith("the robot's memory does not take the plan")
+        link = it.robots[MINI].link
+        assert link.plan_hash == mission(2).sha256()
+        assert "memory" in link.take_mission(mission(4), start=True)
+        assert it.robots[MINI].program.obeyed == []

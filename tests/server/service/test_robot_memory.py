@@ -8,6 +8,7 @@ import pytest
 from robot_link.service.error import (
     FileInterruptedError,
     NoAnswerError,
+    OutOfContactError,
     ServiceRefusedError,
 )
 from robot_link.service.file_store import FileEntry
@@ -143,6 +144,7 @@ async def test_a_wrong_value_is_refused_before_a_byte_leaves(
     ("fault", "words"),
     [
         (NoAnswerError("the robot did not answer"), "is not known"),
+        (OutOfContactError("mini-1 is not in radio contact"), r"^Mini-1 is not in .* contact\.$"),
         (ServiceRefusedError("PITCH_GAIN: read only"), "read only"),
     ],
 )
