@@ -120,7 +120,9 @@ class SecretStore:
         try:
             return GatewayAccount.model_validate_json(text)
         except ValidationError:
-            raise SecretUnreadableError(f"{file} holds no account; enter it again.") from None
+            raise SecretUnreadableError(
+                f"{_named(file)} holds no account; enter it again."
+            ) from None
 
     def set_gateway(self, kind: GatewayKind, account: GatewayAccount) -> None:
         """Keep the account with a gateway."""
@@ -141,13 +143,20 @@ def _is_loopback(parts: SplitResult) -> bool:
     return parts.hostname in ("localhost", "127.0.0.1", "::1")
 
 
+def _named(file: Path) -> str:
+    """Return what a person is told of a file: where in the data folder, not where that is."""
+    return f"{file.parent.name}/{file.name}"
+
+
 def _key_of(file: Path, text: str) -> bytes:
     try:
         key = bytes.fromhex(text)
     except ValueError:
         key = b""
     if len(key) != KEY_BYTES:
-        raise SecretUnreadableError(f"{file} does not hold {KEY_BYTES} bytes in hexadecimal.")
+        raise SecretUnreadableError(
+            f"{_named(file)} does not hold {KEY_BYTES} bytes in hexadecimal."
+        )
     return key
 
 
@@ -157,7 +166,7 @@ def _read(file: Path) -> str | None:
     except FileNotFoundError:
         return None
     except UnicodeDecodeError:
-        raise SecretUnreadableError(f"{file} holds no text.") from None
+        raise SecretUnreadableError(f"{_named(file)} holds no text.") from None
 
 
 def _create(file: Path, text: str) -> str:

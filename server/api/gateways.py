@@ -14,7 +14,7 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Depends, Request
 from pydantic import Field, SecretStr, ValidationError
 from sqlalchemy.orm import Session
-from starlette.requests import HTTPConnection
+from starlette.requests import ClientDisconnect, HTTPConnection
 
 from db.fault import StoreError
 from db.query.events import add_event
@@ -175,7 +175,7 @@ async def _admitted(kind: GatewayKind, secret: str, request: Request, gateways: 
 
     Raises:
         Problem: 404 for another path than the secret one, 429 if pushes come too often, 413 if
-            this one is too large.
+            this one is too large, 400 if it breaks off.
     """
     word = await gateways.push_word(kind)
     if not secrets.compare_digest(secret.encode(), word.encode()):
@@ -189,11 +189,16 @@ async def _admitted(kind: GatewayKind, secret: str, request: Request, gateways: 
             headers={"Retry-After": "5"},
         )
     body = b""
-    async for piece in request.stream():
-        body += piece
-        if len(body) > PUSH_BYTES_MAX:
-            await gateways.refuse(kind, "too_large", f"it is longer than {PUSH_BYTES_MAX} bytes.")
-            raise Problem(413, f"A push has at most {PUSH_BYTES_MAX} bytes.")
+    try:
+        async for piece in request.stream():
+            body += piece
+            if len(body) > PUSH_BYTES_MAX:
+                sentence = f"it is longer than {PUSH_BYTES_MAX} bytes."
+                await gateways.refuse(kind, "too_large", sentence)
+                raise Problem(413, f"A push has at most {PUSH_BYTES_MAX} bytes.")
+    except ClientDisconnect:
+        await gateways.refuse(kind, "malformed", "it broke off.")
+        raise Problem(400, "The push broke off.") from None
     return body
 
 

@@ -150,6 +150,38 @@ async def test_a_push_that_is_too_large_is_refused_whatever_it_says_of_its_lengt
     assert traffic(app).refused == {"too_large": 2, "signature": 1}
 
 
+async def test_a_push_whose_sender_hangs_up_in_the_middle_is_refused_and_counted(app, caplog):
+    path = push_path(app)
+    scope = {
+        "type": "http",
+        "asgi": {"version": "3.0"},
+        "http_version": "1.1",
+        "method": "POST",
+        "scheme": "http",
+        "path": path,
+        "raw_path": path.encode(),
+        "query_string": b"",
+        "headers": [(b"host", b"127.0.0.1:8000"), (b"content-type", FORM.encode())],
+        "client": ("127.0.0.1", 5000),
+        "server": ("127.0.0.1", 80),
+        "root_path": "",
+    }
+    came = [{"type": "http.request", "body": b"imei=", "more_body": True}]
+
+    async def receive():
+        return came.pop() if came else {"type": "http.disconnect"}
+
+    answers = []
+
+    async def send(message):
+        answers.append(message)
+
+    await app(scope, receive, send)
+    assert answers[0]["status"] == 400
+    assert traffic(app).refused == {"malformed": 1}
+    assert "Traceback" not in caplog.text
+
+
 async def test_pushes_that_come_too_often_are_asked_to_come_later(app, gateway):
     app.state.station.gateways.limits["rockblock"] = RateLimit(2, 1e-6)
     statuses = [(await push(app, gateway, form_push())).status_code for _ in range(4)]
