@@ -53,6 +53,7 @@ class GatewayAccount(BaseModel):
         try:
             parts = urlsplit(self.url)
             known = bool(parts.hostname) and (parts.scheme != "tcp" or bool(parts.port))
+            known = known and self.url.isascii() and self.url.isprintable()
         except ValueError:
             known = False
             parts = urlsplit("")

@@ -41,7 +41,8 @@ class FormPoster:
         """Return status and text of the answer.
 
         Raises:
-            GatewayUnreachableError: If there is none, or one that says that the gateway failed.
+            GatewayUnreachableError: If there is none, or one that says that the gateway failed, or
+                the URL is none.
         """
         try:
             async with (
@@ -53,6 +54,8 @@ class FormPoster:
             raise GatewayUnreachableError(
                 f"{self._name} did not answer within {self._total_s:.0f} s."
             ) from None
+        except (httpx.InvalidURL, UnicodeError):
+            raise GatewayUnreachableError(f"The address of {self._name} is none.") from None
         except httpx.HTTPError as error:
             what = type(error).__name__
             raise GatewayUnreachableError(f"{self._name} cannot be reached ({what}).") from None

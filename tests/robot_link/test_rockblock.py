@@ -261,6 +261,14 @@ async def test_nobody_at_the_address_is_told_in_a_sentence():
     await gateway.close()
 
 
+@pytest.mark.parametrize("url", ["https://gate\nway/", "https://\u2603.example/", "https://xn--/"])
+async def test_an_address_that_is_none_is_told_in_a_sentence(url):
+    gateway = RockBlockGateway(url, "ann", "s3cret-word")
+    with pytest.raises(GatewayUnreachableError, match="address of RockBLOCK is none"):
+        await gateway.send(IMEI, b"x", client_id=1)
+    await gateway.close()
+
+
 @pytest.mark.parametrize("answer", [(200, "<html>"), (302, ""), (404, "none"), (200, "OK,")])
 async def test_what_is_no_answer_of_the_service_is_refused(answer):
     async with rockblock([answer]) as (gateway, peer):

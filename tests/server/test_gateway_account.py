@@ -68,6 +68,7 @@ WRONG = [
     ("rockblock", {"url": "ftp://rockblock.example"}),
     ("rockblock", {"url": "tcp://rockblock.example:1"}),
     ("rockblock", {"url": "https://[::1"}),
+    ("rockblock", {"url": "https://gate\nway.example/"}),
     ("rockblock", {"public_key": "no key"}),
     ("rockblock", {"colour": "red"}),
     ("directip", {"url": "https://directip.example"}),
