@@ -232,7 +232,7 @@ class Modem9602:
     def _reset(self) -> None:
         """Go back to the manufacturer's settings; the messages stay."""
         self._echoes = True
-        self._rings = False
+        self._rings = True
         self._is_busy = False
         self._has_ring = False
         self._has_ring_to_tell = False

@@ -69,6 +69,15 @@ async def host_of(
     assert not link.exists()
 
 
+async def test_modem_rings_until_it_is_told_not_to(tmp_path: Path):
+    network, _ = network_of()
+    async with host_of(tmp_path, network) as host:
+        for command, shown in (("AT", "1"), ("AT+SBDMTA=0", "0"), ("AT&F0", "1")):
+            await host.ask(command)
+            await host.ask("ATE0")
+            assert await host.ask("AT+SBDMTA?") == f"\r\n+SBDMTA:{shown}\r\n\r\nOK\r\n".encode()
+
+
 async def test_modem_echoes_until_it_is_told_not_to(tmp_path: Path):
     network, _ = network_of()
     async with host_of(tmp_path, network, echo=True) as host:
