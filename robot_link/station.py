@@ -264,7 +264,7 @@ class StationLink:
         robot: RobotId,
         path: str,
         *,
-        have: bytes = b"",
+        content: bytearray | None = None,
         report: Callable[[int, int], None] = lambda _received, _size: None,
     ) -> bytes:
         """Return a whole file of a robot; its checksum is that of the file on board.
@@ -272,17 +272,16 @@ class StationLink:
         Args:
             robot: Whose file.
             path: The file, from the root of what the robot offers.
-            have: Its first bytes, from ``FileInterruptedError.partial`` of an earlier attempt.
+            content: Its first bytes, from an attempt that broke off; grows as the file comes.
             report: Called with the bytes that are there, and the file's size.
 
         Raises:
-            FileInterruptedError: If the robot fell silent on the way.
-            ServiceError: If the robot is not in radio contact or refuses.
+            ServiceError: If the robot is not in radio contact, falls silent or refuses.
             KeyError: If no such robot is known.
         """
         services = self._roster[robot].services
         services.check_live()
-        return await services.files.download(path, have=have, report=report)
+        return await services.files.download(path, content=content, report=report)
 
     def services(self, robot: RobotId) -> RobotServices:
         """Return the clients of a robot: standard missions and commands for other makers' ones.

@@ -3,7 +3,6 @@
 ServiceError
 ├── OutOfContactError        nothing was asked; try again at the next contact
 ├── NoAnswerError            try again at the next contact
-│   └── FileInterruptedError    go on from what is there
 └── ServiceRefusedError      the robot said no; the sentence says why
 """
 
@@ -18,15 +17,6 @@ class OutOfContactError(ServiceError):
 
 class NoAnswerError(ServiceError):
     """The robot stayed silent."""
-
-
-class FileInterruptedError(NoAnswerError):
-    """A download stopped on its way."""
-
-    def __init__(self, reason: str, partial: bytes) -> None:
-        """Say why, and keep the first bytes of the file."""
-        super().__init__(reason)
-        self.partial = partial
 
 
 class ServiceRefusedError(ServiceError):

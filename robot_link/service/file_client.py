@@ -8,11 +8,7 @@ from collections.abc import AsyncIterator, Callable
 
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.service.error import (
-    FileInterruptedError,
-    NoAnswerError,
-    ServiceRefusedError,
-)
+from robot_link.service.error import NoAnswerError, ServiceRefusedError
 from robot_link.service.exchange import Correspondent, Exchange, Patience
 from robot_link.service.file_store import FileEntry
 from robot_link.service.file_wire import (
@@ -79,57 +75,50 @@ class FileClient:
         self,
         path: str,
         *,
-        have: bytes = b"",
+        content: bytearray | None = None,
         report: Callable[[int, int], None] = lambda _received, _size: None,
     ) -> bytes:
         """Return a whole file, proved by the checksum that the robot makes of its own.
 
         Args:
             path: The file, as its folder's listing names it.
-            have: Its first bytes, from a download that was interrupted.
-            report: Called with the bytes that are there, and the file's size.
+            content: Its first bytes, from a download that broke off; grows as the file comes, so
+                that it holds what is there however this one ends.
+            report: Called after each piece with the bytes that are there, and the file's size.
 
         Raises:
-            FileInterruptedError: If the robot fell silent; it holds what is there so far.
+            NoAnswerError: If the robot fell silent.
             ServiceRefusedError: If there is no such file, or the checksum stays wrong.
         """
+        data = bytearray() if content is None else content
         async with self._in_use:
-            for begun in (have, b"") if have else (b"",):
-                session, data = await self._fetched(path, begun, report)
-                if await self._is_proved(path, session, data):
-                    return data
-        raise ServiceRefusedError(f"{path}: the checksum is not that of the file on board")
+            is_anew = not data
+            while not await self._is_proved(path, await self._fetched(path, data, report), data):
+                if is_anew:
+                    reason = f"{path}: the checksum is not that of the file on board"
+                    raise ServiceRefusedError(reason)
+                data.clear()
+                is_anew = True
+        return bytes(data)
 
-    async def _fetched(
-        self, path: str, have: bytes, report: Callable[[int, int], None]
-    ) -> tuple[int, bytes]:
-        """Return the session that is open, and the whole file."""
-        data = bytearray(have)
-        openings = 0
-        while True:
-            session, size = await self._open(path, bytes(data))
-            openings += 1
+    async def _fetched(self, path: str, data: bytearray, report: Callable[[int, int], None]) -> int:
+        """Complete a file; return the session that is open."""
+        for _ in range(_OPENINGS):
+            session, size = await self._open(path)
             if len(data) > size:
                 data.clear()
             try:
                 async for piece in self._pieces(path, session, len(data), size):
                     data += piece
                     report(len(data), size)
-            except NoAnswerError as error:
-                raise FileInterruptedError(str(error), bytes(data)) from error
-            except _SessionLostError as error:
-                if openings == _OPENINGS:
-                    reason = f"{path}: the robot keeps closing the file"
-                    raise FileInterruptedError(reason, bytes(data)) from error
+            except _SessionLostError:
                 continue
-            return session, bytes(data)
+            return session
+        raise NoAnswerError(f"{path}: the robot keeps closing the file")
 
-    async def _open(self, path: str, data: bytes) -> tuple[int, int]:
+    async def _open(self, path: str) -> tuple[int, int]:
         """Return the session and the size of the file."""
-        try:
-            answer = await self._ask(grace.MAV_FTP_OPCODE_OPENFILERO, data=path.encode())
-        except NoAnswerError as error:
-            raise FileInterruptedError(str(error), data) from error
+        answer = await self._ask(grace.MAV_FTP_OPCODE_OPENFILERO, data=path.encode())
         opened = _accepted(answer, path)
         return opened.session, int.from_bytes(opened.data[:4], "little")
 
@@ -155,13 +144,10 @@ class FileClient:
             yield piece
             offset += len(piece)
 
-    async def _is_proved(self, path: str, session: int, data: bytes) -> bool:
+    async def _is_proved(self, path: str, session: int, data: bytearray) -> bool:
         """Compare checksums, then close the file."""
-        try:
-            answer = await self._ask(grace.MAV_FTP_OPCODE_CALCFILECRC, data=path.encode())
-            await self._ask(grace.MAV_FTP_OPCODE_TERMINATESESSION, session=session)
-        except NoAnswerError as error:
-            raise FileInterruptedError(str(error), data) from error
+        answer = await self._ask(grace.MAV_FTP_OPCODE_CALCFILECRC, data=path.encode())
+        await self._ask(grace.MAV_FTP_OPCODE_TERMINATESESSION, session=session)
         crc = _accepted(answer, path).data[:4]
         return int.from_bytes(crc, "little") == file_crc32((data,))
 

@@ -102,7 +102,7 @@ def read_listing(data: bytes) -> tuple[list[FileEntry], int]:
     return entries, len(lines)
 
 
-def file_crc32(chunks: Iterable[bytes]) -> int:
+def file_crc32(chunks: Iterable[bytes | bytearray]) -> int:
     """Return MAVLink FTP's checksum: the usual polynomial, begun at 0 and not inverted."""
     value = 0xFFFFFFFF
     for chunk in chunks:

@@ -194,10 +194,10 @@ class Road:
         return await self._linked(robot).list_files(robot, path)
 
     async def download_file(
-        self, robot: RobotId, path: str, *, have: bytes, report: Callable[[int, int], None]
+        self, robot: RobotId, path: str, *, content: bytearray, report: Callable[[int, int], None]
     ) -> bytes:
         """Return a whole file of a robot; see ``StationLink``."""
-        return await self._linked(robot).download_file(robot, path, have=have, report=report)
+        return await self._linked(robot).download_file(robot, path, content=content, report=report)
 
     def clock_offset(self, robot: RobotId) -> ClockOffset | None:
         """Return how far a robot's clock is off; None while nothing is known of it."""

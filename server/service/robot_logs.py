@@ -10,13 +10,14 @@ from typing import Any, Protocol
 from db.query import onboard as query
 from db.query.onboard import LogRecord
 from robot_link.messages import RobotId
-from robot_link.service.error import FileInterruptedError, ServiceError
+from robot_link.service.error import ServiceError
 from robot_link.service.file_store import FileEntry
 from server.foundation import Foundation
 from server.job import JobError, JobProgress
 from server.problem import conflict, not_found
 from server.service.fleet import Fleet
 from server.service.job_per_key import JobPerKey
+from server.service.partial_file import PartialFile
 from server.service.view.onboard import FetchedLogView, RobotLogsView, RobotLogView
 from server.service.words import sentence
 
@@ -33,17 +34,17 @@ class FileRadio(Protocol):
         ...
 
     async def download_file(
-        self, robot: RobotId, path: str, *, have: bytes, report: Callable[[int, int], None]
+        self, robot: RobotId, path: str, *, content: bytearray, report: Callable[[int, int], None]
     ) -> bytes:
-        """Return a whole file whose checksum was right."""
+        """Return a whole file whose checksum was right; ``content`` grows as it comes."""
         ...
 
 
 class RobotLogs:
     """Belongs to one event loop; a robot is asked for one thing at a time.
 
-    A transfer that breaks off keeps what came in a ``.part`` file; the next one goes on from there.
-    A copy gets its place only when it is whole.
+    What comes is written to a ``.part`` file piece by piece; the next transfer goes on from there,
+    whatever broke this one off. A copy gets its place only when it is whole.
     """
 
     def __init__(self, foundation: Foundation, fleet: Fleet, radio: FileRadio) -> None:
@@ -130,25 +131,23 @@ class RobotLogs:
 
     async def _fetch(self, record: LogRecord, progress: JobProgress) -> Mapping[str, Any]:
         self._folder.mkdir(parents=True, exist_ok=True)
-        part = self._folder / f"{record.id}.part"
-        have = part.read_bytes() if part.exists() else b""
+        async with self._asking[record.robot]:
+            part = PartialFile(self._folder / f"{record.id}.part")
 
-        def report(received: int, total: int) -> None:
-            share = received / total if total else 1.0
-            progress.report(share, f"{received} of {total} bytes of {record.path}.")
+            def report(received: int, total: int) -> None:
+                part.keep()
+                share = received / total if total else 1.0
+                progress.report(share, f"{received} of {total} bytes of {record.path}.")
 
-        report(len(have), max(record.size, len(have)))
-        try:
-            async with self._asking[record.robot]:
+            had = len(part.content)
+            report(had, max(record.size, had))
+            try:
                 content = await self._radio.download_file(
-                    RobotId(record.robot), record.path, have=have, report=report
+                    RobotId(record.robot), record.path, content=part.content, report=report
                 )
-        except ServiceError as error:
-            if isinstance(error, FileInterruptedError):
-                part.write_bytes(error.partial)
-            raise JobError(sentence(error)) from error
-        part.write_bytes(content)
-        part.replace(self._folder / f"{record.id}.bin")
+            except ServiceError as error:
+                raise JobError(sentence(error)) from error
+            part.complete(self._folder / f"{record.id}.bin")
         sha256 = hashlib.sha256(content).hexdigest()
         at = self._clock.now()
         await self._store.write(

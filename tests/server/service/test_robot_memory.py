@@ -6,7 +6,6 @@ from datetime import UTC, datetime
 import pytest
 
 from robot_link.service.error import (
-    FileInterruptedError,
     NoAnswerError,
     OutOfContactError,
     ServiceRefusedError,
@@ -15,6 +14,7 @@ from robot_link.service.file_store import FileEntry
 from robot_link.service.parameter_table import ParameterType, ParameterValue
 from server.problem import Problem
 from server.service.parameters import Parameters
+from server.service.partial_file import PartialFile
 from server.service.robot_logs import RobotLogs
 from tests.server.service.conftest import MINI, until
 
@@ -56,13 +56,16 @@ class Robot:
             return (FileEntry("logs", 0, is_folder=True), FileEntry("readme.txt", 20))
         return (FileEntry("dive-1.csv", len(LOG)),)
 
-    async def download_file(self, robot, path, *, have, report):
+    async def download_file(self, robot, path, *, content, report):
         assert (robot, path) == (MINI, "/logs/dive-1.csv")
-        self.offsets.append(len(have))
-        if self.breaks_at is not None:
-            raise FileInterruptedError("the robot fell silent", LOG[: self.breaks_at])
-        report(len(LOG), len(LOG))
-        return have + LOG[len(have) :]
+        self.offsets.append(len(content))
+        while len(content) < len(LOG):
+            if self.breaks_at is not None and len(content) >= self.breaks_at:
+                await self.gate.wait()
+                raise NoAnswerError("the robot fell silent")
+            content += LOG[len(content) : len(content) + 200]
+            report(len(content), len(LOG))
+        return bytes(content)
 
     def complain(self):
         if self.fault is not None:
@@ -180,6 +183,36 @@ async def test_a_file_that_broke_off_is_fetched_from_there(station, logs, robot)
     record, path = await logs.copy(MINI, listed["/logs/dive-1.csv"].id)
     assert path.read_bytes() == LOG
     assert record.fetched_size == len(LOG)
+
+
+async def test_a_transfer_that_was_killed_goes_on_from_its_last_piece(station, logs, robot):
+    await ended(station, await logs.read(MINI, by="Kim"))
+    robot.breaks_at = 1200
+    robot.gate.clear()
+    job = await logs.download(MINI, "/logs/dive-1.csv", by="Kim")
+    await until(lambda: robot.offsets)
+    part = next((station.foundation.settings.data_dir / "robot-logs").glob("*.part"))
+    await until(lambda: part.read_bytes() == LOG[:1200])
+    await station.foundation.jobs.cancel(job)
+    robot.breaks_at = None
+    await ended(station, await logs.download(MINI, "/logs/dive-1.csv", by="Kim"))
+    assert robot.offsets == [0, 1200]
+
+
+def test_a_partial_file_that_is_begun_anew_is_begun_anew_on_disk(tmp_path):
+    path = tmp_path / "log.part"
+    path.write_bytes(b"of another file")
+    part = PartialFile(path)
+    assert part.content == b"of another file"
+    part.content.clear()
+    part.content += b"right"
+    part.keep()
+    part.content += b" ones"
+    part.keep()
+    assert path.read_bytes() == b"right ones"
+    part.complete(tmp_path / "log.bin")
+    assert (tmp_path / "log.bin").read_bytes() == b"right ones"
+    assert not path.exists()
 
 
 async def test_a_file_that_nobody_named_is_not_asked_for(logs, robot):
