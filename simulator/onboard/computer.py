@@ -11,7 +11,7 @@ from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from robot_link.clock import Clock
 from robot_link.mavlink.signing import FileSigningMemory, Signing
-from robot_link.messages import LogId, RobotId, SystemId
+from robot_link.messages import LogId, OnboardPlanState, RobotId, SystemId
 from robot_link.onboard import RobotLink
 from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog
@@ -23,7 +23,14 @@ from robot_link.transport.datagram import DatagramTransport
 from simulator.node.client import NodeClient
 from simulator.node.satellite import SatelliteClient
 from simulator.onboard.log import FileLog, NoLog, OnboardLog
-from simulator.onboard.memory import FileCommandMemory, FilePlanStore, FileValues, read_key
+from simulator.onboard.memory import (
+    FileCommandMemory,
+    FilePlanStore,
+    FileValues,
+    FlownPlan,
+    new_log,
+    read_key,
+)
 from simulator.onboard.own_parameters import OwnParameters
 from simulator.onboard.profile import FLIGHT_PROFILES
 from simulator.onboard.program import OnboardProgram
@@ -71,7 +78,7 @@ class Computer:
     ) -> None:
         self.program = program
         started_at = clock.now()
-        samples = MemorySampleLog(LogId(int(started_at.timestamp())))
+        samples = MemorySampleLog(_log_number(memory, started_at))
         plans = MemoryPlanStore() if memory is None else FilePlanStore(memory / "plan")
         talk = None if satellite is None else _talk_settings(satellite_config or SatelliteConfig())
         self.log: OnboardLog = NoLog() if memory is None else _log_in(memory, started_at)
@@ -87,6 +94,7 @@ class Computer:
         )
         if (mission := plans.load()) is not None:
             program.take_plan(mission)
+        self._flown = FlownPlan(None if memory is None else memory / "flown")
         self._noted = program.executive.mode, program.executive.plan_state
         self.link = RobotLink(
             system,
@@ -120,6 +128,8 @@ class Computer:
                 samples=samples,
                 clock=clock,
                 settings=talk,
+                plans=plans,
+                was_flown=self._flown.is_it,
                 note=self.log.note,
             )
 
@@ -146,8 +156,15 @@ class Computer:
         if before[0] is not told[0]:
             self.log.note(f"mode {executive.mode.name.lower()}")
         if before[1] is not told[1]:
+            self._note_flight(executive.plan_state)
             reason = f": {executive.reason}" if executive.reason else ""
             self.log.note(f"plan {executive.plan_state.name.lower()}{reason}")
+
+    def _note_flight(self, state: OnboardPlanState) -> None:
+        if state is OnboardPlanState.RUNNING:
+            self._flown.note(self.link.plan_hash)
+        elif state is OnboardPlanState.ON_BOARD:
+            self._flown.note(None)
 
     def report_state(self) -> None:
         """Tell the station where the robot believes to be, and write it down."""
@@ -183,6 +200,12 @@ def _waypoint_rules(vehicle: Vehicle, site: Site) -> WaypointRules:
         steepest_glide_deg=math.degrees(motion.glide_angle_max_rad),
         depth_max_m=site.water.depth_max_m,
     )
+
+
+def _log_number(memory: Path | None, started_at: datetime) -> LogId:
+    if memory is None:
+        return LogId(int(started_at.timestamp()))
+    return new_log(memory / "log-number", started_at)
 
 
 def _log_in(memory: Path, started_at: datetime) -> FileLog:

@@ -4,6 +4,8 @@
 The station downloads them; the oldest are deleted so that the disk never fills.
 """
 
+import logging
+from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Protocol, TextIO
@@ -19,6 +21,8 @@ _COLUMNS = (
     "time,north_m,east_m,depth_m,position_std_m,roll_rad,pitch_rad,heading_rad,net_buoyancy_kg,"
     "mass_position_m,tail_rad,battery_fraction,battery_v,mode,has_fix,energy_used"
 )
+
+_log = logging.getLogger(__name__)
 
 
 class OnboardLog(Protocol):
@@ -93,8 +97,9 @@ class FileLog:
 
     def close(self) -> None:
         """Write out what is held back."""
-        self._events.close()
-        self._track.close()
+        for file in (self._events, self._track):
+            with suppress(OSError):
+                file.close()
 
 
 def _opened(path: Path, header: str) -> TextIO:
@@ -105,5 +110,11 @@ def _opened(path: Path, header: str) -> TextIO:
 
 
 def _write(file: TextIO, line: str) -> None:
-    if not file.closed and file.tell() < _BYTES_MAX:
-        file.write(line + "\n")
+    """Write a line unless the file is full; a disk that takes no more ends the file."""
+    try:
+        if not file.closed and file.tell() < _BYTES_MAX:
+            file.write(line + "\n")
+    except OSError as error:
+        _log.warning("%s ends: %s", file.name, error)
+        with suppress(OSError):
+            file.close()

@@ -1,16 +1,26 @@
-"""What a robot remembers while it is switched off: files that are replaced whole or not at all."""
+"""What a robot remembers while it is switched off: files that are replaced whole or not at all.
+
+A disk that refuses must not bring a robot down that is flying: what cannot be kept is logged, and
+holds until the robot is switched off. Only a plan is not taken then.
+"""
 
 import json
+import logging
 import os
 from collections.abc import Sequence
+from datetime import datetime
 from pathlib import Path
 
-from robot_link.messages import CommandNumber
+from robot_link.messages import CommandNumber, LogId, PlanHash
 from robot_link.mission import Mission
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.blob import Blob, mission_of
 
 _KEY_BYTES = 32
+_DIGITS_MAX = 10
+"""Digits of a second since 1970."""
+
+_log = logging.getLogger(__name__)
 
 
 class KeyUnreadableError(Exception):
@@ -43,7 +53,11 @@ class FilePlanStore:
         return self._mission
 
     def replace(self, mission: Mission) -> None:
-        """Make a mission the plan on board, whole or not at all."""
+        """Make a mission the plan on board, whole or not at all.
+
+        Raises:
+            OSError: If the disk refuses; the plan on board is then what it was.
+        """
         blob = Blob.of(mission)
         replace_file(self._path, bytes((blob.codec,)) + blob.packed)
         self._mission = mission
@@ -72,7 +86,7 @@ class FileCommandMemory:
 
     def save(self, outcomes: Sequence[tuple[CommandNumber, int, CommandOutcome]]) -> None:
         """Replace what is kept."""
-        replace_file(self._path, json.dumps(list(outcomes)).encode())
+        _keep(self._path, json.dumps(list(outcomes)).encode())
 
 
 class FileValues:
@@ -91,7 +105,60 @@ class FileValues:
 
     def save(self, values: dict[str, float]) -> None:
         """Replace what is kept."""
-        replace_file(self._path, json.dumps(values, indent=1).encode())
+        _keep(self._path, json.dumps(values, indent=1).encode())
+
+
+class FlownPlan:
+    """Which plan on board was started already, so that no late copy of it starts it again.
+
+    Args:
+        path: The file; None forgets.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self._plan = "" if path is None else _text(path)
+
+    def note(self, plan: PlanHash | None) -> None:
+        """Note that a plan was started, or with None that the plan on board waits for START."""
+        wanted = plan or ""
+        if wanted == self._plan:
+            return
+        self._plan = wanted
+        if self._path is not None:
+            _keep(self._path, wanted.encode())
+
+    def is_it(self, plan: PlanHash) -> bool:
+        """Tell whether this plan was started."""
+        return plan == self._plan
+
+
+def new_log(path: Path, started_at: datetime) -> LogId:
+    """Return a number for a new log of samples, and remember that it is taken.
+
+    It is the second at which the robot was switched on. A clock that shows a second again, after
+    a quick restart or without a battery, must not give a number again: the station would take new
+    samples for old ones.
+    """
+    last = _text(path)
+    is_number = last.isdecimal() and len(last) <= _DIGITS_MAX
+    number = max(int(started_at.timestamp()), int(last) + 1 if is_number else 0)
+    _keep(path, str(number).encode())
+    return LogId(number)
+
+
+def _keep(path: Path, data: bytes) -> None:
+    try:
+        replace_file(path, data)
+    except OSError as error:
+        _log.warning("cannot keep %s: %s", path, error)
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="ascii").strip()
+    except (OSError, UnicodeDecodeError):
+        return ""
 
 
 def read_key(path: Path) -> bytes:

@@ -7,7 +7,8 @@ of it. The device is behind the satellite node; which one it is makes no differe
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Protocol
 
@@ -17,42 +18,40 @@ from robot_link.messages import (
     OnboardPlanState,
     PlanHash,
     RobotId,
-    Sample,
-    StateReport,
     SystemId,
 )
 from robot_link.mission import Mission
-from robot_link.onboard_settings import DigestSettings
-from robot_link.plan_desk import PlanOnBoard
+from robot_link.plan_store import PlanStore
 from robot_link.robot_program import CommandOutcome
 from robot_link.sample_log import SampleLog
-from robot_link.satellite.digest import choose
+from robot_link.satellite.blob import Blob
 from robot_link.satellite.receiver import Complete, Nothing, OrderReceived, Receiver
 from robot_link.satellite.record import (
     CommandAnswer,
-    MobileOriginatedContent,
-    Reason,
-    ShortPlanReport,
     TransferAck,
-    compose,
-    read_mobile_originated,
-    sample_room,
+    TransferState,
 )
 from simulator.node.satellite import SatelliteClient, SessionOutcome
 from simulator.node.wire import NodeError, NodeGoneError, NodeSilentError
 from simulator.onboard.satellite_policy import SESSIONS_MAX, CallLimits, CallPolicy, Situation
+from simulator.onboard.satellite_record import (
+    PLAN_DIGITS,
+    PlanTeller,
+    RecordWriter,
+    StateTeller,
+)
 
 _TICK_S = 0.05
 """Wall time between two looks at the situation."""
 _RADIO_WALL_S = 3.0
 """The station's radio is heard once a second of the wall, however fast the robot lives."""
-_DIGITS = 16
+_OVERTAKEN = "withdrawn: a plan came by radio meanwhile"
 _FLOWN = (OnboardPlanState.RUNNING, OnboardPlanState.DONE, OnboardPlanState.FAILED)
 
 _log = logging.getLogger(__name__)
 
 
-class Carried(Protocol):
+class Carried(PlanTeller, Protocol):
     """What the robot's link offers to the roads beside its radio; a ``RobotLink``."""
 
     @property
@@ -65,10 +64,6 @@ class Carried(Protocol):
         """Hash of the plan on board."""
         ...
 
-    def plan_report(self) -> PlanOnBoard:
-        """Return what is to be said of the plan on board."""
-        ...
-
     def take_mission(self, mission: Mission, *, start: bool) -> str:
         """Put a mission on board; return why it was refused, or ""."""
         ...
@@ -78,7 +73,7 @@ class Carried(Protocol):
         ...
 
 
-class Aboard(Protocol):
+class Aboard(StateTeller, Protocol):
     """What the talk asks of the onboard program."""
 
     is_talking: bool
@@ -92,15 +87,6 @@ class Aboard(Protocol):
     @property
     def surfaced_s(self) -> float:
         """How long the robot has been at the surface; 0 under water."""
-        ...
-
-    @property
-    def digest_settings(self) -> DigestSettings | None:
-        """What tells which samples change the map most, where a mission brought it."""
-        ...
-
-    def state_report(self) -> StateReport:
-        """Return what the robot believes of itself."""
         ...
 
 
@@ -127,6 +113,9 @@ class SatelliteTalk:
         samples: What it measured.
         clock: Its clock.
         settings: What the operator allows.
+        plans: The plan on board.
+        was_flown: Tells whether the plan on board of this hash was started already, before the
+            robot was switched off, too.
         note: Writes a sentence into the robot's log.
     """
 
@@ -143,24 +132,26 @@ class SatelliteTalk:
         samples: SampleLog,
         clock: Clock,
         settings: TalkSettings,
+        plans: PlanStore,
+        was_flown: Callable[[PlanHash], bool],
         note: Callable[[str], None] = _log.info,
     ) -> None:
         self._robot = robot
-        self._system = system
-        self._key = key
+        self._records = RecordWriter(robot, system, key, link, program, samples, clock)
         self._client = client
         self._rings = client.rings()
         self._receiver = receiver
         self._link = link
         self._program = program
-        self._samples = samples
         self._clock = clock
         self._settings = settings
+        self._plans = plans
+        self._was_flown = was_flown
+        self._on_board = link.plan_hash
         self._note = note
         self._policy = CallPolicy(settings.limits)
         self._has_rung = False
         self._told: frozenset[TransferAck | CommandAnswer] = frozenset()
-        self._said: set[int] = set()
         self.sessions = 0
         """Sessions since the program began."""
         self.refused = 0
@@ -168,11 +159,11 @@ class SatelliteTalk:
 
     async def run(self) -> None:
         """Call whenever a call is due, until cancelled."""
-        if pending := self._receiver.pending(self._link.plan_hash):
-            self._apply(pending)
+        self._resume()
         listening = asyncio.create_task(self._listen(), name=f"{self._robot} rings")
         try:
             while True:
+                self._make_way()
                 now = self._situation()
                 self._policy = replace(self._policy, limits=self._limits())
                 self._program.is_talking = self._policy.is_awaited(now)
@@ -183,6 +174,34 @@ class SatelliteTalk:
             self._program.is_talking = False
             listening.cancel()
             await asyncio.gather(listening, return_exceptions=True)
+
+    def _resume(self) -> None:
+        """Put on board what was complete when the robot was switched off."""
+        with self._disk_may_refuse():
+            if pending := self._receiver.pending(self._link.plan_hash):
+                self._apply(pending)
+
+    def _make_way(self) -> None:
+        """Give up the mission that is coming in where the radio brought another plan."""
+        on_board = self._link.plan_hash
+        if on_board == self._on_board:
+            return
+        self._on_board = on_board
+        mission = self._plans.load()
+        held = None if mission is None else Blob.of(mission).transfer_id
+        for ack in self._receiver.acks():
+            if ack.state is TransferState.RECEIVING and ack.transfer_id != held:
+                self._note("the mission that was coming by satellite gives way to one by radio")
+                with self._disk_may_refuse():
+                    self._receiver.refused(ack.transfer_id, _OVERTAKEN)
+
+    @contextmanager
+    def _disk_may_refuse(self) -> Generator[None]:
+        """Note where the memory of satellite messages cannot be written, and go on without."""
+        try:
+            yield
+        except OSError as error:
+            self._note(f"the memory of satellite messages cannot be written: {error}")
 
     async def _listen(self) -> None:
         async for _ in self._rings:
@@ -207,6 +226,13 @@ class SatelliteTalk:
     async def _call(self) -> None:
         """Hold one call."""
         self._program.is_talking = True
+        is_sent = False
+        with self._disk_may_refuse():
+            is_sent = await self._sessions()
+        self._policy = self._policy.called(self._situation(), is_sent=is_sent)
+
+    async def _sessions(self) -> bool:
+        """Hold the sessions of one call; return whether the last one came about."""
         for_ring, self._has_rung = self._has_rung, False
         is_sent = False
         for number in range(SESSIONS_MAX):
@@ -217,7 +243,7 @@ class SatelliteTalk:
             is_sent = outcome.is_sent
             if is_sent and record is not None:
                 self._told = said
-                self._remember(record)
+                self._records.taken_ashore(record)
             if outcome.received is not None:
                 self._take(outcome.received)
             if not is_sent:
@@ -227,7 +253,7 @@ class SatelliteTalk:
                 break
             if outcome.queued == 0 and not self._has_news:
                 break
-        self._policy = self._policy.called(self._situation(), is_sent=is_sent)
+        return is_sent
 
     async def _session(self, record: bytes | None, *, for_ring: bool) -> SessionOutcome:
         self.sessions += 1
@@ -245,6 +271,7 @@ class SatelliteTalk:
         return outcome
 
     def _take(self, data: bytes) -> None:
+        self._make_way()
         match self._receiver.take(data, self._clock.now()):
             case Complete() as complete:
                 self._apply(complete)
@@ -259,11 +286,16 @@ class SatelliteTalk:
     def _apply(self, complete: Complete) -> None:
         """Put a mission on board, unless it came and was flown by another road already."""
         plan = self._link.plan_report()
-        name = complete.mission.sha256()[:_DIGITS]
-        if plan.sha256 == complete.mission.sha256() and plan.state in _FLOWN:
-            refusal = ""
-        else:
-            refusal = self._link.take_mission(complete.mission, start=complete.start)
+        sha256 = complete.mission.sha256()
+        name = sha256[:PLAN_DIGITS]
+        is_flown = plan.state in _FLOWN or self._was_flown(sha256)
+        refusal = ""
+        if plan.sha256 != sha256 or not is_flown:
+            try:
+                refusal = self._link.take_mission(complete.mission, start=complete.start)
+            except OSError as error:
+                refusal = f"the robot cannot keep it: {error}"
+        self._on_board = self._link.plan_hash
         if refusal:
             self._receiver.refused(complete.transfer_id, refusal)
             self._note(f"mission {name} by satellite refused: {refusal}")
@@ -280,52 +312,10 @@ class SatelliteTalk:
         return not self._answers() <= self._told
 
     def _record(self, *, is_full: bool) -> bytes:
-        plan = self._link.plan_report()
-        content = MobileOriginatedContent(
-            counter=self._receiver.next_counter(),
-            state=self._program.state_report() if is_full else None,
-            plan=ShortPlanReport(
-                (plan.sha256 or "")[:_DIGITS],
-                plan.state,
-                plan.leg,
-                plan.legs,
-                plan.energy_used,
-                Reason.of(plan.reason),
-            ),
-            acks=self._receiver.acks(),
-            answers=self._receiver.answers(),
+        return self._records.record(
+            self._receiver.next_counter(),
+            self._receiver.acks(),
+            self._receiver.answers(),
+            self._settings.record_bytes,
+            is_full=is_full,
         )
-        most = self._settings.record_bytes
-        if is_full:
-            content = replace(content, samples=self._digest(sample_room(content, most)))
-        return compose(content, self._key, self._system, most)
-
-    def _digest(self, room: int) -> tuple[Sample, ...]:
-        """Return the samples that change the map most, within so many bytes of a record."""
-        kept = [number for number in self._samples.kept() if number not in self._said]
-        samples: list[Sample] = []
-        for number in kept:
-            measured = self._samples.get(number)
-            if measured is not None:
-                samples.append(
-                    Sample(
-                        robot=self._robot,
-                        log=self._samples.log,
-                        sequence=number,
-                        variable=measured.variable,
-                        value=measured.value,
-                        position_ned=measured.position_ned,
-                        position_std_m=measured.position_std_m,
-                        measured_at=measured.measured_at,
-                        received_at=measured.measured_at,
-                    )
-                )
-        return choose(samples, self._program.digest_settings, room)
-
-    def _remember(self, record: bytes) -> None:
-        """Note which samples a record that was taken ashore carried: they need not go again."""
-        content = read_mobile_originated(
-            record, self._key, self._system, self._robot, self._clock.now()
-        )
-        self._said |= {sample.sequence for sample in content.samples}
-        self._said &= set(self._samples.kept())

@@ -19,7 +19,9 @@ from simulator.onboard.memory import (
     FileCommandMemory,
     FilePlanStore,
     FileValues,
+    FlownPlan,
     KeyUnreadableError,
+    new_log,
     read_key,
 )
 from simulator.onboard.own_parameters import OwnParameters
@@ -136,6 +138,45 @@ def test_values_are_remembered_and_garbage_is_forgotten(tmp_path):
     for garbage in ("", "[1]", '{"A": "x"}', "null"):
         (tmp_path / "values.json").write_text(garbage)
         assert values.load() == {}
+
+
+def test_plan_that_was_started_is_remembered_until_it_waits_again(tmp_path):
+    plan, file = mission(*vee()).sha256(), tmp_path / "flown"
+    assert not FlownPlan(file).is_it(plan)
+    FlownPlan(file).note(plan)
+    assert FlownPlan(file).is_it(plan)
+    FlownPlan(file).note(None)
+    assert not FlownPlan(file).is_it(plan)
+
+
+def test_number_of_a_log_is_never_given_twice_though_the_clock_shows_a_second_again(tmp_path):
+    file = tmp_path / "log-number"
+    times = [EPOCH, EPOCH, EPOCH - timedelta(days=3), EPOCH + timedelta(days=1)]
+    numbers = [new_log(file, at) for at in times]
+    assert sorted(set(numbers)) == numbers
+    assert numbers[-1] == int(times[-1].timestamp())
+    file.write_text("nonsense")
+    assert new_log(file, EPOCH) == int(EPOCH.timestamp())
+
+
+def test_disk_that_refuses_does_not_bring_a_flying_robot_down(tmp_path, caplog):
+    folder = tmp_path / "memory"
+    folder.mkdir()
+    log = FileLog(folder / "log", EPOCH)
+    log._events.close()
+    log._events = open("/dev/full", "w", buffering=1, encoding="utf-8")  # noqa: SIM115
+    for _ in range(3):
+        log.note("the satellite rang")
+    log.close()
+    blocked = tmp_path / "file"
+    blocked.write_text("no folder")
+    FileCommandMemory(blocked / "commands.json").save([])
+    FileValues(blocked / "values.json").save({"A": 1.0})
+    FlownPlan(blocked / "flown").note(mission(*vee()).sha256())
+    with pytest.raises(OSError, match="file"):
+        FilePlanStore(blocked / "plan").replace(mission(*vee()))
+    assert caplog.text.count("cannot keep") == 3
+    assert caplog.text.count("/dev/full ends") == 1
 
 
 def test_key_that_is_none_names_its_file(tmp_path):

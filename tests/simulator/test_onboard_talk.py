@@ -5,9 +5,11 @@ import math
 from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
 from datetime import timedelta
+from itertools import pairwise
 
 import pytest
 
+from autonomy.planner import primitive
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
@@ -20,11 +22,12 @@ from robot_link.messages import (
 )
 from robot_link.mission import Mission
 from robot_link.plan_desk import PlanOnBoard
+from robot_link.plan_store import MemoryPlanStore
 from robot_link.robot_program import CommandOutcome
 from robot_link.sample_log import Measurement, MemorySampleLog
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import cut
-from robot_link.satellite.content import TransferState
+from robot_link.satellite.content import Reason, TransferState
 from robot_link.satellite.order import pack_order
 from robot_link.satellite.receiver import MemoryStore, Receiver
 from robot_link.satellite.record import read_mobile_originated
@@ -33,7 +36,7 @@ from simulator.node.satellite import SatelliteClient
 from simulator.onboard.satellite_policy import CallLimits
 from simulator.onboard.satellite_talk import SatelliteTalk, TalkSettings
 from tests.robot_link.rig import until
-from tests.simulator.flight import EPOCH, mission, two_dives
+from tests.simulator.flight import EPOCH, TANK_PLANNER, mission, two_dives
 from tests.simulator.satellite_rig import IMEI, cellular, fast_clock, heard, iridium, network
 
 ROBOT, SYSTEM, KEY = RobotId("grace-1"), SystemId(2), bytes(range(32))
@@ -70,6 +73,8 @@ class Link:
     taken: list[tuple[str, bool]] = field(default_factory=list)
     commands: list[CommandKind] = field(default_factory=list)
     last_heard_station_s: float = math.inf
+    plans: MemoryPlanStore = field(default_factory=MemoryPlanStore)
+    flown: set[str] = field(default_factory=set)
 
     @property
     def plan_hash(self):
@@ -81,6 +86,7 @@ class Link:
     def take_mission(self, taken: Mission, *, start: bool) -> str:
         self.taken.append((taken.sha256(), start))
         if not self.refusal:
+            self.plans.replace(taken)
             state = OnboardPlanState.RUNNING if start else OnboardPlanState.ON_BOARD
             self.plan = PlanOnBoard(taken.sha256(), state, 0, len(taken.legs), 0.0, "")
         return self.refusal
@@ -118,6 +124,7 @@ class Rig:
     ashore: list[bytes]
     sky: object
     store: MemoryStore
+    notes: list[str]
 
     def records(self):
         return [
@@ -139,7 +146,7 @@ async def talking(kind, folder, *, store: MemoryStore | None = None, link: Link 
         place = (float(n), float(7 * n % 11), 3.0)
         samples.append(Measurement("chlorophyll", 2.0 + 0.1 * n, place, 3.0, EPOCH))
     async with kind(sky, folder) as node:
-        rig_link, program = link or Link(), Afloat(clock)
+        rig_link, program, notes = link or Link(), Afloat(clock), []
         talk = SatelliteTalk(
             ROBOT,
             SYSTEM,
@@ -151,13 +158,25 @@ async def talking(kind, folder, *, store: MemoryStore | None = None, link: Link 
             samples=samples,
             clock=clock,
             settings=TalkSettings(CallLimits(20.0, 600.0), 205),
+            plans=rig_link.plans,
+            was_flown=rig_link.flown.__contains__,
+            note=notes.append,
         )
         async with alongside(talk.run(), "talk"):
-            yield Rig(talk, rig_link, program, samples, ashore, sky, store)
+            yield Rig(talk, rig_link, program, samples, ashore, sky, store, notes)
 
 
 def parts(plan: Mission, counter: int = 2, *, start: bool = True) -> tuple[bytes, ...]:
     return cut(Blob.of(plan), KEY, SYSTEM, counter, start=start, ack_seen=False)
+
+
+def long_plan() -> Mission:
+    """A plan that takes two messages: legs without a pattern."""
+    places = [
+        (0.5 + 0.3 * math.sin(7.3 * n), 0.5 + 0.3 * math.sin(3.1 * n * n), 0.3 * (n % 2))
+        for n in range(61)
+    ]
+    return mission(*(primitive.glide(TANK_PLANNER, a, b) for a, b in pairwise(places)))
 
 
 KINDS = pytest.mark.parametrize("kind", [iridium, cellular])
@@ -208,6 +227,71 @@ async def test_mission_that_came_and_was_flown_by_radio_is_not_flown_again(tmp_p
             rig.sky.accept(IMEI, part)
         await until(lambda: TransferState.APPLIED in rig.states())
         assert rig.link.taken == []
+
+
+async def test_plan_that_was_flown_before_the_robot_was_switched_off_is_not_flown_again(tmp_path):
+    plan = mission(*two_dives())
+    waiting = PlanOnBoard(plan.sha256(), OnboardPlanState.ON_BOARD, 0, 4, 0.0, "")
+    link = Link(plan=waiting, flown={plan.sha256()})
+    async with talking(iridium, tmp_path, link=link) as rig:
+        for part in parts(plan):
+            rig.sky.accept(IMEI, part)
+        await until(lambda: TransferState.APPLIED in rig.states())
+        assert rig.link.taken == []
+
+
+async def test_mission_of_which_a_part_came_gives_way_to_a_plan_by_radio(tmp_path):
+    old, new = parts(long_plan()), mission(*two_dives())
+    assert len(old) > 1
+    async with talking(iridium, tmp_path) as rig:
+        rig.sky.accept(IMEI, old[0])
+        await until(lambda: TransferState.RECEIVING in rig.states())
+        rig.link.take_mission(new, start=False)
+        for part in old[1:]:
+            rig.sky.accept(IMEI, part)
+        await until(lambda: TransferState.REFUSED in rig.states())
+        assert rig.link.taken == [(new.sha256(), False)]
+        acks = [ack for record in rig.records() for ack in record.acks]
+        assert acks[-1].reason is Reason.WITHDRAWN
+
+
+async def test_mission_of_which_a_part_came_stays_where_the_radio_brought_the_same(tmp_path):
+    plan = long_plan()
+    async with talking(iridium, tmp_path) as rig:
+        rig.sky.accept(IMEI, parts(plan)[0])
+        await until(lambda: TransferState.RECEIVING in rig.states())
+        rig.link.take_mission(plan, start=False)
+        for part in parts(plan)[1:]:
+            rig.sky.accept(IMEI, part)
+        await until(lambda: TransferState.APPLIED in rig.states())
+        assert TransferState.REFUSED not in rig.states()
+        assert rig.link.taken[-1] == (plan.sha256(), True)
+
+
+class FullDisk(MemoryStore):
+    """A store that can be full."""
+
+    is_full = False
+
+    def save(self, data: bytes) -> None:
+        if self.is_full:
+            raise OSError(28, "No space left on device")
+        super().save(data)
+
+
+async def test_disk_that_refuses_ends_a_call_and_not_the_robot(tmp_path):
+    plan, store = mission(*two_dives()), FullDisk()
+    async with talking(iridium, tmp_path, store=store) as rig:
+        await until(lambda: bool(rig.records()))
+        store.is_full = True
+        for part in parts(plan):
+            rig.sky.accept(IMEI, part)
+        await until(lambda: any("cannot be written" in note for note in rig.notes))
+        store.is_full = False
+        for part in parts(plan):
+            rig.sky.accept(IMEI, part)
+        await until(lambda: TransferState.APPLIED in rig.states())
+        assert len(rig.link.taken) == 1
 
 
 async def test_order_is_obeyed_once_and_answered_over_a_restart(tmp_path):
