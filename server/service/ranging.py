@@ -114,14 +114,6 @@ class Ranging:
                 bench.modem.set_plugged(is_plugged)
                 self._report(bench)
 
-    async def ping(self, robot: RobotId) -> RangeMeasurement | None:
-        """Measure and keep the range to one robot now; None if it has no acoustic modem."""
-        for bench in self._benches:
-            for ear in bench.ears:
-                if ear.robot == robot:
-                    return await self._measure(bench, ear)
-        return None
-
     async def stop(self) -> None:
         """Give every modem up."""
         for bench in self._benches:
@@ -170,7 +162,7 @@ class Ranging:
             period_s = bench.modem.config.period_s / self._clock.speed
             await asyncio.sleep(max(period_s, _LEAST_PERIOD_S))
 
-    async def _measure(self, bench: _Bench, ear: _Ear) -> RangeMeasurement:
+    async def _measure(self, bench: _Bench, ear: _Ear) -> None:
         await self._configure(bench, ear)
         found = await bench.modem.ping(ear.address.peer)
         if found.is_valid:
@@ -178,7 +170,6 @@ class Ranging:
             ear.answers += 1
         self._report(bench)
         await self._keep(found)
-        return found
 
     async def _configure(self, bench: _Bench, ear: _Ear) -> None:
         """Use what the operator has set by now; while it cannot be read, what held before."""

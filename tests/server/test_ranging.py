@@ -114,7 +114,9 @@ async def test_the_speed_of_sound_that_the_operator_sets_holds_from_the_next_ran
         await kept(service.store, GRACE, 1)
         configurations = service.app.state.foundation.configurations
         await configurations.patch("acoustic", GRACE, {"sound_speed_m_s": 1400.0}, by="test")
-        assert (await service.ping(GRACE)).range_m == pytest.approx(1.4)
+        before = len(await kept(service.store, GRACE, 1))
+        (newest, *_) = await kept(service.store, GRACE, before + 1)
+        assert newest.range_m == pytest.approx(1.4)
 
 
 async def test_a_pulled_plug_stops_the_asking_and_is_shown(tmp_path):
@@ -124,7 +126,8 @@ async def test_a_pulled_plug_stops_the_asking_and_is_shown(tmp_path):
         await service.set_robots([robot((LINK,))])
         report = await shown(reports, GRACE, LinkState.UNPLUGGED)
         assert not report.is_plugged
-        assert (await service.ping(GRACE)).reason == "the modem is not there"
+        assert await kept(service.store, GRACE, 0) == []
+        assert fake.commands == []
         service.set_plugged(LINK, is_plugged=True)
         await shown(reports, GRACE, LinkState.LIVE)
 
@@ -136,7 +139,6 @@ async def test_links_that_stay_keep_their_modem_and_links_that_go_lose_it(tmp_pa
             await service.set_robots([robot((LINK, "xbee:///dev/ttyUSB0"))])
         assert service.opened == [{GRACE: LINK}]
         await service.set_robots([robot(("xbee:///dev/ttyUSB0",))])
-        assert await service.ping(GRACE) is None
         await service.set_robots([robot((LINK,)), mini()])
         assert service.opened == [{GRACE: LINK}, {GRACE: LINK, MINI: OTHER}]
 
@@ -151,7 +153,6 @@ async def test_links_that_name_one_modem_twice_are_left_alone(tmp_path):
 
         service._open = refuse
         await service.set_robots([robot((LINK,)), strange])
-        assert await service.ping(GRACE) is None
     assert reports == []
 
 
