@@ -3,6 +3,7 @@
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Sequence
+from dataclasses import dataclass, field
 from datetime import datetime
 
 from robot_link.clock import Clock, monotonic_s, set_or_after
@@ -12,7 +13,6 @@ from robot_link.mavlink.wire import grace
 from robot_link.messages import CommandKind, PlanHash, StateReport, SystemId
 from robot_link.plan_desk import PlanDesk
 from robot_link.robot_program import RobotProgram
-from robot_link.service.asker import AskerServices
 from robot_link.service.clock_sync import time_answer
 from robot_link.service.file_server import FileServer
 from robot_link.service.file_store import FileStore
@@ -26,7 +26,7 @@ from robot_link.service.standard_telemetry import (
     autopilot_version,
     telemetry_message,
 )
-from robot_link.service.stream import StreamBudget
+from robot_link.service.stream import StreamBudget, Streams
 from robot_link.service.waypoint_mission import (
     WaypointRefusal,
     WaypointRules,
@@ -42,6 +42,25 @@ _HELD_ELSEWHERE = "the robot's own station holds it"
 
 
 Send = Callable[[Address, WireMessage], Awaitable[None]]
+
+
+@dataclass(slots=True)
+class _AskerServices:
+    """What is kept for one ground station while it is heard."""
+
+    asker: Asker
+    address: Address
+    """Its radio."""
+    heard_s: float
+    parameters: ParameterServer
+    files: FileServer
+    missions: MissionServer
+    streams: Streams = field(default_factory=Streams)
+
+    @property
+    def system(self) -> SystemId:
+        """Its system id."""
+        return self.asker.system
 
 
 class ServiceDesk:
@@ -92,7 +111,7 @@ class ServiceDesk:
         self._reply = reply
         self._station_heard_s = station_heard_s
         self._began_at: datetime = clock.now()
-        self._askers: dict[tuple[SystemId, int], AskerServices] = {}
+        self._askers: dict[tuple[SystemId, int], _AskerServices] = {}
         self._stirred = asyncio.Event()
         self._uploaded: tuple[PlanHash, tuple[StandardItem, ...]] | None = None
         self.state: StateReport | None = None
@@ -169,7 +188,7 @@ class ServiceDesk:
             idle_s = self._answer_s / 4 if self._askers else None
             await set_or_after(self._stirred, _TICK_S if is_streaming else idle_s)
 
-    async def _send_streams(self, one: AskerServices, budget: StreamBudget, send: Send) -> None:
+    async def _send_streams(self, one: _AskerServices, budget: StreamBudget, send: Send) -> None:
         if self.state is None or self._rules is None:
             return
         source = TelemetrySource(self.state, self._began_at, self._rules)
@@ -177,14 +196,14 @@ class ServiceDesk:
             if (message := telemetry_message(message_id, source)) is not None:
                 await send(one.address, message)
 
-    def _services(self, message: WireMessage, address: Address, now_s: float) -> AskerServices:
+    def _services(self, message: WireMessage, address: Address, now_s: float) -> _AskerServices:
         key = (SystemId(message.get_srcSystem()), message.get_srcComponent())
         one = self._askers.get(key)
         if one is None:
             while len(self._askers) >= _ASKERS:
                 del self._askers[min(self._askers, key=lambda old: self._askers[old].heard_s)]
             asker = Asker(*key)
-            one = self._askers[key] = AskerServices(
+            one = self._askers[key] = _AskerServices(
                 asker,
                 address,
                 now_s,
@@ -200,10 +219,10 @@ class ServiceDesk:
         one.address, one.heard_s = address, now_s
         return one
 
-    def _is_heard(self, one: AskerServices, now_s: float) -> bool:
+    def _is_heard(self, one: _AskerServices, now_s: float) -> bool:
         return now_s - one.heard_s <= self._master_s
 
-    def _reply_all(self, one: AskerServices, messages: Sequence[WireMessage]) -> None:
+    def _reply_all(self, one: _AskerServices, messages: Sequence[WireMessage]) -> None:
         for message in messages:
             self._reply(one.address, message)
 
@@ -236,7 +255,7 @@ class ServiceDesk:
             return ()
         return waypoints_of_mission(mission, self._rules)
 
-    def _command(self, one: AskerServices, message: grace.MAVLink_command_long_message) -> None:
+    def _command(self, one: _AskerServices, message: grace.MAVLink_command_long_message) -> None:
         message_id = int(message.param1) if math.isfinite(message.param1) else _NO_MESSAGE
         match message.command:
             case grace.MAV_CMD_REQUEST_MESSAGE:
@@ -258,7 +277,7 @@ class ServiceDesk:
                 result = grace.MAV_RESULT_UNSUPPORTED
         self._acknowledge(one, message.command, result)
 
-    def _acknowledge(self, one: AskerServices, command: int, result: int) -> None:
+    def _acknowledge(self, one: _AskerServices, command: int, result: int) -> None:
         self._reply(
             one.address,
             grace.MAVLink_command_ack_message(
@@ -269,7 +288,7 @@ class ServiceDesk:
             ),
         )
 
-    def _send_requested(self, one: AskerServices, message_id: int) -> int:
+    def _send_requested(self, one: _AskerServices, message_id: int) -> int:
         if message_id == grace.MAVLINK_MSG_ID_AUTOPILOT_VERSION:
             self._reply(one.address, autopilot_version(self._system))
             return grace.MAV_RESULT_ACCEPTED
@@ -282,7 +301,7 @@ class ServiceDesk:
         self._reply(one.address, message)
         return grace.MAV_RESULT_ACCEPTED
 
-    def _obey(self, one: AskerServices, kind: CommandKind) -> int:
+    def _obey(self, one: _AskerServices, kind: CommandKind) -> int:
         """Act on a command that has no number: each kind means the same if heard twice."""
         if self._write_refusal(one.asker):
             return grace.MAV_RESULT_DENIED

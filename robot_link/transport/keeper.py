@@ -2,7 +2,8 @@
 
 import asyncio
 import logging
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
+from typing import Any
 
 from robot_link.transport.datagram import PortChanged, TransportEvent
 
@@ -100,3 +101,44 @@ class PortKeeper:
                 await self._out.wait()
         except TimeoutError:
             pass
+
+
+class KeptTransport:
+    """The part of a ``DatagramTransport`` that is the same for all whose port is kept open."""
+
+    def __init__(self, name: str, serve: Callable[[], Awaitable[str]], reopen_s: float) -> None:
+        """Keep a port; see ``PortKeeper``."""
+        self._keeper = PortKeeper(name, serve, reopen_s)
+
+    @property
+    def is_plugged(self) -> bool:
+        """Whether the operator lets the port be open."""
+        return self._keeper.is_plugged
+
+    def set_plugged(self, is_plugged: bool) -> None:
+        """Pull the plug, which closes the port, or put it back."""
+        self._keeper.set_plugged(is_plugged)
+
+    async def run(self) -> None:
+        """Open, serve and open again until cancelled."""
+        await self._keeper.run()
+
+    def events(self) -> AsyncIterator[TransportEvent]:
+        """Yield what the port brings, in order, until cancelled; for one reader."""
+        return self._keeper.events()
+
+
+async def first_to_end(*works: tuple[str, Coroutine[Any, Any, str]]) -> str:
+    """Do several things about an open port until one of them ends; return what that one says.
+
+    Args:
+        works: Each with a name for people.
+    """
+    tasks = [asyncio.create_task(work, name=name) for name, work in works]
+    try:
+        done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+        return next(task for task in tasks if task in done).result()
+    finally:
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)

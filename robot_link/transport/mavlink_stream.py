@@ -6,7 +6,7 @@ Nothing confirms that a frame arrived.
 """
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 
 from robot_link.mavlink.frame import MavlinkFrameReader
@@ -18,9 +18,8 @@ from robot_link.transport.datagram import (
     Garbled,
     PortClosedError,
     Received,
-    TransportEvent,
 )
-from robot_link.transport.keeper import PortKeeper
+from robot_link.transport.keeper import KeptTransport, first_to_end
 from robot_link.transport.port import Port
 
 
@@ -36,7 +35,7 @@ class StreamTiming:
     """Time between two attempts to open the port."""
 
 
-class MavlinkStream:
+class MavlinkStream(KeptTransport):
     """Carries MAVLink frames over a byte stream to one far end. Belongs to one event loop."""
 
     def __init__(
@@ -64,27 +63,10 @@ class MavlinkStream:
         self._open_port = open_port
         self._frame_bytes = frame_bytes
         self._timing = timing or StreamTiming()
-        self._keeper = PortKeeper(carrier, self._serve, self._timing.reopen_s)
+        super().__init__(carrier, self._serve, self._timing.reopen_s)
         self._port: Port | None = None
         self._writing = asyncio.Lock()
         self._stuck = asyncio.Event()
-
-    @property
-    def is_plugged(self) -> bool:
-        """Whether the operator lets the port be open."""
-        return self._keeper.is_plugged
-
-    def set_plugged(self, is_plugged: bool) -> None:
-        """Pull the plug, or put it back."""
-        self._keeper.set_plugged(is_plugged)
-
-    async def run(self) -> None:
-        """Open, serve and open again until cancelled."""
-        await self._keeper.run()
-
-    def events(self) -> AsyncIterator[TransportEvent]:
-        """Yield what the stream brings, in order, until cancelled; for one reader."""
-        return self._keeper.events()
 
     async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
         """Write frames; whoever is at the far end gets them, whatever the address."""
@@ -113,18 +95,19 @@ class MavlinkStream:
         self._stuck.clear()
         self.max_payload = self._frame_bytes
         self._keeper.opened()
-        reading = asyncio.create_task(self._read(self._port), name=f"{self.carrier} read")
-        watching = asyncio.create_task(self._stuck.wait(), name=f"{self.carrier} watch")
         try:
-            await asyncio.wait((reading, watching), return_when=asyncio.FIRST_COMPLETED)
-            return reading.result() if reading.done() else "the far side takes no bytes"
+            return await first_to_end(
+                (f"{self.carrier} read", self._read(self._port)),
+                (f"{self.carrier} watch", self._watch()),
+            )
         finally:
-            reading.cancel()
-            watching.cancel()
-            await asyncio.gather(reading, watching, return_exceptions=True)
             self.max_payload = 0
             self._port.close()
             self._port = None
+
+    async def _watch(self) -> str:
+        await self._stuck.wait()
+        return "the far side takes no bytes"
 
     async def _read(self, port: Port) -> str:
         frames = MavlinkFrameReader()

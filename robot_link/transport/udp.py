@@ -12,7 +12,6 @@ seconds and another speaks; packets of others are dropped and counted.
 import asyncio
 import math
 import socket
-from collections.abc import AsyncIterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -25,9 +24,8 @@ from robot_link.transport.datagram import (
     Garbled,
     PortClosedError,
     Received,
-    TransportEvent,
 )
-from robot_link.transport.keeper import PortKeeper
+from robot_link.transport.keeper import KeptTransport
 from robot_link.transport.uri import LinkUri
 
 _PACKET_BYTES = 1200
@@ -45,7 +43,7 @@ class UdpTiming:
     """Time between two attempts to open the socket."""
 
 
-class UdpTransport:
+class UdpTransport(KeptTransport):
     """Carries datagrams to one far end. Belongs to one event loop."""
 
     carrier = "udp"
@@ -62,27 +60,10 @@ class UdpTransport:
         self._port = port
         self._listens = listens
         self._timing = timing or UdpTiming()
-        self._keeper = PortKeeper(self.carrier, self._serve, self._timing.reopen_s)
+        super().__init__(self.carrier, self._serve, self._timing.reopen_s)
         self._socket: asyncio.DatagramTransport | None = None
         self._far_end: tuple[Any, ...] | None = None
         self._heard_s = 0.0
-
-    @property
-    def is_plugged(self) -> bool:
-        """Whether the operator lets the socket be open."""
-        return self._keeper.is_plugged
-
-    def set_plugged(self, is_plugged: bool) -> None:
-        """Pull the plug, or put it back."""
-        self._keeper.set_plugged(is_plugged)
-
-    async def run(self) -> None:
-        """Open, serve and open again until cancelled."""
-        await self._keeper.run()
-
-    def events(self) -> AsyncIterator[TransportEvent]:
-        """Yield what the socket brings, in order, until cancelled; for one reader."""
-        return self._keeper.events()
 
     async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
         """Send a packet to the far end, whatever the address."""

@@ -14,7 +14,7 @@ radio is in the air where its firmware does not.
 """
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
@@ -28,9 +28,8 @@ from robot_link.transport.datagram import (
     Garbled,
     PortClosedError,
     Received,
-    TransportEvent,
 )
-from robot_link.transport.keeper import PortKeeper
+from robot_link.transport.keeper import KeptTransport, first_to_end
 from robot_link.transport.port import Port, SerialPort, TcpPort
 from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee_frame import (
@@ -90,7 +89,7 @@ class XBeeTiming:
     """Time between two attempts to open the port."""
 
 
-class XBeeTransport:
+class XBeeTransport(KeptTransport):
     """Carries datagrams to the radios of one XBee network through one port.
 
     Belongs to one event loop. A port that fails, hangs up or falls silent is opened again until
@@ -119,7 +118,7 @@ class XBeeTransport:
         self._mode: ApiMode = mode
         self._timing = timing or XBeeTiming()
         self._port: Port | None = None
-        self._keeper = PortKeeper("XBee", self._serve, self._timing.reopen_s)
+        super().__init__("XBee", self._serve, self._timing.reopen_s)
         self._writing = asyncio.Lock()
         self._window = asyncio.Semaphore(self._timing.window)
         self._sent: dict[int, tuple[asyncio.Future[Delivery], asyncio.TimerHandle]] = {}
@@ -135,23 +134,6 @@ class XBeeTransport:
         """The radio's own address; None while the port is closed."""
         self.bytes_per_s = BYTES_PER_S[rate_kbit_s or 200]
         """Telemetry that the network's air may carry."""
-
-    async def run(self) -> None:
-        """Open, serve and open again until cancelled."""
-        await self._keeper.run()
-
-    def events(self) -> AsyncIterator[TransportEvent]:
-        """Yield what the radio brings, in order, until cancelled; for one reader."""
-        return self._keeper.events()
-
-    @property
-    def is_plugged(self) -> bool:
-        """Whether the operator lets the port be open."""
-        return self._keeper.is_plugged
-
-    def set_plugged(self, is_plugged: bool) -> None:
-        """Pull the plug, or put it back."""
-        self._keeper.set_plugged(is_plugged)
 
     async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
         """Hand a datagram to the radio; see ``DatagramTransport.send``."""
@@ -185,15 +167,11 @@ class XBeeTransport:
             self._port = await self._open_port()
         except OSError as error:
             return str(error)
-        reading = asyncio.create_task(self._read(self._port), name="XBee read")
-        watching = asyncio.create_task(self._watch(), name="XBee watch")
         try:
-            done, _ = await asyncio.wait((reading, watching), return_when=asyncio.FIRST_COMPLETED)
-            return done.pop().result()
+            return await first_to_end(
+                ("XBee read", self._read(self._port)), ("XBee watch", self._watch())
+            )
         finally:
-            reading.cancel()
-            watching.cancel()
-            await asyncio.gather(reading, watching, return_exceptions=True)
             self._close()
 
     def _close(self) -> None:
