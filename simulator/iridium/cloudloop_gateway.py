@@ -14,19 +14,18 @@ import base64
 import hashlib
 import json
 import uuid
-from collections.abc import AsyncGenerator
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager
 from datetime import datetime
 from http import HTTPStatus
 from typing import Final
 
-from simulator.background import alongside
 from simulator.iridium.acceptance import Reason, RefusedError
-from simulator.iridium.http_server import Answer, Request, http_server
+from simulator.iridium.http_server import Answer, Request
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.push import Pusher, RetrySchedule
 from simulator.iridium.session import MobileOriginatedMessage
 from simulator.iridium.subscriber import Subscriber
+from simulator.iridium.web_service import WebService
 from simulator.iridium.webhook import Webhook
 
 PATH = "/Data/DoSendSbdMessage"
@@ -62,27 +61,10 @@ class CloudloopGateway:
         self.webhook = Webhook(push_url, ANSWER_TIMEOUT_S)
         self.pusher = Pusher(self._push, SCHEDULE, network.clock, network.settle)
 
-    @asynccontextmanager
-    async def serve(self, host: str = "127.0.0.1", port: int = 0) -> AsyncGenerator[str]:
-        """Serve until the context is left.
-
-        Yields:
-            The URL that takes messages to modems.
-
-        Raises:
-            ValueError: If the host is not this machine itself.
-            OSError: If the port is taken.
-        """
-        stop_listening = self._network.on_message("cloudloop", self._take)
-        try:
-            async with (
-                self.webhook.opened(),
-                http_server(self.respond, host, port) as url,
-                alongside(self.pusher.run(), "Cloudloop pushes"),
-            ):
-                yield url + PATH
-        finally:
-            stop_listening()
+    def serve(self, host: str = "127.0.0.1", port: int = 0) -> AbstractAsyncContextManager[str]:
+        """Serve until the context is left; see ``WebService.opened``."""
+        service = WebService("cloudloop", PATH, self.respond, self._take, self.pusher, self.webhook)
+        return service.opened(self._network, host, port)
 
     def respond(self, request: Request) -> Answer | None:
         """Answer a customer."""

@@ -8,8 +8,7 @@ iridium_longitude, iridium_cep, data`` and a ``JWT`` that repeats them, signed w
 Source: Ground Control, RockBLOCK web services, "Sending an MT message", "Receiving an MO message".
 """
 
-from collections.abc import AsyncGenerator
-from contextlib import asynccontextmanager
+from contextlib import AbstractAsyncContextManager
 from enum import IntEnum
 from http import HTTPStatus
 from typing import Literal
@@ -17,12 +16,12 @@ from typing import Literal
 import jwt
 from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
 
-from simulator.background import alongside
 from simulator.iridium.acceptance import Reason, RefusedError
-from simulator.iridium.http_server import Answer, Request, http_server
+from simulator.iridium.http_server import Answer, Request
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.push import Pusher, RetrySchedule
 from simulator.iridium.session import MobileOriginatedMessage
+from simulator.iridium.web_service import WebService
 from simulator.iridium.webhook import Webhook
 
 PATH = "/rockblock/MT"
@@ -89,27 +88,10 @@ class RockBlockGateway:
         self.webhook = Webhook(push_url, ANSWER_TIMEOUT_S)
         self.pusher = Pusher(self._push, SCHEDULE, network.clock, network.settle)
 
-    @asynccontextmanager
-    async def serve(self, host: str = "127.0.0.1", port: int = 0) -> AsyncGenerator[str]:
-        """Serve until the context is left.
-
-        Yields:
-            The URL that takes messages to modems.
-
-        Raises:
-            ValueError: If the host is not this machine itself.
-            OSError: If the port is taken.
-        """
-        stop_listening = self._network.on_message("rockblock", self._take)
-        try:
-            async with (
-                self.webhook.opened(),
-                http_server(self.respond, host, port) as url,
-                alongside(self.pusher.run(), "RockBLOCK pushes"),
-            ):
-                yield url + PATH
-        finally:
-            stop_listening()
+    def serve(self, host: str = "127.0.0.1", port: int = 0) -> AbstractAsyncContextManager[str]:
+        """Serve until the context is left; see ``WebService.opened``."""
+        service = WebService("rockblock", PATH, self.respond, self._take, self.pusher, self.webhook)
+        return service.opened(self._network, host, port)
 
     def respond(self, request: Request) -> Answer | None:
         """Answer a customer."""
