@@ -46,49 +46,40 @@ class Reason(IntEnum):
     @property
     def sentence(self) -> str:
         """Return the words, "" for NONE."""
-        return _SENTENCES[self]
+        return "" if self is Reason.NONE else _WORDS[self][1]
 
     @classmethod
     def of(cls, sentence: str) -> "Reason":
         """Return the reason that a robot's sentence says; OTHER for one that is not listed."""
         if not sentence:
             return cls.NONE
-        return next((reason for reason, mark in _MARKS.items() if mark in sentence), cls.OTHER)
+        return next(reason for reason, (mark, _) in _WORDS.items() if mark in sentence)
 
 
-_SENTENCES = {
-    Reason.NONE: "",
-    Reason.OTHER: "the robot's reason is longer than a satellite message",
-    Reason.MISSION_RUNS: "a mission is running: wait for its end, or surface the robot",
-    Reason.COMING_UP: "the robot is coming up",
-    Reason.SURFACED_BY_COMMAND: SURFACED_BY_COMMAND,
-    Reason.TIMEOUT: "the mission took longer than it may",
-    Reason.BATTERY: "the battery is below its reserve",
-    Reason.UNCERTAIN: "the position is too uncertain",
-    Reason.FLOOR: "the floor is near",
-    Reason.SHORE: "a wall or the shore is near",
-    Reason.NO_LEGS: "the plan has no legs",
-    Reason.LEAVES_WATER: "a leg leaves the water",
-    Reason.NO_SPEED: "a leg has no speed",
-    Reason.TRIM: "the trim is more than the robot's limits allow",
-    Reason.WITHDRAWN: "it was withdrawn, or the robot was told to surface after it was sent",
+_WORDS = {
+    Reason.MISSION_RUNS: (
+        "a mission is running",
+        "a mission is running: wait for its end, or surface the robot",
+    ),
+    Reason.COMING_UP: ("coming up", "the robot is coming up"),
+    Reason.SURFACED_BY_COMMAND: (SURFACED_BY_COMMAND, SURFACED_BY_COMMAND),
+    Reason.TIMEOUT: ("the mission took longer", "the mission took longer than it may"),
+    Reason.BATTERY: ("the battery is below", "the battery is below its reserve"),
+    Reason.UNCERTAIN: ("position is too uncertain", "the position is too uncertain"),
+    Reason.FLOOR: ("the floor is near", "the floor is near"),
+    Reason.SHORE: ("the shore is near", "a wall or the shore is near"),
+    Reason.NO_LEGS: ("no legs", "the plan has no legs"),
+    Reason.LEAVES_WATER: ("leaves the water", "a leg leaves the water"),
+    Reason.NO_SPEED: ("no speed", "a leg has no speed"),
+    Reason.TRIM: ("trim", "the trim is more than the robot's limits allow"),
+    Reason.WITHDRAWN: (
+        "withdrawn",
+        "it was withdrawn, or the robot was told to surface after it was sent",
+    ),
+    Reason.OTHER: ("", "a reason that the robot can only tell by radio"),
 }
-_MARKS = {
-    Reason.MISSION_RUNS: "a mission is running",
-    Reason.COMING_UP: "coming up",
-    Reason.SURFACED_BY_COMMAND: SURFACED_BY_COMMAND,
-    Reason.TIMEOUT: "the mission took longer",
-    Reason.BATTERY: "the battery is below",
-    Reason.UNCERTAIN: "position is too uncertain",
-    Reason.FLOOR: "the floor is near",
-    Reason.SHORE: "the shore is near",
-    Reason.NO_LEGS: "no legs",
-    Reason.LEAVES_WATER: "leaves the water",
-    Reason.NO_SPEED: "no speed",
-    Reason.TRIM: "trim",
-    Reason.WITHDRAWN: "withdrawn",
-}
-"""What tells a robot's sentence; numbers and names within it do not travel."""
+"""What tells a robot's sentence, the last of them any; and what is said of it ashore: numbers and
+names within it do not travel."""
 
 
 @dataclass(frozen=True, slots=True)
