@@ -1,6 +1,7 @@
 """The robot's side of every service; what the onboard program talks through."""
 
 import asyncio
+import logging
 import math
 from contextlib import suppress
 from datetime import datetime
@@ -23,9 +24,7 @@ from robot_link.messages import (
     OnboardPlanState,
     PlanHash,
     PositionNed,
-    RobotId,
     RobotMode,
-    Sample,
     StateReport,
     SystemId,
 )
@@ -55,6 +54,7 @@ _STREAM_SHARE = 0.5
 """What standard telemetry may take of a radio; the rest is for what our own station asks."""
 
 
+_log = logging.getLogger(__name__)
 _Command = grace.MAVLink_command_long_message
 
 
@@ -157,14 +157,6 @@ class RobotLink:
     def last_heard_station_s(self) -> float:
         """Seconds of the wall since the station was heard; infinite before the first time."""
         return monotonic_s() - self._station_heard_s
-
-    def unsent_samples(self, robot: RobotId) -> tuple[Sample, ...]:
-        """Return the samples that are not yet known to be stored ashore, in order.
-
-        Args:
-            robot: Whose they are; ``received_at`` is when they were measured.
-        """
-        return self._samples.kept(robot)
 
     def plan_report(self) -> PlanOnBoard:
         """Return what is to be said of the plan on board, by whatever road."""
@@ -270,7 +262,8 @@ class RobotLink:
                 return False
         speaker = message.get_srcSystem()
         if speaker == self._system:
-            self._doubles.note(self._system, address, monotonic_s())
+            if self._doubles.note(self._system, address, monotonic_s()):
+                _log.warning("%s", self.conflict)
             return False
         if speaker == STATION_SYSTEM:
             return self._is_from_station(address)

@@ -69,29 +69,13 @@ class Peer:
         """Kind of the radio that last confirmed something."""
         self.heard_by = ""
         """Kind of the radio that last brought something."""
-        self._chosen: PeerPath | None = None
         self._jitter = random.Random(endpoint.system)
         self._codec = codec
         self._on_raw = on_raw
 
     def best_path(self) -> PeerPath:
-        """Return the road that would be taken now: the operator's choice, else the best one."""
-        return self._chosen or min(self.paths, key=self._rank)
-
-    def choose(self, uri: str | None) -> None:
-        """Take this road only, whatever its state; None leaves it to the state of the roads.
-
-        Raises:
-            KeyError: If no road of this robot has this URI.
-        """
-        if uri is None:
-            self._chosen = None
-            return
-        for path in self.paths:
-            if path.uri == uri:
-                self._chosen = path
-                return
-        raise KeyError(uri)
+        """Return the road that would be taken now."""
+        return min(self.paths, key=self._rank)
 
     def path_on(self, transport: DatagramTransport) -> PeerPath | None:
         """Return the road that a radio of the station is part of."""
@@ -143,7 +127,7 @@ class Peer:
             messages: What to say; must mean the same if heard twice.
             on_taken: Called when the radio has taken a datagram.
             is_wanted: Asked before each attempt whether they shall still be sent.
-            on_every_path: Whether to say it on every road at once, whichever the operator chose.
+            on_every_path: Whether to say it on every road at once.
 
         Returns:
             Whether the robot's radio confirmed all of them. A robot whose radio is not known yet
@@ -168,8 +152,6 @@ class Peer:
     def _roads(self) -> Sequence[PeerPath]:
         """Return the best road, and behind it the other live ones."""
         best = self.best_path()
-        if self._chosen is not None:
-            return (best,)
         others = [
             path
             for path in self.paths

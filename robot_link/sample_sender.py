@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import Codec, packets
 from robot_link.mavlink.telemetry import SAMPLE_FRAME_BYTES, sample_message
-from robot_link.messages import LogId, RobotId, Sample
+from robot_link.messages import LogId
 from robot_link.sample_log import Measurement, SampleLog
 from robot_link.sample_queue import SampleQueue
 from robot_link.service.pace import Pace
@@ -52,25 +52,6 @@ class SampleSender:
 
     def __len__(self) -> int:
         return len(self._queue)
-
-    def kept(self, robot: RobotId) -> tuple[Sample, ...]:
-        """Return what is not yet known to be stored, in order, as ``robot``'s; nobody heard it."""
-        found = ((sequence, self._log.get(sequence)) for sequence in self._log.kept())
-        return tuple(
-            Sample(
-                robot=robot,
-                log=self._log.log,
-                sequence=sequence,
-                variable=measurement.variable,
-                value=measurement.value,
-                position_ned=measurement.position_ned,
-                position_std_m=measurement.position_std_m,
-                measured_at=measurement.measured_at,
-                received_at=measurement.measured_at,
-            )
-            for sequence, measurement in found
-            if measurement is not None
-        )
 
     def record(self, measurement: Measurement) -> int:
         """Keep a measurement and return its number.

@@ -315,14 +315,6 @@ class StationLink:
         """
         return self._watch.reports(self._roster[robot])
 
-    def choose_link(self, robot: RobotId, uri: str | None) -> None:
-        """Talk to a robot by this link only; None leaves the choice to what is live.
-
-        Raises:
-            KeyError: If no such robot is known, or it has no such link.
-        """
-        self._roster[robot].peer.choose(uri)
-
     def set_plugged(self, uri: str, is_plugged: bool) -> None:
         """Pull the plug of a link, or put it back; robots that share the radio share the plug.
 

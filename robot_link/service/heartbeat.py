@@ -32,6 +32,18 @@ def robot_heartbeat(mode: RobotMode) -> grace.MAVLink_heartbeat_message:
     )
 
 
+def station_heartbeat() -> grace.MAVLink_heartbeat_message:
+    """Return what a ground station says of its presence."""
+    return grace.MAVLink_heartbeat_message(
+        type=grace.MAV_TYPE_GCS,
+        autopilot=grace.MAV_AUTOPILOT_INVALID,
+        base_mode=0,
+        custom_mode=0,
+        system_status=grace.MAV_STATE_ACTIVE,
+        mavlink_version=3,
+    )
+
+
 def is_ground_station(message: WireMessage) -> bool:
     """Tell whether a message announces a ground station."""
     return isinstance(message, grace.MAVLink_heartbeat_message) and message.type in GROUND_STATIONS
@@ -102,15 +114,6 @@ async def beat(
     """
     while True:
         for codec in codecs() if transport.max_payload else ():
-            frame = codec.pack(
-                grace.MAVLink_heartbeat_message(
-                    type=grace.MAV_TYPE_GCS,
-                    autopilot=grace.MAV_AUTOPILOT_INVALID,
-                    base_mode=0,
-                    custom_mode=0,
-                    system_status=grace.MAV_STATE_ACTIVE,
-                    mavlink_version=3,
-                )
-            )
+            frame = codec.pack(station_heartbeat())
             await deliver(transport, BROADCAST, frame, on_taken=partial(on_sent, frame))
         await asyncio.sleep(period_s)

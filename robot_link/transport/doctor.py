@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
-from robot_link.mavlink.wire import grace
+from robot_link.service.heartbeat import station_heartbeat
 from robot_link.transport.advice import (
     Advice,
     byte_advice,
@@ -147,18 +147,10 @@ class Doctor:
 
     async def _beat(self) -> None:
         """Say that a ground station is there: many vehicles answer only then."""
-        beat = grace.MAVLink_heartbeat_message(
-            type=grace.MAV_TYPE_GCS,
-            autopilot=grace.MAV_AUTOPILOT_INVALID,
-            base_mode=0,
-            custom_mode=0,
-            system_status=grace.MAV_STATE_ACTIVE,
-            mavlink_version=3,
-        )
         while True:
             if self._transport.max_payload:
                 with suppress(PortClosedError):
-                    await self._transport.send(BROADCAST, self._codec.pack(beat))
+                    await self._transport.send(BROADCAST, self._codec.pack(station_heartbeat()))
                 await asyncio.sleep(_BEAT_S)
             else:
                 await asyncio.sleep(_LOOK_S)

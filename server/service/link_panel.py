@@ -42,9 +42,16 @@ def _view(picture: Picture, uri: str, report: LinkReport | None) -> RobotLinkVie
         rssi_dbm=None if report is None else report.rssi_dbm,
         frames_received=0 if report is None else report.frames_received,
         frames_bad=0 if report is None else report.frames_bad,
-        text=_text(picture, kind, _carrier(uri), state),
+        text=_with_trouble(_text(picture, kind, _carrier(uri), state), report),
         carries=_carries(picture, kind, state) if is_plugged else [],
     )
+
+
+def _with_trouble(text: str, report: LinkReport | None) -> str:
+    """Add what is wrong beside the state: a clock that is off, another radio under the same id."""
+    if report is None or not report.trouble:
+        return text
+    return f"{text} {report.trouble[0].upper()}{report.trouble[1:]}."
 
 
 def _carrier(uri: str) -> str:

@@ -23,7 +23,6 @@ from robot_link.messages import (
 )
 from robot_link.mission import Mission
 from robot_link.path import RadioPath
-from robot_link.service.clock_sync import ClockOffset
 from robot_link.service.error import OutOfContactError
 from robot_link.service.file_store import FileEntry
 from robot_link.service.parameter_table import ParameterValue
@@ -50,10 +49,6 @@ class Link(Radio, ParameterRadio, FileRadio, Protocol):
         transports: Mapping[str, DatagramTransport],
     ) -> None:
         """Say which robots there are; those whose links are the same are not disturbed."""
-        ...
-
-    def clock_offset(self, robot: RobotId) -> ClockOffset | None:
-        """Return how far a robot's clock is off; None until something is known of it."""
         ...
 
     def set_plugged(self, uri: str, is_plugged: bool) -> None:
@@ -198,10 +193,6 @@ class Road:
     ) -> bytes:
         """Return a whole file of a robot; see ``StationLink``."""
         return await self._linked(robot).download_file(robot, path, content=content, report=report)
-
-    def clock_offset(self, robot: RobotId) -> ClockOffset | None:
-        """Return how far a robot's clock is off; None while nothing is known of it."""
-        return self._link.clock_offset(robot) if robot in self._robots else None
 
     def _linked(self, robot: RobotId) -> Link:
         if robot not in self._robots:

@@ -135,22 +135,6 @@ async def test_a_radio_that_does_not_get_through_gives_way_to_the_other_at_once(
         assert (await it.tell(1)).level is CommandLevel.APPLIED
 
 
-async def test_the_operators_choice_is_kept_whatever_its_state(tmp_path: Path):
-    async with two_roads(tmp_path) as it:
-        await until(lambda: it.states() == [LinkState.LIVE, LinkState.LIVE])
-        it.station.choose_link(MINI, it.uris[1])
-        it.reach[1] = False
-        await until(lambda: it.states() == [LinkState.LIVE, LinkState.STALE])
-        assert it.station.link_report(MINI).uri == it.uris[1]
-        it.station.send_command(MINI, CommandKind.HOLD, CommandNumber(1), soon())
-        await asyncio.sleep(0.3)
-        assert not it.program.obeyed
-        it.station.choose_link(MINI, None)
-        await until(lambda: it.program.obeyed)
-        with pytest.raises(KeyError):
-            it.station.choose_link(MINI, "udp://127.0.0.1:1")
-
-
 async def test_a_pulled_plug_is_shown_and_the_other_radio_taken(tmp_path: Path):
     async with two_roads(tmp_path) as it:
         await until(lambda: it.states() == [LinkState.LIVE, LinkState.LIVE])
@@ -171,11 +155,10 @@ async def test_a_pulled_plug_is_shown_and_the_other_radio_taken(tmp_path: Path):
             it.station.set_plugged("udp://127.0.0.1:1", False)
 
 
-async def test_surface_is_said_on_every_road_at_once_whatever_the_operator_chose(tmp_path: Path):
+async def test_surface_is_said_on_every_road_at_once(tmp_path: Path):
     """Each of this robot's two radios has a link of its own, so that it obeys once by each."""
     async with two_roads(tmp_path) as it:
         await until(lambda: it.states() == [LinkState.LIVE, LinkState.LIVE])
-        it.station.choose_link(MINI, it.uris[0])
         it.station.send_command(MINI, CommandKind.SURFACE, CommandNumber(1), soon())
         await until(lambda: len(it.program.obeyed) == 2)
         assert {kind for kind, _ in it.program.obeyed} == {CommandKind.SURFACE}

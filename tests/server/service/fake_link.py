@@ -158,9 +158,6 @@ class FakeLink:
             else:
                 known.tell = self.on_event
 
-    def clock_offset(self, robot):
-        return self.world.clock_offsets.get(robot)
-
     async def run(self):
         await asyncio.Event().wait()
 
@@ -217,7 +214,6 @@ class World:
         self.commands = []
         self.acknowledged = []
         self.plugs = []
-        self.clock_offsets = {}
         self.flights = []
         self.in_reach = True
         self.radio_takes = True
