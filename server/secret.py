@@ -15,6 +15,8 @@ from urllib.parse import SplitResult, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
 
+from robot_link.whole_file import keep_names
+
 KEY_BYTES: Final = 32
 GatewayKind = Literal["rockblock", "directip", "cloudloop"]
 GATEWAY_KINDS: Final[tuple[GatewayKind, ...]] = get_args(GatewayKind)
@@ -179,23 +181,14 @@ def _create(file: Path, text: str) -> str:
         return file.read_text(encoding="utf-8")
     finally:
         fresh.unlink()
-    _keep_folder(file)
+    keep_names(file.parent)
     return text
 
 
 def _write(file: Path, text: str) -> None:
     """Replace a secret at once, so that a cut leaves the old one or the new one."""
     _written_beside(file, text).replace(file)
-    _keep_folder(file)
-
-
-def _keep_folder(file: Path) -> None:
-    """Let the name of a file survive a power cut: a robot may hold this key from now on."""
-    descriptor = os.open(file.parent, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
+    keep_names(file.parent)
 
 
 def _written_beside(file: Path, text: str) -> Path:

@@ -9,7 +9,7 @@ for gone, and its port is opened anew.
 
 import asyncio
 import contextlib
-from collections.abc import AsyncGenerator, AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncGenerator, Awaitable, Callable
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -17,8 +17,8 @@ from robot_link.acoustic import sentence
 from robot_link.acoustic.nmea import SentenceReader, encode
 from robot_link.acoustic.sentence import Fields, Heard, ModemError, ModemStarted
 from robot_link.clock import Clock
-from robot_link.transport.datagram import Garbled, PortClosedError, TransportEvent
-from robot_link.transport.keeper import PortKeeper
+from robot_link.transport.datagram import Garbled, PortClosedError
+from robot_link.transport.keeper import KeptTransport, first_to_end
 from robot_link.transport.port import Port
 
 _REPORTS: Final = (("REV", 1), ("RXP", 1), ("CST", 1))
@@ -49,7 +49,7 @@ class ModemTiming:
     """Time between two attempts to open the port."""
 
 
-class ModemLine:
+class ModemLine(KeptTransport):
     """Gives commands to one modem and hands on what it hears. Belongs to one event loop.
 
     Args:
@@ -70,13 +70,13 @@ class ModemLine:
         hear: Callable[[Heard], None],
         closed: Callable[[], None],
     ) -> None:
+        super().__init__("Micro-Modem", self._serve, timing.reopen_s)
         self._open_port = open_port
         self._us = us
         self._clock = clock
         self._timing = timing
         self._pass_on = hear
         self._closed = closed
-        self._keeper = PortKeeper("Micro-Modem", self._serve, timing.reopen_s)
         self._port: Port | None = None
         self._commanding = asyncio.Lock()
         self._command: Fields | None = None
@@ -86,23 +86,6 @@ class ModemLine:
         self._is_silent = False
         self.is_ready = False
         """Whether the modem is there and knows its settings."""
-
-    @property
-    def is_plugged(self) -> bool:
-        """Whether the operator lets the port be open."""
-        return self._keeper.is_plugged
-
-    def set_plugged(self, is_plugged: bool) -> None:
-        """Pull the plug, which closes the port, or put it back."""
-        self._keeper.set_plugged(is_plugged)
-
-    async def run(self) -> None:
-        """Open, serve and open again until cancelled."""
-        await self._keeper.run()
-
-    def events(self) -> AsyncIterator[TransportEvent]:
-        """Yield openings, closings and garbled lines, in order, until cancelled; for one reader."""
-        return self._keeper.events()
 
     async def tell(self, fields: Fields, echoed_as: Fields | None = None) -> Fields:
         """Give one command, again where the modem does not echo it; return the echo.
@@ -144,15 +127,12 @@ class ModemLine:
         except OSError as error:
             return str(error)
         self._is_silent = self._has_restarted = False
-        reading = asyncio.create_task(self._read(self._port), name="Micro-Modem read")
-        watching = asyncio.create_task(self._watch(), name="Micro-Modem watch")
         try:
-            done, _ = await asyncio.wait((reading, watching), return_when=asyncio.FIRST_COMPLETED)
-            return done.pop().result()
+            return await first_to_end(
+                ("Micro-Modem read", self._read(self._port)),
+                ("Micro-Modem watch", self._watch()),
+            )
         finally:
-            reading.cancel()
-            watching.cancel()
-            await asyncio.gather(reading, watching, return_exceptions=True)
             self._close()
 
     def _close(self) -> None:

@@ -1,8 +1,9 @@
 """Where the robot's end of the satellite keeps its memory."""
 
-import os
 from pathlib import Path
 from typing import Protocol
+
+from robot_link.whole_file import replace_file
 
 
 class ReceiverStore(Protocol):
@@ -51,15 +52,4 @@ class FileStore:
         Raises:
             OSError: If the disk refuses; the file is then what it was, or the new one.
         """
-        self._path.parent.mkdir(parents=True, exist_ok=True)
-        staged = self._path.with_suffix(".new")
-        with staged.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        staged.replace(self._path)
-        folder = os.open(self._path.parent, os.O_RDONLY)
-        try:
-            os.fsync(folder)
-        finally:
-            os.close(folder)
+        replace_file(self._path, data)
