@@ -29,8 +29,9 @@ from simulator.node.server import NodeServer
 from simulator.node.wire import NodeAddress
 from simulator.onboard.clock import ClockModel, OnboardClock, Oscillator, RunningClock
 from simulator.robot import SimulatedBody
+from simulator.settings import SimulatorSettings
 
-STATION_NAME = RobotId("station")
+_STATION = RobotId("station")
 _STATION_DEPTH_M = 1.0
 """Depth of the station's acoustic modem, below its antenna."""
 _CLOCK_SEED = 3
@@ -83,23 +84,27 @@ class Equipment:
 
 @asynccontextmanager
 async def equipped(
+    settings: SimulatorSettings,
     definition: RobotDefinition,
     body: SimulatedBody,
     time: Timekeeping,
     network: IridiumNetwork,
-    device_path: Callable[[str], Path],
     more: tuple[NodeServer, ...] = (),
 ) -> AsyncGenerator[Equipment]:
     """Switch the devices of a robot on, and off again when the context is left.
 
     Args:
+        settings: Those of the process: where the lines to devices appear, and the seed.
         definition: The robot.
         body: Where it is.
         time: Its counter.
         network: The satellite network that knows its modem.
-        device_path: Where the line to a device appears, by the device's name.
         more: Further nodes to serve.
     """
+
+    def device_path(device: str) -> Path:
+        return settings.device_path(definition.robot, device)
+
     async with AsyncExitStack() as stack:
         addresses: dict[str, NodeAddress] = {}
 
@@ -119,11 +124,11 @@ async def equipped(
             gps = GpsClockNode(time.oscillator, time.truth, time.started_at, lambda: body.has_sky)
             await serve(gps.server, gps.run())
         if definition.acoustic_address is not None:
-            await stack.enter_async_context(_acoustic_modems(definition, body, time, device_path))
+            await stack.enter_async_context(_acoustic_modems(settings, definition, body, time))
             node = AcousticNode(
                 device_path("acoustic"),
                 definition.acoustic_address,
-                {STATION_ADDRESS: STATION_NAME},
+                {STATION_ADDRESS: _STATION},
                 time.clock(),
             )
             await serve(node.server, node.run())
@@ -152,16 +157,13 @@ async def disciplined(onboard: OnboardClock, equipment: Equipment) -> AsyncGener
 
 @asynccontextmanager
 async def _acoustic_modems(
-    definition: RobotDefinition,
-    body: SimulatedBody,
-    time: Timekeeping,
-    device_path: Callable[[str], Path],
+    settings: SimulatorSettings, definition: RobotDefinition, body: SimulatedBody, time: Timekeeping
 ) -> AsyncGenerator[None]:
     """Put the modems of robot and station on their lines; each is the other's peer."""
     north, east = definition.antenna_ne_m
 
     def modem(name: str, us: Callable[[], Point], peer: int, there: WaterNode) -> AcousticModem:
-        rng = random.Random(f"{definition.robot} {name}")
+        rng = random.Random(f"{settings.seed} {definition.robot} {name}")
         return AcousticModem(us, {peer: there}, rng, AcousticConditions(), time.truth)
 
     def station_position() -> Point:
@@ -176,8 +178,8 @@ async def _acoustic_modems(
     station = modem("station", station_position, ours, robot_end)
     robot = modem("robot", robot_position, STATION_ADDRESS, station_end)
     async with (
-        station.pty(device_path(STATION_ACOUSTIC)),
-        robot.pty(device_path("acoustic")),
+        station.pty(settings.device_path(definition.robot, STATION_ACOUSTIC)),
+        robot.pty(settings.device_path(definition.robot, "acoustic")),
     ):
         yield
 

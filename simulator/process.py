@@ -4,26 +4,19 @@ import asyncio
 import logging
 import os
 import random
-import signal
-from collections.abc import AsyncGenerator, Callable
+from collections.abc import AsyncGenerator
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 
-from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey
-from cryptography.hazmat.primitives.serialization import load_pem_private_key
-
-from robot_link.clock import Clock
-from robot_link.transport.datagram import DatagramTransport
-from simulator.equipment import Equipment, Timekeeping, disciplined, equipped
+from simulator.aboard import computer_of
+from simulator.equipment import Timekeeping, disciplined, equipped
 from simulator.fleet import RobotDefinition
 from simulator.iridium.network import IridiumNetwork
-from simulator.iridium.rockblock_gateway import RockBlockGateway
-from simulator.iridium.subscriber import Account
 from simulator.life import BareBody, WholeRobot, live
 from simulator.node.body import BodyNode
-from simulator.onboard.computer import KEY_FILE, Computer
-from simulator.onboard.memory import read_key
 from simulator.robot import SimulatedBody, SimulatedRobot
-from simulator.settings import GatewaySettings, SimulatorSettings
+from simulator.satellite_service import gateway, satellites
+from simulator.settings import SimulatorSettings
+from simulator.until_told import run_until_told
 from simulator.xbee_network import XBeeNetwork
 
 _PARENT_CHECK_S = 1.0
@@ -37,14 +30,7 @@ def run(settings: SimulatorSettings) -> None:
     Raises:
         ExceptionGroup: If a robot or a link failed; nothing is left running then either.
     """
-    asyncio.run(_serve_until_told(settings))
-
-
-async def _serve_until_told(settings: SimulatorSettings) -> None:
-    stopped = asyncio.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        asyncio.get_running_loop().add_signal_handler(number, stopped.set)
-    await serve(settings, stopped)
+    run_until_told(lambda stopped: serve(settings, stopped))
 
 
 async def serve(settings: SimulatorSettings, stopped: asyncio.Event) -> None:
@@ -55,7 +41,7 @@ async def serve(settings: SimulatorSettings, stopped: asyncio.Event) -> None:
     """
     bodies: dict[str, SimulatedBody] = {}
     network = satellites(settings, lambda imei: imei in bodies and bodies[imei].has_sky)
-    async with _gateway(settings.gateway, network), asyncio.TaskGroup() as group:
+    async with gateway(settings.gateway, network), asyncio.TaskGroup() as group:
         tasks: list[asyncio.Task[None]] = []
         if settings.parent_pid is not None:
             watch = _watch(settings.parent_pid, stopped)
@@ -93,53 +79,20 @@ async def _whole(
     async with AsyncExitStack() as stack:
         radios = await stack.enter_async_context(_station_radio(settings, definition, robot.body))
         equipment = await stack.enter_async_context(
-            equipped(
-                definition,
-                robot.body,
-                time,
-                network,
-                lambda device: settings.device_path(definition.robot, device),
-            )
+            equipped(settings, definition, robot.body, time, network)
         )
         await stack.enter_async_context(disciplined(time.onboard, equipment))
-        radio = radios.robot_radio(definition.radio_address, definition.robot)
-        computer = _computer(settings, robot, radio, time.clock(), equipment)
+        computer = computer_of(
+            definition,
+            robot.program,
+            radio=radios.robot_radio(definition.radio_address, definition.robot),
+            clock=time.clock(),
+            memory=settings.memory(definition.robot),
+            satellite=equipment.client("satellite"),
+        )
         async with asyncio.TaskGroup() as group:
             group.create_task(computer.run(), name=f"{definition.robot} computer")
             await live(WholeRobot(robot, computer), truth)
-
-
-def _computer(
-    settings: SimulatorSettings,
-    robot: SimulatedRobot,
-    radio: DatagramTransport,
-    clock: Clock,
-    equipment: Equipment,
-) -> Computer:
-    definition = robot.definition
-    memory = settings.memory(definition.robot)
-    satellite = equipment.client("satellite")
-    key = None if memory is None else _key(settings, definition)
-    return Computer(
-        definition.robot,
-        definition.system_id,
-        definition.vehicle,
-        definition.site,
-        program=robot.program,
-        radio=radio,
-        clock=clock,
-        memory=memory,
-        satellite=None if satellite is None or key is None else (satellite, key),
-        satellite_config=definition.satellite,
-    )
-
-
-def _key(settings: SimulatorSettings, definition: RobotDefinition) -> bytes | None:
-    """Return a robot's key; None where nobody gave it one."""
-    memory = settings.memory(definition.robot)
-    with suppress(FileNotFoundError):
-        return None if memory is None else read_key(memory / KEY_FILE)
-    return None
 
 
 async def _bare(
@@ -159,14 +112,7 @@ async def _bare(
         line = settings.device_path(definition.robot, "radio")
         await stack.enter_async_context(radios.pty(definition.radio_address, line))
         await stack.enter_async_context(
-            equipped(
-                definition,
-                body,
-                time,
-                network,
-                lambda device: settings.device_path(definition.robot, device),
-                (node.server,),
-            )
+            equipped(settings, definition, body, time, network, (node.server,))
         )
         await live(BareBody(body, node), truth)
 
@@ -184,40 +130,6 @@ async def _station_radio(
     path = settings.link_path(definition.robot)
     async with network.pty(definition.station_address, path):
         yield network
-
-
-def satellites(settings: SimulatorSettings, in_view: Callable[[str], bool]) -> IridiumNetwork:
-    """Return the satellite network, which knows the modem of every robot."""
-    network = IridiumNetwork(
-        random.Random(f"{settings.seed} satellites"),
-        settings.satellite(),
-        settings.clock(),
-        in_view,
-        settings.satellite_memory,
-    )
-    gateway = settings.gateway
-    account = Account("", "") if gateway is None else Account(gateway.username, gateway.password)
-    for name in settings.robots:
-        imei = settings.definition(name).imei
-        if imei:
-            network.add_subscriber(imei, account)
-    return network
-
-
-@asynccontextmanager
-async def _gateway(
-    settings: GatewaySettings | None, network: IridiumNetwork
-) -> AsyncGenerator[None]:
-    if settings is None:
-        yield
-        return
-    key = load_pem_private_key(settings.private_key_pem.encode(), password=None)
-    if not isinstance(key, RSAPrivateKey):
-        raise ValueError("the gateway signs with an RSA key")  # noqa: TRY004 - the text is wrong
-    gateway = RockBlockGateway(network, key, settings.push_url)
-    async with gateway.serve("127.0.0.1", settings.port) as url:
-        _log.info("satellite gateway at %s", url)
-        yield
 
 
 async def _watch(parent_pid: int, stopped: asyncio.Event) -> None:

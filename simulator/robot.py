@@ -5,14 +5,14 @@ from datetime import datetime
 
 import numpy as np
 
-from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
 from autonomy.frames import wgs84_from_ned
+from simulator.aboard import program_of
 from simulator.battery import Battery
 from simulator.conditions import WaterConditions
 from simulator.current import DriftingCurrent
 from simulator.fleet import RobotDefinition
 from simulator.onboard.hardware import Readings, SetPoints
-from simulator.onboard.program import PERIOD_S, OnboardProgram, Radio
+from simulator.onboard.program import PERIOD_S, Radio
 from simulator.plant import Plant
 from simulator.sensor import Sensors
 
@@ -111,17 +111,7 @@ class SimulatedRobot:
     ) -> None:
         self.definition = definition
         self.body = SimulatedBody(definition, seed, conditions)
-        self.program = OnboardProgram(
-            definition.robot,
-            definition.vehicle,
-            definition.site,
-            estimator=definition.estimator,
-            controller=BACKSTEPPING_PRESETS.get(definition.vehicle.key, BacksteppingConfig()),
-            energy=definition.energy,
-            hardware=self.body,
-            started_at=started_at,
-            stamp=stamp,
-        )
+        self.program = program_of(definition, self.body, started_at, stamp)
 
     @property
     def is_in_reach(self) -> bool:

@@ -7,18 +7,17 @@ readings, and its clock counts what their counter says, set by the pulses of the
 
 import asyncio
 import logging
-import signal
 from collections.abc import Mapping
-from contextlib import AsyncExitStack, suppress
+from contextlib import AsyncExitStack
 from datetime import UTC, datetime
 from pathlib import Path
 
 from pydantic import Field, field_validator
 
 from autonomy.configuration import Configuration
-from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
 from robot_link.messages import RobotId
 from robot_link.transport.opening import open_transport
+from simulator.aboard import computer_of, program_of
 from simulator.background import alongside
 from simulator.fleet import FLEET, robots_named
 from simulator.node.body import RemoteBody
@@ -26,9 +25,9 @@ from simulator.node.client import NodeClient
 from simulator.node.gps_clock import discipline
 from simulator.node.wire import NodeAddress, NodeError, NodeGoneError, NodeSilentError
 from simulator.onboard.clock import OnboardClock, RunningClock
-from simulator.onboard.computer import KEY_FILE, Computer
-from simulator.onboard.memory import read_key
-from simulator.onboard.program import PERIOD_S, OnboardProgram
+from simulator.onboard.computer import Computer
+from simulator.onboard.program import PERIOD_S
+from simulator.until_told import run_until_told
 
 _FIRST_PULSE_S = 3.0
 """Wall time that a robot waits for the time before it begins without."""
@@ -83,14 +82,7 @@ def run(settings: RobotSettings) -> None:
         ExceptionGroup: If a part of the program failed.
         KeyUnreadableError: If the robot's key is none.
     """
-    asyncio.run(_serve_until_told(settings))
-
-
-async def _serve_until_told(settings: RobotSettings) -> None:
-    stopped = asyncio.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        asyncio.get_running_loop().add_signal_handler(number, stopped.set)
-    await serve(settings, stopped)
+    run_until_told(lambda stopped: serve(settings, stopped))
 
 
 async def serve(settings: RobotSettings, stopped: asyncio.Event) -> None:
@@ -120,49 +112,26 @@ async def _live(settings: RobotSettings) -> None:
         body_node = NodeClient(NodeAddress.of(settings.nodes["body"]))
         body = RemoteBody(body_node)
         await stack.enter_async_context(alongside(body_node.run(), "body node"))
-        onboard = OnboardClock(datetime.now(UTC))
+        await body.wait()
+        onboard = OnboardClock(datetime.now(UTC), body.count_s)
         gps = await client("gps_clock")
         if gps is not None:
             await stack.enter_async_context(alongside(discipline(onboard, gps), "clock"))
             await _first_pulse(onboard)
-        await body.wait()
-        computer = _computer(settings, body, onboard)
+        clock = RunningClock(onboard, lambda: body.count_s, settings.speed)
+        satellite = settings.nodes.get("satellite")
+        definition = FLEET[settings.robot]
+        computer = computer_of(
+            definition,
+            program_of(definition, body, clock.now(), clock.now),
+            radio=open_transport(settings.radio),
+            clock=clock,
+            memory=settings.memory,
+            satellite=None if satellite is None else NodeClient(NodeAddress.of(satellite)),
+        )
         async with asyncio.TaskGroup() as group:
             group.create_task(computer.run(), name=f"{settings.robot} computer")
             await _fly(computer, body, settings.speed)
-
-
-def _computer(settings: RobotSettings, body: RemoteBody, onboard: OnboardClock) -> Computer:
-    definition = FLEET[settings.robot]
-    clock = RunningClock(onboard, lambda: body.count_s, settings.speed)
-    program = OnboardProgram(
-        definition.robot,
-        definition.vehicle,
-        definition.site,
-        estimator=definition.estimator,
-        controller=BACKSTEPPING_PRESETS.get(definition.vehicle.key, BacksteppingConfig()),
-        energy=definition.energy,
-        hardware=body,
-        started_at=clock.now(),
-        stamp=clock.now,
-    )
-    satellite = None
-    if "satellite" in settings.nodes:
-        with suppress(FileNotFoundError):
-            key = read_key(settings.memory / KEY_FILE)
-            satellite = NodeClient(NodeAddress.of(settings.nodes["satellite"])), key
-    return Computer(
-        definition.robot,
-        definition.system_id,
-        definition.vehicle,
-        definition.site,
-        program=program,
-        radio=open_transport(settings.radio),
-        clock=clock,
-        memory=settings.memory,
-        satellite=satellite,
-        satellite_config=definition.satellite,
-    )
 
 
 async def _first_pulse(onboard: OnboardClock) -> None:

@@ -49,12 +49,13 @@ class OnboardClock:
     from the first pulse on.
 
     Args:
-        started_at: Time at count 0, as well as it was known.
+        at: The time, as well as it is known.
+        count_s: What the counter shows at that time.
     """
 
-    def __init__(self, started_at: datetime) -> None:
-        self._at = started_at
-        self._count_s = 0.0
+    def __init__(self, at: datetime, count_s: float = 0.0) -> None:
+        self._at = at
+        self._count_s = count_s
         self.last_step_s: float | None = None
         """By how much the last pulse set the clock, positive forward; None before the first."""
 

@@ -16,8 +16,8 @@ from simulator.fleet import GRACE_1, STATION_ACOUSTIC, STATION_ADDRESS
 from simulator.iridium.network import IridiumNetwork
 from simulator.node.client import NodeClient
 from simulator.node.wire import NodeError, NodeFault
-from simulator.process import satellites
 from simulator.robot import SimulatedBody
+from simulator.satellite_service import satellites
 from simulator.settings import SimulatorSettings
 from tests.robot_link.rig import until
 
@@ -32,7 +32,7 @@ async def robot_in_water(folder: Path):
     network: IridiumNetwork = satellites(settings, lambda _imei: True)
     body = SimulatedBody(GRACE_1, 0)
     time = Timekeeping.of(GRACE_1, 0, ScaledClock(now, now, 20.0))
-    async with equipped(GRACE_1, body, time, network, lambda name: folder / name) as equipment:
+    async with equipped(settings, GRACE_1, body, time, network) as equipment:
         client = equipment.client("acoustic")
         async with alongside(client.run(), "client"):
             await client.connected()
@@ -63,7 +63,7 @@ async def test_word_of_the_station_reaches_the_robots_programs(tmp_path):
     async with robot_in_water(tmp_path) as (_, client):
         words = client.subscribe("mini")
         await ping(client)
-        line = tmp_path / STATION_ACOUSTIC
+        line = tmp_path / f"{GRACE_1.robot}-{STATION_ACOUSTIC}"
         peer = GRACE_1.acoustic_address
         links = {GRACE_1.robot: f"micromodem://{line}?us={STATION_ADDRESS}&peer={peer}"}
         station = open_modem(links, ScaledClock(datetime.now(UTC), datetime.now(UTC), 1.0))

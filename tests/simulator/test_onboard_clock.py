@@ -44,6 +44,12 @@ def test_clock_that_is_wrong_by_years_is_right_after_one_pulse():
     assert error_s(clock, oscillator, 8.0) == pytest.approx(0.0, abs=1e-3)
 
 
+def test_clock_of_a_program_that_joins_a_running_counter_shows_the_time_it_was_given():
+    clock = OnboardClock(EPOCH, 3600.0)
+    assert clock.at(3600.0) == EPOCH
+    assert clock.at(3610.0) == EPOCH + timedelta(seconds=10.0)
+
+
 def test_same_seed_has_the_same_counter():
     assert drifting(seed=3).captured_s(77.0) == drifting(seed=3).captured_s(77.0)
     assert drifting(seed=3).rate_error != drifting(seed=4).rate_error
