@@ -21,7 +21,7 @@ _FRAMES = 32
 """States whose stamps are compared; the least late one counts."""
 
 WRONG_S = 3600.0
-"""A clock that is off by more than this orders nothing: what it stamps is ordered by arrival."""
+"""A clock that is off by more than this is told to the operator, s."""
 
 
 class ClockSource(StrEnum):
@@ -46,7 +46,7 @@ class ClockOffset:
 
     @property
     def is_wrong(self) -> bool:
-        """Whether the robot's stamps are of no use, not even to order what it measured."""
+        """Whether the robot's clock is off by more than it can have drifted."""
         return abs(self.offset_s) - self.uncertainty_s > WRONG_S
 
     @property
@@ -55,10 +55,7 @@ class ClockOffset:
         if not self.is_wrong:
             return ""
         side = "ahead" if self.offset_s > 0 else "behind"
-        return (
-            f"its clock is {_span(abs(self.offset_s))} {side}:"
-            " what it sends is ordered by its arrival"
-        )
+        return f"its clock is {_span(abs(self.offset_s))} {side}"
 
 
 def time_ns(moment: datetime) -> int:

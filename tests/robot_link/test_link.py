@@ -3,6 +3,7 @@
 import asyncio
 import dataclasses
 import time
+from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack
 from pathlib import Path
 
@@ -10,7 +11,12 @@ import pytest
 
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec, packets
-from robot_link.mavlink.telemetry import SAMPLE_FRAME_BYTES, sample_message, state_message
+from robot_link.mavlink.telemetry import (
+    SAMPLE_FRAME_BYTES,
+    acknowledged_sequences,
+    sample_message,
+    state_message,
+)
 from robot_link.messages import (
     LinkEvent,
     LinkReport,
@@ -26,7 +32,14 @@ from robot_link.messages import (
 from robot_link.sample_log import Measurement
 from robot_link.station import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
-from robot_link.transport.datagram import Address
+from robot_link.transport.datagram import (
+    BROADCAST,
+    Address,
+    Delivery,
+    Fate,
+    PortChanged,
+    TransportEvent,
+)
 from robot_link.transport.opening import open_transport
 from robot_link.transport.xbee import XBeeTransport
 from robot_link.transport.xbee_frame import ReceivePacket, encode
@@ -350,3 +363,62 @@ async def test_a_failing_listener_ends_the_link_for_all_to_see(tmp_path: Path):
         with pytest.raises(ExceptionGroup) as failure:
             await station.run()
         assert failure.group_contains(ValueError, match="the listener is broken")
+
+
+class SlowRadio:
+    """Takes a datagram and says nothing of it until it is told to."""
+
+    carrier = "slow"
+    max_payload = 256
+    bytes_per_s = 300.0
+    is_plugged = True
+
+    def __init__(self) -> None:
+        self.under_way: list[asyncio.Future[Delivery]] = []
+        self.sent: list[bytes] = []
+
+    async def run(self) -> None:
+        await asyncio.Event().wait()
+
+    def set_plugged(self, is_plugged: bool) -> None:
+        self.is_plugged = is_plugged
+
+    async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
+        fate: asyncio.Future[Delivery] = asyncio.get_running_loop().create_future()
+        if address == BROADCAST:  # a heartbeat
+            fate.set_result(Delivery(Fate.DELIVERED))
+        else:
+            self.sent.append(data)
+            self.under_way.append(fate)
+        return fate
+
+    async def events(self) -> AsyncIterator[TransportEvent]:
+        await asyncio.Event().wait()
+        yield PortChanged(is_open=True, reason="")
+
+
+async def test_acknowledgements_that_wait_for_a_slow_radio_go_together():
+    """They leave room for an order; each would otherwise stand in line before it."""
+    radio, far = SlowRadio(), Address(7)
+    station = StationLink(
+        {"slow": radio},
+        {MINI: RobotEndpoint(SYSTEMS[MINI], (RadioPath("slow", far),))},
+        SystemClock(),
+        lambda _event: None,
+        dataclasses.replace(HASTE, acknowledge_s=0.0),
+    )
+    robot = Codec(SYSTEMS[MINI], ROBOT_COMPONENT)
+    async with running(station.run):
+        for number in range(40):
+            station.acknowledge_samples(MINI, LogId(1), [number])
+            await asyncio.sleep(0)
+        await until(lambda: radio.sent)
+        for number in range(40, 80):
+            station.acknowledge_samples(MINI, LogId(1), [number])
+            await asyncio.sleep(0.001)
+        assert len(radio.under_way) == 1
+        radio.under_way[0].set_result(Delivery(Fate.DELIVERED))
+        await until(lambda: len(radio.sent) == 2)
+        told = [m for data in radio.sent for m in robot.unpack(data).messages]
+        stored = {number for message in told for number in acknowledged_sequences(message)}
+        assert stored == set(range(80))

@@ -114,9 +114,7 @@ async def test_a_clock_that_is_off_by_years_is_told_of_with_the_link(tmp_path: P
         assert offset.source is ClockSource.TIMESYNC
         assert offset.is_wrong
         assert offset.offset_s == pytest.approx(-9 * 365 * 86400.0, abs=5.0)
-        assert station.link_report(MINI).trouble == (
-            "its clock is 9 years behind: what it sends is ordered by its arrival"
-        )
+        assert station.link_report(MINI).trouble == "its clock is 9 years behind"
 
 
 async def test_a_clock_that_is_right_is_no_trouble(tmp_path: Path):

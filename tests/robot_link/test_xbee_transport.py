@@ -6,6 +6,7 @@ import random
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 import pytest
@@ -127,15 +128,23 @@ async def test_silence_of_a_submerged_robot_is_told_after_the_radios_own_retries
 
 async def test_signal_strength_belongs_to_the_last_sender(tmp_path: Path):
     air = network(AirConditions(delay_s=0.0, jitter_s=0.0, rssi_dbm=-71.0))
-    radio = air.robot_radio(ROBOT)
-    port = open_transport(f"xbee://{tmp_path}/xbee")
+    radio, other = air.robot_radio(ROBOT), air.robot_radio(Address(ROBOT + 1))
+    port = XBeeTransport(
+        partial(SerialPort.open, f"{tmp_path}/xbee", baud=115200, flow_control=False),
+        timing=XBeeTiming(signal_period_s=0.02),
+    )
     async with air.pty(STATION, tmp_path / "xbee"), running(port) as transport:
         await next_opening(transport)
-        await radio.send(STATION, b"1")
+        strengths: list[float | None] = []
+        async with asyncio.timeout(10.0):
+            while not strengths or strengths[-1] is None:
+                await radio.send(STATION, b"1")
+                strengths.append((await next_event(transport, Received)).rssi_dbm)
+                await asyncio.sleep(0.01)
+        assert strengths[0] is None
+        assert strengths[-1] == -71.0
+        await other.send(STATION, b"2")
         assert (await next_event(transport, Received)).rssi_dbm is None
-        await asyncio.sleep(1.2)
-        await radio.send(STATION, b"2")
-        assert (await next_event(transport, Received)).rssi_dbm == -71.0
 
 
 async def test_a_pulled_plug_is_told_and_the_port_opened_again_when_it_returns(tmp_path: Path):
