@@ -14,7 +14,6 @@ from robot_link.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnre
 from simulator.iridium.cloudloop_gateway import CloudloopGateway
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.session import Place
-from simulator.iridium.shore import GatewayDoor, ShoreSettings, open_shore
 from tests.robot_link.http_peer import http_peer
 from tests.robot_link.rig import until
 from tests.simulator.iridium import IMEI, QUICK, HandClock, network_of
@@ -129,25 +128,26 @@ async def test_station_sends_through_it_and_reads_what_it_pushes():
     async def thing_of(_imei: str) -> str:
         return "thing-1"
 
-    async with http_peer([TAKEN]) as customer:
-        settings = ShoreSettings(rockblock=None, cloudloop=GatewayDoor(customer.url))
-        async with open_shore(network, settings) as shore:
-            client = cloudloop.CloudloopGateway(shore.cloudloop_url, "word", thing_of)
-            assert len((await client.send(IMEI, bytes(270), client_id=1)).message_id) == 32
-            await asyncio.sleep(0.02)
-            assert (await network.session(IMEI, b"up")).mt_data == bytes(270)
-            await until(lambda: customer.requests)
-            for trouble in ("gateway_outage", "answer_loss", "gateway_failure"):
-                network.conditions = replace(QUICK, **{trouble: 1.0})
-                with pytest.raises(GatewayUnreachableError):
-                    await client.send(IMEI, b"x", client_id=1)
-            wrong = cloudloop.CloudloopGateway(shore.cloudloop_url, "stolen", thing_of)
-            network.conditions = QUICK
-            with pytest.raises(GatewayRefusal) as refusal:
-                await wrong.send(IMEI, b"x", client_id=1)
-            assert refusal.value.fault is GatewayFault.LOGIN
-            await client.close()
-            await wrong.close()
+    async with (
+        http_peer([TAKEN]) as customer,
+        CloudloopGateway(network, customer.url).serve() as url,
+    ):
+        client = cloudloop.CloudloopGateway(url, "word", thing_of)
+        assert len((await client.send(IMEI, bytes(270), client_id=1)).message_id) == 32
+        await asyncio.sleep(0.02)
+        assert (await network.session(IMEI, b"up")).mt_data == bytes(270)
+        await until(lambda: customer.requests)
+        for trouble in ("gateway_outage", "answer_loss", "gateway_failure"):
+            network.conditions = replace(QUICK, **{trouble: 1.0})
+            with pytest.raises(GatewayUnreachableError):
+                await client.send(IMEI, b"x", client_id=1)
+        wrong = cloudloop.CloudloopGateway(url, "stolen", thing_of)
+        network.conditions = QUICK
+        with pytest.raises(GatewayRefusal) as refusal:
+            await wrong.send(IMEI, b"x", client_id=1)
+        assert refusal.value.fault is GatewayFault.LOGIN
+        await client.close()
+        await wrong.close()
     (request,) = customer.requests
     read = cloudloop.read_push(request.body, datetime.now(UTC))
     assert (read.imei, read.momsn, read.mtmsn, read.data) == (IMEI, 0, 1, b"up")

@@ -19,7 +19,6 @@ from simulator.iridium.directip_gateway import DirectIpGateway
 from simulator.iridium.message_queue import CAPACITY
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.session import MobileOriginatedMessage, Place
-from simulator.iridium.shore import GatewayDoor, ShoreSettings, open_shore
 from tests.robot_link.rig import until
 from tests.simulator.iridium import IMEI, QUICK, STARTED_AT, HandClock, network_of
 
@@ -297,9 +296,8 @@ def test_customer_must_be_this_machine_and_have_a_port():
 
 async def test_station_sends_through_it_and_learns_number_and_position():
     network = directip_network(latency_s=0.0, jitter_s=0.0)
-    settings = ShoreSettings(rockblock=None, directip=GatewayDoor(None))
-    async with open_shore(network, settings) as shore:
-        client = directip.DirectIpGateway("127.0.0.1", int(shore.directip_url.split(":")[2]))
+    async with DirectIpGateway(network, None).serve() as url:
+        client = directip.DirectIpGateway("127.0.0.1", int(url.split(":")[2]))
         taken = await client.send(IMEI, bytes(270), client_id=77)
         assert (taken.message_id, taken.mtmsn, taken.position) == ("1", 77, 1)
         with pytest.raises(GatewayRefusal) as refusal:

@@ -18,7 +18,7 @@ from autonomy.control.config import BacksteppingConfig
 from autonomy.field.config import FIELD_PRESETS
 from autonomy.planner import primitive
 from robot_link.gateway.gateway import MobileOriginated
-from robot_link.gateway.rockblock import RockBlockGateway, public_key_of, read_push
+from robot_link.gateway.rockblock import RockBlockGateway, read_push
 from robot_link.messages import CommandKind, CommandNumber, OnboardPlanState
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
@@ -29,10 +29,10 @@ from robot_link.satellite.order import pack_order
 from robot_link.satellite.record import read_mobile_originated
 from simulator.fleet import GRACE_1
 from simulator.iridium.http_server import Answer, Request, http_server
-from simulator.iridium.key import make_key, public_pem
 from simulator.onboard.memory import FilePlanStore
 from simulator.process import serve
 from simulator.settings import GatewaySettings, SimulatorSettings
+from tests.robot_link import signed_push
 from tests.robot_link.rig import until
 from tests.simulator.flight import LAKE_PLANNER
 
@@ -41,9 +41,9 @@ KEY = bytes(range(32))
 NAME, SYSTEM, IMEI = GRACE_1.robot, GRACE_1.system_id, GRACE_1.imei
 
 
-@pytest.fixture(scope="module")
-def private_key():
-    return make_key()
+@pytest.fixture(scope="module", name="private_key")
+def _private_key():
+    return signed_push.private_key()
 
 
 @dataclass
@@ -138,7 +138,7 @@ async def customer(folder: Path, private_key, **changes):
 
     async with http_server(respond, "127.0.0.1") as url:
         chosen = settings_in(folder, private_key, url + "/push", **changes)
-        box.append(Ashore(chosen, public_key_of(public_pem(private_key))))
+        box.append(Ashore(chosen, private_key.public_key()))
         yield box[0]
 
 

@@ -7,7 +7,6 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 from urllib.parse import parse_qs
 
 import httpx
@@ -19,19 +18,18 @@ from rockblock_tools.exception import ApiException
 
 from robot_link.gateway import rockblock
 from robot_link.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
-from simulator.iridium.key import make_key, public_pem
 from simulator.iridium.message_queue import CAPACITY
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.rockblock_gateway import RockBlockGateway
 from simulator.iridium.session import Place
-from simulator.iridium.shore import GatewayDoor, ShoreSettings, open_shore
 from tests.robot_link.http_peer import http_peer
 from tests.robot_link.rig import until
+from tests.robot_link.signed_push import private_key, public_pem
 from tests.simulator.iridium import IMEI, QUICK, HandClock, network_of
 
 LOGIN = {"imei": IMEI, "username": "fleet", "password": "word"}
 TAKEN = (200, "")
-KEY = make_key()
+KEY = private_key()
 
 LISTENER = """
 import sys
@@ -298,25 +296,23 @@ async def test_session_that_broke_off_is_not_pushed_but_an_empty_one_is():
 # ---- with the station's own client ------------------------------------------------------------
 
 
-async def test_station_sends_through_it_and_reads_what_it_pushes(tmp_path: Path):
+async def test_station_sends_through_it_and_reads_what_it_pushes():
     network, _ = network_of()
-    pem = tmp_path / "key" / "public.pem"
-    async with http_peer([TAKEN]) as customer:
-        settings = ShoreSettings(GatewayDoor(customer.url), public_key_file=pem)
-        async with open_shore(network, settings) as shore:
-            assert pem.read_text() == shore.public_key
-            assert (shore.directip_url, shore.cloudloop_url) == (None, None)
-            client = rockblock.RockBlockGateway(shore.rockblock_url, "fleet", "word")
-            taken = await client.send(IMEI, bytes(270), client_id=1)
-            assert taken.message_id == "1"
-            await asyncio.sleep(0.02)
-            result = await network.session(IMEI, b"up", Place(42.7, -84.5))
-            assert result.mt_data == bytes(270)
-            await until(lambda: customer.requests)
-            await client.close()
+    async with (
+        http_peer([TAKEN]) as customer,
+        RockBlockGateway(network, KEY, customer.url).serve() as url,
+    ):
+        client = rockblock.RockBlockGateway(url, "fleet", "word")
+        taken = await client.send(IMEI, bytes(270), client_id=1)
+        assert taken.message_id == "1"
+        await asyncio.sleep(0.02)
+        result = await network.session(IMEI, b"up", Place(42.7, -84.5))
+        assert result.mt_data == bytes(270)
+        await until(lambda: customer.requests)
+        await client.close()
     (request,) = customer.requests
     form = "application/x-www-form-urlencoded"
-    read = rockblock.read_push(request.body, form, pem.read_text(), datetime.now(UTC))
+    read = rockblock.read_push(request.body, form, KEY.public_key(), datetime.now(UTC))
     assert (read.imei, read.momsn, read.data) == (IMEI, 0, b"up")
 
 

@@ -9,8 +9,9 @@ from robot_link.gateway.rockblock import RockBlockGateway as StationGateway
 from robot_link.messages import SystemId
 from robot_link.satellite import chunk, fare
 from robot_link.satellite.blob import Blob, mission_of
-from simulator.iridium.shore import ShoreSettings, open_shore
+from simulator.iridium.rockblock_gateway import RockBlockGateway
 from tests.robot_link.rig import mission
+from tests.robot_link.signed_push import private_key
 from tests.simulator.iridium import IMEI, QUICK, network_of
 
 KEY, SYSTEM = bytes(range(32)), SystemId(7)
@@ -22,8 +23,8 @@ async def test_mission_costs_what_was_quoted_and_arrives_byte_by_byte(dives: int
     messages = chunk.cut(blob, KEY, SYSTEM, counter=1, start=True, ack_seen=False)
     quoted = fare.quote(chunk.sizes(blob))
     network, _ = network_of(replace(QUICK, latency_s=0.0, jitter_s=0.0))
-    async with open_shore(network, ShoreSettings()) as shore:
-        client = StationGateway(shore.rockblock_url, "fleet", "word")
+    async with RockBlockGateway(network, private_key(), None).serve() as url:
+        client = StationGateway(url, "fleet", "word")
         for number, message in enumerate(messages, 1):
             await client.send(IMEI, message, client_id=number)
         await client.close()
