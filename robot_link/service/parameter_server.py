@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.service.parameter_table import ParameterTable, ParameterValue
+from robot_link.service.parameter_table import ParameterTable, ParameterUnkept, ParameterValue
 from robot_link.service.parameter_wire import (
     IntegerEncoding,
     from_wire,
@@ -72,6 +72,8 @@ class ParameterServer:
             return self._refusal(kept, grace.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE, reason)
         try:
             return [self._message(self._table.set(name, from_wire(message, ENCODING)))]
+        except ParameterUnkept as error:
+            return self._refusal(kept, grace.MAV_PARAM_ERROR_PERMISSION_DENIED, str(error))
         except ValueError as error:
             return self._refusal(kept, grace.MAV_PARAM_ERROR_VALUE_OUT_OF_RANGE, str(error))
 

@@ -3,6 +3,7 @@
 import math
 import struct
 from collections.abc import Callable, Iterable, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -55,6 +56,10 @@ class ParameterRefusal(ValueError):  # noqa: N818 - an answer, as others of this
     """A value was not taken; the message says which and why."""
 
 
+class ParameterUnkept(ParameterRefusal):
+    """A value was right, but the robot's memory does not take it."""
+
+
 @dataclass(frozen=True, slots=True)
 class Parameter:
     """What is declared of one parameter.
@@ -101,7 +106,8 @@ class ParameterTable:
         parameters: Declarations; their order is that of the wire.
         values: What is set apart from the defaults, such as after a restart; what is unknown or
             out of range among them is left at its default.
-        on_change: Called with name and value after each change; keeps and applies it.
+        on_change: Called with name and value after each change; keeps and applies it. Where it
+            raises ``OSError``, as of a full disk, it is called again with the value before.
 
     Raises:
         ValueError: If a name is declared twice or a default breaks its own limits.
@@ -159,11 +165,18 @@ class ParameterTable:
         Raises:
             KeyError: If there is none of this name.
             ParameterRefusal: If the value is not of its type or exceeds a limit.
+            ParameterUnkept: If it cannot be kept; the one before still holds.
         """
-        checked = _checked(self._parameters[name], value)
-        if checked != self._values[name]:
+        before, checked = self._values[name], _checked(self._parameters[name], value)
+        if checked != before:
             self._values[name] = checked
-            self._on_change(name, checked)
+            try:
+                self._on_change(name, checked)
+            except OSError as error:
+                self._values[name] = before
+                with suppress(OSError):
+                    self._on_change(name, before)
+                raise ParameterUnkept(f"{name}: the robot's memory does not take it") from error
         return self.read(name)
 
 

@@ -160,6 +160,21 @@ def test_four_as_mavsdk_sends_it_is_four():
     assert guessed_encoding((cast,)) is IntegerEncoding.C_CAST
 
 
+async def test_a_robot_whose_memory_is_full_says_so_and_flies_on_with_the_old_value():
+    applied: list[float] = []
+
+    def full(_name: str, value: float) -> None:
+        applied.append(value)
+        raise OSError(28, "No space left on device")
+
+    table = ParameterTable(DECLARED, on_change=full)
+    client, _ = pair(table)
+    with pytest.raises(ServiceRefusedError, match="does not let this parameter be set now"):
+        await client.write("OFFSET", 5)
+    assert (await client.read("OFFSET")).value == -3
+    assert applied[-1] == -3
+
+
 def test_a_table_keeps_only_what_fits():
     changed: list[object] = []
     table = ParameterTable(
