@@ -36,11 +36,7 @@ def code_of(value: float, *, toward_zero: bool = False) -> int:
 
 
 def value_of(code: int) -> float:
-    """Return the number that a code says.
-
-    Source:
-        Inverse of ``code_of``: the float nearest to the decimal, on every machine the same.
-    """
+    """Return the number that a code says: the float nearest to the decimal, everywhere the same."""
     mantissa, place = divmod(abs(code), _PLACES)
     exponent = -place if place <= -_EXPONENT_MIN else place + _EXPONENT_MIN
     magnitude = float(f"{mantissa}e{exponent}")

@@ -17,6 +17,7 @@ from enum import IntEnum, IntFlag
 from typing import Final
 
 from robot_link.gateway.gateway import MobileOriginated, is_imei
+from robot_link.gateway.push import payload_fault
 
 REVISION: Final = 1
 HEAD_BYTES: Final = 3
@@ -212,7 +213,7 @@ def read_message(data: bytes, arrived_at: datetime) -> MobileOriginated:
         raise WireError("the header of a message from a modem is missing")
     if not is_imei(header.imei):
         raise WireError("the IMEI has not 15 digits")
-    place = message.mo_location
+    place, data = message.mo_location, message.mo_payload or b""
     return MobileOriginated(
         carrier="directip",
         imei=header.imei,
@@ -220,11 +221,12 @@ def read_message(data: bytes, arrived_at: datetime) -> MobileOriginated:
         mtmsn=header.mtmsn or None,
         session_at=datetime.fromtimestamp(header.session_s, UTC),
         arrived_at=arrived_at,
-        data=message.mo_payload or b"",
+        data=data,
         latitude_deg=None if place is None else place.latitude_deg,
         longitude_deg=None if place is None else place.longitude_deg,
         cep_km=None if place is None else float(place.cep_km),
         session_status=header.session_status,
+        fault=payload_fault(data),
     )
 
 

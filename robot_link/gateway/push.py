@@ -1,4 +1,4 @@
-"""What the pushes of HTTP gateways have in common: how they are refused, and numbers in them."""
+"""What gateways' pushes have in common: how they are refused, numbers in them, and payloads."""
 
 import math
 from typing import Literal

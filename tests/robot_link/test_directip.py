@@ -157,6 +157,13 @@ def test_a_session_that_failed_has_no_payload():
     assert (found.latitude_deg, found.cep_km) == (None, None)
 
 
+def test_a_payload_that_no_robots_modem_sends_is_kept_and_flagged():
+    header = MoHeader(5, IMEI, 0, 8, 0, 1_790_000_000)
+    for size, is_flagged in ((340, False), (341, True), (1960, True)):
+        found = read_message(encode(DirectIpMessage(header, bytes(size))), NOW)
+        assert (len(found.data), bool(found.fault)) == (size, is_flagged)
+
+
 messages = st.builds(
     DirectIpMessage,
     mo_header=st.none()
