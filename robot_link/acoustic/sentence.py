@@ -12,8 +12,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-ADDRESS_MAX = 15
-"""Greatest address of a Micro-Modem; the least is 0."""
 WORD_MAX = 0x1FFF
 """A mini packet carries 13 bits."""
 BEACONS = 4

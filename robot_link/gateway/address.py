@@ -13,12 +13,13 @@ from dataclasses import dataclass
 from typing import Final
 from urllib.parse import parse_qsl, urlsplit
 
-from robot_link.acoustic.sentence import ADDRESS_MAX
 from robot_link.gateway.gateway import is_imei
 from robot_link.transport.opening import open_transport
 
 SATELLITE_CARRIERS: Final = ("rockblock", "directip", "cloudloop")
 ACOUSTIC_CARRIER: Final = "micromodem"
+_NODE_MAX: Final = 15
+"""Micro-Modem addresses are 0..15."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -124,6 +125,6 @@ def check_link(uri: str) -> None:
 
 def _node(uri: str, options: dict[str, str], name: str) -> int:
     text = options.pop(name, "")
-    if not (text.isascii() and text.isdecimal() and int(text) <= ADDRESS_MAX):
-        raise ValueError(f"{uri}: {name} must be a modem address of 0 to {ADDRESS_MAX}")
+    if not (text.isascii() and text.isdecimal() and int(text) <= _NODE_MAX):
+        raise ValueError(f"{uri}: {name} must be a modem address of 0 to {_NODE_MAX}")
     return int(text)
