@@ -178,7 +178,7 @@ class ServiceDesk:
             now_s = monotonic_s()
             for key, one in list(self._askers.items()):
                 if not self._is_heard(one, now_s):
-                    del self._askers[key]
+                    self._askers.pop(key, None)  # another may have taken its place meanwhile
                     continue
                 self._reply_all(one, one.missions.tick(now_s))
                 for message in one.parameters.owed():

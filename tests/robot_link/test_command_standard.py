@@ -19,12 +19,15 @@ from robot_link.mavlink.codec import (
 from robot_link.mavlink.wire import grace
 from robot_link.messages import CommandKind, LogId, SystemId
 from robot_link.onboard import RobotLink
+from robot_link.plan_desk import PlanDesk
 from robot_link.plan_store import MemoryPlanStore
 from robot_link.robot_program import CommandOutcome
 from robot_link.sample_log import MemorySampleLog
 from robot_link.service.command_client import CommandClient, StandardCommand
 from robot_link.service.error import NoAnswerError, ServiceRefusedError
+from robot_link.service.file_store import NoFiles
 from robot_link.service.parameter_table import Parameter, ParameterTable, ParameterType
+from robot_link.service.service_desk import ServiceDesk
 from robot_link.service.waypoint_mission import WaypointRules
 from robot_link.transport.datagram import Address
 from simulator.xbee_network import XBeeNetwork
@@ -245,3 +248,42 @@ async def test_a_plan_from_another_road_is_taken_once_and_started():
         it.program.refusal = "the robot is coming up"
         assert it.link.take_mission(mission(3), start=False) == "the robot is coming up"
         assert it.link.plan_report().sha256 == mission().sha256()
+
+
+def spoken(system: int, message: WireMessage) -> WireMessage:
+    """Return a message as it is heard from a ground station."""
+    codec = Codec(SystemId(system), STATION_COMPONENT)
+    ((heard,), _) = codec.unpack(codec.pack(message))
+    return heard
+
+
+async def test_a_ground_station_that_makes_room_for_another_ends_nobodys_service():
+    clock, program, sent = SystemClock(), Program(), []
+    plan = PlanDesk(MemoryPlanStore(), program, clock, HASTE, lambda _message: None)
+    desk = ServiceDesk(
+        ROBOT,
+        clock,
+        program,
+        plan,
+        parameters=ParameterTable([Parameter("GAIN", ParameterType.REAL32, 1.0, 0.0, 2.0)]),
+        files=NoFiles(),
+        rules=None,
+        answer_s=HASTE.answer_s,
+        master_s=0.05,
+        reply=lambda _address, _message: None,
+        station_heard_s=lambda: float("inf"),
+    )
+    wish = grace.MAVLink_param_request_list_message(ROBOT, 1)
+    time = grace.MAVLink_timesync_message(0, 1)
+    for system in (1, 2, 3, 4):
+        desk.hear(spoken(system, time), GUESTS_RADIO)
+    await asyncio.sleep(0.06)  # all have fallen silent, and one of them speaks again
+    desk.hear(spoken(1, wish), GUESTS_RADIO)
+
+    async def send(_address: Address, message: WireMessage) -> None:
+        sent.append(message)
+        desk.hear(spoken(5 + len(sent), wish if len(sent) == 1 else time), GUESTS_RADIO)
+
+    async with running(lambda: desk.run(lambda: 0.0, send)) as task:
+        await until(lambda: len(sent) >= 2)
+        assert not task.done()
