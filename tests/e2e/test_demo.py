@@ -1,26 +1,25 @@
 """The product as a person meets it: one command, two robots, a survey, a killed station."""
 
 import math
+import re
 import socket
 import subprocess
 import sys
-import time
 from urllib.parse import urlsplit
 
 import pytest
 
 from tests.e2e.demo import ROOT, Demo, alive
 
-pytestmark = pytest.mark.process
+pytestmark = [pytest.mark.process, pytest.mark.timeout(400)]
 FAST = ("--speed", "20")
 
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
-    demo = Demo(tmp_path_factory.mktemp("demo"), *FAST)
-    demo.sign_in()
-    yield demo
-    demo.stop()
+    with Demo(tmp_path_factory.mktemp("demo"), *FAST) as demo:
+        demo.sign_in()
+        yield demo
 
 
 def test_two_robots_report_within_seconds(demo):
@@ -59,7 +58,7 @@ def test_bad_input_names_its_field(demo):
     assert demo.client.get("/api/robots/nobody/state").status_code == 404
 
 
-@pytest.mark.timeout(420)
+@pytest.mark.timeout(1200)
 def test_a_survey_by_rest_survives_the_death_of_the_station(demo):
     """Plan, fly, kill the station in mid-survey: no acknowledged sample is lost, and it goes on."""
     config = {"total_budget": 24.0, "round_budget": 12.0, "planning_time_s": 1.0, "seed": 3}
@@ -80,9 +79,7 @@ def test_a_survey_by_rest_survives_the_death_of_the_station(demo):
     assert first["ladder"]["sent_at"] <= first["ladder"]["on_board_at"]
 
     before = samples(demo)
-    old = demo.kill_station()
-    demo.wait("a new station", lambda: demo.children().get("serve", old) != old, 30.0)
-    demo.wait("its health", lambda: demo.get("/api/health")["ready"], 30.0)
+    demo.restart_station()
     assert samples(demo) >= before
 
     ended = demo.wait(
@@ -106,12 +103,12 @@ def test_the_example_script_plans_and_sends_nothing_by_default(demo):
     token = subprocess.run(
         [sys.executable, "-m", "server.command", "token", "create", "--role", "pilot", "--data",
          str(demo.data)],
-        cwd=ROOT, capture_output=True, text=True, check=True, timeout=60,
+        cwd=ROOT, capture_output=True, text=True, check=True, timeout=180,
     ).stdout.split()[-1]  # fmt: skip
     done = subprocess.run(
         [sys.executable, "examples/adaptive_survey.py", "--url", demo.url, "--token", token,
          "--robot", "mini-1", "--planning-time-s", "1"],
-        cwd=ROOT, capture_output=True, text=True, check=False, timeout=90,
+        cwd=ROOT, capture_output=True, text=True, check=False, timeout=270,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert "nothing was sent" in done.stdout
@@ -129,10 +126,10 @@ def dives(demo, count):
     return [*way, *[down, up] * count]
 
 
-@pytest.mark.timeout(120)
+@pytest.mark.timeout(400)
 def test_surface_now_brings_a_diving_robot_up(demo):
     """Each level is shown in its turn, and the robot really comes up."""
-    legs = dives(demo, count=2)
+    legs = dives(demo, count=6)
     plan = demo.post("/api/robots/mini-1/plans", {"kind": "primitives", "legs": legs})["id"]
     demo.wait("draft", lambda: demo.get(f"/api/plans/{plan}")["state"] == "draft", 20.0)
     demo.post(f"/api/plans/{plan}/upload", {"start": True})
@@ -143,7 +140,9 @@ def test_surface_now_brings_a_diving_robot_up(demo):
         lambda: (c := demo.get(f"/api/commands/{command}"))["level"] == "applied" and c,
         30.0,
     )
-    assert [level["level"] for level in done["levels"]] == ["queued", "radio", "applied"]
+    levels = [level["level"] for level in done["levels"]]
+    # the robot's word may overtake that of the radio, which then proves nothing more
+    assert levels in (["queued", "radio", "applied"], ["queued", "applied"])
 
     def at_surface():
         depth = demo.get("/api/robots/mini-1/state")["channels"]["depth_m"]
@@ -152,14 +151,15 @@ def test_surface_now_brings_a_diving_robot_up(demo):
     demo.wait("the robot at the surface", at_surface, 40.0)
 
 
-@pytest.mark.timeout(120)
-def test_ctrl_c_leaves_no_process_and_no_port(tmp_path):
-    demo = Demo(tmp_path / "data", *FAST)
-    children = demo.children()
-    assert set(children) == {"serve", "simulate"}
-    port = urlsplit(demo.url).port
-    assert demo.stop() == 0
-    time.sleep(0.2)
+@pytest.mark.timeout(300)
+def test_ctrl_c_says_a_closing_word_and_leaves_no_process_and_no_port(tmp_path):
+    with Demo(tmp_path / "data", "--robots", "mini-1", *FAST) as demo:
+        children = demo.children()
+        assert set(children) == {"serve", "simulate"}
+        assert demo.stop() == 0
+    assert f"Everything has stopped. The data are kept in {demo.data}." in demo.output
     assert not any(alive(pid) for pid in children.values())
     with socket.socket() as probe:
-        probe.bind(("127.0.0.1", port))
+        assert probe.connect_ex(("127.0.0.1", urlsplit(demo.url).port)) != 0
+    for log in (demo.data / "log").iterdir():
+        assert not re.search("WARNING|ERROR|Traceback", log.read_text()), log.read_text()

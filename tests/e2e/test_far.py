@@ -13,13 +13,20 @@ ROBOT = "grace-1"
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
-    demo = Demo(
-        tmp_path_factory.mktemp("far"),
-        *("--robots", ROBOT, "--far", "--speed", "50", "--satellite-loss", "0.3", "--seed", "3"),
+    options = (
+        "--robots",
+        ROBOT,
+        "--far",
+        "--speed",
+        "50",
+        "--satellite-loss",
+        "0.3",
+        "--seed",
+        "3",
     )
-    demo.sign_in()
-    yield demo
-    demo.stop()
+    with Demo(tmp_path_factory.mktemp("far"), *options) as demo:
+        demo.sign_in()
+        yield demo
 
 
 def legs(demo, count: int) -> list[dict]:
@@ -35,7 +42,7 @@ def legs(demo, count: int) -> list[dict]:
     return flown
 
 
-@pytest.mark.timeout(300)
+@pytest.mark.timeout(1000)
 def test_plan_by_satellite_is_flown_though_the_station_dies_on_the_way(demo):
     """Quote, send, kill the station, and the robot flies exactly that plan."""
     demo.wait(
@@ -68,9 +75,7 @@ def test_plan_by_satellite_is_flown_though_the_station_dies_on_the_way(demo):
         30.0,
     )
     demo.wait("its carrier", lambda: on_its_way()["carrier"] == "rockblock", 10.0)
-    old = demo.kill_station()
-    demo.wait("a new station", lambda: demo.children().get("serve", old) != old, 30.0)
-    demo.wait("its health", lambda: demo.get("/api/health")["ready"], 30.0)
+    demo.restart_station()
 
     demo.wait("the plan on board", lambda: seen()["ladder"]["on_board_at"], 180.0)
     parts = on_its_way()["parts"]

