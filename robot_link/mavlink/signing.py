@@ -12,7 +12,6 @@ import hashlib
 import hmac
 import json
 import logging
-import os
 from bisect import insort
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -23,6 +22,7 @@ from typing import Protocol
 
 from robot_link.clock import Clock
 from robot_link.mavlink.frame import INCOMPATIBLE, SIGNATURE_BYTES, SIGNED
+from robot_link.whole_file import replace_file
 
 SECRET_BYTES = 32
 
@@ -132,11 +132,7 @@ class FileSigningMemory:
             "stamp": marks.stamp,
             "streams": [[*stream, stamp] for stream, stamp in sorted(marks.streams.items())],
         }
-        staged = self._path.with_suffix(".new")
-        descriptor = os.open(staged, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o600)
-        with os.fdopen(descriptor, "w", encoding="utf-8") as file:
-            json.dump(kept, file)
-        staged.replace(self._path)
+        replace_file(self._path, json.dumps(kept).encode(), mode=0o600)
 
 
 class _Window:
