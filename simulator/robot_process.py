@@ -129,6 +129,7 @@ async def _live(settings: RobotSettings) -> None:
             memory=settings.memory,
             satellite=None if satellite is None else NodeClient(NodeAddress.of(satellite)),
         )
+        _log.info("%s is awake; its clock shows %s", settings.robot, f"{clock.now():%Y-%m-%d %X}")
         async with asyncio.TaskGroup() as group:
             group.create_task(computer.run(), name=f"{settings.robot} computer")
             await _fly(computer, body, settings.speed)

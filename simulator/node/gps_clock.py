@@ -5,6 +5,7 @@ antenna sees the sky; under water there is none. Question ``fix``: ``{"has_sky",
 """
 
 import asyncio
+import logging
 import math
 from collections.abc import Callable
 from datetime import UTC, datetime, timedelta
@@ -17,8 +18,12 @@ from simulator.node.wire import Content
 from simulator.onboard.clock import OnboardClock, Oscillator
 
 PULSE = "pulse"
+_STEP_TOLD_S = 1.0
+"""A step that moves time stamps by more is told; drift under water is far below."""
 _WALL_GAP_MIN_S = 0.05
 """Pulses of a robot that lives fast are left out rather than sent closer together."""
+
+_log = logging.getLogger(__name__)
 
 
 class GpsClockNode:
@@ -65,3 +70,6 @@ async def discipline(clock: OnboardClock, node: NodeClient) -> None:
     """Set a clock by every pulse of the node, until cancelled."""
     async for pulse in node.subscribe(PULSE):
         clock.take_pulse(datetime.fromisoformat(pulse["utc"]), pulse["count_s"])
+        step_s = clock.last_step_s or 0.0
+        if abs(step_s) > _STEP_TOLD_S:
+            _log.info("GPS set the clock by %+.1f s", step_s)
