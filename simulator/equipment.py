@@ -13,6 +13,7 @@ import numpy as np
 
 from robot_link.clock import Clock
 from robot_link.messages import RobotId
+from robot_link.whole_file import replace_file
 from simulator.acoustic_modem import AcousticConditions, AcousticModem, Point
 from simulator.acoustic_modem import AcousticNode as WaterNode
 from simulator.background import alongside
@@ -185,6 +186,4 @@ async def _acoustic_modems(
 
 
 def _write(path: Path, addresses: Mapping[str, NodeAddress]) -> None:
-    fresh = path.with_name(f".{path.name}.new")
-    fresh.write_text(json.dumps({name: str(address) for name, address in addresses.items()}))
-    fresh.replace(path)
+    replace_file(path, json.dumps({name: str(at) for name, at in addresses.items()}).encode())

@@ -1,6 +1,5 @@
 """The demo's satellite gateway: what station and simulator must agree on before both start."""
 
-import os
 import secrets
 import socket
 from collections.abc import Iterable
@@ -18,6 +17,7 @@ from cryptography.hazmat.primitives.serialization import (
 from pydantic import ValidationError
 
 from robot_link.messages import RobotId
+from robot_link.whole_file import replace_file
 from server.secret import GatewayAccount, SecretStore
 from simulator.fleet import FLEET
 from simulator.settings import GatewaySettings
@@ -53,7 +53,7 @@ def prepare_gateway(folder: Path, store: SecretStore, station_url: str) -> None:
         password=secrets.token_urlsafe(16) if before is None else before.password,
         private_key_pem=key,
     )
-    write_secret(file, settings.model_dump_json(indent=2))
+    _write_secret(file, settings.model_dump_json(indent=2))
     store.set_gateway(
         "rockblock",
         GatewayAccount(
@@ -78,23 +78,17 @@ def give_keys(folder: Path, store: SecretStore, robots: Iterable[RobotId]) -> No
     for robot in robots:
         memory = folder / MEMORY_FOLDER / robot
         if FLEET[robot].imei:
-            write_secret(memory / "robot.key", store.robot_key(robot).hex())
+            _write_secret(memory / "robot.key", store.robot_key(robot).hex())
         signing_key = store.signing_key(robot)
         if signing_key is None:
             (memory / "signing.key").unlink(missing_ok=True)
         else:
-            write_secret(memory / "signing.key", signing_key.hex())
+            _write_secret(memory / "signing.key", signing_key.hex())
 
 
-def write_secret(file: Path, text: str) -> None:
+def _write_secret(file: Path, text: str) -> None:
     """Replace a file that nobody but its user may read."""
-    file.parent.mkdir(parents=True, exist_ok=True)
-    fresh = file.with_name(f".{file.name}.new")
-    fresh.unlink(missing_ok=True)
-    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
-    with open(descriptor, "w", encoding="utf-8") as handle:
-        handle.write(text)
-    fresh.replace(file)
+    replace_file(file, text.encode(), mode=0o600)
 
 
 def _free_port() -> int:

@@ -6,7 +6,6 @@ holds until the robot is switched off. Only a plan is not taken then.
 
 import json
 import logging
-import os
 from collections.abc import Sequence
 from datetime import datetime
 from pathlib import Path
@@ -15,6 +14,7 @@ from robot_link.messages import CommandNumber, LogId, PlanHash
 from robot_link.mission import Mission
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.blob import Blob, mission_of
+from robot_link.whole_file import replace_file
 
 _KEY_BYTES = 32
 _DIGITS_MAX = 10
@@ -25,17 +25,6 @@ _log = logging.getLogger(__name__)
 
 class KeyUnreadableError(Exception):
     """A robot's key file does not hold a key; the text names the file."""
-
-
-def replace_file(path: Path, data: bytes) -> None:
-    """Write a file so that a cut at any moment leaves the old content or the new."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    fresh = path.with_name(f".{path.name}.new")
-    with fresh.open("wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(file.fileno())
-    fresh.replace(path)
 
 
 class FilePlanStore:
