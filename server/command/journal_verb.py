@@ -15,6 +15,8 @@ from server.recording.tlog import tlog_blocks
 from server.secret import SecretStore
 from server.settings import Settings
 
+_REBUILT = "station.sqlite3"
+
 
 def add_arguments(parser: ArgumentParser) -> None:
     """Declare the options of the verb."""
@@ -50,7 +52,10 @@ def _write_tlog(store: Store, wanted: JournalRange, file: Path) -> int:
     try:
         with store.read() as session, file.open("xb") as target:
             target.writelines(tlog_blocks(iterate_frames(session, wanted)))
+    except FileExistsError as error:
+        raise CommandError(f"{file} exists; nothing was written.") from error
     except OSError as error:
+        file.unlink(missing_ok=True)
         raise CommandError(f"{file}: {error.strerror}; nothing was written.") from error
     except UnknownIdError as error:
         file.unlink()
@@ -61,7 +66,8 @@ def _write_tlog(store: Store, wanted: JournalRange, file: Path) -> int:
 
 def _replay(store: Store, settings: Settings, folder: Path) -> int:
     keys = SecretStore(settings.secret_dir)
-    rebuilt = Store.open(Settings(data_dir=folder).resolved_database_url)
+    # Never the station's own database, which the environment may name.
+    rebuilt = Store.open(f"sqlite:///{(folder / _REBUILT).resolve()}")
     try:
         with store.read() as session:
             packets = replay_into(session, rebuilt, clock_of(settings).speed, keys.robot_key)

@@ -1,4 +1,5 @@
 import asyncio
+import os
 import random
 import subprocess
 import sys
@@ -141,15 +142,19 @@ async def test_the_command_line_says_whether_journal_and_rows_agree(folder, tmp_
     grace = [sys.executable, "-m", "server.command", "journal"]
     root = Path(__file__).parents[3]
 
-    def run(*words):
+    def run(*words, **environment):
         return subprocess.run(
             [*grace, *words, "--data", str(folder)],
             cwd=root, capture_output=True, text=True, timeout=60,
+            env={**os.environ, **environment},
         )  # fmt: skip
 
     agreed = await asyncio.to_thread(run, "replay")
     assert agreed.returncode == 0, agreed.stderr
     assert f"{SAMPLES - 1} rows the same, 0 only stored" in agreed.stdout
+    live = f"sqlite:///{folder / 'station.sqlite3'}"
+    again = await asyncio.to_thread(run, "replay", GRACE_DATABASE_URL=live)
+    assert again.returncode == 0, "the replay went into a database of its own"
     file = tmp_path / "flight.tlog"
     written = await asyncio.to_thread(run, "tlog", str(file), "--robot", MINI)
     assert written.returncode == 0, written.stderr
