@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from hashlib import sha256
 
-from sqlalchemy import select
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from db.identity import key_of, public_id
@@ -107,6 +107,11 @@ def inbox_of(session: Session, robot: str, limit: int) -> list[InboxRecord]:
         .limit(limit)
     )
     return [_record(row, robot) for row in session.scalars(statement)]
+
+
+def newest_session(session: Session, imei: str) -> datetime | None:
+    """Return when a modem called last, ``None`` if nothing came from it."""
+    return session.scalar(select(func.max(InboxRow.session_at)).where(InboxRow.imei == imei))
 
 
 def _record(row: InboxRow, robot: str | None) -> InboxRecord:

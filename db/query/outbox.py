@@ -33,7 +33,8 @@ class OutboxRecord:
     imei: str
     state: str
     """``open``, ``held`` (something faster is tried), or how it ended: ``applied``, ``refused``,
-    ``expired``, ``superseded``, ``withdrawn``."""
+    ``expired``, ``superseded``, ``withdrawn``, ``sent`` (as often as it was to be; the robot gave
+    no answer)."""
     level: str
     """``created, queued, radio, applied``: the highest that was proved."""
     counter: int
@@ -147,6 +148,16 @@ def newest_outbox(session: Session, robot: str, kind: str) -> OutboxRecord | Non
         .limit(1)
     ).one_or_none()
     return None if found is None else _record(*found)
+
+
+def newest_outboxes(session: Session, robot: str, kind: str, since: datetime) -> list[OutboxRecord]:
+    """Return the rows of a kind for a robot that were added since a moment, the newest first."""
+    found = session.execute(
+        _rows()
+        .where(Robot.id == robot, OutboxRow.kind == kind, OutboxRow.created_at >= since)
+        .order_by(OutboxRow.key.desc())
+    )
+    return [_record(row, name) for row, name in found]
 
 
 def newest_counter(session: Session, robot: str) -> int:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import Select, func, select
+from sqlalchemy import Select, and_, func, or_, select
 from sqlalchemy.orm import Session
 
 from db.fault import UnknownIdError
@@ -40,12 +40,15 @@ class SatelliteMessage:
     flush: bool
     priority: int
     state: str
-    """``sending``, ``taken``, ``radio``, ``refused`` or ``dropped``."""
+    """``sending``, ``taken``, ``radio``, ``refused``, ``dropped`` (no gateway was called) or
+    ``unknown`` (nobody knows whether the gateway has it)."""
     attempts: int
+    """How often its gateway was called, counted before the call."""
     message_id: str
     mtmsn: int | None
     created_at: datetime
     retry_at: datetime | None
+    """When it is handed over again after a call that failed."""
     queued_at: datetime | None
     radio_at: datetime | None
     text: str
@@ -168,16 +171,41 @@ def message_of_mtmsn(
     return None if found is None else _record(*found)
 
 
-def credits_spent(session: Session, robot: str, start: datetime, end: datetime) -> int:
-    """Return the credits of messages to a robot that were begun from ``start`` to before ``end``.
+def has_wanted(session: Session, message: SatelliteMessage) -> bool:
+    """Tell whether its modem's queue may hold a message of another row that is still open."""
+    statement = (
+        select(SatelliteMessageRow.key)
+        .join(OutboxRow, SatelliteMessageRow.outbox_key == OutboxRow.key)
+        .where(
+            SatelliteMessageRow.imei == message.imei,
+            SatelliteMessageRow.outbox_key != key_of("outbox", message.outbox),
+            SatelliteMessageRow.attempts > 0,
+            SatelliteMessageRow.state.in_((SENDING, "taken", "unknown")),
+            OutboxRow.ended_at.is_(None),
+        )
+        .limit(1)
+    )
+    return session.scalar(statement) is not None
 
-    One whose fate is unknown counts; one that the gateway refused does not.
+
+def credits_spent(session: Session, robot: str, start: datetime, end: datetime) -> int:
+    """Return the credits that messages to a robot cost from ``start`` to before ``end``.
+
+    One that waits for its gateway counts on every day on which it waits, and one that a gateway
+    took on that day. One whose fate is unknown counts; one that the gateway refused does not.
     """
+    taken_at = func.coalesce(SatelliteMessageRow.queued_at, SatelliteMessageRow.created_at)
     statement = select(func.sum(SatelliteMessageRow.credits)).where(
         SatelliteMessageRow.robot_key == robot_key(session, robot),
-        SatelliteMessageRow.created_at >= start,
         SatelliteMessageRow.created_at < end,
-        SatelliteMessageRow.state.not_in(UNCHARGED),
+        or_(
+            SatelliteMessageRow.state == SENDING,
+            and_(
+                taken_at >= start,
+                taken_at < end,
+                SatelliteMessageRow.state.not_in(UNCHARGED),
+            ),
+        ),
     )
     return session.scalar(statement) or 0
 

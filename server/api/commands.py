@@ -22,6 +22,9 @@ class CommandRequest(Body):
     kind: Literal["surface", "hold", "resume"]
     """``surface`` aborts the mission and ends its automation, ``hold`` suspends it at the next
     surfacing, ``resume`` goes on."""
+    route: Literal["auto", "radio", "satellite"] = "auto"
+    """The road that it is to take; ``auto`` is what the robot's settings say. ``surface`` goes by
+    every link whatever is asked for."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,8 +38,13 @@ class CommandIdView(View):
 async def create_command(
     caller: Pilot, robot: str, body: CommandRequest, station: StationDep
 ) -> CommandIdView:
-    """Send an order; the answer says that it was written down, not that anyone has it."""
-    return CommandIdView(await station.commands.send(robot, CommandKind(body.kind), by=caller.name))
+    """Send an order; the answer says that it was written down, not that anyone has it.
+
+    409 if the robot has no link of the route that is asked for.
+    """
+    kind = CommandKind(body.kind)
+    command = await station.commands.send(robot, kind, by=caller.name, wish=body.route)
+    return CommandIdView(command)
 
 
 @router.get("/robots/{robot}/commands")

@@ -329,7 +329,7 @@ class Carriage:
     async def _give_up(self, reason: str) -> None:
         at = self._clock.now()
         record = await self._store.write(
-            lambda session: close(session, self.transfer, "failed", reason, at)
+            lambda session: close(session, self.transfer, "failed", reason, at, calls_back=True)
         )
         if record is not None:
             self._ledger.publish(record)

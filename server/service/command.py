@@ -23,7 +23,7 @@ from robot_link.messages import (
     RobotId,
 )
 from server.problem import conflict
-from server.service.command_row import command_view, note_level
+from server.service.command_row import command_view, note_level, waiting_view
 from server.service.fleet import Fleet
 from server.service.link import Radio, SatelliteRoad
 from server.service.routing import Wish
@@ -114,7 +114,7 @@ class Commands:
             by: Who tells.
             plan: The plan that START means.
             check: Asked in the transaction; what it raises keeps the command from being sent.
-            wish: The road that it is to take, as the operator says.
+            wish: The road that it is to take, as the operator says; SURFACE takes every one.
 
         Raises:
             Problem: 404 for an unknown robot, 409 for one that cannot be told anything, or not by
@@ -124,6 +124,8 @@ class Commands:
         picture = self._fleet.picture(robot)
         if picture.record.system_id is None:
             raise conflict(f"{robot} is a recording; it cannot be told anything.")
+        if kind is CommandKind.SURFACE:
+            wish = "auto"
         at = self._clock.now()
         roads = self._roads(robot, kind, wish)
         life = max(_LIFE[kind], _SATELLITE_LIFE) if "satellite" in roads else _LIFE[kind]
@@ -171,15 +173,20 @@ class Commands:
         unwritten = self._unwritten.get(command)
         if unwritten is not None:
             return command_view(unwritten)
-        record = await self._store.query(lambda session: query.get_command(session, command))
-        return command_view(record)
+        waits = self._satellite.waits
+        return await self._store.query(
+            lambda session: waiting_view(session, query.get_command(session, command), waits)
+        )
 
     async def latest(self, robot: str, limit: int) -> list[CommandView]:
         """Return the newest commands of a robot, the newest first."""
-        records = await self._store.query(
-            lambda session: query.list_commands(session, robot=robot, limit=limit)
-        )
-        return [command_view(record) for record in records]
+        waits = self._satellite.waits
+
+        def read(session: Session) -> list[CommandView]:
+            records = query.list_commands(session, robot=robot, limit=limit)
+            return [waiting_view(session, record, waits) for record in records]
+
+        return await self._store.query(read)
 
     def take(self, report: CommandReport) -> None:
         """Take a level that the link proved."""

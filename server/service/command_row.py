@@ -1,5 +1,7 @@
 """Commands as rows: a level that was proved, with its event and with what it settles."""
 
+from collections.abc import Mapping
+from dataclasses import replace
 from datetime import datetime
 from typing import Final
 
@@ -8,8 +10,9 @@ from sqlalchemy.orm import Session
 from db.query import commands as query
 from db.query.commands import CommandRecord
 from db.query.events import add_event
-from db.query.outbox import change_outbox, open_outbox
+from db.query.outbox import open_outbox
 from robot_link.messages import CommandLevel
+from server.service.satellite.ending import end_row
 from server.service.view.command import CommandView, LevelView
 from server.service.words import command_text
 
@@ -63,7 +66,26 @@ def command_view(record: CommandRecord) -> CommandView:
     )
 
 
+def waiting_view(session: Session, record: CommandRecord, waits: Mapping[str, str]) -> CommandView:
+    """Return a command as REST says it, and why satellite does not send it on.
+
+    Args:
+        session: Where to read.
+        record: The command.
+        waits: Why rows of the outbox are not sent on, by their ids.
+    """
+    view = command_view(record)
+    if record.level != query.CREATED or not waits:
+        return view
+    reasons = [
+        waits[row.id]
+        for row in open_outbox(session, record.robot)
+        if row.command == record.id and row.id in waits
+    ]
+    return replace(view, text=" ".join([view.text, *dict.fromkeys(reasons)]))
+
+
 def _settle(session: Session, command: CommandRecord, at: datetime) -> None:
     for row in open_outbox(session, command.robot):
         if row.command == command.id:
-            change_outbox(session, row.id, state=command.level, ended_at=at)
+            end_row(session, row.id, command.level, row.reason, at)

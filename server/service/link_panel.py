@@ -3,6 +3,7 @@
 from robot_link.gateway.address import is_acoustic, is_satellite
 from robot_link.messages import LinkReport, LinkState
 from server.service.picture import Picture
+from server.service.plug import plug_of
 from server.service.view.link import RobotLinkView
 from server.service.words import carrier_title, clock_time
 
@@ -28,7 +29,7 @@ def kind_of(uri: str) -> str:
 
 def _view(picture: Picture, uri: str, report: LinkReport | None) -> RobotLinkView:
     kind = kind_of(uri)
-    is_plugged = uri not in picture.unplugged
+    is_plugged = plug_of(uri) not in picture.unplugged
     state = LinkState.NEVER_HEARD if report is None else report.state
     if not is_plugged:
         state = LinkState.UNPLUGGED

@@ -90,7 +90,7 @@ class Picture:
     satellite: SatelliteStanding | None = None
     """Where the satellite link stands; ``None`` for a robot without one."""
     unplugged: frozenset[str] = frozenset()
-    """Links whose plug the operator has pulled, by their URI."""
+    """Plugs that the operator has pulled; see ``server.service.plug``."""
     clock_fault: ClockFault | None = None
     """What is wrong with the robot's clock; ``None`` while it is right."""
     remembered: LinkReport | None = None

@@ -73,6 +73,11 @@ def _paths(robot: RobotRecord) -> tuple[RadioPath, ...]:
     return tuple(RadioPath.of(uri) for uri in robot.links if is_radio(uri))
 
 
+def _radios(endpoints: Iterable[RobotEndpoint]) -> set[str]:
+    """Return what names the radios of the station by which robots are reached."""
+    return {path.transport_uri for end in endpoints for path in end.paths}
+
+
 class Road:
     """The ``Radio`` of the services. Belongs to one event loop.
 
@@ -91,7 +96,7 @@ class Road:
         self._on_event = on_event
         self._robots: dict[RobotId, RobotEndpoint] = {}
         self._unplugged: set[str] = set()
-        """Links whose plug the operator pulled, of robots there are and others."""
+        """Radios whose plug the operator pulled, of robots there are and others."""
         self._link = make(clock, on_event, signing)
         self._waiting: dict[tuple[RobotId, CommandNumber], datetime] = {}
         """When each command for a robot without a link expires."""
@@ -105,29 +110,24 @@ class Road:
         }
         if endpoints == self._robots:
             return False
-        uris = {path.transport_uri for end in endpoints.values() for path in end.paths}
+        uris = _radios(endpoints.values())
         transports = {uri: open_transport(uri) for uri in sorted(uris)}
         self._link.set_robots(endpoints, transports)
         self._robots = endpoints
-        for uri in self._unplugged & self._uris():
+        for uri in self._unplugged & uris:
             self._link.set_plugged(uri, False)
         self._waiting = {key: end for key, end in self._waiting.items() if key[0] not in endpoints}
         return True
 
     def set_plugged(self, uri: str, *, is_plugged: bool) -> None:
-        """Pull the plug of a link or put it back.
+        """Pull the plug of a link or put it back; robots that share its radio share its plug.
 
-        Robots that share a radio share its plug: it stays closed while any of their links is
-        unplugged. A radio that comes later, or again, finds its plug as it was left.
+        A radio that comes later, or again, finds its plug as it was left.
         """
-        (self._unplugged.discard if is_plugged else self._unplugged.add)(uri)
-        if uri in self._uris():
-            radio = RadioPath(uri).transport_uri
-            shared = {one for one in self._uris() if RadioPath(one).transport_uri == radio}
-            self._link.set_plugged(uri, not shared & self._unplugged)
-
-    def _uris(self) -> set[str]:
-        return {path.uri for end in self._robots.values() for path in end.paths}
+        radio = RadioPath(uri).transport_uri
+        (self._unplugged.discard if is_plugged else self._unplugged.add)(radio)
+        if radio in _radios(self._robots.values()):
+            self._link.set_plugged(radio, is_plugged)
 
     async def run(self) -> None:
         """Serve until cancelled."""

@@ -212,7 +212,7 @@ class Station:
             await self.commands.resume()
 
     async def set_plugged(self, robot: str, uri: str, *, is_plugged: bool) -> None:
-        """Pull the plug of a link, or put it back.
+        """Pull the plug of a link, or put it back, for every robot that shares it.
 
         Raises:
             Problem: 404 if the robot has no such link.
@@ -223,13 +223,13 @@ class Station:
         await self.plugs.set(uri, is_plugged=is_plugged)
         for picture in self.fleet.pictures:
             picture.unplugged = self.plugs.unplugged
+            self.fleet.touch(picture.record.id)
         if is_radio(uri):
             self.road.set_plugged(uri, is_plugged=is_plugged)
         if is_acoustic(uri):
             self.ranging.set_plugged(uri, is_plugged=is_plugged)
         await self.satellite.refresh()
         self.satellite.stir()
-        self.fleet.touch(robot)
 
     def _surveys(self) -> Surveys:
         foundation, fleet, missions = self._foundation, self.fleet, self.missions

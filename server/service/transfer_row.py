@@ -10,7 +10,6 @@ from db.query.plans import PlanRecord, change_plan, get_plan
 from db.query.transfers import TransferRecord
 from server.service.plan_ledger import note_change
 from server.service.satellite import plan_row, withdrawal_row
-from server.service.satellite.message_row import drop
 
 
 class WithdrawnError(Exception):
@@ -26,9 +25,9 @@ def check_open(session: Session, transfer: str) -> None:
 def withdraw_in(session: Session, robot: str, at: datetime, reason: str) -> None:
     """Withdraw the transfers to a robot, in the transaction of a surface order.
 
-    The order itself keeps the robot from flying what may still reach it.
+    Where the order goes by satellite too, it does itself what the word that calls back does.
     """
-    close_all(session, robot, "withdrawn", reason, at, calls_back=False)
+    close_all(session, robot, "withdrawn", reason, at, calls_back=True)
 
 
 def close_all(
@@ -77,9 +76,8 @@ def end_by_satellite(
 ) -> None:
     """Send nothing more of a transfer by satellite, in the transaction that ends it."""
     row = outbox_of_transfer(session, transfer)
-    if row is None or row.ended_at is not None:
+    if row is None:
         return
-    plan_row.end_with_transfer(session, transfer, state, reason, at)
-    drop(session, row)
+    plan_row.end_with_transfer(session, row, state, reason, at)
     if calls_back:
         withdrawal_row.begin_withdrawal(session, row, at)

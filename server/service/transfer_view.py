@@ -16,6 +16,7 @@ from robot_link.satellite.fare import credits
 from robot_link.satellite.ground import Part
 from server.service.satellite.plan_row import ground_of
 from server.service.satellite.standing import settings_of
+from server.service.satellite.withdrawal_row import called_back
 from server.service.view.link import TransferPartView
 from server.service.view.plan import TransferView
 from server.service.words import carrier_title
@@ -87,11 +88,12 @@ def _by_satellite(
     return replace(
         view,
         level=level,
+        can_withdraw=view.can_withdraw and row.state != "applied",
         carrier=row.carrier if is_open else record.carrier,
         expires_at=row.expires_at if is_by_satellite else view.expires_at,
         credits=credits_of(session, row.id),
         parts=[_part(part, credits(part.size, tariff)) for part in ground.parts],
-        text=_text(record, row, waits or refusal),
+        text=_text(record, row, waits or refusal, called_back(session, row)),
     )
 
 
@@ -109,9 +111,11 @@ def _part(part: Part, cost: int) -> TransferPartView:
     )
 
 
-def _text(record: TransferRecord, row: OutboxRecord | None, waiting: str) -> str:
+def _text(
+    record: TransferRecord, row: OutboxRecord | None, waiting: str, called_back: str = ""
+) -> str:
     if record.ended_at is not None or record.state in ("on_board", "running"):
-        return _end(record)
+        return f"{_end(record)} {called_back}".strip()
     if row is None or row.state == "held":
         if record.state == "waiting" and record.route != "radio":
             return "Is being made ready; nothing has left the station."
@@ -138,4 +142,4 @@ def _end(record: TransferRecord) -> str:
         case "running":
             return f"{record.robot} flies it."
         case _:
-            return f"{record.state.capitalize()}: {record.reason}"
+            return f"{record.state.capitalize()}: {record.reason.rstrip('.')}."

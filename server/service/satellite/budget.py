@@ -35,8 +35,9 @@ def utc_day(now: datetime) -> tuple[datetime, datetime]:
 def budget_of(session: Session, robot: str, tariff: Tariff, now: datetime) -> Budget:
     """Return a robot's account of today.
 
-    A message counts on the day on which it was begun, once, however often it is handed over again
-    because an answer was lost; one that the gateway refused does not count.
+    A message counts on the day on which its gateway took it, and on each day on which it waits for
+    that. It counts once, however often it is handed over again because an answer was lost; one that
+    the gateway refused does not count.
     """
     start, end = utc_day(now)
     return Budget(credits_spent(session, robot, start, end), tariff.credits_per_day)

@@ -23,7 +23,7 @@ from db.store import Store
 from robot_link.clock import Clock
 from robot_link.gateway.gateway import MobileOriginated
 from robot_link.messages import PlanHash, RawFrame
-from server.service.satellite import order_row, plan_row
+from server.service.satellite import order_row, plan_row, withdrawal_row
 from server.service.satellite.content import FindPlan, Reading, Telling, read, values_of
 from server.service.satellite.message_row import fetched
 from server.service.satellite.modem import Modem
@@ -165,11 +165,15 @@ def _prove(
             changed[row.id] = plan_row.keep(session, row, ground, message.arrived_at)
         elif row.kind == "order":
             changed[row.id] = order_row.hear(session, row, answers, at)
+        else:
+            changed[row.id] = withdrawal_row.hear(session, row, acks, plan, at)
     if brought is not None:
         fetched(session, brought, at)
         row = get_outbox(session, brought.outbox)
         if row.kind == "order":
             changed[row.id] = order_row.reached(session, row, at)
+        elif row.kind == "withdrawal" and row.ended_at is None:
+            changed[row.id] = withdrawal_row.reached(session, row, at)
     return list(changed.values())
 
 

@@ -1,5 +1,6 @@
 """What becomes of one message to a robot, written down together with what it was part of."""
 
+from dataclasses import dataclass
 from datetime import datetime
 
 from sqlalchemy.orm import Session
@@ -10,12 +11,35 @@ from db.query.events import add_event
 from db.query.outbox import OutboxRecord
 from db.query.satellite_messages import SENDING, SatelliteMessage
 from robot_link.gateway.gateway import Taken
-from server.service.satellite import order_row, plan_row
+from server.service.satellite import order_row, plan_row, withdrawal_row
 from server.service.words import carrier_title
 
 
-def taken(session: Session, message: str, answer: Taken, at: datetime) -> OutboxRecord:
+@dataclass(frozen=True, slots=True)
+class Call:
+    """One call of a gateway that is about to be made."""
+
+    message: SatelliteMessage
+    flush: bool
+    """Whether what waits for the robot is thrown away first."""
+
+
+def begin_call(session: Session, message: str) -> Call | None:
+    """Write down that a gateway is about to be called; ``None`` if that shall not be any more.
+
+    Nothing is thrown away that is still wanted, such as an order that was urgent and went ahead.
+    """
+    before = query.get_message(session, message)
+    row = outbox_query.get_outbox(session, before.outbox)
+    if before.state != SENDING or row.state != "open":
+        return None
+    called = query.change_message(session, message, attempts=before.attempts + 1, retry_at=None)
+    return Call(called, flush=before.flush and not query.has_wanted(session, called))
+
+
+def taken(session: Session, call: Call, answer: Taken, at: datetime) -> OutboxRecord:
     """Write down that the gateway has a message; a repetition of the answer changes nothing."""
+    message = call.message.id
     before = query.get_message(session, message)
     row = outbox_query.get_outbox(session, before.outbox)
     if before.queued_at is not None:
@@ -24,7 +48,6 @@ def taken(session: Session, message: str, answer: Taken, at: datetime) -> Outbox
         session,
         message,
         state="taken",
-        attempts=before.attempts + 1,
         message_id=answer.message_id,
         mtmsn=answer.mtmsn,
         queued_at=at,
@@ -33,6 +56,8 @@ def taken(session: Session, message: str, answer: Taken, at: datetime) -> Outbox
     )
     if row.ended_at is None:
         row = _noted(session, row, before, answer, at)
+    if before.flush and (call.flush or call.message.attempts > 1):
+        _thrown_away(session, row)
     add_event(
         session,
         at,
@@ -52,9 +77,7 @@ def postponed(
     before = query.get_message(session, message)
     row = outbox_query.get_outbox(session, before.outbox)
     if before.state == SENDING:
-        query.change_message(
-            session, message, attempts=before.attempts + 1, retry_at=retry_at, text=sentence
-        )
+        query.change_message(session, message, retry_at=retry_at, text=sentence)
         if before.text != sentence:
             text = f"{carrier_title(row.carrier)} did not take {what(row, before)}: {sentence}"
             _tell(session, row, "satellite.waits", f"{text} It is tried again.", at)
@@ -62,18 +85,22 @@ def postponed(
 
 
 def refused(session: Session, message: str, sentence: str, at: datetime) -> OutboxRecord:
-    """Write down that the gateway will never take a message, which ends what it was part of."""
+    """Write down that the gateway will never take a message, which ends what it was part of.
+
+    It may have taken it before, when its answer was lost.
+    """
     before = query.get_message(session, message)
     row = outbox_query.get_outbox(session, before.outbox)
     if before.state != SENDING:
         return row
+    may_have_it = before.attempts > 1
+    earlier = " Nobody knows whether it took it before, when it gave no answer."
     query.change_message(
         session,
         message,
-        state="refused",
-        attempts=before.attempts + 1,
+        state="unknown" if may_have_it else "refused",
         retry_at=None,
-        text=sentence,
+        text=f"{sentence}{earlier}" if may_have_it else sentence,
     )
     reason = f"{carrier_title(row.carrier)} did not take it: {sentence}"
     subject = what(row, before)
@@ -82,24 +109,7 @@ def refused(session: Session, message: str, sentence: str, at: datetime) -> Outb
     if row.ended_at is None:
         end = order_row.refused if row.kind == "order" else plan_row.refuse
         row = end(session, row, reason, at)
-    drop(session, row)
     return row
-
-
-def drop(session: Session, row: OutboxRecord) -> None:
-    """Send nothing more of a row that has ended; what a gateway may have is not called back."""
-    for message in query.messages_of(session, row.id):
-        if message.state == SENDING:
-            tried = message.attempts > 0
-            query.change_message(
-                session,
-                message.id,
-                state="unknown" if tried else "dropped",
-                retry_at=None,
-                text="Not sent again; nobody knows whether the gateway has it."
-                if tried
-                else "Not sent.",
-            )
 
 
 def fetched(session: Session, message: SatelliteMessage, at: datetime) -> None:
@@ -129,9 +139,14 @@ def _noted(
         case "order":
             return order_row.sent(session, row, at)
         case _:
-            return outbox_query.change_outbox(
-                session, row.id, state="applied", level="queued", ended_at=at
-            )
+            return withdrawal_row.sent(session, row)
+
+
+def _thrown_away(session: Session, row: OutboxRecord) -> None:
+    """Have orders sent again that may have gone ahead, and into a queue that was then emptied."""
+    for one in outbox_query.open_outbox(session, row.robot):
+        if one.kind == "order" and one.imei == row.imei:
+            order_row.thrown_away(session, one)
 
 
 def _tell(session: Session, row: OutboxRecord, kind: str, text: str, at: datetime) -> None:

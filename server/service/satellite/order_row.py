@@ -1,8 +1,8 @@
 """An order on its way by satellite as a row; the robot acts once however often it hears it."""
 
 from collections.abc import Iterable
-from datetime import datetime, timedelta
-from typing import Any, Final
+from datetime import datetime
+from typing import Final
 
 from sqlalchemy.orm import Session
 
@@ -15,12 +15,12 @@ from robot_link.satellite.content import CommandAnswer
 from robot_link.satellite.ground import next_counter
 from robot_link.satellite.order import pack_order
 from server.service.command_row import note_level
+from server.service.satellite import repeating
+from server.service.satellite.ending import end_row
 from server.service.satellite.modem import Modem
 
 SURFACE_PRIORITY: Final = 1
 ORDER_PRIORITY: Final = 3
-_ONE_SURFACING: Final = timedelta(minutes=5)
-"""Sessions that are nearer to each other belong to one surfacing."""
 _REFUSALS: Final = {
     CommandOutcome.NOT_NOW: "the robot cannot do this now",
     CommandOutcome.WRONG_PLAN: "the robot holds another plan",
@@ -47,10 +47,8 @@ def begin_order(
             "number": command.number,
             "plan": command.plan_sha256,
             "is_only": is_only,
-            "sends": 0,
-            "sent_surfacing": None,
-            "surfacings": 0,
-            "surfaced_at": None,
+            "is_given_up": False,
+            **repeating.not_sent(),
         },
         at=at,
         expires_at=command.expires_at,
@@ -79,24 +77,23 @@ def order_bytes(row: OutboxRecord, key: bytes, modem: Modem, *, ack_seen: bool) 
 
 
 def is_due(row: OutboxRecord) -> bool:
-    """Tell whether an order is to be sent now.
-
-    Once, and again after two surfacings without an answer: in the first the robot may have fetched
-    it after it had spoken.
-    """
-    document = row.document
-    if not document["sends"]:
-        return True
-    return document["surfacings"] - document["sent_surfacing"] >= 2
+    """Tell whether an order is to be sent now."""
+    return not row.document["is_given_up"] and repeating.is_due(row.document)
 
 
 def sent(session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
     """Note that a gateway took an order."""
-    document = row.document
-    noted = {"sends": document["sends"] + 1, "sent_surfacing": document["surfacings"]}
     level = "queued" if row.level == query.CREATED else row.level
     _note(session, row, CommandLevel.QUEUED, at)
-    return query.change_outbox(session, row.id, document={**document, **noted}, level=level)
+    document = repeating.sent(row.document)
+    return query.change_outbox(session, row.id, document=document, level=level)
+
+
+def thrown_away(session: Session, row: OutboxRecord) -> OutboxRecord:
+    """Note that the gateway's queue was emptied while the order may have been in it."""
+    if not row.document["sends"]:
+        return row
+    return query.change_outbox(session, row.id, document=repeating.lost(row.document))
 
 
 def reached(session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
@@ -110,16 +107,22 @@ def reached(session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
 def expired(session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
     """Give an order up whose time has passed."""
     reason = "it was not answered in time"
-    row = query.change_outbox(session, row.id, state="expired", reason=reason, ended_at=at)
+    row = end_row(session, row.id, "expired", reason, at)
     _note(session, row, CommandLevel.EXPIRED, at, f"{reason}.")
     return row
 
 
 def refused(session: Session, row: OutboxRecord, reason: str, at: datetime) -> OutboxRecord:
-    """End an order that the gateway will never take; by radio it may still reach the robot."""
-    row = query.change_outbox(session, row.id, state="refused", reason=reason, ended_at=at)
-    if row.document["is_only"] and not row.document["sends"]:
-        _note(session, row, CommandLevel.EXPIRED, at, f"{reason}")
+    """End an order that the gateway will never take; by radio it may still reach the robot.
+
+    One that the gateway took before may still be answered, until it expires.
+    """
+    if row.document["sends"]:
+        document = {**row.document, "is_given_up": True}
+        return query.change_outbox(session, row.id, document=document, reason=reason)
+    row = end_row(session, row.id, "refused", reason, at)
+    if row.document["is_only"]:
+        _note(session, row, CommandLevel.EXPIRED, at, reason)
     return row
 
 
@@ -132,7 +135,7 @@ def hear(
     for answer in answers:
         if answer.number == row.document["number"]:
             return _answered(session, row, answer.outcome, session_at)
-    document = _surfaced(row.document, session_at)
+    document = repeating.surfaced(row.document, session_at)
     if document == row.document:
         return row
     return query.change_outbox(session, row.id, document=document)
@@ -142,11 +145,11 @@ def _answered(
     session: Session, row: OutboxRecord, outcome: CommandOutcome, at: datetime
 ) -> OutboxRecord:
     if outcome is CommandOutcome.DONE:
-        row = query.change_outbox(session, row.id, state="applied", level="applied", ended_at=at)
+        row = end_row(session, row.id, "applied", "", at, level="applied")
         _note(session, row, CommandLevel.APPLIED, at)
         return row
     reason = _REFUSALS.get(outcome, "the robot failed to do this")
-    row = query.change_outbox(session, row.id, state="refused", reason=reason, ended_at=at)
+    row = end_row(session, row.id, "refused", reason, at)
     _note(session, row, CommandLevel.REFUSED, at, reason)
     return row
 
@@ -157,14 +160,3 @@ def _note(
     """Write the level down with the command too, in the same transaction."""
     if row.command is not None:
         note_level(session, row.command, level, at=at, carrier=row.carrier, reason=reason)
-
-
-def _surfaced(document: Any, at: datetime) -> dict[str, Any]:  # noqa: ANN401 - a JSON object
-    last = document["surfaced_at"]
-    if last is not None and at - datetime.fromisoformat(last) < _ONE_SURFACING:
-        return {**document}
-    return {
-        **document,
-        "surfacings": document["surfacings"] + 1,
-        "surfaced_at": at.isoformat(),
-    }

@@ -14,7 +14,7 @@ from typing import Final, Protocol
 
 from sqlalchemy.orm import Session
 
-from db.fault import StoreError
+from db.fault import StoreError, StoreUnavailableError
 from db.query.outbox import OutboxRecord, get_outbox, open_outbox
 from db.query.satellite_messages import SENDING, SatelliteMessage, messages_in
 from db.store import Store
@@ -27,7 +27,8 @@ from robot_link.gateway.gateway import (
 )
 from robot_link.messages import RawFrame, RobotId
 from server.service.satellite import message_row
-from server.service.satellite.order_row import is_surface
+from server.service.satellite.message_row import Call
+from server.service.satellite.order_row import SURFACE_PRIORITY, is_surface
 from server.service.satellite.preparing import Looked, Means, expire, needs_work, prepare
 from server.service.turn import until_stored
 
@@ -35,7 +36,6 @@ log = logging.getLogger(__name__)
 
 LOOK_S: Final = 1.0
 """Wall time between two looks at what is due."""
-_URGENT: Final = 1
 
 
 class Sender(Protocol):
@@ -169,13 +169,16 @@ class Outbox:
         self._stirred.set()
 
     async def _hand_over(self, message: SatelliteMessage) -> None:
+        call = await self._begin_call(message)
+        if call is None:
+            return
         try:
             answer = await self._sender.send(
                 message.carrier,
                 message.imei,
                 message.data,
                 client_id=message.client_id,
-                flush=message.flush,
+                flush=call.flush,
                 priority=message.priority,
             )
         except GatewayUnreachableError as error:
@@ -188,13 +191,21 @@ class Outbox:
         except ValueError as error:
             await self._refuse(message, f"{error}.")
         else:
-            await self._take(message, answer)
+            await self._take(call, answer)
 
-    async def _take(self, message: SatelliteMessage, answer: Taken) -> None:
-        at = self._clock.now()
+    async def _begin_call(self, message: SatelliteMessage) -> Call | None:
+        """Write the call down before it is made; an order to surface does not wait for a disk."""
+        try:
+            return await self._store.write(lambda s: message_row.begin_call(s, message.id))
+        except StoreUnavailableError as error:
+            log.warning("%s is not written down as called: %s", message.id, error)
+            return Call(message, flush=False) if message.priority == SURFACE_PRIORITY else None
+
+    async def _take(self, call: Call, answer: Taken) -> None:
+        at, message = self._clock.now(), call.message
         robot = RobotId(message.robot)
         self._journal(RawFrame(robot, message.carrier, True, message.data, at))
-        await self._note(message, lambda s: message_row.taken(s, message.id, answer, at))
+        await self._note(message, lambda s: message_row.taken(s, call, answer, at))
 
     async def _postpone(self, message: SatelliteMessage, sentence: str) -> None:
         at = self._clock.now()
@@ -233,4 +244,4 @@ class Outbox:
 def _messages(session: Session) -> list[tuple[SatelliteMessage, OutboxRecord]]:
     """Return the messages that a gateway is to have, the urgent ones first, with their rows."""
     found = [(one, get_outbox(session, one.outbox)) for one in messages_in(session, SENDING)]
-    return sorted(found, key=lambda pair: pair[0].priority > _URGENT)
+    return sorted(found, key=lambda pair: pair[0].priority > SURFACE_PRIORITY)

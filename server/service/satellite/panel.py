@@ -1,19 +1,33 @@
 """A robot's satellite link as an operator sees it: budget, and each message out and in."""
 
+from collections.abc import Sequence
 from datetime import datetime
+from types import MappingProxyType
+from typing import Final
 
 from sqlalchemy.orm import Session
 
 from db.query.inbox import InboxRecord, inbox_of
-from db.query.outbox import get_outbox
+from db.query.outbox import OutboxRecord, get_outbox
 from db.query.satellite_messages import SatelliteMessage, messages_to
 from server.service.picture import Picture
+from server.service.satellite import plan_row
 from server.service.satellite.budget import budget_of
 from server.service.satellite.message_row import what
 from server.service.satellite.modem import modems_of
 from server.service.satellite.standing import settings_of
 from server.service.view.link import IncomingMessageView, OutgoingMessageView, SatelliteView
 from server.service.words import carrier_title
+
+_ENDS: Final = MappingProxyType(
+    {
+        "applied": "answered by another link",
+        "expired": "too old",
+        "withdrawn": "withdrawn",
+        "superseded": "no longer needed",
+    }
+)
+"""How a row ended, in a sentence about one of its messages."""
 
 
 def satellite_view(session: Session, picture: Picture, now: datetime, limit: int) -> SatelliteView:
@@ -29,12 +43,28 @@ def satellite_view(session: Session, picture: Picture, now: datetime, limit: int
         credits_per_day=budget.per_day,
         credits_left=budget.left,
         next_session_at=None if standing is None else standing.next_session_at,
-        outgoing=[_outgoing(session, one) for one in messages_to(session, robot, limit)],
+        outgoing=_outgoing_views(session, messages_to(session, robot, limit)),
         incoming=[_incoming(one) for one in inbox_of(session, robot, limit)],
     )
 
 
-def _outgoing(session: Session, message: SatelliteMessage) -> OutgoingMessageView:
+def _outgoing_views(
+    session: Session, messages: Sequence[SatelliteMessage]
+) -> list[OutgoingMessageView]:
+    """Return what became of each message, the newest first."""
+    rows = {one: get_outbox(session, one) for one in {message.outbox for message in messages}}
+    said_again: set[tuple[str, int]] = set()
+    views: list[OutgoingMessageView] = []
+    for message in messages:
+        place = (message.outbox, message.part)
+        views.append(_outgoing(rows[message.outbox], message, is_last=place not in said_again))
+        said_again.add(place)
+    return views
+
+
+def _outgoing(
+    row: OutboxRecord, message: SatelliteMessage, *, is_last: bool
+) -> OutgoingMessageView:
     return OutgoingMessageView(
         at=message.created_at,
         kind=message.kind,
@@ -43,23 +73,36 @@ def _outgoing(session: Session, message: SatelliteMessage) -> OutgoingMessageVie
         state=message.state,
         message_id=message.message_id or None,
         mtmsn=message.mtmsn,
-        text=_outgoing_text(session, message),
+        text=_outgoing_text(row, message, is_last=is_last),
     )
 
 
-def _outgoing_text(session: Session, message: SatelliteMessage) -> str:
-    subject = what(get_outbox(session, message.outbox), message)
+def _outgoing_text(row: OutboxRecord, message: SatelliteMessage, *, is_last: bool) -> str:
+    subject = what(row, message)
     gateway = carrier_title(message.carrier)
     match message.state:
         case "sending":
             fate = message.text or f"{gateway} is being called."
         case "taken":
-            fate = f"{gateway} has it; the robot has not been heard to fetch it. {message.text}"
+            fate = f"{gateway} took it. {_fate(row, message, is_last=is_last)}"
         case "radio":
             fate = "The robot's modem fetched it."
         case _:
             fate = message.text
     return f"{subject[0].upper()}{subject[1:]}: {fate}".strip()
+
+
+def _fate(row: OutboxRecord, message: SatelliteMessage, *, is_last: bool) -> str:
+    """Say what is known of a message that a gateway took and did not report as fetched."""
+    if not is_last:
+        return "The robot was not heard to have it when it called, so it was sent again."
+    if row.kind == "plan" and plan_row.ground_of(row).parts[message.part].is_held:
+        return "The robot says that it has this part."
+    if row.level == "applied":
+        return "The robot's answer says that it has it."
+    if row.ended_at is None:
+        return f"The robot has not been heard to fetch it. {message.text}"
+    return f"The robot was not heard to fetch it before it was {_ENDS.get(row.state, 'given up')}."
 
 
 def _incoming(record: InboxRecord) -> IncomingMessageView:

@@ -14,6 +14,7 @@ from robot_link.messages import OnboardPlanState
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.content import ShortPlanReport, TransferAck, TransferState
 from robot_link.satellite.ground import GroundState, GroundTransfer, PartLevel, next_counter
+from server.service.satellite.ending import end_row
 from server.service.satellite.modem import Modem
 
 HOLDS: Final = (OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING, OnboardPlanState.DONE)
@@ -25,7 +26,6 @@ _ENDS: Final = {
     GroundState.SUPERSEDED: "superseded",
     GroundState.WITHDRAWN: "withdrawn",
 }
-_REFUSALS: Final = (TransferState.REFUSED, TransferState.BAD_HASH, TransferState.BAD_SCHEMA)
 
 
 def begin_plan(
@@ -61,7 +61,6 @@ def begin_plan(
             "plan": plan.id,
             "transfer": ground.to_document(),
             "flush": before is not None and before.state == "superseded",
-            "was_refused": _was_refused(before, ground),
             "is_forced": transfer.is_forced,
         },
         at=at,
@@ -79,16 +78,11 @@ def keep(session: Session, row: OutboxRecord, ground: GroundTransfer, at: dateti
     """Write down how far a transfer is; a row that has ended stays as it ended."""
     if row.ended_at is not None:
         return row
-    end = _ENDS.get(ground.state)
-    return query.change_outbox(
-        session,
-        row.id,
-        document={**row.document, "transfer": ground.to_document()},
-        level=_level(ground),
-        state=row.state if end is None else end,
-        reason=_reason(row, ground) if end else row.reason,
-        ended_at=None if end is None else at,
-    )
+    end, document = _ENDS.get(ground.state), {**row.document, "transfer": ground.to_document()}
+    if end is None:
+        return query.change_outbox(session, row.id, document=document, level=_level(ground))
+    reason = _reason(row, ground)
+    return end_row(session, row.id, end, reason, at, document=document, level=_level(ground))
 
 
 def hold(session: Session, transfer: str) -> None:
@@ -102,15 +96,14 @@ def refuse(session: Session, row: OutboxRecord, reason: str, at: datetime) -> Ou
     """End a transfer that the gateway will never take."""
     if row.ended_at is not None:
         return row
-    return query.change_outbox(session, row.id, state="refused", reason=reason, ended_at=at)
+    return end_row(session, row.id, "refused", reason, at)
 
 
 def end_with_transfer(
-    session: Session, transfer: str, state: str, reason: str, at: datetime
+    session: Session, row: OutboxRecord, state: str, reason: str, at: datetime
 ) -> None:
     """End the row of a transfer that ended otherwise, such as by radio or by its operator."""
-    row = query.outbox_of_transfer(session, transfer)
-    if row is None or row.ended_at is not None:
+    if row.ended_at is not None:
         return
     ground = ground_of(row)
     if state == "withdrawn":
@@ -119,7 +112,7 @@ def end_with_transfer(
         ground = ground.superseded(at)
     kept = keep(session, row, ground, at)
     if kept.ended_at is None:
-        query.change_outbox(session, row.id, state=state, reason=reason, ended_at=at)
+        end_row(session, row.id, state, reason, at)
     else:
         query.change_outbox(session, row.id, reason=reason)
 
@@ -142,9 +135,27 @@ def hear(
     ground = ground.surfaced(session_at)
     if mtmsn is not None:
         ground = ground.taken(mtmsn, session_at)
+    return _with_words(ground, acks, plan, session_at)
+
+
+def heard(
+    row: OutboxRecord,
+    acks: Iterable[TransferAck],
+    plan: ShortPlanReport | None,
+    session_at: datetime,
+) -> GroundTransfer:
+    """Return how far a transfer that was given up is after the words of its robot."""
+    return _with_words(ground_of(row), acks, plan, session_at)
+
+
+def _with_words(
+    ground: GroundTransfer,
+    acks: Iterable[TransferAck],
+    plan: ShortPlanReport | None,
+    session_at: datetime,
+) -> GroundTransfer:
     for ack in acks:
-        if ack.transfer_id == ground.transfer_id and not _is_old_refusal(row, ground, ack):
-            ground = ground.heard(ack, session_at)
+        ground = ground.heard(ack, session_at)
     if plan is not None and plan.state in HOLDS and plan.digits == ground.plan[:PLAN_DIGITS]:
         ground = ground.heard(_echo(ground), session_at)
     return ground
@@ -155,27 +166,6 @@ def _echo(ground: GroundTransfer) -> TransferAck:
     count = len(ground.parts)
     everything = frozenset(range(count))
     return TransferAck(ground.transfer_id, count, everything, TransferState.APPLIED)
-
-
-def _was_refused(before: OutboxRecord | None, ground: GroundTransfer) -> bool:
-    return (
-        before is not None
-        and before.state == "refused"
-        and ground_of(before).transfer_id == ground.transfer_id
-    )
-
-
-def _is_old_refusal(row: OutboxRecord, ground: GroundTransfer, ack: TransferAck) -> bool:
-    """Tell whether the robot may still mean the attempt before, which it refused.
-
-    It repeats its last word in every message; of the same plan that word has the same name.
-    """
-    if ack.state not in _REFUSALS or not row.document.get("was_refused"):
-        return False
-    return not any(
-        part.level is PartLevel.RADIO or (part.sends > 0 and part.sessions >= part.sessions_needed)
-        for part in ground.parts
-    )
 
 
 def _level(ground: GroundTransfer) -> str:

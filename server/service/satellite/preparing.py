@@ -20,11 +20,10 @@ from robot_link.satellite.chunk import cut
 from robot_link.satellite.config import Tariff
 from robot_link.satellite.fare import credits
 from server.service.plan_document import mission_of
-from server.service.satellite import order_row, plan_row
+from server.service.satellite import order_row, plan_row, withdrawal_row
 from server.service.satellite.budget import budget_of
-from server.service.satellite.message_row import drop
+from server.service.satellite.ending import end_row
 from server.service.satellite.modem import Modem
-from server.service.satellite.withdrawal_row import withdrawal_bytes
 
 _FORGOTTEN: Final = timedelta(days=10)
 """What is older than this cannot be in any queue, nor can the robot's word on it."""
@@ -62,14 +61,11 @@ def expire(session: Session, outbox: str, now: datetime) -> OutboxRecord:
         return row
     if row.kind == "plan":
         row = plan_row.keep(session, row, plan_row.ground_of(row).expired(now), now)
-    elif row.kind == "order":
-        row = order_row.expired(session, row, now)
-    if row.ended_at is None:
-        row = outbox_query.change_outbox(
-            session, outbox, state="expired", reason="it was not answered in time", ended_at=now
-        )
-    drop(session, row)
-    return row
+        withdrawal_row.begin_withdrawal(session, row, now)
+        return row
+    if row.kind == "order":
+        return order_row.expired(session, row, now)
+    return end_row(session, outbox, "expired", "no gateway holds anything of it any more", now)
 
 
 def prepare(session: Session, outbox: str, means: Means, now: datetime) -> Looked:
@@ -101,7 +97,7 @@ def prepare(session: Session, outbox: str, means: Means, now: datetime) -> Looke
             data=data,
             cost=cost,
             at=now,
-            flush=bool(row.document.get("flush")) and _is_first(session, row),
+            flush=bool(row.document.get("flush")) and not query.messages_of(session, row.id),
             priority=_priority(row),
         )
     return Looked()
@@ -113,7 +109,11 @@ def _due(session: Session, row: OutboxRecord, now: datetime) -> tuple[int, ...]:
     sending = {one.part for one in query.messages_of(session, row.id) if one.state == SENDING}
     if row.kind == "plan":
         return tuple(i for i in plan_row.ground_of(row).due(now) if i not in sending)
-    return () if sending or not order_row.is_due(row) else (0,)
+    if sending:
+        return ()
+    is_order = row.kind == "order"
+    is_due = order_row.is_due(row) if is_order else withdrawal_row.is_due(session, row)
+    return (0,) if is_due else ()
 
 
 def _bytes(session: Session, row: OutboxRecord, means: Means) -> tuple[bytes, ...]:
@@ -121,7 +121,7 @@ def _bytes(session: Session, row: OutboxRecord, means: Means) -> tuple[bytes, ..
     if row.kind == "order":
         return (order_row.order_bytes(row, means.key, means.modem, ack_seen=ack_seen),)
     if row.kind == "withdrawal":
-        return (withdrawal_bytes(row, means.key, means.modem, ack_seen=ack_seen),)
+        return (withdrawal_row.withdrawal_bytes(row, means.key, means.modem, ack_seen=ack_seen),)
     blob = Blob.of(mission_of(get_plan(session, row.document["plan"])))
     return cut(
         blob,
@@ -150,21 +150,9 @@ def _is_over(row: OutboxRow) -> bool:
         return True
     if row.ended_at is None:
         return False
-    never_left = row.level == CREATED and not any(
-        part["sends"] for part in row.document["transfer"]["parts"]
-    )
-    return never_left or row.document["transfer"]["state"] == "refused"
-
-
-def _is_first(session: Session, row: OutboxRecord) -> bool:
-    """Tell whether this is the first message of a row, and nothing else waits to be fetched.
-
-    Emptying the gateway's queue must not throw an order away.
-    """
-    if query.messages_of(session, row.id):
-        return False
-    others = outbox_query.open_outbox(session, row.robot)
-    return not any(one.kind == "order" and one.level == "queued" for one in others)
+    transfer = row.document["transfer"]
+    never_left = row.level == CREATED and not any(part["sends"] for part in transfer["parts"])
+    return never_left or transfer["is_told"]
 
 
 def _priority(row: OutboxRecord) -> int:

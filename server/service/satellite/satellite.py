@@ -10,10 +10,9 @@ from sqlalchemy.orm import Session
 
 from db.query import outbox as outbox_query
 from db.query.commands import CommandRecord
-from db.query.inbox import inbox_of
 from db.query.outbox import OutboxRecord
 from db.query.plans import PlanRecord
-from db.query.transfers import TransferRecord
+from db.query.transfers import TransferRecord, open_transfers
 from robot_link.gateway.gateway import HeldBackError, MobileOriginated
 from robot_link.messages import (
     CommandKind,
@@ -27,31 +26,27 @@ from robot_link.satellite.ground import next_counter
 from robot_link.satellite.order import pack_order
 from server.foundation import Foundation
 from server.problem import conflict
+from server.secret import SecretUnreadableError
 from server.service.fleet import Fleet
-from server.service.picture import Picture, SatelliteStanding
 from server.service.plan_document import mission_of
 from server.service.plug import Plugs
 from server.service.routing import Choice, MessageKind, Wish, carriers_for
 from server.service.satellite import order_row, plan_row
 from server.service.satellite.budget import budget_of
-from server.service.satellite.contact import (
-    Heard,
-    is_out_of_contact,
-    link_report,
-    next_session_at,
-    out_of_contact_text,
-)
+from server.service.satellite.contact import is_out_of_contact, out_of_contact_text
 from server.service.satellite.content import Telling
+from server.service.satellite.hearing import Hearing
 from server.service.satellite.inbox import Inbox
 from server.service.satellite.modem import Modem, modems_of
 from server.service.satellite.outbox import LOOK_S, Outbox, Sender
 from server.service.satellite.panel import satellite_view
 from server.service.satellite.preparing import Means
 from server.service.satellite.preview import Circumstances, has_mission, quote_view
-from server.service.satellite.standing import DEFAULT_SETTINGS, Account, Settings, accounts
+from server.service.satellite.standing import DEFAULT_SETTINGS, Settings, accounts
 from server.service.satellite.unwritten import UnwrittenOrders
 from server.service.turn import Turns, until_stored
 from server.service.view.link import SatelliteQuoteView, SatelliteView
+from server.service.words import sentence
 
 log = logging.getLogger(__name__)
 
@@ -94,9 +89,9 @@ class Satellite:
         self._plugs = plugs
         self._listeners = listeners
         self._settings: dict[str, Settings] = {}
-        self._heard: dict[str, Heard] = {}
+        self._hearing = Hearing(foundation.store, foundation.clock, fleet, plugs)
         self._rows: dict[str, OutboxRecord] = {}
-        """Newest row of each transfer that went by satellite since the start."""
+        """Newest row of each transfer that is or was under way by satellite since the start."""
         self._plan_said: dict[str, tuple[datetime, datetime]] = {}
         """When each robot's last word on its plan arrived by satellite, and when it was said."""
         self._turns = Turns("satellite messages")
@@ -109,12 +104,16 @@ class Satellite:
     async def load(self) -> None:
         """Remember who was heard when, and finish what the station had not done when it stopped."""
         await self.refresh()
-        for row in await self._store.query(outbox_query.open_outbox):
+        for row in await self._store.query(_rows_under_way):
             self._row_changed(row)
         for record in await self.inbox.unsettled():
             modem = self._modem(record.message.imei)
             if modem is not None:
-                key = self._secrets.robot_key(modem.robot)
+                try:
+                    key = self._secrets.robot_key(modem.robot)
+                except SecretUnreadableError as error:
+                    log.error("what %s said is not passed on: %s", modem.robot, error)  # noqa: TRY400 - the text says all
+                    continue
                 values = await self.inbox.values_again(record, modem, key)
                 self._pass_on(record.message, values)
 
@@ -134,9 +133,9 @@ class Satellite:
         for robot, picture in pictures.items():
             self._settings[robot] = found[robot].settings
             for modem in modems_of(picture.record):
-                if modem.imei not in self._heard:
-                    await self._remember(modem)
-            self._show(picture, found[robot])
+                await self._hearing.remember(modem)
+            waits = self.outbox.waits_for_budget(robot)
+            self._hearing.show(picture, found[robot], waits_for_budget=waits)
 
     @property
     def waits(self) -> Mapping[str, str]:
@@ -152,16 +151,21 @@ class Satellite:
         """Take what a gateway delivers; tell whether it is new. It is kept when this returns.
 
         Raises:
-            HeldBackError: The operator has unplugged the link; the gateway must keep the message.
+            HeldBackError: The operator has unplugged the link, or the robot's key cannot be read;
+                the gateway must keep the message.
             StoreUnavailableError: It could not be kept; the gateway must deliver it again.
         """
         modem = self._modem(message.imei)
         if modem is not None and not self._plugs.is_plugged(modem.uri):
             raise HeldBackError(f"The satellite link of {modem.robot} is unplugged.")
-        key = b"" if modem is None else self._secrets.robot_key(modem.robot)
+        try:
+            key = b"" if modem is None else self._secrets.robot_key(modem.robot)
+        except SecretUnreadableError as error:
+            raise HeldBackError(sentence(error)) from error
         arrival = await self.inbox.take(message, modem, key)
         if arrival.is_new and modem is not None:
-            self._note_heard(modem, message.session_at, is_bad=bool(arrival.reading.fault))
+            settings, is_bad = self.settings(modem.robot), bool(arrival.reading.fault)
+            self._hearing.note(modem, message, settings, is_bad=is_bad)
             for row in arrival.changed:
                 self._row_changed(row)
             if not arrival.reading.fault:
@@ -271,9 +275,14 @@ class Satellite:
     def surface_unwritten(self, robot: str, number: CommandNumber, expires: datetime) -> None:
         """Send an order to surface that could not be written down: storage must not stop it."""
         picture, at = self._fleet.picture(robot), self._clock.now()
+        try:
+            key = self._secrets.robot_key(robot)
+        except SecretUnreadableError as error:
+            log.critical("%s is not told by satellite to surface: %s", robot, error)
+            return
         for modem in modems_of(picture.record):
             if self._plugs.is_plugged(modem.uri):
-                key, counter = self._secrets.robot_key(robot), next_counter(0, at)
+                counter = next_counter(0, at)
                 data = pack_order(
                     CommandKind.SURFACE, number, expires, None, key, modem.system, counter
                 )
@@ -291,8 +300,11 @@ class Satellite:
         obstacle = self.obstacle(row.robot)
         if obstacle and not order_row.is_surface(row) and not row.document.get("is_forced"):
             return f"{obstacle} It is sent when the robot is heard again."
-        tariff = self.settings(row.robot).satellite.tariff
-        return Means(modem, self._secrets.robot_key(row.robot), tariff)
+        try:
+            key = self._secrets.robot_key(row.robot)
+        except SecretUnreadableError as error:
+            return sentence(error)
+        return Means(modem, key, self.settings(row.robot).satellite.tariff)
 
     def _modem(self, imei: str) -> Modem | None:
         for picture in self._fleet.pictures:
@@ -330,48 +342,10 @@ class Satellite:
             await until_stored("satellite links", self.refresh)
             await asyncio.sleep(LOOK_S)
 
-    async def _remember(self, modem: Modem) -> None:
-        newest = await self._store.query(lambda session: inbox_of(session, modem.robot, 20))
-        sessions = [one.message.session_at for one in newest if one.message.imei == modem.imei]
-        if sessions:
-            self._heard[modem.imei] = Heard(max(sessions), 0, 0)
 
-    def _note_heard(self, modem: Modem, session_at: datetime, *, is_bad: bool) -> None:
-        known = self._heard.get(modem.imei) or Heard(session_at, 0, 0)
-        self._heard[modem.imei] = Heard(
-            max(known.session_at, session_at),
-            known.frames_received + (not is_bad),
-            known.frames_bad + is_bad,
-        )
-        picture, settings = self._fleet.picture(modem.robot), self.settings(modem.robot)
-        self._report(picture, modem, settings)
-
-    def _report(self, picture: Picture, modem: Modem, settings: Settings) -> None:
-        report = link_report(
-            modem,
-            picture,
-            self._heard.get(modem.imei),
-            settings.satellite,
-            self._clock.now(),
-            is_plugged=self._plugs.is_plugged(modem.uri),
-        )
-        if picture.links.get(modem.uri) != report:
-            self._fleet.take_link(report)
-
-    def _show(self, picture: Picture, account: Account) -> None:
-        modems = modems_of(picture.record)
-        for modem in modems:
-            self._report(picture, modem, account.settings)
-        heard = [self._heard[one.imei] for one in modems if one.imei in self._heard]
-        newest = max(heard, key=lambda one: one.session_at, default=None)
-        period_s = account.settings.satellite.session_period_s
-        standing = SatelliteStanding(
-            credits_today=account.budget.spent,
-            credits_per_day=account.budget.per_day,
-            waits_for_budget=self.outbox.waits_for_budget(picture.record.id),
-            next_session_at=next_session_at(picture, newest, period_s),
-            fault=account.fault,
-        )
-        if picture.satellite != standing:
-            picture.satellite = standing
-            self._fleet.touch(picture.record.id)
+def _rows_under_way(session: Session) -> list[OutboxRecord]:
+    """Return the rows that have not ended, and those whose transfers have not noticed their end."""
+    transfers = [
+        outbox_query.outbox_of_transfer(session, one.id) for one in open_transfers(session)
+    ]
+    return [*outbox_query.open_outbox(session), *(row for row in transfers if row is not None)]

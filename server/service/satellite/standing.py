@@ -53,7 +53,7 @@ def accounts(session: Session, robots: Iterable[str], now: datetime) -> Mapping[
     waiting = {
         message.robot: message.text
         for message in messages_in(session, SENDING)
-        if message.attempts >= _PATIENCE
+        if message.attempts - (message.retry_at is None) >= _PATIENCE
     }
     found: dict[str, Account] = {}
     for robot in robots:

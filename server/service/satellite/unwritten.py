@@ -56,6 +56,9 @@ class UnwrittenOrders:
             except (GatewayRefusal, GatewayUnreachableError) as error:
                 log.critical("surface order for %s by satellite: %s", modem.robot, error)
                 await asyncio.sleep(retry_after_s(attempt))
+            except ValueError as error:
+                log.critical("surface order for %s cannot go at all: %s", modem.robot, error)
+                return
             else:
                 level = CommandLevel.QUEUED
                 on_level(CommandReport(modem.robot, number, level, clock.now(), modem.carrier))

@@ -1,5 +1,10 @@
-"""The word that keeps an abandoned plan from coming alive: a gateway may hold parts for days."""
+"""The word that keeps an abandoned plan from coming alive: a gateway may hold parts for days.
 
+A robot that refused something answers; one to which nothing of the plan came has nothing to say.
+So the word is said a few times, unless the robot or the network proves that it came.
+"""
+
+from collections.abc import Iterable, Iterator
 from datetime import datetime, timedelta
 from typing import Final
 
@@ -8,22 +13,31 @@ from sqlalchemy.orm import Session
 from db.query import outbox as query
 from db.query.outbox import OutboxRecord
 from db.query.satellite_messages import messages_of
-from robot_link.satellite.ground import next_counter
+from robot_link.satellite.content import ShortPlanReport, TransferAck
+from robot_link.satellite.ground import GroundState, GroundTransfer, next_counter
 from robot_link.satellite.withdrawal import pack_withdrawal
+from server.service.satellite import order_row, plan_row, repeating
+from server.service.satellite.ending import end_row
 from server.service.satellite.modem import Modem
+from server.service.words import carrier_title
 
 _LIFE: Final = timedelta(days=5)
 """A gateway keeps nothing longer, so nothing is left to be refused."""
 _LEFT: Final = ("taken", "radio", "unknown")
+_SENDS_MAX: Final = 3
 
 
 def begin_withdrawal(session: Session, plan: OutboxRecord, at: datetime) -> OutboxRecord | None:
     """Add the word that a plan is withdrawn, if a gateway has or may have anything of it.
 
-    It goes with the order to empty the robot's queue, and has the robot refuse what it fetched
-    before; the mission on board stays.
+    Nor may an older plan come alive whose place it had taken. The word goes with the order to empty
+    the robot's queue, and has the robot refuse what it fetched before; the mission on board stays.
     """
-    if not any(one.state in _LEFT for one in messages_of(session, plan.id)):
+    left = [one.counter for one in _given_up(session, plan, at) if _has_left(session, one, at)]
+    if not left:
+        return None
+    said = query.newest_outbox(session, plan.robot, "withdrawal")
+    if said is not None and said.imei == plan.imei and said.counter > max(left):
         return None
     return query.add_outbox(
         session,
@@ -32,7 +46,12 @@ def begin_withdrawal(session: Session, plan: OutboxRecord, at: datetime) -> Outb
         carrier=plan.carrier,
         imei=plan.imei,
         counter=next_counter(query.newest_counter(session, plan.robot), at),
-        document={"kind": "withdrawal", "withdraws": plan.id, "flush": True, "sends": 0},
+        document={
+            "kind": "withdrawal",
+            "withdraws": plan.id,
+            "flush": True,
+            **repeating.not_sent(),
+        },
         at=at,
         expires_at=at + _LIFE,
     )
@@ -41,3 +60,125 @@ def begin_withdrawal(session: Session, plan: OutboxRecord, at: datetime) -> Outb
 def withdrawal_bytes(row: OutboxRecord, key: bytes, modem: Modem, *, ack_seen: bool) -> bytes:
     """Return the message that withdraws every plan before it."""
     return pack_withdrawal(row.counter, key, modem.system, ack_seen=ack_seen)
+
+
+def is_due(session: Session, row: OutboxRecord) -> bool:
+    """Tell whether it is to be said now; an order to surface on its way says the same."""
+    if row.document["sends"] >= _SENDS_MAX or not repeating.is_due(row.document):
+        return False
+    return not any(
+        order_row.is_surface(one) and one.imei == row.imei and one.counter > row.counter
+        for one in query.open_outbox(session, row.robot)
+    )
+
+
+def sent(session: Session, row: OutboxRecord) -> OutboxRecord:
+    """Note that a gateway took it, which does not say that the robot will hear it."""
+    level = "queued" if row.level == query.CREATED else row.level
+    return query.change_outbox(session, row.id, document=repeating.sent(row.document), level=level)
+
+
+def reached(session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
+    """Note that the robot's modem fetched it."""
+    return end_row(session, row.id, "sent", f"{row.robot}'s modem fetched it", at, level="radio")
+
+
+def hear(
+    session: Session,
+    row: OutboxRecord,
+    acks: Iterable[TransferAck],
+    plan: ShortPlanReport | None,
+    session_at: datetime,
+) -> OutboxRecord:
+    """Note a session of the robot, and its last word on the plan if it brings one."""
+    if session_at < row.created_at:
+        return row
+    if _surfaced_since(session, row):
+        reason = f"the order to surface said it too, and {row.robot} heard that"
+        return end_row(session, row.id, "superseded", reason, session_at)
+    withdrawn = query.get_outbox(session, row.document["withdraws"])
+    ground = plan_row.heard(withdrawn, acks, plan, session_at)
+    if ground.is_told:
+        return _told(session, row, withdrawn, ground, session_at)
+    document = repeating.surfaced(row.document, session_at)
+    if document["sends"] >= _SENDS_MAX and repeating.is_due(document):
+        reason = f"said {_SENDS_MAX} times; {row.robot} had nothing to answer"
+        return end_row(session, row.id, "sent", reason, session_at, document=document)
+    if document == row.document:
+        return row
+    return query.change_outbox(session, row.id, document=document)
+
+
+def _told(
+    session: Session,
+    row: OutboxRecord,
+    withdrawn: OutboxRecord,
+    ground: GroundTransfer,
+    at: datetime,
+) -> OutboxRecord:
+    """End it: the robot has said its last word on the plan."""
+    document = {**withdrawn.document, "transfer": ground.to_document()}
+    query.change_outbox(session, withdrawn.id, document=document)
+    if ground.state is GroundState.APPLIED:
+        reason = f"{row.robot} has it on board already"
+        return end_row(session, row.id, "sent", reason, at)
+    return end_row(session, row.id, "applied", f"{row.robot} refuses it", at, level="applied")
+
+
+def called_back(session: Session, plan: OutboxRecord) -> str:
+    """Say what is known of the word that withdraws a plan; "" if there is none to be said."""
+    said = next(
+        (
+            one
+            for one in query.newest_outboxes(session, plan.robot, "withdrawal", plan.created_at)
+            if one.document["withdraws"] == plan.id
+        ),
+        None,
+    )
+    if said is None:
+        return ""
+    robot, gateway = plan.robot, carrier_title(plan.carrier)
+    if said.state == "applied":
+        return f"{robot} refuses what is left of it."
+    if said.level == "radio":
+        return f"{robot}'s modem fetched the word that withdraws what is left of it."
+    if said.ended_at is None and not said.document["sends"]:
+        return (
+            f"Parts of it may still lie at {gateway}; the word that withdraws them has not left "
+            "the station."
+        )
+    if said.ended_at is None:
+        return (
+            f"Parts of it may still reach {robot}; {gateway} took the word that withdraws them, "
+            f"and {robot} has not been heard to have it."
+        )
+    return f"The word that withdraws what was left of it ended: {said.reason}."
+
+
+def _given_up(session: Session, plan: OutboxRecord, at: datetime) -> Iterator[OutboxRecord]:
+    """Yield the plans that a modem was sent part of and must not fly any more."""
+    for row in query.newest_outboxes(session, plan.robot, "plan", at - 2 * _LIFE):
+        if row.imei != plan.imei or row.ended_at is None:
+            continue
+        if row.state == "applied":  # a robot refuses what is older than the plan on board
+            return
+        if not plan_row.ground_of(row).is_told:
+            yield row
+
+
+def _has_left(session: Session, row: OutboxRecord, at: datetime) -> bool:
+    return any(
+        one.state in _LEFT and (one.queued_at or one.created_at) > at - _LIFE
+        for one in messages_of(session, row.id)
+    )
+
+
+def _surfaced_since(session: Session, row: OutboxRecord) -> bool:
+    newest = query.newest_outboxes(session, row.robot, "order", row.created_at)
+    return any(
+        order_row.is_surface(one)
+        and one.imei == row.imei
+        and one.counter > row.counter
+        and one.level in ("radio", "applied")
+        for one in newest
+    )

@@ -9,6 +9,7 @@ from server import composition
 from server.composition import run_station
 from server.secret import SecretStore
 from server.security.role import Role
+from server.service import command
 from server.service.satellite import outbox
 from server.service.station import Station
 from server.settings import Settings
@@ -47,6 +48,7 @@ async def far_station(tmp_path, world, sky, monkeypatch, links=LINKS):
     """Run a station on the sky's clock whose lake robot was heard by satellite just now."""
     monkeypatch.setattr(composition, "read_clock", lambda _: sky.clock)
     monkeypatch.setattr(outbox, "LOOK_S", 0.02)
+    monkeypatch.setattr(command, "_WRITE_PATIENCE_S", 30.0)
     give_links(tmp_path, links)
     settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
     async with run_station(

@@ -8,6 +8,7 @@ from db.query.robots import list_robots
 from robot_link.clock import SystemClock
 from robot_link.messages import RobotId, SystemId
 from server.secret import SecretStore
+from server.service.plug import Plugs
 from server.service.road import Road
 from server.service.signing import RobotSigning
 from tests.server.service.conftest import MINI
@@ -42,21 +43,29 @@ def is_open(world):
     return world.plugs[-1][1]
 
 
-async def test_a_shared_radio_stays_closed_while_any_robots_link_is_unplugged(road, world, robots):
+async def test_robots_that_share_a_radio_share_its_plug(road, world, robots):
     road.set_robots(robots)
     road.set_plugged(FIRST, is_plugged=False)
-    road.set_plugged(SECOND, is_plugged=False)
     assert not is_open(world)
     road.set_plugged(SECOND, is_plugged=True)
-    assert not is_open(world), "the first robot's link is shown as unplugged"
-    road.set_plugged(FIRST, is_plugged=True)
     assert is_open(world)
+
+
+async def test_both_robots_links_show_a_shared_plug_as_it_is(foundation):
+    plugs = Plugs(foundation.store)
+    await plugs.set(FIRST, is_plugged=False)
+    assert not plugs.is_plugged(SECOND)
+    again = Plugs(foundation.store)
+    await again.load()
+    assert not again.is_plugged(FIRST)
+    await again.set(SECOND, is_plugged=True)
+    assert again.is_plugged(FIRST)
 
 
 async def test_a_radio_that_comes_back_finds_its_plug_as_it_was_left(road, world, robots):
     road.set_robots(robots)
     road.set_plugged(FIRST, is_plugged=False)
-    road.set_robots(robots[1:])
+    road.set_robots([])
     world.plugs.clear()
     road.set_robots(robots)
-    assert world.plugs == [(FIRST, False)]
+    assert world.plugs == [(RADIO, False)]

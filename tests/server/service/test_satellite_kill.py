@@ -4,35 +4,19 @@ Each case cuts the station's satellite side at another of its awaited steps, thr
 it had in memory, and goes on with what the database has.
 """
 
-import asyncio
-from datetime import timedelta
-
 import pytest
 
-from autonomy.planner.plan import Leg, PrimitiveKind
 from db.query import outbox as outbox_query
-from db.query.commands import add_command, get_command
-from db.query.plans import add_plan, change_plan, get_plan
+from db.query.commands import get_command
 from db.query.satellite_messages import messages_of
-from db.query.transfers import add_transfer, get_transfer
 from db.store import Store
 from robot_link.messages import CommandKind
-from robot_link.mission import Mission, MissionSettings
-from robot_link.satellite.blob import Blob
-from robot_link.satellite.config import Tariff
 from server.secret import SecretStore
-from server.service.plan_document import mission_of
-from server.service.satellite import order_row, plan_row
-from server.service.satellite.inbox import Inbox
-from server.service.satellite.modem import Modem
-from server.service.satellite.outbox import Outbox
-from server.service.satellite.preparing import Means
+from server.service.satellite import plan_row
 from server.settings import Settings
 from tests.server.service.conftest import GRACE
-from tests.server.service.sky import IMEI, URI, ManualClock, Sky
-
-MODEM = Modem(GRACE, 2, URI, "rockblock", IMEI)
-SETTINGS = MissionSettings(5.0, 30.0, 9000.0, 150.0, 150.0)
+from tests.server.service.shore import Shore, begin_order, begin_plan
+from tests.server.service.sky import ManualClock, Sky
 
 
 class KilledError(BaseException):
@@ -82,77 +66,6 @@ class CutSky:
         return await self.knife.cut(lambda: self.sky.send(*args, **kwargs))
 
 
-class Process:
-    """The satellite side of a station as long as it lives."""
-
-    def __init__(self, store, sky, key, knife):
-        cut = CutStore(store, knife)
-        self.told = []
-        means = Means(MODEM, key, Tariff())
-        self.outbox = Outbox(
-            cut, sky.clock, CutSky(sky, knife), lambda _: means, lambda _: None, lambda _: None
-        )
-        self.inbox = Inbox(cut, sky.clock, self._tell)
-        self.key = key
-
-    async def _tell(self, values):
-        self.told += values
-
-    async def work(self):
-        await self.outbox.step()
-        calls = list(self.outbox._calls.values())
-        for outcome in await asyncio.gather(*calls, return_exceptions=True):
-            if isinstance(outcome, KilledError):
-                raise outcome
-
-    async def take(self, message):
-        arrival = await self.inbox.take(message, MODEM, self.key)
-        if arrival.is_new:
-            await self.inbox.settle(message, arrival.values)
-        return arrival.is_new
-
-    async def finish(self):
-        for record in await self.inbox.unsettled():
-            values = await self.inbox.values_again(record, MODEM, self.key)
-            await self.inbox.settle(record.message, values)
-
-
-def long_mission():
-    legs, depth = [], 0.0
-    for number in range(1, 41):
-        to = 0.0 if number == 40 else number * 1.37 % 5
-        start, end = (150.0, 150.0, depth), (150.0, 150.0, to)
-        speed = 0.05 + number / 1e3
-        legs.append(Leg(PrimitiveKind.DIVE, start, end, speed, 60.0, 0.3, 0.0, 0.0, 0.0))
-        depth = to
-    return Mission.from_legs(SETTINGS, tuple(legs))
-
-
-def prepare(session, at):
-    """Add a plan on its way and an order, as the services do before anything is sent."""
-    mission = long_mission()
-    plan = add_plan(session, GRACE, "primitives", config={}, at=at, by="test")
-    document = {
-        "format": mission.format,
-        "settings": {name: getattr(mission.settings, name) for name in SETTINGS.__slots__},
-        "legs": [{name: getattr(leg, name) for name in leg.__slots__} for leg in mission.legs],
-    }
-    change_plan(session, plan, at=at, state="draft", sha256=mission.sha256(), document=document)
-    record = get_plan(session, plan)
-    transfer = get_transfer(
-        session, add_transfer(session, plan, GRACE, items=40, size=9, start=False, at=at)
-    )
-    blob = Blob.of(mission_of(record))
-    row = plan_row.begin_plan(
-        session, transfer, record, blob, MODEM, at=at, expires_at=at + timedelta(days=4)
-    )
-    command = add_command(
-        session, GRACE, CommandKind.HOLD, at=at, expires_at=at + timedelta(days=1), by="test"
-    )
-    order = order_row.begin_order(session, command, MODEM, at, is_only=False)
-    return row.id, order.id, command.id, mission.sha256()
-
-
 @pytest.fixture
 def store(tmp_path):
     store = Store.open(Settings(data_dir=tmp_path).resolved_database_url)
@@ -178,9 +91,16 @@ async def test_station_killed_at_any_step_loses_nothing_and_doubles_nothing(
     key = SecretStore(Settings(data_dir=tmp_path).secret_dir).robot_key(GRACE)
     robot = sky.robot(GRACE, 2, key)
     at = sky.clock.now()
-    row, order, command, sha256 = await store.write(lambda session: prepare(session, at))
+    plan = await store.write(lambda session: begin_plan(session, at))
+    told = await store.write(lambda session: begin_order(session, at))
+    row, order, command = plan.id, told.id, told.command
+    sha256 = plan_row.ground_of(plan).plan
     knife = Knife(step)
-    process = Process(store, sky, key, knife)
+
+    def begin(knife):
+        return Shore(CutStore(store, knife), CutSky(sky, knife), sky.clock, key)
+
+    process = begin(knife)
     undelivered = []
 
     async def deliver(message):
@@ -197,7 +117,7 @@ async def test_station_killed_at_any_step_loses_nothing_and_doubles_nothing(
             await process.work()
             await robot.call()
         except KilledError:
-            process = Process(store, sky, key, Knife(10**6))
+            process = begin(Knife(10**6))
             await process.finish()
         await store.query(lambda session: check_levels(session, robot, row, order))
         sky.clock.advance(minutes=20)

@@ -262,9 +262,10 @@ async def test_robot_refuses_what_is_left_of_a_plan_that_was_withdrawn(far, sky,
 
 
 async def test_surface_order_withdraws_a_plan_without_emptying_the_queue_it_waits_in(
-    far, sky, robot
+    far, sky, robot, world
 ):
     station, client = far
+    world.in_reach = False
     path, found = await queued(station, client, sky, await draft(client))
     await station.commands.send("grace-1", CommandKind.SURFACE, by="test")
     await until(lambda: len(sky.calls) > len(found["parts"]))
@@ -272,6 +273,8 @@ async def test_surface_order_withdraws_a_plan_without_emptying_the_queue_it_wait
     assert (await client.get(path)).json()["state"] == "withdrawn"
     assert [call[3] for call in sky.calls] == [False] * (len(found["parts"]) + 1)
     await robot.call(4)
+    await settled(station)
+    assert len(sky.calls) == len(found["parts"]) + 1, "the order itself calls the plan back"
     assert robot.applied == [], "the order came first, and what is older is refused"
     assert [one.kind for one in robot.commands] == [CommandKind.SURFACE]
 
@@ -303,9 +306,15 @@ async def test_plan_that_nobody_confirmed_expires_and_is_never_sent_late(far, sk
     await settled(station)
     failed = await in_state(client, path, "failed")
     assert "did not confirm it before it expired" in failed["reason"]
-    await robot.call(3)
-    await settled(station)
     assert len(sky.calls) == calls
+    assert "has not left the station" in (await client.get(path)).json()["text"]
+    await robot.call(1)
+    await settled(station)
+    later = sky.calls[calls:]
+    assert [len(call[1]) <= 50 for call in later] == [True], "what is left of it is called back"
+    await robot.call(2)
+    await settled(station)
+    assert robot.applied == []
 
 
 async def test_robot_out_of_contact_gets_nothing_unless_the_operator_insists(far, sky):
@@ -339,7 +348,7 @@ async def test_plan_that_comes_by_radio_in_the_middle_is_on_board_once(far, sky,
     await robot.call(4)
     await settled(station)
     later = sky.calls[len(found["parts"]) :]
-    assert [len(call[1]) <= 50 for call in later] == [True], "only the word that withdraws it"
+    assert {len(call[1]) <= 50 for call in later} == {True}, "only the word that withdraws it"
     assert robot.applied == []
 
 

@@ -1,0 +1,75 @@
+"""Who was heard by satellite when, as the fleet shows it."""
+
+from db.query.inbox import newest_session
+from db.store import Store
+from robot_link.clock import Clock
+from robot_link.gateway.gateway import MobileOriginated
+from server.service.fleet import Fleet
+from server.service.picture import Picture, SatelliteStanding
+from server.service.plug import Plugs
+from server.service.satellite.contact import Heard, link_report, next_session_at
+from server.service.satellite.modem import Modem, modems_of
+from server.service.satellite.standing import Account, Settings
+
+
+class Hearing:
+    """Keeps the health of each satellite link, and shows it. Belongs to one event loop."""
+
+    def __init__(self, store: Store, clock: Clock, fleet: Fleet, plugs: Plugs) -> None:
+        self._store = store
+        self._clock = clock
+        self._fleet = fleet
+        self._plugs = plugs
+        self._heard: dict[str, Heard | None] = {}
+        """By modem; ``None`` for one that never called."""
+
+    async def remember(self, modem: Modem) -> None:
+        """Read once when a modem called last."""
+        if modem.imei in self._heard:
+            return
+        newest = await self._store.query(lambda session: newest_session(session, modem.imei))
+        self._heard.setdefault(modem.imei, None if newest is None else Heard(newest, 0, 0))
+
+    def note(
+        self, modem: Modem, message: MobileOriginated, settings: Settings, *, is_bad: bool
+    ) -> None:
+        """Note that a modem called; a gateway whose clock is ahead hears nobody later than now."""
+        session_at = min(message.session_at, self._clock.now())
+        known = self._heard.get(modem.imei) or Heard(session_at, 0, 0)
+        self._heard[modem.imei] = Heard(
+            max(known.session_at, session_at),
+            known.frames_received + (not is_bad),
+            known.frames_bad + is_bad,
+        )
+        self._report(self._fleet.picture(modem.robot), modem, settings)
+
+    def show(self, picture: Picture, account: Account, *, waits_for_budget: bool) -> None:
+        """Show where the satellite links of a robot stand."""
+        modems = modems_of(picture.record)
+        for modem in modems:
+            self._report(picture, modem, account.settings)
+        heard = [found for one in modems if (found := self._heard.get(one.imei)) is not None]
+        newest = max(heard, key=lambda one: one.session_at, default=None)
+        period_s = account.settings.satellite.session_period_s
+        standing = SatelliteStanding(
+            credits_today=account.budget.spent,
+            credits_per_day=account.budget.per_day,
+            waits_for_budget=waits_for_budget,
+            next_session_at=next_session_at(picture, newest, period_s),
+            fault=account.fault,
+        )
+        if picture.satellite != standing:
+            picture.satellite = standing
+            self._fleet.touch(picture.record.id)
+
+    def _report(self, picture: Picture, modem: Modem, settings: Settings) -> None:
+        report = link_report(
+            modem,
+            picture,
+            self._heard.get(modem.imei),
+            settings.satellite,
+            self._clock.now(),
+            is_plugged=self._plugs.is_plugged(modem.uri),
+        )
+        if picture.links.get(modem.uri) != report:
+            self._fleet.take_link(report)
