@@ -99,7 +99,19 @@ const MISSIONS: Record<string, Word> = {
   stopped: { text: 'Stopped', tone: 'watch', help: 'No further round starts by itself.' },
 };
 
-export function missionWord(state: string): Word {
+const ROUNDS: Partial<Record<PlanState, Word>> = {
+  draft: {
+    text: 'Its round is to be sent',
+    tone: 'watch',
+    help: 'The robot does not have it yet.',
+  },
+  sent: { text: 'Its round is on its way', tone: 'watch', help: 'The robot has not confirmed it.' },
+  on_board: { text: 'Its round is on board', tone: 'accent', help: 'The robot has not begun it.' },
+};
+
+/** A mission goes on from the moment that its plan is ordered, long before a robot flies it. */
+export function missionWord(state: string, round: PlanState | null = null): Word {
+  if (state === 'running' && round !== null && ROUNDS[round]) return ROUNDS[round];
   return MISSIONS[state] ?? { text: words(state), tone: 'plain', help: '' };
 }
 

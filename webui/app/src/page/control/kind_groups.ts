@@ -19,7 +19,7 @@ const HELP: Record<string, string> = {
   satellite:
     'Tariff and daily budget of satellite messages, how long they stand, and how often the robot calls.',
   acoustic: 'Speed of sound and how often and how far the acoustic modem measures ranges.',
-  link: 'Which link plans, orders and telemetry take.',
+  link: 'Which link plans and orders take.',
 };
 
 interface Group {

@@ -16,6 +16,12 @@ describe('the way of a plan', () => {
     expect(wayOf('satellite', [RADIO, SPACE], QUOTE).route).toBe('satellite');
   });
 
+  test('by radio says so where no radio hears the robot', () => {
+    expect(wayOf('radio', [RADIO, SPACE], QUOTE).reason).toBe('By radio, as you chose.');
+    const far = [{ ...RADIO, state: 'never_heard' }, SPACE] as RobotLink[];
+    expect(wayOf('radio', far, QUOTE).reason).toContain('waits');
+  });
+
   test('is the station’s where it is left to it', () => {
     expect(wayOf('auto', [SPACE], QUOTE)).toEqual(QUOTE.auto);
   });

@@ -11,10 +11,19 @@ export function wayOf(
   if (choice !== 'auto') {
     return {
       route: choice,
-      reason: choice === 'radio' ? 'By radio, as you chose.' : 'By satellite, as you chose.',
+      reason: choice === 'radio' ? chosenRadio(links) : 'By satellite, as you chose.',
     };
   }
   return quote?.auto ?? guessedWay(links);
+}
+
+/** A plan for a robot out of reach goes nowhere: said before it is sent. */
+function chosenRadio(links: readonly RobotLink[]): string {
+  const radios = links.filter(({ kind }) => kind === 'radio');
+  const isLive = radios.some((link) => link.is_plugged && shownState(link) === 'live');
+  return isLive || radios.length === 0
+    ? 'By radio, as you chose.'
+    : 'By radio, as you chose: no radio hears the robot now, so the plan waits until one does.';
 }
 
 function guessedWay(links: readonly RobotLink[]): Way {
