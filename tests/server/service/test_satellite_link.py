@@ -366,3 +366,61 @@ async def test_every_byte_of_the_satellite_is_in_the_journal(far, sky, robot):
         return {(True, sky.calls[0][1]), (False, said.data)} <= kept
 
     await until(complete)
+
+
+async def test_order_takes_the_route_that_is_asked_for(far, sky, world):
+    station, client = far
+    hear_radio(world, sky)
+    answer = await client.post(ORDERS, json={"kind": "hold", "route": "satellite"})
+    assert answer.status_code == 202, answer.text
+    await until(lambda: sky.calls)
+    await settled(station)
+    assert world.commands == []
+    await client.post(PLUG, json={"uri": URI, "plugged": False})
+    refused = await client.post(ORDERS, json={"kind": "hold", "route": "satellite"})
+    assert refused.status_code == 409
+    assert "unplugged" in refused.json()["detail"]
+
+
+async def test_order_says_why_it_waits(far, sky, world):
+    station, client = far
+    world.in_reach = False
+    sky.clock.advance(hours=60)
+    answer = await client.post(ORDERS, json={"kind": "hold", "route": "satellite"})
+    await settled(station)
+    found = (await client.get(f"/api/commands/{answer.json()['id']}")).json()
+    assert found["level"] == "created"
+    assert "It is sent when the robot is heard again." in found["text"]
+
+
+async def test_key_that_cannot_be_read_holds_messages_back_and_ends_nothing(
+    far, sky, robot, tmp_path
+):
+    station, client = far
+    file = next((tmp_path / "secret").glob("robot-*"))
+    key = file.read_text()
+    file.write_text("no key")
+    with pytest.raises(HeldBackError):
+        await sky.deliver(robot.message())
+    await order(client)
+    await settled(station)
+    assert sky.calls == []
+    file.write_text(key)
+    await settled(station)
+    await until(lambda: sky.calls)
+    assert await sky.deliver(robot.message()) is True
+
+
+async def test_log_says_what_became_of_a_sending_that_was_lost(far, sky, robot):
+    station, client = far
+    await order(client)
+    await until(lambda: sky.calls)
+    await settled(station)
+    sky.queues[IMEI].clear()
+    for _ in range(5):
+        sky.clock.advance(minutes=30)
+        await robot.call()
+        await settled(station)
+    sent = (await client.get("/api/robots/grace-1/satellite")).json()["outgoing"]
+    assert "answer says that it has it" in sent[0]["text"]
+    assert "so it was sent again" in sent[1]["text"]
