@@ -118,7 +118,7 @@ class Station:
             self.fleet,
             self.gateways,
             self.plugs,
-            SatelliteListeners(self._store_values, self._take_event, self._take_level),
+            SatelliteListeners(self._store_values, self._take_level),
         )
         self.commands = Commands(store, clock, self.fleet, self.road, self.satellite)
         self.uploads = Uploads(

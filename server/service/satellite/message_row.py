@@ -5,12 +5,14 @@ from datetime import datetime
 
 from sqlalchemy.orm import Session
 
+from db.ingest import append_telemetry
 from db.query import outbox as outbox_query
 from db.query import satellite_messages as query
 from db.query.events import add_event
 from db.query.outbox import OutboxRecord
 from db.query.satellite_messages import SENDING, SatelliteMessage
 from robot_link.gateway.gateway import Taken
+from robot_link.messages import RawFrame, RobotId
 from server.service.satellite import order_row, plan_row, withdrawal_row
 from server.service.words import carrier_title
 
@@ -38,7 +40,10 @@ def begin_call(session: Session, message: str) -> Call | None:
 
 
 def taken(session: Session, call: Call, answer: Taken, at: datetime) -> OutboxRecord:
-    """Write down that the gateway has a message; a repetition of the answer changes nothing."""
+    """Write down that the gateway has a message, and what was sent in the raw journal.
+
+    A repetition of the answer changes nothing.
+    """
     message = call.message.id
     before = query.get_message(session, message)
     row = outbox_query.get_outbox(session, before.outbox)
@@ -54,6 +59,8 @@ def taken(session: Session, call: Call, answer: Taken, at: datetime) -> OutboxRe
         retry_at=None,
         text="" if answer.position is None else f"Place {answer.position} in the queue.",
     )
+    sent = RawFrame(RobotId(row.robot), before.carrier, True, before.data, at)
+    append_telemetry(session, [sent])
     if row.ended_at is None:
         row = _noted(session, row, before, answer, at)
     if before.flush and (call.flush or call.message.attempts > 1):

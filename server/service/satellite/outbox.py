@@ -25,7 +25,6 @@ from robot_link.gateway.gateway import (
     Taken,
     retry_after_s,
 )
-from robot_link.messages import RawFrame, RobotId
 from server.service.satellite import message_row
 from server.service.satellite.message_row import Call
 from server.service.satellite.order_row import SURFACE_PRIORITY, is_surface
@@ -64,7 +63,6 @@ class Outbox:
         sender: The gateways.
         means: Returns what sending a row takes, or a sentence that says why nothing may be sent.
         on_change: Called with each row that changed, after the commit.
-        journal: Takes the bytes that a gateway took.
     """
 
     def __init__(
@@ -74,14 +72,12 @@ class Outbox:
         sender: Sender,
         means: Callable[[OutboxRecord], Means | str],
         on_change: Callable[[OutboxRecord], None],
-        journal: Callable[[RawFrame], None],
     ) -> None:
         self._store = store
         self._clock = clock
         self._sender = sender
         self._means = means
         self._on_change = on_change
-        self._journal = journal
         self._stirred = asyncio.Event()
         self._calls: dict[str, asyncio.Task[None]] = {}
         self._called: dict[str, SatelliteMessage] = {}
@@ -203,8 +199,6 @@ class Outbox:
 
     async def _take(self, call: Call, answer: Taken) -> None:
         at, message = self._clock.now(), call.message
-        robot = RobotId(message.robot)
-        self._journal(RawFrame(robot, message.carrier, True, message.data, at))
         await self._note(message, lambda s: message_row.taken(s, call, answer, at))
 
     async def _postpone(self, message: SatelliteMessage, sentence: str) -> None:

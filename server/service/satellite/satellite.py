@@ -19,7 +19,6 @@ from robot_link.messages import (
     CommandNumber,
     CommandReport,
     PlanReport,
-    RawFrame,
 )
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.ground import next_counter
@@ -57,8 +56,6 @@ class SatelliteListeners:
 
     tell: Callable[[Sequence[Telling]], Awaitable[None]]
     """Takes what messages tell, as radio's; returns once it is stored."""
-    journal: Callable[[RawFrame], None]
-    """Takes every byte, both ways."""
     level: Callable[[CommandReport], None]
     """Takes levels of commands that are not written down with what proved them."""
 
@@ -96,9 +93,7 @@ class Satellite:
         """When each robot's last word on its plan arrived by satellite, and when it was said."""
         self._turns = Turns("satellite messages")
         self.inbox = Inbox(self._store, self._clock, listeners.tell)
-        self.outbox = Outbox(
-            self._store, self._clock, sender, self._means, self._row_changed, listeners.journal
-        )
+        self.outbox = Outbox(self._store, self._clock, sender, self._means, self._row_changed)
         self._unwritten = UnwrittenOrders(sender)
 
     async def load(self) -> None:

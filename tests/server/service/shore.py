@@ -28,11 +28,9 @@ class Shore:
     """The satellite side of a station as long as it lives."""
 
     def __init__(self, store, sender, clock, key, tariff=None):
-        self.told, self.journal = [], []
+        self.told = []
         means = Means(MODEM, key, tariff or Tariff())
-        self.outbox = Outbox(
-            store, clock, sender, lambda _: means, lambda _: None, self.journal.append
-        )
+        self.outbox = Outbox(store, clock, sender, lambda _: means, lambda _: None)
         self.inbox = Inbox(store, clock, self._tell)
         self.key = key
 
