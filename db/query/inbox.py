@@ -109,6 +109,14 @@ def inbox_of(session: Session, robot: str, limit: int) -> list[InboxRecord]:
     return [_record(row, robot) for row in session.scalars(statement)]
 
 
+def inbox_sizes(session: Session, robot: str, *, since: datetime) -> list[int]:
+    """Return the bytes of each message of a robot whose session was at this moment or later."""
+    statement = select(func.length(InboxRow.data)).where(
+        InboxRow.robot_key == robot_key(session, robot), InboxRow.session_at >= since
+    )
+    return list(session.scalars(statement))
+
+
 def newest_session(session: Session, imei: str) -> datetime | None:
     """Return when a modem called last, ``None`` if nothing came from it."""
     return session.scalar(select(func.max(InboxRow.session_at)).where(InboxRow.imei == imei))

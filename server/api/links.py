@@ -39,8 +39,7 @@ async def plug_link(
 
     Nothing is sent by an unplugged satellite link, and its gateway is asked to keep what comes.
     """
-    del caller
-    await station.set_plugged(robot, body.uri, is_plugged=body.plugged)
+    await station.set_plugged(robot, body.uri, is_plugged=body.plugged, by=caller.name)
     return link_views(station.fleet.picture(robot))
 
 

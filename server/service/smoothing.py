@@ -6,6 +6,7 @@ samples of one look are kept in one transaction, and looking twice changes nothi
 """
 
 import asyncio
+from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
@@ -77,6 +78,8 @@ class Smoothing:
         asked the database yet."""
         self._pending: dict[str, datetime] = {}
         """When the first sample was taken that is to be looked at, by robot."""
+        self._announced: defaultdict[str, set[float]] = defaultdict(set)
+        """Fixes whose dives were told of, by robot."""
         self._told: dict[str, datetime] = {}
         """Newest fix that a robot reported, which the database may not have yet."""
         self._looking = asyncio.Lock()
@@ -162,14 +165,18 @@ class Smoothing:
 
         places, dives, more = await self._store.query(work)
         at = self._clock.now()
+        # Samples that come late by satellite move a dive again; that is no news.
+        announced = self._announced[robot]
+        untold = [one for one in dives if one.dive.fix_time_s not in announced]
 
         def keep(session: Session) -> None:
             keep_smoothed(session, robot, places)
-            for one in dives:
+            for one in untold:
                 text = one.text(robot)
                 add_event(session, at, "dive.smoothed", text, robot=robot, data=one.document())
 
         await self._store.write(keep)
+        announced.update(one.dive.fix_time_s for one in untold)
         if self._newest[robot] >= fix:
             # What was taken after this fix waits for the next.
             self._restore(robot, fix)

@@ -110,7 +110,7 @@ class Station:
         self.robot_logs = RobotLogs(foundation, self.fleet, self.road)
         self.plans = PlanLedger(store, clock, self.fleet, self.feed)
         self.planning = Planning(foundation, self.fleet, self.plans, self.workers)
-        self.plugs = Plugs(store)
+        self.plugs = Plugs(store, clock)
         self.gateways = make_gateways(foundation, self._take_message)
         self.ranging = Ranging(foundation, self._take_event)
         self.satellite = Satellite(
@@ -211,7 +211,7 @@ class Station:
         if self.road.set_robots(robots):
             await self.commands.resume()
 
-    async def set_plugged(self, robot: str, uri: str, *, is_plugged: bool) -> None:
+    async def set_plugged(self, robot: str, uri: str, *, is_plugged: bool, by: str) -> None:
         """Pull the plug of a link, or put it back, for every robot that shares it.
 
         Raises:
@@ -220,7 +220,7 @@ class Station:
         """
         if uri not in self.fleet.picture(robot).record.links:
             raise not_found(f"{robot} has no link {uri!r}.")
-        await self.plugs.set(uri, is_plugged=is_plugged)
+        await self.plugs.set(uri, is_plugged=is_plugged, robot=robot, by=by)
         for picture in self.fleet.pictures:
             picture.unplugged = self.plugs.unplugged
             self.fleet.touch(picture.record.id)

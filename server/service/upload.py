@@ -16,6 +16,7 @@ from sqlalchemy.orm import Session
 
 from db.fault import StoreError
 from db.query import transfers as query
+from db.query.events import add_event
 from db.query.plans import ENDED_STATES, PlanRecord, get_plan
 from db.query.transfers import TransferRecord
 from robot_link.mavlink.mission_item import item_count
@@ -193,8 +194,21 @@ class Uploads:
         view = await self.view(transfer)
         if not view.can_withdraw:
             raise conflict(f"{transfer} is {view.state.replace('_', ' ')}; it cannot be withdrawn.")
-        await self._close(view.robot, "withdrawn", f"{by} withdrew it.", calls_back=True)
+        reason = f"{by} withdrew {view.plan_id}."
+        await self._close(view.robot, "withdrawn", reason, calls_back=True)
+        await self._note_withdrawal(view, reason)
+        for listener in self.on_failure:
+            listener(view.plan_id, reason)
         return await self.view(transfer)
+
+    async def _note_withdrawal(self, view: TransferView, reason: str) -> None:
+        at = self._clock.now()
+        data = {"plan": view.plan_id, "transfer": view.id}
+        await self._store.write(
+            lambda session: add_event(
+                session, at, "plan.withdrawn", reason, robot=view.robot, data=data
+            )
+        )
 
     async def _close(self, robot: str, state: str, reason: str, *, calls_back: bool) -> None:
         at = self._clock.now()

@@ -7,9 +7,11 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from db.query.inbox import InboxRecord, inbox_of
+from db.query.inbox import InboxRecord, inbox_of, inbox_sizes
 from db.query.outbox import OutboxRecord, get_outbox
 from db.query.satellite_messages import SatelliteMessage, messages_to
+from robot_link.satellite.config import Tariff
+from robot_link.satellite.fare import credits
 from server.service.picture import Picture
 from server.service.satellite import plan_row
 from server.service.satellite.budget import budget_of
@@ -34,7 +36,9 @@ def satellite_view(session: Session, picture: Picture, now: datetime, limit: int
     """Return a robot's budget and its newest messages; one without a modem has none."""
     robot = picture.record.id
     modem = next(iter(modems_of(picture.record)), None)
-    budget = budget_of(session, robot, settings_of(session, robot).satellite.tariff, now)
+    tariff = settings_of(session, robot).satellite.tariff
+    budget = budget_of(session, robot, tariff, now)
+    midnight = now.replace(hour=0, minute=0, second=0, microsecond=0)
     standing = picture.satellite
     return SatelliteView(
         imei=None if modem is None else modem.imei,
@@ -42,9 +46,12 @@ def satellite_view(session: Session, picture: Picture, now: datetime, limit: int
         credits_today=budget.spent,
         credits_per_day=budget.per_day,
         credits_left=budget.left,
+        credits_heard_today=sum(
+            credits(size, tariff) for size in inbox_sizes(session, robot, since=midnight)
+        ),
         next_session_at=None if standing is None else standing.next_session_at,
         outgoing=_outgoing_views(session, messages_to(session, robot, limit)),
-        incoming=[_incoming(one) for one in inbox_of(session, robot, limit)],
+        incoming=[_incoming(one, tariff) for one in inbox_of(session, robot, limit)],
     )
 
 
@@ -105,7 +112,7 @@ def _fate(row: OutboxRecord, message: SatelliteMessage, *, is_last: bool) -> str
     return f"The robot was not heard to fetch it before it was {_ENDS.get(row.state, 'given up')}."
 
 
-def _incoming(record: InboxRecord) -> IncomingMessageView:
+def _incoming(record: InboxRecord, tariff: Tariff) -> IncomingMessageView:
     message = record.message
     return IncomingMessageView(
         session_at=message.session_at,
@@ -113,6 +120,7 @@ def _incoming(record: InboxRecord) -> IncomingMessageView:
         momsn=message.momsn,
         mtmsn=message.mtmsn or None,
         bytes=len(message.data),
+        credits=credits(len(message.data), tariff),
         is_duplicate=record.deliveries > 1,
         is_decoded=record.is_decoded,
         text=record.text,

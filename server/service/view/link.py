@@ -122,6 +122,8 @@ class IncomingMessageView(View):
     mtmsn: int | None
     """The message that the robot fetched in the same session, where the gateway tells."""
     bytes: int
+    credits: int
+    """What it costs by the robot's tariff; not counted against the budget."""
     is_duplicate: bool
     """Whether the gateway delivered it more than once; it had an effect once."""
     is_decoded: bool
@@ -139,6 +141,8 @@ class SatelliteView(View):
     """Spent since 00:00 UTC."""
     credits_per_day: int
     credits_left: int
+    credits_heard_today: int
+    """What the robot's own messages of this UTC day cost; the budget does not hold them back."""
     next_session_at: datetime | None
     """When the robot is expected to speak next; ``null`` while nobody knows."""
     outgoing: list[OutgoingMessageView]

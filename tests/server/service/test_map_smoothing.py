@@ -118,6 +118,8 @@ async def test_samples_that_come_late_lead_to_the_same_places(foundation):
     looker.feed(late)
     await looker.look(MINI)
     piecewise = columns(store)
+    events = await store.query(newest_events)
+    assert len([one for one in events if one.kind == "dive.smoothed"]) == 1, "told of once"
 
     again = dive(MINI, begin + timedelta(seconds=100), first=20)
     await kept(store, again)

@@ -330,6 +330,22 @@ async def test_unplugged_satellite_sends_nothing_and_takes_nothing(far, sky, rob
         await sky.deliver(robot.message())
     await client.post(PLUG, json={"uri": URI, "plugged": True})
     assert await sky.deliver(robot.message()) is True
+    events = await station.foundation.store.query(newest_events)
+    plugs = [one.text for one in events if one.kind in {"link.unplugged", "link.plugged"}]
+    assert [text.split()[2] for text in plugs] == ["unplugged", "plugged"]
+    assert all(text.endswith("RockBLOCK of grace-1.") for text in plugs)
+
+
+async def test_robots_own_messages_are_priced_beside_the_budget(far, sky, robot):
+    _, client = far
+    message = robot.message()
+    await sky.deliver(message)
+    found = (await client.get("/api/robots/grace-1/satellite")).json()
+    paid = -(-len(message.data) // 50)
+    assert found["incoming"][0]["credits"] == paid
+    assert found["credits_heard_today"] == sum(one["credits"] for one in found["incoming"])
+    assert found["credits_today"] == 0
+    assert found["credits_left"] == found["credits_per_day"]
 
 
 async def test_plug_that_was_pulled_stays_pulled_after_a_restart(

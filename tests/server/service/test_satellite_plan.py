@@ -240,6 +240,9 @@ async def test_withdrawn_plan_is_not_sent_any_more(far, sky, robot):
     assert {len(call[1]) <= 50 for call in sky.calls if call[1] not in calls} <= {True}
     assert (await client.post(f"{path}/withdraw")).status_code == 409
     await in_state(client, f"/api/plans/{plan['id']}", "draft")
+    events = await station.foundation.store.query(newest_events)
+    [told] = [one.text for one in events if one.kind == "plan.withdrawn"]
+    assert told.endswith(f"withdrew {plan['id']}.")
 
 
 async def test_robot_refuses_what_is_left_of_a_plan_that_was_withdrawn(far, sky, robot):

@@ -88,15 +88,15 @@ export class FakeLinks {
       incoming: [
         {
           session_at: at(190), arrived_at: at(189), momsn: 39, mtmsn: 107, bytes: 131,
-          is_duplicate: false, is_decoded: true, text: 'State, plan report, answer to order 14, 6 samples.',
+          credits: 2, is_duplicate: false, is_decoded: true, text: 'State, plan report, answer to order 14, 6 samples.',
         },
         {
           session_at: at(190), arrived_at: at(184), momsn: 39, mtmsn: 107, bytes: 131,
-          is_duplicate: true, is_decoded: true, text: 'Delivered again by the gateway.',
+          credits: 2, is_duplicate: true, is_decoded: true, text: 'Delivered again by the gateway.',
         },
         {
           session_at: at(34), arrived_at: at(33), momsn: 40, mtmsn: null, bytes: 46,
-          is_duplicate: false, is_decoded: false, text: 'Kept as it came: its seal does not fit the key of grace-1.',
+          credits: 2, is_duplicate: false, is_decoded: false, text: 'Kept as it came: its seal does not fit the key of grace-1.',
         },
       ],
     }; // prettier-ignore
@@ -116,7 +116,7 @@ export class FakeLinks {
     const now = this.#station.now();
     this.log.incoming.unshift({
       session_at: iso(now - 2000), arrived_at: iso(now), momsn: ++this.#momsn, mtmsn, bytes,
-      is_duplicate: false, is_decoded: true, text,
+      credits: 2, is_duplicate: false, is_decoded: true, text,
     }); // prettier-ignore
   }
 
@@ -171,7 +171,7 @@ export class FakeLinks {
     const has = robot.site.kind === 'lake';
     return {
       imei: has ? '300434061799480' : null, carrier: has ? 'rockblock' : '', credits_today: this.credits,
-      credits_per_day: BUDGET, credits_left: BUDGET - this.credits,
+      credits_per_day: BUDGET, credits_left: BUDGET - this.credits, credits_heard_today: 12,
       next_session_at: has ? iso(this.nextSession()) : null,
       ...(has ? this.log : { outgoing: [], incoming: [] }),
     }; // prettier-ignore

@@ -89,6 +89,7 @@ export interface IncomingMessage {
   momsn: number;
   mtmsn: number | null;
   bytes: number;
+  credits: number;
   is_duplicate: boolean;
   is_decoded: boolean;
   text: string;
@@ -101,6 +102,8 @@ export interface SatelliteLog {
   credits_today: number;
   credits_per_day: number;
   credits_left: number;
+  /** What the robot's own messages of this UTC day cost; the budget does not hold them back. */
+  credits_heard_today: number;
   next_session_at: Time | null;
   outgoing: OutgoingMessage[];
   incoming: IncomingMessage[];

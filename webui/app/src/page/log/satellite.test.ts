@@ -8,12 +8,12 @@ const OUT: OutgoingMessage = {
 }; // prettier-ignore
 const IN: IncomingMessage = {
   session_at: '2026-11-21T05:00:00Z', arrived_at: '2026-11-21T05:01:00Z', momsn: 41, mtmsn: 108,
-  bytes: 70, is_duplicate: false, is_decoded: true, text: 'State.',
+  bytes: 70, credits: 2, is_duplicate: false, is_decoded: true, text: 'State.',
 }; // prettier-ignore
 
 function log(outgoing: OutgoingMessage[], incoming: IncomingMessage[]): SatelliteLog {
   return {
-    imei: '3', carrier: 'rockblock', credits_today: 6, credits_per_day: 100, credits_left: 94,
+    imei: '3', carrier: 'rockblock', credits_today: 6, credits_per_day: 100, credits_left: 94, credits_heard_today: 12,
     next_session_at: null, outgoing, incoming,
   }; // prettier-ignore
 }
@@ -28,7 +28,7 @@ test('messages of all robots stand in one order, the newest first', () => {
     ['grace-2', true],
     ['grace-1', true],
   ]);
-  expect(trace[0]).toMatchObject({ momsn: 41, mtmsn: 108, credits: null });
+  expect(trace[0]).toMatchObject({ momsn: 41, mtmsn: 108, credits: 2 });
 });
 
 test('what was not decoded is flagged, and a duplicate has no effect', () => {

@@ -58,7 +58,7 @@ function incoming(robot: string, log: SatelliteLog): TracedMessage[] {
       key: `${robot} in ${message.arrived_at} ${message.momsn} ${i}`,
       robot, isOut: false, at: message.session_at ?? message.arrived_at,
       arrivedAt: message.arrived_at, title: 'From the robot', text: message.text,
-      bytes: message.bytes, credits: null, momsn: message.momsn, mtmsn: message.mtmsn,
+      bytes: message.bytes, credits: message.credits, momsn: message.momsn, mtmsn: message.mtmsn,
       messageId: null, state, tone: isDuplicate ? 'plain' : isDecoded ? 'ok' : 'watch',
     };
   }); // prettier-ignore
