@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Protocol
 
 from robot_link.mavlink.command import ReceivedCommand
-from robot_link.messages import CommandKind, CommandNumber
+from robot_link.messages import FIRST_EMERGENCY_NUMBER, CommandKind, CommandNumber
 from robot_link.robot_program import CommandOutcome
 
 _REMEMBERED = 64
@@ -83,7 +83,13 @@ class CommandDesk:
             self._surface = (command.number, now_s)
         elif self._surface is not None:
             number, surfaced_s = self._surface
-            is_older = 0 < (number - command.number) % _NUMBERS < _NUMBERS // 2
-            if is_older and now_s - surfaced_s < _OVERTAKEN_S:
+            if _is_older(command.number, number) and now_s - surfaced_s < _OVERTAKEN_S:
                 return CommandOutcome.NOT_NOW
         return self._program.obey(command.kind, command.plan_digits)
+
+
+def _is_older(number: CommandNumber, surface: CommandNumber) -> bool:
+    """Tell whether a command was numbered before an order to surface."""
+    if surface >= FIRST_EMERGENCY_NUMBER:
+        return number < FIRST_EMERGENCY_NUMBER
+    return 0 < (surface - number) % _NUMBERS < _NUMBERS // 2

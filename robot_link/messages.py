@@ -17,6 +17,9 @@ LogId = NewType("LogId", int)
 """Names one sample log on board; sample numbers count from 0 within it."""
 CommandNumber = NewType("CommandNumber", int)
 """Station's number of a command, 1..2**24-1, echoed by the robot's acknowledgement."""
+FIRST_EMERGENCY_NUMBER = CommandNumber(2**24 - 2**16 + 1)
+"""From here on are the numbers of orders to surface that leave although they cannot be written
+down; each is newer than every ordinary one."""
 PlanHash = NewType("PlanHash", str)
 """SHA-256 of a mission's canonical bytes, 64 lower-case hexadecimal digits."""
 

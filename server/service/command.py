@@ -15,6 +15,7 @@ from db.query.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import (
+    FIRST_EMERGENCY_NUMBER,
     CommandKind,
     CommandLevel,
     CommandNumber,
@@ -43,7 +44,7 @@ _SATELLITE_LIFE = timedelta(hours=24)
 """The same of an order that goes by satellite: its robot may not call for hours."""
 _WRITE_PATIENCE_S = 0.1
 """A surface order waits this long, by the wall, for the database."""
-_EMERGENCY_NUMBERS = range(2**24 - 1, 2**24 - 2**16, -1)
+_EMERGENCY_NUMBERS = range(2**24 - 1, FIRST_EMERGENCY_NUMBER - 1, -1)
 """Numbers of surface orders that could not be written down; the counting ones never get here."""
 
 Purge = Callable[[Session, str, datetime, str], None]

@@ -223,6 +223,15 @@ def test_a_command_that_surface_overtook_in_the_air_is_not_obeyed():
     assert [kind for kind, _ in program.obeyed] == kinds
 
 
+def test_an_order_to_surface_that_was_not_written_down_is_newer_than_every_other():
+    program = Program()
+    desk = CommandDesk(program)
+    assert desk.take(received(CommandKind.SURFACE, 2**24 - 1), 0.0) is CommandOutcome.DONE
+    assert desk.take(received(CommandKind.START, 12), 1.0) is CommandOutcome.NOT_NOW
+    assert desk.take(received(CommandKind.START, 13), 90.0) is CommandOutcome.DONE
+    assert [kind for kind, _ in program.obeyed] == [CommandKind.SURFACE, CommandKind.START]
+
+
 def test_a_robot_with_a_full_memory_obeys_all_the_same(caplog):
     class FullMemory:
         def load(self):
