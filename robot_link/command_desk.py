@@ -10,7 +10,8 @@ from robot_link.messages import FIRST_EMERGENCY_NUMBER, CommandKind, CommandNumb
 from robot_link.robot_program import CommandOutcome
 
 _REMEMBERED = 64
-_NUMBERS = 2**24
+_NUMBERS = FIRST_EMERGENCY_NUMBER - 1
+"""Ordinary numbers, which begin again at 1."""
 _OVERTAKEN_S = 60.0
 """How long after SURFACE an older command may still be on its way."""
 

@@ -10,12 +10,12 @@ from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.query.robots import robot_key
 from db.tables import Command, CommandLevelRow, Robot
-from robot_link.messages import CommandKind, CommandLevel, CommandNumber
+from robot_link.messages import FIRST_EMERGENCY_NUMBER, CommandKind, CommandLevel, CommandNumber
 
 CREATED = "created"
 """Level of a command that no link has taken yet."""
 _RANK = {CREATED: 0, "queued": 1, "radio": 2, "applied": 3, "refused": 3, "expired": 3}
-_NUMBERS = 2**24 - 1
+_NUMBERS = FIRST_EMERGENCY_NUMBER - 1
 
 
 @dataclass(frozen=True, slots=True)

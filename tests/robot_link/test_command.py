@@ -14,6 +14,7 @@ from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.command import ReceivedCommand, command_message, received_command
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
+    FIRST_EMERGENCY_NUMBER,
     CommandKind,
     CommandLevel,
     CommandNumber,
@@ -309,7 +310,7 @@ async def test_an_answer_about_another_command_settles_nothing(lane):
 def test_numbers_that_begin_again_are_newer_than_those_before():
     program = Program()
     desk = CommandDesk(program)
-    desk.take(received(CommandKind.SURFACE, 2**24 - 1), 0.0)
+    desk.take(received(CommandKind.SURFACE, FIRST_EMERGENCY_NUMBER - 1), 0.0)
     assert desk.take(received(CommandKind.START, 1), 1.0) is CommandOutcome.DONE
 
 
