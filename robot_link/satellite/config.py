@@ -18,7 +18,7 @@ class Tariff(Configuration):
     """Name of the currency that prices are shown in."""
     credits_per_day: int = quantity(100, title="Credits per day", ge=0, le=100_000)
     """Budget of one robot for one day (UTC). When it is spent, nothing more is sent until midnight
-    but an order to surface."""
+    but an order to surface and the word that calls a plan back."""
 
 
 class SatelliteConfig(Configuration):

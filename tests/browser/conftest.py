@@ -2,7 +2,7 @@
 
 import pytest
 
-from tests.browser.walk import browser_page
+from tests.browser.walk import browser_page, chromium
 from tests.e2e.demo import Demo
 
 
@@ -14,8 +14,14 @@ def demo(tmp_path_factory):
 
 
 @pytest.fixture(scope="package")
-def page(demo):
-    with browser_page(demo) as page:
+def browser():
+    with chromium() as browser:
+        yield browser
+
+
+@pytest.fixture(scope="package")
+def page(browser, demo):
+    with browser_page(browser, demo) as page:
         yield page
 
 

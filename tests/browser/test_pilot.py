@@ -15,6 +15,8 @@ pytestmark = [
 ]
 
 DIVES = 3
+AMPLE = {"total_budget": 80.0, "round_budget": 80.0}
+"""More energy than these dives take, wherever the robot drifted."""
 ENDED = {"done", "stopped", "failed"}
 
 
@@ -33,7 +35,8 @@ def dive(station):
     down = {"kind": "dive", "end_ned": [north_m, east_m, 0.5]}
     up = {"kind": "dive", "end_ned": [north_m, east_m, 0.0]}
     legs = [down, up] * DIVES
-    plan = station.post("/api/robots/mini-1/plans", {"kind": "primitives", "legs": legs})["id"]
+    wish = {"kind": "primitives", "legs": legs, "config": AMPLE}
+    plan = station.post("/api/robots/mini-1/plans", wish)["id"]
     station.wait("draft", lambda: station.get(f"/api/plans/{plan}")["state"] == "draft", 60.0)
     station.post(f"/api/plans/{plan}/upload", {"start": True})
     return plan

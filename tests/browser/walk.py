@@ -9,7 +9,7 @@ from io import BytesIO
 from pathlib import Path
 
 from PIL import Image
-from playwright.sync_api import Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, expect, sync_playwright
 
 from tests.e2e.demo import Demo
 
@@ -29,19 +29,26 @@ KNOWN_PAGE_ERROR = "Evaluating a string as JavaScript violates"
 
 
 @contextmanager
-def browser_page(demo: Demo) -> Iterator[Page]:
-    """Sign in with the one-time address; afterwards no page may have failed or asked elsewhere."""
-    SHOTS.mkdir(parents=True, exist_ok=True)
+def chromium() -> Iterator[Browser]:
+    """Start the one browser of all walks: a process has room for one only."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
-        page = browser.new_page(viewport={"width": 1600, "height": 950})
-        page.set_default_timeout(60_000)
-        faults: list[str] = []
-        page.on("pageerror", lambda error: faults.append(str(error)))
-        page.on("request", lambda request: _note_foreign(request.url, demo.url, faults))
-        page.goto(demo.sign_in_url)
-        yield page
+        yield browser
         browser.close()
+
+
+@contextmanager
+def browser_page(browser: Browser, demo: Demo) -> Iterator[Page]:
+    """Sign in with the one-time address; afterwards no page may have failed or asked elsewhere."""
+    SHOTS.mkdir(parents=True, exist_ok=True)
+    page = browser.new_page(viewport={"width": 1600, "height": 950})
+    page.set_default_timeout(60_000)
+    faults: list[str] = []
+    page.on("pageerror", lambda error: faults.append(str(error)))
+    page.on("request", lambda request: _note_foreign(request.url, demo.url, faults))
+    page.goto(demo.sign_in_url)
+    yield page
+    page.context.close()
     assert [fault for fault in faults if KNOWN_PAGE_ERROR not in fault] == []
 
 

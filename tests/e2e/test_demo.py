@@ -114,6 +114,10 @@ def test_the_example_script_plans_and_sends_nothing_by_default(demo):
     assert "nothing was sent" in done.stdout
 
 
+AMPLE = {"total_budget": 80.0, "round_budget": 80.0}
+"""More energy than any dives of these tests take, wherever the robot drifted."""
+
+
 def dives(demo, count):
     """Dives where the robot is; where it drifted near the domain's edge it swims inward first."""
     north, east, _ = demo.get("/api/robots/mini-1/state")["position"]["ned_m"]
@@ -130,7 +134,8 @@ def dives(demo, count):
 def test_surface_now_brings_a_diving_robot_up(demo):
     """Each level is shown in its turn, and the robot really comes up."""
     legs = dives(demo, count=6)
-    plan = demo.post("/api/robots/mini-1/plans", {"kind": "primitives", "legs": legs})["id"]
+    wish = {"kind": "primitives", "legs": legs, "config": AMPLE}
+    plan = demo.post("/api/robots/mini-1/plans", wish)["id"]
     demo.wait("draft", lambda: demo.get(f"/api/plans/{plan}")["state"] == "draft", 20.0)
     demo.post(f"/api/plans/{plan}/upload", {"start": True})
     demo.wait("running", lambda: demo.get(f"/api/plans/{plan}")["state"] == "running", 30.0)

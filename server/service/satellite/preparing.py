@@ -81,7 +81,7 @@ def prepare(session: Session, outbox: str, means: Means, now: datetime) -> Looke
         data = texts[index]
         cost = credits(len(data), means.tariff)
         budget = budget_of(session, row.robot, means.tariff, now)
-        if not order_row.is_surface(row) and not budget.allows(cost):
+        if not _is_exempt(row) and not budget.allows(cost):
             return Looked(
                 f"Today's budget of {budget.per_day} credits is spent ({budget.spent} used, "
                 f"{cost} more needed); it goes on at 00:00Z, or with a greater budget.",
@@ -159,3 +159,8 @@ def _priority(row: OutboxRecord) -> int:
     if order_row.is_surface(row):
         return order_row.SURFACE_PRIORITY
     return order_row.ORDER_PRIORITY if row.kind == "order" else 5
+
+
+def _is_exempt(row: OutboxRecord) -> bool:
+    """Tell whether no budget holds a row back: it keeps a robot at the surface."""
+    return order_row.is_surface(row) or row.kind == "withdrawal"

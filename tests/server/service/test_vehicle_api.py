@@ -229,7 +229,12 @@ async def test_a_free_key_is_as_near_to_the_wish_as_it_gets(station, wish, key):
         ("field", "station", "Used by the station"),
         ("trim", "mission", "with the next plan"),
         ("estimator", "none", "Not on board"),
-        *((kind, "none", "Not on board") for kind in CONTROLLERS),
+        ("controller.backstepping", "mission", "with the next plan"),
+        *(
+            (kind, "none", "Not on board")
+            for kind in CONTROLLERS
+            if kind != "controller.backstepping"
+        ),
     ],
 )
 async def test_settings_say_how_far_they_reach(client, kind, reach, words):
