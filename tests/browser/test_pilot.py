@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.browser.walk import CHROMIUM, expect_scene, open_page, shoot
+from tests.e2e.demo import dives
 
 pytestmark = [
     pytest.mark.browser,
@@ -15,8 +16,6 @@ pytestmark = [
 ]
 
 DIVES = 3
-AMPLE = {"total_budget": 80.0, "round_budget": 80.0}
-"""More energy than these dives take, wherever the robot drifted."""
 ENDED = {"done", "stopped", "failed"}
 
 
@@ -31,12 +30,7 @@ def is_free(station):
 def dive(station):
     """The plan that mini-1 flies while the polar and the what-if run are looked at."""
     station.wait("robot without a mission", lambda: is_free(station), 240.0)
-    north_m, east_m, _ = station.get("/api/robots/mini-1/state")["position"]["ned_m"]
-    down = {"kind": "dive", "end_ned": [north_m, east_m, 0.5]}
-    up = {"kind": "dive", "end_ned": [north_m, east_m, 0.0]}
-    legs = [down, up] * DIVES
-    wish = {"kind": "primitives", "legs": legs, "config": AMPLE}
-    plan = station.post("/api/robots/mini-1/plans", wish)["id"]
+    plan = station.post("/api/robots/mini-1/plans", dives(station, DIVES, 0.5))["id"]
     station.wait("draft", lambda: station.get(f"/api/plans/{plan}")["state"] == "draft", 60.0)
     station.post(f"/api/plans/{plan}/upload", {"start": True})
     return plan

@@ -1,5 +1,6 @@
 """A real demo as a user starts it: supervisor, station and simulator as processes."""
 
+import math
 import os
 import re
 import signal
@@ -144,3 +145,19 @@ def alive(pid: int) -> bool:
     except OSError:
         return False
     return state != "Z"
+
+
+def dives(demo: Demo, count: int, depth_m: float) -> dict:
+    """Return the wish for a plan of dives of mini-1 where it is, with energy enough for any way.
+
+    Where it drifted near the edge of its domain it swims inward first.
+    """
+    north, east, _ = demo.get("/api/robots/mini-1/state")["position"]["ned_m"]
+    inside = [min(max(north, 0.4), 2.3), min(max(east, 0.4), 0.9)]
+    is_near_edge = math.dist(inside, (north, east)) > 0.3
+    here = inside if is_near_edge else [north, east]
+    down = {"kind": "dive", "end_ned": [*here, depth_m]}
+    up = {"kind": "dive", "end_ned": [*here, 0.0]}
+    way = [{"kind": "swim", "end_ned": [*inside, 0.0]}] if is_near_edge else []
+    budget = {"total_budget": 80.0, "round_budget": 80.0}
+    return {"kind": "primitives", "legs": [*way, *[down, up] * count], "config": budget}

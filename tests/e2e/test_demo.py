@@ -1,6 +1,5 @@
 """The product as a person meets it: one command, two robots, a survey, a killed station."""
 
-import math
 import re
 import socket
 import subprocess
@@ -9,7 +8,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.e2e.demo import ROOT, Demo, alive
+from tests.e2e.demo import ROOT, Demo, alive, dives
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(400)]
 FAST = ("--speed", "20")
@@ -114,28 +113,10 @@ def test_the_example_script_plans_and_sends_nothing_by_default(demo):
     assert "nothing was sent" in done.stdout
 
 
-AMPLE = {"total_budget": 80.0, "round_budget": 80.0}
-"""More energy than any dives of these tests take, wherever the robot drifted."""
-
-
-def dives(demo, count):
-    """Dives where the robot is; where it drifted near the domain's edge it swims inward first."""
-    north, east, _ = demo.get("/api/robots/mini-1/state")["position"]["ned_m"]
-    inside = [min(max(north, 0.4), 2.3), min(max(east, 0.4), 0.9)]
-    is_near_edge = math.dist(inside, (north, east)) > 0.3
-    here = inside if is_near_edge else [north, east]
-    down = {"kind": "dive", "end_ned": [*here, 0.3]}
-    up = {"kind": "dive", "end_ned": [*here, 0.0]}
-    way = [{"kind": "swim", "end_ned": [*inside, 0.0]}] if is_near_edge else []
-    return [*way, *[down, up] * count]
-
-
 @pytest.mark.timeout(400)
 def test_surface_now_brings_a_diving_robot_up(demo):
     """Each level is shown in its turn, and the robot really comes up."""
-    legs = dives(demo, count=6)
-    wish = {"kind": "primitives", "legs": legs, "config": AMPLE}
-    plan = demo.post("/api/robots/mini-1/plans", wish)["id"]
+    plan = demo.post("/api/robots/mini-1/plans", dives(demo, 6, 0.3))["id"]
     demo.wait("draft", lambda: demo.get(f"/api/plans/{plan}")["state"] == "draft", 20.0)
     demo.post(f"/api/plans/{plan}/upload", {"start": True})
     demo.wait("running", lambda: demo.get(f"/api/plans/{plan}")["state"] == "running", 30.0)
