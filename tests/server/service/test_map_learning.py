@@ -158,7 +158,7 @@ async def test_learning_that_is_cut_off_leaves_things_as_they_were(
 async def test_station_learns_by_itself_between_dives(client, station, world, in_threads):
     learning = {"online": True, "least_new_samples": 25}
     await client.patch("/api/config/field?robot=mini-1", json={"learning": learning})
-    await until(lambda: station.maps.group(MINI).config.learning.online)
+    await until(lambda: (map_ := station.maps.group(MINI)) and map_.config.learning.online)
     looked = []
     station.maps.on_dive.append(looked.append)
 

@@ -52,13 +52,13 @@ async def test_robots_that_share_a_radio_share_its_plug(road, world, robots):
 
 
 async def test_both_robots_links_show_a_shared_plug_as_it_is(foundation):
-    plugs = Plugs(foundation.store)
-    await plugs.set(FIRST, is_plugged=False)
+    plugs = Plugs(foundation.store, foundation.clock)
+    await plugs.set(FIRST, is_plugged=False, robot="mini-1", by="test")
     assert not plugs.is_plugged(SECOND)
-    again = Plugs(foundation.store)
+    again = Plugs(foundation.store, foundation.clock)
     await again.load()
     assert not again.is_plugged(FIRST)
-    await again.set(SECOND, is_plugged=True)
+    await again.set(SECOND, is_plugged=True, robot="mini-1", by="test")
     assert again.is_plugged(FIRST)
 
 
