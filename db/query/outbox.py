@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.link_tables import OutboxRow
+from db.query.change import set_fields
 from db.query.robots import robot_key
 from db.tables import Robot
 
@@ -95,10 +96,7 @@ def change_outbox(session: Session, outbox: str, **changes: Any) -> OutboxRecord
     row = session.get(OutboxRow, key_of("outbox", outbox))
     if row is None:
         raise UnknownIdError("outbox", outbox)
-    for field, value in changes.items():
-        if field not in _CHANGEABLE:
-            raise ValueError(f"{field} of an outbox row cannot be changed")
-        setattr(row, field, value)
+    set_fields(row, "an outbox row", changes, _CHANGEABLE)
     session.flush()
     return _record(row, session.scalars(select(Robot.id).where(Robot.key == row.robot_key)).one())
 

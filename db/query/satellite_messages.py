@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.link_tables import OutboxRow, SatelliteMessageRow
+from db.query.change import set_fields
 from db.query.robots import robot_key
 from db.tables import Robot
 
@@ -105,10 +106,7 @@ def change_message(session: Session, message: str, **changes: Any) -> SatelliteM
     row = session.get(SatelliteMessageRow, key_of("message", message))
     if row is None:
         raise UnknownIdError("message", message)
-    for field, value in changes.items():
-        if field not in _CHANGEABLE:
-            raise ValueError(f"{field} of a satellite message cannot be changed")
-        setattr(row, field, value)
+    set_fields(row, "a satellite message", changes, _CHANGEABLE)
     session.flush()
     return get_message(session, message)
 

@@ -9,8 +9,11 @@ from sqlalchemy.orm import Session
 
 from db.fault import UnknownIdError
 from db.identity import key_of, public_id
+from db.query.change import set_fields
 from db.query.robots import robot_key
 from db.tables import Robot, Transfer
+
+_CHANGEABLE = frozenset({"state", "level", "items_sent", "carrier", "ended_at", "reason"})
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,10 +89,7 @@ def change_transfer(session: Session, transfer: str, **changes: Any) -> Transfer
     row = session.get(Transfer, key_of("transfer", transfer))
     if row is None:
         raise UnknownIdError("transfer", transfer)
-    for field, value in changes.items():
-        if field not in {"state", "level", "items_sent", "carrier", "ended_at", "reason"}:
-            raise ValueError(f"{field} of a transfer cannot be changed")
-        setattr(row, field, value)
+    set_fields(row, "a transfer", changes, _CHANGEABLE)
     session.flush()
     return get_transfer(session, transfer)
 
