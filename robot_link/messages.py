@@ -9,6 +9,8 @@ from datetime import datetime
 from enum import IntEnum, StrEnum
 from typing import NewType
 
+from autonomy.tracking.phase import TrackPhase
+
 RobotId = NewType("RobotId", str)
 """Operator's name of a robot, such as ``mini-1``: lower case letters, digits and dashes."""
 SystemId = NewType("SystemId", int)
@@ -144,6 +146,59 @@ class PlanReport:
 
 
 @dataclass(frozen=True, slots=True)
+class TargetEstimate:
+    """Where the robot believes its target to be, by one hypothesis."""
+
+    position_ne_m: tuple[float, float]
+    """North and east in the site frame."""
+    velocity_ne_m_s: tuple[float, float]
+    covariance_m2: tuple[float, float, float]
+    """Of the position: north-north, north-east, east-east."""
+    weight: float
+    """Probability of this hypothesis, 0..1; those of all hypotheses add up to 1."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackReport:
+    """What a robot that follows a target says of its hold on it, and of what it does for it."""
+
+    robot: RobotId
+    measured_at: datetime
+    received_at: datetime
+    phase: TrackPhase
+    position_ne_m: tuple[float, float]
+    """Where the robot believed to be itself."""
+    hypotheses: tuple[TargetEstimate, ...]
+    """One or two, the likeliest first; none before the first range."""
+    range_m: float | None
+    """Newest horizontal range that was heard; None before the first."""
+    range_age_s: float
+    """How old that range is."""
+    ranges_heard: int
+    """Since the mission began."""
+    ranges_rejected: int
+    """Of them, those that were not believed."""
+    determinant_m2_s: float
+    """Determinant of the observability matrix at the estimate (thesis 4.3)."""
+    barrier: float
+    """B by the form that the mission chose; below 0 the target is not observable enough."""
+    inverse_condition: float
+    """Inverse condition number of the observability matrix at the estimate, 0..1."""
+    nominal: tuple[float, float]
+    """What the pursuit law wanted: turn rate rad/s, acceleration m/s2; within the limits."""
+    command: tuple[float, float]
+    """What the robot does: turn rate rad/s, acceleration m/s2."""
+    is_barrier_on: bool
+    """Whether anything keeps the target observable; False is the teaching mode."""
+    is_feasible: bool
+    """Whether the barrier could be kept at this step."""
+    is_quiet: bool
+    """Whether the robot was told not to ping."""
+    true_ne_m: tuple[float, float] | None
+    """Where a virtual target is, which its robot computes; None for a real one."""
+
+
+@dataclass(frozen=True, slots=True)
 class CommandReport:
     """A level of one command, proved at ``at`` by ``carrier``."""
 
@@ -225,4 +280,13 @@ class RawFrame:
     """When a gateway ashore had it, where one lies in between."""
 
 
-LinkEvent = StateReport | Sample | PlanReport | CommandReport | UploadReport | LinkReport | RawFrame
+LinkEvent = (
+    StateReport
+    | Sample
+    | PlanReport
+    | TrackReport
+    | CommandReport
+    | UploadReport
+    | LinkReport
+    | RawFrame
+)

@@ -26,6 +26,7 @@ from robot_link.messages import (
     RobotId,
     Sample,
     StateReport,
+    TrackReport,
     UploadReport,
 )
 from server.service.believable import fault_of_sample, fault_of_state
@@ -81,6 +82,8 @@ class Ingest:
                 self._take_plan_report(event)
             case LinkReport():
                 self._fleet.take_link(event)
+            case TrackReport():
+                pass
             case UploadReport():
                 self._listeners.upload(event)
             case CommandReport():
