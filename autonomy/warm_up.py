@@ -22,6 +22,7 @@ KERNEL_MODULES = (
     "autonomy.planner.kernel",
     "autonomy.identification.kernel",
     "autonomy.field.likelihood_kernel",
+    "autonomy.tracking.control_kernel",
 )
 """Modules with compiled functions; each has ``warm_up()``, which calls every one of them."""
 

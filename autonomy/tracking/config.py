@@ -161,12 +161,23 @@ class MotionConfig(Configuration):
     """Upper limit of the acceleration."""
     speed_max_m_s: float = quantity(0.6, "m/s", title="Speed cap", gt=0.0, le=10.0)
     """The controller does not ask for more speed than this."""
+    speed_min_m_s: float = quantity(
+        0.05, "m/s", title="Speed floor", ge=-10.0, le=10.0, advanced=True
+    )
+    """The controller does not ask for less speed: a robot that stands learns nothing from ranges.
+    Negative for one that may swim backwards, as the thesis's unicycle does."""
     depth_m: float = quantity(0.0, "m", title="Swimming depth", ge=0.0, le=1000.0)
     """Depth at which the robot swims; 0 is the surface, where it can talk."""
     margin_m: float = quantity(0.3, "m", title="Distance from walls and shore", ge=0.0, le=1e3)
     """A robot nearer to walls or shore than this turns inward; outside of the water it ends."""
     duration_s: float = quantity(600.0, "s", title="Duration", gt=0.0, le=86400.0)
     """The mission ends after this time."""
+
+    @model_validator(mode="after")
+    def _leaves_a_speed(self) -> Self:
+        if not self.speed_min_m_s < self.speed_max_m_s:
+            raise ValueError("speed_min_m_s must be below speed_max_m_s")
+        return self
 
 
 class TrackingConfig(Configuration):
@@ -183,6 +194,7 @@ THESIS_TRACKING = TrackingConfig(
     target=TargetConfig(path="line", speed_m_s=0.0235, north_m=0.0, east_m=0.0),
     barrier=BarrierConfig(shape="squared", fallback="nominal"),
     filter=FilterConfig(hypotheses="one"),
+    motion=MotionConfig(speed_min_m_s=-10.0, speed_max_m_s=10.0),
 )
 """The scenario that reproduces the tables of chapter 4; not the author's own settings, which the
 thesis does not print."""
