@@ -33,6 +33,7 @@ import type {
   SteadyMotion,
   Token,
   Track,
+  TrackPage,
   TrimAccepted,
   WhatIf,
   WhatIfListing,
@@ -133,6 +134,14 @@ export class Api {
     this.#json<{ id: string }>('POST', `/api/plans/${part(id)}/continue`, {
       body: planning_time_s === null ? {} : { planning_time_s },
     });
+
+  /** Make a plan of a kind that takes no search; nothing is sent. */
+  createPlan = (robot: string, kind: string, config: JsonObject) =>
+    this.#json<{ id: string }>('POST', `${at(robot)}/plans`, { body: { kind, config } });
+
+  /** What a robot said of its hold on a target, the oldest first. */
+  tracking = (robot: string, query: Query, signal?: AbortSignal) =>
+    this.#json<TrackPage>('GET', `${at(robot)}/tracking`, { query, signal });
 
   /** Send a plan. */
   uploadPlan = (id: string, wish: SendWish = {}) =>

@@ -1,6 +1,7 @@
 /** Shapes of plans, missions and transfers; conventions as in `types.ts`. */
 
 import type { TransferPart } from './link_types';
+import type { TrackPlan } from './track_types';
 import type { JsonObject, Ned, Time } from './types';
 
 export type PrimitiveKind = 'glide' | 'spiral' | 'dive' | 'swim';
@@ -109,7 +110,7 @@ export interface Onboard {
 /** Time from the start s, north m, east m, down m, position standard deviation m. */
 export type PlanPoint = readonly [number, number, number, number, number];
 
-export interface Plan {
+export interface Plan extends TrackPlan {
   id: string;
   robot: string;
   kind: string;

@@ -8,11 +8,13 @@
 
 import type { RobotLink } from './link_types';
 import type { Mission, Plan, Scores } from './survey_types';
+import type { TrackView } from './track_types';
 
 export * from './control_types';
 export * from './link_types';
 export * from './map_types';
 export * from './survey_types';
+export * from './track_types';
 
 export type Ned = readonly [north: number, east: number, down: number];
 export type Time = string;
@@ -139,6 +141,8 @@ export interface RobotState {
   links?: RobotLink[];
   /** What is wrong with its clock; its values are then in the order of their arrival. */
   clock_fault?: string | null;
+  /** Its hold on the target that it follows, as it said last. */
+  tracking?: TrackView | null;
 }
 
 /** What a live tick says of one robot: its state, and what the robot list would say now. */
@@ -180,7 +184,7 @@ export interface Track {
   longitude_deg: number[];
 }
 
-export type CommandKind = 'surface' | 'hold' | 'resume';
+export type CommandKind = 'surface' | 'hold' | 'resume' | 'quiet' | 'ping';
 export type CommandLevelName = 'created' | 'queued' | 'radio' | 'applied' | 'refused' | 'expired';
 
 export interface CommandLevel {

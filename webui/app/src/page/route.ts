@@ -4,6 +4,7 @@ export const PAGES = [
   { key: 'fleet', title: 'Fleet', letter: 'f', hasRobot: false },
   { key: 'robot', title: 'Robot', letter: 'r', hasRobot: true },
   { key: 'plan', title: 'Plan', letter: 'p', hasRobot: true },
+  { key: 'track', title: 'Track', letter: 't', hasRobot: true },
   { key: 'map', title: 'Map', letter: 'm', hasRobot: true },
   { key: 'control', title: 'Control', letter: 'c', hasRobot: true },
   { key: 'data', title: 'Data', letter: 'd', hasRobot: true },

@@ -63,6 +63,8 @@ const NAMES: Record<string, string> = {
   hold: 'Hold',
   resume: 'Resume',
   start: 'Start',
+  quiet: 'Stop pinging:',
+  ping: 'Ping again:',
 };
 
 /** Kind and addressee of an order, such as "Surface mini-1". */
