@@ -84,27 +84,23 @@ def control_step(
     least, most = p[ACCELERATION_MIN], p[ACCELERATION_MAX]
     high = min(most, max(least, (p[SPEED_MAX] - v) / SPEED_TIME_S))
     low = max(least, min(most, (p[SPEED_MIN] - v) / SPEED_TIME_S))
-    u1, u2 = min(max(n1, -turn), turn), min(max(n2, low), high)
     det = x_r * (v * s - vt_y) - y_r * (v * c - vt_x)
     b = det * det - p[EPSILON] if p[IS_SQUARED] else abs(det) - math.sqrt(p[EPSILON])
     if not p[IS_FILTERED]:
+        u1, u2 = min(max(n1, -turn), turn), min(max(n2, low), high)
         return u1, u2, n1, n2, det, b, UNCHANGED
     sign = 1.0 if det >= 0.0 else -1.0
     factor = 2.0 * det if p[IS_SQUARED] else sign
     d1, d2 = v * (x_r * c + y_r * s), x_r * s - y_r * c
     g1, g2 = factor * d1, factor * d2
     least_rise = factor * (x_r * at_y - y_r * at_x) - class_k(b, p[ALPHA], p[SLOPE])
-    if g1 * u1 + g2 * u2 >= least_rise:
-        return u1, u2, n1, n2, det, b, UNCHANGED
-    if abs(g1) * turn + max(g2 * low, g2 * high) >= least_rise:
-        u1, u2 = on_constraint(n1, n2, g1, g2, least_rise, -turn, low, turn, high)
-        return u1, u2, n1, n2, det, b, ACTIVE
-    if p[IS_BEST_EFFORT]:
+    u1, u2, status = closest(n1, n2, g1, g2, least_rise, -turn, low, turn, high)
+    if status == INFEASIBLE and p[IS_BEST_EFFORT]:
         if d1 != 0.0:
             u1 = math.copysign(turn, sign * d1)
         if d2 != 0.0:
             u2 = high if sign * d2 > 0.0 else low
-    return u1, u2, n1, n2, det, b, INFEASIBLE
+    return u1, u2, n1, n2, det, b, status
 
 
 @inlined_kernel
@@ -136,7 +132,7 @@ def class_k(b: float, alpha: float, slope: float) -> float:
 
 
 @inlined_kernel
-def on_constraint(
+def closest(
     n1: float,
     n2: float,
     g1: float,
@@ -146,17 +142,25 @@ def on_constraint(
     low2: float,
     high1: float,
     high2: float,
-) -> tuple[float, float]:
-    """Return the point of the line ``g . u = b`` within a box that is closest to ``n``.
+) -> tuple[float, float, int]:
+    """Return the point of a box closest to ``n`` with ``g . u >= b``, as ``box_qp.solve``.
 
-    The line must meet the box. Along it the input with the smaller ``|g|`` is free and the other
-    follows, so that nothing is divided by a small number that matters.
+    Returns:
+        The two components, and UNCHANGED for ``n`` clipped to the box, ACTIVE for a point on the
+        constraint, INFEASIBLE for ``n`` clipped where no point of the box meets it.
     """
+    u1, u2 = min(max(n1, low1), high1), min(max(n2, low2), high2)
+    if g1 * u1 + g2 * u2 >= b:
+        return u1, u2, UNCHANGED
+    if (g1 * high1 if g1 > 0.0 else g1 * low1) + (g2 * high2 if g2 > 0.0 else g2 * low2) < b:
+        return u1, u2, INFEASIBLE
+    # On the constraint's line the input with the smaller |g| is free and the other follows, so
+    # that nothing is divided by a small number that matters.
     if abs(g1) >= abs(g2):
-        free, u2 = _along(n2, n1, g2, g1, b, low2, high2, low1, high1)
-        return u2, free
-    free, other = _along(n1, n2, g1, g2, b, low1, high1, low2, high2)
-    return free, other
+        u2, u1 = _along(n2, n1, g2, g1, b, low2, high2, low1, high1)
+    else:
+        u1, u2 = _along(n1, n2, g1, g2, b, low1, high1, low2, high2)
+    return u1, u2, ACTIVE
 
 
 @inlined_kernel
@@ -198,3 +202,4 @@ def warm_up() -> None:
     p = np.ones(SIZE)
     control_step(-1.0, 0.5, 0.3, 0.2, 0.0, 0.0, 0.0, 0.0, p)
     inverse_condition(-1.0, 0.5, 0.3, 0.2, 0.0, 0.0)
+    closest(0.0, 0.0, 1.0, 1.0, 0.5, -1.0, -1.0, 1.0, 1.0)
