@@ -45,6 +45,10 @@ class RobotMode(IntEnum):
     """On its way up because it was told to, or because a limit was met."""
     HOLDING = 8
     """At the surface, mission suspended by command."""
+    TRACKING = 9
+    """Following a target of which it measures the range."""
+    SEARCHING = 10
+    """Circling to find a target that it lost."""
 
 
 class OnboardPlanState(IntEnum):
@@ -74,6 +78,10 @@ class CommandKind(StrEnum):
     """Continue a suspended mission."""
     START = "start"
     """Fly the plan on board, if its hash begins with the given digits."""
+    QUIET = "quiet"
+    """Stop pinging the target."""
+    PING = "ping"
+    """Ping the target again."""
 
 
 class CommandLevel(StrEnum):

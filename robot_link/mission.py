@@ -9,8 +9,9 @@ in a current surfaces, its belief jumps to where it really is, and the next leg 
 jump travels in the place of the circle, which only spirals have.
 
 Format 3 also brings the robot its controller and the prices and kernel that the plan was made with;
-format 2 has none of these, and format 1 no trim either. All are understood, and each keeps its
-bytes and so its name: a plan that was stored or is on board stays what it was.
+format 2 has none of these, and format 1 no trim either. Format 4 has no legs: it brings the order
+to follow a target instead. All are understood, and each keeps its bytes and so its name: a plan
+that was stored or is on board stays what it was.
 """
 
 import hashlib
@@ -23,18 +24,21 @@ import cbor2
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 from robot_link.messages import PlanHash
 from robot_link.onboard_settings import OnboardSettings
+from robot_link.tracking_order import TrackingOrder
 
 FORMAT_VERSION = 2
 """Format of new missions without onboard settings."""
 ONBOARD_FORMAT = 3
 """Format of missions with onboard settings."""
+TRACKING_FORMAT = 4
+"""Format of missions that follow a target."""
 _KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
 _FLOAT32_EXACT = 2**24
 _GAP_M = 2e-3
 """Greatest distance between two ends that meet, a little more than rounding makes."""
 _SURFACE_M = 1e-3
 _SPIRAL = _KINDS.index(PrimitiveKind.SPIRAL)
-SETTINGS_FIELDS = {1: 5, 2: 7, ONBOARD_FORMAT: 7}
+SETTINGS_FIELDS = {1: 5, 2: 7, ONBOARD_FORMAT: 7, TRACKING_FORMAT: 7}
 """Integers of the settings in the canonical form, by format."""
 ITEM_FIELDS = 10
 """Integers in one leg of the canonical form."""
@@ -64,7 +68,8 @@ class MissionSettings:
 class Mission:
     """Settings and legs, quantized to what the wire can carry exactly.
 
-    Build it with ``from_legs`` so that equality and hash hold on both sides of a link.
+    Build it with ``from_legs`` or ``from_tracking`` so that equality and hash hold on both sides of
+    a link.
     """
 
     settings: MissionSettings
@@ -73,6 +78,8 @@ class Mission:
     """Which canonical form names it; format 1 has no trim."""
     onboard: OnboardSettings | None = None
     """What else the robot flies by, of format 3; without it the robot has its own."""
+    tracking: TrackingOrder | None = None
+    """What the robot follows, of format 4, which has no legs."""
 
     @classmethod
     def from_legs(
@@ -110,7 +117,22 @@ class Mission:
         rounded = _settings_integers(settings, version)
         if (onboard is not None) != (version == ONBOARD_FORMAT):
             raise ValueError(f"only format {ONBOARD_FORMAT} of missions carries onboard settings")
+        if version == TRACKING_FORMAT:
+            raise ValueError(f"format {TRACKING_FORMAT} of missions has an order and no legs")
         return cls.from_integers(rounded, tuple(integers), onboard)
+
+    @classmethod
+    def from_tracking(cls, settings: MissionSettings, tracking: TrackingOrder) -> Self:
+        """Quantize the settings of a mission that follows a target.
+
+        Args:
+            settings: What the robot must know beside the order; the start is where it should be.
+            tracking: The order.
+
+        Raises:
+            ValueError: If a number does not fit the wire; the message names it.
+        """
+        return cls.from_integers(_settings_integers(settings, TRACKING_FORMAT), (), None, tracking)
 
     @classmethod
     def from_integers(
@@ -118,13 +140,18 @@ class Mission:
         settings: tuple[int, ...],
         legs: tuple[tuple[int, ...], ...],
         onboard: OnboardSettings | None = None,
+        tracking: TrackingOrder | None = None,
     ) -> Self:
         """Rebuild a mission from its wire integers (see ``leg_integers``).
 
         Raises:
             ValueError: If they are none.
         """
-        version = _format_of(len(settings), has_onboard=onboard is not None)
+        if tracking is not None and (legs or onboard is not None):
+            raise ValueError("a mission that follows a target has neither legs nor settings of one")
+        version = _format_of(
+            len(settings), has_onboard=onboard is not None, is_tracking=tracking is not None
+        )
         sample_ms, uncertainty_mm, timeout_s, x_mm, y_mm, *trim = settings
         buoyancy_mg, mass_um = trim or (0, 0)
         start: PositionNed = (x_mm / 1e3, y_mm / 1e3, 0.0)
@@ -145,6 +172,7 @@ class Mission:
             legs=tuple(rebuilt),
             format=version,
             onboard=onboard,
+            tracking=tracking,
         )
 
     def settings_integers(self) -> tuple[int, ...]:
@@ -168,6 +196,8 @@ class Mission:
         ]
         if self.onboard is not None:
             content.append(list(self.onboard.integers()))
+        if self.tracking is not None:
+            content.append(list(self.tracking.integers()))
         return cbor2.dumps(content, canonical=True)
 
     def sha256(self) -> PlanHash:
@@ -217,12 +247,14 @@ def _is_surfacing(start: PositionNed, end_before: PositionNed) -> bool:
     return max(start[2], end_before[2]) < _SURFACE_M
 
 
-def _format_of(settings: int, *, has_onboard: bool) -> int:
+def _format_of(settings: int, *, has_onboard: bool, is_tracking: bool) -> int:
     """Return the format of a mission with that many integers of settings."""
+    if is_tracking and settings == SETTINGS_FIELDS[TRACKING_FORMAT]:
+        return TRACKING_FORMAT
     if has_onboard and settings == SETTINGS_FIELDS[ONBOARD_FORMAT]:
         return ONBOARD_FORMAT
     for version in (1, FORMAT_VERSION):
-        if not has_onboard and settings == SETTINGS_FIELDS[version]:
+        if not (has_onboard or is_tracking) and settings == SETTINGS_FIELDS[version]:
             return version
     raise ValueError(f"no format of missions has {settings} numbers of settings")
 

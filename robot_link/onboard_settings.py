@@ -8,9 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from types import MappingProxyType
-from typing import Any, Literal, Self, get_args, get_origin
-
-from pydantic import ValidationError
+from typing import Self, get_args
 
 from autonomy.configuration import Configuration
 from autonomy.control.catalogue import CONTROLLERS
@@ -18,6 +16,7 @@ from autonomy.field.config import FieldConfig, KernelParameters, KernelShape
 from autonomy.field.kernel import gradient_variance
 from autonomy.planner.config import EnergyConfig, PlannerConfig
 from robot_link.short_decimal import code_of, value_of
+from robot_link.short_model import CODE_MAX, codes_of, model_of
 
 _CONTROLLER_KINDS = (
     "controller.backstepping",
@@ -35,7 +34,6 @@ _KERNEL_NUMBERS = 5
 _LEVELS_MAX = 5
 _WORST_STD_FACTOR = 1.5
 """Samples beyond the last threshold count as this many times it."""
-_CODE_MAX = 2**24
 MOST_INTEGERS = 64
 """More numbers are no settings."""
 
@@ -133,7 +131,7 @@ class OnboardSettings:
         Raises:
             ValueError: If they are none; the sentence says what is wrong.
         """
-        if len(integers) > MOST_INTEGERS or any(abs(code) >= _CODE_MAX for code in integers):
+        if len(integers) > MOST_INTEGERS or any(abs(code) >= CODE_MAX for code in integers):
             raise ValueError("onboard settings are too many numbers, or too large ones")
         try:
             settings = cls(*_parts(tuple(integers)))
@@ -171,54 +169,21 @@ def _parts(integers: tuple[int, ...]) -> tuple[tuple[int, ...], tuple[int, ...]]
 
 
 def _gain_codes(model: type[Configuration], config: Configuration) -> tuple[int, ...]:
-    """Return the gains as codes that say valid gains; a choice or a switch as its number."""
+    """Return the gains as codes that say valid gains."""
     if type(config) is not model:
         raise ValueError(f"these gains are {type(config).__name__}, not {model.__name__}")
-    problem = ""
-    for toward_zero in (False, True):
-        codes = tuple(
-            _code(name, getattr(config, name), _choices(model, name), toward_zero=toward_zero)
-            for name in model.model_fields
-        )
-        try:
-            _with_gains(model, codes)
-        except ValueError as error:
-            problem = problem or _sentence(error)
-        else:
-            return codes
-    raise ValueError(f"the gains cannot travel, for rounded they would be none: {problem}")
+    return codes_of(config, "the gains")
 
 
-def _sentence(error: ValueError) -> str:
-    """Return the first complaint of a model in one line."""
-    return str(error.errors()[0]["msg"]) if isinstance(error, ValidationError) else str(error)
-
-
-def _code(name: str, value: float | str, choices: Sequence[Any], *, toward_zero: bool) -> int:
-    if choices:
-        return choices.index(value)
+def _code(name: str, value: float) -> int:
     try:
-        return code_of(float(value), toward_zero=toward_zero)
+        return code_of(value)
     except ValueError as error:
         raise ValueError(f"{name}: {error}") from error
 
 
 def _with_gains(model: type[Configuration], codes: Sequence[int]) -> Configuration:
-    values: dict[str, Any] = {}
-    for name, code in zip(model.model_fields, codes, strict=True):
-        choices = _choices(model, name)
-        if choices and not 0 <= code < len(choices):
-            raise ValueError(f"{name} of onboard settings is none of its choices")
-        values[name] = choices[code] if choices else value_of(code)
-    return model.model_validate(values)
-
-
-def _choices(model: type[Configuration], name: str) -> Sequence[Any]:
-    """Return what a field can be if it is a switch or a choice, in the order of their numbers."""
-    annotation = model.model_fields[name].annotation
-    if annotation is bool:
-        return (False, True)
-    return get_args(annotation) if get_origin(annotation) is Literal else ()
+    return model_of(model, codes, "onboard settings")
 
 
 def _planner_codes(planner: PlannerConfig, field: FieldConfig) -> tuple[int, ...]:
@@ -229,14 +194,14 @@ def _planner_codes(planner: PlannerConfig, field: FieldConfig) -> tuple[int, ...
     named: Mapping[str, float] = MappingProxyType(
         {f"energy.{name}": prices[name] for name in _PRICES}
     )
-    codes = [_code(name, value, (), toward_zero=False) for name, value in named.items()]
+    codes = [_code(name, value) for name, value in named.items()]
     codes.append(len(thresholds))
-    codes += [_code("fidelity threshold", one, (), toward_zero=False) for one in thresholds]
+    codes += [_code("fidelity threshold", one) for one in thresholds]
     codes.append(_SHAPES.index(kernel.shape))
     scales = (kernel.signal_variance, *kernel.length_scales_m())
-    codes += [_code("kernel", one, (), toward_zero=False) for one in scales]
+    codes += [_code("kernel", one) for one in scales]
     noises = _level_noises(field, thresholds)
-    codes += [_code("noise variance", one, (), toward_zero=False) for one in noises]
+    codes += [_code("noise variance", one) for one in noises]
     return tuple(codes)
 
 

@@ -15,6 +15,8 @@ _CODES = {
     CommandKind.HOLD: grace.MAV_CMD_GRACE_HOLD,
     CommandKind.RESUME: grace.MAV_CMD_GRACE_RESUME,
     CommandKind.START: grace.MAV_CMD_GRACE_START,
+    CommandKind.QUIET: grace.MAV_CMD_GRACE_QUIET,
+    CommandKind.PING: grace.MAV_CMD_GRACE_PING,
 }
 _KINDS = {code: kind for kind, code in _CODES.items()}
 _RESULTS = {

@@ -5,7 +5,7 @@ An order, big endian, before the code of ``frame``:
     u8   version << 4 | 2
     u8   flags: bit 4 acknowledgements seen
     u32  counter
-    u8   kind: 1 surface, 2 hold, 3 resume, 4 start
+    u8   kind: 1 surface, 2 hold, 3 resume, 4 start, 5 quiet, 6 ping
     u24  number of the command, by every road the same
     u32  second since 1970 at which it expires; with the number its name
     u48  first 12 hexadecimal digits of the hash of START's plan, else 0
@@ -35,6 +35,8 @@ _CODES = {
     CommandKind.HOLD: 2,
     CommandKind.RESUME: 3,
     CommandKind.START: 4,
+    CommandKind.QUIET: 5,
+    CommandKind.PING: 6,
 }
 _KINDS = {code: kind for kind, code in _CODES.items()}
 

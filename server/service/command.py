@@ -38,6 +38,8 @@ _LIFE = {
     CommandKind.HOLD: timedelta(hours=24),
     CommandKind.RESUME: timedelta(hours=1),
     CommandKind.START: timedelta(minutes=30),
+    CommandKind.QUIET: timedelta(hours=1),
+    CommandKind.PING: timedelta(hours=1),
 }
 """Time after which a command is never sent, by the robots' clock."""
 _SATELLITE_LIFE = timedelta(hours=24)

@@ -57,6 +57,10 @@ def _motion(state: StateReport) -> str:
             return "Coming up"
         case RobotMode.HOLDING:
             return "Holding at the surface"
+        case RobotMode.TRACKING:
+            return "Following its target"
+        case RobotMode.SEARCHING:
+            return "Searching for its target"
 
 
 def carrier_title(carrier: str) -> str:
@@ -128,12 +132,16 @@ _ORDERS = {
     CommandKind.HOLD: "Hold order",
     CommandKind.RESUME: "Resume order",
     CommandKind.START: "Start order",
+    CommandKind.QUIET: "Order to stop pinging",
+    CommandKind.PING: "Order to ping again",
 }
 _APPLIED = {
     CommandKind.SURFACE: "{robot} obeys: it is coming up.",
     CommandKind.HOLD: "{robot} obeys: it holds at the next surfacing.",
     CommandKind.RESUME: "{robot} obeys: it continues its mission.",
     CommandKind.START: "{robot} obeys: it flies the plan on board.",
+    CommandKind.QUIET: "{robot} obeys: it does not ping its target.",
+    CommandKind.PING: "{robot} obeys: it pings its target again.",
 }
 
 

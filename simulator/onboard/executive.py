@@ -34,6 +34,7 @@ from simulator.onboard.maneuver import (
 from simulator.onboard.navigation import Estimate
 from simulator.onboard.profile import FlightProfile
 from simulator.onboard.safety import danger, mission_over, plan_flaw
+from simulator.onboard.tracking_desk import TrackingDesk
 from simulator.onboard.trim import Trim
 
 DIGITS = 12
@@ -54,6 +55,8 @@ class Stage(Enum):
     """Waiting for a fix and for the station to acknowledge samples."""
     HELD = auto()
     LEG = auto()
+    PURSUIT = auto()
+    """Following a target."""
     NEXT = auto()
     """On the way to the surface, where the next dive begins."""
     ABORT = auto()
@@ -87,6 +90,8 @@ class Executive:
         self._maneuver: Maneuver = Float(flight, RobotMode.IDLE)
         self._flown: LegManeuver | None = None
         self._hold = False
+        self.tracking = TrackingDesk(flight)
+        """What is heard, done and told of a target, where the mission follows one."""
         self._abort_reason = ""
         self._mission_s = 0.0
         self._surfaced_s = 0.0
@@ -153,8 +158,13 @@ class Executive:
                     return CommandOutcome.NOT_NOW
                 self._hold = kind is CommandKind.HOLD
                 return CommandOutcome.DONE
+            case CommandKind.QUIET | CommandKind.PING:
+                self.tracking.is_quiet = kind is CommandKind.QUIET
+                return CommandOutcome.DONE
             case CommandKind.START:
                 return self._start(plan_digits)
+            case CommandKind.QUIET | CommandKind.PING:
+                return CommandOutcome.NOT_NOW
 
     def step(
         self,
@@ -180,6 +190,7 @@ class Executive:
             if self._flown is not None:
                 self._account.fly_leg(self._flown.share(estimate))
             self._keep_limits(estimate)
+        self.tracking.pass_time(dt_s)
         self._proceed(estimate, samples_waiting, is_talking=is_talking)
         return self._maneuver.step(estimate, dt_s)
 
@@ -203,6 +214,7 @@ class Executive:
         self._hold = False
         self._mission_s = 0.0
         self._account = EnergyAccount(self._prices)
+        self.tracking.begin(mission)
         self._enter(Stage.NEXT, Float(self._flight, RobotMode.SURFACED))
         return CommandOutcome.DONE
 
@@ -277,22 +289,33 @@ class Executive:
             case Stage.LEG:
                 if self._maneuver.is_done(estimate):
                     self._end_leg(estimate)
+            case Stage.PURSUIT:
+                self._keep_up(estimate)
             case Stage.ABORT:
                 if self._maneuver.is_done(estimate):
                     self._end_mission(OnboardPlanState.FAILED, self._abort_reason)
 
     def _begin_dive(self, estimate: Estimate) -> None:
-        """Prepare the dive that the next leg begins, or end the mission."""
-        if self.leg >= len(self._legs):
+        """Prepare the dive that the next leg begins, or the pursuit, or end the mission."""
+        if self.leg >= len(self._legs) and not self.tracking.is_wanted:
             self._end_mission(OnboardPlanState.DONE, "")
         elif self._hold:
             self._enter(Stage.HELD, Float(self._flight, RobotMode.HOLDING))
+        elif self.tracking.is_wanted:
+            self._enter(Stage.PURSUIT, self.tracking.pursue(self._flight, estimate))
         else:
             start = self._legs[self.leg].start_ned[:2]
             if distance(estimate, start) > self._flight.profile.start_tolerance_m:
                 self._enter(Stage.APPROACH, Swim(self._flight, start, estimate))
             else:
                 self._turn(estimate)
+
+    def _keep_up(self, estimate: Estimate) -> None:
+        """End or suspend the pursuit of a target if it is time to."""
+        if self.tracking.failure:
+            self._abort(self.tracking.failure)
+        elif self._hold or self._maneuver.is_done(estimate):
+            self._enter(Stage.NEXT, Rise(self._flight))
 
     def _turn(self, estimate: Estimate) -> None:
         """Turn towards the next leg that has a heading, if the dive does not begin by swimming."""
@@ -336,6 +359,7 @@ class Executive:
     def _end_mission(self, state: OnboardPlanState, reason: str) -> None:
         self.plan_state = state
         self.reason = reason
+        self.tracking.end()
         self._enter(Stage.IDLE, Float(self._flight, RobotMode.IDLE))
 
     def _enter(self, stage: Stage, maneuver: Maneuver) -> None:
