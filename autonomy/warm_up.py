@@ -23,6 +23,7 @@ KERNEL_MODULES = (
     "autonomy.identification.kernel",
     "autonomy.field.likelihood_kernel",
     "autonomy.tracking.control_kernel",
+    "autonomy.tracking.filter_kernel",
     "autonomy.tracking.orbit",
 )
 """Modules with compiled functions; each has ``warm_up()``, which calls every one of them."""
