@@ -25,6 +25,8 @@ KERNEL_MODULES = (
     "autonomy.tracking.control_kernel",
     "autonomy.tracking.filter_kernel",
     "autonomy.tracking.orbit",
+    "autonomy.tracking.predictive_kernel",
+    "autonomy.tracking.predictive_search",
 )
 """Modules with compiled functions; each has ``warm_up()``, which calls every one of them."""
 
