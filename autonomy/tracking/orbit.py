@@ -37,7 +37,7 @@ class Orbit:
     @property
     def time_s(self) -> FloatArray:
         """Time of each entry, shape ``(n,)``, s."""
-        return self.step_s * np.arange(len(self.state))
+        return np.arange(len(self.state), dtype=np.float64) * self.step_s
 
     @property
     def range_m(self) -> FloatArray:
