@@ -26,6 +26,7 @@ AREAS = (
     "field_real",
     "field_quality",
     "planner",
+    "tracking_speed",
     "telemetry",
     "radio",
     "ingest",
