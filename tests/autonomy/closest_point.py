@@ -27,7 +27,7 @@ def problems(count, seed):
 
 
 def enumerated(n, g, b, low, high):
-    """Try every set of active bounds and constraint; return the best point and whether there is one."""
+    """Try every set of active bounds and constraint; return the best point and the verdict."""
     tolerance = 1e-12 * (1.0 + np.abs(g).sum(axis=1))
     bounds = np.stack([low, high])  # (2, count, 2)
     square = np.maximum((g**2).sum(axis=1), 1e-300)
