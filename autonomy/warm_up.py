@@ -25,6 +25,9 @@ KERNEL_MODULES = (
     "autonomy.tracking.control_kernel",
     "autonomy.tracking.filter_kernel",
     "autonomy.tracking.orbit",
+    "autonomy.tracking.target_path",
+    "autonomy.tracking.unicycle",
+    "autonomy.tracking.run_kernel",
     "autonomy.tracking.predictive_kernel",
     "autonomy.tracking.predictive_search",
 )
