@@ -22,6 +22,19 @@ _COLOURS = {
     Hue.MFIG: "#56b4e9",
     Hue.SFE: "#d55e00",
     Hue.SFIG: "#e69f00",
+    Hue.TARGET: "#1a1a1a",
+    Hue.BARRIER: "#0072b2",
+    Hue.NOMINAL: "#8c8c8c",
+    Hue.MPC_NONE: "#8c8c8c",
+    Hue.MPC_TRACE: "#009e73",
+    Hue.MPC_DETERMINANT: "#d55e00",
+    Hue.MPC_CONDITION: "#cc79a7",
+    Hue.CUBIC: "#56b4e9",
+    Hue.ZERO: "#009e73",
+    Hue.NEGATIVE: "#d55e00",
+    Hue.SLIGHTLY_NEGATIVE: "#e69f00",
+    Hue.ROOT: "#cc79a7",
+    Hue.CONSTANT: "#1a1a1a",
 }
 """Okabe and Ito's colours, which people with every kind of colour vision tell apart."""
 _SHAPES = {
@@ -36,6 +49,13 @@ _SHAPES = {
     Hue.MFIG: "D",
     Hue.SFE: "s",
     Hue.SFIG: "^",
+    Hue.TARGET: "*",
+    Hue.BARRIER: "o",
+    Hue.NOMINAL: "s",
+    Hue.MPC_NONE: "s",
+    Hue.MPC_TRACE: "^",
+    Hue.MPC_DETERMINANT: "v",
+    Hue.MPC_CONDITION: "D",
 }
 _STYLES: dict[Mark, dict[str, Any]] = {
     Mark.LINE: {"linewidth": 1.6},
@@ -79,7 +99,7 @@ def png(result: Reproduction) -> bytes:
 
     figure = result.figure
     rows = -(-len(figure.panels) // figure.columns)
-    row_in = _PLANE_ROW_IN if any(panel.is_plane for panel in figure.panels) else _ROW_IN
+    row_in = _PLANE_ROW_IN if any(_is_square(panel) for panel in figure.panels) else _ROW_IN
     height = _HEAD_IN + rows * row_in + (_FOOT_IN if figure.caption else 0.0)
     with mpl.rc_context(_LETTERS):
         foot = _FOOT_IN / height if figure.caption else 0.0
@@ -130,8 +150,9 @@ def _draw(axes: "Axes", panel: Panel) -> None:
         axes.set_yscale("log")
         axes.yaxis.set_major_formatter(lambda value, _: f"{value:g}")
         axes.yaxis.set_minor_formatter("")
-    if panel.is_plane:
+    if _is_square(panel):
         axes.set_aspect("equal", adjustable="datalim")
+    if panel.is_plane:
         axes.invert_yaxis()
     if panel.inset is not None:
         small = axes.inset_axes((*panel.inset_at, *_INSET))
@@ -139,6 +160,11 @@ def _draw(axes: "Axes", panel: Panel) -> None:
         small.tick_params(labelsize=8)
         small.set_title(panel.inset.title, loc="left", fontsize=9)
         small.xaxis.label.set_fontsize(8)
+
+
+def _is_square(panel: Panel) -> bool:
+    """Return whether a metre is as long on both axes."""
+    return panel.is_plane or panel.is_map
 
 
 def _line(axes: "Axes", series: Series) -> None:

@@ -27,6 +27,19 @@ class Hue(StrEnum):
     MFIG = "MFIG"
     SFE = "SFE"
     SFIG = "SFIG"
+    TARGET = "target"
+    BARRIER = "barrier"
+    NOMINAL = "nominal"
+    MPC_NONE = "MPC, tracking alone"
+    MPC_TRACE = "MPC, trace"
+    MPC_DETERMINANT = "MPC, determinant"
+    MPC_CONDITION = "MPC, condition"
+    CUBIC = "cubic"
+    ZERO = "zero"
+    NEGATIVE = "negative"
+    SLIGHTLY_NEGATIVE = "slightly negative"
+    ROOT = "root"
+    CONSTANT = "constant"
 
 
 class Mark(StrEnum):
@@ -87,6 +100,8 @@ class Panel:
     y_range: tuple[float, float] | None = None
     is_plane: bool = False
     """Whether both axes are metres of a vertical plane: alike in scale, depth growing downwards."""
+    is_map: bool = False
+    """Whether both axes are metres of the horizontal plane, alike in scale."""
     inset: "Panel | None" = None
     inset_at: tuple[float, float] = (0.0, 0.0)
     """Lower left corner of the inset, as a share of the axes."""
