@@ -16,8 +16,11 @@ help:
 demo: setup
 	@$(BIN)/grace demo $(DEMO)
 
+# Two at a time where nothing else runs; then, one by one, what starts processes or a browser.
+# 5 is pytest's word for "none of these among TESTS".
 test: setup-dev
-	$(BIN)/python -m pytest $(TESTS)
+	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not (process or browser)" $(TESTS) || [ $$? -eq 5 ]
+	$(BIN)/python -m pytest -m "process or browser" $(TESTS) || [ $$? -eq 5 ]
 
 check: setup-dev
 	$(BIN)/ruff format --check .
