@@ -181,7 +181,7 @@ class TrackReport:
     range_m: float | None
     """Newest horizontal range that was heard; None before the first."""
     range_age_s: float
-    """How old that range is."""
+    """How old that range is; of no meaning without one."""
     ranges_heard: int
     """Since the mission began."""
     ranges_rejected: int

@@ -148,7 +148,9 @@ class Mission:
             ValueError: If they are none.
         """
         if tracking is not None and (legs or onboard is not None):
-            raise ValueError("a mission that follows a target has neither legs nor settings of one")
+            raise ValueError(
+                "a mission that follows a target has neither legs nor onboard settings"
+            )
         version = _format_of(
             len(settings), has_onboard=onboard is not None, is_tracking=tracking is not None
         )

@@ -5,11 +5,12 @@ import logging
 import math
 from contextlib import suppress
 from datetime import datetime
+from functools import partial
 
 from robot_link.clock import Clock, monotonic_s, set_or_after
 from robot_link.command_desk import CommandDesk, CommandMemory
 from robot_link.delivery import deliver
-from robot_link.mavlink import telemetry
+from robot_link.mavlink import telemetry, track
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_SYSTEM, Codec, WireMessage
 from robot_link.mavlink.command import (
     ReceivedCommand,
@@ -27,8 +28,10 @@ from robot_link.messages import (
     RobotMode,
     StateReport,
     SystemId,
+    TrackReport,
 )
 from robot_link.mission import Mission
+from robot_link.newest_sender import NewestSender
 from robot_link.plan_desk import PlanDesk, PlanOnBoard
 from robot_link.plan_store import PlanStore
 from robot_link.robot_program import CommandOutcome, RobotProgram
@@ -116,8 +119,8 @@ class RobotLink:
         self._commands = CommandDesk(program, command_memory)
         self._mode = RobotMode.IDLE
         self._mode_changed = asyncio.Event()
-        self._state: StateReport | None = None
-        self._state_changed = asyncio.Event()
+        self._states = self._newest_sender(telemetry.STATE_FRAME_BYTES)
+        self._tracks = self._newest_sender(track.TRACK_FRAME_BYTES)
         self._plan = PlanDesk(
             plans, program, clock, self._timing, lambda message: self._answer(None, message)
         )
@@ -187,7 +190,8 @@ class RobotLink:
                 ("radio", self._transport.run()),
                 ("listen", self._listen()),
                 ("heartbeat", self._beat()),
-                ("states", self._send_states()),
+                ("states", self._states.run()),
+                ("tracks", self._tracks.run()),
                 ("plan reports", self._report_plan()),
                 ("samples", self._samples.run()),
                 ("replies", self._reply()),
@@ -210,8 +214,17 @@ class RobotLink:
 
         ``robot`` and ``received_at`` do not travel.
         """
-        self._state = self._services.state = state
-        self._state_changed.set()
+        self._services.state = state
+        self._states.put(partial(telemetry.state_message, state))
+
+    def report_track(self, report: TrackReport) -> None:
+        """Send what is known of a target once; while the radio is busy a newer one replaces it.
+
+        ``robot`` and ``received_at`` do not travel. A report that says what cannot be, such as a
+        number that is not finite, is dropped: the far side could only drop it too.
+        """
+        if track.can_travel(report):
+            self._tracks.put(partial(track.track_message, report))
 
     def record_sample(
         self,
@@ -345,14 +358,12 @@ class RobotLink:
             address, message = await self._replies.get()
             await self._send(message, _ATTEMPTS, address)
 
-    async def _send_states(self) -> None:
-        await self._station_known.wait()
-        while True:
-            await self._state_changed.wait()
-            self._state_changed.clear()
-            await self._pace.spend(telemetry.STATE_FRAME_BYTES + self._codec.trailer_bytes)
-            if self._state is not None:
-                await self._send(telemetry.state_message(self._state), 1)
+    def _newest_sender(self, frame_bytes: int) -> NewestSender:
+        async def wait_for_room() -> None:
+            await self._station_known.wait()
+            await self._pace.spend(frame_bytes + self._codec.trailer_bytes)
+
+        return NewestSender(wait_for_room, lambda message: self._send(message, 1))
 
     async def _report_plan(self) -> None:
         await self._station_known.wait()

@@ -3,12 +3,12 @@
 from collections.abc import Iterable
 from datetime import datetime
 
-from robot_link.mavlink import telemetry
+from robot_link.mavlink import telemetry, track
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.messages import PlanReport, RobotId, RobotMode, Sample, StateReport
+from robot_link.messages import PlanReport, RobotId, RobotMode, Sample, StateReport, TrackReport
 
-Value = RobotMode | StateReport | Sample | PlanReport | None
+Value = RobotMode | StateReport | Sample | PlanReport | TrackReport | None
 """What one message means; None for what the station does not keep."""
 
 
@@ -34,6 +34,8 @@ def decoded(message: WireMessage, robot: RobotId, received_at: datetime) -> Valu
             return telemetry.sample(message, robot, received_at)
         case grace.MAVLink_grace_plan_report_message():
             return telemetry.plan_report(message, robot, received_at)
+        case grace.MAVLink_grace_track_message():
+            return track.track_report(message, robot, received_at)
         case _:
             return None
 

@@ -1,5 +1,7 @@
 """A mission as MAVLink mission items: settings, trim, tuning, then the legs, circles after theirs.
 
+A mission that follows a target has its order behind the trim, and neither tuning nor legs.
+
 Every number is an integer of ``robot_link.mission``'s canonical form, exact in its field.
 """
 
@@ -9,6 +11,7 @@ from robot_link.mavlink.wire import grace
 from robot_link.messages import SystemId
 from robot_link.mission import Mission
 from robot_link.onboard_settings import OnboardSettings
+from robot_link.tracking_order import TrackingOrder
 
 MissionItem = grace.MAVLink_mission_item_int_message
 
@@ -19,10 +22,11 @@ _LEG_COMMANDS = (
     grace.MAV_CMD_GRACE_SWIM,
 )
 """In the order of the canonical form's kinds."""
-_TUNING_NUMBERS = 7
+_TUNING, _TRACK = grace.MAV_CMD_GRACE_TUNING, grace.MAV_CMD_GRACE_TRACK
+_NUMBERS = 7
 """Integers in one item: four parameters and the position, all exact in a float32."""
-_TUNING_FIRST = 2
-"""Where tuning begins: behind settings and trim."""
+_NUMBERS_FIRST = 2
+"""Where tuning, or the order to follow a target, begins: behind settings and trim."""
 
 
 def mission_items(mission: Mission, system: SystemId) -> tuple[MissionItem, ...]:
@@ -39,7 +43,9 @@ def mission_items(mission: Mission, system: SystemId) -> tuple[MissionItem, ...]
         params = (trim[0], trim[1], 0, 0)
         items.append(_item(grace.MAV_CMD_GRACE_TRIM, params=params, position=(0, 0, 0)))
     if mission.onboard is not None:
-        items += _tuning_items(mission.onboard)
+        items += _number_items(_TUNING, mission.onboard.integers())
+    if mission.tracking is not None:
+        items += _number_items(_TRACK, mission.tracking.integers())
     for kind, x, y, z, speed, duration, energy, heading, radius, turn in mission.leg_integers():
         params = (speed, duration, energy, heading)
         items.append(_item(_LEG_COMMANDS[kind], params=params, position=(x, y, z)))
@@ -69,7 +75,7 @@ def mission_from_items(items: Sequence[MissionItem]) -> Mission:
     first = _integers(items[0])
     settings = (*first[:3], *first[4:6])
     legs: list[tuple[int, ...]] = []
-    tuning: list[int] = []
+    numbers: dict[int, list[int]] = {_TUNING: [], _TRACK: []}
     for number, item in enumerate(items[1:], start=1):
         integers = _integers(item)
         if item.command in _LEG_COMMANDS:
@@ -79,25 +85,25 @@ def mission_from_items(items: Sequence[MissionItem]) -> Mission:
             legs[-1] = (*legs[-1][:-2], *integers[:2])
         elif item.command == grace.MAV_CMD_GRACE_TRIM and number == 1:
             settings = (*settings, *integers[:2])
-        elif (
-            item.command == grace.MAV_CMD_GRACE_TUNING
-            and number == _TUNING_FIRST + len(tuning) // _TUNING_NUMBERS
+        elif item.command in numbers and number == _NUMBERS_FIRST + (
+            len(numbers[item.command]) // _NUMBERS
         ):
-            tuning += integers
+            numbers[item.command] += integers
         else:
             raise ValueError(f"item {number} with command {item.command} does not belong there")
+    tuning, track = numbers[_TUNING], numbers[_TRACK]
     onboard = OnboardSettings.from_integers(tuning) if tuning else None
-    return Mission.from_integers(settings, tuple(legs), onboard)
+    tracking = TrackingOrder.from_integers(track) if track else None
+    return Mission.from_integers(settings, tuple(legs), onboard, tracking)
 
 
-def _tuning_items(onboard: OnboardSettings) -> list[MissionItem]:
-    """Return the items that carry onboard settings, the last filled up with zeros."""
-    integers = onboard.integers()
+def _number_items(command: int, integers: Sequence[int]) -> list[MissionItem]:
+    """Return the items that carry integers by sevens, the last filled up with zeros."""
     items: list[MissionItem] = []
-    for first in range(0, len(integers), _TUNING_NUMBERS):
-        part = integers[first : first + _TUNING_NUMBERS]
-        a, b, c, d, x, y, z = (*part, *(0,) * (_TUNING_NUMBERS - len(part)))
-        items.append(_item(grace.MAV_CMD_GRACE_TUNING, params=(a, b, c, d), position=(x, y, z)))
+    for first in range(0, len(integers), _NUMBERS):
+        part = integers[first : first + _NUMBERS]
+        a, b, c, d, x, y, z = (*part, *(0,) * (_NUMBERS - len(part)))
+        items.append(_item(command, params=(a, b, c, d), position=(x, y, z)))
     return items
 
 

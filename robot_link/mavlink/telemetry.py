@@ -38,7 +38,7 @@ def state_message(state: StateReport) -> grace.MAVLink_grace_state_message:
     """Encode a state; angles are rounded to 0.1 mrad, velocities to 1 mm/s."""
     north, east, down = state.position_ned
     return grace.MAVLink_grace_state_message(
-        time_utc_us=_microseconds(state.measured_at),
+        time_utc_us=microseconds(state.measured_at),
         x=north,
         y=east,
         z=down,
@@ -68,7 +68,7 @@ def state_report(
     Raises:
         ValueError: If a number is not finite, or the mode or the time is impossible.
     """
-    _check_finite(
+    check_finite(
         (
             message.x,
             message.y,
@@ -110,9 +110,9 @@ def sample_message(
         KeyError: If no such variable is declared.
     """
     north, east, down = measurement.position_ned
-    _check_finite((measurement.value, north, east, down, measurement.position_std_m))
+    check_finite((measurement.value, north, east, down, measurement.position_std_m))
     return grace.MAVLink_grace_sample_message(
-        time_utc_us=_microseconds(measurement.measured_at),
+        time_utc_us=microseconds(measurement.measured_at),
         log=log,
         sequence=sequence,
         x=north,
@@ -132,7 +132,7 @@ def sample(
     Raises:
         ValueError: If a number is not finite, the time impossible, or the variable unknown.
     """
-    _check_finite((message.value, message.x, message.y, message.z, message.position_std))
+    check_finite((message.value, message.x, message.y, message.z, message.position_std))
     variable = _KEY_OF_WIRE_INDEX.get(message.variable)
     if variable is None:
         raise ValueError(f"variable {message.variable} of a sample is not declared")
@@ -190,7 +190,7 @@ def plan_report_message(
 ) -> grace.MAVLink_grace_plan_report_message:
     """Encode what the robot says of a plan; a reason is ASCII on the wire, and cut where long."""
     return grace.MAVLink_grace_plan_report_message(
-        time_utc_us=_microseconds(measured_at),
+        time_utc_us=microseconds(measured_at),
         energy_used=energy_used,
         leg=leg,
         legs=legs,
@@ -208,7 +208,7 @@ def plan_report(
     Raises:
         ValueError: If the energy is not finite, or the state or the time is impossible.
     """
-    _check_finite((message.energy_used,))
+    check_finite((message.energy_used,))
     return PlanReport(
         robot=robot,
         sha256=plan_hash(message.sha256),
@@ -232,12 +232,18 @@ def plan_hash(octets: Sequence[int]) -> PlanHash | None:
     return PlanHash(bytes(octets).hex()) if any(octets) else None
 
 
-def _check_finite(numbers: Iterable[float]) -> None:
+def check_finite(numbers: Iterable[float]) -> None:
+    """Refuse what no decoded number may be.
+
+    Raises:
+        ValueError: If a number is not finite.
+    """
     if not all(math.isfinite(number) for number in numbers):
         raise ValueError("a number is not finite")
 
 
-def _microseconds(moment: datetime) -> int:
+def microseconds(moment: datetime) -> int:
+    """Return the microseconds since 1970 by which a wire says a moment."""
     return (moment - _EPOCH) // _MICROSECOND
 
 

@@ -1,9 +1,10 @@
 """A mission as the bytes that travel by satellite.
 
 A blob is CBOR of ``[format, settings, onboard, legs, check]``: the integers of the mission's
-settings and onboard settings (empty before format 3), the rows of ``leg_code``, and the first four
-bytes of the mission's hash. The robot rebuilds the mission and compares, so that a mission that it
-would understand in another way than the station does is refused instead of flown.
+settings and onboard settings (empty before format 3, of format 4 the order to follow a target), the
+rows of ``leg_code``, and the first four bytes of the mission's hash. The robot rebuilds the mission
+and compares, so that a mission that it would understand in another way than the station does is
+refused instead of flown.
 """
 
 import hashlib
@@ -16,11 +17,12 @@ import cbor2
 
 from autonomy.planner.config import EnergyConfig
 from robot_link.messages import PlanHash
-from robot_link.mission import ONBOARD_FORMAT, SETTINGS_FIELDS, Mission
+from robot_link.mission import ONBOARD_FORMAT, SETTINGS_FIELDS, TRACKING_FORMAT, Mission
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.cbor_reader import CborReader
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.leg_code import MOST_LEGS, packed_legs, unpacked_legs
+from robot_link.tracking_order import TrackingOrder
 
 TransferId = NewType("TransferId", int)
 """First four bytes of the SHA-256 of a blob; names a transfer to both ends."""
@@ -93,13 +95,14 @@ def mission_of(packed: bytes, codec: int) -> Mission:
     version, settings, onboard, rows, check = _content(plain)
     if version not in SETTINGS_FIELDS or len(settings) != SETTINGS_FIELDS[version]:
         raise WireError(f"format {version} of missions is unknown, or its settings are not its")
-    if version != ONBOARD_FORMAT and onboard:
+    if version not in (ONBOARD_FORMAT, TRACKING_FORMAT) and onboard:
         raise WireError(f"format {version} of missions brings no onboard settings")
     try:
         tuning = OnboardSettings.from_integers(onboard) if version == ONBOARD_FORMAT else None
+        order = TrackingOrder.from_integers(onboard) if version == TRACKING_FORMAT else None
         start = (settings[_START], settings[_START + 1])
         legs = unpacked_legs(rows, start, _prices(tuning))
-        mission = Mission.from_integers(tuple(settings), legs, tuning)
+        mission = Mission.from_integers(tuple(settings), legs, tuning, order)
         is_meant = _check_of(mission) == check
     except (ValueError, ArithmeticError) as error:
         raise WireError(f"the mission is none: {error}") from error
@@ -110,7 +113,8 @@ def mission_of(packed: bytes, codec: int) -> Mission:
 
 def _plain(mission: Mission) -> bytes:
     settings = mission.settings_integers()
-    onboard = () if mission.onboard is None else mission.onboard.integers()
+    brought = mission.onboard or mission.tracking
+    onboard = () if brought is None else brought.integers()
     start = (settings[_START], settings[_START + 1])
     rows = packed_legs(start, mission.leg_integers(), _prices(mission.onboard))
     return cbor2.dumps(

@@ -9,6 +9,7 @@ from robot_link.messages import (
     OnboardPlanState,
     Sample,
     StateReport,
+    TrackReport,
 )
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.blob import TransferId
@@ -42,6 +43,9 @@ class Reason(IntEnum):
     NO_SPEED = 12
     TRIM = 13
     WITHDRAWN = 14
+    TARGET_LOST = 15
+    TARGET_FASTER = 16
+    LEFT_WATER = 17
 
     @property
     def sentence(self) -> str:
@@ -72,6 +76,9 @@ _WORDS = {
     Reason.LEAVES_WATER: ("leaves the water", "a leg leaves the water"),
     Reason.NO_SPEED: ("no speed", "a leg has no speed"),
     Reason.TRIM: ("trim", "the trim is more than the robot's limits allow"),
+    Reason.TARGET_LOST: ("target was lost", "the target was lost for too long"),
+    Reason.TARGET_FASTER: ("target is faster", "the target is faster than the robot may swim"),
+    Reason.LEFT_WATER: ("left the water", "the robot left the water that it was to stay in"),
     Reason.WITHDRAWN: (
         "withdrawn",
         "it was withdrawn, or the robot was told to surface after it was sent",
@@ -135,3 +142,5 @@ class MobileOriginatedContent:
     answers: tuple[CommandAnswer, ...] = ()
     samples: tuple[Sample, ...] = ()
     """To ``compose``: the most telling first; as read: by log and number."""
+    track: TrackReport | None = None
+    """What it knows of its target; goes with the state alone, and without the second hypothesis."""

@@ -1,5 +1,7 @@
 """Numbers and times in bytes, and reading them with every failure a ``WireError``."""
 
+import math
+import struct
 from datetime import UTC, datetime, timedelta
 
 from robot_link.satellite.frame import WireError
@@ -9,6 +11,7 @@ _CENTISECOND = timedelta(milliseconds=10)
 _CENTISECONDS_MAX = 2**40 - 1
 """In the year 2318."""
 _VARINT_BYTES = 5
+_FLOAT_BYTES = 3
 
 
 def centiseconds(at: datetime) -> int:
@@ -49,6 +52,47 @@ def varint(number: int) -> bytes:
     return bytes(octets)
 
 
+def float24(value: float) -> bytes:
+    """Return the upper three bytes of the float32, rounded: exact to 2^-16 of the value.
+
+    Raises:
+        ValueError: If the value is not finite, or more than a float32 can say.
+    """
+    if not math.isfinite(value):
+        raise ValueError("a value is not finite")
+    try:
+        bits = int.from_bytes(struct.pack(">f", value), "big")
+        rounded = struct.pack(">I", min((bits & 0x7FFFFFFF) + 0x80, 0x7F7FFFFF) & ~0xFF)
+    except OverflowError as error:
+        raise ValueError(f"the value {value:g} cannot travel") from error
+    return bytes([rounded[0] | (0x80 if bits >> 31 else 0)]) + rounded[1:_FLOAT_BYTES]
+
+
+def signed(value: float, octets: int) -> int:
+    """Return the whole number nearest to a value, within what so many bytes with a sign say.
+
+    Raises:
+        ValueError: If the value is not finite.
+    """
+    most = 2 ** (8 * octets - 1) - 1
+    return max(-most, min(most, _whole(value)))
+
+
+def unsigned(value: float, octets: int) -> int:
+    """Return the whole number nearest to a value, within what so many bytes say.
+
+    Raises:
+        ValueError: If the value is not finite.
+    """
+    return max(0, min(2 ** (8 * octets) - 1, _whole(value)))
+
+
+def _whole(value: float) -> int:
+    if not math.isfinite(value):
+        raise ValueError("a value is not finite")
+    return round(value)
+
+
 class OctetReader:
     """Takes bytes from the front, never more than there are."""
 
@@ -79,6 +123,13 @@ class OctetReader:
             if octet < 0x80:
                 return number
         raise WireError("a number is longer than five bytes")
+
+    def float24(self) -> float:
+        """Return a number of ``float24``."""
+        (value,) = struct.unpack(">f", self.take(_FLOAT_BYTES) + b"\0")
+        if not math.isfinite(value):
+            raise WireError("a value is impossible")
+        return value
 
     def signed_varint(self) -> int:
         """Return a number whose sign was folded by ``zigzag``."""

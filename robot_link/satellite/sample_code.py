@@ -24,14 +24,13 @@ from itertools import groupby
 from autonomy.field.variable import VARIABLES
 from robot_link.messages import LogId, RobotId, Sample
 from robot_link.satellite.frame import WireError
-from robot_link.satellite.octets import OctetReader, centiseconds, moment, varint, zigzag
+from robot_link.satellite.octets import OctetReader, centiseconds, float24, moment, varint, zigzag
 
 _HEADER = struct.Struct(">BIBB")
 _UNIT_SHARE = 16.0
 _UNIT_MAX = 12
 _COUNT_MAX = 255
 _TENTHS = 10
-_FLOAT_BYTES = 4
 _SEQUENCE_MAX = 2**32 - 1
 _STD_MAX_MM = 2**24 - 1
 _KEY_OF_WIRE_INDEX = {variable.wire_index: variable.key for variable in VARIABLES.values()}
@@ -108,7 +107,7 @@ def _packed_block(samples: Sequence[Sample]) -> bytes:
         for now, before in zip(here, place, strict=True):
             octets += varint(zigzag(now - before))
         place = here
-        octets += varint(_std_mm(sample)) + _float24(sample.value)
+        octets += varint(_std_mm(sample)) + _value(sample)
     return bytes(octets)
 
 
@@ -126,9 +125,9 @@ def _unpacked_block(reader: OctetReader, robot: RobotId, received_at: datetime) 
         place = [before + reader.signed_varint() for before in place]
         north, east, down = ((one << unit) / 1e3 for one in place)
         std_m = reader.varint() / 1e3
-        (value,) = struct.unpack(">f", reader.take(_FLOAT_BYTES - 1) + b"\0")
-        if not math.isfinite(value) or number > _SEQUENCE_MAX:
-            raise WireError("value or number of a sample is impossible")
+        value = reader.float24()
+        if number > _SEQUENCE_MAX:
+            raise WireError("the number of a sample is impossible")
         samples.append(
             Sample(
                 robot=robot,
@@ -163,13 +162,8 @@ def _std_mm(sample: Sample) -> int:
     return min(_STD_MAX_MM, round(sample.position_std_m * 1e3))
 
 
-def _float24(value: float) -> bytes:
-    """Return the upper three bytes of the float32, rounded: exact to 2^-16 of the value."""
-    if not math.isfinite(value):
-        raise ValueError("the value of a sample is not finite")
+def _value(sample: Sample) -> bytes:
     try:
-        bits = int.from_bytes(struct.pack(">f", value), "big")
-        rounded = struct.pack(">I", min((bits & 0x7FFFFFFF) + 0x80, 0x7F7FFFFF) & ~0xFF)
-    except OverflowError as error:
-        raise ValueError(f"the value {value:g} of a sample cannot travel") from error
-    return bytes([rounded[0] | (0x80 if bits >> 31 else 0)]) + rounded[1:3]
+        return float24(sample.value)
+    except ValueError as error:
+        raise ValueError(f"the value of a sample: {error}") from error

@@ -16,7 +16,7 @@ from datetime import datetime
 from robot_link.messages import OnboardPlanState, RobotId, RobotMode, StateReport
 from robot_link.satellite.content import Reason, ShortPlanReport
 from robot_link.satellite.frame import WireError
-from robot_link.satellite.octets import centiseconds, moment
+from robot_link.satellite.octets import centiseconds, moment, signed, unsigned
 
 _STATE = struct.Struct(">5sii3s3s7bhhBBB")
 _PLAN = struct.Struct(">8sB3s3s")
@@ -42,16 +42,16 @@ def packed_state(state: StateReport) -> bytes:
     angles = (state.roll_rad, state.pitch_rad, state.heading_rad, state.tail_rad)
     return _STATE.pack(
         centiseconds(state.measured_at).to_bytes(5, "big"),
-        _signed(north * 1e3, 4),
-        _signed(east * 1e3, 4),
-        _signed(down * 1e3, 3).to_bytes(3, "big", signed=True),
-        _unsigned(state.position_std_m * 1e3, 3).to_bytes(3, "big"),
-        *(_signed(speed * 1e2, 1) for speed in state.velocity_ned),
-        *(_signed(angle * _ANGLE, 1) for angle in angles),
-        _signed(state.net_buoyancy_kg * 1e4, 2),
-        _signed(state.mass_position_m * 1e4, 2),
-        min(_BATTERY, _unsigned(state.battery_fraction * _BATTERY, 1)),
-        _unsigned(state.battery_v * _VOLT_STEPS, 1),
+        signed(north * 1e3, 4),
+        signed(east * 1e3, 4),
+        signed(down * 1e3, 3).to_bytes(3, "big", signed=True),
+        unsigned(state.position_std_m * 1e3, 3).to_bytes(3, "big"),
+        *(signed(speed * 1e2, 1) for speed in state.velocity_ned),
+        *(signed(angle * _ANGLE, 1) for angle in angles),
+        signed(state.net_buoyancy_kg * 1e4, 2),
+        signed(state.mass_position_m * 1e4, 2),
+        min(_BATTERY, unsigned(state.battery_fraction * _BATTERY, 1)),
+        unsigned(state.battery_v * _VOLT_STEPS, 1),
         state.mode | (_HAS_FIX if state.has_fix else 0),
     )
 
@@ -104,7 +104,7 @@ def packed_plan(plan: ShortPlanReport) -> bytes:
         bytes.fromhex(plan.digits or "0" * DIGITS),
         plan.state << _REASON_BITS | plan.reason,
         legs.to_bytes(3, "big"),
-        _unsigned(plan.energy_used * 1e3, 3).to_bytes(3, "big"),
+        unsigned(plan.energy_used * 1e3, 3).to_bytes(3, "big"),
     )
 
 
@@ -134,18 +134,3 @@ def reason_of(word: int) -> Reason:
     """Return the reason in the low five bits; one that is not known here is OTHER."""
     code = word & (1 << _REASON_BITS) - 1
     return Reason(code) if code in tuple(Reason) else Reason.OTHER
-
-
-def _signed(value: float, octets: int) -> int:
-    most = 2 ** (8 * octets - 1) - 1
-    return max(-most, min(most, _whole(value)))
-
-
-def _unsigned(value: float, octets: int) -> int:
-    return max(0, min(2 ** (8 * octets) - 1, _whole(value)))
-
-
-def _whole(value: float) -> int:
-    if not math.isfinite(value):
-        raise ValueError("a number of the robot's state is not finite")
-    return round(value)

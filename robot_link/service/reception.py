@@ -16,6 +16,7 @@ from robot_link.messages import (
     RobotMode,
     Sample,
     StateReport,
+    TrackReport,
 )
 from robot_link.sample_gate import SampleGate
 from robot_link.service.link_watch import LinkWatch
@@ -124,6 +125,8 @@ class Reception:
                     self._samples_owed.set()
             case PlanReport():
                 self._take_plan_report(sender, value)
+            case TrackReport():
+                self._on_event(value)
             case None:
                 pass
 

@@ -1,0 +1,127 @@
+"""Track reports between the dialect's GRACE_TRACK and the project's values."""
+
+from datetime import datetime
+
+from robot_link.mavlink.telemetry import check_finite, microseconds, moment
+from robot_link.mavlink.wire import grace
+from robot_link.messages import RobotId, TargetEstimate, TrackReport
+from robot_link.track_check import MOST_HYPOTHESES, checked_track, track_phase
+
+TRACK_FRAME_BYTES = 12 + grace.MAVLink_grace_track_message.unpacker.size
+"""Bytes of one track's frame, at most."""
+
+_NOBODY = TargetEstimate((0.0, 0.0), (0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
+_HAS_RANGE = grace.GRACE_TRACK_FLAGS_HAS_RANGE
+_BARRIER_ON = grace.GRACE_TRACK_FLAGS_BARRIER_ON
+_FEASIBLE = grace.GRACE_TRACK_FLAGS_FEASIBLE
+_QUIET = grace.GRACE_TRACK_FLAGS_QUIET
+_HAS_TRUTH = grace.GRACE_TRACK_FLAGS_HAS_TRUTH
+_FLAGS = _HAS_RANGE | _BARRIER_ON | _FEASIBLE | _QUIET | _HAS_TRUTH
+
+
+def track_message(track: TrackReport) -> grace.MAVLink_grace_track_message:
+    """Encode a track as float32; a third hypothesis and later ones do not travel."""
+    known = track.hypotheses[:MOST_HYPOTHESES]
+    told = (*known, *(_NOBODY,) * (MOST_HYPOTHESES - len(known)))
+    true_x, true_y = track.true_ne_m or (0.0, 0.0)
+    return grace.MAVLink_grace_track_message(
+        time_utc_us=microseconds(track.measured_at),
+        x=track.position_ne_m[0],
+        y=track.position_ne_m[1],
+        target_x=[one.position_ne_m[0] for one in told],
+        target_y=[one.position_ne_m[1] for one in told],
+        target_vx=[one.velocity_ne_m_s[0] for one in told],
+        target_vy=[one.velocity_ne_m_s[1] for one in told],
+        covariance_xx=[one.covariance_m2[0] for one in told],
+        covariance_xy=[one.covariance_m2[1] for one in told],
+        covariance_yy=[one.covariance_m2[2] for one in told],
+        weight=[one.weight for one in told],
+        range=track.range_m or 0.0,
+        range_age=0.0 if track.range_m is None else track.range_age_s,
+        determinant=track.determinant_m2_s,
+        barrier=track.barrier,
+        inverse_condition=track.inverse_condition,
+        nominal_turn_rate=track.nominal[0],
+        nominal_acceleration=track.nominal[1],
+        turn_rate=track.command[0],
+        acceleration=track.command[1],
+        true_x=true_x,
+        true_y=true_y,
+        ranges_heard=track.ranges_heard,
+        ranges_rejected=track.ranges_rejected,
+        phase=int(track.phase),
+        hypotheses=len(known),
+        flags=_flags(track),
+    )
+
+
+def track_report(
+    message: grace.MAVLink_grace_track_message, robot: RobotId, received_at: datetime
+) -> TrackReport:
+    """Decode a track.
+
+    Raises:
+        ValueError: If a number is not finite or impossible, or the phase, the time or a flag is
+            unknown.
+    """
+    if message.hypotheses > MOST_HYPOTHESES or message.flags & ~_FLAGS:
+        raise ValueError("hypotheses or flags of a track are unknown")
+    hypotheses = tuple(_hypothesis(message, index) for index in range(message.hypotheses))
+    flags = message.flags
+    check_finite((message.range, message.true_x, message.true_y))
+    return checked_track(
+        TrackReport(
+            robot=robot,
+            measured_at=moment(message.time_utc_us),
+            received_at=received_at,
+            phase=track_phase(message.phase),
+            position_ne_m=(message.x, message.y),
+            hypotheses=hypotheses,
+            range_m=message.range if flags & _HAS_RANGE else None,
+            range_age_s=message.range_age,
+            ranges_heard=message.ranges_heard,
+            ranges_rejected=message.ranges_rejected,
+            determinant_m2_s=message.determinant,
+            barrier=message.barrier,
+            inverse_condition=message.inverse_condition,
+            nominal=(message.nominal_turn_rate, message.nominal_acceleration),
+            command=(message.turn_rate, message.acceleration),
+            is_barrier_on=bool(flags & _BARRIER_ON),
+            is_feasible=bool(flags & _FEASIBLE),
+            is_quiet=bool(flags & _QUIET),
+            true_ne_m=(message.true_x, message.true_y) if flags & _HAS_TRUTH else None,
+        )
+    )
+
+
+def can_travel(track: TrackReport) -> bool:
+    """Tell whether a track is possible, and each of its numbers fits its field."""
+    try:
+        checked_track(track)
+        track_message(track).pack(grace.MAVLink(None))
+    except (ValueError, ArithmeticError, grace.MAVError):
+        return False
+    return True
+
+
+def _hypothesis(message: grace.MAVLink_grace_track_message, index: int) -> TargetEstimate:
+    return TargetEstimate(
+        position_ne_m=(message.target_x[index], message.target_y[index]),
+        velocity_ne_m_s=(message.target_vx[index], message.target_vy[index]),
+        covariance_m2=(
+            message.covariance_xx[index],
+            message.covariance_xy[index],
+            message.covariance_yy[index],
+        ),
+        weight=message.weight[index],
+    )
+
+
+def _flags(track: TrackReport) -> int:
+    return (
+        _HAS_RANGE * (track.range_m is not None)
+        | _BARRIER_ON * track.is_barrier_on
+        | _FEASIBLE * track.is_feasible
+        | _QUIET * track.is_quiet
+        | _HAS_TRUTH * (track.true_ne_m is not None)
+    )

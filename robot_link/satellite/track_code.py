@@ -1,0 +1,138 @@
+"""What a robot knows of its target, in 27 to 62 bytes; it goes with a state, whose time it has.
+
+Big endian: u8 phase; u8 flags: bit 0 estimate, 1 range, 2 truth, 3 barrier on, 4 feasible, 5 quiet;
+u8 inverse condition, 1/255; float24 (``octets.float24``) determinant, barrier, turn rate and
+acceleration of the pursuit law, turn rate and acceleration of the command; u24 ranges heard, u24
+not believed. Then what the flags say::
+
+    estimate  i32 north, i32 east, mm; i16 velocity north, i16 east, mm/s; float24 variance north,
+              covariance, variance east; u8 probability, 1/255
+    range     u24 mm; u16 age, 0.1 s
+    truth     i32 north, i32 east, mm
+
+Only the likeliest hypothesis travels. What exceeds its field is shown as the field's end.
+"""
+
+import struct
+
+from robot_link.messages import StateReport, TargetEstimate, TrackReport
+from robot_link.satellite.frame import WireError
+from robot_link.satellite.octets import OctetReader, float24, signed, unsigned
+from robot_link.track_check import checked_track, track_phase
+
+_HEAD = struct.Struct(">BBB")
+_PLACE = struct.Struct(">ii")
+_VELOCITY = struct.Struct(">hh")
+_ESTIMATE, _RANGE, _TRUTH, _BARRIER, _FEASIBLE, _QUIET = (1 << bit for bit in range(6))
+_FLAGS_MAX = 63
+_SHARE = 255
+_COUNT_BYTES = 3
+_RANGE_BYTES = 3
+_AGE_BYTES = 2
+
+
+def packed_track(track: TrackReport) -> bytes:
+    """Return a track's bytes.
+
+    Raises:
+        ValueError: If a number is not finite.
+    """
+    flags = (
+        _ESTIMATE * bool(track.hypotheses)
+        | _RANGE * (track.range_m is not None)
+        | _TRUTH * (track.true_ne_m is not None)
+        | _BARRIER * track.is_barrier_on
+        | _FEASIBLE * track.is_feasible
+        | _QUIET * track.is_quiet
+    )
+    octets = _HEAD.pack(track.phase, flags, unsigned(track.inverse_condition * _SHARE, 1))
+    floats = (track.determinant_m2_s, track.barrier, *track.nominal, *track.command)
+    octets += b"".join(map(float24, floats))
+    for count in (track.ranges_heard, track.ranges_rejected):
+        octets += unsigned(count, _COUNT_BYTES).to_bytes(_COUNT_BYTES, "big")
+    if track.hypotheses:
+        octets += _packed_estimate(track.hypotheses[0])
+    if track.range_m is not None:
+        octets += unsigned(track.range_m * 1e3, _RANGE_BYTES).to_bytes(_RANGE_BYTES, "big")
+        octets += unsigned(track.range_age_s * 10.0, _AGE_BYTES).to_bytes(_AGE_BYTES, "big")
+    if track.true_ne_m is not None:
+        octets += _packed_place(track.true_ne_m)
+    return octets
+
+
+def unpacked_track(reader: OctetReader, state: StateReport) -> TrackReport:
+    """Read a track.
+
+    Args:
+        reader: Where it begins.
+        state: The state that it goes with, which has its time and the robot's place.
+
+    Raises:
+        WireError: If it is none.
+    """
+    phase, flags, condition = _HEAD.unpack(reader.take(_HEAD.size))
+    if flags > _FLAGS_MAX:
+        raise WireError(f"flags {flags:#x} of a track are unknown")
+    numbers = [reader.float24() for _ in range(6)]
+    heard, rejected = (int.from_bytes(reader.take(_COUNT_BYTES), "big") for _ in range(2))
+    hypotheses = (_estimate(reader),) if flags & _ESTIMATE else ()
+    range_m, age_s = _range(reader) if flags & _RANGE else (None, 0.0)
+    true_ne_m = _place(reader) if flags & _TRUTH else None
+    try:
+        return checked_track(
+            TrackReport(
+                robot=state.robot,
+                measured_at=state.measured_at,
+                received_at=state.received_at,
+                phase=track_phase(phase),
+                position_ne_m=state.position_ned[:2],
+                hypotheses=hypotheses,
+                range_m=range_m,
+                range_age_s=age_s,
+                ranges_heard=heard,
+                ranges_rejected=rejected,
+                determinant_m2_s=numbers[0],
+                barrier=numbers[1],
+                inverse_condition=condition / _SHARE,
+                nominal=(numbers[2], numbers[3]),
+                command=(numbers[4], numbers[5]),
+                is_barrier_on=bool(flags & _BARRIER),
+                is_feasible=bool(flags & _FEASIBLE),
+                is_quiet=bool(flags & _QUIET),
+                true_ne_m=true_ne_m,
+            )
+        )
+    except ValueError as error:
+        raise WireError(str(error)) from error
+
+
+def _packed_estimate(one: TargetEstimate) -> bytes:
+    return (
+        _packed_place(one.position_ne_m)
+        + _VELOCITY.pack(*(signed(speed * 1e3, 2) for speed in one.velocity_ne_m_s))
+        + b"".join(map(float24, one.covariance_m2))
+        + bytes([unsigned(one.weight * _SHARE, 1)])
+    )
+
+
+def _estimate(reader: OctetReader) -> TargetEstimate:
+    place = _place(reader)
+    north_mm_s, east_mm_s = _VELOCITY.unpack(reader.take(_VELOCITY.size))
+    covariance = (reader.float24(), reader.float24(), reader.float24())
+    weight = reader.take(1)[0] / _SHARE
+    return TargetEstimate(place, (north_mm_s / 1e3, east_mm_s / 1e3), covariance, weight)
+
+
+def _packed_place(place_ne_m: tuple[float, float]) -> bytes:
+    return _PLACE.pack(*(signed(one * 1e3, 4) for one in place_ne_m))
+
+
+def _place(reader: OctetReader) -> tuple[float, float]:
+    north_mm, east_mm = _PLACE.unpack(reader.take(_PLACE.size))
+    return north_mm / 1e3, east_mm / 1e3
+
+
+def _range(reader: OctetReader) -> tuple[float, float]:
+    millimetres = int.from_bytes(reader.take(_RANGE_BYTES), "big")
+    tenths = int.from_bytes(reader.take(_AGE_BYTES), "big")
+    return millimetres / 1e3, tenths / 10.0
