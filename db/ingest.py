@@ -9,9 +9,10 @@ from sqlalchemy.orm import Session
 
 from db.fault import UnknownIdError
 from db.tables import Base, PlanReportRow, RawFrameRow, Robot, SampleRow, StateRow
-from robot_link.messages import PlanReport, RawFrame, Sample, StateReport
+from db.tracking_tables import TrackReportRow
+from robot_link.messages import PlanReport, RawFrame, Sample, StateReport, TrackReport
 
-Telemetry = StateReport | Sample | PlanReport | RawFrame
+Telemetry = StateReport | Sample | PlanReport | TrackReport | RawFrame
 """What the writer takes in batches."""
 
 
@@ -60,6 +61,8 @@ def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:
                 "energy_used": value.energy_used,
                 "reason": value.reason,
             }
+        case TrackReport():
+            return TrackReportRow, _track_row(value)
         case RawFrame():
             return RawFrameRow, {
                 "robot_key": None,
@@ -112,4 +115,35 @@ def _sample_row(sample: Sample) -> dict[str, Any]:
         "east_m": east_m,
         "depth_m": depth_m,
         "position_std_m": sample.position_std_m,
+    }
+
+
+def _track_row(report: TrackReport) -> dict[str, Any]:
+    true_north_m, true_east_m = report.true_ne_m or (None, None)
+    return {
+        "measured_at": report.measured_at,
+        "received_at": report.received_at,
+        "phase": int(report.phase),
+        "north_m": report.position_ne_m[0],
+        "east_m": report.position_ne_m[1],
+        "hypotheses": [
+            [*one.position_ne_m, *one.velocity_ne_m_s, *one.covariance_m2, one.weight]
+            for one in report.hypotheses
+        ],
+        "range_m": report.range_m,
+        "range_age_s": report.range_age_s,
+        "ranges_heard": report.ranges_heard,
+        "ranges_rejected": report.ranges_rejected,
+        "determinant_m2_s": report.determinant_m2_s,
+        "barrier": report.barrier,
+        "inverse_condition": report.inverse_condition,
+        "nominal_turn_rate_rad_s": report.nominal[0],
+        "nominal_acceleration_m_s2": report.nominal[1],
+        "turn_rate_rad_s": report.command[0],
+        "acceleration_m_s2": report.command[1],
+        "is_barrier_on": report.is_barrier_on,
+        "is_feasible": report.is_feasible,
+        "is_quiet": report.is_quiet,
+        "true_north_m": true_north_m,
+        "true_east_m": true_east_m,
     }

@@ -11,6 +11,7 @@ from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
 from autonomy.field.config import FIELD_PRESETS, FieldConfig
 from autonomy.identification.config import IDENTIFICATION_PRESETS, IdentificationConfig
 from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
+from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.trial.config import TRIAL_PRESETS, TrialConfig
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
@@ -99,6 +100,9 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
                 "estimator", "Estimator", ESTIMATOR_PRESETS, EstimatorConfig(), NOT_ON_BOARD
             ),
             _by_vehicle("trim", "Trim", TRIM_PRESETS, TrimConfig(), WITH_MISSION),
+            _by_vehicle(
+                "tracking", "Target tracking", TRACKING_PRESETS, TrackingConfig(), WITH_MISSION
+            ),
             _by_vehicle("trial", "What-if scenario", TRIAL_PRESETS, TrialConfig()),
             _by_vehicle(
                 "identification", "Identification", IDENTIFICATION_PRESETS, IdentificationConfig()

@@ -2,9 +2,25 @@
 
 from alembic import context
 
-from db import link_tables, map_tables, onboard_tables, person_tables, study_tables, tables
+from db import (
+    link_tables,
+    map_tables,
+    onboard_tables,
+    person_tables,
+    study_tables,
+    tables,
+    tracking_tables,
+)
 
-KNOWN = (tables, study_tables, map_tables, person_tables, link_tables, onboard_tables)
+KNOWN = (
+    tables,
+    study_tables,
+    map_tables,
+    person_tables,
+    link_tables,
+    onboard_tables,
+    tracking_tables,
+)
 """Every module with tables, so that all of them are in the one metadata."""
 
 connection = context.config.attributes["connection"]

@@ -19,9 +19,10 @@ router = APIRouter(prefix="/api", tags=["commands"], route_class=IdempotentRoute
 class CommandRequest(Body):
     """An order to a robot."""
 
-    kind: Literal["surface", "hold", "resume"]
+    kind: Literal["surface", "hold", "resume", "quiet", "ping"]
     """``surface`` aborts the mission and ends its automation, ``hold`` suspends it at the next
-    surfacing, ``resume`` goes on."""
+    surfacing, ``resume`` goes on; ``quiet`` lets a robot that follows a target stop pinging it,
+    ``ping`` go on with that."""
     route: Literal["auto", "radio", "satellite"] = "auto"
     """The road that it is to take; ``auto`` is what the robot's settings say. ``surface`` goes by
     every link whatever is asked for."""

@@ -4,13 +4,14 @@ from dataclasses import dataclass
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query
-from pydantic import Field
+from pydantic import Field, field_validator
 
 from server.api.body import Body
 from server.api.dependency import Pilot, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.plans import PartialConfig
 from server.api.station_dependency import StationDep
+from server.service.picture import TRACK_TARGET
 from server.service.view.base import View
 from server.service.view.mission import MissionView
 
@@ -24,6 +25,15 @@ class MissionRequest(Body):
     config: PartialConfig = Field(default_factory=dict)
     automation: bool = False
     """Start by itself as soon as the first round is planned; by default nothing is sent."""
+
+    @field_validator("kind", mode="before")
+    @classmethod
+    def _is_a_survey(cls, kind: object) -> object:
+        if kind == TRACK_TARGET:
+            raise ValueError(
+                "following a target is one plan: POST /api/robots/{robot}/plans with this kind"
+            )
+        return kind
 
 
 @dataclass(frozen=True, slots=True)

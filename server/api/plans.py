@@ -64,7 +64,22 @@ class PrimitivesPlanRequest(Body):
     config: PartialConfig = Field(default_factory=dict)
 
 
-PlanRequest = Annotated[SurveyPlanRequest | PrimitivesPlanRequest, Field(discriminator="kind")]
+class TrackPlanRequest(Body):
+    """A target that the robot is to follow by its range alone."""
+
+    kind: Literal["track_target"]
+    config: Annotated[
+        dict[str, Any],
+        Field(
+            description="Fields of the tracking configuration that differ from what holds for the "
+            "robot; see `GET /api/config/tracking/schema`. They become its new version."
+        ),
+    ] = Field(default_factory=dict)
+
+
+PlanRequest = Annotated[
+    SurveyPlanRequest | PrimitivesPlanRequest | TrackPlanRequest, Field(discriminator="kind")
+]
 
 
 class UploadRequest(Body):
@@ -123,6 +138,9 @@ async def create_plan(
     """Begin a plan: 409 or 422 at once if it cannot be made, else it becomes a draft or fails."""
     if isinstance(body, SurveyPlanRequest) and body.mission is not None:
         plan = await station.surveys.plan_again(robot, body.mission, body.config, by=caller.name)
+        return PlanIdView(plan.id)
+    if isinstance(body, TrackPlanRequest):
+        plan = await station.tracks.plan(robot, body.config, by=caller.name)
         return PlanIdView(plan.id)
     config_id, config = await station.planning.configure(robot, body.config, by=caller.name)
     if isinstance(body, PrimitivesPlanRequest):

@@ -17,6 +17,7 @@ from db.query.plans import plan_by_hash
 from db.query.robots import RobotRecord, add_robot, list_robots
 from db.store import Store
 from db.tables import Base, PlanReportRow, Robot, SampleRow, StateRow
+from db.tracking_tables import TrackReportRow
 from robot_link.gateway.address import SATELLITE_CARRIERS
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.decode import Value, decoded
@@ -28,14 +29,15 @@ from robot_link.messages import (
     Sample,
     StateReport,
     SystemId,
+    TrackReport,
 )
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
-from server.service.believable import fault_of_sample, fault_of_state
+from server.service.believable import fault_of_sample, fault_of_state, fault_of_track
 from server.service.clock_fault import ClockFault, by_arrival, clock_fault
 from server.service.satellite.content import Telling, values_of
 
-TABLES: tuple[type[Base], ...] = (StateRow, SampleRow, PlanReportRow)
+TABLES: tuple[type[Base], ...] = (StateRow, SampleRow, PlanReportRow, TrackReportRow)
 """What is built from the journal."""
 _ROWS_AT_ONCE = 5000
 _NOT_KEPT = (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED)
@@ -137,6 +139,8 @@ class Replay:
                 return fault_of_state(value, robot.site, frame.at, self._speed) is None
             case Sample():
                 return fault_of_sample(value, robot.site, frame.at, self._speed) is None
+            case TrackReport():
+                return fault_of_track(value, robot.site, frame.at, self._speed) is None
             case PlanReport():
                 return True
 
@@ -144,7 +148,7 @@ class Replay:
 def _is_kept(value: Value) -> TypeGuard[Telling]:
     if isinstance(value, PlanReport):
         return value.state not in _NOT_KEPT
-    return isinstance(value, StateReport | Sample)
+    return isinstance(value, StateReport | Sample | TrackReport)
 
 
 def replay_into(source: Session, target: Store, speed: float, key: Callable[[str], bytes]) -> int:
@@ -202,4 +206,8 @@ def _rows(session: Session, table: type[Base]) -> set[tuple[Any, ...]]:
         .join(Robot, table.__table__.c.robot_key == Robot.key)
         .where(Robot.system_id.is_not(None))
     )
-    return {tuple(row) for row in session.execute(statement)}
+    return {tuple(map(_hashable, row)) for row in session.execute(statement)}
+
+
+def _hashable(value: Any) -> Any:  # noqa: ANN401 - what a column holds
+    return tuple(map(_hashable, value)) if isinstance(value, list) else value

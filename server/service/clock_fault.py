@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import Final, TypeVar
 
-from robot_link.messages import PlanReport, Sample, StateReport
+from robot_link.messages import PlanReport, Sample, StateReport, TrackReport
 
-Told = TypeVar("Told", bound=StateReport | Sample | PlanReport)
+Told = TypeVar("Told", bound=StateReport | Sample | PlanReport | TrackReport)
 
 _WRONG: Final = timedelta(days=1)
 """A state report tells of now, so it can only be this old if the clock that dated it is wrong; a

@@ -16,8 +16,9 @@ from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 from server.configuration import CurrentConfiguration
 from server.configuration_kind import ONBOARD_CONTROLLER
-from server.service.picture import Picture
+from server.service.picture import TRACK_TARGET, Picture
 from server.service.plan_document import Draft, legs_of
+from server.service.track_check import outdated_track
 from server.service.view.plan import ViolationView
 
 SENDABLE = ("draft", "on_board")
@@ -109,6 +110,8 @@ def outdated_by(picture: Picture, plan: PlanRecord, now: datetime) -> tuple[Viol
     state = picture.state
     if plan.state not in SENDABLE or state is None:
         return ()
+    if plan.kind == TRACK_TARGET:
+        return tuple(outdated_track(plan, state, now))
     found = outdated(
         legs_of(plan.document),
         PlannerConfig.model_validate(plan.config),

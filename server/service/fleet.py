@@ -10,12 +10,21 @@ from autonomy.planner.plan import PositionNed
 from autonomy.vehicle.config import Vehicle
 from db.query.robots import RobotRecord
 from robot_link.clock import Clock
-from robot_link.messages import LinkReport, LinkState, PlanReport, Sample, StateReport
+from robot_link.messages import (
+    LinkReport,
+    LinkState,
+    OnboardPlanState,
+    PlanReport,
+    Sample,
+    StateReport,
+    TrackReport,
+)
 from server.problem import not_found
 from server.service.channel import CHANNELS, FIELD_LIMIT_S, POSITION_LIMIT_S, Channel
 from server.service.link_panel import link_views
 from server.service.picture import Picture, PlanInHand
 from server.service.track import Track
+from server.service.track_view import track_view
 from server.service.vehicles import Vehicles
 from server.service.view.robot import (
     ChannelView,
@@ -114,8 +123,19 @@ class Fleet:
 
     def take_plan_report(self, report: PlanReport) -> None:
         """Take what a robot says of the plan on board."""
-        self._pictures[report.robot].plan_report = report
+        picture = self._pictures[report.robot]
+        picture.plan_report = report
+        if report.state is OnboardPlanState.RUNNING and picture.flies_no_target:
+            picture.track_report = None
         self.touch(report.robot)
+
+    def take_track(self, report: TrackReport) -> None:
+        """Take a report on a target; one that is older than the newest changes nothing."""
+        picture = self._pictures[report.robot]
+        newest = picture.track_report
+        if newest is None or report.measured_at >= newest.measured_at:
+            picture.track_report = report
+            self.touch(report.robot)
 
     def take_link(self, report: LinkReport) -> None:
         """Take the health of one link to a robot."""
@@ -184,6 +204,7 @@ class Fleet:
             link=self._link_view(picture),
             links=link_views(picture),
             clock_fault=None if picture.clock_fault is None else picture.clock_fault.text,
+            tracking=None if picture.track_report is None else track_view(picture.track_report),
         )
 
     def live_view(self, robot: str) -> LiveRobotView:
@@ -200,6 +221,7 @@ class Fleet:
             link=state.link,
             links=state.links,
             clock_fault=state.clock_fault,
+            tracking=state.tracking,
             mission_id=picture.mission_id,
             plan_id=None if picture.plan is None else picture.plan.plan_id,
             next_contact=self._next_contact(picture),

@@ -29,7 +29,7 @@ from robot_link.messages import (
     TrackReport,
     UploadReport,
 )
-from server.service.believable import fault_of_sample, fault_of_state
+from server.service.believable import fault_of_sample, fault_of_state, fault_of_track
 from server.service.clock_fault import by_arrival, clock_fault
 from server.service.fleet import Fleet
 
@@ -50,6 +50,8 @@ class Listeners:
     plan: Callable[[PlanReport], None]
     upload: Callable[[UploadReport], None]
     command: Callable[[CommandReport], None]
+    track: Callable[[TrackReport], None]
+    """Believable; its row is on its way to the database."""
 
 
 class Ingest:
@@ -83,7 +85,7 @@ class Ingest:
             case LinkReport():
                 self._fleet.take_link(event)
             case TrackReport():
-                pass
+                self._take_track(event)
             case UploadReport():
                 self._listeners.upload(event)
             case CommandReport():
@@ -143,6 +145,18 @@ class Ingest:
         self._told_faults.discard((report.robot, "state"))
         self._append(report)
         self._fleet.take_state(report)
+
+    def _take_track(self, report: TrackReport) -> None:
+        picture = self._fleet.picture(report.robot)
+        report = by_arrival(report, picture.clock_fault)
+        fault = fault_of_track(report, picture.record.site, self._clock.now(), self._clock.speed)
+        if fault is not None:
+            self._refuse(report.robot, "track", fault)
+            return
+        self._told_faults.discard((report.robot, "track"))
+        self._append(report)
+        self._fleet.take_track(report)
+        self._listeners.track(report)
 
     def _take_sample(self, sample: Sample) -> None:
         sample = by_arrival(sample, self._fleet.picture(sample.robot).clock_fault)

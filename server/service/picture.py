@@ -17,6 +17,7 @@ from robot_link.messages import (
     RobotMode,
     Sample,
     StateReport,
+    TrackReport,
 )
 from robot_link.transport.opening import is_radio
 from server.service.clock_fault import ClockFault
@@ -25,6 +26,8 @@ from server.service.track import Track
 
 SURFACE_DEPTH_M = 0.3
 """A leg that ends above this brings the robot to the surface, where radio reaches it."""
+TRACK_TARGET = "track_target"
+"""Kind of the plans that follow a target; they have no legs."""
 UNDER_WATER = (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING)
 _BEST_LINK_FIRST = (
     LinkState.LIVE,
@@ -85,6 +88,8 @@ class Picture:
     track: Track
     state: StateReport | None = None
     plan_report: PlanReport | None = None
+    track_report: TrackReport | None = None
+    """Newest report on its target; ``None`` once it flies a plan that follows none."""
     links: dict[str, LinkReport] = field(default_factory=dict)
     """Newest report of each link, by its URI, or by its carrier where the report names no URI."""
     satellite: SatelliteStanding | None = None
@@ -159,6 +164,14 @@ class Picture:
         return max(heard, default=None)
 
     @property
+    def flies_no_target(self) -> bool:
+        """Whether the robot says that it flies the plan in hand, and that follows no target."""
+        report, hand = self.plan_report, self.plan
+        if hand is None or report is None or report.state is not OnboardPlanState.RUNNING:
+            return False
+        return report.sha256 == hand.record.sha256 and hand.record.kind != TRACK_TARGET
+
+    @property
     def leg_now(self) -> int | None:
         """Leg of the plan in hand that the robot says it flies."""
         report = self.plan_report
@@ -171,6 +184,9 @@ class Picture:
         report, leg_now = self.plan_report, self.leg_now
         if self.plan is None or report is None or leg_now is None:
             return None
+        record = self.plan.record
+        if record.kind == TRACK_TARGET and record.running_at is not None:
+            return record.running_at + timedelta(seconds=record.document["account"]["duration_s"])
         remaining_s = 0.0
         for leg in self.plan.legs[leg_now:]:
             remaining_s += leg.duration_s

@@ -14,6 +14,7 @@ from db.query.plans import PlanRecord
 from robot_link.messages import PlanReport
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
+from robot_link.tracking_order import TrackingOrder
 from server.service.view.plan import (
     AccountView,
     LadderView,
@@ -165,6 +166,9 @@ def mission_of(plan: PlanRecord) -> Mission:
     """
     document = plan.document
     settings = MissionSettings(**document["settings"])
+    order = document.get("tracking")
+    if order is not None:
+        return Mission.from_tracking(settings, TrackingOrder.from_integers(order))
     integers = document.get("onboard_settings")
     return Mission.from_legs(
         settings,
@@ -220,6 +224,9 @@ def plan_view(
         message=document.get("message", ""),
         ladder=ladder_view(plan),
         onboard=onboard_view(plan, report),
+        tracking=None if document.get("tracking") is None else dict(plan.config),
+        target_path=document.get("target_path", []),
+        warnings=[ViolationView(**one) for one in document.get("warnings", ())],
     )
 
 

@@ -54,7 +54,7 @@ class PlanSettings:
         try:
             wanted = await self._foundation.configurations.merged("planner", robot, patch)
         except Problem as problem:
-            raise _below_config(problem) from problem
+            raise below_config(problem) from problem
         config = wanted.value_as(PlannerConfig)
         _check_domain(config.domain, picture)
         _check_budget(config)
@@ -140,7 +140,7 @@ def _check_budget(config: PlannerConfig) -> None:
     raise unprocessable("1 field is wrong.", [FieldError(loc=loc, msg=message)])
 
 
-def _below_config(problem: Problem) -> Problem:
+def below_config(problem: Problem) -> Problem:
     """Return a refusal of settings with paths from the top of the request."""
     if problem.errors is None:
         return problem

@@ -13,6 +13,7 @@ from typing import Any
 from autonomy.field.config import FieldConfig
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus
+from autonomy.tracking.config import TrackingConfig
 from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
 from server.configuration_kind import ONBOARD_CONTROLLER
@@ -25,6 +26,7 @@ from server.service.drafting import (
     outdated_by,
 )
 from server.service.fleet import Fleet
+from server.service.picture import TRACK_TARGET
 from server.service.plan_document import Draft, draft_document, mission_of, search_document
 from server.service.plan_ledger import PlanLedger
 from server.service.plan_settings import PlanSettings
@@ -34,6 +36,7 @@ from server.service.round_problem import RoundProblems
 from server.service.search_request import SearchRequest
 from server.service.survey_round import NOTHING_FEASIBLE, REPLACES
 from server.service.task.problem import PLAN_SURVEY
+from server.service.track_check import track_violations
 from server.service.turn import until_stored
 from server.service.view.plan import ProgressView, RehearsalView, ViolationView
 from server.service.worker import WORKER_FAILURES, WorkerPool
@@ -190,6 +193,9 @@ class Planning:
         """
         record = await self._ledger.get(plan)
         picture = self._fleet.picture(record.robot)
+        if record.kind == TRACK_TARGET:
+            limits = track_violations(picture, TrackingConfig.model_validate(record.config))
+            return [*limits, *outdated_by(picture, record, self._foundation.clock.now())]
         config = PlannerConfig.model_validate(record.config)
         if "settings" not in record.document:
             return [ViolationView("legs", "The plan has no legs.")]

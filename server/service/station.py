@@ -15,6 +15,7 @@ from db.query.samples import newest_samples
 from db.query.telemetry import Track as StoredTrack
 from db.query.telemetry import newest_plan_report, newest_state
 from db.query.telemetry import track as stored_track
+from db.query.tracking import newest_track_report
 from robot_link.gateway.address import is_acoustic
 from robot_link.gateway.gateway import MobileOriginated
 from robot_link.messages import (
@@ -24,6 +25,7 @@ from robot_link.messages import (
     RobotId,
     Sample,
     StateReport,
+    TrackReport,
 )
 from robot_link.transport.opening import is_radio
 from server.foundation import Foundation
@@ -61,6 +63,8 @@ from server.service.survey import Surveys, purge_in
 from server.service.survey_map_quality import SurveyMaps
 from server.service.survey_step import SurveySteps
 from server.service.task.problem import LOAD_PLANNER
+from server.service.track_follow import TrackFollower
+from server.service.track_planning import TrackPlanning
 from server.service.trim import TrimAdvices
 from server.service.upload import Uploads
 from server.service.vehicles import Vehicles
@@ -110,6 +114,7 @@ class Station:
         self.robot_logs = RobotLogs(foundation, self.fleet, self.road)
         self.plans = PlanLedger(store, clock, self.fleet, self.feed)
         self.planning = Planning(foundation, self.fleet, self.plans, self.workers)
+        self.tracks = TrackPlanning(foundation, self.fleet, self.plans, self.planning.settings)
         self.plugs = Plugs(store, clock)
         self.gateways = make_gateways(foundation, self._take_message)
         self.ranging = Ranging(foundation, self._take_event)
@@ -138,6 +143,7 @@ class Station:
         )
         self.trim = TrimAdvices(foundation, self.fleet, self.vehicles, self.study_workers)
         self._follower = PlanFollower(store, self.plans)
+        self._target_follower = TrackFollower(store)
         self.ingest = Ingest(store, self.fleet, clock, self._listeners())
         self.scenes = SceneHost(self._scene_source)
         self._connect()
@@ -157,6 +163,7 @@ class Station:
         self._run("waiting plans", self.plans.watch_drafts())
         self._run("command reports", self.commands.run())
         self._run("plan reports", self._follower.run())
+        self._run("reports on targets", self._target_follower.run())
         self._run("field maps", self.maps.run())
         self._run("alarm rules", self._watch())
         self._run("job progress", watch_jobs(self._foundation.jobs, self.feed))
@@ -248,6 +255,7 @@ class Station:
             plan=self._take_plan_report,
             upload=self.uploads.take,
             command=self.commands.take,
+            track=self._target_follower.take,
         )
 
     def _connect(self) -> None:
@@ -279,7 +287,9 @@ class Station:
         if picture.state is not None:
             return
         memory = await self._foundation.store.query(lambda session: _memory(session, robot.id))
-        picture.state, picture.plan_report, samples, track = memory
+        picture.state, picture.plan_report, samples, track, picture.track_report = memory
+        if picture.track_report is not None:
+            self._target_follower.take(picture.track_report)
         picture.samples = {sample.variable: sample for sample in samples}
         if picture.state is not None:
             picture.remembered = remembered_link(
@@ -366,10 +376,13 @@ class Station:
 
 def _memory(
     session: Session, robot: str
-) -> tuple[StateReport | None, PlanReport | None, Sequence[Sample], StoredTrack]:
+) -> tuple[
+    StateReport | None, PlanReport | None, Sequence[Sample], StoredTrack, TrackReport | None
+]:
     return (
         newest_state(session, robot),
         newest_plan_report(session, robot),
         newest_samples(session, robot),
         stored_track(session, robot, max_points=_TRACK_POINTS),
+        newest_track_report(session, robot),
     )

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
+from autonomy.tracking.phase import TrackPhase
 from robot_link.clock import Clock
 from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState
 from server.alarm import AlarmBoard
@@ -140,6 +141,18 @@ def _ended_early(picture: Picture, watch: Watch) -> Verdict | None:
     )
 
 
+def _target(picture: Picture, watch: Watch) -> Verdict | None:
+    """Judge the hold on a target while a mission to follow it lasts."""
+    del watch
+    track, plan = picture.track_report, picture.plan_report
+    if track is None or track.phase is not TrackPhase.LOST:
+        return None
+    if plan is not None and plan.state is not OnboardPlanState.RUNNING:
+        return None
+    why = "it was told not to ping" if track.is_quiet else "it circles to find it"
+    return Verdict("warning", f"{picture.record.id} lost its target; {why}.")
+
+
 def _is_early(watch: Watch, begin: datetime) -> bool:
     """Tell whether something that began then may still come right by itself."""
     return watch.now - begin < _LOST * max(1.0, watch.speed)
@@ -155,6 +168,7 @@ RULES: tuple[Rule, ...] = (
     Rule("satellite", _satellite),
     Rule("clock", _clock),
     Rule("plan ended early", _ended_early),
+    Rule("target", _target),
 )
 """Every cause of alarm about a robot."""
 

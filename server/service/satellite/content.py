@@ -13,12 +13,13 @@ from robot_link.messages import (
     Sample,
     StateReport,
     SystemId,
+    TrackReport,
 )
 from robot_link.satellite.content import MobileOriginatedContent, ShortPlanReport
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 
-Telling = StateReport | Sample | PlanReport
+Telling = StateReport | Sample | PlanReport | TrackReport
 FindPlan = Callable[[str], PlanHash | None]
 """Returns the full hash of a plan that the station knows by its first digits."""
 

@@ -6,6 +6,7 @@ from datetime import datetime
 from autonomy.site import Site
 from server.service.view.base import View
 from server.service.view.link import RobotLinkView
+from server.service.view.tracking import TargetTrackView
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +99,9 @@ class StateView(View):
     """Every link that the robot has; ``link`` is the best of them."""
     clock_fault: str | None
     """What is wrong with the robot's clock; its values are then in the order of their arrival."""
+    tracking: TargetTrackView | None
+    """Newest report on the target that the robot follows, or followed last; ``null`` for one that
+    flies something else."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,183 @@
+"""What robots said of the targets that they follow."""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy import Select, func, select
+from sqlalchemy.orm import Session
+
+from autonomy.tracking.phase import TrackPhase
+from db.query.robots import robot_key
+from db.tables import Event, PlanReportRow
+from db.tracking_tables import TrackReportRow
+from robot_link.messages import OnboardPlanState, RobotId, TargetEstimate, TrackReport
+
+_ROWS_AT_ONCE = 1000
+_NOT_HELD = (int(TrackPhase.LOST), int(TrackPhase.COASTING))
+
+
+@dataclass(frozen=True, slots=True)
+class TrackRange:
+    """Which reports are asked for, by the robot's clock."""
+
+    after: datetime | None = None
+    """Not included."""
+    until: datetime | None = None
+    """Included."""
+
+
+EVERYTHING = TrackRange()
+
+
+def newest_track_report(session: Session, robot: str) -> TrackReport | None:
+    """Return the newest report of a robot on its target, ``None`` if it never followed one.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    row = session.scalar(
+        select(TrackReportRow)
+        .where(TrackReportRow.robot_key == robot_key(session, robot))
+        .order_by(TrackReportRow.measured_at.desc())
+        .limit(1)
+    )
+    return None if row is None else _report(row, robot)
+
+
+def track_reports(
+    session: Session,
+    robot: str,
+    wanted: TrackRange = EVERYTHING,
+    limit: int = 1000,
+    *,
+    newest: bool = True,
+) -> list[TrackReport]:
+    """Return reports in order of time.
+
+    Args:
+        session: A reading session.
+        robot: Id of the robot.
+        wanted: Which reports.
+        limit: Most reports that are returned.
+        newest: Whether the last of them are returned where there are more, else the first.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    at = TrackReportRow.measured_at
+    order = at.desc() if newest else at
+    statement = _within(session, robot, wanted).order_by(order).limit(limit)
+    rows = list(session.scalars(statement))
+    return [_report(row, robot) for row in (reversed(rows) if newest else rows)]
+
+
+def iterate_track_reports(
+    session: Session, robot: str, wanted: TrackRange = EVERYTHING
+) -> Generator[TrackReport]:
+    """Yield reports in order of time, without holding them all.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    statement = _within(session, robot, wanted).order_by(TrackReportRow.measured_at)
+    for row in session.scalars(statement.execution_options(yield_per=_ROWS_AT_ONCE)):
+        yield _report(row, robot)
+
+
+def range_of_plan(session: Session, robot: str, sha256: str) -> TrackRange | None:
+    """Return the time in which a robot flew a plan, ``None`` if it never began it.
+
+    It begins after the robot's last word from before and ends where it began another plan; what it
+    says of its target once the mission is over belongs to that mission.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    key, at = robot_key(session, robot), PlanReportRow.measured_at
+    mine, running = PlanReportRow.robot_key == key, int(OnboardPlanState.RUNNING)
+    is_running = PlanReportRow.state == running
+
+    def moment(statement: Select[datetime]) -> datetime | None:
+        return session.scalar(statement)
+
+    begun = moment(select(func.min(at)).where(mine, is_running, PlanReportRow.sha256 == sha256))
+    if begun is None:
+        return None
+    before = moment(select(func.max(at)).where(mine, at < begun))
+    other = moment(
+        select(func.min(at)).where(mine, is_running, at > begun, PlanReportRow.sha256 != sha256)
+    )
+    until = None if other is None else moment(select(func.max(at)).where(mine, at < other))
+    return TrackRange(before, until)
+
+
+def lost_since(session: Session, robot: str, moment: datetime) -> datetime | None:
+    """Return when a robot lost the target that it had not found again before a moment.
+
+    Returns:
+        ``None`` if its reports from before do not say that it had lost it.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    at, phase = TrackReportRow.measured_at, TrackReportRow.phase
+    before = (TrackReportRow.robot_key == robot_key(session, robot), at < moment)
+    held = session.scalar(select(func.max(at)).where(*before, phase.not_in(_NOT_HELD)))
+    lost = select(func.min(at)).where(*before, phase == int(TrackPhase.LOST))
+    return session.scalar(lost if held is None else lost.where(at > held))
+
+
+def newest_event_of(session: Session, robot: str, kinds: tuple[str, ...]) -> str | None:
+    """Return the kind of a robot's newest event among these, ``None`` if there is none.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    return session.scalar(
+        select(Event.kind)
+        .where(Event.robot_key == robot_key(session, robot), Event.kind.in_(kinds))
+        .order_by(Event.cursor.desc())
+        .limit(1)
+    )
+
+
+def _within(session: Session, robot: str, wanted: TrackRange) -> Select[TrackReportRow]:
+    statement = select(TrackReportRow).where(TrackReportRow.robot_key == robot_key(session, robot))
+    if wanted.after is not None:
+        statement = statement.where(TrackReportRow.measured_at > wanted.after)
+    if wanted.until is not None:
+        statement = statement.where(TrackReportRow.measured_at <= wanted.until)
+    return statement
+
+
+def _report(row: TrackReportRow, robot: str) -> TrackReport:
+    true_ne_m = None
+    if row.true_north_m is not None and row.true_east_m is not None:
+        true_ne_m = (row.true_north_m, row.true_east_m)
+    return TrackReport(
+        robot=RobotId(robot),
+        measured_at=row.measured_at,
+        received_at=row.received_at,
+        phase=TrackPhase(row.phase),
+        position_ne_m=(row.north_m, row.east_m),
+        hypotheses=tuple(_estimate(one) for one in row.hypotheses),
+        range_m=row.range_m,
+        range_age_s=row.range_age_s,
+        ranges_heard=row.ranges_heard,
+        ranges_rejected=row.ranges_rejected,
+        determinant_m2_s=row.determinant_m2_s,
+        barrier=row.barrier,
+        inverse_condition=row.inverse_condition,
+        nominal=(row.nominal_turn_rate_rad_s, row.nominal_acceleration_m_s2),
+        command=(row.turn_rate_rad_s, row.acceleration_m_s2),
+        is_barrier_on=row.is_barrier_on,
+        is_feasible=row.is_feasible,
+        is_quiet=row.is_quiet,
+        true_ne_m=true_ne_m,
+    )
+
+
+def _estimate(numbers: list[float]) -> TargetEstimate:
+    north_m, east_m, north_m_s, east_m_s, nn, ne, ee, weight = numbers
+    return TargetEstimate((north_m, east_m), (north_m_s, east_m_s), (nn, ne, ee), weight)

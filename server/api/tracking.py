@@ -1,0 +1,74 @@
+"""What robots that follow a target said of their hold on it."""
+
+from collections.abc import Generator
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Response
+from fastapi.responses import StreamingResponse
+from pydantic import AwareDatetime
+
+from server.api.dependency import FoundationDep, Viewer
+from server.api.station_dependency import StationDep, encoded
+from server.recording.track_export import track_csv_blocks
+from server.service.track_history import TrackHistory
+from server.service.view.tracking import TrackReportsView
+
+router = APIRouter(prefix="/api/robots", tags=["tracking"])
+
+PlanQuery = Annotated[
+    str | None, Query(description="Only the reports of this plan of kind ``track_target``.")
+]
+
+
+@router.get("/{robot}/tracking", response_model=TrackReportsView)
+async def get_tracking(
+    caller: Viewer,
+    robot: str,
+    foundation: FoundationDep,
+    station: StationDep,
+    plan: PlanQuery = None,
+    after: Annotated[
+        AwareDatetime | None,
+        Query(description="Reports measured after this moment; without it, the newest. RFC 3339."),
+    ] = None,
+    limit: Annotated[int, Query(ge=1, le=5000)] = 1000,
+) -> Response:
+    """Return a robot's reports on its target, the oldest first.
+
+    Go on from the ``measured_at`` of the last with ``after``.
+    """
+    del caller
+    station.fleet.picture(robot)
+    found = await TrackHistory(foundation.store).reports(robot, plan, after, limit)
+    return encoded(found)
+
+
+@router.get(
+    "/{robot}/tracking.csv",
+    response_class=Response,
+    responses={200: {"content": {"text/csv; charset=utf-8": {}}}},
+)
+async def export_tracking(
+    caller: Viewer,
+    robot: str,
+    foundation: FoundationDep,
+    station: StationDep,
+    plan: PlanQuery = None,
+) -> Response:
+    """Return a robot's reports on its target as CSV; simulated data says so."""
+    del caller
+    record = station.fleet.picture(robot).record
+    store = foundation.store
+    wanted = await TrackHistory(store).range_of(robot, plan)
+    mark = "SIMULATION_" if record.simulated else ""
+    name = f"{mark}{robot}_{plan or 'all'}_tracking.csv"
+
+    def blocks() -> Generator[str]:
+        with store.read() as session:
+            yield from track_csv_blocks(session, record, wanted)
+
+    return StreamingResponse(
+        blocks(),
+        media_type="text/csv; charset=utf-8",
+        headers={"Content-Disposition": f'attachment; filename="{name}"'},
+    )

@@ -1,0 +1,84 @@
+"""Writes what a robot said of its target as CSV."""
+
+from collections.abc import Generator
+
+from sqlalchemy.orm import Session
+
+from db.column import microseconds
+from db.query.robots import RobotRecord
+from db.query.tracking import TrackRange, iterate_track_reports
+from robot_link.messages import TargetEstimate, TrackReport
+from server.recording.table import COMMENT
+
+_ESTIMATES = 2
+_OF_ESTIMATE = (
+    "north_m", "east_m", "north_m_s", "east_m_s",
+    "variance_north_m2", "covariance_m2", "variance_east_m2", "weight",
+)  # fmt: skip
+COLUMNS = (
+    "time", "received", "phase", "robot_north_m", "robot_east_m",
+    *(f"target{number}_{name}" for number in range(1, _ESTIMATES + 1) for name in _OF_ESTIMATE),
+    "range_m", "range_age_s", "ranges_heard", "ranges_rejected",
+    "determinant_m2_s", "barrier", "inverse_condition",
+    "nominal_turn_rate_rad_s", "nominal_acceleration_m_s2", "turn_rate_rad_s", "acceleration_m_s2",
+    "is_barrier_on", "is_feasible", "is_quiet", "true_north_m", "true_east_m",
+)  # fmt: skip
+"""Columns of the file; what is not known is left empty."""
+_BLOCK_ROWS = 500
+
+
+def track_csv_blocks(
+    session: Session, robot: RobotRecord, wanted: TrackRange | None
+) -> Generator[str]:
+    """Yield a robot's reports on its target as CSV.
+
+    Args:
+        session: A reading session.
+        robot: Who said it.
+        wanted: Which reports; ``None`` for none.
+    """
+    mark = f"{COMMENT} SIMULATION: this robot does not exist\n" if robot.simulated else ""
+    yield (
+        f"{mark}{COMMENT} {robot.id}, target: times Unix s (UTC), positions in the frame of "
+        f"{robot.site.name} (origin {robot.site.origin_latitude_deg:.7f} deg, "
+        f"{robot.site.origin_longitude_deg:.7f} deg)\n" + ",".join(COLUMNS) + "\n"
+    )
+    if wanted is None:
+        return
+    block: list[str] = []
+    for report in iterate_track_reports(session, robot.id, wanted):
+        block.append(_row(report))
+        if len(block) == _BLOCK_ROWS:
+            yield "".join(block)
+            block = []
+    yield "".join(block)
+
+
+def _row(report: TrackReport) -> str:
+    estimates = [_estimate(one) for one in report.hypotheses[:_ESTIMATES]]
+    estimates += [[""] * len(_OF_ESTIMATE)] * (_ESTIMATES - len(estimates))
+    cells = [
+        f"{microseconds(report.measured_at) / 1e6:.6f}",
+        f"{microseconds(report.received_at) / 1e6:.6f}",
+        report.phase.name.lower(),
+        *map(repr, report.position_ne_m),
+        *(cell for estimate in estimates for cell in estimate),
+        "" if report.range_m is None else repr(report.range_m),
+        repr(report.range_age_s),
+        str(report.ranges_heard),
+        str(report.ranges_rejected),
+        repr(report.determinant_m2_s),
+        repr(report.barrier),
+        repr(report.inverse_condition),
+        *map(repr, (*report.nominal, *report.command)),
+        *(str(int(flag)) for flag in (report.is_barrier_on, report.is_feasible, report.is_quiet)),
+        *(("", "") if report.true_ne_m is None else map(repr, report.true_ne_m)),
+    ]
+    return ",".join(cells) + "\n"
+
+
+def _estimate(one: TargetEstimate) -> list[str]:
+    return [
+        repr(value)
+        for value in (*one.position_ne_m, *one.velocity_ne_m_s, *one.covariance_m2, one.weight)
+    ]

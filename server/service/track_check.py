@@ -1,0 +1,236 @@
+"""What speaks against following a target, before anything is sent: limits, and what to know."""
+
+import math
+from collections.abc import Iterator
+from datetime import datetime
+
+import numpy as np
+
+from autonomy.site import Site
+from autonomy.tracking.config import TrackingConfig
+from autonomy.tracking.target_path import place
+from db.query.plans import PlanRecord
+from robot_link.gateway.address import acoustic_address, is_acoustic
+from robot_link.messages import StateReport
+from server.service.picture import SURFACE_DEPTH_M, Picture
+from server.service.view.plan import ViolationView
+
+TEACHING = "teaching"
+"""Field of the warning that marks a plan which lets the estimate diverge."""
+_UNGUARDED = ("nominal", "mpc_none")
+"""Controllers that do nothing for the target's observability."""
+_ADDRESS_MAX = 15
+"""Micro-Modem addresses are 0..15."""
+_CLASS_K = ("linear", "cubic")
+_LEAST_CHARGE = 0.2
+_PATH_POINTS = 301
+
+TargetPath = list[tuple[float, float, float]]
+
+
+def target_path(config: TrackingConfig) -> TargetPath:
+    """Return where a virtual target will be, time s, north, east m; nothing for a real one."""
+    if config.target.kind != "virtual":
+        return []
+    times = np.linspace(0.0, config.motion.duration_s, _PATH_POINTS).tolist()
+    places = [place(config.target, t_s) for t_s in times]
+    return [
+        (round(t_s, 3), round(there.north_m, 4), round(there.east_m, 4))
+        for t_s, there in zip(times, places, strict=True)
+    ]
+
+
+def track_violations(picture: Picture, config: TrackingConfig) -> list[ViolationView]:
+    """Return every limit that a mission to follow a target breaks now, by its field's path."""
+    site = picture.record.site
+    found = [
+        *_of_target(site, config),
+        *_of_address(picture, config),
+        *_of_motion(site, config),
+        *_of_robot(picture, config),
+    ]
+    return [ViolationView(field, message) for field, message in found]
+
+
+def track_warnings(picture: Picture, config: TrackingConfig) -> list[ViolationView]:
+    """Return what a person should know before the mission is sent; none of it forbids that."""
+    barrier, site = config.barrier, picture.record.site
+    found: list[tuple[str, str]] = []
+    if barrier.controller in _UNGUARDED:
+        found.append(
+            (
+                TEACHING,
+                "For teaching: nothing keeps the target observable, so the estimate will diverge.",
+            )
+        )
+    elif barrier.controller == "barrier" and barrier.alpha not in _CLASS_K:
+        found.append(
+            (
+                "barrier.alpha",
+                f"{barrier.alpha} is not class K: the robot may run away from its target.",
+            )
+        )
+    if barrier.controller == "barrier" and barrier.fallback == "nominal":
+        found.append(
+            (
+                "barrier.fallback",
+                "Once the barrier cannot be kept the robot may not get out of that again.",
+            )
+        )
+    if config.motion.depth_m > SURFACE_DEPTH_M and not site.radio_under_water:
+        found.append(
+            (
+                "motion.depth_m",
+                "There is no radio under water here: orders reach the robot when it comes up.",
+            )
+        )
+    return [ViolationView(field, message) for field, message in found]
+
+
+def outdated_track(plan: PlanRecord, state: StateReport, now: datetime) -> list[ViolationView]:
+    """Return why a plan that was made some time ago no longer fits its robot."""
+    document = plan.document
+    settings = document["settings"]
+    away_m = math.dist((settings["start_x_m"], settings["start_y_m"]), state.position_ned[:2])
+    age_s = (now - plan.created_at).total_seconds()
+    found: list[ViolationView] = []
+    if away_m > document["draft_distance_m"]:
+        text = (
+            f"The robot is {away_m:.3g} m from where it was when the plan was made; "
+            f"the limit is {document['draft_distance_m']:g} m."
+        )
+        found.append(ViolationView("mission.draft_distance_m", text))
+    if age_s > document["draft_age_s"]:
+        text = (
+            f"The plan was made {age_s / 60.0:.0f} min ago; "
+            f"the limit is {document['draft_age_s'] / 60.0:g} min."
+        )
+        found.append(ViolationView("mission.draft_age_s", text))
+    return found
+
+
+def _of_target(site: Site, config: TrackingConfig) -> Iterator[tuple[str, str]]:
+    target = config.target
+    north_m, east_m = target.north_m, target.east_m
+    if not in_water(site, north_m, east_m):
+        yield (
+            "target.north_m",
+            f"The target is at {north_m:g} m north, {east_m:g} m east, outside of the water of "
+            f"{site.name} ({water_text(site)}).",
+        )
+        return
+    floor_m = float(site.floor_m(north_m, east_m))
+    if target.depth_m > floor_m:
+        yield (
+            "target.depth_m",
+            f"The target is {target.depth_m:g} m deep; the floor there is {floor_m:.3g} m deep.",
+        )
+    for t_s, path_north_m, path_east_m in target_path(config):
+        if not in_water(site, path_north_m, path_east_m):
+            yield (
+                "target.path",
+                f"The target leaves the water of {site.name} ({water_text(site)}) after "
+                f"{t_s:.0f} s, at {path_north_m:.4g} m north, {path_east_m:.4g} m east.",
+            )
+            break
+    if target.kind == "tag" and config.filter.target_velocity == "known":
+        yield (
+            "filter.target_velocity",
+            "The velocity of a tag is not known; have it estimated.",
+        )
+    speed_m_s = fastest_m_s(config)
+    if speed_m_s >= config.motion.speed_max_m_s:
+        yield (
+            "target.speed_m_s",
+            f"The target moves at up to {speed_m_s:.3g} m/s; the robot's speed cap is "
+            f"{config.motion.speed_max_m_s:g} m/s.",
+        )
+
+
+def fastest_m_s(config: TrackingConfig) -> float:
+    """Return the greatest speed of a virtual target, 0 for one that nobody knows."""
+    target = config.target
+    if target.kind != "virtual" or target.path == "static":
+        return 0.0
+    if target.path != "sine":
+        return target.speed_m_s
+    return math.hypot(target.speed_m_s, target.width_m * 2.0 * math.pi / target.period_s)
+
+
+def _of_address(picture: Picture, config: TrackingConfig) -> Iterator[tuple[str, str]]:
+    target = config.target
+    if target.kind == "virtual":
+        return
+    if target.address > _ADDRESS_MAX:
+        yield (
+            "target.address",
+            f"Acoustic modems have addresses of 0 to {_ADDRESS_MAX}, unlike {target.address}.",
+        )
+    for uri in picture.record.links:
+        if not is_acoustic(uri):
+            continue
+        known = acoustic_address(uri)
+        if target.address == known.peer:
+            owner = f"the modem of {picture.record.id} itself"
+        elif target.address == known.us:
+            owner = "the station's modem"
+        else:
+            continue
+        yield ("target.address", f"Address {target.address} is that of {owner}.")
+
+
+def _of_motion(site: Site, config: TrackingConfig) -> Iterator[tuple[str, str]]:
+    motion, water = config.motion, site.water
+    if motion.depth_m > water.depth_max_m:
+        yield (
+            "motion.depth_m",
+            f"The robot would swim {motion.depth_m:g} m deep; the water of {site.name} is "
+            f"{water.depth_max_m:g} m deep.",
+        )
+    narrow_m = min(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m)
+    if 2.0 * motion.margin_m >= narrow_m:
+        yield (
+            "motion.margin_m",
+            f"{motion.margin_m:g} m from every side leaves no water: it is {narrow_m:g} m wide.",
+        )
+
+
+def _of_robot(picture: Picture, config: TrackingConfig) -> Iterator[tuple[str, str]]:
+    state = picture.state
+    if state is None:
+        return
+    site, robot = picture.record.site, picture.record.id
+    north_m, east_m = state.position_ned[:2]
+    if not in_water(site, north_m, east_m, 2.0 * state.position_std_m):
+        yield (
+            "start",
+            f"{robot} is at {north_m:.4g} m north, {east_m:.4g} m east, outside of the water of "
+            f"{site.name} ({water_text(site)}).",
+        )
+    if state.battery_fraction < _LEAST_CHARGE:
+        yield ("motion.duration_s", _charge_text(robot, state, config))
+
+
+def _charge_text(robot: str, state: StateReport, config: TrackingConfig) -> str:
+    return (
+        f"{robot} has {state.battery_fraction:.0%} of its battery left; to swim for "
+        f"{config.motion.duration_s:g} s it needs {_LEAST_CHARGE:.0%} or more."
+    )
+
+
+def in_water(site: Site, north_m: float, east_m: float, margin_m: float = 0.0) -> bool:
+    """Tell whether a point of the surface is water, or at most so far outside of it."""
+    if not site.water.contains(north_m, east_m, 0.0, margin_m):
+        return False
+    if site.shoreline is None:
+        return True
+    return float(site.shoreline.distance_m(north_m, east_m)) <= margin_m
+
+
+def water_text(site: Site) -> str:
+    """Return the extent of a site's water for a sentence."""
+    water = site.water
+    return (
+        f"{water.x_min_m:g} to {water.x_max_m:g} m north, "
+        f"{water.y_min_m:g} to {water.y_max_m:g} m east"
+    )

@@ -1,0 +1,88 @@
+"""Events of a target that is lost and found, from what robots say of it, each told once."""
+
+from datetime import datetime, timedelta
+from typing import Final
+
+from sqlalchemy.orm import Session
+
+from autonomy.tracking.phase import TrackPhase
+from db.query.events import add_event
+from db.query.tracking import lost_since, newest_event_of
+from db.store import Store
+from robot_link.messages import TrackReport
+from server.service.turn import Turns
+
+LOST: Final = "track.lost"
+FOUND: Final = "track.found"
+ENDED: Final = "track.ended"
+_SAYS: Final = {
+    TrackPhase.WAITING: ENDED,
+    TrackPhase.TRACKING: FOUND,
+    TrackPhase.LOST: LOST,
+    TrackPhase.ENDED: ENDED,
+}
+"""Coasting is in between: neither a loss nor the end of one. Who waits for a first range has begun
+another mission."""
+
+
+class TrackFollower:
+    """Tells what becomes of targets. Belongs to one event loop.
+
+    What was told last is asked of the database in the transaction that tells more, so a station
+    that was killed in between tells it once, and a robot that repeats itself is not heard twice.
+    """
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+        self._turns = Turns("reports on targets")
+        self._heard: dict[str, TrackReport] = {}
+        """The newest report of each robot that led to a word."""
+
+    async def run(self) -> None:
+        """Follow until cancelled."""
+        await self._turns.run()
+
+    def take(self, report: TrackReport) -> None:
+        """Take a report; only news is worked on."""
+        said, before = _SAYS.get(report.phase), self._heard.get(report.robot)
+        if said is None or (before is not None and before.measured_at > report.measured_at):
+            return
+        if before is None or _SAYS[before.phase] != said:
+            self._turns.add(lambda: self._follow(report))
+        self._heard[report.robot] = report
+
+    async def _follow(self, report: TrackReport) -> None:
+        await self._store.write(lambda session: self._tell(session, report))
+
+    def _tell(self, session: Session, report: TrackReport) -> None:
+        robot, said = report.robot, _SAYS[report.phase]
+        last = newest_event_of(session, robot, (LOST, FOUND, ENDED))
+        if said == last or (said != LOST and last != LOST):
+            return
+        since = None if said == LOST else lost_since(session, robot, report.measured_at)
+        add_event(
+            session,
+            report.measured_at,
+            said,
+            _text(report, said, since),
+            level="watch" if said == LOST else "info",
+            robot=robot,
+            data={
+                "phase": report.phase.name.lower(),
+                "lost_s": None if since is None else (report.measured_at - since) / _SECOND,
+            },
+        )
+
+
+_SECOND: Final = timedelta(seconds=1)
+
+
+def _text(report: TrackReport, said: str, since: datetime | None) -> str:
+    robot = report.robot
+    if said == LOST:
+        why = "; it was told not to ping" if report.is_quiet else ""
+        return f"{robot} lost its target{why}."
+    if said == ENDED:
+        return f"{robot} ended without finding its target again."
+    after = "" if since is None else f" after {(report.measured_at - since) / _SECOND:.0f} s"
+    return f"{robot} found its target again{after}."

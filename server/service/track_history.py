@@ -1,0 +1,79 @@
+"""What was kept of robots that followed targets."""
+
+from datetime import datetime
+
+from sqlalchemy.orm import Session
+
+from db.query.plans import PlanRecord, get_plan, list_plans
+from db.query.tracking import EVERYTHING, TrackRange, range_of_plan, track_reports
+from db.store import Store
+from robot_link.messages import TrackReport
+from server.problem import not_found
+from server.service.picture import TRACK_TARGET
+from server.service.track_view import track_view
+from server.service.view.tracking import TrackReportsView
+
+_LOOKED_AT = 200
+
+
+class TrackHistory:
+    """Reads reports on targets; may be used from any event loop."""
+
+    def __init__(self, store: Store) -> None:
+        self._store = store
+
+    async def reports(
+        self, robot: str, plan: str | None, after: datetime | None, limit: int
+    ) -> TrackReportsView:
+        """Return reports of a robot in order of time.
+
+        Args:
+            robot: Id of the robot.
+            plan: Only those of this plan.
+            after: The first that follow this moment; ``None`` for the newest.
+            limit: Most reports that are returned.
+
+        Raises:
+            Problem: 404 if the plan is none of this robot that follows a target.
+            UnknownIdError: If there is no such robot or plan.
+        """
+
+        def read(session: Session) -> tuple[str | None, list[TrackReport]]:
+            named = _newest(session, robot) if plan is None else plan
+            wanted = _range(session, robot, plan)
+            if wanted is None:
+                return named, []
+            begin = max((one for one in (wanted.after, after) if one is not None), default=None)
+            within = TrackRange(begin, wanted.until)
+            return named, track_reports(session, robot, within, limit, newest=after is None)
+
+        named, reports = await self._store.query(read)
+        return TrackReportsView(robot, named, [track_view(report) for report in reports])
+
+    async def range_of(self, robot: str, plan: str | None) -> TrackRange | None:
+        """Return the time of a plan, of everything for no plan, ``None`` if it never began.
+
+        Raises:
+            Problem: 404 if the plan is none of this robot that follows a target.
+            UnknownIdError: If there is no such robot or plan.
+        """
+        return await self._store.query(lambda session: _range(session, robot, plan))
+
+
+def _range(session: Session, robot: str, plan: str | None) -> TrackRange | None:
+    if plan is None:
+        return EVERYTHING
+    record = get_plan(session, plan)
+    if record.robot != robot or record.kind != TRACK_TARGET:
+        raise not_found(f"{plan} is no plan of {robot} that follows a target.")
+    return None if record.sha256 is None else range_of_plan(session, robot, record.sha256)
+
+
+def _newest(session: Session, robot: str) -> str | None:
+    """Return the newest plan of a robot that follows a target and that it began."""
+    plans = list_plans(session, robot=robot, limit=_LOOKED_AT)
+    return next((plan.id for plan in plans if _is_begun(plan)), None)
+
+
+def _is_begun(plan: PlanRecord) -> bool:
+    return plan.kind == TRACK_TARGET and plan.running_at is not None

@@ -1,0 +1,208 @@
+"""Plans that follow a target: nothing is searched for, so each is a draft at once.
+
+Plan and hash are written in one transaction: a station that is killed has the whole draft or none.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, replace
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from autonomy.planner import primitive
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.plan import PrimitiveKind
+from autonomy.tracking.config import TrackingConfig
+from autonomy.vehicle.trim import TrimConfig, trim_flaw
+from db.query import plans as query
+from db.query.plans import PlanRecord
+from robot_link.messages import StateReport
+from robot_link.mission import Mission, MissionSettings
+from robot_link.tracking_order import TrackingOrder
+from server.configuration import CurrentConfiguration
+from server.foundation import Foundation
+from server.problem import Problem, conflict
+from server.service.fleet import Fleet
+from server.service.picture import SURFACE_DEPTH_M, TRACK_TARGET
+from server.service.plan_ledger import PlanLedger, note_change
+from server.service.plan_settings import PlanSettings, below_config
+from server.service.track_check import target_path, track_violations, track_warnings
+from server.service.view.plan import AccountView, ViolationView
+
+_TARGETS = {"virtual": "a virtual target", "tag": "tag {address}", "beacon": "beacon {address}"}
+
+
+class TrackPlanning:
+    """Makes plans that follow a target. Belongs to one event loop."""
+
+    def __init__(
+        self, foundation: Foundation, fleet: Fleet, ledger: PlanLedger, settings: PlanSettings
+    ) -> None:
+        self._foundation = foundation
+        self._fleet = fleet
+        self._ledger = ledger
+        self._settings = settings
+
+    async def plan(self, robot: str, patch: Mapping[str, Any], *, by: str) -> PlanRecord:
+        """Make a draft of the robot's settings with a patch on top, which become its new version.
+
+        Raises:
+            Problem: 404 for an unknown robot, 409 for one that flies no plans or has not said where
+                it is, 422 with the path of each wrong field below ``config``, 503 while storage
+                fails.
+            StoreUnavailableError: Nothing was kept.
+        """
+        picture = self._fleet.picture(robot)
+        if picture.record.system_id is None:
+            raise conflict(f"{robot} is a recording; it follows no target.")
+        self._settings.refuse_while_storage_fails()
+        position = self._settings.position(robot)
+        config_id, config = await self._configure(robot, patch, by)
+        book = self._foundation.configurations
+        planner = (await book.current("planner", robot)).value_as(PlannerConfig)
+        trim = await book.current("trim", robot)
+        violations = [*track_violations(picture, config), *self._trim_flaws(robot, trim)]
+        try:
+            mission = _mission(config, planner, trim.value_as(TrimConfig), position)
+        except ValueError as error:
+            raise unfit(error) from error
+        document = {
+            "config_id": config_id,
+            "message": _message(config),
+            "trim_id": trim.id,
+            "trim_at": None if trim.changed_at is None else trim.changed_at.isoformat(),
+            "points": [],
+            "legs": [],
+            "target_path": target_path(config),
+            "account": asdict(_account(mission, config, planner, picture.state)),
+            "violations": [asdict(one) for one in violations],
+            "warnings": [asdict(one) for one in track_warnings(picture, config)],
+            "draft_age_s": planner.mission.draft_age_s,
+            "draft_distance_m": planner.mission.draft_distance_m,
+        }
+        return await self._keep(robot, config, mission, document, by)
+
+    async def _configure(
+        self, robot: str, patch: Mapping[str, Any], by: str
+    ) -> tuple[str, TrackingConfig]:
+        book = self._foundation.configurations
+        try:
+            wanted = await book.merged("tracking", robot, patch)
+        except Problem as problem:
+            raise below_config(problem) from problem
+        holds = await book.current("tracking", robot)
+        if holds.id is None or wanted.value != holds.value:
+            holds = await book.patch("tracking", robot, patch, by=by)
+        if holds.id is None:
+            raise TypeError("a kept version has an id")
+        return holds.id, wanted.value_as(TrackingConfig)
+
+    def _trim_flaws(self, robot: str, trim: CurrentConfiguration) -> list[ViolationView]:
+        vehicle, offsets = self._fleet.vehicle(robot), trim.value_as(TrimConfig)
+        if vehicle is None:
+            return []
+        flaw = trim_flaw(
+            offsets.net_buoyancy_offset_kg, offsets.mass_position_offset_m, vehicle.limits
+        )
+        return [ViolationView("trim", f"{flaw[0].upper()}{flaw[1:]}.")] if flaw else []
+
+    async def _keep(
+        self,
+        robot: str,
+        config: TrackingConfig,
+        mission: Mission,
+        document: Mapping[str, Any],
+        by: str,
+    ) -> PlanRecord:
+        at = self._foundation.clock.now()
+
+        def write(session: Session) -> PlanRecord:
+            value = config.model_dump(mode="json")
+            plan = query.add_plan(session, robot, TRACK_TARGET, config=value, at=at, by=by)
+            named = _named(session, robot, mission)
+            record = query.change_plan(
+                session,
+                plan,
+                at=at,
+                state="draft",
+                sha256=named.sha256(),
+                document={**document, **mission_document(named)},
+            )
+            note_change(session, record, at, f"{plan} for {robot} is a draft: {_message(config)}")
+            return record
+
+        record = await self._foundation.store.write(write)
+        self._ledger.publish(record)
+        return record
+
+
+def mission_document(mission: Mission) -> dict[str, Any]:
+    """Return the part of a plan's document that the mission is built from again."""
+    order = mission.tracking
+    return {
+        "format": mission.format,
+        "settings": asdict(mission.settings),
+        "tracking": None if order is None else list(order.integers()),
+    }
+
+
+def unfit(error: ValueError) -> Problem:
+    """Return a 409: the settings cannot travel."""
+    return conflict(f"The robot cannot be given these settings: {error}.")
+
+
+def _mission(
+    config: TrackingConfig,
+    planner: PlannerConfig,
+    trim: TrimConfig,
+    position: tuple[float, float, float],
+) -> Mission:
+    limits = planner.mission
+    settings = MissionSettings(
+        sample_period_s=planner.primitives.point_interval_s,
+        max_uncertainty_m=planner.max_uncertainty_m,
+        timeout_s=limits.patience_factor * config.motion.duration_s + limits.patience_s,
+        start_x_m=position[0],
+        start_y_m=position[1],
+        net_buoyancy_offset_kg=trim.net_buoyancy_offset_kg,
+        mass_position_offset_m=trim.mass_position_offset_m,
+    )
+    return Mission.from_tracking(settings, TrackingOrder.of(config))
+
+
+def _named(session: Session, robot: str, mission: Mission) -> Mission:
+    """Return the mission under a name that no other plan of the robot has: it waits longer."""
+    while query.plan_by_hash(session, robot, mission.sha256()) is not None:
+        settings = replace(mission.settings, timeout_s=mission.settings.timeout_s + 1.0)
+        if mission.tracking is None:
+            raise TypeError("a mission that follows a target has an order")
+        mission = Mission.from_tracking(settings, mission.tracking)
+    return mission
+
+
+def _account(
+    mission: Mission, config: TrackingConfig, planner: PlannerConfig, state: StateReport | None
+) -> AccountView:
+    """Return what the mission costs if the robot swims all the time."""
+    motion = config.motion
+    std_m = 0.0 if state is None else state.position_std_m
+    if motion.depth_m > SURFACE_DEPTH_M:
+        drift = planner.position_filter.drift_m_sqrt_s
+        std_m = math.hypot(std_m, drift * math.sqrt(motion.duration_s))
+    return AccountView(
+        energy=primitive.energy(PrimitiveKind.SWIM, motion.duration_s, planner.energy),
+        duration_s=motion.duration_s,
+        worst_std_m=std_m,
+        bytes=len(mission.canonical_bytes()),
+        credits=0,
+        surfacings=1,
+        satellite_bytes=planner.mission.surfacing_bytes,
+    )
+
+
+def _message(config: TrackingConfig) -> str:
+    target, motion = config.target, config.motion
+    what = _TARGETS[target.kind].format(address=target.address)
+    depth = "at the surface" if motion.depth_m == 0.0 else f"{motion.depth_m:g} m deep"
+    return f"It follows {what} for {motion.duration_s:g} s, {depth}."

@@ -1,0 +1,78 @@
+"""What the station says of a robot that follows a target, in words."""
+
+import math
+
+from autonomy.tracking.phase import TrackPhase
+from robot_link.messages import TargetEstimate, TrackReport
+
+STD_95 = 2.4477
+"""Semi-axis of the 95 % ellipse of a two-dimensional Gaussian, in standard deviations."""
+_TEACHING = "Nothing keeps the target observable: the mission is for teaching."
+_QUIET = "it was told not to ping"
+
+
+def track_text(report: TrackReport) -> str:
+    """Say in one sentence, or two in the teaching mode, what a report on a target means."""
+    text = _phase_text(report)
+    if report.is_barrier_on or report.phase is TrackPhase.ENDED:
+        return text
+    return f"{text} {_TEACHING}"
+
+
+def _phase_text(report: TrackReport) -> str:
+    robot = report.robot
+    match report.phase:
+        case TrackPhase.WAITING:
+            why = f"; {_QUIET}" if report.is_quiet else ""
+            return f"{robot} has heard no range of its target yet{why}."
+        case TrackPhase.TRACKING:
+            return f"{robot} follows its target, {_distance(report)}{_known(report)}."
+        case TrackPhase.COASTING:
+            silence = f"{robot} has heard no good range for {_seconds(report.range_age_s)}"
+            return (
+                f"{silence}{_reason(report)}; the estimate goes on by dead reckoning"
+                f"{_known(report)}."
+            )
+        case TrackPhase.LOST:
+            return f"{robot} lost its target{_lost_reason(report)}; it circles to find it."
+        case TrackPhase.ENDED:
+            return f"{robot} follows its target no longer."
+
+
+def _distance(report: TrackReport) -> str:
+    if not report.hypotheses:
+        return "where it is not known"
+    away_m = math.dist(report.hypotheses[0].position_ne_m, report.position_ne_m)
+    return f"{away_m:.3g} m away"
+
+
+def _known(report: TrackReport) -> str:
+    if not report.hypotheses:
+        return ""
+    known = f", known within {within_95_m(report.hypotheses[0]):.2g} m"
+    if len(report.hypotheses) == 1:
+        return known
+    return f"{known} if it is not mirrored ({report.hypotheses[1].weight:.0%})"
+
+
+def _reason(report: TrackReport) -> str:
+    return f" ({_QUIET})" if report.is_quiet else ""
+
+
+def _lost_reason(report: TrackReport) -> str:
+    if report.is_quiet:
+        return f", for {_QUIET}"
+    if report.range_m is None:
+        return ""
+    return f"; the newest range is {_seconds(report.range_age_s)} old"
+
+
+def _seconds(age_s: float) -> str:
+    return f"{age_s:.1f} s" if age_s < 10.0 else f"{age_s:.0f} s"
+
+
+def within_95_m(estimate: TargetEstimate) -> float:
+    """Return the larger semi-axis of an estimate's 95 % ellipse, m."""
+    nn, ne, ee = estimate.covariance_m2
+    largest = 0.5 * (nn + ee) + math.hypot(0.5 * (nn - ee), ne)
+    return STD_95 * math.sqrt(max(largest, 0.0))

@@ -1,0 +1,74 @@
+"""What a robot that follows a target says of its hold on it."""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from server.service.view.base import View
+
+
+@dataclass(frozen=True, slots=True)
+class TargetHypothesisView(View):
+    """Where the robot believes its target to be, by one hypothesis."""
+
+    position_ne_m: tuple[float, float]
+    """North and east in the site's frame."""
+    velocity_ne_m_s: tuple[float, float]
+    covariance_m2: tuple[float, float, float]
+    """Of the position: north-north, north-east, east-east."""
+    weight: float
+    """Probability of this hypothesis, 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
+class TargetTrackView(View):
+    """One report of a robot that follows a target."""
+
+    measured_at: datetime
+    received_at: datetime
+    phase: str
+    """``waiting``, ``tracking``, ``coasting``, ``lost`` or ``ended``."""
+    position_ne_m: tuple[float, float]
+    """Where the robot believed to be itself."""
+    hypotheses: list[TargetHypothesisView]
+    """One or two, the likeliest first; none before the first range."""
+    range_m: float | None
+    """Newest horizontal range that was heard; ``null`` before the first."""
+    range_age_s: float
+    """How old that range was when this was measured."""
+    ranges_heard: int
+    """Since the mission began."""
+    ranges_rejected: int
+    """Of them, those that were not believed."""
+    determinant_m2_s: float
+    """Determinant of the observability matrix at the estimate."""
+    barrier: float
+    """B by the form that the mission chose; below 0 the target is not observable enough."""
+    inverse_condition: float
+    """Inverse condition number of the observability matrix, 0..1."""
+    nominal: tuple[float, float]
+    """What the pursuit law wanted: turn rate rad/s, acceleration m/s2."""
+    command: tuple[float, float]
+    """What the robot did: turn rate rad/s, acceleration m/s2."""
+    is_barrier_on: bool
+    """Whether anything keeps the target observable; ``false`` is the teaching mode."""
+    is_feasible: bool
+    """Whether the barrier could be kept."""
+    is_quiet: bool
+    """Whether the robot was told not to ping."""
+    true_ne_m: tuple[float, float] | None
+    """Where a virtual target was; ``null`` for a real one."""
+    error_m: float | None
+    """Distance of the likeliest hypothesis from the truth; ``null`` where that is not known."""
+    text: str
+    """What it means, in one sentence."""
+
+
+@dataclass(frozen=True, slots=True)
+class TrackReportsView(View):
+    """Reports of one robot, the oldest first."""
+
+    robot: str
+    plan_id: str | None
+    """The plan that they belong to: the one asked for, else the newest plan of kind
+    ``track_target`` that the robot began; ``null`` where there is none."""
+    reports: list[TargetTrackView]
