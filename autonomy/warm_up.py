@@ -24,6 +24,7 @@ KERNEL_MODULES = (
     "autonomy.field.likelihood_kernel",
     "autonomy.tracking.control_kernel",
     "autonomy.tracking.filter_kernel",
+    "autonomy.tracking.hypothesis_kernel",
     "autonomy.tracking.orbit",
     "autonomy.tracking.target_path",
     "autonomy.tracking.unicycle",

@@ -1,0 +1,375 @@
+"""Filter bank: several estimates of one target, weighed by how well they foretell its ranges.
+
+A range does not tell on which side of its course the robot has the target, so the one true failure
+of a single filter is an estimate mirrored across the line of motion, or to the robot's other side:
+its distance is right and its place is not. The bank therefore
+
+- follows the mirrored estimate too whenever the geometry cannot tell the sides apart, until one of
+  the two explains the ranges better;
+- believes ranges that contradict the estimate again and again more than the estimate, and starts
+  anew from a ring of hypotheses around the robot, at the distance that was heard.
+
+``hypotheses = one`` is the thesis's single filter: contradiction widens it, and nothing is split.
+"""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.tracking import hypothesis_kernel as hk
+from autonomy.tracking.config import TrackingConfig
+from autonomy.tracking.filter_kernel import (
+    VELOCITY_VARIANCE_M2_S2,
+    pack_filter,
+    start_covariance,
+)
+
+RING = 12
+"""Hypotheses of a ring."""
+BIAS_SHARE = 0.05
+"""Share of the newest range in the mean normalized innovation of a hypothesis."""
+BIAS_LIMIT = 0.85
+"""Mean normalized innovation beyond which ranges contradict a hypothesis; by chance its standard
+deviation is 0.16."""
+STUBBORN = 5
+"""So many rejected ranges in a row that agree with one another contradict the estimate."""
+NEGLIGIBLE = 1e-3
+"""Weight below which a hypothesis is dropped."""
+SURE = 0.9
+"""Weight from which on a ring counts as resolved."""
+LEAST_PRIOR = 0.02
+"""No place on a ring is taken to be less likely than this against the best, before it is tried."""
+MIRROR_WEIGHT = 0.2
+"""Weight that a mirrored hypothesis starts with."""
+BLIND = 1.5
+"""The sides of the course cannot be told apart where the target is fewer standard deviations off
+the course than this."""
+SPLIT_PAUSE_S = 5.0
+"""Time between two splits."""
+VAGUE = 0.8
+"""A guess whose standard deviation exceeds this share of the range says nothing of the bearing."""
+CHANGE_OF_MIND = 1.5
+"""Another hypothesis must be so much likelier than the one that was followed to replace it."""
+
+
+@dataclass(frozen=True, slots=True)
+class BankInput:
+    """What one step of time brought."""
+
+    dt_s: float
+    """Time since the step before; 0 at the first."""
+    command: tuple[float, float]
+    """Turn rate (rad/s) and acceleration (m/s2) that held since then."""
+    heading_rad: float
+    """Measured; NaN where none was."""
+    speed_m_s: float
+    """Measured; NaN where none was."""
+    ranges_m: tuple[float, ...] = ()
+    """Horizontal ranges measured at this time; each finite and not negative."""
+    target_velocity_ne_m_s: tuple[float, float] | None = None
+    """Where it is known."""
+
+
+@dataclass(slots=True, eq=False)
+class Hypothesis:
+    """One estimate of the target."""
+
+    h: FloatArray
+    """As ``hypothesis_kernel`` lays it out."""
+    weight: float
+    """Probability; those of a bank add up to 1."""
+    bias: float = 0.0
+    """Running mean of its normalized innovations; near 0 for a true one."""
+    since_s: float = hk.PLACE_STEP_S
+    """Time since it took in a range."""
+
+    def copy(self) -> "Hypothesis":
+        """Return a copy that shares nothing."""
+        return Hypothesis(self.h.copy(), self.weight, self.bias, self.since_s)
+
+
+@dataclass(slots=True)
+class Hearing:
+    """What became of the ranges."""
+
+    believed: int = 0
+    rejected: int = 0
+    silence_s: float = 0.0
+    """Time since a range was believed."""
+    run: int = 0
+    """Rejected ranges in a row that agree with one another."""
+    run_range_m: float = 0.0
+    run_age_s: float = 0.0
+    restarts: int = 0
+    """How often the ranges contradicted all hypotheses."""
+    since_split_s: float = SPLIT_PAUSE_S
+    is_searching: bool = False
+    """Whether a ring is not resolved yet."""
+
+
+@dataclass(slots=True)
+class Bank:
+    """Hypotheses of one target, the one to follow first.
+
+    It depends on nothing but where it began and what each step brought, so that replaying the same
+    steps gives the same bank.
+    """
+
+    config: TrackingConfig
+    q: FloatArray
+    hypotheses: list[Hypothesis]
+    hearing: Hearing = field(default_factory=Hearing)
+
+    @staticmethod
+    def begin(
+        config: TrackingConfig,
+        relative_ne_m: tuple[float, float],
+        heading_rad: float,
+        speed_m_s: float,
+        position_std_m: float,
+        target_velocity_ne_m_s: tuple[float, float] = (0.0, 0.0),
+    ) -> "Bank":
+        """Return a bank with one hypothesis.
+
+        Args:
+            config: Noise, gate, and how many hypotheses there may be.
+            relative_ne_m: First guess of robot minus target.
+            heading_rad: Of the robot.
+            speed_m_s: Of the robot.
+            position_std_m: How well the guess is known, per axis.
+            target_velocity_ne_m_s: First guess of how the target moves.
+
+        Raises:
+            ValueError: If a number is not finite or the standard deviation is not positive.
+        """
+        start = [*relative_ne_m, heading_rad, speed_m_s]
+        numbers = [*start, position_std_m, *target_velocity_ne_m_s]
+        if not (np.isfinite(numbers).all() and position_std_m > 0.0):
+            raise ValueError("the bank must begin at finite numbers, position_std_m > 0")
+        q = pack_filter(config)
+        h = np.zeros(hk.SIZE)
+        h[:4] = start
+        h[hk.COVARIANCE : hk.VELOCITY] = start_covariance(position_std_m**2, q)
+        _start_velocity(h, target_velocity_ne_m_s)
+        return Bank(config, q, [Hypothesis(h, 1.0)])
+
+    def copy(self) -> "Bank":
+        """Return a copy whose steps do not show in this one."""
+        kept = self.hearing
+        hearing = Hearing(*(getattr(kept, name) for name in Hearing.__slots__))
+        return Bank(self.config, self.q, [one.copy() for one in self.hypotheses], hearing)
+
+    @property
+    def best(self) -> Hypothesis:
+        """The hypothesis to follow."""
+        return self.hypotheses[0]
+
+    def step(self, given: BankInput) -> None:
+        """Let time pass, then take in what was measured at its end."""
+        self._pass_time(given)
+        for one in self.hypotheses:
+            hk.hear_own(one.h, given.heading_rad, given.speed_m_s, self.q)
+        for range_m in given.ranges_m:
+            self._hear(range_m)
+        if given.ranges_m and self.config.filter.hypotheses == "two":
+            self._tidy()
+            self._split(given.target_velocity_ne_m_s)
+
+    def _pass_time(self, given: BankInput) -> None:
+        hearing, dt = self.hearing, given.dt_s
+        known = given.target_velocity_ne_m_s or (math.nan, math.nan)
+        silence = hearing.silence_s
+        failing = silence if silence >= self.config.ranging.coast_after_s else 0.0
+        for one in self.hypotheses:
+            hk.pass_time(one.h, *given.command, dt, *known, failing, self.q)
+            one.since_s += dt
+        hearing.silence_s += dt
+        hearing.run_age_s += dt
+        hearing.since_split_s += dt
+
+    def _hear(self, range_m: float) -> None:
+        """Weigh every hypothesis by a range, and correct those that can explain it."""
+        if self.hearing.believed == 0 and self._begin(range_m):
+            return
+        gate = self.config.ranging.gate
+        likelihoods: list[float] = []
+        biases: list[float] = []
+        is_believed = False
+        for one in self.hypotheses:
+            expected, variance = hk.expect(one.h, self.q)
+            normalized = (range_m - expected) / math.sqrt(variance)
+            clipped = min(max(normalized, -gate), gate)
+            likelihoods.append(-0.5 * (clipped * clipped + math.log(variance)))
+            biases.append(one.bias + BIAS_SHARE * (clipped - one.bias))
+            if abs(normalized) > gate:
+                continue
+            is_believed = True
+            hk.hear_range(one.h, range_m, max(one.since_s, 1e-6), self.q)
+            one.since_s = 0.0
+        if not is_believed:
+            self._reject(range_m)
+            return
+        self._believe()
+        for one, bias in zip(self.hypotheses, biases, strict=True):
+            one.bias = bias
+        self._weigh(likelihoods)
+        if abs(max(self.hypotheses, key=lambda one: one.weight).bias) > BIAS_LIMIT:
+            self._restart(range_m)
+
+    def _begin(self, range_m: float) -> bool:
+        """Start from a ring where the first guess and the first range do not fit together."""
+        one = self.best
+        expected, variance = hk.expect(one.h, self.q)
+        spread = math.sqrt(hk.worst_variance(one.h))
+        agrees = abs(range_m - expected) <= self.config.ranging.gate * math.sqrt(variance)
+        if agrees and (spread < VAGUE * range_m or self.config.filter.hypotheses == "one"):
+            return False
+        self._believe()
+        self._restart(range_m)
+        self.hearing.restarts = 0
+        return True
+
+    def _believe(self) -> None:
+        self.hearing.believed += 1
+        self.hearing.silence_s = 0.0
+        self.hearing.run = 0
+
+    def _reject(self, range_m: float) -> None:
+        """Count a range that no hypothesis explains; a run of them reopens the gate."""
+        hearing = self.hearing
+        hearing.rejected += 1
+        reach = 2.0 * self.config.motion.speed_max_m_s * hearing.run_age_s
+        reach += self.config.ranging.gate * math.sqrt(2.0 * self.config.ranging.variance_m2)
+        agrees = hearing.run > 0 and abs(range_m - hearing.run_range_m) <= reach
+        hearing.run = hearing.run + 1 if agrees else 1
+        hearing.run_range_m, hearing.run_age_s = range_m, 0.0
+        if hearing.run >= STUBBORN:
+            self._believe()
+            hearing.rejected -= 1
+            self._restart(range_m)
+
+    def _weigh(self, likelihoods: list[float]) -> None:
+        most = max(likelihoods)
+        for one, likelihood in zip(self.hypotheses, likelihoods, strict=True):
+            one.weight *= math.exp(likelihood - most)
+        self._normalize()
+
+    def _normalize(self) -> None:
+        total = sum(one.weight for one in self.hypotheses)
+        for one in self.hypotheses:
+            one.weight /= total
+
+    def _restart(self, range_m: float) -> None:
+        """Give up every estimate: the target is at this distance, and its bearing is not known."""
+        hearing, best = self.hearing, self.best
+        hearing.restarts += 1
+        if self.config.filter.hypotheses == "one":
+            self._widen(range_m)
+            return
+        prior = best.h.copy()
+        self.hypotheses = []
+        for n in range(RING):
+            angle = 2.0 * math.pi * n / RING
+            h = prior.copy()
+            h[0], h[1] = range_m * math.cos(angle), range_m * math.sin(angle)
+            across = (range_m * math.pi / RING) ** 2 + self.q[0]
+            _place(h, angle, self.config.ranging.variance_m2, across)
+            _start_velocity(h)
+            weight = max(math.exp(-0.5 * min(hk.apart(h, prior), 100.0)), LEAST_PRIOR)
+            self.hypotheses.append(Hypothesis(h, weight))
+        self._normalize()
+        hearing.is_searching = True
+
+    def _widen(self, range_m: float) -> None:
+        """Reopen a single filter: at the distance that was heard, on no certain bearing."""
+        one = self.best
+        distance = math.hypot(one.h[0], one.h[1])
+        angle = math.atan2(one.h[1], one.h[0]) if distance > 0.0 else 0.0
+        one.h[0], one.h[1] = range_m * math.cos(angle), range_m * math.sin(angle)
+        spread = range_m**2 + self.config.ranging.variance_m2
+        _place(one.h, angle, self.config.ranging.variance_m2, spread)
+        _start_velocity(one.h)
+        one.bias = 0.0
+
+    def _tidy(self) -> None:
+        """Join hypotheses that have come to mean the same and drop the unlikely; best first."""
+        ranked = sorted(self.hypotheses, key=lambda one: -one.weight)
+        kept: list[Hypothesis] = []
+        for one in ranked:
+            same = next((other for other in kept if hk.apart(one.h, other.h) < 1.0), None)
+            if same is not None:
+                same.weight += one.weight
+            elif one.weight >= NEGLIGIBLE:
+                kept.append(one)
+        kept.sort(key=lambda one: -one.weight)
+        followed = self.best
+        is_close = followed in kept and kept[0].weight < CHANGE_OF_MIND * followed.weight
+        if is_close and not self.hearing.is_searching:
+            kept.remove(followed)
+            kept.insert(0, followed)
+        self.hypotheses = kept
+        self._normalize()
+        if self.hearing.is_searching:
+            best = self.best
+            spread = math.sqrt(hk.worst_variance(best.h))
+            distance = math.hypot(best.h[0], best.h[1])
+            is_placed = spread < max(0.5 * distance, 2.0 * math.sqrt(self.q[3]))
+            self.hearing.is_searching = best.weight < SURE or not is_placed
+
+    def _split(self, known: tuple[float, float] | None) -> None:
+        """Follow the mirrored estimate too where the ranges cannot tell the sides apart."""
+        hearing, one = self.hearing, self.best
+        if len(self.hypotheses) > 1 or hearing.since_split_s < SPLIT_PAUSE_S:
+            return
+        h = one.h
+        north, east = known or (float(h[hk.NORTH_RATE]), float(h[hk.EAST_RATE]))
+        course_n, course_e = h[3] * math.cos(h[2]) - north, h[3] * math.sin(h[2]) - east
+        pace = math.hypot(course_n, course_e)
+        if not pace > 0.0:
+            return
+        n_n, n_e = -course_e / pace, course_n / pace
+        off = n_n * h[0] + n_e * h[1]
+        variance = n_n * n_n * h[4] + 2.0 * n_n * n_e * h[5] + n_e * n_e * h[8]
+        if off * off > BLIND**2 * variance:
+            return
+        mirrored = Hypothesis(mirrored_across(h, n_n, n_e), MIRROR_WEIGHT, one.bias, one.since_s)
+        if hk.apart(h, mirrored.h) < 1.0:
+            return
+        one.weight = 1.0 - MIRROR_WEIGHT
+        self.hypotheses.append(mirrored)
+        hearing.since_split_s = 0.0
+
+
+def mirrored_across(h: FloatArray, n_n: float, n_e: float) -> FloatArray:
+    """Reflect the place of a hypothesis across a line through the robot with this unit normal."""
+    S = np.eye(4)
+    S[:2, :2] -= 2.0 * np.outer([n_n, n_e], [n_n, n_e])
+    full = np.zeros((4, 4))
+    rows, columns = np.triu_indices(4)
+    full[rows, columns] = full[columns, rows] = h[hk.COVARIANCE : hk.VELOCITY]
+    mirrored = h.copy()
+    mirrored[:4] = S @ h[:4]
+    mirrored[hk.COVARIANCE : hk.VELOCITY] = (S @ full @ S)[rows, columns]
+    # The target's velocity was worked out from the other place; start it anew.
+    _start_velocity(mirrored)
+    return mirrored
+
+
+def _start_velocity(h: FloatArray, velocity_ne_m_s: tuple[float, float] = (0.0, 0.0)) -> None:
+    """Begin the velocity filter at the place of a hypothesis."""
+    h[hk.VELOCITY : hk.RECKONED] = 0.0
+    h[hk.VELOCITY], h[hk.VELOCITY + 1] = h[hk.RECKONED] - h[0], h[hk.RECKONED + 1] - h[1]
+    h[hk.NORTH_RATE], h[hk.EAST_RATE] = velocity_ne_m_s
+    h[hk.VELOCITY + 4] = 0.5 * (h[4] + h[8])
+    h[hk.RATE_VARIANCE], h[hk.VELOCITY + 7] = VELOCITY_VARIANCE_M2_S2, 1.0
+
+
+def _place(h: FloatArray, angle: float, along: float, across: float) -> None:
+    """Make a place uncertain by two variances, along a direction and across it."""
+    c, s = math.cos(angle), math.sin(angle)
+    h[4] = c * c * along + s * s * across
+    h[5] = c * s * (along - across)
+    h[8] = s * s * along + c * c * across
+    h[6] = h[7] = h[9] = h[10] = 0.0

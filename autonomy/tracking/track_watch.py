@@ -1,0 +1,161 @@
+"""Tells how a track stands: its phase, what is wrong, and when and why it is given up."""
+
+import math
+from collections import deque
+from dataclasses import dataclass
+
+import numpy as np
+
+from autonomy.tracking.config import TrackingConfig
+from autonomy.tracking.phase import TrackPhase
+
+STANDING_REACH_M = 0.05
+"""A robot that stays within this distance of one place for ``lost_after_s`` stands."""
+LEAST_RANGES = 8
+"""So many ranges at least tell how fast the distance grows."""
+SURE = 3.0
+"""Standard deviations by which a target must be faster than the robot to be left alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Evidence:
+    """What one step tells of the track."""
+
+    own_ne_m: tuple[float, float]
+    speed_m_s: float
+    """Of the robot, estimated."""
+    is_own_measured: bool
+    """Whether heading and speed were measured."""
+    newest_range: tuple[float, float] | None
+    """When the newest good range held, s since the beginning, and the range, m."""
+    silence_s: float
+    """Time since a range was believed."""
+    is_searching: bool
+    """Whether the ranges contradicted the estimate, and none has taken its place."""
+    target_speed_m_s: float
+    target_speed_std_m_s: float
+
+
+class TrackWatch:
+    """Phase of one track. Time is what the steps add up to.
+
+    Args:
+        config: After which silence a track coasts, is lost and is given up.
+    """
+
+    def __init__(self, config: TrackingConfig) -> None:
+        self._config = config
+        self._now_s = 0.0
+        self._phase = TrackPhase.WAITING
+        self._lost_for_s = 0.0
+        self._unmeasured_s = 0.0
+        self._fast_s = 0.0
+        self._anchor: tuple[float, float] | None = None
+        self._stood_s = 0.0
+        self._ranges: deque[tuple[float, float, float]] = deque()
+        self._reason = ""
+        self._note = ""
+
+    @property
+    def phase(self) -> TrackPhase:
+        """Where the robot stands with its target."""
+        return self._phase
+
+    @property
+    def reason(self) -> str:
+        """Why the track ended; empty before."""
+        return self._reason
+
+    @property
+    def note(self) -> str:
+        """What is wrong; empty while nothing is."""
+        return self._note
+
+    def step(self, dt_s: float, evidence: Evidence) -> None:
+        """Let time pass and judge."""
+        self._now_s += dt_s
+        if self._phase is TrackPhase.ENDED:
+            return
+        self._watch_own(dt_s, evidence)
+        self._watch_speed(dt_s, evidence)
+        self._note = self._wrong(evidence)
+        self._lost_for_s = self._lost_for_s + dt_s if self._phase is TrackPhase.LOST else 0.0
+        self._give_up(evidence)
+
+    def _wrong(self, evidence: Evidence) -> str:
+        """Set the phase and return what is wrong."""
+        ranging = self._config.ranging
+        if evidence.newest_range is None:
+            self._phase = TrackPhase.WAITING
+            return "no range of the target was heard yet"
+        self._phase = TrackPhase.LOST
+        if evidence.silence_s > ranging.lost_after_s:
+            return f"no range was believed for {evidence.silence_s:.0f} s"
+        if evidence.is_searching:
+            return "the ranges contradict what was believed of the target"
+        if self._stood_s > ranging.lost_after_s:
+            return "the robot stands, and from one place a range tells no direction"
+        if self._unmeasured_s > ranging.lost_after_s:
+            return f"heading and speed were not measured for {self._unmeasured_s:.0f} s"
+        self._phase = TrackPhase.COASTING
+        if evidence.silence_s > ranging.coast_after_s:
+            return f"no range was believed for {evidence.silence_s:.0f} s"
+        if self._unmeasured_s > ranging.coast_after_s:
+            return f"heading and speed were not measured for {self._unmeasured_s:.0f} s"
+        self._phase = TrackPhase.TRACKING
+        return ""
+
+    def _watch_own(self, dt_s: float, evidence: Evidence) -> None:
+        self._unmeasured_s = 0.0 if evidence.is_own_measured else self._unmeasured_s + dt_s
+        anchor = self._anchor
+        is_held = anchor is not None and math.dist(anchor, evidence.own_ne_m) < STANDING_REACH_M
+        if self._phase is TrackPhase.WAITING or not is_held:
+            self._anchor, self._stood_s = evidence.own_ne_m, 0.0
+        else:
+            self._stood_s += dt_s
+
+    def _watch_speed(self, dt_s: float, evidence: Evidence) -> None:
+        most = self._config.motion.speed_max_m_s
+        slowest = evidence.target_speed_m_s - SURE * evidence.target_speed_std_m_s
+        self._fast_s = self._fast_s + dt_s if slowest > most else 0.0
+        newest = evidence.newest_range
+        if newest is None or (self._ranges and newest[0] <= self._ranges[-1][0]):
+            return
+        self._ranges.append((*newest, abs(evidence.speed_m_s)))
+        while newest[0] - self._ranges[0][0] > self._config.ranging.lost_after_s:
+            self._ranges.popleft()
+
+    def _leaves_at_m_s(self) -> float:
+        """Return a speed that the target exceeds for sure, whatever the robot's own course.
+
+        The distance grows by no more than both speeds together.
+        """
+        heard = np.array(self._ranges)
+        if len(heard) < LEAST_RANGES:
+            return 0.0
+        span = heard[-1, 0] - heard[0, 0]
+        if span < 0.5 * self._config.ranging.lost_after_s:
+            return 0.0
+        since = heard[:, 0] - heard[:, 0].mean()
+        total = float(since @ since)
+        slope = float(since @ heard[:, 1]) / total
+        residual = heard[:, 1] - heard[:, 1].mean() - slope * since
+        noise = max(self._config.ranging.variance_m2, float(residual @ residual) / len(heard))
+        return slope - float(heard[:, 2].mean()) - SURE * math.sqrt(noise / total)
+
+    def _give_up(self, evidence: Evidence) -> None:
+        ranging, most = self._config.ranging, self._config.motion.speed_max_m_s
+        given_up = ranging.give_up_after_s
+        leaves = self._leaves_at_m_s()
+        if self._fast_s > ranging.lost_after_s:
+            leaves = evidence.target_speed_m_s
+        if leaves > most:
+            self._reason = (
+                f"the target is faster than the robot: {leaves:.2f} m/s against {most:.2f} m/s"
+            )
+        elif self._phase is TrackPhase.WAITING and self._now_s > given_up:
+            self._reason = f"no range of the target was heard in {given_up:.0f} s"
+        elif self._lost_for_s > given_up:
+            self._reason = f"track lost for {given_up:.0f} s: {self._note}"
+        if self._reason:
+            self._phase, self._note = TrackPhase.ENDED, ""

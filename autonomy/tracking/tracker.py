@@ -1,0 +1,317 @@
+"""The tracker: what a robot that follows a target by its range runs ten times a second.
+
+One step takes what was measured, corrects the bank (late ranges at their own time), judges the
+track, and commands: pursuit under the barrier while there is an estimate, a search while there is
+none. Robot and target are seen from above; depth is the caller's, who gives horizontal ranges.
+"""
+
+import math
+from dataclasses import dataclass, replace
+
+from autonomy.arrays import FloatArray
+from autonomy.site import Box
+from autonomy.tracking import control_kernel
+from autonomy.tracking import hypothesis_kernel as hk
+from autonomy.tracking.bank import Bank, BankInput, Hypothesis
+from autonomy.tracking.config import TrackingConfig
+from autonomy.tracking.filter_kernel import full_covariance, wrapped
+from autonomy.tracking.late_range import Timeline
+from autonomy.tracking.pack_control import pack_control
+from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.predictive import PredictiveController
+from autonomy.tracking.reacquire import Search
+from autonomy.tracking.reading import (
+    Pair,
+    RangeHeard,
+    TargetHypothesis,
+    TrackerReading,
+    TrackerStart,
+    TrackerStep,
+)
+from autonomy.tracking.track_watch import Evidence, TrackWatch
+
+__all__ = [
+    "RangeHeard",
+    "TargetHypothesis",
+    "Tracker",
+    "TrackerReading",
+    "TrackerStart",
+    "TrackerStep",
+]
+
+LARGEST_M = 1e5
+"""A distance or coordinate beyond this is a fault and no measurement."""
+LARGEST_SPEED_M_S = 50.0
+LARGEST_HEADING_RAD = 1e6
+LONGEST_STEP_S = 60.0
+INWARD_GAIN_PER_S = 2.0
+"""Turn rate by heading error of a robot that turns away from a wall."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Control:
+    command: Pair
+    nominal: Pair
+    determinant_m2_s: float
+    barrier: float
+    inverse_condition: float
+    is_feasible: bool
+
+
+class Tracker:
+    """Follows one target.
+
+    The first guess of the target is ``config.target``'s place and ``guess_std_m``. A first range
+    that contradicts it is believed, and the robot circles to find the bearing.
+
+    Args:
+        config: Of the whole mission.
+        start: Where the robot is.
+
+    Raises:
+        ValueError: If a number of ``start`` is not finite or beyond all sense.
+    """
+
+    def __init__(self, config: TrackingConfig, start: TrackerStart) -> None:
+        own = start.own_ne_m
+        if not (_is_place(own) and _is_motion(start.heading_rad, start.speed_m_s)):
+            raise ValueError(
+                f"a tracker must start at finite own_ne_m within {LARGEST_M:.0f} m, heading_rad, "
+                f"and speed_m_s within {LARGEST_SPEED_M_S:.0f} m/s, not {start}"
+            )
+        self._config = config
+        self._p = pack_control(config)
+        relative = (own[0] - config.target.north_m, own[1] - config.target.east_m)
+        velocity = start.target_velocity_ne_m_s or (0.0, 0.0)
+        bank = Bank.begin(
+            config,
+            relative,
+            start.heading_rad,
+            start.speed_m_s,
+            config.target.guess_std_m,
+            velocity,
+        )
+        self._timeline = Timeline(bank)
+        self._watch = TrackWatch(config)
+        self._search = Search(config)
+        self._predictive = self._new_predictive()
+        self._now_s = 0.0
+        self._own_ne_m = own
+        self._command: Pair = (0.0, 0.0)
+        self._heard = 0
+        self._rejected = 0
+        self._newest: tuple[float, float] | None = None
+
+    def step(self, reading: TrackerReading, dt_s: float) -> TrackerStep:
+        """Let ``dt_s`` pass under the last command, take in what was measured, and command anew.
+
+        Args:
+            reading: What the robot knows now; numbers that are none are left out and counted.
+            dt_s: Time since the step before, s; 0 at the first if it is at the start.
+
+        Raises:
+            ValueError: If ``dt_s`` is not a number from 0 to ``LONGEST_STEP_S``.
+        """
+        if not 0.0 <= dt_s <= LONGEST_STEP_S:
+            raise ValueError(f"dt_s must be from 0 to {LONGEST_STEP_S:.0f} s, not {dt_s}")
+        self._now_s += dt_s
+        is_own_measured = _is_motion(reading.heading_rad, reading.speed_m_s)
+        known = self._known_velocity(reading)
+        given = BankInput(
+            dt_s,
+            self._command,
+            reading.heading_rad if is_own_measured else math.nan,
+            reading.speed_m_s if is_own_measured else math.nan,
+            target_velocity_ne_m_s=known,
+        )
+        before = self._timeline.bank.best.h[hk.RECKONED :].copy()
+        self._rejected += self._timeline.step(given, self._good(reading.ranges))
+        self._move(reading.own_ne_m, before)
+        self._judge(dt_s, is_own_measured)
+        control = self._control(dt_s, known)
+        self._command = control.command
+        return self._answer(control, known)
+
+    def applied(self, command: Pair) -> None:
+        """Say that the robot does something else than what ``step`` commanded.
+
+        Args:
+            command: Turn rate rad/s and acceleration m/s2; left out if not finite.
+        """
+        if math.isfinite(command[0]) and math.isfinite(command[1]):
+            self._command = command
+
+    def keep_inside(self, step: TrackerStep, own_ne_m: Pair, box: Box) -> TrackerStep:
+        """Turn inward near the walls, whatever the track wants.
+
+        Args:
+            step: The newest answer of ``step``.
+            own_ne_m: Where the robot is.
+            box: Where it may swim.
+
+        Returns:
+            The same step, with another command within ``motion.margin_m`` of a wall that the robot
+            does not swim away from.
+        """
+        motion = self._config.motion
+        if step.phase in {TrackPhase.WAITING, TrackPhase.ENDED} or not _is_place(own_ne_m):
+            return step
+        north = _inward(own_ne_m[0], box.x_min_m, box.x_max_m, motion.margin_m)
+        east = _inward(own_ne_m[1], box.y_min_m, box.y_max_m, motion.margin_m)
+        if north == 0.0 and east == 0.0:
+            return step
+        heading = float(self._timeline.bank.best.h[2])
+        error = wrapped(math.atan2(east, north) - heading)
+        if abs(error) < 0.25 * math.pi:
+            return step
+        turn = motion.turn_rate_max_rad_s
+        rate = min(max(INWARD_GAIN_PER_S * error, -turn), turn)
+        self._command = (rate, min(step.command[1], 0.0))
+        return replace(step, command=self._command)
+
+    def _known_velocity(self, reading: TrackerReading) -> Pair | None:
+        if self._config.filter.target_velocity == "estimated":
+            return None
+        if self._config.target.kind == "beacon":
+            return (0.0, 0.0)
+        velocity = reading.target_velocity_ne_m_s
+        if velocity is None or not math.hypot(*velocity) <= LARGEST_SPEED_M_S:
+            return None
+        return velocity
+
+    def _good(self, ranges: tuple[RangeHeard, ...]) -> tuple[RangeHeard, ...]:
+        """Count ranges, and leave out those that are no distance or have no time."""
+        good = tuple(
+            heard
+            for heard in ranges
+            if 0.0 <= heard.range_m <= LARGEST_M and 0.0 <= heard.age_s < math.inf
+        )
+        self._heard += len(ranges)
+        self._rejected += len(ranges) - len(good)
+        for heard in good:
+            held_at = self._now_s - heard.age_s
+            if self._newest is None or held_at >= self._newest[0]:
+                self._newest = (held_at, heard.range_m)
+        return good
+
+    def _move(self, own_ne_m: Pair, before: FloatArray) -> None:
+        """Take the robot's own position, or reckon it on from the last one."""
+        if _is_place(own_ne_m):
+            self._own_ne_m = own_ne_m
+            return
+        moved = self._timeline.bank.best.h[hk.RECKONED :] - before
+        self._own_ne_m = (
+            self._own_ne_m[0] + float(moved[0]),
+            self._own_ne_m[1] + float(moved[1]),
+        )
+
+    def _judge(self, dt_s: float, is_own_measured: bool) -> None:
+        bank, was = self._timeline.bank, self._watch.phase
+        h = bank.best.h
+        self._watch.step(
+            dt_s,
+            Evidence(
+                own_ne_m=self._own_ne_m,
+                speed_m_s=float(h[3]),
+                is_own_measured=is_own_measured,
+                newest_range=self._newest,
+                silence_s=bank.hearing.silence_s,
+                is_searching=bank.hearing.is_searching,
+                target_speed_m_s=math.hypot(*_velocity(h)),
+                target_speed_std_m_s=math.sqrt(max(float(h[hk.RATE_VARIANCE]), 0.0)),
+            ),
+        )
+        if self._watch.phase is TrackPhase.LOST and was is not TrackPhase.LOST:
+            self._search = Search(self._config)
+            self._predictive = self._new_predictive()
+
+    def _new_predictive(self) -> PredictiveController | None:
+        is_predictive = self._config.barrier.controller.startswith("mpc_")
+        return PredictiveController(self._config) if is_predictive else None
+
+    def _control(self, dt_s: float, known: Pair | None) -> _Control:
+        """Return the command for the hypothesis that is followed."""
+        h, phase = self._timeline.bank.best.h, self._watch.phase
+        x_r, y_r, psi, v = (float(value) for value in h[:4])
+        vt_n, vt_e = known or _velocity(h)
+        u1, u2, n1, n2, determinant, barrier, status = control_kernel.control_step(
+            x_r, y_r, psi, v, vt_n, vt_e, 0.0, 0.0, self._p
+        )
+        command = (u1, u2)
+        if phase in {TrackPhase.WAITING, TrackPhase.ENDED}:
+            command = (0.0, 0.0)
+        elif phase is TrackPhase.LOST:
+            command = self._search.command(v, dt_s)
+        elif self._predictive is not None:
+            P = full_covariance(h[hk.COVARIANCE : hk.VELOCITY])
+            command = self._predictive.command(h[:4].copy(), (vt_n, vt_e), P)
+        if not (math.isfinite(command[0]) and math.isfinite(command[1])):
+            command = (0.0, 0.0)
+        condition = control_kernel.inverse_condition(x_r, y_r, psi, v, vt_n, vt_e)
+        is_feasible = status < control_kernel.INFEASIBLE
+        nominal = self._within((n1, n2))
+        return _Control(command, nominal, determinant, barrier, condition, is_feasible)
+
+    def _within(self, command: Pair) -> Pair:
+        motion = self._config.motion
+        turn = motion.turn_rate_max_rad_s
+        low, high = motion.acceleration_min_m_s2, motion.acceleration_max_m_s2
+        return (min(max(command[0], -turn), turn), min(max(command[1], low), high))
+
+    def _answer(self, control: _Control, known: Pair | None) -> TrackerStep:
+        bank = self._timeline.bank
+        age = self._now_s - self._newest[0] if self._newest else 0.0
+        return TrackerStep(
+            phase=self._watch.phase,
+            command=control.command,
+            nominal=control.nominal,
+            hypotheses=self._hypotheses(bank.hypotheses, known) if self._newest else (),
+            determinant_m2_s=control.determinant_m2_s,
+            barrier=control.barrier,
+            inverse_condition=control.inverse_condition,
+            is_feasible=control.is_feasible,
+            ranges_heard=self._heard,
+            ranges_rejected=self._rejected + bank.hearing.rejected,
+            range_m=self._newest[1] if self._newest else None,
+            range_age_s=max(age, 0.0),
+            reason=self._watch.reason,
+            note=self._watch.note,
+        )
+
+    def _hypotheses(
+        self, bank: list[Hypothesis], known: Pair | None
+    ) -> tuple[TargetHypothesis, ...]:
+        """Return the hypothesis that is followed and the likeliest other one."""
+        others = sorted(bank[1:], key=lambda one: -one.weight)[:1]
+        chosen = [bank[0], *others]
+        total = sum(one.weight for one in chosen)
+        north, east = self._own_ne_m
+        return tuple(
+            TargetHypothesis(
+                (north - float(one.h[0]), east - float(one.h[1])),
+                known or _velocity(one.h),
+                (float(one.h[4]), float(one.h[5]), float(one.h[8])),
+                one.weight / total,
+            )
+            for one in chosen
+        )
+
+
+def _velocity(h: FloatArray) -> Pair:
+    return (float(h[hk.NORTH_RATE]), float(h[hk.EAST_RATE]))
+
+
+def _is_place(ne_m: Pair) -> bool:
+    return math.hypot(*ne_m) <= LARGEST_M
+
+
+def _is_motion(heading_rad: float, speed_m_s: float) -> bool:
+    return abs(heading_rad) <= LARGEST_HEADING_RAD and abs(speed_m_s) <= LARGEST_SPEED_M_S
+
+
+def _inward(value: float, low: float, high: float, margin_m: float) -> float:
+    """Return 1 or -1 where the way inward is up or down, 0 where no wall is near."""
+    margin = min(margin_m, 0.45 * (high - low))
+    if value < low + margin:
+        return 1.0
+    return -1.0 if value > high - margin else 0.0
