@@ -1,5 +1,6 @@
 /** Shapes of the following of a target by its range; conventions as in `types.ts`. */
 
+import type { Violation } from './survey_types';
 import type { JsonObject, Time } from './types';
 
 export type TrackPhase = 'waiting' | 'tracking' | 'coasting' | 'lost' | 'ended';
@@ -30,7 +31,8 @@ export interface TrackView {
   hypotheses: TargetHypothesis[];
   /** Newest horizontal range that was heard. */
   range_m: number | null;
-  range_age_s: number | null;
+  /** How old that range was when this was measured. */
+  range_age_s: number;
   ranges_heard: number;
   ranges_rejected: number;
   determinant_m2_s: number;
@@ -67,4 +69,6 @@ export interface TrackPlan {
   tracking?: JsonObject | null;
   /** Seconds since the start, north and east, m: the way of a virtual target. */
   target_path?: readonly (readonly [t: number, north: number, east: number])[];
+  /** What to know before it is sent; `teaching` marks one whose estimate goes wrong. */
+  warnings?: Violation[];
 }

@@ -41,8 +41,17 @@ const SENTENCES: Record<PlanState, string> = {
   cancelled: 'A person ended it.',
 };
 
+/** The same of a plan that follows a target and has no legs. */
+const FOLLOWING: Partial<Record<PlanState, string>> = {
+  running: 'The robot says that it follows this plan’s target.',
+  done: 'The robot says that the time of this plan is over.',
+  failed: 'The robot ended it before its time.',
+};
+
 /** What is known of the plan's whereabouts, and no more. */
-export function planSentence(plan: Pick<Plan, 'state' | 'message' | 'stage'>): string {
+export function planSentence(
+  plan: Pick<Plan, 'state' | 'message' | 'stage'> & { kind?: string },
+): string {
   if (plan.state === 'planning' && plan.stage === 'rehearsing') {
     return 'Found; the simulator flies it before it is offered. Nothing is sent.';
   }
@@ -55,7 +64,8 @@ export function planSentence(plan: Pick<Plan, 'state' | 'message' | 'stage'>): s
   }
   const isTold = ['failed', 'cancelled'].includes(plan.state) && plan.message !== '';
   const told = isTold ? ` ${plan.message}` : '';
-  return SENTENCES[plan.state] + told;
+  const following = plan.kind === 'track_target' ? FOLLOWING[plan.state] : undefined;
+  return (following ?? SENTENCES[plan.state]) + told;
 }
 
 /** Why a draft no longer fits its robot; empty while it does. */

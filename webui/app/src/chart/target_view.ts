@@ -1,0 +1,108 @@
+import type { Box, NorthEast, Site } from '../api/types';
+
+/** The part of the water in sight: its middle and the least extents that must be seen, m. */
+export interface Sight {
+  north: number;
+  east: number;
+  tall: number;
+  wide: number;
+}
+
+export function wholeWater({ water }: Pick<Site, 'water'>): Sight {
+  return sightOf(water);
+}
+
+function sightOf(box: Pick<Box, 'x_min_m' | 'x_max_m' | 'y_min_m' | 'y_max_m'>): Sight {
+  return {
+    north: (box.x_min_m + box.x_max_m) / 2,
+    east: (box.y_min_m + box.y_max_m) / 2,
+    tall: box.x_max_m - box.x_min_m,
+    wide: box.y_max_m - box.y_min_m,
+  };
+}
+
+/** Something that must be seen: a place, and the room around it, m. */
+export interface Spot {
+  at: NorthEast;
+  roomM: number;
+}
+
+/** Sizes that a sight may have, m; few, so that the picture stands still while things move. */
+const STEPS = [1, 1.5, 2, 3, 5, 7.5, 10];
+
+/** A sight of round size and place around some spots; the whole water where that is smaller. */
+export function sightAround(spots: readonly Spot[], site: Pick<Site, 'water'>): Sight {
+  const whole = wholeWater(site);
+  if (spots.length === 0) return whole;
+  const norths = spots.flatMap(({ at: [north], roomM }) => [north - roomM, north + roomM]);
+  const easts = spots.flatMap(({ at: [, east], roomM }) => [east - roomM, east + roomM]);
+  const tall = Math.max(...norths) - Math.min(...norths);
+  const wide = Math.max(...easts) - Math.min(...easts);
+  const size = roundUp(Math.max(tall, wide, 1) * 1.15);
+  if (size >= Math.max(whole.tall, whole.wide)) return whole;
+  const grid = size / 8;
+  const middle = (values: number[]) =>
+    Math.round((Math.max(...values) + Math.min(...values)) / 2 / grid) * grid;
+  return { north: middle(norths), east: middle(easts), tall: size, wide: size };
+}
+
+function roundUp(size: number): number {
+  const power = 10 ** Math.floor(Math.log10(size));
+  return (STEPS.find((step) => step * power >= size) ?? 10) * power;
+}
+
+/** From metres north and east to pixels of a picture, north up, one scale both ways. */
+export interface Scale {
+  toX: (east: number) => number;
+  toY: (north: number) => number;
+  /** Pixels of a metre. */
+  perM: number;
+  /** What the picture really shows, m. */
+  norths: [low: number, high: number];
+  easts: [low: number, high: number];
+}
+
+export function scaleOf(sight: Sight, width: number, height: number, marginPx: number): Scale {
+  const perM = Math.max(
+    1e-6,
+    Math.min((width - 2 * marginPx) / sight.wide, (height - 2 * marginPx) / sight.tall),
+  );
+  const toX = (east: number) => width / 2 + (east - sight.east) * perM;
+  const toY = (north: number) => height / 2 - (north - sight.north) * perM;
+  return {
+    toX,
+    toY,
+    perM,
+    norths: [sight.north - height / 2 / perM, sight.north + height / 2 / perM],
+    easts: [sight.east - width / 2 / perM, sight.east + width / 2 / perM],
+  };
+}
+
+/** A part of a trail that is equally old. */
+export interface TrailPart {
+  points: NorthEast[];
+  /** 1 for the newest, towards 0 for the oldest. */
+  freshness: number;
+}
+
+const TRAIL_PARTS = 10;
+
+/** A trail cut into parts that fade with age; each begins where the one before ended. */
+export function fadingTrail(points: readonly NorthEast[], parts = TRAIL_PARTS): TrailPart[] {
+  if (points.length < 2) return [];
+  const each = Math.ceil((points.length - 1) / parts);
+  const result: TrailPart[] = [];
+  for (let from = 0; from < points.length - 1; from += each) {
+    const to = Math.min(points.length - 1, from + each);
+    result.push({ points: points.slice(from, to + 1), freshness: to / (points.length - 1) });
+  }
+  return result;
+}
+
+/** Direction of the last stretch that is long enough to have one, rad from north towards east. */
+export function courseOf(points: readonly NorthEast[], leastM: number): number | null {
+  const last = points.at(-1);
+  if (!last) return null;
+  const from = points.findLast(([n, e]) => Math.hypot(last[0] - n, last[1] - e) >= leastM);
+  return from ? Math.atan2(last[1] - from[1], last[0] - from[0]) : null;
+}

@@ -1,0 +1,90 @@
+import type { RobotState, TrackPhase, TrackView } from '../../api/types';
+import { duration } from '../../text/time';
+import type { Tone } from '../../text/word';
+
+interface PhaseWord {
+  /** The state in a few words, for a person who walks up. */
+  text: string;
+  tone: Tone;
+  help: string;
+}
+
+const PHASES: Record<TrackPhase, PhaseWord> = {
+  waiting: {
+    text: 'Waiting for its first range',
+    tone: 'watch',
+    help: 'No range was heard yet. The robot knows nothing of the target but the first guess.',
+  },
+  tracking: {
+    text: 'Has its target',
+    tone: 'ok',
+    help: 'Ranges come in, and the estimate agrees with them.',
+  },
+  coasting: {
+    text: 'Hears no range',
+    tone: 'watch',
+    help: 'The estimate goes on by dead reckoning and its ellipse grows.',
+  },
+  lost: {
+    text: 'Lost its target',
+    tone: 'alarm',
+    help: 'Ranges failed for too long, or contradict the estimate. The robot circles to find it.',
+  },
+  ended: { text: 'No longer follows', tone: 'plain', help: 'The mission is over.' },
+};
+
+export function phaseWord(phase: TrackPhase): PhaseWord {
+  return PHASES[phase];
+}
+
+/** Times after which silence counts, s, as the plan set them. */
+export interface Patience {
+  lostAfterS: number;
+  giveUpAfterS: number;
+}
+
+/** What a person can do about it now, a sentence; empty where there is nothing to say. */
+export function advice(track: TrackView, patience: Patience | null): string {
+  const loses = patience && `Counts as lost after ${duration(patience.lostAfterS)} of silence.`;
+  const gives = patience && `Gives up ${duration(patience.giveUpAfterS)} after it lost it.`;
+  switch (track.phase) {
+    case 'waiting':
+      return track.is_quiet
+        ? 'It was told not to ping: press “Ping again”.'
+        : 'If none comes, check that the target’s modem answers at its address.';
+    case 'coasting':
+      return said(track.is_quiet ? 'It was told not to ping: press “Ping again”.' : loses);
+    case 'lost':
+      return said(
+        track.is_quiet
+          ? 'It was told not to ping: press “Ping again”.'
+          : 'It circles and listens. If it goes on, surface it and look after the target.',
+        gives,
+      );
+    case 'tracking':
+      if (!track.is_barrier_on) return 'Teaching: expect the estimate to go wrong.';
+      return track.is_feasible ? 'Nothing to do.' : 'It does what makes the target known again.';
+    case 'ended':
+      return 'Make a new plan to follow a target again.';
+  }
+}
+
+function said(...sentences: (string | null)[]): string {
+  return sentences.filter(Boolean).join(' ');
+}
+
+/** Since when the robot is in its present phase, and whether it may have been for longer. */
+export function phaseSince(
+  reports: readonly Pick<TrackView, 'phase' | 'measured_at'>[],
+): { at: string; isAtLeast: boolean } | null {
+  const phase = reports.at(-1)?.phase;
+  if (phase === undefined) return null;
+  const before = reports.findLastIndex((report) => report.phase !== phase);
+  const first = reports[before + 1];
+  return first ? { at: first.measured_at, isAtLeast: before < 0 } : null;
+}
+
+/** Whether something of it is worth a line on other pages. */
+export function isFollowing(state: Pick<RobotState, 'tracking'> | null | undefined): boolean {
+  return Boolean(state?.tracking && state.tracking.phase !== 'ended');
+}
