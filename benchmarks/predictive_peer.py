@@ -98,7 +98,7 @@ def _surrogate(x: Any, P: Any, velocity: Any, p: FloatArray) -> Any:
     return largest / ca.sqrt(determinant**2 + k.SMOOTHING)
 
 
-def casadi_qrqp(p: FloatArray, iterations: int) -> Solve:
+def casadi_qrqp(p: FloatArray, iterations: int, settings: dict[str, Any]) -> Solve:
     """CasADi's sequential quadratic programming with its own active-set solver qrqp."""
     quiet = {"print_iter": False, "print_header": False, "print_info": False}
     options = {
@@ -111,7 +111,7 @@ def casadi_qrqp(p: FloatArray, iterations: int) -> Solve:
         "print_time": False,
         "error_on_fail": False,
     }
-    return _casadi_solver("sqpmethod", p, options)
+    return _casadi_solver("sqpmethod", p, options | settings)
 
 
 def casadi_ipopt(p: FloatArray, iterations: int) -> Solve:

@@ -27,6 +27,7 @@ AREAS = (
     "field_quality",
     "planner",
     "tracking_speed",
+    "tracking_predictive",
     "telemetry",
     "radio",
     "ingest",
