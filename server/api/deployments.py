@@ -2,7 +2,7 @@
 
 from collections.abc import Generator
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import datetime, timedelta
 from typing import Annotated, Any, Literal
 
 from fastapi import APIRouter, Query, Response
@@ -12,18 +12,23 @@ from db.query.deployments import DeploymentRecord, get_deployment
 from db.query.deployments import list_deployments as query_deployments
 from db.query.robots import get_robot
 from db.query.samples import sampled_variables
+from db.query.tracking import TrackRange
 from db.store import Store
 from server.api.dependency import StoreDep, Viewer
 from server.recording.export import csv_blocks, geojson, kml
+from server.recording.track_export import track_csv_blocks
 from server.service.view.base import View
 
 router = APIRouter(prefix="/api/deployments", tags=["data"])
-Format = Literal["csv", "geojson", "kml"]
+Format = Literal["csv", "geojson", "kml", "tracking"]
 _MEDIA_TYPES: dict[Format, str] = {
     "csv": "text/csv; charset=utf-8",
+    "tracking": "text/csv; charset=utf-8",
     "geojson": "application/geo+json",
     "kml": "application/vnd.google-earth.kml+xml",
 }
+
+_INSTANT = timedelta(microseconds=1)
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,20 +94,28 @@ async def export(
     store: StoreDep,
     format: Annotated[Format, Query()] = "csv",
 ) -> Response:
-    """Return the samples as CSV, or the track as GeoJSON or KML; simulated data says so."""
+    """Return the samples as CSV, or the track as GeoJSON or KML; simulated data says so.
+
+    ``tracking`` is a CSV of what the robot said of the targets that it followed.
+    """
     del caller
     record = await store.query(lambda session: get_deployment(session, deployment))
     robot = await store.query(lambda session: get_robot(session, record.robot))
     mark = "SIMULATION_" if robot.simulated else ""
+    ending = "tracking.csv" if format == "tracking" else format
     headers = {
-        "Content-Disposition": f'attachment; filename="{mark}{robot.id}_{record.id}.{format}"'
+        "Content-Disposition": f'attachment; filename="{mark}{robot.id}_{record.id}.{ending}"'
     }
     media_type = _MEDIA_TYPES[format]
-    if format == "csv":
+    if format in ("csv", "tracking"):
 
         def blocks() -> Generator[str]:
             with store.read() as session:
-                yield from csv_blocks(session, record, robot)
+                if format == "csv":
+                    yield from csv_blocks(session, record, robot)
+                else:
+                    wanted = TrackRange(record.started_at - _INSTANT, record.ended_at)
+                    yield from track_csv_blocks(session, robot, wanted)
 
         return StreamingResponse(blocks(), media_type=media_type, headers=headers)
     write = geojson if format == "geojson" else kml

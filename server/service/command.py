@@ -30,6 +30,7 @@ from server.service.link import Radio, SatelliteRoad
 from server.service.routing import Wish
 from server.service.turn import Turns
 from server.service.view.command import CommandView
+from server.service.words import told_to
 
 log = logging.getLogger(__name__)
 
@@ -147,7 +148,7 @@ class Commands:
                 session,
                 at,
                 f"command.{kind.value}",
-                f"{by} told {robot} to {kind.value}.",
+                f"{by} told {robot} {told_to(kind)}.",
                 level="watch" if kind is CommandKind.SURFACE else "info",
                 robot=robot,
                 data={"command": command.id, "by": by},

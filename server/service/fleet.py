@@ -7,6 +7,7 @@ from datetime import datetime
 from autonomy.field.variable import VARIABLES
 from autonomy.frames import wgs84_from_ned
 from autonomy.planner.plan import PositionNed
+from autonomy.tracking.phase import TrackPhase
 from autonomy.vehicle.config import Vehicle
 from db.query.robots import RobotRecord
 from robot_link.clock import Clock
@@ -36,9 +37,12 @@ from server.service.view.robot import (
     RobotView,
     StateView,
 )
+from server.service.view.tracking import TargetTrackView
 from server.service.words import activity, clock_time, onboard_plan_state, surface_forecast
 
 _SAME_PLACE_M = 0.02
+_ENDED_LIMIT_S = 600.0
+"""Age from which the last word of a mission that followed a target concerns nobody."""
 _TRACK_STEPS = 500
 """Track points are at least the site's longest side divided by this apart."""
 
@@ -165,6 +169,21 @@ class Fleet:
         state = picture.state
         return state is None or self._age_s(state.measured_at) > self.limit_s(POSITION_LIMIT_S)
 
+    def track_shown(self, picture: Picture) -> TrackReport | None:
+        """Return a robot's newest report on its target, ``None`` once that concerns nobody."""
+        report = picture.track_report
+        if report is None:
+            return None
+        is_over = report.phase is TrackPhase.ENDED
+        if is_over and self._age_s(report.measured_at) > self.limit_s(_ENDED_LIMIT_S):
+            return None
+        return report
+
+    def is_track_old(self, report: TrackReport) -> bool:
+        """Tell whether a report on a target must look old."""
+        is_over = report.phase is TrackPhase.ENDED
+        return is_over or self._age_s(report.measured_at) > self.limit_s(POSITION_LIMIT_S)
+
     def robot_view(self, robot: str) -> RobotView:
         """Return a robot as the fleet's list shows it."""
         picture = self.picture(robot)
@@ -204,7 +223,7 @@ class Fleet:
             link=self._link_view(picture),
             links=link_views(picture),
             clock_fault=None if picture.clock_fault is None else picture.clock_fault.text,
-            tracking=None if picture.track_report is None else track_view(picture.track_report),
+            tracking=self._tracking(picture),
         )
 
     def live_view(self, robot: str) -> LiveRobotView:
@@ -333,6 +352,10 @@ class Fleet:
             known = (position_ned, (float(latitude_deg), float(longitude_deg)))
             picture.geodetic = known
         return known[1]
+
+    def _tracking(self, picture: Picture) -> TargetTrackView | None:
+        report = self.track_shown(picture)
+        return None if report is None else track_view(report)
 
     def _onboard_plan(self, picture: Picture) -> OnboardPlanView | None:
         report = picture.plan_report

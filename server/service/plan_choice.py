@@ -9,6 +9,7 @@ from server.problem import FieldError, conflict, unprocessable
 from server.service.drafting import outdated_by
 from server.service.fleet import Fleet
 from server.service.mission_ledger import MissionLedger
+from server.service.picture import TRACK_TARGET
 from server.service.plan_document import (
     candidate_of_draft,
     candidates_of,
@@ -114,6 +115,8 @@ class PlanChoices:
         if record.state != "draft":
             state = record.state.replace("_", " ")
             raise conflict(f"{plan} is {state}; only a draft can be exchanged. Plan again.")
+        if record.kind == TRACK_TARGET:
+            raise conflict(f"{plan} follows a target; there is no search to go on with.")
         if record.document.get("objective") is None:
             raise conflict(f"{plan} was laid out by hand; there is no search to go on with.")
         if record.mission is not None:

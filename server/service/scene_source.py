@@ -4,8 +4,10 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.site import Area, Site
+from autonomy.tracking.phase import TrackPhase
 from autonomy.vehicle.hull import Hull
-from robot_link.messages import RobotId
+from db.query.plans import ENDED_STATES
+from robot_link.messages import RobotId, TrackReport
 from server.service.comparison_view import ShownWhatIfs
 from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
@@ -17,6 +19,8 @@ from webui.scene.source import (
     PlanView,
     Pose,
     SampleView,
+    TargetHypothesis,
+    TargetView,
     TrackPiece,
 )
 
@@ -40,6 +44,9 @@ class StationSceneSource:
         self._plan: tuple[PlanInHand, int | None, PlanView] | None = None
         self._kept_out_by: PlanInHand | None = None
         self._keep_outs: tuple[Area, ...] = ()
+        self._target: tuple[TrackReport, bool, TargetView] | None = None
+        self._path_of: PlanInHand | None = None
+        self._path: FloatArray | None = None
 
     @property
     def robot(self) -> RobotId:
@@ -126,9 +133,56 @@ class StationSceneSource:
             self._keep_outs = tuple(Area.model_validate(area) for area in areas)
         return self._keep_outs
 
+    def target(self) -> TargetView | None:
+        """Return the target that the robot follows; the same object as long as nothing changed."""
+        report = self._fleet.track_shown(self._picture)
+        if report is None:
+            return None
+        is_old = self._fleet.is_track_old(report)
+        if self._target is None or self._target[:2] != (report, is_old):
+            self._target = (report, is_old, self._target_view(report, is_old=is_old))
+        return self._target[2]
+
+    def target_path(self) -> FloatArray | None:
+        """Return where a virtual target of the plan in hand goes."""
+        hand = self._picture.plan
+        if hand is not self._path_of:
+            self._path_of = hand
+            self._path = None if hand is None else _target_path(hand)
+        return self._path
+
+    def _target_view(self, report: TrackReport, *, is_old: bool) -> TargetView:
+        hand, state = self._picture.plan, self._picture.state
+        depth_m = 0.0 if hand is None else _target_depth_m(hand)
+        hears = report.phase in (TrackPhase.TRACKING, TrackPhase.WAITING)
+        return TargetView(
+            measured_at=report.measured_at,
+            robot_ned=(*report.position_ne_m, 0.0 if state is None else state.position_ned[2]),
+            hypotheses=tuple(
+                TargetHypothesis((*one.position_ne_m, depth_m), one.covariance_m2, one.weight)
+                for one in report.hypotheses
+            ),
+            range_m=report.range_m if hears and not is_old else None,
+            true_ned=None if report.true_ne_m is None else (*report.true_ne_m, depth_m),
+            is_old=is_old or report.phase is TrackPhase.LOST,
+        )
+
     @property
     def _picture(self) -> Picture:
         return self._fleet.picture(self._robot)
+
+
+def _target_depth_m(hand: PlanInHand) -> float:
+    """Return how deep the target of a plan is, 0 for a plan without one."""
+    return float(hand.record.config.get("target", {}).get("depth_m", 0.0))
+
+
+def _target_path(hand: PlanInHand) -> FloatArray | None:
+    """Return where the virtual target of a plan that is still to be flown goes, ``(n, 3)``, m."""
+    path = np.array(hand.record.document.get("target_path") or [], dtype=np.float64)
+    if path.ndim != 2 or hand.state in ENDED_STATES:
+        return None
+    return np.column_stack([path[:, 1:], np.full(len(path), _target_depth_m(hand))])
 
 
 def _rehearsed(hand: PlanInHand) -> FloatArray | None:

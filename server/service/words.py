@@ -127,6 +127,10 @@ def command_text(
             return f"{order} for {robot} is written down; no link has taken it yet."
 
 
+_TOLD = {
+    CommandKind.QUIET: "to stop pinging its target",
+    CommandKind.PING: "to ping its target again",
+}
 _ORDERS = {
     CommandKind.SURFACE: "Surface order",
     CommandKind.HOLD: "Hold order",
@@ -143,6 +147,11 @@ _APPLIED = {
     CommandKind.QUIET: "{robot} obeys: it does not ping its target.",
     CommandKind.PING: "{robot} obeys: it pings its target again.",
 }
+
+
+def told_to(kind: CommandKind) -> str:
+    """Return what somebody told a robot, such as "to surface"."""
+    return _TOLD.get(kind, f"to {kind.value}")
 
 
 def onboard_plan_state(state: OnboardPlanState) -> str:

@@ -17,6 +17,7 @@ from webui.scene.source import (
     PlanView,
     Pose,
     SampleView,
+    TargetView,
     TrackPiece,
 )
 
@@ -45,6 +46,8 @@ class FakeSource:
         self.models = ("recursive", "single")
         self.shown_comparison: ComparisonView | None = None
         self.areas: tuple[Area, ...] = ()
+        self.followed: TargetView | None = None
+        self.followed_path: np.ndarray | None = None
         self.sampled = SampleView(
             self.track_ned[::4],
             np.digitize(-self.std_m[::4], [-0.09, -0.05]).astype(np.int64),
@@ -81,6 +84,12 @@ class FakeSource:
 
     def samples(self) -> SampleView | None:
         return self.sampled
+
+    def target(self) -> TargetView | None:
+        return self.followed
+
+    def target_path(self) -> np.ndarray | None:
+        return self.followed_path
 
     def keep_outs(self) -> tuple[Area, ...]:
         return self.areas

@@ -42,6 +42,11 @@ UNCERTAINTY: Colour = (160, 205, 255)
 KEEP_OUT: Colour = (242, 104, 108)
 SHORE: Colour = (127, 184, 164)
 LAKE_BED: Colour = (74, 92, 104)
+TARGET: Colour = (255, 138, 101)
+"""Where a robot believes its target to be, and how far it heard that it is."""
+TARGET_TRUE: Colour = (236, 240, 244)
+"""Where a virtual target really is."""
+TARGET_OLD: Colour = ROBOT_OLD
 REHEARSED: Colour = (226, 214, 170)
 """Where a rehearsal went: computed, not flown, and not what was promised either."""
 

@@ -16,6 +16,7 @@ from webui.scene.sample import Samples
 from webui.scene.source import SceneSource
 from webui.scene.stage import Stage
 from webui.scene.surroundings import draw_surroundings
+from webui.scene.target import Target
 from webui.scene.track import Track
 from webui.scene.view import SceneChange, SceneState
 
@@ -49,6 +50,7 @@ class RobotScene:
         self._map = FieldMap(self._stage, source)
         self._samples = Samples(self._stage, source)
         self._keep_outs = KeepOuts(self._stage, source)
+        self._target = Target(self._stage, source)
         self._bed = LakeBed(self._stage, source.site)
         self._comparison = Comparison(self._stage, source)
         self._is_framed = False
@@ -60,6 +62,7 @@ class RobotScene:
             "plan": LayerEntry("Plan", self._plan.legs),
             "uncertainty": LayerEntry("Planned uncertainty", self._plan.uncertainty),
             "rehearsal": LayerEntry("Rehearsed track", self._plan.rehearsal),
+            "target": LayerEntry("Target", self._target),
             "keep_outs": LayerEntry("Keep-outs", self._keep_outs),
             "floor": LayerEntry("Shore and floor", self._bed),
             "what_if": LayerEntry("What-if", self._comparison),
@@ -96,6 +99,7 @@ class RobotScene:
             self._plan.update()
             self._samples.update()
             self._keep_outs.update()
+            self._target.update()
             if self._comparison.update():
                 self._frame()
             self._map.update()

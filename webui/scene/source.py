@@ -124,6 +124,34 @@ class ComparisonView:
     runs: tuple[ComparisonTrack, ...]
 
 
+@dataclass(frozen=True, slots=True)
+class TargetHypothesis:
+    """Where the robot believes its target to be."""
+
+    position_ned: PositionNed
+    covariance_m2: tuple[float, float, float]
+    """Of the horizontal position: north-north, north-east, east-east."""
+    weight: float
+    """Probability, 0..1."""
+
+
+@dataclass(frozen=True, slots=True)
+class TargetView:
+    """What a robot that follows a target says of its hold on it."""
+
+    measured_at: datetime
+    robot_ned: PositionNed
+    """Where the robot was then."""
+    hypotheses: tuple[TargetHypothesis, ...]
+    """The likeliest first."""
+    range_m: float | None
+    """Range that holds now; None where the robot hears none."""
+    true_ned: PositionNed | None
+    """Where a virtual target was; None for a real one."""
+    is_old: bool
+    """Whether it must not look alive: old, or of a robot that lost its target."""
+
+
 class SceneSource(Protocol):
     """Everything the scene shows of one robot; cheap enough to be polled at 10 Hz."""
 
@@ -178,6 +206,17 @@ class SceneSource(Protocol):
 
     def samples(self) -> SampleView | None:
         """Return the samples behind the maps; the same object as long as there is none to add."""
+        ...
+
+    def target(self) -> TargetView | None:
+        """Return the target that the robot follows, None without one or long after."""
+        ...
+
+    def target_path(self) -> FloatArray | None:
+        """Return where a virtual target of the plan in hand goes, shape ``(n, 3)``.
+
+        The same object as long as nothing about it changed.
+        """
         ...
 
     def keep_outs(self) -> tuple[Area, ...]:

@@ -71,6 +71,8 @@ def values_of(
     if content.plan is not None:
         said_at = session_at if content.state is None else content.state.measured_at
         told.append(_plan_report(content.plan, robot, said_at, arrived_at, find_plan))
+    if content.track is not None:
+        told.append(content.track)
     told.extend(content.samples)
     return told
 
@@ -107,6 +109,8 @@ def _summary(content: MobileOriginatedContent) -> str:
     if content.plan is not None and content.plan.state is not OnboardPlanState.NONE:
         plan = content.plan
         parts.append(f"plan {plan.digits[:8]} {plan.state.name.lower().replace('_', ' ')}")
+    if content.track is not None:
+        parts.append(f"target {content.track.phase.name.lower()}")
     parts.extend(
         f"transfer {ack.transfer_id:08x} {ack.state.name.lower()}, "
         f"{len(ack.received)} of {ack.count} parts"
