@@ -1,4 +1,4 @@
-"""What a step of the observability barrier costs, and that its closed form is the solution."""
+"""What a step of the observability barrier costs, and that it is the right step."""
 
 import math
 import time
@@ -12,7 +12,7 @@ import osqp
 from scipy import sparse
 
 from autonomy.tracking import control_kernel, filter_kernel, unicycle
-from autonomy.tracking.config import THESIS_TRACKING, TrackingConfig
+from autonomy.tracking.config import THESIS_TRACKING, BarrierConfig, TrackingConfig
 from autonomy.tracking.control_kernel import INFEASIBLE, closest, control_step
 from autonomy.tracking.orbit import follow
 from autonomy.tracking.pack_control import pack_control
@@ -20,15 +20,21 @@ from tests.autonomy.closest_point import enumerated, problems
 
 CALL_BAR_US, LOOP_BAR_US = 2.0, 1.0
 PROBLEMS, PEER_PROBLEMS = 100_000, 400
-DIFFERENCE_BAR = 1e-9
+DIFFERENCE_BAR, RADIUS_BAR = 1e-9, 0.01
+ANCHORS = (
+    ((-1.0, 0.5, 0.3, 0.2), (0.02, 0.01), 0.0065, 0.13, (-0.08262551479, 0.01)),
+    ((-1.0, 0.5, 0.3, 0.2), (0.02, 0.01), 0.0065, 1.0, (-0.31521397338, 0.01)),
+    ((-0.1, 0.5, 0.0, 0.35), (0.0, 0.0), 0.0324, 0.13, (-0.12402040816, 0.01)),
+)
+"""Relative state, velocity of the target, barrier level, slope, and the command."""
 STEPS = 200_000
 DT_S = 0.1
 _ROUNDS = 9
 
 
 def measure() -> list[dict[str, Any]]:
-    """Measure one step, alone and with the estimator, and the closed form against its peers."""
-    return [*_steps(), *_loops(), *_enumeration(), *_peers()]
+    """Measure one step, alone and with the estimator, its anchors, and its solver's peers."""
+    return [*_steps(), *_loops(), *_anchors(), *_enumeration(), *_peers()]
 
 
 def _steps() -> list[dict[str, Any]]:
@@ -113,6 +119,35 @@ def _run(
             gone = filter_kernel.predict_into(x, cov, u1, u2, DT_S, vt_x, vt_y, q)
             own_x, own_y = own_x + gone[0], own_y + gone[1]
     return total / noise.shape[0]
+
+
+def _anchors() -> list[dict[str, Any]]:
+    """Compare printed commands and the radii of orbits around a target that stays."""
+    worst = 0.0
+    for state, velocity, epsilon, slope, command in ANCHORS:
+        packed = pack_control(_thesis(epsilon=epsilon, slope=slope))
+        found = control_step(*state, *velocity, 0.0, 0.0, packed)[:2]
+        worst = max(worst, float(np.abs(np.subtract(found, command)).max()))
+    apart = 0.0
+    for settings, speed in (
+        *(({"epsilon": epsilon, "shape": "squared"}, 0.1) for epsilon in (0.0065, 0.04)),
+        *(({"epsilon": epsilon, "shape": "absolute"}, 0.1) for epsilon in (0.0065, 0.04)),
+        *(({"epsilon": 0.04, "alpha": "zero"}, speed) for speed in (0.1, 0.2, 0.4)),
+    ):
+        run = follow(_thesis(slope=1.0, **settings), (-5.0, 0.0, 0.6, speed), 300.0)
+        held = math.sqrt(settings["epsilon"])
+        if "alpha" in settings:
+            held = abs(float(run.determinant_m2_s[0]))
+        apart = max(apart, abs(run.radius_m(100.0) / math.sqrt(held / (math.pi / 4.0)) - 1.0))
+    return [
+        _row("Printed commands, worst difference", worst, "", DIFFERENCE_BAR),
+        _row("Radius of seven orbits against theory, relative", apart, "", RADIUS_BAR),
+    ]
+
+
+def _thesis(**settings: Any) -> TrackingConfig:
+    barrier = BarrierConfig.model_validate(THESIS_TRACKING.barrier.model_dump() | settings)
+    return THESIS_TRACKING.model_copy(update={"barrier": barrier})
 
 
 def _enumeration() -> list[dict[str, Any]]:
