@@ -126,8 +126,8 @@ class BarrierConfig(Configuration):
     alpha: Literal["linear", "cubic", "negative", "zero", "root", "constant"] = quantity(
         "linear", title="Class-K function", advanced=True
     )
-    """How fast the barrier may fall: slope x B, B^3, -B, 0, sgn sqrt |B|, or constant (Appendix C).
-    Only the first two are class K."""
+    """How fast the barrier may fall: slope times B, B^3, -B, 0, sgn(B) sqrt|B|, or -1 (Appendix C).
+    Only the first two are class K; with the negative ones the robot may run away."""
     slope: float = quantity(0.13, "1/s", title="Slope", gt=0.0, le=100.0)
     """Factor of the class-K function."""
     fallback: Literal["best_effort", "nominal"] = quantity(
