@@ -1,0 +1,190 @@
+"""What robots say of their targets, as rows."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import replace
+from datetime import timedelta
+
+import pytest
+from alembic import command
+from sqlalchemy import inspect
+from sqlalchemy.orm import Session
+
+from autonomy.tracking.phase import TrackPhase
+from db.engine import write_engine
+from db.ingest import append_telemetry
+from db.migrate import configuration, migrate, schema_version
+from db.query.events import add_event
+from db.query.robots import add_robot
+from db.query.telemetry import newest_state
+from db.query.tracking import (
+    TrackRange,
+    iterate_track_reports,
+    lost_since,
+    newest_event_of,
+    newest_track_report,
+    range_of_plan,
+    track_reports,
+)
+from db.store import Store
+from robot_link.messages import OnboardPlanState, PlanHash, PlanReport, RobotId
+from tests.db.conftest import START, report, robot_record
+from tests.db.track import track_report
+
+FIRST, SECOND = PlanHash("a" * 64), PlanHash("b" * 64)
+
+
+def plan_report(second, state, sha256=FIRST):
+    at = START + timedelta(seconds=second)
+    return PlanReport(RobotId("mini-1"), sha256, state, 0, 0, 0.0, "", at, at)
+
+
+def kept(store, *values):
+    store.append(values).result(5)
+
+
+def at(second):
+    return START + timedelta(seconds=second)
+
+
+def test_a_report_comes_back_as_it_was(store):
+    first = track_report(1)
+    bare = replace(track_report(2, TrackPhase.WAITING), hypotheses=(), range_m=None, true_ne_m=None)
+    kept(store, first, bare)
+    with store.read() as session:
+        assert track_reports(session, "mini-1") == [first, bare]
+        assert newest_track_report(session, "mini-1") == bare
+
+
+def test_a_report_that_comes_twice_is_one_row(store):
+    kept(store, track_report(1))
+    kept(store, track_report(1), track_report(2))
+    with store.read() as session:
+        assert [one.measured_at for one in track_reports(session, "mini-1")] == [at(1), at(2)]
+
+
+def test_a_robot_that_never_followed_a_target_has_no_report(store):
+    with store.read() as session:
+        assert newest_track_report(session, "mini-1") is None
+        assert track_reports(session, "mini-1") == []
+        assert lost_since(session, "mini-1", at(9)) is None
+
+
+def test_a_list_goes_on_where_it_ended(store):
+    kept(store, *(track_report(second) for second in range(10)))
+
+    def seconds(session, **asked):
+        found = track_reports(session, "mini-1", **asked)
+        return [round((one.measured_at - START).total_seconds()) for one in found]
+
+    with store.read() as session:
+        assert seconds(session, limit=3) == [7, 8, 9]
+        assert seconds(session, limit=3, newest=False) == [0, 1, 2]
+        after = TrackRange(after=at(2), until=at(5))
+        assert seconds(session, wanted=after, limit=2, newest=False) == [3, 4]
+        assert seconds(session, wanted=after) == [3, 4, 5]
+        assert len(list(iterate_track_reports(session, "mini-1", after))) == 3
+
+
+def test_reports_belong_to_the_plan_that_was_flown(store):
+    kept(
+        store,
+        plan_report(0, OnboardPlanState.ON_BOARD),
+        plan_report(10, OnboardPlanState.RUNNING),
+        plan_report(20, OnboardPlanState.RUNNING),
+        plan_report(30, OnboardPlanState.DONE),
+        plan_report(40, OnboardPlanState.ON_BOARD, SECOND),
+        plan_report(50, OnboardPlanState.RUNNING, SECOND),
+    )
+    with store.read() as session:
+        assert range_of_plan(session, "mini-1", FIRST) == TrackRange(at(0), at(40))
+        assert range_of_plan(session, "mini-1", SECOND) == TrackRange(at(40), None)
+        assert range_of_plan(session, "mini-1", "c" * 64) is None
+
+
+def test_a_loss_lasts_from_its_first_report_however_the_robot_coasts(store):
+    phases = ["TRACKING", "LOST", "TRACKING", "COASTING", "LOST", "LOST", "COASTING", "TRACKING"]
+    kept(store, *(track_report(i, TrackPhase[name]) for i, name in enumerate(phases)))
+    with store.read() as session:
+        assert lost_since(session, "mini-1", at(7)) == at(4)
+        assert lost_since(session, "mini-1", at(2)) == at(1)
+        assert lost_since(session, "mini-1", at(1)) is None
+        assert lost_since(session, "mini-1", at(8)) is None
+
+
+def test_newest_event_is_found_among_others(store):
+    def write(session):
+        for number, kind in enumerate(("track.lost", "track.found", "plan.done")):
+            add_event(session, at(number), kind, "so it was", robot="mini-1")
+
+    store.change(write).result(5)
+    with store.read() as session:
+        assert newest_event_of(session, "mini-1", ("track.lost", "track.found")) == "track.found"
+        assert newest_event_of(session, "mini-1", ("track.ended",)) is None
+
+
+def test_a_database_of_the_version_before_keeps_its_rows_and_takes_reports(url):
+    engine = write_engine(url)
+    with engine.begin() as connection:
+        command.upgrade(configuration(connection), "0006")
+        with Session(connection) as session:
+            add_robot(session, robot_record())
+            append_telemetry(session, [report(0), report(1, 0.7)])
+            session.commit()
+    migrate(engine)
+    with Session(engine) as session:
+        assert schema_version(session.connection()) == "0007"
+        assert newest_state(session, "mini-1").position_ned[2] == 0.7
+        append_telemetry(session, [track_report(3)])
+        session.commit()
+        assert newest_track_report(session, "mini-1") == track_report(3)
+    engine.dispose()
+
+
+def test_the_migration_can_be_taken_back(url):
+    engine = write_engine(url)
+    migrate(engine)
+    with engine.begin() as connection:
+        command.downgrade(configuration(connection), "0006")
+        assert not inspect(connection).has_table("track_report")
+        assert inspect(connection).has_table("robot_log")
+    engine.dispose()
+
+
+CHILD = """
+import sys
+from db.store import Store
+from tests.db.track import track_report
+
+store = Store.open(sys.argv[1])
+waiting = []
+for number in range(1_000_000):
+    waiting.append((number, store.append([track_report(number)])))
+    if len(waiting) > 50:
+        done, future = waiting.pop(0)
+        future.result()
+        print(done, flush=True)
+"""
+
+
+@pytest.mark.process
+def test_every_report_that_was_committed_survives_sigkill(url):
+    store = Store.open(url)
+    store.change(lambda session: add_robot(session, robot_record())).result(5)
+    store.close()
+    child = subprocess.Popen([sys.executable, "-c", CHILD, url], stdout=subprocess.PIPE, text=True)
+    told = [int(child.stdout.readline())]
+    time.sleep(0.2)
+    os.kill(child.pid, signal.SIGKILL)
+    told += [int(line) for line in child.stdout.read().splitlines() if line]
+    child.stdout.close()
+    assert child.wait() == -signal.SIGKILL
+    store = Store.open(url)
+    with store.read() as session:
+        found = list(iterate_track_reports(session, "mini-1"))
+    store.close()
+    assert {at(number) for number in told} <= {one.measured_at for one in found}
+    assert found[0] == track_report(0)
