@@ -76,9 +76,10 @@ class Executive:
     Args:
         flight: The robot.
         energy: Prices of its primitives.
+        period_s: Time between two steps.
     """
 
-    def __init__(self, flight: Flight, energy: EnergyConfig) -> None:
+    def __init__(self, flight: Flight, energy: EnergyConfig, period_s: float = 0.1) -> None:
         self._flight = flight
         self._own_controller = flight.pilot.controller
         self._energy = energy
@@ -90,7 +91,7 @@ class Executive:
         self._maneuver: Maneuver = Float(flight, RobotMode.IDLE)
         self._flown: LegManeuver | None = None
         self._hold = False
-        self.tracking = TrackingDesk(flight)
+        self.tracking = TrackingDesk(period_s)
         """What is heard, done and told of a target, where the mission follows one."""
         self._abort_reason = ""
         self._mission_s = 0.0
@@ -159,12 +160,10 @@ class Executive:
                 self._hold = kind is CommandKind.HOLD
                 return CommandOutcome.DONE
             case CommandKind.QUIET | CommandKind.PING:
-                self.tracking.is_quiet = kind is CommandKind.QUIET
+                self.tracking.obey(is_quiet=kind is CommandKind.QUIET)
                 return CommandOutcome.DONE
             case CommandKind.START:
                 return self._start(plan_digits)
-            case CommandKind.QUIET | CommandKind.PING:
-                return CommandOutcome.NOT_NOW
 
     def step(
         self,
@@ -262,6 +261,7 @@ class Executive:
     def _abort(self, reason: str) -> None:
         self._account.end_leg()
         self._abort_reason = reason
+        self.tracking.end()
         self._enter(Stage.ABORT, Rise(self._flight))
 
     def _proceed(self, estimate: Estimate, samples_waiting: bool, *, is_talking: bool) -> None:
@@ -315,6 +315,7 @@ class Executive:
         if self.tracking.failure:
             self._abort(self.tracking.failure)
         elif self._hold or self._maneuver.is_done(estimate):
+            self.tracking.pause()
             self._enter(Stage.NEXT, Rise(self._flight))
 
     def _turn(self, estimate: Estimate) -> None:

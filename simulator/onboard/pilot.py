@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from autonomy.control.config import BacksteppingConfig
 from autonomy.control.controller import BacksteppingController, Controller
 from autonomy.control.reference import Reference
+from autonomy.tracking.inner_loop import TailBeat
 from autonomy.vehicle.config import Vehicle
 from simulator.onboard.course import wrap
 from simulator.onboard.hardware import SetPoints
@@ -80,13 +81,7 @@ class Pilot:
             estimate: Where the robot believes to be.
             course_rad: Wanted heading.
         """
-        limits = self._vehicle.limits
-        excess = estimate.pitch_rad - _SWIMMING_PITCH_RAD
-        trim = SetPoints(
-            _FLOATING_SHARE * limits.m0_min_kg,
-            self._vehicle.swim.rp1_m + abs(limits.rp1_min_m) * excess,
-        )
-        return self._flapping(estimate, course_rad, trim)
+        return self._flapping(estimate, course_rad, self._afloat(estimate))
 
     def swim_at_depth(
         self, estimate: Estimate, course_rad: float, depth: DepthReference
@@ -94,6 +89,25 @@ class Pilot:
         """Swim level at a depth; arguments as of ``swim``."""
         level = self._track(estimate, depth, 0.0)
         return self._flapping(estimate, course_rad, level)
+
+    def beat(
+        self, estimate: Estimate, beat: TailBeat, depth: DepthReference | None = None
+    ) -> SetPoints:
+        """Swim with a given beat of the tail, at the surface or at a depth.
+
+        Args:
+            estimate: Where the robot believes to be.
+            beat: What the tail does.
+            depth: Depth to be at; None is the surface.
+        """
+        trim = self._afloat(estimate) if depth is None else self._track(estimate, depth, 0.0)
+        return SetPoints(
+            trim.net_buoyancy_kg,
+            trim.mass_position_m,
+            tail_rad=beat.bias_rad,
+            tail_amplitude_rad=beat.amplitude_rad,
+            tail_frequency_hz=beat.frequency_hz,
+        )
 
     def sink(
         self, estimate: Estimate, depth: DepthReference, forward_speed_m_s: float
@@ -163,6 +177,15 @@ class Pilot:
         tail = -_SPIRAL_RUDDER_RAD * turn_sign - _SWIMMING_GAIN * error
         tracked = self._track(estimate, depth, pitch_rad, net_buoyancy_max_kg)
         return _with_tail(tracked, _clip(tail, _SPIRAL_RUDDER_MAX_RAD))
+
+    def _afloat(self, estimate: Estimate) -> SetPoints:
+        """Return net mass and sliding mass of swimming at the surface."""
+        limits = self._vehicle.limits
+        excess = estimate.pitch_rad - _SWIMMING_PITCH_RAD
+        return SetPoints(
+            _FLOATING_SHARE * limits.m0_min_kg,
+            self._vehicle.swim.rp1_m + abs(limits.rp1_min_m) * excess,
+        )
 
     def _track(
         self,

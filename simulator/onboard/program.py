@@ -8,6 +8,7 @@ from autonomy.control.config import BacksteppingConfig
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner.config import EnergyConfig
 from autonomy.site import Site
+from autonomy.tracking.config import RangingConfig
 from autonomy.vehicle.config import Vehicle
 from robot_link.messages import (
     CommandKind,
@@ -16,6 +17,7 @@ from robot_link.messages import (
     RobotId,
     RobotMode,
     StateReport,
+    TrackReport,
 )
 from robot_link.mission import Mission
 from robot_link.onboard import CommandOutcome
@@ -105,7 +107,7 @@ class OnboardProgram:
         self._navigator = Navigator(estimator, vehicle, site, self._readings, PERIOD_S)
         pilot = Pilot(vehicle, controller, PERIOD_S)
         self.executive = Executive(
-            Flight(vehicle, FLIGHT_PROFILES[vehicle.key], site, pilot), energy
+            Flight(vehicle, FLIGHT_PROFILES[vehicle.key], site, pilot), energy, PERIOD_S
         )
         self._set_points = pilot.rest()
         self.estimate: Estimate = self._read(0.0)
@@ -154,6 +156,31 @@ class OnboardProgram:
         ):
             return CommandOutcome.NOT_NOW
         return self.executive.obey(kind, plan_digits)
+
+    def hear_range(self, range_m: float | None, age_s: float) -> None:
+        """Take a slant range of the target from outside, or None for a ping without an answer.
+
+        Args:
+            range_m: From the robot to the target, m; one that is no range is counted and rejected.
+            age_s: How long ago it was measured.
+        """
+        self.executive.tracking.hear(range_m, age_s)
+
+    def wants_range(self) -> int | None:
+        """Return the acoustic address to ping now, or None."""
+        return self.executive.tracking.wants_range()
+
+    @property
+    def ranging(self) -> RangingConfig | None:
+        """How the mission takes ranges; None for one that follows no target."""
+        return self.executive.tracking.ranging
+
+    def track_report(self) -> TrackReport | None:
+        """Return how the robot holds its target; None without a mission that follows one.
+
+        ``received_at`` is the receiver's to fill.
+        """
+        return self.executive.tracking.report(self._robot, self.now, self.estimate)
 
     def step(self, radio: Radio) -> None:
         """Read, estimate, decide, act, measure and tell; call it every ``PERIOD_S``."""

@@ -1,6 +1,7 @@
 """Limits that bring the robot up: for good, or for the rest of one dive."""
 
 from autonomy.site import Site
+from autonomy.tracking.config import TrackingConfig
 from autonomy.vehicle.config import ActuatorLimits
 from autonomy.vehicle.trim import trim_flaw
 from robot_link.mission import Mission, MissionSettings
@@ -49,6 +50,10 @@ def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str
 
 def plan_flaw(mission: Mission, site: Site, limits: ActuatorLimits) -> str:
     """Return why a plan cannot be flown here by this robot at all, or ""."""
+    settings = mission.settings
+    trim = trim_flaw(settings.net_buoyancy_offset_kg, settings.mass_position_offset_m, limits)
+    if mission.tracking is not None:
+        return _tracking_flaw(mission.tracking.config(), site) or trim
     if not mission.legs:
         return "the plan has no legs"
     for number, leg in enumerate(mission.legs, start=1):
@@ -56,5 +61,16 @@ def plan_flaw(mission: Mission, site: Site, limits: ActuatorLimits) -> str:
             return f"leg {number} leaves the water of {site.name}"
         if leg.speed_m_s <= 0.0:
             return f"leg {number} has no speed"
-    settings = mission.settings
-    return trim_flaw(settings.net_buoyancy_offset_kg, settings.mass_position_offset_m, limits)
+    return trim
+
+
+def _tracking_flaw(config: TrackingConfig, site: Site) -> str:
+    """Return why a target cannot be followed here at all, or ""."""
+    target = config.target
+    if not site.water.contains(target.north_m, target.east_m, target.depth_m):
+        return f"the target is not in the water of {site.name}"
+    if config.motion.depth_m > site.water.depth_max_m:
+        return f"{config.motion.depth_m:g} m is deeper than the water of {site.name}"
+    if config.filter.target_velocity == "known" and target.kind == "tag":
+        return "the velocity of a tag is not known on board"
+    return ""

@@ -1,0 +1,131 @@
+"""Pursuit of a target that is known by its range alone: the tracker steers, the tail swims."""
+
+import math
+
+from autonomy.tracking.config import TrackingConfig
+from autonomy.tracking.inner_loop import BeatAverage, InnerLoop, Swimming, TailBeat
+from autonomy.tracking.inner_loop_config import INNER_LOOP_PRESETS
+from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.reading import (
+    RangeHeard,
+    TrackerReading,
+    TrackerStart,
+    TrackerStep,
+)
+from autonomy.tracking.tracker import Tracker
+from robot_link.messages import RobotMode
+from simulator.onboard.hardware import SetPoints
+from simulator.onboard.maneuver import Flight
+from simulator.onboard.navigation import Estimate
+from simulator.onboard.pilot import DepthReference
+from simulator.onboard.ranging import Hearing
+
+_DIVING_RATE_M_S = 0.05
+_DOUBT_STDS, _DOUBT_M = 2.0, 0.05
+"""A robot may be so far outside by its own account before it is: walls hold it back."""
+_LEFT_THE_WATER = "the robot left the water in which it may swim"
+_NEAR_THE_FLOOR = "the floor is near"
+
+
+class Pursuit:
+    """Follows a target until the mission's time is over or the track has to be given up.
+
+    Args:
+        flight: The robot.
+        config: The mission.
+        hearing: Its ranges, and its time.
+        estimate: Where the robot is.
+        period_s: Time between two steps.
+    """
+
+    def __init__(
+        self,
+        flight: Flight,
+        config: TrackingConfig,
+        hearing: Hearing,
+        estimate: Estimate,
+        period_s: float,
+    ) -> None:
+        loops = INNER_LOOP_PRESETS[flight.vehicle.key]
+        self._flight = flight
+        self._config = config
+        self._hearing = hearing
+        self._half_step_s = 0.5 * period_s
+        self._average = BeatAverage(loops, period_s)
+        self._loop = InnerLoop(loops, period_s)
+        now = self._swimming(estimate)
+        start = TrackerStart(
+            estimate.position_ned[:2],
+            now.course_rad,
+            now.speed_m_s,
+            hearing.known_velocity_ne_m_s,
+        )
+        self._tracker = Tracker(config, start)
+        self.newest: TrackerStep | None = None
+        """What the tracker said last; None before the first step."""
+        self.failure = ""
+        """Why the mission fails, or ""."""
+        self._depth_m = estimate.depth_m
+
+    @property
+    def mode(self) -> RobotMode:
+        """Tracking, or searching for a target that was lost."""
+        is_lost = self.newest is not None and self.newest.phase is TrackPhase.LOST
+        return RobotMode.SEARCHING if is_lost else RobotMode.TRACKING
+
+    def step(self, estimate: Estimate, dt_s: float) -> SetPoints:
+        """Take in the ranges that came, and swim on."""
+        now = self._swimming(estimate)
+        # the tail does not do what is asked of it at once: what it did is measured
+        self._tracker.applied((now.turn_rate_rad_s, now.acceleration_m_s2))
+        step = self._tracker.step(self._reading(estimate, now), dt_s)
+        step = self._tracker.keep_inside(step, estimate.position_ned[:2], self._flight.site.water)
+        self.newest = step
+        self.failure = step.reason or self._trouble(estimate)
+        turn_rate, acceleration = step.command
+        beat = self._loop.step(turn_rate, acceleration, now)
+        return self._swim(estimate, beat, dt_s)
+
+    def is_done(self, estimate: Estimate) -> bool:
+        """Tell whether the time is over or the track has to be given up."""
+        left_s = self._config.motion.duration_s - self._hearing.time_s
+        return bool(self.failure) or left_s < self._half_step_s
+
+    def _reading(self, estimate: Estimate, now: Swimming) -> TrackerReading:
+        own_ne_m = estimate.position_ned[:2]
+        heard = self._hearing.take(own_ne_m, estimate.depth_m)
+        return TrackerReading(
+            own_ne_m=own_ne_m,
+            heading_rad=now.course_rad,
+            speed_m_s=now.speed_m_s,
+            ranges=tuple(RangeHeard(one.range_m, one.age_s) for one in heard),
+            is_quiet=self._hearing.is_quiet,
+            target_velocity_ne_m_s=self._hearing.known_velocity_ne_m_s,
+        )
+
+    def _swimming(self, estimate: Estimate) -> Swimming:
+        return self._average.step(
+            estimate.velocity_ned[:2], estimate.heading_rad, float(estimate.state[11])
+        )
+
+    def _trouble(self, estimate: Estimate) -> str:
+        """Return why the robot cannot stay here, or ""."""
+        site, profile = self._flight.site, self._flight.profile
+        north, east, depth = estimate.position_ned
+        doubt_m = _DOUBT_STDS * estimate.position_std_m + _DOUBT_M
+        if not site.water.contains(north, east, 0.0, doubt_m):
+            return _LEFT_THE_WATER
+        if depth > float(site.floor_m(north, east)) - profile.floor_margin_m:
+            return _NEAR_THE_FLOOR
+        return ""
+
+    def _swim(self, estimate: Estimate, beat: TailBeat, dt_s: float) -> SetPoints:
+        wanted_m = self._config.motion.depth_m
+        if wanted_m <= 0.0:
+            return self._flight.pilot.beat(estimate, beat)
+        left_m = wanted_m - self._depth_m
+        change_m = math.copysign(min(abs(left_m), _DIVING_RATE_M_S * dt_s), left_m)
+        self._depth_m += change_m
+        return self._flight.pilot.beat(
+            estimate, beat, DepthReference(self._depth_m, change_m / dt_s)
+        )

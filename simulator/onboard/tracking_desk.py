@@ -1,0 +1,174 @@
+"""What a robot does about a target beside swimming: listens, remembers, answers, reports."""
+
+import math
+from datetime import datetime
+
+import numpy as np
+
+from autonomy.tracking.config import RangingConfig, TrackingConfig
+from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.reading import TrackerStep
+from robot_link.messages import RobotId, TargetEstimate, TrackReport
+from robot_link.mission import Mission
+from simulator.onboard.maneuver import Flight
+from simulator.onboard.navigation import Estimate
+from simulator.onboard.pursuit import Pursuit
+from simulator.onboard.ranging import Hearing
+
+_SEED_DIGITS = 12
+_LAST_WORD_S = 10.0
+"""How long a robot still says that its pursuit has ended."""
+
+
+class TrackingDesk:
+    """Keeps what outlasts one pursuit; a mission that was held goes on with it.
+
+    The mission's time, and with it a virtual target, goes on while the robot is held.
+
+    Args:
+        period_s: Time between two steps.
+    """
+
+    def __init__(self, period_s: float) -> None:
+        self.is_quiet = False
+        """Whether the robot was told not to ping."""
+        self._period_s = period_s
+        self._config: TrackingConfig | None = None
+        self._hearing: Hearing | None = None
+        self._pursuit: Pursuit | None = None
+        self._newest: TrackerStep | None = None
+        self._is_over = False
+        self._said_s = 0.0
+
+    @property
+    def is_wanted(self) -> bool:
+        """Whether the mission follows a target and its time is not over."""
+        config, hearing = self._config, self._hearing
+        if config is None or hearing is None or self._is_over:
+            return False
+        return hearing.time_s < config.motion.duration_s - 0.5 * self._period_s
+
+    @property
+    def ranging(self) -> RangingConfig | None:
+        """How ranges are taken; None where no target is followed."""
+        return None if self._config is None else self._config.ranging
+
+    @property
+    def failure(self) -> str:
+        """Why the pursuit under way fails, or ""."""
+        return "" if self._pursuit is None else self._pursuit.failure
+
+    def begin(self, mission: Mission) -> None:
+        """Prepare for a mission that is started now; the noise on board comes from its hash."""
+        self._config = self._hearing = self._pursuit = self._newest = None
+        self._is_over = False
+        self._said_s = 0.0
+        if mission.tracking is not None:
+            generator = np.random.default_rng(int(mission.sha256()[:_SEED_DIGITS], 16))
+            self._config = mission.tracking.config()
+            self._hearing = Hearing(self._config, generator)
+            self._hearing.is_quiet = self.is_quiet
+
+    def pursue(self, flight: Flight, estimate: Estimate) -> Pursuit:
+        """Return the pursuit from here on; one that was held begins where its target was last.
+
+        Raises:
+            RuntimeError: If the mission follows no target.
+        """
+        config, hearing = self._config, self._hearing
+        if config is None or hearing is None:
+            raise RuntimeError("no target is to be followed")
+        if self._newest is not None:
+            config = _from_newest(config, self._newest)
+        self._pursuit = Pursuit(flight, config, hearing, estimate, self._period_s)
+        return self._pursuit
+
+    def pause(self) -> None:
+        """Stop pursuing and pinging, until ``pursue``."""
+        if self._pursuit is not None:
+            self._newest = self._pursuit.newest or self._newest
+        self._pursuit = None
+
+    def end(self) -> None:
+        """Say from now on, but not for long, that the pursuit has ended."""
+        self.pause()
+        self._is_over = True
+
+    def pass_time(self, dt_s: float) -> None:
+        """Let time pass; the mission's begins with its first pursuit."""
+        if self._is_over:
+            self._said_s += dt_s
+        elif self._hearing is not None and (self._pursuit or self._newest):
+            self._hearing.pass_time(dt_s)
+
+    def obey(self, *, is_quiet: bool) -> None:
+        """Stop pinging, or ping again, from now on and in missions to come."""
+        self.is_quiet = is_quiet
+        if self._hearing is not None:
+            self._hearing.is_quiet = is_quiet
+
+    def hear(self, range_m: float | None, age_s: float) -> None:
+        """Note a slant range from outside, or a ping that nobody answered."""
+        if self._hearing is not None and self._pursuit is not None:
+            self._hearing.hear(range_m, age_s)
+
+    def wants_range(self) -> int | None:
+        """Return whom to ping now, or None."""
+        if self._hearing is None or self._pursuit is None or self.is_quiet:
+            return None
+        return self._hearing.address
+
+    def report(self, robot: RobotId, now: datetime, estimate: Estimate) -> TrackReport | None:
+        """Return how the robot holds its target; None while it follows none.
+
+        Args:
+            robot: Its name.
+            now: Its clock.
+            estimate: Where it believes to be.
+        """
+        hearing, config = self._hearing, self._config
+        step = self._pursuit.newest if self._pursuit else self._newest
+        is_told = self._pursuit is not None or (self._is_over and self._said_s < _LAST_WORD_S)
+        if hearing is None or config is None or step is None or not is_told:
+            return None
+        return TrackReport(
+            robot=robot,
+            measured_at=now,
+            received_at=now,
+            phase=TrackPhase.ENDED if self._is_over else step.phase,
+            position_ne_m=estimate.position_ned[:2],
+            hypotheses=tuple(
+                TargetEstimate(
+                    one.position_ne_m, one.velocity_ne_m_s, one.covariance_m2, one.weight
+                )
+                for one in step.hypotheses
+            ),
+            range_m=step.range_m,
+            range_age_s=step.range_age_s,
+            ranges_heard=step.ranges_heard,
+            ranges_rejected=step.ranges_rejected,
+            determinant_m2_s=step.determinant_m2_s,
+            barrier=step.barrier,
+            inverse_condition=step.inverse_condition,
+            nominal=step.nominal,
+            command=step.command,
+            is_barrier_on=config.barrier.controller != "nominal",
+            is_feasible=step.is_feasible,
+            is_quiet=self.is_quiet,
+            true_ne_m=hearing.true_ne_m,
+        )
+
+
+def _from_newest(config: TrackingConfig, newest: TrackerStep) -> TrackingConfig:
+    """Return the mission with the newest estimate of the target as its first guess."""
+    if not newest.hypotheses:
+        return config
+    likeliest = newest.hypotheses[0]
+    north, east = likeliest.position_ne_m
+    variance = max(likeliest.covariance_m2[0], likeliest.covariance_m2[2], 0.0)
+    guess = {
+        "north_m": north,
+        "east_m": east,
+        "guess_std_m": max(math.sqrt(variance), config.target.guess_std_m),
+    }
+    return config.model_copy(update={"target": config.target.model_copy(update=guess)})
