@@ -9,7 +9,8 @@ its distance is right and its place is not. The bank therefore
 - believes ranges that contradict the estimate again and again more than the estimate, and starts
   anew from a ring of hypotheses around the robot, at the distance that was heard.
 
-``hypotheses = one`` is the thesis's single filter: contradiction widens it, and nothing is split.
+``hypotheses = one`` is the thesis's single filter: nothing is split, and contradiction reopens it
+on another bearing.
 """
 
 import math
@@ -21,6 +22,7 @@ from autonomy.arrays import FloatArray
 from autonomy.tracking import hypothesis_kernel as hk
 from autonomy.tracking.config import TrackingConfig
 from autonomy.tracking.filter_kernel import (
+    R_RANGE,
     VELOCITY_VARIANCE_M2_S2,
     pack_filter,
     start_covariance,
@@ -48,6 +50,10 @@ BLIND = 1.5
 the course than this."""
 SPLIT_PAUSE_S = 5.0
 """Time between two splits."""
+PLACED = 0.5
+"""A search ends where the standard deviation of the place is less than this share of the range."""
+NEXT_BEARING_RAD = 2.4
+"""Step to the next bearing that a single filter tries: by the golden angle they never repeat."""
 VAGUE = 0.8
 """A guess whose standard deviation exceeds this share of the range says nothing of the bearing."""
 CHANGE_OF_MIND = 1.5
@@ -98,10 +104,14 @@ class Hearing:
     rejected: int = 0
     silence_s: float = 0.0
     """Time since a range was believed."""
+    streak: int = 0
+    """Believed ranges since the last rejected one or the last failure of ranges."""
     run: int = 0
     """Rejected ranges in a row that agree with one another."""
     run_range_m: float = 0.0
     run_age_s: float = 0.0
+    since_restart: int = 0
+    """Ranges believed since then."""
     restarts: int = 0
     """How often the ranges contradicted all hypotheses."""
     since_split_s: float = SPLIT_PAUSE_S
@@ -162,6 +172,11 @@ class Bank:
         return Bank(self.config, self.q, [one.copy() for one in self.hypotheses], hearing)
 
     @property
+    def is_multiple(self) -> bool:
+        """Whether more than one hypothesis may be followed."""
+        return self.config.filter.hypotheses == "two"
+
+    @property
     def best(self) -> Hypothesis:
         """The hypothesis to follow."""
         return self.hypotheses[0]
@@ -173,15 +188,18 @@ class Bank:
             hk.hear_own(one.h, given.heading_rad, given.speed_m_s, self.q)
         for range_m in given.ranges_m:
             self._hear(range_m)
-        if given.ranges_m and self.config.filter.hypotheses == "two":
+        if given.ranges_m and self.is_multiple:
             self._tidy()
             self._split(given.target_velocity_ne_m_s)
+        if given.ranges_m and self.hearing.is_searching:
+            self._settle()
 
     def _pass_time(self, given: BankInput) -> None:
         hearing, dt = self.hearing, given.dt_s
         known = given.target_velocity_ne_m_s or (math.nan, math.nan)
         silence = hearing.silence_s
         failing = silence if silence >= self.config.ranging.coast_after_s else 0.0
+        hearing.streak = 0 if failing else hearing.streak
         for one in self.hypotheses:
             hk.pass_time(one.h, *given.command, dt, *known, failing, self.q)
             one.since_s += dt
@@ -216,7 +234,7 @@ class Bank:
             one.bias = bias
         self._weigh(likelihoods)
         if abs(max(self.hypotheses, key=lambda one: one.weight).bias) > BIAS_LIMIT:
-            self._restart(range_m)
+            self._restart(range_m, NEXT_BEARING_RAD)
 
     def _begin(self, range_m: float) -> bool:
         """Start from a ring where the first guess and the first range do not fit together."""
@@ -224,7 +242,7 @@ class Bank:
         expected, variance = hk.expect(one.h, self.q)
         spread = math.sqrt(hk.worst_variance(one.h))
         agrees = abs(range_m - expected) <= self.config.ranging.gate * math.sqrt(variance)
-        if agrees and (spread < VAGUE * range_m or self.config.filter.hypotheses == "one"):
+        if agrees and (spread < VAGUE * range_m or not self.is_multiple):
             return False
         self._believe()
         self._restart(range_m)
@@ -233,6 +251,8 @@ class Bank:
 
     def _believe(self) -> None:
         self.hearing.believed += 1
+        self.hearing.since_restart += 1
+        self.hearing.streak += 1
         self.hearing.silence_s = 0.0
         self.hearing.run = 0
 
@@ -240,6 +260,7 @@ class Bank:
         """Count a range that no hypothesis explains; a run of them reopens the gate."""
         hearing = self.hearing
         hearing.rejected += 1
+        hearing.streak = 0
         reach = 2.0 * self.config.motion.speed_max_m_s * hearing.run_age_s
         reach += self.config.ranging.gate * math.sqrt(2.0 * self.config.ranging.variance_m2)
         agrees = hearing.run > 0 and abs(range_m - hearing.run_range_m) <= reach
@@ -261,12 +282,14 @@ class Bank:
         for one in self.hypotheses:
             one.weight /= total
 
-    def _restart(self, range_m: float) -> None:
+    def _restart(self, range_m: float, turn_rad: float = 0.0) -> None:
         """Give up every estimate: the target is at this distance, and its bearing is not known."""
         hearing, best = self.hearing, self.best
         hearing.restarts += 1
-        if self.config.filter.hypotheses == "one":
-            self._widen(range_m)
+        hearing.is_searching = True
+        hearing.since_restart = 0
+        if not self.is_multiple:
+            self._widen(range_m, turn_rad)
             return
         prior = best.h.copy()
         self.hypotheses = []
@@ -274,19 +297,19 @@ class Bank:
             angle = 2.0 * math.pi * n / RING
             h = prior.copy()
             h[0], h[1] = range_m * math.cos(angle), range_m * math.sin(angle)
-            across = (range_m * math.pi / RING) ** 2 + self.q[0]
+            across = (range_m * math.pi / RING) ** 2 + self.config.ranging.variance_m2
             _place(h, angle, self.config.ranging.variance_m2, across)
             _start_velocity(h)
             weight = max(math.exp(-0.5 * min(hk.apart(h, prior), 100.0)), LEAST_PRIOR)
             self.hypotheses.append(Hypothesis(h, weight))
         self._normalize()
-        hearing.is_searching = True
 
-    def _widen(self, range_m: float) -> None:
-        """Reopen a single filter: at the distance that was heard, on no certain bearing."""
+    def _widen(self, range_m: float, turn_rad: float) -> None:
+        """Reopen a single filter at the distance that was heard, perhaps on another bearing."""
         one = self.best
         distance = math.hypot(one.h[0], one.h[1])
         angle = math.atan2(one.h[1], one.h[0]) if distance > 0.0 else 0.0
+        angle += turn_rad
         one.h[0], one.h[1] = range_m * math.cos(angle), range_m * math.sin(angle)
         spread = range_m**2 + self.config.ranging.variance_m2
         _place(one.h, angle, self.config.ranging.variance_m2, spread)
@@ -311,12 +334,16 @@ class Bank:
             kept.insert(0, followed)
         self.hypotheses = kept
         self._normalize()
-        if self.hearing.is_searching:
-            best = self.best
-            spread = math.sqrt(hk.worst_variance(best.h))
-            distance = math.hypot(best.h[0], best.h[1])
-            is_placed = spread < max(0.5 * distance, 2.0 * math.sqrt(self.q[3]))
-            self.hearing.is_searching = best.weight < SURE or not is_placed
+
+    def _settle(self) -> None:
+        """End the search once one hypothesis is likely, well placed and not contradicted."""
+        best = self.best
+        spread = math.sqrt(hk.worst_variance(best.h))
+        distance = math.hypot(best.h[0], best.h[1])
+        is_placed = spread < max(PLACED * distance, 2.0 * math.sqrt(self.q[R_RANGE]))
+        is_agreed = abs(best.bias) < 0.5 * BIAS_LIMIT and self.hearing.since_restart >= STUBBORN
+        if best.weight >= SURE and is_placed and (self.is_multiple or is_agreed):
+            self.hearing.is_searching = False
 
     def _split(self, known: tuple[float, float] | None) -> None:
         """Follow the mirrored estimate too where the ranges cannot tell the sides apart."""

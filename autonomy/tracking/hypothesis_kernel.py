@@ -17,6 +17,7 @@ from autonomy.tracking.config import TrackingConfig
 COVARIANCE, VELOCITY, RECKONED = 4, 14, 22
 """Where each part begins; the estimate is first."""
 NORTH_RATE, EAST_RATE, RATE_VARIANCE = VELOCITY + 2, VELOCITY + 3, VELOCITY + 6
+SPEED_VARIANCE = COVARIANCE + 9
 SIZE = 24
 PLACE_STEP_S = 0.1
 """Interval for which the settings give the variance of the target's place."""

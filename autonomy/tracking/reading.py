@@ -1,10 +1,14 @@
 """What a tracker is given at each step, and what it answers."""
 
+import math
 from dataclasses import dataclass
 
 from autonomy.tracking.phase import TrackPhase
 
 Pair = tuple[float, float]
+
+LARGEST_M = 1e5
+"""A distance or coordinate beyond this is a fault and no measurement."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,6 +31,11 @@ class RangeHeard:
     """Horizontal distance between robot and target; a bad one is counted and not used."""
     age_s: float = 0.0
     """How long ago it held."""
+
+    @property
+    def is_good(self) -> bool:
+        """Whether it is a distance at a time that has been."""
+        return 0.0 <= self.range_m <= LARGEST_M and 0.0 <= self.age_s < math.inf
 
 
 @dataclass(frozen=True, slots=True)

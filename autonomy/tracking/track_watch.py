@@ -13,6 +13,12 @@ STANDING_REACH_M = 0.05
 """A robot that stays within this distance of one place for ``lost_after_s`` stands."""
 LEAST_RANGES = 8
 """So many ranges at least tell how fast the distance grows."""
+CONVINCING = 3
+"""Ranges in a row after which a lost track is believed to be found."""
+SCATTER = 3.0
+"""Ranges that stray by more than so many times their variance lie on no line."""
+LOOK_S = 1.0
+"""How often the growth of the distance is looked at."""
 SURE = 3.0
 """Standard deviations by which a target must be faster than the robot to be left alone."""
 
@@ -30,6 +36,8 @@ class Evidence:
     """When the newest good range held, s since the beginning, and the range, m."""
     silence_s: float
     """Time since a range was believed."""
+    streak: int
+    """Ranges believed since one was rejected or they failed."""
     is_searching: bool
     """Whether the ranges contradicted the estimate, and none has taken its place."""
     target_speed_m_s: float
@@ -53,6 +61,7 @@ class TrackWatch:
         self._anchor: tuple[float, float] | None = None
         self._stood_s = 0.0
         self._ranges: deque[tuple[float, float, float]] = deque()
+        self._next_look_s = 0.0
         self._reason = ""
         self._note = ""
 
@@ -88,6 +97,7 @@ class TrackWatch:
         if evidence.newest_range is None:
             self._phase = TrackPhase.WAITING
             return "no range of the target was heard yet"
+        was_lost = self._phase is TrackPhase.LOST
         self._phase = TrackPhase.LOST
         if evidence.silence_s > ranging.lost_after_s:
             return f"no range was believed for {evidence.silence_s:.0f} s"
@@ -97,6 +107,8 @@ class TrackWatch:
             return "the robot stands, and from one place a range tells no direction"
         if self._unmeasured_s > ranging.lost_after_s:
             return f"heading and speed were not measured for {self._unmeasured_s:.0f} s"
+        if was_lost and evidence.streak < CONVINCING:
+            return "ranges came back, too few of them to be sure"
         self._phase = TrackPhase.COASTING
         if evidence.silence_s > ranging.coast_after_s:
             return f"no range was believed for {evidence.silence_s:.0f} s"
@@ -128,7 +140,8 @@ class TrackWatch:
     def _leaves_at_m_s(self) -> float:
         """Return a speed that the target exceeds for sure, whatever the robot's own course.
 
-        The distance grows by no more than both speeds together.
+        The distance grows by no more than both speeds together. A distance that jumps or scatters
+        does not grow.
         """
         heard = np.array(self._ranges)
         if len(heard) < LEAST_RANGES:
@@ -140,13 +153,19 @@ class TrackWatch:
         total = float(since @ since)
         slope = float(since @ heard[:, 1]) / total
         residual = heard[:, 1] - heard[:, 1].mean() - slope * since
-        noise = max(self._config.ranging.variance_m2, float(residual @ residual) / len(heard))
+        noise = float(residual @ residual) / len(heard)
+        if noise > SCATTER * self._config.ranging.variance_m2:
+            return 0.0
+        noise = max(noise, self._config.ranging.variance_m2)
         return slope - float(heard[:, 2].mean()) - SURE * math.sqrt(noise / total)
 
     def _give_up(self, evidence: Evidence) -> None:
         ranging, most = self._config.ranging, self._config.motion.speed_max_m_s
         given_up = ranging.give_up_after_s
-        leaves = self._leaves_at_m_s()
+        leaves = 0.0
+        if self._now_s >= self._next_look_s:
+            self._next_look_s = self._now_s + LOOK_S
+            leaves = self._leaves_at_m_s()
         if self._fast_s > ranging.lost_after_s:
             leaves = evidence.target_speed_m_s
         if leaves > most:

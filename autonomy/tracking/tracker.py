@@ -14,13 +14,14 @@ from autonomy.tracking import control_kernel
 from autonomy.tracking import hypothesis_kernel as hk
 from autonomy.tracking.bank import Bank, BankInput, Hypothesis
 from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.filter_kernel import full_covariance, wrapped
+from autonomy.tracking.filter_kernel import full_covariance
 from autonomy.tracking.late_range import Timeline
 from autonomy.tracking.pack_control import pack_control
 from autonomy.tracking.phase import TrackPhase
 from autonomy.tracking.predictive import PredictiveController
 from autonomy.tracking.reacquire import Search
 from autonomy.tracking.reading import (
+    LARGEST_M,
     Pair,
     RangeHeard,
     TargetHypothesis,
@@ -29,6 +30,7 @@ from autonomy.tracking.reading import (
     TrackerStep,
 )
 from autonomy.tracking.track_watch import Evidence, TrackWatch
+from autonomy.tracking.wall import turn_away
 
 __all__ = [
     "RangeHeard",
@@ -39,13 +41,9 @@ __all__ = [
     "TrackerStep",
 ]
 
-LARGEST_M = 1e5
-"""A distance or coordinate beyond this is a fault and no measurement."""
 LARGEST_SPEED_M_S = 50.0
 LARGEST_HEADING_RAD = 1e6
 LONGEST_STEP_S = 60.0
-INWARD_GAIN_PER_S = 2.0
-"""Turn rate by heading error of a robot that turns away from a wall."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,7 +123,8 @@ class Tracker:
             target_velocity_ne_m_s=known,
         )
         before = self._timeline.bank.best.h[hk.RECKONED :].copy()
-        self._rejected += self._timeline.step(given, self._good(reading.ranges))
+        too_old = self._timeline.step(given, self._good(reading.ranges))
+        self._rejected += too_old
         self._move(reading.own_ne_m, before)
         self._judge(dt_s, is_own_measured)
         control = self._control(dt_s, known)
@@ -142,7 +141,7 @@ class Tracker:
             self._command = command
 
     def keep_inside(self, step: TrackerStep, own_ne_m: Pair, box: Box) -> TrackerStep:
-        """Turn inward near the walls, whatever the track wants.
+        """Turn away from the walls in time, whatever the track wants.
 
         Args:
             step: The newest answer of ``step``.
@@ -150,24 +149,27 @@ class Tracker:
             box: Where it may swim.
 
         Returns:
-            The same step, with another command within ``motion.margin_m`` of a wall that the robot
-            does not swim away from.
+            The same step; with another command where the robot could not keep ``motion.margin_m``
+            off the walls any more (``wall``).
         """
         motion = self._config.motion
         if step.phase in {TrackPhase.WAITING, TrackPhase.ENDED} or not _is_place(own_ne_m):
             return step
-        north = _inward(own_ne_m[0], box.x_min_m, box.x_max_m, motion.margin_m)
-        east = _inward(own_ne_m[1], box.y_min_m, box.y_max_m, motion.margin_m)
-        if north == 0.0 and east == 0.0:
+        h = self._timeline.bank.best.h
+        pace = abs(float(h[3])) + 2.0 * math.sqrt(max(float(h[hk.SPEED_VARIANCE]), 0.0))
+        command = turn_away(
+            own_ne_m,
+            float(h[2]),
+            pace,
+            step.command,
+            box,
+            motion.margin_m,
+            motion.turn_rate_max_rad_s,
+        )
+        if command is None:
             return step
-        heading = float(self._timeline.bank.best.h[2])
-        error = wrapped(math.atan2(east, north) - heading)
-        if abs(error) < 0.25 * math.pi:
-            return step
-        turn = motion.turn_rate_max_rad_s
-        rate = min(max(INWARD_GAIN_PER_S * error, -turn), turn)
-        self._command = (rate, min(step.command[1], 0.0))
-        return replace(step, command=self._command)
+        self._command = command
+        return replace(step, command=command)
 
     def _known_velocity(self, reading: TrackerReading) -> Pair | None:
         if self._config.filter.target_velocity == "estimated":
@@ -181,11 +183,7 @@ class Tracker:
 
     def _good(self, ranges: tuple[RangeHeard, ...]) -> tuple[RangeHeard, ...]:
         """Count ranges, and leave out those that are no distance or have no time."""
-        good = tuple(
-            heard
-            for heard in ranges
-            if 0.0 <= heard.range_m <= LARGEST_M and 0.0 <= heard.age_s < math.inf
-        )
+        good = tuple(heard for heard in ranges if heard.is_good)
         self._heard += len(ranges)
         self._rejected += len(ranges) - len(good)
         for heard in good:
@@ -216,6 +214,7 @@ class Tracker:
                 is_own_measured=is_own_measured,
                 newest_range=self._newest,
                 silence_s=bank.hearing.silence_s,
+                streak=bank.hearing.streak,
                 is_searching=bank.hearing.is_searching,
                 target_speed_m_s=math.hypot(*_velocity(h)),
                 target_speed_std_m_s=math.sqrt(max(float(h[hk.RATE_VARIANCE]), 0.0)),
@@ -307,11 +306,3 @@ def _is_place(ne_m: Pair) -> bool:
 
 def _is_motion(heading_rad: float, speed_m_s: float) -> bool:
     return abs(heading_rad) <= LARGEST_HEADING_RAD and abs(speed_m_s) <= LARGEST_SPEED_M_S
-
-
-def _inward(value: float, low: float, high: float, margin_m: float) -> float:
-    """Return 1 or -1 where the way inward is up or down, 0 where no wall is near."""
-    margin = min(margin_m, 0.45 * (high - low))
-    if value < low + margin:
-        return 1.0
-    return -1.0 if value > high - margin else 0.0

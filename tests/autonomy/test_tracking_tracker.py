@@ -1,0 +1,269 @@
+"""The tracker: what it does with a target, and with everything that can go wrong."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from autonomy.site import Box
+from autonomy.tracking import unicycle
+from autonomy.tracking.config import BarrierConfig, FilterConfig, RangingConfig
+from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.tracker import RangeHeard, Tracker, TrackerReading, TrackerStart
+from tests.autonomy.tracking_water import DT_S, QUICK, Water, settings, silent
+
+MINUTE = RangingConfig(period_s=0.1, lost_after_s=15.0, give_up_after_s=120.0)
+
+
+def spread(step):
+    nn, ne, ee = step.hypotheses[0].covariance_m2
+    return math.sqrt(0.5 * (nn + ee) + math.hypot(0.5 * (nn - ee), ne))
+
+
+def test_a_target_near_the_first_guess_is_orbited_and_known():
+    water = Water(settings(guess_ne_m=(0.3, -0.2)))
+    step = water.swim(60.0)
+    assert step.phase is TrackPhase.TRACKING
+    assert (step.reason, step.note) == ("", "")
+    assert water.error < 0.3
+    assert water.distance < 1.0
+    assert step.ranges_heard == 600
+    assert sum(one.weight for one in step.hypotheses) == pytest.approx(1.0)
+
+
+def test_before_the_first_range_it_waits_and_then_gives_up_with_a_sentence():
+    water = Water(settings())
+    step = water.swim(39.0, silent)
+    assert (step.phase, step.command, step.hypotheses) == (TrackPhase.WAITING, (0.0, 0.0), ())
+    step = water.swim(2.0, silent)
+    assert step.phase is TrackPhase.ENDED
+    assert step.reason == "no range of the target was heard in 40 s"
+
+
+def test_a_target_far_from_the_first_guess_is_found():
+    water = Water(settings(guess_ne_m=(-3.0, 8.0)))
+    assert water.swim(0.1).phase is TrackPhase.LOST
+    step = water.swim(50.0)
+    assert step.phase is TrackPhase.TRACKING
+    assert water.error < 0.5
+
+
+def test_silence_for_a_minute_widens_the_estimate_and_the_target_is_found_again():
+    water = Water(settings(ranging=MINUTE))
+    water.swim(40.0)
+    before = spread(water.newest)
+    phases = [water.swim(1.0, silent).phase for _ in range(60)]
+    assert phases[:2] == [TrackPhase.TRACKING] * 2
+    assert phases[3:14] == [TrackPhase.COASTING] * 11
+    assert phases[15:] == [TrackPhase.LOST] * 45
+    assert spread(water.newest) > 3.0 * before
+    assert "no range was believed" in water.newest.note
+    assert water.newest.range_age_s == pytest.approx(60.0, abs=0.2)
+    step = water.swim(40.0)
+    assert step.phase is TrackPhase.TRACKING
+    assert water.error < 0.5
+
+
+def test_silence_without_end_ends_the_track_with_a_sentence():
+    water = Water(settings())
+    water.swim(10.0)
+    step = water.swim(60.0, silent)
+    assert step.phase is TrackPhase.ENDED
+    assert step.reason.startswith("track lost for 40 s: no range was believed")
+    assert step.command == (0.0, 0.0)
+    assert water.swim(1.0).phase is TrackPhase.ENDED
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0, 1e300, -math.inf])
+def test_a_range_that_is_no_distance_is_counted_and_changes_nothing(bad):
+    clean, dirty = Water(settings()), Water(settings())
+    clean.swim(5.0)
+    step = dirty.swim(5.0, lambda range_m: (RangeHeard(range_m), RangeHeard(bad)))
+    assert step.hypotheses == clean.newest.hypotheses
+    assert step.command == clean.newest.command
+    assert step.ranges_rejected == clean.newest.ranges_rejected + 50
+    assert step.range_m == clean.newest.range_m
+
+
+@pytest.mark.parametrize("age_s", [math.nan, -1.0, math.inf, 1e4])
+def test_a_range_of_no_time_is_counted_and_not_used(age_s):
+    water = Water(settings())
+    water.swim(1.0)
+    step = water.swim(5.0, lambda range_m: (RangeHeard(range_m, age_s),))
+    assert step.ranges_rejected == 50
+    assert step.phase is TrackPhase.COASTING
+
+
+def test_only_bad_ranges_end_the_track_as_silence_does():
+    water = Water(settings())
+    step = water.swim(41.0, lambda _: (RangeHeard(math.nan),))
+    assert (step.phase, step.ranges_rejected) == (TrackPhase.ENDED, 410)
+    assert "no range of the target was heard" in step.reason
+
+
+def test_a_target_on_top_of_the_robot_measures_zero_and_is_survived():
+    water = Water(settings(guess_std_m=0.2), pose=(0.0, 0.0, 0.3, 0.1))
+    step = water.swim(3.0, lambda _: (RangeHeard(0.0),))
+    assert step.phase in {TrackPhase.TRACKING, TrackPhase.LOST}
+    assert np.isfinite(step.hypotheses[0].position_ne_m).all()
+    step = water.swim(40.0)
+    assert step.phase is TrackPhase.TRACKING
+    assert water.error < 0.5
+
+
+def test_single_jumps_of_the_range_are_not_believed():
+    water = Water(settings())
+    water.swim(30.0)
+    rejected = water.newest.ranges_rejected
+    jumps = iter(range(100_000))
+    step = water.swim(20.0, lambda r: (RangeHeard(r + (25.0 if next(jumps) % 4 == 0 else 0.0)),))
+    assert step.phase is TrackPhase.TRACKING
+    assert step.ranges_rejected - rejected >= 50
+    assert water.error < 0.4
+
+
+def test_a_range_that_jumps_and_stays_is_believed_and_the_target_found_there():
+    water = Water(settings())
+    water.swim(30.0)
+    water.target = np.array([9.0, 7.0])
+    water.swim(1.5)
+    assert water.newest.phase is TrackPhase.LOST
+    assert "contradict" in water.newest.note
+    step = water.swim(60.0)
+    assert step.phase is TrackPhase.TRACKING
+    assert water.error < 0.5
+
+
+def test_ranges_without_sense_end_the_track():
+    water = Water(settings())
+    water.swim(10.0)
+    wild = np.random.default_rng(4)
+    step = water.swim(70.0, lambda _: (RangeHeard(wild.uniform(0.0, 5000.0)),))
+    assert step.phase is TrackPhase.ENDED
+    assert step.reason.startswith("track lost for 40 s")
+
+
+def test_a_standing_robot_says_so_and_ends():
+    water = Water(settings(), pose=(-3.0, 1.0, 0.5, 0.0))
+    water.is_moved = False
+    first = spread(water.swim(1.0))
+    step = water.swim(20.0)
+    assert step.phase is TrackPhase.LOST
+    assert "the robot stands" in step.note
+    assert spread(step) > first
+    step = water.swim(40.0)
+    assert step.phase is TrackPhase.ENDED
+    assert "the robot stands" in step.reason
+
+
+def test_a_target_faster_than_the_robot_is_left_alone():
+    water = Water(settings())
+    water.swim(10.0)
+    water.velocity = np.array([2.0, 0.0])
+    step = water.swim(40.0)
+    assert step.phase is TrackPhase.ENDED
+    assert step.reason.startswith("the target is faster than the robot")
+
+
+def test_a_robot_that_does_not_know_its_heading_coasts_then_is_lost():
+    water = Water(settings())
+    water.swim(10.0)
+    for phase, seconds in ((TrackPhase.COASTING, 4.0), (TrackPhase.LOST, 6.0)):
+        for _ in range(round(seconds / DT_S)):
+            reading = replace(water.measured(), heading_rad=math.nan, own_ne_m=(math.nan, 0.0))
+            step = water.tracker.step(reading, DT_S)
+            assert np.isfinite([*step.command, *step.hypotheses[0].position_ne_m]).all()
+        assert step.phase is phase
+    assert "heading and speed" in step.note
+    assert water.swim(20.0).phase is TrackPhase.TRACKING
+
+
+@pytest.mark.parametrize("controller", ["nominal", "mpc_condition", "mpc_trace"])
+def test_every_controller_commands_within_its_limits(controller):
+    config = settings(barrier=BarrierConfig(controller=controller))
+    water = Water(config)
+    water.swim(3.0)
+    motion = config.motion
+    for step in water.steps:
+        assert abs(step.command[0]) <= motion.turn_rate_max_rad_s
+        assert motion.acceleration_min_m_s2 <= step.command[1] <= motion.acceleration_max_m_s2
+
+
+def test_a_known_velocity_is_used_and_told():
+    water = Water(settings(filter=FilterConfig(target_velocity="known")))
+    reading = replace(water.measured(), target_velocity_ne_m_s=(0.02, -0.01))
+    assert water.tracker.step(reading, 0.0).hypotheses[0].velocity_ne_m_s == (0.02, -0.01)
+
+
+def test_a_late_range_gives_exactly_the_answer_that_it_gives_in_order():
+    config = settings()
+    in_order, late = (Tracker(config, TrackerStart((-3.0, 1.0), 0.5, 0.2)) for _ in range(2))
+    rng = np.random.default_rng(8)
+    pending = []
+    for n in range(200):
+        own = (-3.0 + 0.02 * n, 1.0)
+        heard = RangeHeard(float(abs(math.hypot(*own) + rng.normal(0.0, 0.3))))
+        reading = TrackerReading(own, 0.5 + rng.normal(0.0, 0.1), 0.2 + rng.normal(0.0, 0.3))
+        command = (rng.uniform(-0.5, 0.5), rng.uniform(-0.01, 0.01))
+        dt_s = DT_S if n else 0.0
+        first = in_order.step(replace(reading, ranges=(heard,) if n % 3 == 0 else ()), dt_s)
+        if n % 3 == 0:
+            pending.append((n + int(rng.integers(0, 25)), n, heard.range_m))
+        due = [one for one in pending if one[0] <= n or n == 199]
+        pending = [one for one in pending if one not in due]
+        arrived = tuple(RangeHeard(r, DT_S * (n - since)) for _, since, r in due)
+        second = late.step(replace(reading, ranges=arrived), dt_s)
+        in_order.applied(command)
+        late.applied(command)
+    assert first.hypotheses == second.hypotheses
+    assert first.ranges_rejected == second.ranges_rejected
+
+
+def test_near_a_wall_it_turns_inward_and_stays_in_the_tank():
+    config = settings(guess_ne_m=(1.4, 0.4), guess_std_m=0.3)
+    water = Water(config, pose=(1.0, 0.5, 0.3, 0.15), target=(1.4, 0.3))
+    tank = Box(x_min_m=0.0, x_max_m=2.75, y_min_m=0.0, y_max_m=2.0)
+    turned = 0
+    for n in range(1200):
+        step = water.tracker.step(water.measured(), DT_S if n else 0.0)
+        kept = water.tracker.keep_inside(step, water.pose[:2], tank)
+        turned += kept.command != step.command
+        water.pose = unicycle.advance(water.pose, *kept.command, DT_S)
+        assert tank.contains(*water.pose[:2], 0.0)
+    assert turned > 0
+
+
+def test_the_same_readings_give_the_same_steps():
+    first, second = Water(settings()), Water(settings())
+    first.swim(20.0)
+    second.swim(20.0)
+    assert first.steps == second.steps
+
+
+@pytest.mark.parametrize(
+    "start",
+    [
+        TrackerStart((math.nan, 0.0), 0.0, 0.1),
+        TrackerStart((0.0, 0.0), math.inf, 0.1),
+        TrackerStart((0.0, 0.0), 0.0, math.nan),
+    ],
+)
+def test_a_tracker_starts_at_numbers_only(start):
+    with pytest.raises(ValueError, match="must start at finite own_ne_m"):
+        Tracker(settings(), start)
+
+
+@pytest.mark.parametrize("dt_s", [-0.1, math.nan, 61.0])
+def test_time_goes_forward(dt_s):
+    water = Water(settings())
+    with pytest.raises(ValueError, match="dt_s must be from 0 to 60 s"):
+        water.tracker.step(water.measured(), dt_s)
+
+
+def test_thresholds_are_those_of_the_settings():
+    ranging = QUICK.model_copy(update={"coast_after_s": 1.0, "lost_after_s": 2.0})
+    water = Water(settings(ranging=ranging))
+    water.swim(5.0)
+    assert water.swim(1.5, silent).phase is TrackPhase.COASTING
+    assert water.swim(1.0, silent).phase is TrackPhase.LOST
