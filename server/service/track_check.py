@@ -77,6 +77,15 @@ def track_warnings(picture: Picture, config: TrackingConfig) -> list[ViolationVi
                 "Once the barrier cannot be kept the robot may not get out of that again.",
             )
         )
+    report = picture.track_report
+    if report is not None and report.is_quiet:
+        found.append(
+            (
+                "quiet",
+                f"{picture.record.id} was told not to ping; let it ping again, or it hears no "
+                "range.",
+            )
+        )
     if config.motion.depth_m > SURFACE_DEPTH_M and not site.radio_under_water:
         found.append(
             (

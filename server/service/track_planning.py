@@ -58,13 +58,18 @@ class TrackPlanning:
             raise conflict(f"{robot} is a recording; it follows no target.")
         self._settings.refuse_while_storage_fails()
         position = self._settings.position(robot)
-        config_id, config = await self._configure(robot, patch, by)
+        config_id, wanted = await self._configure(robot, patch, by)
+        try:
+            order = TrackingOrder.of(wanted)
+        except ValueError as error:
+            raise unfit(error) from error
+        config = order.config()  # as both ends compute with it
         book = self._foundation.configurations
         planner = (await book.current("planner", robot)).value_as(PlannerConfig)
         trim = await book.current("trim", robot)
         violations = [*track_violations(picture, config), *self._trim_flaws(robot, trim)]
         try:
-            mission = _mission(config, planner, trim.value_as(TrimConfig), position)
+            mission = _mission(order, planner, trim.value_as(TrimConfig), position)
         except ValueError as error:
             raise unfit(error) from error
         document = {
@@ -153,7 +158,7 @@ def unfit(error: ValueError) -> Problem:
 
 
 def _mission(
-    config: TrackingConfig,
+    order: TrackingOrder,
     planner: PlannerConfig,
     trim: TrimConfig,
     position: tuple[float, float, float],
@@ -162,13 +167,13 @@ def _mission(
     settings = MissionSettings(
         sample_period_s=planner.primitives.point_interval_s,
         max_uncertainty_m=planner.max_uncertainty_m,
-        timeout_s=limits.patience_factor * config.motion.duration_s + limits.patience_s,
+        timeout_s=limits.patience_factor * order.config().motion.duration_s + limits.patience_s,
         start_x_m=position[0],
         start_y_m=position[1],
         net_buoyancy_offset_kg=trim.net_buoyancy_offset_kg,
         mass_position_offset_m=trim.mass_position_offset_m,
     )
-    return Mission.from_tracking(settings, TrackingOrder.of(config))
+    return Mission.from_tracking(settings, order)
 
 
 def _named(session: Session, robot: str, mission: Mission) -> Mission:

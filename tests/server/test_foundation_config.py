@@ -34,7 +34,9 @@ async def test_every_kind_has_a_value_and_a_schema_with_units(admin):
         value = (await admin.get(path, params={"robot": "mini-1"})).json()["value"]
         schema = (await admin.get(f"{path}/schema")).json()
         assert set(value) == set(schema["properties"])
-        described = [field for field in schema["properties"].values() if "unit" in field]
+        models = (schema, *schema.get("$defs", {}).values())
+        fields = [field for model in models for field in model.get("properties", {}).values()]
+        described = [field for field in fields if "unit" in field]
         assert described
         assert all(field.get("title") and field.get("description") for field in described)
 

@@ -182,9 +182,9 @@ class PlanView(View):
     transfer: "TransferView | None" = None
     """The newest attempt to bring it on board."""
     tracking: dict[str, Any] | None = None
-    """Settings of a plan of kind ``track_target``, which has no legs; see
+    """Settings of a plan of kind ``track_target``, which has no legs, rounded as they travel; see
     `GET /api/config/tracking/schema`."""
-    target_path: list[tuple[float, float, float]] = field(default_factory=list)
+    target_path: list[list[float]] = field(default_factory=list)
     """Where a virtual target will be: time s from the plan's begin, north, east m."""
     warnings: list[ViolationView] = field(default_factory=list)
     """What to know before it is sent; none of it keeps it from being sent. ``teaching`` marks a

@@ -94,7 +94,17 @@ class FakeRobot:
         self.plan, self.leg, self.energy_used, self.reason = mission, 0, 0.0, ""
         self.say(OnboardPlanState.ON_BOARD)
 
+    async def follow(self):
+        """Say that it follows its target, until it may end."""
+        self.say(OnboardPlanState.RUNNING)
+        await self.may_end.wait()
+        if self.state is OnboardPlanState.RUNNING:
+            self.say(OnboardPlanState.DONE)
+
     async def fly(self):
+        if self.plan.tracking is not None:
+            await self.follow()
+            return
         self.say(OnboardPlanState.RUNNING)
         for number, leg in enumerate(self.plan.legs):
             self.leg = number

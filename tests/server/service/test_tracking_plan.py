@@ -1,0 +1,258 @@
+"""Plans that follow a target, from the request to what the robot says of its end."""
+
+import sqlite3
+
+import pytest
+
+from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
+from robot_link.messages import CommandKind, OnboardPlanState
+from robot_link.mission import TRACKING_FORMAT
+from robot_link.tracking_order import TrackingOrder
+from server.service.plan_document import mission_of
+from tests.server.service.conftest import GRACE, MINI, open_station, until
+from tests.server.service.fake_link import state_report
+from tests.server.service.test_upload import plan_in, transfer_in, upload
+
+PRESET = TRACKING_PRESETS["miniglider"]
+
+
+async def ask(client, config=None, robot=MINI):
+    body = {"kind": "track_target", "config": config or {}}
+    return await client.post(f"/api/robots/{robot}/plans", json=body)
+
+
+async def draft(client, config=None, robot=MINI):
+    answer = await ask(client, config, robot)
+    assert answer.status_code == 202, answer.text
+    return (await client.get(f"/api/plans/{answer.json()['id']}")).json()
+
+
+async def test_it_is_a_draft_at_once_with_settings_account_and_hash(client):
+    found = await draft(client, {"motion": {"duration_s": 300.0}})
+    assert (found["state"], found["kind"]) == ("draft", "track_target")
+    motion = PRESET.motion.model_copy(update={"duration_s": 300.0})
+    travels = TrackingOrder.of(PRESET.model_copy(update={"motion": motion})).config()
+    assert found["tracking"] == found["config"] == travels.model_dump(mode="json")
+    assert found["violations"] == found["warnings"] == []
+    assert found["legs"] == found["points"] == []
+    assert found["account"]["duration_s"] == 300.0
+    assert found["account"]["energy"] > 0.0
+    assert len(found["sha256"]) == 64
+    assert found["ladder"]["draft_at"] is not None
+    assert found["message"] == "It follows a virtual target for 300 s, at the surface."
+
+
+async def test_path_of_a_virtual_target_lasts_as_long_as_the_mission(client):
+    target = {"path": "line", "speed_m_s": 0.001, "north_m": 1.0, "east_m": 0.5}
+    found = await draft(client, {"target": target, "motion": {"duration_s": 200.0}})
+    path = found["target_path"]
+    assert path[0] == [0.0, 1.0, 0.5]
+    assert path[-1] == pytest.approx([200.0, 1.2, 0.5])
+    beacon = await draft(client, {"target": {"kind": "beacon"}})
+    assert beacon["target_path"] == []
+
+
+async def test_what_travels_says_what_the_plan_says(client, station):
+    found = await draft(client, {"barrier": {"slope": 0.5}})
+    mission = mission_of(await station.plans.get(found["id"]))
+    assert mission.format == TRACKING_FORMAT
+    assert mission.sha256() == found["sha256"]
+    assert mission.legs == ()
+    assert mission.tracking.config().barrier.slope == 0.5
+    assert (mission.settings.start_x_m, mission.settings.start_y_m) == (1.2, 0.6)
+    assert mission.settings.timeout_s > found["account"]["duration_s"]
+
+
+async def test_settings_that_differ_are_kept_as_a_version_that_the_plan_cites(client):
+    first = await draft(client, {"barrier": {"slope": 0.5}})
+    kept = (await client.get("/api/config/tracking", params={"robot": MINI})).json()
+    assert kept["id"] == first["config_id"]
+    assert kept["value"]["barrier"]["slope"] == 0.5
+    assert kept["reach"] == "mission"
+    again = await draft(client)
+    assert again["config_id"] == first["config_id"]
+    assert again["tracking"]["barrier"]["slope"] == 0.5
+
+
+async def test_the_schema_describes_every_field(client):
+    schema = (await client.get("/api/config/tracking/schema")).json()
+    fields = [field for group in schema["$defs"].values() for field in group["properties"].values()]
+    assert len(fields) > 30
+    assert all(field["title"] and field["description"] for field in fields)
+
+
+@pytest.mark.parametrize(
+    ("config", "path", "limit"),
+    [
+        ({"motion": {"duration_s": 0}}, ["motion", "duration_s"], "greater than 0"),
+        ({"ranging": {"period_s": 0.01}}, ["ranging", "period_s"], "0.05"),
+        ({"target": {"path": "spiral"}}, ["target", "path"], "circle"),
+        ({"barrier": {"epsilon": "much"}}, ["barrier", "epsilon"], "number"),
+        ({"sonar": 1}, ["sonar"], "no such field"),
+        ({"ranging": {"lost_after_s": 1.0}}, ["ranging"], "must ascend"),
+    ],
+)
+async def test_a_wrong_field_is_named_with_its_limit(client, config, path, limit):
+    answer = await ask(client, config)
+    assert answer.status_code == 422
+    error = answer.json()["errors"][0]
+    assert error["loc"] == ["config", *path]
+    assert limit in error["msg"]
+    assert (await client.get("/api/robots/mini-1/plans")).json() == []
+
+
+async def test_two_plans_of_the_same_settings_have_different_names(client):
+    first, second = await draft(client), await draft(client)
+    assert first["tracking"] == second["tracking"]
+    assert first["sha256"] != second["sha256"]
+
+
+async def test_it_goes_the_road_of_every_plan_to_its_end(client, world):
+    world.robots[MINI].may_end.clear()
+    plan = (await draft(client))["id"]
+    transfer = (await upload(client, plan, start=True)).json()["transfer"]
+    running = await plan_in(client, plan, "running")
+    assert world.uploads == [(MINI, running["sha256"])]
+    assert world.robots[MINI].plan.tracking.config() == TrackingConfig(**running["tracking"])
+    done = await transfer_in(client, transfer, "running")
+    assert done["items"] > 1
+    assert [kind for _, kind, _ in world.commands] == [CommandKind.START]
+    world.robots[MINI].may_end.set()
+    ended = await plan_in(client, plan, "done")
+    ladder = ended["ladder"]
+    assert ladder["draft_at"] < ladder["on_board_at"] < ladder["running_at"] < ladder["ended_at"]
+
+
+async def test_it_fails_with_the_robots_own_sentence(client, world):
+    world.robots[MINI].may_end.clear()
+    plan = (await draft(client))["id"]
+    await upload(client, plan, start=True)
+    await plan_in(client, plan, "running")
+    world.robots[MINI].end_early("the target was lost for 120 s")
+    found = await plan_in(client, plan, "failed")
+    assert found["message"] == "mini-1 ended plan-1 early: the target was lost for 120 s"
+
+
+async def test_a_plan_that_breaks_a_limit_is_not_sent(client, world):
+    found = await draft(client, {"target": {"north_m": 40.0}})
+    assert [one["field"] for one in found["violations"]] == ["target.north_m"]
+    answer = await upload(client, found["id"])
+    assert answer.status_code == 409
+    assert answer.json()["errors"][0]["loc"] == ["target.north_m"]
+    assert world.uploads == []
+
+
+async def test_teaching_is_marked_and_may_be_sent_all_the_same(client):
+    found = await draft(client, {"barrier": {"controller": "nominal"}})
+    assert found["violations"] == []
+    assert [one["field"] for one in found["warnings"]] == ["teaching"]
+    assert "diverge" in found["warnings"][0]["message"]
+    await upload(client, found["id"])
+    await plan_in(client, found["id"], "on_board")
+
+
+async def test_a_draft_can_be_thrown_away(client):
+    plan = (await draft(client))["id"]
+    assert (await client.post(f"/api/plans/{plan}/cancel")).status_code == 202
+    assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "cancelled"
+
+
+async def test_check_says_what_changed_since_it_was_made(client, world):
+    plan = (await draft(client))["id"]
+    fresh = (await client.post(f"/api/plans/{plan}/check")).json()
+    assert fresh == {"plan_id": plan, "violations": []}
+    world.tell(state_report(MINI, (-0.3, -0.2, 0.0), battery_fraction=0.1))
+    fields = [
+        one["field"] for one in (await client.post(f"/api/plans/{plan}/check")).json()["violations"]
+    ]
+    assert fields == ["motion.duration_s", "mission.draft_distance_m"]
+    outdated = (await client.get(f"/api/plans/{plan}")).json()["outdated"]
+    assert [one["field"] for one in outdated] == ["mission.draft_distance_m"]
+    answer = await upload(client, plan)
+    assert answer.status_code == 409
+
+
+async def test_satellite_quotes_it_as_any_plan(client):
+    plan = (await draft(client))["id"]
+    quote = (await client.get(f"/api/plans/{plan}/satellite")).json()
+    assert quote["sha256"] == (await client.get(f"/api/plans/{plan}")).json()["sha256"]
+    assert quote["bytes"] > 0
+    assert quote["credits"] > 0
+
+
+async def test_there_is_no_search_to_go_on_with(client):
+    plan = (await draft(client))["id"]
+    for step, body in (("choose", {"runner_up": 0}), ("continue", {})):
+        answer = await client.post(f"/api/plans/{plan}/{step}", json=body)
+        assert answer.status_code == 409
+        assert "follows a target" in answer.json()["detail"]
+
+
+async def test_lists_and_the_robot_page_know_it(client, station):
+    plan = (await draft(client))["id"]
+    summary = (await client.get("/api/robots/mini-1/plans")).json()[0]
+    assert (summary["id"], summary["kind"], summary["violations"]) == (plan, "track_target", 0)
+    robot = (await client.get("/api/robots/mini-1")).json()
+    assert robot["plan_id"] == plan
+    source = station._scene_source(MINI)
+    assert source.plan() is None
+    assert source.keep_outs() == ()
+    assert source.target_path().shape == (301, 3)
+
+
+async def test_a_survey_can_be_planned_beside_it(client, workers):
+    """A plan without legs is no obstacle to who plans for the same water."""
+    await draft(client)
+    answer = await client.post("/api/robots/mini-1/plans", json={"kind": "adaptive_survey"})
+    assert answer.status_code == 202, answer.text
+    await plan_in(client, answer.json()["id"], "draft")
+
+
+async def test_a_mission_of_this_kind_names_the_road_of_plans(client):
+    answer = await client.post("/api/robots/mini-1/missions", json={"kind": "track_target"})
+    assert answer.status_code == 422
+    error = answer.json()["errors"][0]
+    assert error["loc"] == ["kind"]
+    assert "POST /api/robots/{robot}/plans" in error["msg"]
+
+
+async def test_a_robot_that_never_said_where_it_is_gets_no_plan(client):
+    answer = await ask(client, robot=GRACE)
+    assert answer.status_code == 409
+    assert "has not said where it is" in answer.json()["detail"]
+    assert (await ask(client, robot="nobody")).status_code == 404
+
+
+async def test_nothing_is_begun_while_storage_fails(client, tmp_path):
+    blocker = sqlite3.connect(tmp_path / "station.sqlite3")
+    blocker.execute("BEGIN EXCLUSIVE")
+    try:
+        answer = await ask(client)
+        assert answer.status_code == 503
+    finally:
+        blocker.rollback()
+        blocker.close()
+
+    async def works():
+        return (await ask(client)).status_code == 202
+
+    await until(works)
+    assert len((await client.get("/api/robots/mini-1/plans")).json()) == 1
+
+
+async def test_a_draft_survives_a_restart_and_is_flown_then(tmp_path, world):
+    async with open_station(tmp_path, world) as station:
+        world.hear(MINI)
+        world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        plan = await station.tracks.plan(MINI, {}, by="test")
+    async with open_station(tmp_path, world) as station:
+        world.hear(MINI)
+        world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        assert (await station.plans.get(plan.id)).state == "draft"
+        await station.uploads.upload(plan.id, start=True)
+
+        async def done():
+            return (await station.plans.get(plan.id)).state == "done"
+
+        await until(done)
+    assert world.robots[MINI].state is OnboardPlanState.DONE
