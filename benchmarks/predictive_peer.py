@@ -140,7 +140,7 @@ def _casadi_solver(name: str, p: FloatArray, options: dict[str, Any]) -> Solve:
     return solve
 
 
-def slsqp(p: FloatArray, iterations: int, tolerance: float = 1e-6) -> Solve:
+def slsqp(p: FloatArray, iterations: int, tolerance: float = 1e-12) -> Solve:
     """SciPy's SLSQP with our compiled cost and gradient."""
     steps = int(p[k.STEPS])
     tape = k.empty_tape(steps)

@@ -8,7 +8,7 @@ import shutil
 import statistics
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numba
@@ -19,12 +19,10 @@ from autonomy.tracking import control_kernel, predictive_search
 from autonomy.tracking.config import THESIS_TRACKING
 from autonomy.tracking.control_kernel import control_step
 from autonomy.tracking.pack_control import pack_control
-from autonomy.tracking.predictive import NUMBERS, PredictiveController, pack_predictive
+from autonomy.tracking.predictive import NUMBERS, pack_predictive
 from autonomy.tracking.predictive_config import ObjectiveName, PredictiveConfig
 from autonomy.tracking.predictive_kernel import ITERATIONS
-from autonomy.tracking.predictive_run import run_steered
 from autonomy.tracking.predictive_search import empty_room, minimize, predictive_step
-from autonomy.tracking.scenario import FIT
 from benchmarks.field import at_least, at_most, row
 from benchmarks.predictive_peer import (
     Problem,
@@ -34,13 +32,13 @@ from benchmarks.predictive_peer import (
     random_problems,
     slsqp,
 )
+from server.reproduction.table_4_3 import WARM, Steps, timed_run
 
 AREA = "tracking_predictive"
 STEP_BAR_US, RATIO_BAR = 600.0, 12.0
 PROBLEMS, ROUNDS = 60, 9
 BARRIER_CALLS = 50
 LIMIT, CONVERGED_LIMIT = 10, 300
-FOLLOWED_S = 120.0
 SHARE_BELOW = 0.9
 TITLES: dict[ObjectiveName, str] = {
     "mpc_none": "O0 nothing",
@@ -61,18 +59,6 @@ class Times:
     """Cost above the best known, by solver; nine tenths of the problems are below."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Followed:
-    """What both steps took on one run, and what they were given."""
-
-    step_us: dict[str, float]
-    """Median of a step called from Python."""
-    states: FloatArray
-    """Estimate and target velocity, ``(n, 6)``."""
-    covariances: FloatArray
-    """Shape ``(n, 4, 4)``."""
-
-
 def measure() -> list[dict[str, object]]:
     """Race every solver of every objective against the barrier; takes about a minute."""
     rows: list[dict[str, object]] = []
@@ -81,7 +67,7 @@ def measure() -> list[dict[str, object]]:
         p = packed(name)
         taken = raced(p, problems)
         rows += step_rows(title, taken)
-        run = followed(name)
+        run = timed_run(title.split()[0], seed=0)
         rows += run_rows(f"{title}, on a run", run, loop_us(p, run))
         rows += peer_rows(title, taken)
     if shutil.which("gcc") is None:
@@ -99,17 +85,17 @@ def step_rows(title: str, taken: Times) -> list[dict[str, object]]:
     ]
 
 
-def run_rows(what: str, run: Followed, inside: dict[str, float]) -> list[dict[str, object]]:
+def run_rows(what: str, run: Steps, inside: dict[str, float]) -> list[dict[str, object]]:
     """Return the same on a run, where most plans need little more than shifting.
 
     There the call itself is most of the barrier's time and little of ours, so the ratio has its
     bar where both are compiled in.
     """
-    ours, barrier = run.step_us[OURS], run.step_us[BARRIER]
+    ours_us = 1e3 * float(np.median(run.search_ms[WARM]))
     ratio = inside[OURS] / inside[BARRIER]
     return [
-        at_most(AREA, f"{what}: our step", ours, "us", STEP_BAR_US),
-        at_least(AREA, f"{what}: our step / barrier step, called", ours / barrier, None),
+        at_most(AREA, f"{what}: our step", ours_us, "us", STEP_BAR_US),
+        at_least(AREA, f"{what}: our step / barrier step, called", run.ratio(WARM), None),
         at_least(AREA, f"{what}: our step / barrier step, compiled in", ratio, RATIO_BAR),
     ]
 
@@ -205,12 +191,12 @@ def raced(p: FloatArray, problems: list[Problem]) -> Times:
     return Times({name: statistics.median(each) for name, each in taken.items()}, missed)
 
 
-def loop_us(p: FloatArray, run: Followed) -> dict[str, float]:
+def loop_us(p: FloatArray, run: Steps) -> dict[str, float]:
     """Time both steps along a run inside a compiled loop, where no call from Python is counted."""
     barrier_p, room, plan = pack_control(THESIS_TRACKING), empty_room(5), np.zeros(10)
     actions = {
-        BARRIER: lambda: _barriers(run.states, barrier_p, BARRIER_CALLS),
-        OURS: lambda: _predictions(run.states, run.covariances, plan, p, room),
+        BARRIER: lambda: _barriers(run.estimates, barrier_p, BARRIER_CALLS),
+        OURS: lambda: _predictions(run.estimates, run.covariances, plan, p, room),
     }
     taken: dict[str, list[float]] = {name: [] for name in actions}
     for action in actions.values():
@@ -218,7 +204,7 @@ def loop_us(p: FloatArray, run: Followed) -> dict[str, float]:
     for _ in range(ROUNDS):
         for name, action in actions.items():
             taken[name].append(timed_us(action))
-    per_step = {name: statistics.median(each) / len(run.states) for name, each in taken.items()}
+    per_step = {name: statistics.median(each) / len(run.estimates) for name, each in taken.items()}
     per_step[BARRIER] /= BARRIER_CALLS
     return per_step
 
@@ -248,34 +234,6 @@ def _predictions(states: Any, covariances: Any, plan: Any, p: Any, room: Any) ->
         )
         total += found[0] + found[1]
     return total
-
-
-def followed(name: ObjectiveName) -> Followed:
-    """Time both steps on the estimates of one run of FIT, the controller's plan kept warm."""
-    scenario = replace(FIT, step_s=0.2, duration_s=FOLLOWED_S).with_barrier(controller=name)
-    controller, barrier_p = PredictiveController(scenario.config), pack_control(THESIS_TRACKING)
-    taken: dict[str, list[float]] = {BARRIER: [], OURS: []}
-    states: list[tuple[float, ...]] = []
-    covariances: list[FloatArray] = []
-
-    def steer(
-        z: FloatArray, velocity: tuple[float, float], covariance: FloatArray
-    ) -> tuple[float, float]:
-        state = (*z.tolist(), *velocity)
-        states.append(state)
-        covariances.append(covariance)
-        begin = time.perf_counter()
-        for _ in range(BARRIER_CALLS):
-            control_step(*state, 0.0, 0.0, barrier_p)
-        middle = time.perf_counter()
-        command = controller.command(z, velocity, covariance)
-        taken[OURS].append(1e6 * (time.perf_counter() - middle))
-        taken[BARRIER].append(1e6 * (middle - begin) / BARRIER_CALLS)
-        return command
-
-    run_steered(scenario, steer, seed=0)
-    step_us = {each: statistics.median(found) for each, found in taken.items()}
-    return Followed(step_us, np.array(states), np.array(covariances))
 
 
 def timed_us(action: Callable[[], object]) -> float:
