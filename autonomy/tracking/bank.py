@@ -43,8 +43,12 @@ SURE = 0.9
 """Weight from which on a ring counts as resolved."""
 LEAST_PRIOR = 0.02
 """No place on a ring is taken to be less likely than this against the best, before it is tried."""
-MIRROR_WEIGHT = 0.2
-"""Weight that a mirrored hypothesis starts with."""
+LEAST_MIRROR_WEIGHT = 0.05
+"""A mirrored hypothesis starts as likely as the estimate's own covariance says, but not less likely
+than this: a covariance that was wrong about the side is too small."""
+STRAIGHT_RAD = 0.35
+"""A course that turned by more within ``STRAIGHT_S`` has told the sides apart."""
+STRAIGHT_S = 4.0
 BLIND = 1.5
 """The sides of the course cannot be told apart where the target is fewer standard deviations off
 the course than this."""
@@ -115,6 +119,8 @@ class Hearing:
     restarts: int = 0
     """How often the ranges contradicted all hypotheses."""
     since_split_s: float = SPLIT_PAUSE_S
+    turned_rad: float = 0.0
+    """How far the robot turned of late; forgotten over ``STRAIGHT_S``."""
     is_searching: bool = False
     """Whether a ring is not resolved yet."""
 
@@ -206,6 +212,8 @@ class Bank:
         hearing.silence_s += dt
         hearing.run_age_s += dt
         hearing.since_split_s += dt
+        hearing.turned_rad *= math.exp(-dt / STRAIGHT_S)
+        hearing.turned_rad += given.command[0] * dt
 
     def _hear(self, range_m: float) -> None:
         """Weigh every hypothesis by a range, and correct those that can explain it."""
@@ -348,7 +356,9 @@ class Bank:
     def _split(self, known: tuple[float, float] | None) -> None:
         """Follow the mirrored estimate too where the ranges cannot tell the sides apart."""
         hearing, one = self.hearing, self.best
-        if len(self.hypotheses) > 1 or hearing.since_split_s < SPLIT_PAUSE_S:
+        is_straight = abs(hearing.turned_rad) < STRAIGHT_RAD
+        is_due = is_straight and hearing.since_split_s >= SPLIT_PAUSE_S
+        if len(self.hypotheses) > 1 or not is_due:
             return
         h = one.h
         north, east = known or (float(h[hk.NORTH_RATE]), float(h[hk.EAST_RATE]))
@@ -359,13 +369,12 @@ class Bank:
         n_n, n_e = -course_e / pace, course_n / pace
         off = n_n * h[0] + n_e * h[1]
         variance = n_n * n_n * h[4] + 2.0 * n_n * n_e * h[5] + n_e * n_e * h[8]
-        if off * off > BLIND**2 * variance:
+        mirrored = Hypothesis(mirrored_across(h, n_n, n_e), 0.0, one.bias, one.since_s)
+        if off * off > BLIND**2 * variance or hk.apart(h, mirrored.h) < 1.0:
             return
-        mirrored = Hypothesis(mirrored_across(h, n_n, n_e), MIRROR_WEIGHT, one.bias, one.since_s)
-        if hk.apart(h, mirrored.h) < 1.0:
-            return
-        one.weight = 1.0 - MIRROR_WEIGHT
+        mirrored.weight = max(math.exp(-2.0 * off * off / variance), LEAST_MIRROR_WEIGHT)
         self.hypotheses.append(mirrored)
+        self._normalize()
         hearing.since_split_s = 0.0
 
 
