@@ -234,7 +234,7 @@ def _figure(runs: dict[str, Steps]) -> Figure:
                 Series("", thesis, y, hue, Mark.HOLLOW),
             ]
         title = f"step / barrier step, {way}"
-        panels.append(Panel(title, "", "", tuple(dots), names=tuple(runs), logarithmic="x"))
+        panels.append(Panel(title, "", "", tuple(dots), names=tuple(runs)))
     for way in (WARM, SLSQP):
         lines: list[Series] = []
         for column, each in runs.items():
