@@ -28,6 +28,7 @@ from server.recording.tlog import tlog_blocks
 from server.service.station import Station
 from server.settings import Settings
 from simulator.xbee_network import AirConditions, XBeeNetwork
+from tests.db.track import track_report
 from tests.server.service.conftest import MINI, until
 
 STATION_RADIO = Address(0x0013A200_41F000FF)
@@ -40,6 +41,7 @@ async def talk(link):
     """Report states and samples for a while, one of them impossible, as a real robot would."""
     for number in range(SAMPLES):
         link.report_state(state(1, float(number)))
+        link.report_track(replace(track_report(number), measured_at=datetime.now(UTC)))
         at = datetime.now(UTC)
         depth_m = 900.0 if number == 7 else 0.4
         link.record_sample("blue_light", 0.1 * number, (1.0, 0.5, depth_m), 0.05, at)
@@ -90,6 +92,7 @@ async def test_a_replay_of_the_journal_gives_the_rows_that_are_stored(folder, tm
     assert tables["field_sample"].same == SAMPLES - 1
     assert tables["state_report"].same > 0
     assert tables["plan_report"].same > 0
+    assert tables["track_report"].same > 0
     assert all(table.only_stored == table.only_replayed == 0 for table in tables.values())
 
 

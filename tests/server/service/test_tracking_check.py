@@ -17,8 +17,10 @@ from robot_link.messages import (
     RobotMode,
     TargetEstimate,
 )
+from robot_link.satellite.content import MobileOriginatedContent
 from server.service.picture import Picture, PlanInHand
 from server.service.plan_document import points_of
+from server.service.satellite.content import values_of
 from server.service.track import Track
 from server.service.track_check import (
     target_path,
@@ -187,6 +189,12 @@ def test_a_lost_target_is_an_alarm_as_long_as_the_mission_lasts():
         MINI, "a" * 64, OnboardPlanState.FAILED, 0, 0, 1.0, "lost", NOW, NOW
     )
     assert alarm(picture) is None
+
+
+def test_a_satellite_record_tells_of_the_target_as_radio_does():
+    state, report = state_report(MINI), track_report(0, TrackPhase.LOST)
+    content = MobileOriginatedContent(counter=3, state=state, track=report)
+    assert values_of(content, MINI, NOW, NOW, lambda digits: None) == [state, report]
 
 
 ROUND = TargetEstimate((1.4, 0.8), (0.0, 0.0), (0.01, 0.0, 0.01), 1.0)
