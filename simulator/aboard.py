@@ -52,6 +52,7 @@ def computer_of(
     clock: Clock,
     memory: Path | None,
     satellite: NodeClient | None,
+    acoustic: NodeClient | None = None,
 ) -> Computer:
     """Return a robot's computer; it talks by satellite only with a key in its memory.
 
@@ -62,6 +63,7 @@ def computer_of(
         clock: Its clock.
         memory: Folder of what it remembers; None forgets.
         satellite: Its satellite node; None without a modem.
+        acoustic: Its acoustic node; None without a modem.
 
     Raises:
         KeyUnreadableError: If the robot's key is none.
@@ -81,4 +83,5 @@ def computer_of(
         memory=memory,
         satellite=None if satellite is None or key is None else (satellite, key),
         satellite_config=definition.satellite,
+        acoustic=acoustic,
     )

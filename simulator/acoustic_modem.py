@@ -194,15 +194,20 @@ class AcousticModem:
         self._say("CAMPC", *fields)
         node = self._nodes.get(destination)
         out_s = None if node is None else self._travel_s(node)
-        back_s = None if node is None else self._travel_s(node)
-        if out_s is None or back_s is None:
+        if node is not None and out_s is not None:
+            delay_s = out_s + self.conditions.turnaround_s
+            self._later(delay_s, self._reply, source, destination, node, out_s)
+
+    def _reply(self, source: int, destination: int, node: AcousticNode, out_s: float) -> None:
+        """Let a modem answer a ping from where it is by now."""
+        back_s = self._travel_s(node)
+        if back_s is None:
             return
-        measured_s = self._measured_s(back_s)
+        measured_s = self._measured_s((out_s + back_s) / 2.0)
         pair = (source, destination)
         if self.conditions.replier_first:
             pair = (destination, source)
-        reply = ("CAMPR", *pair, f"{measured_s:.4f}")
-        self._later(out_s + self.conditions.turnaround_s + back_s, self._arrive, reply)
+        self._later(back_s, self._arrive, ("CAMPR", *pair, f"{measured_s:.4f}"))
 
     def _mini(self, source: int, destination: int, word: int, fields: Sequence[str]) -> None:
         if not 0 <= word < 2**_WORD_BITS:

@@ -2,8 +2,7 @@
 
 import asyncio
 import json
-import random
-from collections.abc import AsyncGenerator, Callable, Coroutine, Mapping
+from collections.abc import AsyncGenerator, Coroutine, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import dataclass
 from datetime import datetime
@@ -12,16 +11,13 @@ from pathlib import Path
 import numpy as np
 
 from robot_link.clock import Clock
-from robot_link.messages import RobotId
 from robot_link.whole_file import replace_file
-from simulator.acoustic_modem import AcousticConditions, AcousticModem, Point
-from simulator.acoustic_modem import AcousticNode as WaterNode
+from simulator.acoustics import acoustic_modems, acoustic_node
 from simulator.background import alongside
-from simulator.fleet import STATION_ACOUSTIC, STATION_ADDRESS, RobotDefinition
+from simulator.fleet import RobotDefinition
 from simulator.iridium.modem_9602 import Modem9602
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.session import Place
-from simulator.node.acoustic import AcousticNode
 from simulator.node.client import NodeClient
 from simulator.node.gps_clock import GpsClockNode, discipline
 from simulator.node.satellite import SatelliteNode
@@ -32,9 +28,6 @@ from simulator.onboard.clock import ClockModel, OnboardClock, Oscillator, Runnin
 from simulator.robot import SimulatedBody
 from simulator.settings import SimulatorSettings
 
-_STATION = RobotId("station")
-_STATION_DEPTH_M = 1.0
-"""Depth of the station's acoustic modem, below its antenna."""
 _CLOCK_SEED = 3
 """Tells the randomness of a robot's counter from that of its water and its sensors."""
 
@@ -125,13 +118,8 @@ async def equipped(
             gps = GpsClockNode(time.oscillator, time.truth, time.started_at, lambda: body.has_sky)
             await serve(gps.server, gps.run())
         if definition.acoustic_address is not None:
-            await stack.enter_async_context(_acoustic_modems(settings, definition, body, time))
-            node = AcousticNode(
-                device_path("acoustic"),
-                definition.acoustic_address,
-                {STATION_ADDRESS: _STATION},
-                time.clock(),
-            )
+            await stack.enter_async_context(acoustic_modems(settings, definition, body, time.truth))
+            node = acoustic_node(settings, definition, time.clock())
             await serve(node.server, node.run())
             events = alongside(node.drain(), f"{definition.robot} acoustic events")
             await stack.enter_async_context(events)
@@ -153,35 +141,6 @@ async def disciplined(onboard: OnboardClock, equipment: Equipment) -> AsyncGener
         yield
         return
     async with alongside(node.run(), "clock node"), alongside(discipline(onboard, node), "clock"):
-        yield
-
-
-@asynccontextmanager
-async def _acoustic_modems(
-    settings: SimulatorSettings, definition: RobotDefinition, body: SimulatedBody, time: Timekeeping
-) -> AsyncGenerator[None]:
-    """Put the modems of robot and station on their lines; each is the other's peer."""
-    north, east = definition.antenna_ne_m
-
-    def modem(name: str, us: Callable[[], Point], peer: int, there: WaterNode) -> AcousticModem:
-        rng = random.Random(f"{settings.seed} {definition.robot} {name}")
-        return AcousticModem(us, {peer: there}, rng, AcousticConditions(), time.truth)
-
-    def station_position() -> Point:
-        return north, east, _STATION_DEPTH_M
-
-    def robot_position() -> Point:
-        return body.plant.position_ned
-
-    ours = definition.acoustic_address or 0
-    robot_end = WaterNode(robot_position, lambda _, word: robot.send_mini(STATION_ADDRESS, word))
-    station_end = WaterNode(station_position, lambda _, word: station.send_mini(ours, word))
-    station = modem("station", station_position, ours, robot_end)
-    robot = modem("robot", robot_position, STATION_ADDRESS, station_end)
-    async with (
-        station.pty(settings.device_path(definition.robot, STATION_ACOUSTIC)),
-        robot.pty(settings.device_path(definition.robot, "acoustic")),
-    ):
         yield
 
 

@@ -11,9 +11,11 @@ from autonomy.vehicle.config import VEHICLES, Vehicle
 from robot_link.messages import RobotId, SystemId
 from robot_link.satellite.config import SatelliteConfig
 from robot_link.transport.datagram import Address
+from simulator.acoustic_modem import AcousticConditions
 from simulator.battery import BatteryModel
 from simulator.onboard.clock import ClockModel
 from simulator.sensor import SensorModel
+from simulator.target import LAKE_TARGETS, TANK_TARGETS, AcousticTarget
 
 STATION_ADDRESS = 1
 """Address of the station's acoustic modem."""
@@ -60,6 +62,12 @@ class RobotDefinition:
     """How wrong its clock is between GPS pulses; None is a robot that is given the time."""
     acoustic_address: int | None = None
     """Address of its acoustic modem; None without one."""
+    has_station_acoustics: bool = False
+    """Whether the station has an acoustic modem in its water."""
+    targets: tuple[AcousticTarget, ...] = ()
+    """What else answers pings in its water."""
+    acoustics: AcousticConditions = field(default_factory=AcousticConditions)
+    """How sound goes in its water."""
 
     @property
     def estimator(self) -> EstimatorConfig:
@@ -114,6 +122,9 @@ MINI_1 = RobotDefinition(
         full_v=10.8,
         empty_v=8.8,
     ),
+    acoustic_address=3,
+    targets=TANK_TARGETS,
+    acoustics=AcousticConditions(travel_time_std_s=2e-4, echo_s=0.004, range_m=20.0),
 )
 """Miniglider in the tank; three overhead cameras fix its position at the surface."""
 
@@ -126,6 +137,7 @@ MINI_2 = replace(
     link_name="tank-2",
     start_ne_m=(2.1, 0.9),
     heading_rad=-2.6,
+    acoustic_address=4,
 )
 """A second Miniglider in the same tank, for surveys by several robots."""
 
@@ -169,6 +181,8 @@ GRACE_1 = RobotDefinition(
     satellite=SatelliteConfig(session_period_s=300.0),
     clock=ClockModel(rate_std_ppm=20.0),
     acoustic_address=2,
+    has_station_acoustics=True,
+    targets=LAKE_TARGETS,
 )
 """GRACE 3 in the practice lake; GPS fixes its position at the surface.
 

@@ -89,6 +89,7 @@ async def _whole(
             clock=time.clock(),
             memory=settings.memory(definition.robot),
             satellite=equipment.client("satellite"),
+            acoustic=equipment.client("acoustic"),
         )
         async with asyncio.TaskGroup() as group:
             group.create_task(computer.run(), name=f"{definition.robot} computer")

@@ -45,8 +45,8 @@ class RobotSettings(Configuration):
     robot: RobotId
     """Its name."""
     nodes: Mapping[str, str]
-    """Addresses of its nodes by name; body is needed, gps_clock and satellite are used where
-    there are any."""
+    """Addresses of its nodes by name; body is needed, gps_clock, satellite and acoustic are used
+    where there are any."""
     radio: str
     """URI of its radio's line."""
     memory: Path
@@ -103,9 +103,9 @@ async def _live(settings: RobotSettings) -> None:
     async with AsyncExitStack() as stack:
 
         async def client(name: str) -> NodeClient | None:
-            if name not in settings.nodes:
+            node = _client(settings, name)
+            if node is None:
                 return None
-            node = NodeClient(NodeAddress.of(settings.nodes[name]))
             await stack.enter_async_context(alongside(node.run(), f"{name} node"))
             return node
 
@@ -119,7 +119,6 @@ async def _live(settings: RobotSettings) -> None:
             await stack.enter_async_context(alongside(discipline(onboard, gps), "clock"))
             await _first_pulse(onboard)
         clock = RunningClock(onboard, lambda: body.count_s, settings.speed)
-        satellite = settings.nodes.get("satellite")
         definition = FLEET[settings.robot]
         computer = computer_of(
             definition,
@@ -127,12 +126,19 @@ async def _live(settings: RobotSettings) -> None:
             radio=open_transport(settings.radio),
             clock=clock,
             memory=settings.memory,
-            satellite=None if satellite is None else NodeClient(NodeAddress.of(satellite)),
+            satellite=_client(settings, "satellite"),
+            acoustic=_client(settings, "acoustic"),
         )
         _log.info("%s is awake; its clock shows %s", settings.robot, f"{clock.now():%Y-%m-%d %X}")
         async with asyncio.TaskGroup() as group:
             group.create_task(computer.run(), name=f"{settings.robot} computer")
             await _fly(computer, body, settings.speed)
+
+
+def _client(settings: RobotSettings, name: str) -> NodeClient | None:
+    """Return a client that nobody runs yet; None where there is no such node."""
+    address = settings.nodes.get(name)
+    return None if address is None else NodeClient(NodeAddress.of(address))
 
 
 async def _first_pulse(onboard: OnboardClock) -> None:

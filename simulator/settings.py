@@ -1,5 +1,6 @@
 """Settings of the simulator's process; a settings file holds them as one JSON object."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
@@ -9,6 +10,7 @@ from autonomy.configuration import Configuration
 from autonomy.vehicle.water import Wave
 from robot_link.clock import ScaledClock
 from robot_link.messages import RobotId
+from simulator.acoustic_modem import AcousticConditions
 from simulator.conditions import WaterConditions
 from simulator.fleet import FLEET, USUAL_ROBOTS, RobotDefinition, robots_named
 from simulator.iridium.conditions import SatelliteConditions
@@ -64,6 +66,12 @@ class SimulatorSettings(Configuration):
     """Part of the satellite messages that come twice."""
     satellite_session_s: float = Field(default=12.0, gt=0.0, le=120.0)
     """Length of a satellite session, by the robots' clock."""
+    acoustic_loss: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """Part of the sounds under water that are not heard; a ping and its answer are two."""
+    acoustic_garbling: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """Part of the sounds that are heard and not understood."""
+    acoustic_outliers: float = Field(default=0.0, ge=0.0, lt=1.0)
+    """Part of the ranges that are those of an echo."""
     parent_pid: int | None = Field(default=None, gt=0)
     """The simulator ends when the process with this id does."""
     loss: float = Field(default=0.02, ge=0.0, lt=1.0)
@@ -118,6 +126,15 @@ class SimulatorSettings(Configuration):
             duplication=self.satellite_duplication,
             reordering=self.satellite_duplication,
             session_s=self.satellite_session_s,
+        )
+
+    def acoustics(self, definition: RobotDefinition) -> AcousticConditions:
+        """Return how sound goes in a robot's water."""
+        return replace(
+            definition.acoustics,
+            loss=self.acoustic_loss,
+            garbling=self.acoustic_garbling,
+            outliers=self.acoustic_outliers,
         )
 
     def definition(self, robot: RobotId) -> RobotDefinition:

@@ -16,6 +16,11 @@ class AcousticConfig(Configuration):
     """Time that the far modem or transponder takes before it answers."""
 
     @property
+    def travel_s(self) -> float:
+        """How long the sound of an answer may take: there, back, and the turnaround."""
+        return 2.0 * self.range_max_m / self.sound_speed_m_s + self.turnaround_s
+
+    @property
     def answer_s(self) -> float:
-        """How long an answer may take: there, back, the turnaround, and a second to spare."""
-        return 2.0 * self.range_max_m / self.sound_speed_m_s + self.turnaround_s + 1.0
+        """How long an answer may take, with a second to spare."""
+        return self.travel_s + 1.0

@@ -76,8 +76,8 @@ class MicroModem:
         self.config = config or AcousticConfig()
         """May be replaced at any time; the next ping uses it."""
         self._on_mini = on_mini
-        timing = timing or ModemTiming()
-        self._line = ModemLine(open_port, us, clock, timing, self._hear, self._closed)
+        self._timing = timing or ModemTiming()
+        self._line = ModemLine(open_port, us, clock, self._timing, self._hear, self._closed)
         self._measuring = asyncio.Lock()
         self._awaited: asyncio.Future[Heard] | None = None
         self._awaited_pair: frozenset[int] | None = None
@@ -114,22 +114,28 @@ class MicroModem:
         """Measure the range to a robot's modem; silence is a measurement too, though not valid.
 
         Raises:
-            ValueError: If no robot has the modem of this address.
+            ValueError: If nobody has the modem of this address.
         """
         robot = self._robot(peer)
         async with self._measuring:
-            wait_s, speed_m_s = self.config.answer_s, self.config.sound_speed_m_s
+            config = self.config
             pair = frozenset((self._us, peer))
             fields = sentence.ping(self._us, peer)
-            reply, reason = await self._measured(fields, pair, PingReply, wait_s)
+            reply, reason = await self._measured(fields, pair, PingReply)
         now = self._clock.now()
         if reply is None:
             return RangeMeasurement(robot, peer, None, None, now, is_valid=False, reason=reason)
         travel_s = reply.travel_time_s
-        if not 0 < travel_s < wait_s:
+        if not 0 < travel_s < config.answer_s:
             reason = f"a travel time of {travel_s:g} s cannot be"
         return RangeMeasurement(
-            robot, peer, travel_s, travel_s * speed_m_s, now, is_valid=not reason, reason=reason
+            robot,
+            peer,
+            travel_s,
+            travel_s * config.sound_speed_m_s,
+            now,
+            is_valid=not reason,
+            reason=reason,
         )
 
     async def ping_remus(
@@ -177,8 +183,13 @@ class MicroModem:
 
     @property
     def _listen_s(self) -> float:
-        """How long the modem itself listens for transponders; ours is a second longer."""
-        return self.config.answer_s - 1.0
+        """How long the modem itself listens for transponders, by its own clock."""
+        return self.config.travel_s
+
+    @property
+    def _wait_s(self) -> float:
+        """How long an answer is waited for, of the wall."""
+        return self.config.travel_s / self._clock.speed + self._timing.spare_s
 
     def _robot(self, peer: int) -> RobotId:
         if peer not in self._robots:
@@ -188,7 +199,7 @@ class MicroModem:
     async def _ping_beacons(self, fields: Fields) -> BeaconMeasurement:
         async with self._measuring:
             speed_m_s = self.config.sound_speed_m_s
-            reply, reason = await self._measured(fields, None, BeaconReply, self.config.answer_s)
+            reply, reason = await self._measured(fields, None, BeaconReply)
         silent: tuple[float | None, ...] = (None,) * sentence.BEACONS
         times_s = silent if reply is None else reply.travel_times_s
         return BeaconMeasurement(
@@ -200,11 +211,12 @@ class MicroModem:
         )
 
     async def _measured(
-        self, fields: Fields, pair: frozenset[int] | None, kind: type[Reply], wait_s: float
+        self, fields: Fields, pair: frozenset[int] | None, kind: type[Reply]
     ) -> tuple[Reply | None, str]:
         """Give one command and wait for its reply from the water; return it, or why it lacks."""
         if not self.is_ready:
             return None, "the modem is not there"
+        wait_s = self._wait_s
         answer: asyncio.Future[Heard] = asyncio.get_running_loop().create_future()
         self._awaited, self._awaited_pair, self._was_garbled = answer, pair, False
         try:

@@ -47,6 +47,8 @@ class ModemTiming:
     """Time between two questions for the modem's address, which prove that it lives."""
     reopen_s: float = 0.5
     """Time between two attempts to open the port."""
+    spare_s: float = 1.0
+    """What an answer may be late beside the travel of its sound."""
 
 
 class ModemLine(KeptTransport):

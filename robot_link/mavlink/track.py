@@ -1,5 +1,6 @@
 """Track reports between the dialect's GRACE_TRACK and the project's values."""
 
+import struct
 from datetime import datetime
 
 from robot_link.mavlink.telemetry import check_finite, microseconds, moment
@@ -99,7 +100,7 @@ def can_travel(track: TrackReport) -> bool:
     try:
         checked_track(track)
         track_message(track).pack(grace.MAVLink(None))
-    except (ValueError, ArithmeticError, grace.MAVError):
+    except (ValueError, ArithmeticError, struct.error, grace.MAVError):
         return False
     return True
 

@@ -46,6 +46,7 @@ class Reason(IntEnum):
     TARGET_LOST = 15
     TARGET_FASTER = 16
     LEFT_WATER = 17
+    TARGET_SILENT = 18
 
     @property
     def sentence(self) -> str:
@@ -76,7 +77,8 @@ _WORDS = {
     Reason.LEAVES_WATER: ("leaves the water", "a leg leaves the water"),
     Reason.NO_SPEED: ("no speed", "a leg has no speed"),
     Reason.TRIM: ("trim", "the trim is more than the robot's limits allow"),
-    Reason.TARGET_LOST: ("target was lost", "the target was lost for too long"),
+    Reason.TARGET_LOST: ("track lost", "track lost for too long"),
+    Reason.TARGET_SILENT: ("no range of the target", "no range of the target was heard"),
     Reason.TARGET_FASTER: ("target is faster", "the target is faster than the robot may swim"),
     Reason.LEFT_WATER: ("left the water", "the robot left the water that it was to stay in"),
     Reason.WITHDRAWN: (

@@ -24,7 +24,7 @@ from server.clock_file import read_clock, start_clock, stop_clock
 from server.command.data import add_data_option, open_store, settings_of
 from server.command.demo_gateway import prepare_gateway
 from server.command.failure import CommandError
-from server.command.simulate_verb import LINK_FOLDER, part
+from server.command.simulate_verb import LINK_FOLDER, add_water_options, part
 from server.command.supervisor import Child, Supervisor
 from server.data_folder import CLOCK_FILE
 from server.secret import SecretStore
@@ -69,6 +69,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="PART",
         help="part of the satellite messages that are lost, 0 to 0.9",
     )
+    add_water_options(parser)
     parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
 
 
@@ -134,10 +135,10 @@ def _url(listener: socket.socket) -> str:
 def _trouble(arguments: Namespace) -> tuple[str, ...]:
     """Return the simulator's options that make a link's life harder."""
     options: list[str] = ["--far"] if arguments.far else []
-    if arguments.loss is not None:
-        options += ["--loss", str(arguments.loss)]
-    if arguments.satellite_loss is not None:
-        options += ["--satellite-loss", str(arguments.satellite_loss)]
+    for name in ("loss", "satellite_loss", "acoustic_loss", "acoustic_outliers"):
+        value = getattr(arguments, name)
+        if value is not None:
+            options += [f"--{name.replace('_', '-')}", str(value)]
     return tuple(options)
 
 
@@ -178,7 +179,7 @@ def _record(definition: RobotDefinition, folder: Path, at: datetime) -> RobotRec
     links = [f"xbee://{link}"]
     if definition.imei:
         links.append(f"rockblock://{definition.imei}")
-    if definition.acoustic_address is not None:
+    if definition.has_station_acoustics:
         line = link.with_name(f"{definition.robot}-{STATION_ACOUSTIC}")
         options = f"us={STATION_ADDRESS}&peer={definition.acoustic_address}"
         links.append(f"micromodem://{line}?{options}")

@@ -36,12 +36,24 @@ def add_arguments(parser: ArgumentParser) -> None:
         metavar="PART",
         help="part of the satellite messages that are lost, 0 to 0.9",
     )
+    add_water_options(parser)
     parser.add_argument(
         "--bodies",
         action="store_true",
         help="simulate bodies, devices and radios alone; grace robot runs the onboard programs",
     )
     parser.add_argument("--parent-pid", type=int, help=SUPPRESS)
+
+
+def add_water_options(parser: ArgumentParser) -> None:
+    """Declare how bad the water is for sound; demo and simulation have these alike."""
+    for name, what in (
+        ("loss", "sounds under water that are not heard"),
+        ("outliers", "acoustic ranges that are those of an echo"),
+    ):
+        parser.add_argument(
+            f"--acoustic-{name}", type=part, metavar="PART", help=f"part of the {what}, 0 to 0.9"
+        )
 
 
 def part(text: str) -> float:
@@ -85,6 +97,8 @@ def run(arguments: Namespace) -> int:
         "parent_pid": arguments.parent_pid,
         "loss": arguments.loss,
         "satellite_loss": arguments.satellite_loss,
+        "acoustic_loss": arguments.acoustic_loss,
+        "acoustic_outliers": arguments.acoustic_outliers,
         "is_far": arguments.far,
         "has_programs": not arguments.bodies,
         "memory_folder": folder / MEMORY_FOLDER,

@@ -12,9 +12,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from robot_link.acoustic.config import AcousticConfig
 from robot_link.acoustic.measurement import MiniReceived
 from robot_link.acoustic.micromodem import MicroModem
-from robot_link.acoustic.modem_line import ModemRefusedError
+from robot_link.acoustic.modem_line import ModemRefusedError, ModemTiming
 from robot_link.clock import Clock
 from robot_link.messages import RobotId
 from robot_link.transport.datagram import PortClosedError
@@ -34,13 +35,23 @@ class AcousticNode:
         us: Its own address.
         peers: Who has the modem of which address.
         clock: The robot's clock.
+        config: Speed of sound and longest range.
+        timing: Time-outs on the line.
     """
 
-    def __init__(self, line: Path, us: int, peers: Mapping[int, RobotId], clock: Clock) -> None:
+    def __init__(
+        self,
+        line: Path,
+        us: int,
+        peers: Mapping[int, RobotId],
+        clock: Clock,
+        config: AcousticConfig | None = None,
+        timing: ModemTiming | None = None,
+    ) -> None:
         async def opened() -> Port:
             return await SerialPort.open(str(line), baud=_BAUD, flow_control=False)
 
-        self._modem = MicroModem(opened, us, peers, clock, on_mini=self._hear)
+        self._modem = MicroModem(opened, us, peers, clock, config, timing, self._hear)
         self.server = NodeServer(
             "acoustic", {"ping": self._ping, "mini": self._mini}, (RANGE, MINI)
         )

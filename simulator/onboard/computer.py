@@ -32,6 +32,7 @@ from simulator.onboard.memory import (
     read_key,
 )
 from simulator.onboard.own_parameters import OwnParameters
+from simulator.onboard.pinger import Pinger
 from simulator.onboard.profile import FLIGHT_PROFILES
 from simulator.onboard.program import OnboardProgram
 from simulator.onboard.satellite_policy import CallLimits
@@ -59,6 +60,7 @@ class Computer:
         clock: Its clock.
         memory: Folder of what it remembers; None forgets.
         satellite: Its satellite node, and its key; None without a modem.
+        acoustic: The node of its acoustic modem; None without one.
         satellite_config: How it uses its modem, as built; by default as the station assumes.
     """
 
@@ -75,6 +77,7 @@ class Computer:
         memory: Path | None,
         satellite: tuple[NodeClient, bytes] | None = None,
         satellite_config: SatelliteConfig | None = None,
+        acoustic: NodeClient | None = None,
     ) -> None:
         self.program = program
         started_at = clock.now()
@@ -112,11 +115,15 @@ class Computer:
         """What the program talks through."""
         self.talk: SatelliteTalk | None = None
         """Its talk by satellite; None without a modem."""
-        self._nodes: tuple[NodeClient, ...] = ()
+        self._nodes: dict[str, NodeClient] = {}
+        self._pinger: Pinger | None = None
+        if acoustic is not None:
+            self._nodes["acoustic"] = acoustic
+            self._pinger = Pinger(program, acoustic, clock)
         if satellite is not None and talk is not None:
             node, key = satellite
             store = MemoryStore() if memory is None else FileStore(memory / "satellite")
-            self._nodes = (node,)
+            self._nodes["satellite"] = node
             self.talk = SatelliteTalk(
                 robot,
                 system,
@@ -138,8 +145,10 @@ class Computer:
         try:
             async with asyncio.TaskGroup() as group:
                 group.create_task(self.link.run(), name="link")
-                for node in self._nodes:
-                    group.create_task(node.run(), name="satellite node")
+                for name, node in self._nodes.items():
+                    group.create_task(node.run(), name=f"{name} node")
+                if self._pinger is not None:
+                    group.create_task(self._pinger.run(), name="pinger")
                 if self.talk is not None:
                     group.create_task(self.talk.run(), name="satellite talk")
         finally:
@@ -167,10 +176,12 @@ class Computer:
             self._flown.note(None)
 
     def report_state(self) -> None:
-        """Tell the station where the robot believes to be, and write it down."""
+        """Tell the station where the robot and its target are believed to be, and write it down."""
         report = self.program.state_report()
         self.link.report_state(report)
         self.log.track(report)
+        if (track := self.program.track_report()) is not None:
+            self.link.report_track(track)
 
 
 def _talk_settings(config: SatelliteConfig) -> TalkSettings:

@@ -4,7 +4,8 @@ from dataclasses import replace
 from typing import Protocol
 
 from robot_link.clock import Clock
-from robot_link.messages import RobotId, Sample, StateReport, SystemId
+from robot_link.mavlink.track import can_travel
+from robot_link.messages import RobotId, Sample, StateReport, SystemId, TrackReport
 from robot_link.onboard_settings import DigestSettings
 from robot_link.plan_desk import PlanOnBoard
 from robot_link.sample_log import SampleLog
@@ -42,6 +43,10 @@ class StateTeller(Protocol):
 
     def state_report(self) -> StateReport:
         """Return what the robot believes of itself."""
+        ...
+
+    def track_report(self) -> TrackReport | None:
+        """Return how the robot holds its target; None while it follows none."""
         ...
 
 
@@ -93,8 +98,9 @@ class RecordWriter:
             acks: Words on missions.
             answers: Words on orders.
             most_bytes: How long it may be.
-            is_full: Whether it carries the state, and as many samples as fit, too.
+            is_full: Whether it carries the state, the track, and as many samples as fit, too.
         """
+        track = self._program.track_report() if is_full else None
         plan = self._link.plan_report()
         content = MobileOriginatedContent(
             counter=counter,
@@ -109,6 +115,7 @@ class RecordWriter:
             ),
             acks=acks,
             answers=answers,
+            track=track if track is not None and can_travel(track) else None,
         )
         if is_full:
             room = sample_room(content, most_bytes)

@@ -19,6 +19,7 @@ from robot_link.messages import (
     RobotMode,
     StateReport,
     SystemId,
+    TrackReport,
 )
 from robot_link.mission import Mission
 from robot_link.plan_desk import PlanOnBoard
@@ -36,6 +37,7 @@ from simulator.node.satellite import SatelliteClient
 from simulator.onboard.satellite_policy import CallLimits
 from simulator.onboard.satellite_talk import SatelliteTalk, TalkSettings
 from tests.robot_link.rig import until
+from tests.robot_link.track_case import track
 from tests.simulator.flight import EPOCH, TANK_PLANNER, mission, two_dives
 from tests.simulator.satellite_rig import IMEI, cellular, fast_clock, heard, iridium, network
 
@@ -104,6 +106,7 @@ class Afloat:
     surfaced_s: float = 20_000.0
     is_talking: bool = False
     digest_settings: None = None
+    track: TrackReport | None = None
 
     @property
     def time_s(self) -> float:
@@ -111,6 +114,9 @@ class Afloat:
 
     def state_report(self) -> StateReport:
         return STATE
+
+    def track_report(self) -> TrackReport | None:
+        return self.track
 
 
 @dataclass
@@ -197,6 +203,18 @@ async def test_one_program_calls_and_takes_a_mission_over_either_device(kind, tm
         last = rig.records()[-1]
         assert last.plan.digits == plan.sha256()[:16]
         assert last.plan.state is OnboardPlanState.RUNNING
+
+
+async def test_record_of_a_robot_that_follows_a_target_tells_its_hold_on_it(tmp_path):
+    async with talking(iridium, tmp_path) as rig:
+        await until(lambda: bool(rig.records()))
+        assert rig.records()[0].track is None
+        rig.program.track = track(ranges_heard=5000)
+        rig.sky.accept(IMEI, b"garbage that only rings")
+        await until(lambda: rig.records()[-1].track is not None)
+        told = rig.records()[-1].track
+        assert told.ranges_heard == 5000
+        assert told.hypotheses[0].weight == pytest.approx(0.75, abs=0.01)
 
 
 async def test_samples_that_were_taken_ashore_are_not_sent_again(tmp_path):
