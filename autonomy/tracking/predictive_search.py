@@ -8,7 +8,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import inlined_kernel, kernel
-from autonomy.tracking.control_kernel import SPEED_TIME_S
+from autonomy.tracking.control_kernel import LARGEST, SPEED_TIME_S
 from autonomy.tracking.predictive_kernel import (
     ACCELERATION_HALF,
     ACCELERATION_MIDDLE,
@@ -27,7 +27,7 @@ from autonomy.tracking.predictive_kernel import (
 
 CONVERGED, SPENT, STALLED, BAD_INPUT = range(4)
 """How a search ended: at a minimum, at the iteration limit, where no step lowers the cost any
-further than rounding, or not begun because a number was not finite."""
+further than rounding, or not begun because a number was not finite or absurd."""
 
 Room: TypeAlias = tuple[Tape, FloatArray, FloatArray, FloatArray]
 """Tape; curvature ``(n, n)``; its factor ``(n, n)``; six vectors ``(6, n)``."""
@@ -132,12 +132,14 @@ def predictive_step(
     tape = room[0]
     state, known = tape[0][0], tape[2][0, 0]
     state[0], state[1], state[2], state[3] = x_r, y_r, psi, v
-    is_good = math.isfinite(x_r + y_r + psi + v + vt_x + vt_y)
+    is_good = abs(vt_x) < LARGEST and abs(vt_y) < LARGEST
+    for i in range(4):
+        is_good = is_good and abs(state[i]) < LARGEST
     for i in range(4):
         is_good = is_good and covariance[i, i] >= 0.0
         for j in range(4):
             known[i, j] = 0.5 * (covariance[i, j] + covariance[j, i])
-            is_good = is_good and math.isfinite(known[i, j])
+            is_good = is_good and abs(known[i, j]) < LARGEST * LARGEST
     cost, iterations, status = math.nan, 0, BAD_INPUT
     if is_good:
         cost, iterations, status = minimize(plan, vt_x, vt_y, p, room)
@@ -296,7 +298,8 @@ def _descend(
             new_plan[i] = min(1.0, max(-1.0, plan[i] + length * way[i]))
             slope += gradient[i] * (new_plan[i] - plan[i])
         new_cost = cost_forward(new_plan, vt_x, vt_y, p, tape)
-        if slope < 0.0 and new_cost <= cost + _SUFFICIENT * slope:
+        # An absurd covariance can round to a cost of minus infinity, which is no progress.
+        if slope < 0.0 and -math.inf < new_cost <= cost + _SUFFICIENT * slope:
             return new_cost
         length *= 0.5
     return math.inf
