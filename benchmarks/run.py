@@ -26,6 +26,7 @@ AREAS = (
     "field_real",
     "field_quality",
     "planner",
+    "tracking",
     "tracking_speed",
     "tracking_predictive",
     "telemetry",

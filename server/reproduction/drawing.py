@@ -35,6 +35,11 @@ _COLOURS = {
     Hue.SLIGHTLY_NEGATIVE: "#e69f00",
     Hue.ROOT: "#cc79a7",
     Hue.CONSTANT: "#1a1a1a",
+    Hue.STATE: "#8c8c8c",
+    Hue.OUTPUT: "#d55e00",
+    Hue.STATE_BARRIER: "#009e73",
+    Hue.OUTPUT_BARRIER: "#0072b2",
+    Hue.ESTIMATED_BARRIER: "#cc79a7",
 }
 """Okabe and Ito's colours, which people with every kind of colour vision tell apart."""
 _SHAPES = {

@@ -40,6 +40,11 @@ class Hue(StrEnum):
     SLIGHTLY_NEGATIVE = "slightly negative"
     ROOT = "root"
     CONSTANT = "constant"
+    STATE = "state feedback"
+    OUTPUT = "output feedback"
+    STATE_BARRIER = "state feedback, barrier"
+    OUTPUT_BARRIER = "output feedback, barrier"
+    ESTIMATED_BARRIER = "target velocity estimated, barrier"
 
 
 class Mark(StrEnum):
