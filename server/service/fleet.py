@@ -174,7 +174,9 @@ class Fleet:
         report = picture.track_report
         if report is None:
             return None
-        is_over = report.phase is TrackPhase.ENDED
+        plan = picture.plan_report
+        has_ended = plan is not None and plan.state is not OnboardPlanState.RUNNING
+        is_over = has_ended or report.phase is TrackPhase.ENDED
         if is_over and self._age_s(report.measured_at) > self.limit_s(_ENDED_LIMIT_S):
             return None
         return report

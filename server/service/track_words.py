@@ -8,6 +8,10 @@ from robot_link.messages import TargetEstimate, TrackReport
 STD_95 = 2.4477
 """Semi-axis of the 95 % ellipse of a two-dimensional Gaussian, in standard deviations."""
 _TEACHING = "Nothing keeps the target observable: the mission is for teaching."
+_SMALL = 0.005
+"""A mirrored estimate less probable than this is not worth a word."""
+_LONG_M, _LONG_S = 10.0, 10.0
+"""Beyond these a sentence needs no decimals."""
 _QUIET = "it was told not to ping"
 
 
@@ -43,16 +47,19 @@ def _distance(report: TrackReport) -> str:
     if not report.hypotheses:
         return "where it is not known"
     away_m = math.dist(report.hypotheses[0].position_ne_m, report.position_ne_m)
-    return f"{away_m:.3g} m away"
+    return f"{_metres(away_m)} away"
 
 
 def _known(report: TrackReport) -> str:
     if not report.hypotheses:
         return ""
-    known = f", known within {within_95_m(report.hypotheses[0]):.2g} m"
-    if len(report.hypotheses) == 1:
-        return known
-    return f"{known} if it is not mirrored ({report.hypotheses[1].weight:.0%})"
+    known = f", known within {_metres(within_95_m(report.hypotheses[0]))}"
+    mirrored = sum(one.weight for one in report.hypotheses[1:])
+    return known if mirrored < _SMALL else f"{known} if it is not mirrored ({mirrored:.0%})"
+
+
+def _metres(length_m: float) -> str:
+    return f"{length_m:.2f} m" if length_m < _LONG_M else f"{length_m:.0f} m"
 
 
 def _reason(report: TrackReport) -> str:
@@ -68,7 +75,7 @@ def _lost_reason(report: TrackReport) -> str:
 
 
 def _seconds(age_s: float) -> str:
-    return f"{age_s:.1f} s" if age_s < 10.0 else f"{age_s:.0f} s"
+    return f"{age_s:.1f} s" if age_s < _LONG_S else f"{age_s:.0f} s"
 
 
 def within_95_m(estimate: TargetEstimate) -> float:

@@ -165,6 +165,7 @@ async def test_a_deployment_brings_it_too(client, world):
     answer = await client.get(url, params={"format": "tracking"})
     assert answer.status_code == 200
     assert "tracking.csv" in answer.headers["content-disposition"]
+    assert len(answer.text.strip().splitlines()) == 4, "marks, columns, one report"
 
 
 async def test_loss_and_return_of_a_target_are_told_once_each(client, world):
@@ -333,12 +334,20 @@ async def test_a_report_ends_with_the_flight_of_another_plan(client, station, wo
     assert (await client.get("/api/robots/mini-1/state")).json()["tracking"] is None
 
 
-async def test_a_mission_that_ended_long_ago_concerns_nobody(client, world):
+async def test_a_mission_that_ended_long_ago_concerns_nobody(client, station, world):
+
+    async def shown():
+        return (await client.get("/api/robots/mini-1/state")).json()["tracking"]
+
+    world.tell(now_report(1000.0, TrackPhase.ENDED))
+    assert await shown() is None
+    assert station._scene_source(MINI).target() is None
+    world.tell(now_report(900.0))
+    assert (await shown())["phase"] == "tracking", "for all one knows it goes on"
+    world.robots[MINI].say(OnboardPlanState.DONE)
+    assert await shown() is None
     world.tell(now_report(30.0, TrackPhase.ENDED))
-    assert (await client.get("/api/robots/mini-1/state")).json()["tracking"]["phase"] == "ended"
-    long_ago = now_report(1000.0, TrackPhase.ENDED)
-    world.tell(long_ago)
-    assert (await client.get("/api/robots/mini-1/state")).json()["tracking"] is not None
+    assert (await shown())["phase"] == "ended"
 
 
 async def test_scene_draws_what_the_robot_says_and_greys_what_is_old(station, world, client):

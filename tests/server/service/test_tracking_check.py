@@ -213,12 +213,16 @@ ROUND = TargetEstimate((1.4, 0.8), (0.0, 0.0), (0.01, 0.0, 0.01), 1.0)
         ),
         (
             {"hypotheses": (ROUND,)},
-            "mini-1 follows its target, 0.5 m away, known within 0.24 m.",
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m.",
         ),
         (
             {"hypotheses": (replace(ROUND, weight=0.9), replace(ROUND, weight=0.1))},
-            "mini-1 follows its target, 0.5 m away, known within 0.24 m if it is not mirrored "
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m if it is not mirrored "
             "(10%).",
+        ),
+        (
+            {"hypotheses": (replace(ROUND, weight=0.999), replace(ROUND, weight=0.001))},
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m.",
         ),
         (
             {"phase": TrackPhase.COASTING, "hypotheses": (ROUND,), "range_age_s": 4.2},
@@ -236,7 +240,7 @@ ROUND = TargetEstimate((1.4, 0.8), (0.0, 0.0), (0.01, 0.0, 0.01), 1.0)
         ({"phase": TrackPhase.ENDED}, "mini-1 follows its target no longer."),
         (
             {"hypotheses": (ROUND,), "is_barrier_on": False},
-            "mini-1 follows its target, 0.5 m away, known within 0.24 m. Nothing keeps the target "
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m. Nothing keeps the target "
             "observable: the mission is for teaching.",
         ),
     ],
