@@ -31,14 +31,14 @@ Tape: TypeAlias = tuple[FloatArray, FloatArray, FloatArray, FloatArray]
 prediction and before each range ``(steps + 1, 2, 4, 4)``; a covariance's slope ``(4, 4)``."""
 
 _SINE, _COSINE, _MIDDLE_SPEED, _RANGE, _IS_NEAR = range(5)
-_HEADING_GAIN, _SPEED_GAIN, _RANGE_GAIN = 5, 9, 13
+_HEADING_GAIN, _SPEED_GAIN, _RANGE_GAIN, _MIDDLE_SIZE = 5, 9, 13, 17
 
 
 def empty_tape(steps: int) -> Tape:
     """Return the room that a pass over so many steps needs."""
     return (
         np.zeros((steps + 1, 4)),
-        np.zeros((steps, 17)),
+        np.zeros((steps, _MIDDLE_SIZE)),
         np.zeros((steps + 1, 2, 4, 4)),
         np.zeros((4, 4)),
     )
@@ -281,7 +281,8 @@ def _unhear(
     if middle[_IS_NEAR] == 0.0:
         distance = middle[_RANGE]
         h_x, h_y = x / distance, y / distance
-        k0, k1, k2, k3 = middle[13], middle[14], middle[15], middle[16]
+        gain = middle[_RANGE_GAIN : _RANGE_GAIN + 4]
+        k0, k1, k2, k3 = gain[0], gain[1], gain[2], gain[3]
         q0 = slope[0, 0] * k0 + slope[0, 1] * k1 + slope[0, 2] * k2 + slope[0, 3] * k3
         q1 = slope[1, 0] * k0 + slope[1, 1] * k1 + slope[1, 2] * k2 + slope[1, 3] * k3
         q2 = slope[2, 0] * k0 + slope[2, 1] * k1 + slope[2, 2] * k2 + slope[2, 3] * k3

@@ -161,9 +161,10 @@ def test_search_ends_where_slsqp_ends(name):
     theirs_less_ours = np.array(
         [converge(each)[1] - searched(each, p, 200)[1] for each in random_problems(6, 40)]
     )
-    assert np.median(theirs_less_ours) <= 2.2e-5
-    assert np.quantile(theirs_less_ours, 0.05) >= SLSQP_ABOVE_OURS[0]
-    assert np.quantile(theirs_less_ours, 0.9) <= SLSQP_ABOVE_OURS[1]
+    low, high = SLSQP_ABOVE_OURS
+    assert abs(np.median(theirs_less_ours)) < 1e-8
+    assert np.mean((theirs_less_ours >= low) & (theirs_less_ours <= high)) >= 0.95
+    assert np.mean(theirs_less_ours) > low  # what is left are minima that one of the two missed
 
 
 @pytest.mark.parametrize("name", EVERY)
