@@ -2,10 +2,12 @@ import type { IncomingMessage, Server, ServerResponse } from 'node:http';
 import type { Plugin } from 'vite';
 import { WebSocketServer } from 'ws';
 import type { JsonObject } from '../src/api/types';
+import type { FakePursuitPlan } from './pursuit_plan';
 import { iso } from './robot';
 import { SCENE } from './scene';
 import { KINDS } from './schema';
 import { FakeStation } from './station';
+import type { FakeFlight } from './transfer';
 
 const TICK_MS = 100;
 const POLICY = "default-src 'self'; frame-ancestors 'none'; base-uri 'none'; object-src 'none'";
@@ -165,6 +167,24 @@ function robots(
       body: { id: station.command(robot, JSON.stringify(body.kind).slice(1, -1)) },
     };
   if (part === 'track') return { body: robot.track(now - 900_000, now, points) };
+  if (part === 'plans') {
+    return {
+      status: 202,
+      body: { id: station.pursue(robot, body.config as JsonObject, now).plan.id },
+    };
+  }
+  if (part === 'tracking') {
+    const made = station.pursuits.findLast(({ plan, pursuit }) => {
+      const wanted = url.searchParams.get('plan');
+      return pursuit !== null && plan.robot === id && (wanted === null || plan.id === wanted);
+    });
+    const after = Date.parse(url.searchParams.get('after') ?? iso(0));
+    made?.step(now);
+    const reports = (made?.pursuit?.reports ?? []).filter(
+      ({ measured_at }) => Date.parse(measured_at) > after,
+    );
+    return { body: { robot: id, plan_id: made?.plan.id ?? null, reports } };
+  }
   if (part === 'missions' && method === 'GET') {
     const own = station.surveys.filter(({ mission }) => mission.robot === id);
     return { body: own.map(({ mission }) => mission).toReversed() };
@@ -232,14 +252,14 @@ function missions(station: FakeStation, method: string, id: string, action: stri
 }
 
 function plans(station: FakeStation, id: string, action: string, body: JsonObject): Answer {
+  const pursuit = station.pursuits.find(({ plan }) => plan.id === id);
+  if (pursuit) return pursuitPlan(station, pursuit, action, body);
   const survey = station.surveys.find((each) => each.plans.some((plan) => plan.id === id));
   const plan = survey?.plans.find((each) => each.id === id);
   if (!survey || !plan) return problem(404, `There is no plan '${id}'.`);
   if (action === 'satellite') return { body: station.links.quote(plan.sha256 ?? '') };
   if (action === 'upload') {
-    const isLake = survey.robot.site.kind === 'lake' && process.env.MOCK_NEAR !== '1';
-    const isSatellite = body.route === 'satellite' || (body.route === 'auto' && isLake);
-    return { status: 202, body: { transfer: station.links.transfers.begin(survey, isSatellite) } };
+    return { status: 202, body: { transfer: upload(station, survey, body) } };
   }
   if (action === 'cancel') survey.cancel(station.now());
   if (action === 'choose') {
@@ -247,6 +267,27 @@ function plans(station: FakeStation, id: string, action: string, body: JsonObjec
   }
   if (action === 'continue') return { status: 202, body: { id: survey.searchOn(station.now()) } };
   return { body: { ...plan, transfer: station.links.transfers.of(id) } };
+}
+
+function pursuitPlan(
+  station: FakeStation,
+  pursuit: FakePursuitPlan,
+  action: string,
+  body: JsonObject,
+): Answer {
+  const { plan } = pursuit;
+  if (action === 'satellite') return { body: station.links.quote(plan.sha256 ?? '') };
+  if (action === 'upload') {
+    return { status: 202, body: { transfer: upload(station, pursuit, body) } };
+  }
+  if (action === 'cancel') pursuit.cancel(station.now());
+  return { body: { ...plan, transfer: station.links.transfers.of(plan.id) } };
+}
+
+function upload(station: FakeStation, flight: FakeFlight, body: JsonObject): string {
+  const isLake = flight.robot.site.kind === 'lake' && process.env.MOCK_NEAR !== '1';
+  const isSatellite = body.route === 'satellite' || (body.route === 'auto' && isLake);
+  return station.links.transfers.begin(flight, isSatellite);
 }
 
 function transfers(station: FakeStation, id: string, action: string): Answer {

@@ -1,3 +1,4 @@
+import type { FakePursuit } from './pursuit';
 import type { Channel, LiveRobot, Ned, Robot, Site, Track } from '../src/api/types';
 
 export const TANK: Site = {
@@ -55,6 +56,8 @@ export class FakeRobot {
   mode = 'gliding';
   /** Station time, ms, at which an order to surface was obeyed. */
   surfacedAt: number | null = null;
+  /** Target that it follows, or followed last. */
+  pursuit: FakePursuit | null = null;
   planId: string | null = null;
   missionId: string | null = null;
   plan: LiveRobot['plan'] = null;
@@ -72,7 +75,16 @@ export class FakeRobot {
     this.#speed = site.kind === 'tank' ? 0.031 : 0.24;
   }
 
+  get isFollowing(): boolean {
+    return this.pursuit !== null && this.pursuit.phase !== 'ended';
+  }
+
   motion(nowMs: number): Motion {
+    if (this.pursuit && this.isFollowing) {
+      const { north, east, heading, speed } = this.pursuit.motion;
+      const std = this.site.kind === 'tank' ? 0.03 : 1.2;
+      return { ned: [north, east, 0], heading, pitch: 0, speed, std, isSurfaced: true };
+    }
     const t = nowMs / 1000;
     const { domain } = this.site;
     const phase = (t % this.#dive) / this.#dive;
@@ -117,7 +129,10 @@ export class FakeRobot {
     });
     const isDown = pitch < 0;
     const motion = isSurfaced ? 'At the surface between legs' : `Gliding ${isDown ? 'down' : 'up'}`;
-    const told = this.surfacedAt === null ? motion : 'Holding at the surface';
+    const following =
+      this.pursuit?.phase === 'lost' ? 'Searching for its target' : 'Following its target';
+    const moving = this.isFollowing ? following : motion;
+    const told = this.surfacedAt === null ? moving : 'Holding at the surface';
     const text = this.roundText && this.surfacedAt === null ? `${told}, ${this.roundText}` : told;
     const level = 0.71 - ((nowMs / 1000) % 3600) * 1e-5;
     const variable = this.site.variable === 'blue_light' ? 'counts' : 'ug/L';
@@ -149,7 +164,16 @@ export class FakeRobot {
         received_at: iso(at + 120),
         age_s: age,
       },
-      mode: this.surfacedAt === null ? (isSurfaced ? 'surfaced' : 'gliding') : 'holding',
+      tracking: this.pursuit?.reports.at(-1) ?? null,
+      mode: this.isFollowing
+        ? this.pursuit?.phase === 'lost'
+          ? 'searching'
+          : 'tracking'
+        : this.surfacedAt === null
+          ? isSurfaced
+            ? 'surfaced'
+            : 'gliding'
+          : 'holding',
       activity: age > 10 ? `Last heard: ${text.charAt(0).toLowerCase()}${text.slice(1)}` : text,
       plan: this.plan,
       link: {

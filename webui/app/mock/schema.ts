@@ -1,5 +1,6 @@
 import type { JsonObject } from '../src/api/types';
 import { CONTROL_KINDS } from './control_schema';
+import { TRACKING_SCHEMA, TRACKING_VALUE } from './track_schema';
 
 const number = (title: string, unit: string, value: number, more: JsonObject = {}): JsonObject => ({
   title,
@@ -223,6 +224,7 @@ export const KINDS: Record<string, { title: string; schema: JsonObject; value: J
     },
   },
   link: { title: 'Routing', schema: LINK, value: { plan: 'auto', command: 'auto' } },
+  tracking: { title: 'Tracking', schema: TRACKING_SCHEMA, value: TRACKING_VALUE },
   ...CONTROL_KINDS,
   'controller.pid': {
     title: 'PID',

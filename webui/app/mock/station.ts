@@ -13,7 +13,10 @@ import { isObject } from '../src/form/schema';
 import { FakeControl } from './control';
 import { FakeLinks } from './link';
 import { FakeMaps } from './map';
+import { FakePursuitPlan } from './pursuit_plan';
 import { FakeSurvey } from './survey';
+import { LAKE_TRACKING } from './track_schema';
+import type { FakeFlight } from './transfer';
 import { FakeRobot, iso, LAKE, TANK } from './robot';
 import { KINDS } from './schema';
 
@@ -30,6 +33,7 @@ export class FakeStation {
   readonly links = new FakeLinks(this);
   readonly maps = new FakeMaps(this);
   surveys: FakeSurvey[] = [];
+  pursuits: FakePursuitPlan[] = [];
   commands = new Map<string, Command>();
   events: StationEvent[] = [];
   alarms: Alarm[] = [];
@@ -44,6 +48,39 @@ export class FakeStation {
     this.note('link.submerged', 'grace-1 dived; radio does not reach it under water.', 'grace-1');
     this.note('config.changed', 'anna changed planner of mini-1.', 'mini-1');
     if (process.env.MOCK_ALARM === '1') this.raise();
+    this.configs.set('tracking grace-1', {
+      id: 3,
+      value: LAKE_TRACKING,
+      at: iso(this.started),
+      by: 'anna',
+    });
+    if (process.env.MOCK_TRACK) this.#beginTracking(process.env.MOCK_TRACK);
+  }
+
+  get flights(): FakeFlight[] {
+    return [...this.surveys, ...this.pursuits];
+  }
+
+  /** Let both waters have a robot that follows its target for a while already. */
+  #beginTracking(how: string): void {
+    for (const robot of this.robots.filter(({ id }) => id !== 'mini-2')) {
+      const AGO_MS = robot.site.kind === 'tank' ? 95_000 : 480_000;
+      const { value } = this.config('tracking', robot.id);
+      const barrier: JsonObject = how === 'teaching' ? { controller: 'nominal' } : {};
+      const plan = this.pursue(robot, patched(value, { barrier }), this.started - AGO_MS);
+      plan.send(this.started - AGO_MS - 4000, false);
+      plan.begin(this.started - AGO_MS);
+      plan.step(this.started - 25_000);
+      if (plan.pursuit) plan.pursuit.isQuiet = how === 'lost';
+      plan.step(this.started);
+    }
+  }
+
+  pursue(robot: FakeRobot, config: JsonObject, nowMs: number): FakePursuitPlan {
+    const note = (text: string, kind: string) => this.note(kind, text, robot.id);
+    const made = new FakePursuitPlan(robot, 70 + this.pursuits.length, config, nowMs, note);
+    this.pursuits.push(made);
+    return made;
   }
 
   now(): number {
@@ -90,6 +127,7 @@ export class FakeStation {
   command(robot: FakeRobot, kind: string): string {
     const id = `command-${this.commands.size + 1}`;
     const levels: CommandLevel[] = [];
+    const name = `The order to ${robot.id} (${kind})`;
     const command: Command = {
       id,
       robot: robot.id,
@@ -98,19 +136,26 @@ export class FakeStation {
       levels,
       created_at: iso(this.now()),
       expires_at: iso(this.now() + 600_000),
-      text: `Surface order for ${robot.id} is written down; no link has taken it yet.`,
+      text: `${name} is written down; no link has taken it yet.`,
     };
     this.commands.set(id, command);
+    const isSurfacing = kind !== 'quiet' && kind !== 'ping';
     const prove = (level: CommandLevel['level'], text: string, afterMs: number) =>
       setTimeout(() => {
         levels.push({ level, at: iso(this.now()), carrier: 'xbee', reason: '' });
         Object.assign(command, { level, text });
         this.note(`command.${level}`, text, robot.id);
-        if (level === 'applied') robot.surfacedAt = kind === 'resume' ? null : this.now();
+        if (level !== 'applied') return;
+        if (isSurfacing) robot.surfacedAt = kind === 'resume' ? null : this.now();
+        else if (robot.pursuit) robot.pursuit.isQuiet = kind === 'quiet';
       }, afterMs);
-    prove('queued', `Surface order for ${robot.id}: the radio took it; no answer yet.`, 300);
-    prove('radio', `Surface order delivered to ${robot.id}'s radio; no answer yet.`, 1500);
-    prove('applied', `${robot.id} obeys: it is coming up.`, 3000);
+    prove('queued', `${name}: the radio took it; no answer yet.`, 300);
+    prove('radio', `${name}: delivered to its radio; no answer yet.`, 1500);
+    prove(
+      'applied',
+      isSurfacing ? `${robot.id} obeys: it is coming up.` : `${robot.id} obeys.`,
+      3000,
+    );
     return id;
   }
 
@@ -195,9 +240,13 @@ export class FakeStation {
 
   tick(after: number): LiveTick {
     const now = this.now();
+    for (const pursuit of this.pursuits) pursuit.step(now);
     for (const survey of this.surveys) survey.step(now);
     for (const robot of this.robots) robot.frames += 3;
-    const plans = this.surveys.flatMap((survey) => survey.plans);
+    const plans = [
+      ...this.surveys.flatMap((survey) => survey.plans),
+      ...this.pursuits.map(({ plan }) => plan),
+    ];
     return {
       at: iso(now),
       cursor: this.#cursor,

@@ -1,10 +1,18 @@
-import type { Transfer, TransferPart } from '../src/api/types';
+import type { Plan, Transfer, TransferPart } from '../src/api/types';
 import type { FakeLinks } from './link';
-import { iso } from './robot';
+import { iso, type FakeRobot } from './robot';
 import type { FakeStation } from './station';
-import type { FakeSurvey } from './survey';
 
 const LIFE_MS = 96 * 3_600_000;
+
+/** What has a plan that can be sent: a survey, or the following of a target. */
+export interface FakeFlight {
+  readonly robot: FakeRobot;
+  readonly plan: Plan | undefined;
+  send(nowMs: number, isRadio?: boolean): void;
+  unsend(): void;
+  arrive(nowMs: number): void;
+}
 
 /** Plans on their way: by radio item by item, by satellite part by part, with a part lost once. */
 export class FakeTransfers {
@@ -22,7 +30,7 @@ export class FakeTransfers {
     return [...this.byId.values()].findLast(({ plan_id }) => plan_id === plan) ?? null;
   }
 
-  begin(survey: FakeSurvey, isSatellite: boolean): string {
+  begin(survey: FakeFlight, isSatellite: boolean): string {
     const id = `transfer-${this.byId.size + 1}`;
     const { plan } = survey;
     const now = this.#station.now();
@@ -43,7 +51,7 @@ export class FakeTransfers {
     const transfer = this.byId.get(id);
     if (!transfer) return;
     this.#end(transfer, 'withdrawn', 'anna withdrew it; nothing more of it is sent.');
-    const survey = this.#station.surveys.find(({ plan }) => plan?.id === transfer.plan_id);
+    const survey = this.#station.flights.find(({ plan }) => plan?.id === transfer.plan_id);
     survey?.unsend();
   }
 
@@ -54,7 +62,7 @@ export class FakeTransfers {
     }); // prettier-ignore
   }
 
-  #byRadio(transfer: Transfer, survey: FakeSurvey): void {
+  #byRadio(transfer: Transfer, survey: FakeFlight): void {
     survey.send(this.#station.now());
     const timer = setInterval(() => {
       transfer.items_sent = Math.min(transfer.items, transfer.items_sent + 2);
@@ -64,7 +72,7 @@ export class FakeTransfers {
     }, 200);
   }
 
-  #bySatellite(transfer: Transfer, survey: FakeSurvey): void {
+  #bySatellite(transfer: Transfer, survey: FakeFlight): void {
     const name = transfer.plan_id.replace('-', ' ');
     survey.send(this.#station.now(), false);
     transfer.parts = [

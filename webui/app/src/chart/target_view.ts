@@ -39,11 +39,20 @@ export function sightAround(spots: readonly Spot[], site: Pick<Site, 'water'>): 
   const tall = Math.max(...norths) - Math.min(...norths);
   const wide = Math.max(...easts) - Math.min(...easts);
   const size = roundUp(Math.max(tall, wide, 1) * 1.15);
-  if (size >= Math.max(whole.tall, whole.wide)) return whole;
+  if (size >= Math.max(whole.tall, whole.wide) && spots.every((spot) => isWithin(spot, site))) {
+    return whole;
+  }
   const grid = size / 8;
   const middle = (values: number[]) =>
     Math.round((Math.max(...values) + Math.min(...values)) / 2 / grid) * grid;
   return { north: middle(norths), east: middle(easts), tall: size, wide: size };
+}
+
+function isWithin({ at: [north, east] }: Spot, { water }: Pick<Site, 'water'>): boolean {
+  const isBetween = (value: number, low: number, high: number) => value >= low && value <= high;
+  return (
+    isBetween(north, water.x_min_m, water.x_max_m) && isBetween(east, water.y_min_m, water.y_max_m)
+  );
 }
 
 function roundUp(size: number): number {
@@ -87,16 +96,38 @@ export interface TrailPart {
 
 const TRAIL_PARTS = 10;
 
+/** A place at a time, s. */
+export interface TrailPoint {
+  t: number;
+  at: NorthEast;
+}
+
+/** A stretch of more than this many middle steps was not seen, and is not drawn. */
+const GAP_STEPS = 8;
+
 /** A trail cut into parts that fade with age; each begins where the one before ended. */
-export function fadingTrail(points: readonly NorthEast[], parts = TRAIL_PARTS): TrailPart[] {
-  if (points.length < 2) return [];
-  const each = Math.ceil((points.length - 1) / parts);
+export function fadingTrail(trail: readonly TrailPoint[], parts = TRAIL_PARTS): TrailPart[] {
+  const last = trail.length - 1;
+  if (last < 1) return [];
+  const each = Math.ceil(last / parts);
+  const longest = GAP_STEPS * middleOf(trail.slice(1).map(({ t }, i) => t - (trail[i]?.t ?? t)));
   const result: TrailPart[] = [];
-  for (let from = 0; from < points.length - 1; from += each) {
-    const to = Math.min(points.length - 1, from + each);
-    result.push({ points: points.slice(from, to + 1), freshness: to / (points.length - 1) });
-  }
-  return result;
+  trail.forEach(({ t, at }, i) => {
+    const before = trail[i - 1];
+    const part = result.at(-1);
+    if (!before) return;
+    const isGap = t - before.t > longest;
+    if (isGap) result.push({ points: [], freshness: i / last });
+    else if (!part || (i - 1) % each === 0) {
+      result.push({ points: [before.at, at], freshness: Math.min(1, (i - 1 + each) / last) });
+    } else if (part.points.length === 0) part.points.push(before.at, at);
+    else part.points.push(at);
+  });
+  return result.filter(({ points }) => points.length > 0);
+}
+
+function middleOf(values: readonly number[]): number {
+  return values.toSorted((a, b) => a - b)[Math.floor(values.length / 2)] ?? 0;
 }
 
 /** Direction of the last stretch that is long enough to have one, rad from north towards east. */

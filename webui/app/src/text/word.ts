@@ -130,7 +130,10 @@ export const FIDELITIES = [
 
 /** `not_a_word` as a person writes it. */
 export function words(key: string): string {
-  const spaced = key.replaceAll(/[_.]+/g, ' ').trim();
+  const spaced = key
+    .replaceAll(/[_.]+/g, ' ')
+    .replaceAll(/\bmpc\b/g, 'MPC')
+    .trim();
   return spaced.charAt(0).toUpperCase() + spaced.slice(1);
 }
 

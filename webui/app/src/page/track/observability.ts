@@ -5,11 +5,10 @@ interface Level {
   /** How well the target can be known, one or two words. */
   text: string;
   tone: Tone;
-  meaning: string;
 }
 
 /** From the least inverse condition on; on the steady orbit it is the most turn rate in rad/s. */
-const LEVELS: readonly (Level & { from: number })[] = [
+const MEANINGS: readonly (Level & { from: number; meaning: string })[] = [
   {
     from: 0.3,
     text: 'well',
@@ -20,28 +19,50 @@ const LEVELS: readonly (Level & { from: number })[] = [
     from: 0.1,
     text: 'fairly',
     tone: 'plain',
-    meaning: 'The course bends a little: side and distance are told apart, slowly.',
+    meaning: 'The course bends a little: left and right are told apart, slowly.',
   },
   {
     from: 0.02,
     text: 'poorly',
     tone: 'watch',
-    meaning: 'The course is nearly straight to the target: left and right look almost alike.',
+    meaning: 'Far away or nearly straight: left and right look almost alike.',
   },
   {
     from: 0,
-    text: 'not at all',
-    tone: 'alarm',
-    meaning: 'From this course a range alone cannot tell left from right.',
+    text: 'hardly',
+    tone: 'watch',
+    meaning: 'From so far, or so straight a course, the range does not tell left from right.',
   },
 ];
 
-const UNKNOWN: Level = { text: 'not known', tone: 'plain', meaning: 'No range was heard yet.' };
+const UNKNOWN = { text: 'not known', tone: 'plain', meaning: 'No range was heard yet.' } as const;
 
 /** What an inverse condition number means, in words. */
-export function observability(inverseCondition: number | null): Level {
+export function observability(inverseCondition: number | null): Level & { meaning: string } {
   if (inverseCondition === null || !Number.isFinite(inverseCondition)) return UNKNOWN;
-  return LEVELS.find(({ from }) => inverseCondition >= from) ?? UNKNOWN;
+  return MEANINGS.find(({ from }) => inverseCondition >= from) ?? UNKNOWN;
+}
+
+/** On its orbit the robot is at the level itself; noise takes it a little below. */
+const AT_LEVEL = 0.9;
+const BARELY = 0.5;
+
+/**
+ * How well a target can be known by what the barrier asks for.
+ *
+ * The inverse condition number is small from afar however well the robot does; the determinant
+ * against its level says whether it does what it can.
+ */
+export function knowable(
+  track: Pick<TrackView, 'hypotheses' | 'determinant_m2_s' | 'inverse_condition'>,
+  level: number | null,
+): Level {
+  if (track.hypotheses.length === 0) return UNKNOWN;
+  const seen = observability(track.inverse_condition);
+  if (level === null) return seen;
+  const share = Math.abs(track.determinant_m2_s) / level;
+  if (share >= AT_LEVEL) return { text: seen.text === 'well' ? 'well' : 'enough', tone: 'ok' };
+  return { text: share >= BARELY ? 'barely' : 'too little', tone: 'watch' };
 }
 
 /** Why the robot circles; in the words that a newcomer reads first. */

@@ -1,4 +1,5 @@
 import type { RobotState, TrackPhase, TrackView } from '../../api/types';
+import { ellipse95 } from '../../chart/ellipse';
 import { duration } from '../../text/time';
 import type { Tone } from '../../text/word';
 
@@ -33,8 +34,24 @@ const PHASES: Record<TrackPhase, PhaseWord> = {
   ended: { text: 'No longer follows', tone: 'plain', help: 'The mission is over.' },
 };
 
-export function phaseWord(phase: TrackPhase): PhaseWord {
-  return PHASES[phase];
+const ASTRAY: PhaseWord = {
+  text: 'Believes it has its target',
+  tone: 'watch',
+  help: 'Ranges agree with the estimate, but the truth, which is known, lies outside its ellipse.',
+};
+
+/** What a phase is called; `astray` where the estimate is known to be wrong. */
+export function phaseWord(phase: TrackPhase, astray = false): PhaseWord {
+  return astray && phase === 'tracking' ? ASTRAY : PHASES[phase];
+}
+
+/** A truth that lies just outside is chance: one in twenty does. */
+const CLEARLY = 1.5;
+
+/** Whether the estimate is known to be wrong: the truth lies well outside the likeliest ellipse. */
+export function isAstray({ error_m, hypotheses: [likeliest] }: TrackView): boolean {
+  const ellipse = likeliest ? ellipse95(likeliest.covariance_m2) : null;
+  return error_m !== null && ellipse !== null && error_m > CLEARLY * ellipse.longM;
 }
 
 /** Times after which silence counts, s, as the plan set them. */
@@ -63,6 +80,8 @@ export function advice(track: TrackView, patience: Patience | null): string {
       );
     case 'tracking':
       if (!track.is_barrier_on) return 'Teaching: expect the estimate to go wrong.';
+      if (isAstray(track))
+        return 'The estimate is wrong: stop pinging and ping again, or plan anew.';
       return track.is_feasible ? 'Nothing to do.' : 'It does what makes the target known again.';
     case 'ended':
       return 'Make a new plan to follow a target again.';
