@@ -21,15 +21,15 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.tracking import hypothesis_kernel as hk
 from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.filter_kernel import (
-    R_RANGE,
-    VELOCITY_VARIANCE_M2_S2,
-    pack_filter,
-    start_covariance,
+from autonomy.tracking.filter_kernel import R_RANGE, pack_filter, start_covariance
+from autonomy.tracking.hypothesis import (
+    Hypothesis,
+    mirrored_across,
+    ring,
+    spread_place,
+    start_velocity,
 )
 
-RING = 12
-"""Hypotheses of a ring."""
 BIAS_SHARE = 0.05
 """Share of the newest range in the mean normalized innovation of a hypothesis."""
 BIAS_LIMIT = 0.85
@@ -41,8 +41,6 @@ NEGLIGIBLE = 1e-3
 """Weight below which a hypothesis is dropped."""
 SURE = 0.9
 """Weight from which on a ring counts as resolved."""
-LEAST_PRIOR = 0.02
-"""No place on a ring is taken to be less likely than this against the best, before it is tried."""
 LEAST_MIRROR_WEIGHT = 0.05
 """A mirrored hypothesis starts as likely as the estimate's own covariance says, but not less likely
 than this: a covariance that was wrong about the side is too small."""
@@ -80,24 +78,6 @@ class BankInput:
     """Horizontal ranges measured at this time; each finite and not negative."""
     target_velocity_ne_m_s: tuple[float, float] | None = None
     """Where it is known."""
-
-
-@dataclass(slots=True, eq=False)
-class Hypothesis:
-    """One estimate of the target."""
-
-    h: FloatArray
-    """As ``hypothesis_kernel`` lays it out."""
-    weight: float
-    """Probability; those of a bank add up to 1."""
-    bias: float = 0.0
-    """Running mean of its normalized innovations; near 0 for a true one."""
-    since_s: float = hk.PLACE_STEP_S
-    """Time since it took in a range."""
-
-    def copy(self) -> "Hypothesis":
-        """Return a copy that shares nothing."""
-        return Hypothesis(self.h.copy(), self.weight, self.bias, self.since_s)
 
 
 @dataclass(slots=True)
@@ -168,7 +148,7 @@ class Bank:
         h = np.zeros(hk.SIZE)
         h[:4] = start
         h[hk.COVARIANCE : hk.VELOCITY] = start_covariance(position_std_m**2, q)
-        _start_velocity(h, target_velocity_ne_m_s)
+        start_velocity(h, target_velocity_ne_m_s)
         return Bank(config, q, [Hypothesis(h, 1.0)])
 
     def copy(self) -> "Bank":
@@ -232,7 +212,7 @@ class Bank:
             if abs(normalized) > gate:
                 continue
             is_believed = True
-            hk.hear_range(one.h, range_m, max(one.since_s, 1e-6), self.q)
+            hk.hear_range(one.h, range_m, one.since_s, self.q)
             one.since_s = 0.0
         if not is_believed:
             self._reject(range_m)
@@ -299,17 +279,7 @@ class Bank:
         if not self.is_multiple:
             self._widen(range_m, turn_rad)
             return
-        prior = best.h.copy()
-        self.hypotheses = []
-        for n in range(RING):
-            angle = 2.0 * math.pi * n / RING
-            h = prior.copy()
-            h[0], h[1] = range_m * math.cos(angle), range_m * math.sin(angle)
-            across = (range_m * math.pi / RING) ** 2 + self.config.ranging.variance_m2
-            _place(h, angle, self.config.ranging.variance_m2, across)
-            _start_velocity(h)
-            weight = max(math.exp(-0.5 * min(hk.apart(h, prior), 100.0)), LEAST_PRIOR)
-            self.hypotheses.append(Hypothesis(h, weight))
+        self.hypotheses = ring(best.h, range_m, self.config.ranging.variance_m2)
         self._normalize()
 
     def _widen(self, range_m: float, turn_rad: float) -> None:
@@ -320,8 +290,8 @@ class Bank:
         angle += turn_rad
         one.h[0], one.h[1] = range_m * math.cos(angle), range_m * math.sin(angle)
         spread = range_m**2 + self.config.ranging.variance_m2
-        _place(one.h, angle, self.config.ranging.variance_m2, spread)
-        _start_velocity(one.h)
+        spread_place(one.h, angle, self.config.ranging.variance_m2, spread)
+        start_velocity(one.h)
         one.bias = 0.0
 
     def _tidy(self) -> None:
@@ -376,36 +346,3 @@ class Bank:
         self.hypotheses.append(mirrored)
         self._normalize()
         hearing.since_split_s = 0.0
-
-
-def mirrored_across(h: FloatArray, n_n: float, n_e: float) -> FloatArray:
-    """Reflect the place of a hypothesis across a line through the robot with this unit normal."""
-    S = np.eye(4)
-    S[:2, :2] -= 2.0 * np.outer([n_n, n_e], [n_n, n_e])
-    full = np.zeros((4, 4))
-    rows, columns = np.triu_indices(4)
-    full[rows, columns] = full[columns, rows] = h[hk.COVARIANCE : hk.VELOCITY]
-    mirrored = h.copy()
-    mirrored[:4] = S @ h[:4]
-    mirrored[hk.COVARIANCE : hk.VELOCITY] = (S @ full @ S)[rows, columns]
-    # The target's velocity was worked out from the other place; start it anew.
-    _start_velocity(mirrored)
-    return mirrored
-
-
-def _start_velocity(h: FloatArray, velocity_ne_m_s: tuple[float, float] = (0.0, 0.0)) -> None:
-    """Begin the velocity filter at the place of a hypothesis."""
-    h[hk.VELOCITY : hk.RECKONED] = 0.0
-    h[hk.VELOCITY], h[hk.VELOCITY + 1] = h[hk.RECKONED] - h[0], h[hk.RECKONED + 1] - h[1]
-    h[hk.NORTH_RATE], h[hk.EAST_RATE] = velocity_ne_m_s
-    h[hk.VELOCITY + 4] = 0.5 * (h[4] + h[8])
-    h[hk.RATE_VARIANCE], h[hk.VELOCITY + 7] = VELOCITY_VARIANCE_M2_S2, 1.0
-
-
-def _place(h: FloatArray, angle: float, along: float, across: float) -> None:
-    """Make a place uncertain by two variances, along a direction and across it."""
-    c, s = math.cos(angle), math.sin(angle)
-    h[4] = c * c * along + s * s * across
-    h[5] = c * s * (along - across)
-    h[8] = s * s * along + c * c * across
-    h[6] = h[7] = h[9] = h[10] = 0.0

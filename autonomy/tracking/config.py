@@ -68,6 +68,11 @@ class RangingConfig(Configuration):
     def _ascends(self) -> Self:
         if not self.coast_after_s < self.lost_after_s < self.give_up_after_s:
             raise ValueError("coast_after_s, lost_after_s, give_up_after_s must ascend")
+        if not self.period_s < self.coast_after_s:
+            raise ValueError(
+                f"coast_after_s ({self.coast_after_s:g} s) must exceed period_s "
+                f"({self.period_s:g} s): between two ranges nothing has failed"
+            )
         return self
 
 
@@ -76,7 +81,8 @@ class FilterConfig(Configuration):
 
     hypotheses: Literal["one", "two"] = quantity("two", title="Hypotheses")
     """``two`` also follows the mirrored estimate, which ranges alone cannot tell from the true
-    one until the robot turns; ``one`` is the thesis's single filter."""
+    one until the robot turns, and looks in every direction when ranges contradict the estimate;
+    ``one`` is the thesis's single filter."""
     target_velocity: Literal["estimated", "known"] = quantity("estimated", title="Target velocity")
     """``known`` is possible for a virtual target or a beacon only."""
     position_density_m2_s: float = quantity(
@@ -106,7 +112,8 @@ class FilterConfig(Configuration):
     target_position_variance_m2: float = quantity(
         2.5, "m2", title="Target position noise", gt=0.0, le=1e4, advanced=True
     )
-    """Variance of the target's position as the velocity filter measures it."""
+    """Variance of the target's position as the velocity filter measures it ten times a second;
+    rarer ranges count for more."""
 
 
 class BarrierConfig(Configuration):

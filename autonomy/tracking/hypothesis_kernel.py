@@ -90,7 +90,7 @@ def hear_range(h: FloatArray, range_m: float, since_s: float, q: FloatArray) -> 
     Args:
         h: Hypothesis, shape ``(SIZE,)``.
         range_m: Horizontal range.
-        since_s: Time since the last range that this hypothesis took in.
+        since_s: Time since the last range that this hypothesis took in, s; 0 at the first.
         q: From ``filter_kernel.pack_filter``.
     """
     P = h[COVARIANCE:VELOCITY]

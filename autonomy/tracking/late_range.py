@@ -63,7 +63,7 @@ class Timeline:
                 too_old += 1
                 continue
             measured = self._past[index].measured
-            measured.append((round(self._now_s - heard.age_s, 6), heard.range_m))
+            measured.append((round(self._now_s - heard.age_s, 6), float(heard.range_m)))
             measured.sort()
             first = min(first, index)
         self._replay(first)

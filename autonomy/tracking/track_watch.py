@@ -32,6 +32,8 @@ class Evidence:
     """Of the robot, estimated."""
     is_own_measured: bool
     """Whether heading and speed were measured."""
+    is_quiet: bool
+    """Whether the robot was told not to ping."""
     newest_range: tuple[float, float] | None
     """When the newest good range held, s since the beginning, and the range, m."""
     silence_s: float
@@ -96,11 +98,12 @@ class TrackWatch:
         ranging = self._config.ranging
         if evidence.newest_range is None:
             self._phase = TrackPhase.WAITING
-            return "no range of the target was heard yet"
+            quiet = "the robot was told not to ping; " if evidence.is_quiet else ""
+            return f"{quiet}no range of the target was heard yet"
         was_lost = self._phase is TrackPhase.LOST
         self._phase = TrackPhase.LOST
         if evidence.silence_s > ranging.lost_after_s:
-            return f"no range was believed for {evidence.silence_s:.0f} s"
+            return _silent(evidence)
         if evidence.is_searching:
             return "the ranges contradict what was believed of the target"
         if self._stood_s > ranging.lost_after_s:
@@ -111,7 +114,7 @@ class TrackWatch:
             return "ranges came back, too few of them to be sure"
         self._phase = TrackPhase.COASTING
         if evidence.silence_s > ranging.coast_after_s:
-            return f"no range was believed for {evidence.silence_s:.0f} s"
+            return _silent(evidence)
         if self._unmeasured_s > ranging.coast_after_s:
             return f"heading and speed were not measured for {self._unmeasured_s:.0f} s"
         self._phase = TrackPhase.TRACKING
@@ -178,3 +181,8 @@ class TrackWatch:
             self._reason = f"track lost for {given_up:.0f} s: {self._note}"
         if self._reason:
             self._phase, self._note = TrackPhase.ENDED, ""
+
+
+def _silent(evidence: Evidence) -> str:
+    quiet = "the robot was told not to ping; " if evidence.is_quiet else ""
+    return f"{quiet}no range was believed for {evidence.silence_s:.0f} s"

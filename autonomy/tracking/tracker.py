@@ -12,9 +12,10 @@ from autonomy.arrays import FloatArray
 from autonomy.site import Box
 from autonomy.tracking import control_kernel
 from autonomy.tracking import hypothesis_kernel as hk
-from autonomy.tracking.bank import Bank, BankInput, Hypothesis
+from autonomy.tracking.bank import Bank, BankInput
 from autonomy.tracking.config import TrackingConfig
 from autonomy.tracking.filter_kernel import full_covariance
+from autonomy.tracking.hypothesis import Hypothesis
 from autonomy.tracking.late_range import Timeline
 from autonomy.tracking.pack_control import pack_control
 from autonomy.tracking.phase import TrackPhase
@@ -116,17 +117,17 @@ class Tracker:
         is_own_measured = _is_motion(reading.heading_rad, reading.speed_m_s)
         known = self._known_velocity(reading)
         given = BankInput(
-            dt_s,
+            float(dt_s),
             self._command,
-            reading.heading_rad if is_own_measured else math.nan,
-            reading.speed_m_s if is_own_measured else math.nan,
+            float(reading.heading_rad) if is_own_measured else math.nan,
+            float(reading.speed_m_s) if is_own_measured else math.nan,
             target_velocity_ne_m_s=known,
         )
         before = self._timeline.bank.best.h[hk.RECKONED :].copy()
         too_old = self._timeline.step(given, self._good(reading.ranges))
         self._rejected += too_old
         self._move(reading.own_ne_m, before)
-        self._judge(dt_s, is_own_measured)
+        self._judge(dt_s, is_own_measured, reading.is_quiet)
         control = self._control(dt_s, known)
         self._command = control.command
         return self._answer(control, known)
@@ -138,7 +139,7 @@ class Tracker:
             command: Turn rate rad/s and acceleration m/s2; left out if not finite.
         """
         if math.isfinite(command[0]) and math.isfinite(command[1]):
-            self._command = command
+            self._command = (float(command[0]), float(command[1]))
 
     def keep_inside(self, step: TrackerStep, own_ne_m: Pair, box: Box) -> TrackerStep:
         """Turn away from the walls in time, whatever the track wants.
@@ -179,7 +180,7 @@ class Tracker:
         velocity = reading.target_velocity_ne_m_s
         if velocity is None or not math.hypot(*velocity) <= LARGEST_SPEED_M_S:
             return None
-        return velocity
+        return (float(velocity[0]), float(velocity[1]))
 
     def _good(self, ranges: tuple[RangeHeard, ...]) -> tuple[RangeHeard, ...]:
         """Count ranges, and leave out those that are no distance or have no time."""
@@ -203,7 +204,7 @@ class Tracker:
             self._own_ne_m[1] + float(moved[1]),
         )
 
-    def _judge(self, dt_s: float, is_own_measured: bool) -> None:
+    def _judge(self, dt_s: float, is_own_measured: bool, is_quiet: bool) -> None:
         bank, was = self._timeline.bank, self._watch.phase
         h = bank.best.h
         self._watch.step(
@@ -212,6 +213,7 @@ class Tracker:
                 own_ne_m=self._own_ne_m,
                 speed_m_s=float(h[3]),
                 is_own_measured=is_own_measured,
+                is_quiet=is_quiet,
                 newest_range=self._newest,
                 silence_s=bank.hearing.silence_s,
                 streak=bank.hearing.streak,

@@ -8,12 +8,14 @@ import pytest
 
 from autonomy.tracking import hypothesis_kernel as hk
 from autonomy.tracking import unicycle
-from autonomy.tracking.bank import RING, Bank, BankInput, mirrored_across
+from autonomy.tracking.bank import Bank, BankInput
 from autonomy.tracking.config import FilterConfig, RangingConfig
 from autonomy.tracking.filter import predict, start_estimate, update
+from autonomy.tracking.hypothesis import RING, mirrored_across
 from autonomy.tracking.late_range import LONGEST_AGE_S, Timeline
 from autonomy.tracking.reacquire import Search
 from autonomy.tracking.reading import RangeHeard
+from autonomy.tracking.velocity_filter import TargetMotion, step_motion
 from tests.autonomy.tracking_water import DT_S, NOISE_STD, settings
 
 ONE = FilterConfig(hypotheses="one")
@@ -57,6 +59,34 @@ def test_a_bank_of_one_is_the_readable_filter():
             readable.P[[0, 0, 1, 2, 3], [0, 1, 1, 2, 3]], rel=1e-12, abs=1e-12
         )
     assert bank.hearing.rejected == 0
+
+
+def test_the_velocity_of_a_hypothesis_is_that_of_the_readable_filter():
+    config, rng = settings(filter=ONE), np.random.default_rng(6)
+    bank = begin(config)
+    motion = TargetMotion(np.array([[3.0, -1.0], [0.0, 0.0]]), np.diag([0.16, 0.01]))
+    for n in range(300):
+        dt_s = DT_S if n else 0.0
+        range_m = math.hypot(*bank.best.h[:2]) + rng.normal(0.05, 0.1)
+        bank.step(BankInput(dt_s, (0.2, 0.0), 0.5 + 0.02 * n, 0.2, (range_m,)))
+        h = bank.best.h
+        place = (h[hk.RECKONED] - h[0], h[hk.RECKONED + 1] - h[1])
+        motion = step_motion(motion, place, dt_s, config.filter)
+        velocity = h[[hk.NORTH_RATE, hk.EAST_RATE]]
+        assert velocity == pytest.approx(motion.mean[1], rel=1e-12, abs=1e-12)
+        assert h[hk.RATE_VARIANCE] == pytest.approx(motion.P[1, 1], rel=1e-12)
+    assert np.hypot(*velocity) > 0.01
+
+
+def test_rarer_ranges_tell_as_much_of_the_velocity():
+    variances = []
+    for every in (1, 20):
+        bank = begin(settings(filter=ONE))
+        for n in range(1200):
+            heard = (3.0,) if n % every == 0 else ()
+            bank.step(BankInput(DT_S, (0.0, 0.0), 0.5, 0.0, heard))
+        variances.append(bank.best.h[hk.RATE_VARIANCE])
+    assert 0.3 < variances[0] / variances[1] < 1.5
 
 
 @pytest.mark.parametrize("seed", range(4))

@@ -267,3 +267,17 @@ def test_thresholds_are_those_of_the_settings():
     water.swim(5.0)
     assert water.swim(1.5, silent).phase is TrackPhase.COASTING
     assert water.swim(1.0, silent).phase is TrackPhase.LOST
+
+
+def test_a_robot_told_not_to_ping_says_so():
+    water = Water(settings())
+    water.swim(5.0)
+    for _ in range(50):
+        step = water.tracker.step(replace(water.measured(silent), is_quiet=True), DT_S)
+    assert step.phase is TrackPhase.COASTING
+    assert step.note == "the robot was told not to ping; no range was believed for 5 s"
+
+
+def test_a_track_cannot_coast_between_two_ranges():
+    with pytest.raises(ValueError, match=r"coast_after_s \(3 s\) must exceed period_s \(5 s\)"):
+        RangingConfig(period_s=5.0)
