@@ -222,7 +222,7 @@ def _figure(shares: FloatArray) -> Figure:
     panels = [
         _map("tracks without barrier, output feedback", Case.OF, runs[Case.OF]),
         _map("tracks with barrier, output feedback", Case.OF_CBF, runs[Case.OF_CBF]),
-        _curves("cumulative inverse condition number", "C^-1 dt (s)", runs, _condition),
+        _curves("cumulative inverse condition number", "sum of C^-1 dt (s)", runs, _condition),
         _curves("time-averaged estimation error", "error (m)", runs, _estimation, is_log=True),
         _curves("time-averaged tracking error", "error (m)", runs, _tracking, is_log=True),
         _slope_panel(shares),
@@ -296,5 +296,5 @@ def _slope_panel(shares: FloatArray) -> Panel:
         Series("", np.array(SLOPES), 100.0 * shares[0, :, k], hues[k], mark)
         for k, mark in enumerate((Mark.LINE, Mark.DASHED))
     )
-    title = f"OF+CBF lost, eps_B {LEVELS[0]:g}: nominal fallback, dashed best effort"
+    title = "OF+CBF lost; dashed: best effort"
     return Panel(title, "slope of alpha (1/s)", "lost (%)", lines, logarithmic="x", y_range=_SHARE)
