@@ -22,6 +22,7 @@ from robot_link.mavlink.command import command_message, received_command
 from robot_link.mavlink.decode import decoded, robot_time
 from robot_link.mavlink.frame import MavlinkFrameReader
 from robot_link.mavlink.mission_item import mission_from_items, mission_items
+from robot_link.mavlink.track import track_message
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
@@ -59,6 +60,7 @@ from robot_link.transport.xbee_neighbour import (
 from tests.robot_link.rig import mission
 from tests.robot_link.signed_push import form_push, json_push, private_key
 from tests.robot_link.test_cloudloop import lingo
+from tests.robot_link.track_case import track, tracking_mission
 from tests.server.service.fake_link import state_report
 
 AT = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
@@ -94,6 +96,9 @@ def _radio() -> tuple[Parser, ...]:
         robot.pack(
             command_message(SYSTEM, CommandKind.SURFACE, CommandNumber(7), AT, None, confirmation=0)
         ),
+        robot.pack(command_message(SYSTEM, CommandKind.QUIET, CommandNumber(8), AT, None)),
+        robot.pack(track_message(track())),
+        b"".join(robot.pack(item) for item in mission_items(tracking_mission(), SYSTEM)),
     )
     packets = (
         ReceivePacket(Address(0x0013A20041F00001), frames[0]),
@@ -116,34 +121,41 @@ def _radio() -> tuple[Parser, ...]:
 
 
 def _satellite() -> tuple[Parser, ...]:
-    packed = satellite_blob.Blob.of(mission())
-    is_deflated = packed.codec == satellite_blob.BlobCodec.DEFLATE
-    plain = zlib.decompress(packed.packed, -15) if is_deflated else packed.packed
-    deflater = zlib.compressobj(9, zlib.DEFLATED, -15)
-    deflated = deflater.compress(plain) + deflater.flush()
-    chunks = cut(packed, KEY, SYSTEM, 5, start=True, ack_seen=False)
-    order = pack_order(CommandKind.SURFACE, CommandNumber(9), AT, None, KEY, SYSTEM, 6)
+    blobs = [satellite_blob.Blob.of(one) for one in (mission(), tracking_mission())]
+    plain = tuple(map(_plain, blobs))
+    deflated = tuple(map(_deflated, plain))
+    chunks = [
+        chunk for one in blobs for chunk in cut(one, KEY, SYSTEM, 5, start=True, ack_seen=False)
+    ]
+    orders = [
+        pack_order(kind, CommandNumber(9), AT, None, KEY, SYSTEM, 6)
+        for kind in (CommandKind.SURFACE, CommandKind.QUIET)
+    ]
+    down = (*chunks, *orders)
     state = replace(state_report(ROBOT, at=AT))
-    record = compose(MobileOriginatedContent(counter=3, state=state), KEY, SYSTEM, 340)
+    records = tuple(
+        compose(MobileOriginatedContent(counter=3, state=state, track=one), KEY, SYSTEM, 340)
+        for one in (None, track(true_ne_m=(1.5, 0.75)))
+    )
     return (
-        Parser("mobile_terminated", lambda: _down, (*chunks, order), (WireError,)),
-        Parser("mobile_originated", lambda: _up, (record,), (WireError,)),
+        Parser("mobile_terminated", lambda: _down, down, (WireError,)),
+        Parser("mobile_originated", lambda: _up, records, (WireError,)),
         Parser(
             "mobile_terminated_sealed",
             lambda: lambda data: _down(sealed_down(data[:SEALED_MAX], KEY, SYSTEM)),
-            tuple(chunk[:-8] for chunk in (*chunks, order)),
+            tuple(message[:-8] for message in down),
             (WireError,),
             SEALED_MAX,
         ),
         Parser(
             "mobile_originated_sealed",
             lambda: lambda data: _up(sealed_up(data[:SEALED_MAX], KEY, SYSTEM)),
-            (record[:-8],),
+            tuple(record[:-8] for record in records),
             (WireError,),
             SEALED_MAX,
         ),
-        Parser("blob_raw", lambda: lambda data: _blob(data, 0), (plain,), (WireError,)),
-        Parser("blob_packed", lambda: lambda data: _blob(data, 1), (deflated,), (WireError,)),
+        Parser("blob_raw", lambda: lambda data: _blob(data, 0), plain, (WireError,)),
+        Parser("blob_packed", lambda: lambda data: _blob(data, 1), deflated, (WireError,)),
     )
 
 
@@ -229,6 +241,16 @@ def _down(data: bytes) -> object:
 
 def _up(data: bytes) -> object:
     return read_mobile_originated(data, KEY, SYSTEM, ROBOT, AT)
+
+
+def _plain(blob: satellite_blob.Blob) -> bytes:
+    is_deflated = blob.codec == satellite_blob.BlobCodec.DEFLATE
+    return zlib.decompress(blob.packed, -15) if is_deflated else blob.packed
+
+
+def _deflated(plain: bytes) -> bytes:
+    deflater = zlib.compressobj(9, zlib.DEFLATED, -15)
+    return deflater.compress(plain) + deflater.flush()
 
 
 def _blob(data: bytes, codec: int) -> object:

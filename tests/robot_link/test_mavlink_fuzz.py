@@ -62,6 +62,7 @@ SERVED = (
     "grace_sample_ack",
     "grace_plan_offer",
     "grace_plan_report",
+    "grace_track",
 )
 """Messages that some service of either end understands."""
 
