@@ -296,8 +296,8 @@ def _figure(trials: Trials, mean: FloatArray, std: FloatArray) -> Figure:
         time_s = record[:, metrics.TIME]
         tau = metrics.relative(outcome.record)
         kappa = tau - metrics.estimate(outcome.record)
-        seen = np.where(np.hypot(*tau[::stride].T) < _SEEN_M, 1.0, np.nan)
-        north, east = record[:, metrics.NORTH] * seen, record[:, metrics.EAST] * seen
+        seen = np.where(np.hypot(*tau.T) < _SEEN_M, 1.0, np.nan)
+        north, east = (outcome.record[:, each] * seen for each in (metrics.NORTH, metrics.EAST))
         paths.append(Series(hue.value, east, north, hue))
         summed = np.cumsum(outcome.record[:, metrics.INVERSE_CONDITION]) * COARSE.step_s
         observed.append(Series(hue.value, time_s, summed[::stride], hue))
@@ -318,8 +318,8 @@ def _figure(trials: Trials, mean: FloatArray, std: FloatArray) -> Figure:
             _dots("estimation error, mean (m)", mean[KAPPA], std[KAPPA], THESIS[KAPPA]),
         ),
         2,
-        f"Scenario A; above its first seed, paths where within {_SEEN_M:g} m of the target. "
-        "Below, filled marks ours with their standard deviation, hollow marks the thesis.",
+        f"Scenario A. Above: first seed, paths within {_SEEN_M:g} m of the target. "
+        "Below: filled marks ours, with std; hollow marks the thesis.",
     )
 
 
