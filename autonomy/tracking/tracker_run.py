@@ -10,7 +10,7 @@ from autonomy.tracking.config import TrackingConfig
 from autonomy.tracking.observability import inverse_condition
 from autonomy.tracking.phase import TrackPhase
 from autonomy.tracking.run import Case, Outcome, first_estimate, settings
-from autonomy.tracking.scenario import Scenario, draws
+from autonomy.tracking.scenario import Draws, Scenario, draws
 from autonomy.tracking.target_path import place
 from autonomy.tracking.tracker import (
     RangeHeard,
@@ -35,7 +35,7 @@ def run_tracker(scenario: Scenario, case: Case, seed: int) -> Outcome:
     if not case.is_output_feedback:
         raise ValueError(f"the tracker has no state feedback, as {case} asks for")
     random, path = draws(scenario, seed), scenario.config.target
-    config = _mission(scenario, case, seed)
+    config = _mission(scenario, case, random)
     pose, dt_s = scenario.start, scenario.step_s
     tracker = Tracker(config, TrackerStart((pose[0], pose[1]), pose[2], pose[3]))
     rows: list[tuple[float, ...]] = []
@@ -44,6 +44,7 @@ def run_tracker(scenario: Scenario, case: Case, seed: int) -> Outcome:
         target = place(path, k * dt_s)
         velocity = (target.north_m_s, target.east_m_s)
         true = (north - target.north_m, east - target.east_m, heading, speed)
+        # No instrument tells a negative distance, as the noise would near the target.
         heard = max(math.hypot(true[0], true[1]) + float(random.noise[k, 0]), 0.0)
         reading = TrackerReading(
             own_ne_m=(north, east),
@@ -67,10 +68,10 @@ def run_tracker(scenario: Scenario, case: Case, seed: int) -> Outcome:
     return Outcome(metrics.score(record, dt_s), record)
 
 
-def _mission(scenario: Scenario, case: Case, seed: int) -> TrackingConfig:
+def _mission(scenario: Scenario, case: Case, random: Draws) -> TrackingConfig:
     """Return the settings with the first guess that the run starts with."""
     config = settings(scenario, case)
-    guess = first_estimate(scenario, draws(scenario, seed))
+    guess = first_estimate(scenario, random)
     target = config.target.model_copy(
         update={
             "north_m": scenario.start[0] - float(guess[0]),
