@@ -1,0 +1,117 @@
+"""A tag that is followed by its acoustic ranges, from the water to the station."""
+
+import asyncio
+import math
+from datetime import timedelta
+
+import pytest
+
+from autonomy.tracking.config import TRACKING_PRESETS
+from autonomy.tracking.phase import TrackPhase
+from robot_link.messages import (
+    CommandKind,
+    CommandNumber,
+    OnboardPlanState,
+    StateReport,
+    TrackReport,
+)
+from robot_link.mission import Mission, MissionSettings
+from robot_link.station import StationLink
+from robot_link.tracking_order import TrackingOrder
+from simulator.fleet import MINI_1
+from simulator.process import serve
+from simulator.target import TANK_TARGETS
+from tests.robot_link.rig import Heard, running, until
+from tests.simulator.test_robot_process import bodies, station_of, with_program
+
+(TAG,) = TANK_TARGETS
+NOISE_M = MINI_1.acoustics.travel_time_std_s * MINI_1.acoustics.sound_speed_m_s
+PRESET = TRACKING_PRESETS["miniglider"]
+FOLLOW = PRESET.model_copy(
+    update={
+        "target": PRESET.target.model_copy(
+            update={
+                "kind": "tag",
+                "address": TAG.address,
+                "depth_m": TAG.depth_m,
+                "north_m": 1.4,
+                "east_m": 0.7,
+            }
+        )
+    }
+)
+PLAN = Mission.from_tracking(
+    MissionSettings(5.0, 50.0, 900.0, *MINI_1.start_ne_m), TrackingOrder.of(FOLLOW)
+)
+
+
+async def follow(link: StationLink, heard: Heard, expires) -> None:
+    """Send the robot after the tag, silence it, let it ping again, and call it back."""
+    numbers = iter(range(1, 9))
+
+    def tell(kind: CommandKind, plan=None) -> None:
+        link.send_command(MINI_1.robot, kind, CommandNumber(next(numbers)), expires, plan)
+
+    def newest() -> TrackReport:
+        return heard.of(TrackReport)[-1]
+
+    await until(lambda: heard.of(StateReport), 15.0)
+    report = await link.upload(MINI_1.robot, PLAN)
+    assert report.state is OnboardPlanState.ON_BOARD
+    assert not heard.of(TrackReport)
+    tell(CommandKind.START, PLAN.sha256())
+    await until(lambda: heard.of(TrackReport) and newest().ranges_heard >= 15, 20.0)
+    assert newest().phase is TrackPhase.TRACKING
+    check_ranges(heard)
+    tell(CommandKind.QUIET)
+    await until(lambda: newest().is_quiet, 15.0)
+    silent = newest().ranges_heard
+    reports = len(heard.of(TrackReport))
+    await until(lambda: len(heard.of(TrackReport)) > reports + 5, 15.0)
+    assert newest().ranges_heard == silent
+    tell(CommandKind.PING)
+    await until(lambda: newest().ranges_heard > silent + 2, 20.0)
+    assert not newest().is_quiet
+    tell(CommandKind.SURFACE)
+    await until(lambda: newest().phase is TrackPhase.ENDED, 15.0)
+
+
+def check_ranges(heard: Heard) -> None:
+    """Hold every range that was reported against where robot and tag were."""
+    for report in heard.of(TrackReport):
+        assert report.true_ne_m is None
+        if report.range_m is not None:
+            at = report.measured_at - timedelta(seconds=report.range_age_s)
+            true_m = math.dist(report.position_ne_m, TAG.place_ned_m(at)[:2])
+            assert report.range_m == pytest.approx(true_m, abs=5.0 * NOISE_M + 0.2)
+
+
+async def test_robot_follows_the_tag_of_its_water_and_says_so(tmp_path):
+    chosen = bodies(tmp_path / "links", MINI_1.robot).model_copy(update={"has_programs": True})
+    chosen.link_folder.mkdir()
+    ended = asyncio.Event()
+    async with asyncio.TaskGroup() as group:
+        task = group.create_task(serve(chosen, ended))
+        await until(lambda: task.done() or chosen.link_path(MINI_1.robot).exists())
+        link, heard = station_of(chosen, MINI_1)
+        try:
+            async with running(link.run):
+                await follow(link, heard, chosen.clock().now() + timedelta(hours=1))
+        finally:
+            ended.set()
+
+
+async def test_program_in_a_process_of_its_own_pings_by_its_acoustic_node(tmp_path):
+    chosen = bodies(tmp_path / "links", MINI_1.robot)
+    chosen.link_folder.mkdir()
+
+    async def work(link: StationLink, heard: Heard) -> None:
+        await until(lambda: heard.of(StateReport), 15.0)
+        await link.upload(MINI_1.robot, PLAN)
+        expires = chosen.clock().now() + timedelta(hours=1)
+        number = CommandNumber(1)
+        link.send_command(MINI_1.robot, CommandKind.START, number, expires, PLAN.sha256())
+        await until(lambda: any(one.ranges_heard >= 10 for one in heard.of(TrackReport)), 20.0)
+        assert heard.of(TrackReport)[-1].phase is TrackPhase.TRACKING
+
+    await with_program(chosen, MINI_1, tmp_path / "memory", work)
