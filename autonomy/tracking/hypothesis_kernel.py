@@ -19,6 +19,8 @@ COVARIANCE, VELOCITY, RECKONED = 4, 14, 22
 NORTH_RATE, EAST_RATE, RATE_VARIANCE = VELOCITY + 2, VELOCITY + 3, VELOCITY + 6
 SPEED_VARIANCE = COVARIANCE + 9
 SIZE = 24
+PLACE_SHARE = 1.0
+"""Variance of a place as the velocity filter sees it, as a share of the estimate's two axes."""
 PLACE_STEP_S = 0.1
 """Interval for which the settings give the variance of the target's place."""
 
@@ -85,7 +87,8 @@ def hear_range(h: FloatArray, range_m: float, since_s: float, q: FloatArray) -> 
     """Take in a range, and then in the velocity filter where it puts the target; in place.
 
     A series of ranges says the same of the velocity however densely it is taken: the variance of
-    a place, set for ``PLACE_STEP_S``, falls as ranges get rarer, down to the estimate's own.
+    a place, set for ``PLACE_STEP_S``, falls as ranges get rarer, but not below the estimate's own:
+    while the estimate still moves towards the target, the target does not move.
 
     Args:
         h: Hypothesis, shape ``(SIZE,)``.
@@ -96,7 +99,7 @@ def hear_range(h: FloatArray, range_m: float, since_s: float, q: FloatArray) -> 
     P = h[COVARIANCE:VELOCITY]
     range_into(h[:4], P, range_m, q)
     variance = q[R_TARGET] * min(1.0, PLACE_STEP_S / max(since_s, 1e-9))
-    variance = min(max(variance, 0.5 * (P[0] + P[4])), q[R_TARGET])
+    variance = max(variance, PLACE_SHARE * (P[0] + P[4]))
     north, east = h[RECKONED] - h[0], h[RECKONED + 1] - h[1]
     velocity_into(h[VELOCITY:RECKONED], north, east, since_s, variance, q)
 

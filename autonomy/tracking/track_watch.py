@@ -88,7 +88,7 @@ class TrackWatch:
         if self._phase is TrackPhase.ENDED:
             return
         self._watch_own(dt_s, evidence)
-        self._watch_speed(dt_s, evidence)
+        self._note_range(evidence)
         self._note = self._wrong(evidence)
         self._lost_for_s = self._lost_for_s + dt_s if self._phase is TrackPhase.LOST else 0.0
         self._give_up(evidence)
@@ -129,10 +129,7 @@ class TrackWatch:
         else:
             self._stood_s += dt_s
 
-    def _watch_speed(self, dt_s: float, evidence: Evidence) -> None:
-        most = self._config.motion.speed_max_m_s
-        slowest = evidence.target_speed_m_s - SURE * evidence.target_speed_std_m_s
-        self._fast_s = self._fast_s + dt_s if slowest > most else 0.0
+    def _note_range(self, evidence: Evidence) -> None:
         newest = evidence.newest_range
         if newest is None or (self._ranges and newest[0] <= self._ranges[-1][0]):
             return
@@ -140,40 +137,52 @@ class TrackWatch:
         while newest[0] - self._ranges[0][0] > self._config.ranging.lost_after_s:
             self._ranges.popleft()
 
-    def _leaves_at_m_s(self) -> float:
-        """Return a speed that the target exceeds for sure, whatever the robot's own course.
+    def _growth_m_s(self) -> tuple[float, float]:
+        """Return how fast the distance grows, and the mean speed of the robot meanwhile.
 
-        The distance grows by no more than both speeds together. A distance that jumps or scatters
-        does not grow.
+        The growth is what it is at least, by ``SURE`` standard deviations. A distance that jumps or
+        scatters does not grow.
         """
         heard = np.array(self._ranges)
         if len(heard) < LEAST_RANGES:
-            return 0.0
-        span = heard[-1, 0] - heard[0, 0]
-        if span < 0.5 * self._config.ranging.lost_after_s:
-            return 0.0
+            return 0.0, 0.0
+        if heard[-1, 0] - heard[0, 0] < 0.5 * self._config.ranging.lost_after_s:
+            return 0.0, 0.0
         since = heard[:, 0] - heard[:, 0].mean()
         total = float(since @ since)
         slope = float(since @ heard[:, 1]) / total
         residual = heard[:, 1] - heard[:, 1].mean() - slope * since
         noise = float(residual @ residual) / len(heard)
         if noise > SCATTER * self._config.ranging.variance_m2:
-            return 0.0
+            return 0.0, 0.0
         noise = max(noise, self._config.ranging.variance_m2)
-        return slope - float(heard[:, 2].mean()) - SURE * math.sqrt(noise / total)
+        return slope - SURE * math.sqrt(noise / total), float(heard[:, 2].mean())
+
+    def _outrun_by_m_s(self, evidence: Evidence) -> float:
+        """Return the speed of a target that is faster than the robot, 0 where it is not for sure.
+
+        The distance grows by no more than both speeds together, whatever the robot's own course.
+        Otherwise the estimated speed counts, but only while the distance grows.
+        """
+        if self._now_s < self._next_look_s:
+            return 0.0
+        self._next_look_s = self._now_s + LOOK_S
+        most = self._config.motion.speed_max_m_s
+        growth, own = self._growth_m_s()
+        slowest = evidence.target_speed_m_s - SURE * evidence.target_speed_std_m_s
+        self._fast_s = self._fast_s + LOOK_S if slowest > most and growth > 0.0 else 0.0
+        if growth - own > most:
+            return growth - own
+        is_fast = self._fast_s > self._config.ranging.lost_after_s
+        return evidence.target_speed_m_s if is_fast else 0.0
 
     def _give_up(self, evidence: Evidence) -> None:
         ranging, most = self._config.ranging, self._config.motion.speed_max_m_s
         given_up = ranging.give_up_after_s
-        leaves = 0.0
-        if self._now_s >= self._next_look_s:
-            self._next_look_s = self._now_s + LOOK_S
-            leaves = self._leaves_at_m_s()
-        if self._fast_s > ranging.lost_after_s:
-            leaves = evidence.target_speed_m_s
-        if leaves > most:
+        speed = self._outrun_by_m_s(evidence)
+        if speed > 0.0:
             self._reason = (
-                f"the target is faster than the robot: {leaves:.2f} m/s against {most:.2f} m/s"
+                f"the target is faster than the robot: {speed:.2f} m/s against {most:.2f} m/s"
             )
         elif self._phase is TrackPhase.WAITING and self._now_s > given_up:
             self._reason = f"no range of the target was heard in {given_up:.0f} s"
