@@ -5,7 +5,7 @@ import pytest
 from tests.e2e.demo import Demo
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(400)]
-SPEED = 10
+SPEED = 20
 
 
 @pytest.fixture(scope="module")
