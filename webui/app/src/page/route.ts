@@ -42,3 +42,8 @@ function decode(part: string): string | null {
     return null;
   }
 }
+
+/** Page that a plan of a kind is made and followed on. */
+export function pageOf(planKind: string): PageKey {
+  return planKind === 'track_target' ? 'track' : 'plan';
+}
