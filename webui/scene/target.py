@@ -16,7 +16,7 @@ from webui.scene.source import SceneSource, TargetHypothesis, TargetView
 from webui.scene.stage import Stage
 
 _HYPOTHESES = 2
-_MARK = 0.009 * VIEW_WIDTH
+_MARK = 0.011 * VIEW_WIDTH
 """Radius of the mark of an estimate that is certain; one that is not is smaller."""
 _THINNEST = 0.004 * VIEW_WIDTH
 _LONGEST = 2.0 * VIEW_WIDTH
@@ -24,6 +24,8 @@ _LONGEST = 2.0 * VIEW_WIDTH
 _PATH = "target/path"
 _DASHES = 90
 _LINE_PX = 1.4
+_CROSS = np.array([[[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]], [[0, 0, -1], [0, 0, 1]]])
+"""Mark of a true place: another shape than that of an estimate."""
 
 
 class Target:
@@ -33,7 +35,7 @@ class Target:
         self._stage = stage
         self._source = source
         self._estimates = [_Estimate(stage, number) for number in range(_HYPOTHESES)]
-        self._true = _ball(stage.scene, "/target/true", TARGET_TRUE, 1.0)
+        self._true = _line(stage.scene, "/target/true", _CROSS, TARGET_TRUE)
         self._ring = _line(stage.scene, "/target/range", ring_enu(np.zeros(3), 1.0))
         self._sight = _line(stage.scene, "/target/sight", np.zeros((1, 2, 3)))
         self._shown: tuple[TargetView | None, float] | None = None
@@ -75,7 +77,7 @@ class Target:
         self._colour(is_old=view.is_old)
         if view.true_ned is not None:
             self._true.position = self._point(view.true_ned)
-            self._true.scale = 0.7 * _MARK
+            self._true.scale = 1.3 * _MARK
         if hypotheses:
             ends = [self._point(end) for end in (view.robot_ned, hypotheses[0].position_ned)]
             self._sight.points = np.array([ends], dtype=np.float32)
@@ -92,7 +94,7 @@ class Target:
         for estimate in self._estimates:
             estimate.colour(colour)
         for line in (self._ring, self._sight):
-            line.colors = linear(np.broadcast_to(colour, line.points.shape))
+            _recolour(line, colour)
 
     def _draw_path(self, path_ned: FloatArray | None) -> None:
         self._path = path_ned
@@ -110,16 +112,18 @@ class Target:
 
 
 class _Estimate:
-    """One hypothesis: a mark, and the 95 % ellipse around it as a flat body."""
+    """One hypothesis: a mark, and the 95 % ellipse around it as a flat body with its outline."""
 
     def __init__(self, stage: Stage, number: int) -> None:
         self._stage = stage
         self.mark = _ball(stage.scene, f"/target/estimate{number}", TARGET, 1.0)
-        self.ellipse = _ball(stage.scene, f"/target/ellipse{number}", TARGET, 0.25)
+        self.ellipse = _ball(stage.scene, f"/target/ellipse{number}", TARGET, 0.2)
+        self.outline = _line(stage.scene, f"/target/outline{number}", ring_enu(np.zeros(3), 1.0))
 
     def place(self, hypothesis: TargetHypothesis | None) -> None:
         """Move to a hypothesis; ``None`` hides it."""
-        self.mark.visible = self.ellipse.visible = hypothesis is not None
+        for node in (self.mark, self.ellipse, self.outline):
+            node.visible = hypothesis is not None
         if hypothesis is None:
             return
         position = _view_point(self._stage, hypothesis.position_ned)
@@ -128,14 +132,17 @@ class _Estimate:
         long, short = (
             min(max(axis_m * view_per_m, _THINNEST), _LONGEST) for axis_m in (major_m, minor_m)
         )
-        self.mark.position = self.ellipse.position = position
+        for node in (self.mark, self.ellipse, self.outline):
+            node.position = position
         self.mark.scale = _MARK * (0.5 + 0.5 * hypothesis.weight)
-        self.ellipse.scale = (long, short, _THINNEST)
-        self.ellipse.wxyz = (math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2))
+        for node in (self.ellipse, self.outline):
+            node.scale = (long, short, _THINNEST)
+            node.wxyz = (math.cos(angle / 2), 0.0, 0.0, math.sin(angle / 2))
 
     def colour(self, colour: Colour) -> None:
         """Take another colour."""
-        self.mark.color = self.ellipse.color = colour
+        self.mark.color = self.ellipse.color = _lit(colour)
+        _recolour(self.outline, colour)
 
 
 def semi_axes(covariance_m2: tuple[float, float, float]) -> tuple[float, float, float]:
@@ -163,13 +170,25 @@ def _ball(
     scene: viser.SceneApi, name: str, colour: Colour, opacity: float
 ) -> viser.IcosphereHandle:
     return scene.add_icosphere(
-        name, radius=1.0, color=colour, opacity=opacity, visible=False, cast_shadow=False,
+        name, radius=1.0, color=_lit(colour), opacity=opacity, visible=False, cast_shadow=False,
         receive_shadow=False,
     )  # fmt: skip
 
 
-def _line(scene: viser.SceneApi, name: str, segments: np.ndarray) -> viser.LineSegmentsHandle:
+def _line(
+    scene: viser.SceneApi, name: str, segments: np.ndarray, colour: Colour = TARGET
+) -> viser.LineSegmentsHandle:
     return scene.add_line_segments(
-        name, segments.astype(np.float32), colors=linear(TARGET), thickness=_LINE_PX,
+        name, segments.astype(np.float32), colors=linear(colour), thickness=_LINE_PX,
         thickness_units="screen", visible=False,
     )  # fmt: skip
+
+
+def _recolour(line: viser.LineSegmentsHandle, colour: Colour) -> None:
+    line.colors = linear(np.broadcast_to(colour, line.points.shape))
+
+
+def _lit(colour: Colour) -> Colour:
+    """Return the colour of a body that the scene's lights bring up to ``colour``."""
+    red, green, blue = linear(colour).tolist()
+    return red, green, blue
