@@ -9,8 +9,9 @@ its distance is right and its place is not. The bank therefore
 - believes ranges that contradict the estimate again and again more than the estimate, and starts
   anew from a ring of hypotheses around the robot, at the distance that was heard.
 
-``hypotheses = one`` is the thesis's single filter: nothing is split, and contradiction reopens it
-on another bearing.
+With ``hypotheses = one`` nothing is split, and contradiction reopens the one filter on another
+bearing. With the pursuit law alone (for teaching) it is the thesis's filter and nothing else: it
+takes in every range, and contradiction is told but not acted upon.
 """
 
 import math
@@ -102,7 +103,7 @@ class Hearing:
     turned_rad: float = 0.0
     """How far the robot turned of late; forgotten over ``STRAIGHT_S``."""
     is_searching: bool = False
-    """Whether a ring is not resolved yet."""
+    """Whether the ranges contradicted the estimate, and no other is sure yet."""
 
 
 @dataclass(slots=True)
@@ -160,7 +161,7 @@ class Bank:
     @property
     def is_multiple(self) -> bool:
         """Whether more than one hypothesis may be followed."""
-        return self.config.filter.hypotheses == "two"
+        return self.config.filter.hypotheses == "two" and not self.config.barrier.is_teaching
 
     @property
     def best(self) -> Hypothesis:
@@ -172,8 +173,9 @@ class Bank:
         self._pass_time(given)
         for one in self.hypotheses:
             hk.hear_own(one.h, given.heading_rad, given.speed_m_s, self.q)
+        hear = self._hear_plainly if self.config.barrier.is_teaching else self._hear
         for range_m in given.ranges_m:
-            self._hear(range_m)
+            hear(range_m)
         if given.ranges_m and self.is_multiple:
             self._tidy()
             self._split(given.target_velocity_ne_m_s)
@@ -223,6 +225,18 @@ class Bank:
         self._weigh(likelihoods)
         if abs(max(self.hypotheses, key=lambda one: one.weight).bias) > BIAS_LIMIT:
             self._restart(range_m, NEXT_BEARING_RAD)
+
+    def _hear_plainly(self, range_m: float) -> None:
+        """Take in a range as the thesis's filter does, whatever it says."""
+        one, gate = self.best, self.config.ranging.gate
+        expected, variance = hk.expect(one.h, self.q)
+        normalized = (range_m - expected) / math.sqrt(variance)
+        one.bias += BIAS_SHARE * (min(max(normalized, -gate), gate) - one.bias)
+        hk.hear_range(one.h, range_m, one.since_s, self.q)
+        one.since_s = 0.0
+        self._believe()
+        if abs(one.bias) > BIAS_LIMIT:
+            self.hearing.is_searching = True
 
     def _begin(self, range_m: float) -> bool:
         """Start from a ring where the first guess and the first range do not fit together."""

@@ -121,9 +121,9 @@ class BarrierConfig(Configuration):
 
     controller: ControllerName = quantity("barrier", title="Controller")
     """``barrier``: the pursuit law, changed as little as keeps the target observable. ``nominal``:
-    the pursuit law alone, whose estimate diverges: for teaching only. ``mpc_...``: predictive
-    controllers that weigh tracking against nothing, trace of the covariance, determinant, or
-    condition number; they are slower."""
+    the pursuit law and a single filter alone, whose estimate diverges: for teaching only.
+    ``mpc_...``: predictive controllers that weigh tracking against nothing, trace of the
+    covariance, determinant, or condition number; they are slower."""
     shape: Literal["absolute", "squared"] = quantity("absolute", title="Barrier", advanced=True)
     """``absolute``: |det| - sqrt(eps). ``squared``: det^2 - eps, the thesis's, with a dead spot
     where robot, course and target lie on one line."""
@@ -149,6 +149,14 @@ class BarrierConfig(Configuration):
     """Acceleration by distance of the pursuit law."""
     lead_m: float = quantity(0.25, "m", title="Lead (epsilon)", ge=0.0, le=100.0, advanced=True)
     """The pursuit law steers a point so far ahead of the robot onto the target."""
+
+    @property
+    def is_teaching(self) -> bool:
+        """Whether nothing keeps the target observable, to show what comes of it.
+
+        Such a mission has the thesis's single filter and neither gate nor search.
+        """
+        return self.controller == "nominal"
 
 
 class MotionConfig(Configuration):

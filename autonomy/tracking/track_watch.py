@@ -162,7 +162,8 @@ class TrackWatch:
         """Return the speed of a target that is faster than the robot, 0 where it is not for sure.
 
         The distance grows by no more than both speeds together, whatever the robot's own course.
-        Otherwise the estimated speed counts, but only while the distance grows.
+        Otherwise the estimated speed counts, but only while the distance grows and the estimate
+        agrees with the ranges.
         """
         if self._now_s < self._next_look_s:
             return 0.0
@@ -170,11 +171,13 @@ class TrackWatch:
         most = self._config.motion.speed_max_m_s
         growth, own = self._growth_m_s()
         slowest = evidence.target_speed_m_s - SURE * evidence.target_speed_std_m_s
-        self._fast_s = self._fast_s + LOOK_S if slowest > most and growth > 0.0 else 0.0
+        is_doubtful = evidence.is_searching or self._config.barrier.is_teaching
+        is_fast = slowest > most and growth > 0.0 and not is_doubtful
+        self._fast_s = self._fast_s + LOOK_S if is_fast else 0.0
         if growth - own > most:
             return growth - own
-        is_fast = self._fast_s > self._config.ranging.lost_after_s
-        return evidence.target_speed_m_s if is_fast else 0.0
+        is_outrun = self._fast_s > self._config.ranging.lost_after_s
+        return evidence.target_speed_m_s if is_outrun else 0.0
 
     def _give_up(self, evidence: Evidence) -> None:
         ranging, most = self._config.ranging, self._config.motion.speed_max_m_s

@@ -241,7 +241,7 @@ class Tracker:
         command = (u1, u2)
         if phase in {TrackPhase.WAITING, TrackPhase.ENDED}:
             command = (0.0, 0.0)
-        elif phase is TrackPhase.LOST:
+        elif phase is TrackPhase.LOST and not self._config.barrier.is_teaching:
             command = self._search.command(v, dt_s)
         elif self._predictive is not None:
             P = full_covariance(h[hk.COVARIANCE : hk.VELOCITY])

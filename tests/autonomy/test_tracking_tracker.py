@@ -8,7 +8,12 @@ import pytest
 
 from autonomy.site import Box
 from autonomy.tracking import unicycle
-from autonomy.tracking.config import BarrierConfig, FilterConfig, RangingConfig
+from autonomy.tracking.config import (
+    BarrierConfig,
+    FilterConfig,
+    MotionConfig,
+    RangingConfig,
+)
 from autonomy.tracking.phase import TrackPhase
 from autonomy.tracking.tracker import RangeHeard, Tracker, TrackerReading, TrackerStart
 from tests.autonomy.tracking_water import DT_S, QUICK, Water, settings, silent
@@ -281,3 +286,35 @@ def test_a_robot_told_not_to_ping_says_so():
 def test_a_track_cannot_coast_between_two_ranges():
     with pytest.raises(ValueError, match=r"coast_after_s \(3 s\) must exceed period_s \(5 s\)"):
         RangingConfig(period_s=5.0)
+
+
+def test_without_the_barrier_the_estimate_diverges_in_the_tank_and_with_it_it_does_not():
+    tank = Box(x_min_m=0.0, x_max_m=3.1, y_min_m=0.0, y_max_m=4.6)
+    errors = {}
+    for controller in ("nominal", "barrier"):
+        config = settings(
+            guess_ne_m=(1.7, 1.4),
+            ranging=RangingConfig(period_s=0.1),
+            barrier=BarrierConfig(controller=controller),
+            motion=MotionConfig(speed_max_m_s=0.3),
+        )
+        water = Water(config, pose=(0.5, 0.6, 0.7, 0.1), target=(1.5, 1.6), seed=3)
+        errors[controller] = []
+        for n in range(2000):
+            water.newest = water.tracker.step(water.measured(), DT_S if n else 0.0)
+            kept = water.tracker.keep_inside(water.newest, water.pose[:2], tank)
+            water.pose = unicycle.advance(water.pose, *kept.command, DT_S)
+            errors[controller].append(water.error)
+        assert len(water.newest.hypotheses) == 1 or controller == "barrier"
+    assert np.mean(errors["nominal"]) > 1.5
+    assert np.mean(errors["barrier"]) < 0.2
+
+
+def test_the_teaching_mode_tells_a_contradiction_and_does_not_search():
+    config = settings(guess_ne_m=(-6.0, 2.0), barrier=BarrierConfig(controller="nominal"))
+    water = Water(config)
+    water.swim(15.0)
+    lost = [step for step in water.steps if step.phase is TrackPhase.LOST]
+    assert lost
+    assert all(step.command == step.nominal for step in lost)
+    assert water.newest.ranges_rejected == 0
