@@ -78,7 +78,7 @@ def tracking_configs(draw: st.DrawFn) -> TrackingConfig:
         guess_std_m=draw(_positive(0.01, 1e4)),
     )
     ranging = RangingConfig(
-        period_s=draw(_positive(0.05, 600.0)),
+        period_s=draw(_positive(0.05, min(600.0, 0.8 * coast))),
         sound_speed_m_s=draw(st.floats(1300.0, 1700.0)),
         coast_after_s=coast,
         lost_after_s=lost,
