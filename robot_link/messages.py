@@ -177,7 +177,8 @@ class TrackReport:
     position_ne_m: tuple[float, float]
     """Where the robot believed to be itself."""
     hypotheses: tuple[TargetEstimate, ...]
-    """One or two, the likeliest first; none before the first range."""
+    """One or two, the likeliest first; none before the first range. Of two, only the likeliest
+    arrives by satellite."""
     range_m: float | None
     """Newest horizontal range that was heard; None before the first."""
     range_age_s: float
