@@ -1,7 +1,8 @@
 """The tables of what robots said and were told, and what they share with the others.
 
 Vehicles and studies are in ``study_tables``, maps in ``map_tables``, people in ``person_tables``,
-what crosses satellite gateways in ``link_tables``.
+what crosses satellite gateways in ``link_tables``, what robots say of targets in
+``tracking_tables``.
 
 Integer keys stay inside ``db``; what leaves carries a public id such as ``plan-14``
 (``db.identity``). Times are aware UTC. JSON columns hold documents that no query looks into.

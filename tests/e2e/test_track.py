@@ -28,6 +28,10 @@ def in_phase(demo, phase):
     return report if report is not None and report["phase"] == phase else None
 
 
+def reports(demo, plan):
+    return demo.get("/api/robots/mini-1/tracking", plan=plan, limit=5000)["reports"]
+
+
 def told(demo, kind):
     command = demo.post("/api/robots/mini-1/commands", {"kind": kind})["id"]
     demo.wait(
@@ -45,8 +49,8 @@ def events(demo, kind):
 def test_a_target_is_held_lost_in_silence_and_found_again(demo):
     demo.wait("a first report", lambda: demo.get("/api/robots/mini-1/state")["position"], 20.0)
     config = {
-        "motion": {"duration_s": 1800.0},
-        "ranging": {"coast_after_s": 3.0, "lost_after_s": 12.0, "give_up_after_s": 600.0},
+        "motion": {"duration_s": 7200.0},
+        "ranging": {"coast_after_s": 3.0, "lost_after_s": 12.0, "give_up_after_s": 3600.0},
     }
     body = {"kind": "track_target", "config": config}
     plan = demo.post("/api/robots/mini-1/plans", body)["id"]
@@ -65,6 +69,12 @@ def test_a_target_is_held_lost_in_silence_and_found_again(demo):
     assert lost["range_age_s"] > 12.0
     demo.wait("the word on the loss", lambda: events(demo, "track.lost"), 10.0)
 
+    kept = reports(demo, plan)
+    demo.restart_station()
+    assert reports(demo, plan)[: len(kept)] == kept, "what was told survives a kill"
+    demo.wait("the robot being heard again", lambda: in_phase(demo, "lost"), 30.0)
+    assert len(events(demo, "track.lost")) == 1, "what was told is not told again"
+
     told(demo, "ping")
     found = demo.wait("the return of the target", lambda: in_phase(demo, "tracking"), 40.0)
     assert not found["is_quiet"]
@@ -79,7 +89,7 @@ def test_a_target_is_held_lost_in_silence_and_found_again(demo):
         30.0,
     )
     assert "came up as ordered" in ended["message"]
-    reports = demo.get("/api/robots/mini-1/tracking", plan=plan, limit=5000)["reports"]
-    assert {"tracking", "lost"} <= {one["phase"] for one in reports}
+    every = reports(demo, plan)
+    assert {"tracking", "lost"} <= {one["phase"] for one in every}
     rows = demo.client.get("/api/robots/mini-1/tracking.csv", params={"plan": plan}).text
-    assert len(rows.splitlines()) >= 3 + len(reports)
+    assert len(rows.splitlines()) >= 3 + len(every)

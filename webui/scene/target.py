@@ -116,7 +116,7 @@ class _Estimate:
 
     def __init__(self, stage: Stage, number: int) -> None:
         self._stage = stage
-        self.mark = _ball(stage.scene, f"/target/estimate{number}", TARGET, 1.0)
+        self.mark = _ball(stage.scene, f"/target/estimate{number}", TARGET, None)
         self.ellipse = _ball(stage.scene, f"/target/ellipse{number}", TARGET, 0.2)
         self.outline = _line(stage.scene, f"/target/outline{number}", ring_enu(np.zeros(3), 1.0))
 
@@ -167,7 +167,7 @@ def _view_point(stage: Stage, position_ned: PositionNed) -> tuple[float, float, 
 
 
 def _ball(
-    scene: viser.SceneApi, name: str, colour: Colour, opacity: float
+    scene: viser.SceneApi, name: str, colour: Colour, opacity: float | None
 ) -> viser.IcosphereHandle:
     return scene.add_icosphere(
         name, radius=1.0, color=_lit(colour), opacity=opacity, visible=False, cast_shadow=False,
