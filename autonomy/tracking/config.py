@@ -214,8 +214,68 @@ THESIS_TRACKING = TrackingConfig(
 """The scenario that reproduces the tables of chapter 4; not the author's own settings, which the
 thesis does not print."""
 
-TRACKING_PRESETS: dict[str, TrackingConfig] = {
-    "miniglider": TrackingConfig(),
-    "grace3": TrackingConfig(),
-}
-"""Settings a robot starts with, by vehicle."""
+_MINIGLIDER = TrackingConfig(
+    target=TargetConfig(north_m=1.375, east_m=0.385, speed_m_s=0.005, width_m=0.3),
+    ranging=RangingConfig(period_s=0.2, variance_m2=0.1),
+    filter=FilterConfig(
+        position_density_m2_s=1e-3,
+        heading_density_rad2_s=2e-3,
+        speed_density_m2_s3=3e-5,
+        heading_variance_rad2=3e-3,
+        speed_variance_m2_s2=3e-4,
+        target_acceleration_density=1e-8,
+        target_position_variance_m2=30.0,
+    ),
+    barrier=BarrierConfig(epsilon=1.2e-3, slope=0.4),
+    motion=MotionConfig(
+        turn_rate_max_rad_s=0.1,
+        acceleration_min_m_s2=0.0,
+        speed_min_m_s=0.01,
+        speed_max_m_s=0.06,
+        margin_m=0.4,
+    ),
+)
+"""A virtual target in the middle of the tank. The robot turns by 0.1 rad/s at the most, and the
+faster it swims the wider it turns: 0.06 m/s is what keeps the orbit small."""
+
+_GRACE3 = TrackingConfig(
+    target=TargetConfig(
+        kind="tag", north_m=120.0, east_m=144.0, depth_m=3.0, guess_std_m=12.0, path="static"
+    ),
+    ranging=RangingConfig(
+        period_s=1.0,
+        variance_m2=2.25,
+        coast_after_s=10.0,
+        lost_after_s=40.0,
+        give_up_after_s=600.0,
+    ),
+    filter=FilterConfig(
+        position_density_m2_s=0.02,
+        heading_density_rad2_s=5e-3,
+        speed_density_m2_s3=1e-4,
+        heading_variance_rad2=0.1,
+        speed_variance_m2_s2=3e-3,
+        target_acceleration_density=1e-7,
+        target_position_variance_m2=300.0,
+    ),
+    barrier=BarrierConfig(
+        epsilon=0.3,
+        slope=0.05,
+        heading_gain_per_s=0.05,
+        distance_gain_per_s2=0.01,
+        lead_m=2.0,
+    ),
+    motion=MotionConfig(
+        turn_rate_max_rad_s=0.05,
+        speed_min_m_s=0.04,
+        speed_max_m_s=0.15,
+        margin_m=15.0,
+        duration_s=1800.0,
+    ),
+)
+"""An acoustic tag in the lake. Eddies there are a third as fast as the robot, so it knows its own
+course badly, and an orbit of some metres is what its estimate allows."""
+
+TRACKING_PRESETS: dict[str, TrackingConfig] = {"miniglider": _MINIGLIDER, "grace3": _GRACE3}
+"""Settings a robot starts with, by vehicle, found on the simulated robots with all their
+dynamics."""

@@ -3,7 +3,7 @@
 import math
 
 from autonomy.configuration import Configuration, quantity
-from autonomy.vehicle.config import VEHICLES
+from autonomy.vehicle.config import GRACE3, MINIGLIDER
 
 
 class InnerLoopConfig(Configuration):
@@ -17,10 +17,15 @@ class InnerLoopConfig(Configuration):
     """Beats per second, held constant."""
     beats: int = quantity(1, "", title="Beats averaged over", ge=1, le=10, advanced=True)
     """Turn rate, speed and acceleration are means over so many beats of the tail."""
-    amplitude_min_rad: float = quantity(
-        0.15, "rad", title="Least tail amplitude", gt=0.0, le=math.pi / 2.0, display_unit="deg"
+    current_time_s: float = quantity(
+        1.0, "s", title="Current averaged over", gt=0.0, le=3600.0, advanced=True
     )
-    """Only a beating tail turns the robot, so it never rests."""
+    """Time over which fixes are compared with the velocity through the water to learn the current
+    that carries the robot; as short as the fixes are good."""
+    amplitude_min_rad: float = quantity(
+        0.03, "rad", title="Least tail amplitude", ge=0.0, le=math.pi / 2.0, display_unit="deg"
+    )
+    """Only a beating tail turns the robot, so it never rests; a small beat lets drag slow it."""
     amplitude_max_rad: float = quantity(
         0.40, "rad", title="Most tail amplitude", gt=0.0, le=math.pi / 2.0, display_unit="deg"
     )
@@ -29,7 +34,7 @@ class InnerLoopConfig(Configuration):
         1.0, "rad", title="Most tail bias", gt=0.0, le=math.pi / 2.0, display_unit="deg"
     )
     """Greatest bias; more turns the robot on the spot and stops it."""
-    speed_floor_m_s: float = quantity(0.02, "m/s", title="Speed floor", gt=0.0, le=5.0)
+    speed_floor_m_s: float = quantity(0.01, "m/s", title="Speed floor", gt=0.0, le=5.0)
     """A slower robot beats as hard as it can and steers less until it has this speed again."""
     turn_feedforward_s: float = quantity(
         9.0, "s", title="Tail bias by wanted turn rate", ge=0.0, le=100.0
@@ -51,10 +56,20 @@ class InnerLoopConfig(Configuration):
     """Integral gain of the acceleration's loop: amplitude by the speed that was not gained."""
 
 
-def _preset(key: str) -> InnerLoopConfig:
-    gait = VEHICLES[key].swim
-    return InnerLoopConfig(frequency_hz=gait.frequency_hz, amplitude_max_rad=gait.amplitude_rad)
-
-
-INNER_LOOP_PRESETS: dict[str, InnerLoopConfig] = {key: _preset(key) for key in VEHICLES}
+INNER_LOOP_PRESETS: dict[str, InnerLoopConfig] = {
+    "miniglider": InnerLoopConfig(
+        frequency_hz=MINIGLIDER.swim.frequency_hz, amplitude_max_rad=MINIGLIDER.swim.amplitude_rad
+    ),
+    "grace3": InnerLoopConfig(
+        frequency_hz=GRACE3.swim.frequency_hz,
+        amplitude_max_rad=GRACE3.swim.amplitude_rad,
+        current_time_s=15.0,
+        speed_floor_m_s=0.02,
+        # a hard turn costs more speed than it gains direction
+        bias_max_rad=0.5,
+        turn_feedforward_s=8.0,
+        turn_gain_s=2.0,
+        turn_integral_gain=0.2,
+    ),
+}
 """Settings by vehicle, found on the simulated robots; the thesis prints none of its gains."""

@@ -14,6 +14,7 @@ from autonomy.tracking.reading import (
 )
 from autonomy.tracking.tracker import Tracker
 from robot_link.messages import RobotMode
+from simulator.onboard.ground_motion import GroundMotion
 from simulator.onboard.hardware import SetPoints
 from simulator.onboard.maneuver import Flight
 from simulator.onboard.navigation import Estimate
@@ -51,6 +52,7 @@ class Pursuit:
         self._config = config
         self._hearing = hearing
         self._half_step_s = 0.5 * period_s
+        self._ground = GroundMotion(loops.current_time_s, period_s)
         self._average = BeatAverage(loops, period_s)
         self._loop = InnerLoop(loops, period_s)
         now = self._swimming(estimate)
@@ -105,7 +107,7 @@ class Pursuit:
 
     def _swimming(self, estimate: Estimate) -> Swimming:
         return self._average.step(
-            estimate.velocity_ned[:2], estimate.heading_rad, float(estimate.state[11])
+            self._ground.step(estimate), estimate.heading_rad, float(estimate.state[11])
         )
 
     def _trouble(self, estimate: Estimate) -> str:
