@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from autonomy.tracking import run_kernel
-from autonomy.tracking.config import BarrierConfig, FilterConfig, TrackingConfig
+from autonomy.tracking.config import BarrierConfig, TrackingConfig
 from autonomy.tracking.metrics import Score
 from autonomy.tracking.run import Case, run
 from autonomy.tracking.scenario import FIT, Scenario, random_scenarios
@@ -77,7 +77,7 @@ def _random(processes: ProcessPoolExecutor) -> list[dict[str, Any]]:
     case = Case.OFETV_CBF
     for slope in SLOPES:
         name = f"{SCENARIOS} random scenarios, slope {slope:g}"
-        bank = _scenarios(slope, FilterConfig())
+        bank = _scenarios(slope)
         scores = _tracked(processes, [(each, case, n) for n, each in enumerate(bank)])
         lost = 100.0 * _mean([score.is_lost for score in scores])
         rows.append(_row(f"{name}, product's tracker: lost", lost, "%", RANDOM_LOST_BAR))
@@ -104,6 +104,7 @@ def _random(processes: ProcessPoolExecutor) -> list[dict[str, Any]]:
     ratio = mirrored_bank / mirrored_single if mirrored_single else float(mirrored_bank > 0)
     return [
         *rows,
+        *_disturbed(processes),
         _row("Mirrored estimates, single filter", mirrored_single, f"of {runs}"),
         _row("Mirrored estimates, bank, same seeds", mirrored_bank, f"of {runs}"),
         _row("Mirrored estimates, bank to single filter", ratio, "", MIRRORED_BAR),
@@ -112,8 +113,27 @@ def _random(processes: ProcessPoolExecutor) -> list[dict[str, Any]]:
     ]
 
 
-def _scenarios(slope: float, estimator: FilterConfig) -> tuple[Scenario, ...]:
-    config = TrackingConfig(barrier=BarrierConfig(slope=slope), filter=estimator)
+def _disturbed(processes: ProcessPoolExecutor) -> list[dict[str, Any]]:
+    """The same scenarios with ranges that are wrong by up to 3 m, or never come."""
+    some = [
+        replace(each, outlier_share=0.05, lost_share=0.3)
+        for each in _scenarios(BarrierConfig().slope)
+    ]
+    case, name = Case.OFETV_CBF, f"{SCENARIOS} random scenarios, 5 % of ranges wrong, 30 % lost"
+    scores = _tracked(processes, [(each, case, n) for n, each in enumerate(some)])
+    singles = [run(each, case, n).score for n, each in enumerate(some)]
+    return [
+        _row(f"{name}, {title}: {what}", value, unit)
+        for title, each in (("product's tracker", scores), ("single filter", singles))
+        for what, value, unit in (
+            ("lost", 100.0 * _mean([score.is_lost for score in each]), "%"),
+            ("estimation error", _mean([score.estimation_error_m for score in each]), "m"),
+        )
+    ]
+
+
+def _scenarios(slope: float) -> tuple[Scenario, ...]:
+    config = TrackingConfig(barrier=BarrierConfig(slope=slope))
     return random_scenarios(SCENARIO_SEED, SCENARIOS, config)
 
 
