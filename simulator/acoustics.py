@@ -18,7 +18,7 @@ from simulator.settings import SimulatorSettings
 _STATION = RobotId("station")
 _STATION_DEPTH_M = 1.0
 """Depth of the station's acoustic modem, below its antenna."""
-_SPARE_S = 0.1
+_SPARE_S = 0.05
 """Wall time that an emulated modem's answer may be late."""
 _LONGEST_RANGE_M = 1500.0
 
