@@ -28,8 +28,6 @@ class Evidence:
     """What one step tells of the track."""
 
     own_ne_m: tuple[float, float]
-    speed_m_s: float
-    """Of the robot, estimated."""
     is_own_measured: bool
     """Whether heading and speed were measured."""
     is_quiet: bool
@@ -62,7 +60,7 @@ class TrackWatch:
         self._fast_s = 0.0
         self._anchor: tuple[float, float] | None = None
         self._stood_s = 0.0
-        self._ranges: deque[tuple[float, float, float]] = deque()
+        self._ranges: deque[tuple[float, float, float, float]] = deque()
         self._next_look_s = 0.0
         self._reason = ""
         self._note = ""
@@ -133,20 +131,22 @@ class TrackWatch:
         newest = evidence.newest_range
         if newest is None or (self._ranges and newest[0] <= self._ranges[-1][0]):
             return
-        self._ranges.append((*newest, abs(evidence.speed_m_s)))
+        self._ranges.append((*newest, *evidence.own_ne_m))
         while newest[0] - self._ranges[0][0] > self._config.ranging.lost_after_s:
             self._ranges.popleft()
 
     def _growth_m_s(self) -> tuple[float, float]:
-        """Return how fast the distance grows, and the mean speed of the robot meanwhile.
+        """Return how fast the distance grows, and how fast the robot went away meanwhile.
 
         The growth is what it is at least, by ``SURE`` standard deviations. A distance that jumps or
-        scatters does not grow.
+        scatters does not grow. The robot's own way counts, not its estimated speed, which a filter
+        that diverges bends to its ranges.
         """
         heard = np.array(self._ranges)
         if len(heard) < LEAST_RANGES:
             return 0.0, 0.0
-        if heard[-1, 0] - heard[0, 0] < 0.5 * self._config.ranging.lost_after_s:
+        span = float(heard[-1, 0] - heard[0, 0])
+        if span < 0.5 * self._config.ranging.lost_after_s:
             return 0.0, 0.0
         since = heard[:, 0] - heard[:, 0].mean()
         total = float(since @ since)
@@ -156,12 +156,13 @@ class TrackWatch:
         if noise > SCATTER * self._config.ranging.variance_m2:
             return 0.0, 0.0
         noise = max(noise, self._config.ranging.variance_m2)
-        return slope - SURE * math.sqrt(noise / total), float(heard[:, 2].mean())
+        away = float(np.hypot(*(heard[:, 2:] - heard[0, 2:]).T).max())
+        return slope - SURE * math.sqrt(noise / total), away / span
 
     def _outrun_by_m_s(self, evidence: Evidence) -> float:
         """Return the speed of a target that is faster than the robot, 0 where it is not for sure.
 
-        The distance grows by no more than both speeds together, whatever the robot's own course.
+        The distance grows by no more than robot and target move together.
         Otherwise the estimated speed counts, but only while the distance grows and the estimate
         agrees with the ranges.
         """

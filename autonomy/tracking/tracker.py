@@ -211,7 +211,6 @@ class Tracker:
             dt_s,
             Evidence(
                 own_ne_m=self._own_ne_m,
-                speed_m_s=float(h[3]),
                 is_own_measured=is_own_measured,
                 is_quiet=is_quiet,
                 newest_range=self._newest,

@@ -318,3 +318,11 @@ def test_the_teaching_mode_tells_a_contradiction_and_does_not_search():
     assert lost
     assert all(step.command == step.nominal for step in lost)
     assert water.newest.ranges_rejected == 0
+
+
+def test_a_robot_that_runs_away_by_mistake_does_not_blame_the_target():
+    water = Water(settings(ranging=MINUTE, barrier=BarrierConfig(controller="nominal")))
+    water.swim(160.0)
+    assert water.distance > 20.0
+    assert water.newest.phase is TrackPhase.ENDED
+    assert water.newest.reason.startswith("track lost for 120 s: the ranges contradict")
