@@ -1,6 +1,6 @@
 import { describe, expect, test } from 'vitest';
 import { ellipse95 } from './ellipse';
-import { courseOf, fadingTrail, scaleOf, sightAround, wholeWater } from './target_view';
+import { courseOf, fadingTrail, firstRound, scaleOf, sightAround, wholeWater } from './target_view';
 
 const TANK = {
   water: { x_min_m: -1, x_max_m: 3, y_min_m: -1, y_max_m: 2, depth_max_m: 1.2 },
@@ -97,6 +97,18 @@ describe('the picture from above', () => {
       parts.every(({ points }) => (points.at(-1)?.[0] ?? 0) - (points[0]?.[0] ?? 0) < 50),
     ).toBe(true);
     expect(fadingTrail(trail.slice(0, 1))).toEqual([]);
+  });
+
+  test('draws one round of a way that goes round and round, and all of one that does not', () => {
+    const round = Array.from({ length: 50 }, (_, i) => {
+      return [Math.cos(i / 3), Math.sin(i / 3)] as const;
+    });
+    const first = firstRound(round);
+    expect(first.length).toBeLessThan(23);
+    expect(first.at(-1)).toEqual(first[0]);
+    const straight = Array.from({ length: 50 }, (_, i) => [i, 0] as const);
+    expect(firstRound(straight)).toEqual(straight);
+    expect(firstRound([[1, 1], [1, 1], [1, 1]])).toHaveLength(3); // prettier-ignore
   });
 
   test('takes a course from a step that is long enough', () => {

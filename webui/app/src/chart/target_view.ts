@@ -130,6 +130,22 @@ function middleOf(values: readonly number[]): number {
   return values.toSorted((a, b) => a - b)[Math.floor(values.length / 2)] ?? 0;
 }
 
+/** A way up to where it comes back to its start: further rounds would only fill its dashes. */
+export function firstRound(way: readonly NorthEast[]): readonly NorthEast[] {
+  const start = way[0];
+  if (!start) return way;
+  let farthest = 0;
+  let before = start;
+  for (const [i, at] of way.entries()) {
+    const step = Math.hypot(at[0] - before[0], at[1] - before[1]);
+    const away = Math.hypot(at[0] - start[0], at[1] - start[1]);
+    farthest = Math.max(farthest, away);
+    if (farthest > 3 * step && away < step) return [...way.slice(0, i), start];
+    before = at;
+  }
+  return way;
+}
+
 /** Direction of the last stretch that is long enough to have one, rad from north towards east. */
 export function courseOf(points: readonly NorthEast[], leastM: number): number | null {
   const last = points.at(-1);

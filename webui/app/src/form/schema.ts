@@ -79,7 +79,7 @@ function readNode(root: JsonObject, given: JsonObject, path: readonly string[]):
   const key = path.at(-1) ?? '';
   const common: Common = {
     path,
-    title: text(schema.title) || words(key),
+    title: titleOf(given, schema, key),
     help: text(schema.description),
     isAdvanced: schema.advanced === true,
     isNullable,
@@ -107,6 +107,12 @@ function readNode(root: JsonObject, given: JsonObject, path: readonly string[]):
     default:
       return { ...common, kind: 'raw' };
   }
+}
+
+/** A group that only refers to its model has the model's name for a title; its key says more. */
+function titleOf(given: JsonObject, schema: JsonObject, key: string): string {
+  const isNamedByModel = schema.type === 'object' && !text(given.title) && key !== '';
+  return (isNamedByModel ? '' : text(schema.title)) || words(key);
 }
 
 function group(root: JsonObject, schema: JsonObject, common: Common): FormNode {
