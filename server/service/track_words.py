@@ -38,9 +38,14 @@ def _phase_text(report: TrackReport) -> str:
                 f"{_known(report)}."
             )
         case TrackPhase.LOST:
-            return f"{robot} lost its target{_lost_reason(report)}; it circles to find it."
+            return f"{robot} lost its target{_lost_reason(report)}; {search_text(report)}."
         case TrackPhase.ENDED:
             return f"{robot} follows its target no longer."
+
+
+def search_text(report: TrackReport) -> str:
+    """Say what a robot that lost its target does about it."""
+    return "it circles to find it" if report.is_barrier_on else "it does not search for it"
 
 
 def _distance(report: TrackReport) -> str:

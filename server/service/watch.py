@@ -11,6 +11,7 @@ from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState
 from server.alarm import AlarmBoard
 from server.service.fleet import Fleet
 from server.service.picture import Picture
+from server.service.track_words import search_text
 from server.service.words import clock_time
 
 PERIOD_S = 1.0
@@ -149,7 +150,7 @@ def _target(picture: Picture, watch: Watch) -> Verdict | None:
         return None
     if plan is not None and plan.state is not OnboardPlanState.RUNNING:
         return None
-    why = "it was told not to ping" if track.is_quiet else "it circles to find it"
+    why = "it was told not to ping" if track.is_quiet else search_text(track)
     return Verdict("warning", f"{picture.record.id} lost its target; {why}.")
 
 

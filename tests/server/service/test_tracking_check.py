@@ -183,6 +183,8 @@ def test_a_lost_target_is_an_alarm_as_long_as_the_mission_lasts():
     assert alarm(picture) is None
     picture.track_report = track_report(0, TrackPhase.LOST)
     assert alarm(picture).text == "mini-1 lost its target; it circles to find it."
+    picture.track_report = replace(picture.track_report, is_barrier_on=False)
+    assert alarm(picture).text == "mini-1 lost its target; it does not search for it."
     picture.track_report = replace(picture.track_report, is_quiet=True)
     assert alarm(picture).text == "mini-1 lost its target; it was told not to ping."
     picture.plan_report = PlanReport(
