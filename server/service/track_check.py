@@ -17,8 +17,6 @@ from server.service.view.plan import ViolationView
 
 TEACHING = "teaching"
 """Field of the warning that marks a plan which lets the estimate diverge."""
-_UNGUARDED = ("nominal", "mpc_none")
-"""Controllers that do nothing for the target's observability."""
 _ADDRESS_MAX = 15
 """Micro-Modem addresses are 0..15."""
 _CLASS_K = ("linear", "cubic")
@@ -56,11 +54,18 @@ def track_warnings(picture: Picture, config: TrackingConfig) -> list[ViolationVi
     """Return what a person should know before the mission is sent; none of it forbids that."""
     barrier, site = config.barrier, picture.record.site
     found: list[tuple[str, str]] = []
-    if barrier.controller in _UNGUARDED:
+    if barrier.is_teaching:
         found.append(
             (
                 TEACHING,
                 "For teaching: nothing keeps the target observable, so the estimate will diverge.",
+            )
+        )
+    elif barrier.controller == "mpc_none":
+        found.append(
+            (
+                "barrier.controller",
+                "This controller does nothing to keep the target observable; it is for comparison.",
             )
         )
     elif barrier.controller == "barrier" and barrier.alpha not in _CLASS_K:

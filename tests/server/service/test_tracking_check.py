@@ -58,7 +58,7 @@ def fields(found):
 
 @pytest.mark.parametrize(
     ("vehicle", "site", "position"),
-    [("miniglider", TANK, (1.0, 0.5, 0.0))],
+    [("miniglider", TANK, (1.0, 0.5, 0.0)), ("grace3", LAKE, (110.0, 140.0, 0.0))],
 )
 def test_the_presets_break_no_limit_and_need_no_warning(vehicle, site, position):
     picture, config = picture_in(site, position), TRACKING_PRESETS[vehicle]
@@ -123,7 +123,7 @@ def test_a_robot_that_cannot_do_it_now_is_named():
     ("barrier", "field"),
     [
         ({"controller": "nominal"}, "teaching"),
-        ({"controller": "mpc_none"}, "teaching"),
+        ({"controller": "mpc_none"}, "barrier.controller"),
         ({"alpha": "negative"}, "barrier.alpha"),
         ({"fallback": "nominal"}, "barrier.fallback"),
     ],
