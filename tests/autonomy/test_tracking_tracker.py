@@ -326,3 +326,46 @@ def test_a_robot_that_runs_away_by_mistake_does_not_blame_the_target():
     assert water.distance > 20.0
     assert water.newest.phase is TrackPhase.ENDED
     assert water.newest.reason.startswith("track lost for 120 s: the ranges contradict")
+
+
+def test_a_robot_that_waits_is_left_where_it_is_near_a_wall():
+    water = Water(settings(), pose=(0.05, 0.05, -2.0, 0.2))
+    step = water.tracker.step(water.measured(silent), 0.0)
+    tank = Box(x_min_m=0.0, x_max_m=3.0, y_min_m=0.0, y_max_m=3.0)
+    assert water.tracker.keep_inside(step, water.pose[:2], tank) is step
+
+
+@pytest.mark.parametrize(
+    ("kind", "told", "expected"),
+    [
+        ("beacon", None, (0.0, 0.0)),
+        ("virtual", (0.03, 0.0), (0.03, 0.0)),
+        ("virtual", (math.nan, 0.0), None),
+        ("virtual", None, None),
+    ],
+)
+def test_a_velocity_is_known_of_a_beacon_and_where_it_is_told(kind, told, expected):
+    config = settings(filter=FilterConfig(target_velocity="known"))
+    config = config.model_copy(update={"target": config.target.model_copy(update={"kind": kind})})
+    water = Water(config)
+    for n in range(100):
+        reading = replace(water.measured(), target_velocity_ne_m_s=told)
+        step = water.tracker.step(reading, DT_S if n else 0.0)
+    if expected is None:
+        assert 0.0 < math.hypot(*step.hypotheses[0].velocity_ne_m_s) < 0.3
+    else:
+        assert step.hypotheses[0].velocity_ne_m_s == expected
+
+
+def test_a_command_that_is_none_is_neither_taken_nor_given():
+    class Broken:
+        def command(self, *_):
+            return (math.nan, 0.0)
+
+    one, other = Water(settings()), Water(settings())
+    one.swim(1.0)
+    other.swim(1.0)
+    other.tracker.applied((math.nan, 0.1))
+    assert one.swim(0.1) == other.swim(0.1)
+    one.tracker._predictive = Broken()
+    assert one.swim(0.1).command == (0.0, 0.0)
