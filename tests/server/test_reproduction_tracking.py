@@ -8,7 +8,7 @@ import pytest
 
 from autonomy.tracking.run import Case
 from server.command.main import main
-from server.reproduction import catalogue, table_4_1, table_4_2
+from server.reproduction import catalogue, experiment_4_5, table_4_1, table_4_2
 from server.reproduction.catalogue import REPRODUCTIONS
 from server.reproduction.writer import document, write
 
@@ -121,3 +121,12 @@ def test_appendix_c_is_the_same_for_every_seed():
     results = [catalogue.reproduce("appendix-c", seed, silent) for seed in (1, 2)]
     sound(results[0])
     assert document(results[0]) == document(results[1])
+
+
+def test_experiment_4_5_flies_every_controller_beside_table_4_4(monkeypatch):
+    monkeypatch.setattr(experiment_4_5, "DURATION_S", 20.0)
+    result = experiment_4_5.reproduce(3, silent, trials=1)
+    assert result.name == "experiment-4.5"
+    sound(result)
+    assert {row.column for row in result.rows} >= {"O0", "O1", "O2", "O3", "CBF"}
+    assert {0.65, 8.5, 17.6, 43.8} <= {row.thesis for row in result.rows}
