@@ -71,10 +71,13 @@ export const WHY_IT_CIRCLES =
 
 /** What the barrier does now, a sentence. */
 export function barrierSentence(
-  track: Pick<TrackView, 'is_barrier_on' | 'is_feasible' | 'command' | 'nominal'>,
+  track: Pick<TrackView, 'phase' | 'is_barrier_on' | 'is_feasible' | 'command' | 'nominal'>,
 ): { text: string; tone: Tone } {
   if (!track.is_barrier_on) {
     return { text: 'Off: nothing keeps the target observable (teaching).', tone: 'watch' };
+  }
+  if (track.phase === 'lost') {
+    return { text: 'It waits while the robot circles to find its target.', tone: 'plain' };
   }
   if (!track.is_feasible) {
     return {

@@ -2,6 +2,7 @@ import type { RobotState, TrackPhase, TrackView } from '../../api/types';
 import { ellipse95 } from '../../chart/ellipse';
 import { duration } from '../../text/time';
 import type { Tone } from '../../text/word';
+import { knowable } from './observability';
 
 interface PhaseWord {
   /** The state in a few words, for a person who walks up. */
@@ -61,7 +62,11 @@ export interface Patience {
 }
 
 /** What a person can do about it now, a sentence; empty where there is nothing to say. */
-export function advice(track: TrackView, patience: Patience | null): string {
+export function advice(
+  track: TrackView,
+  patience: Patience | null,
+  level: number | null = null,
+): string {
   const loses = patience && `Counts as lost after ${duration(patience.lostAfterS)} of silence.`;
   const gives = patience && `Gives up ${duration(patience.giveUpAfterS)} after it lost it.`;
   switch (track.phase) {
@@ -81,8 +86,11 @@ export function advice(track: TrackView, patience: Patience | null): string {
     case 'tracking':
       if (!track.is_barrier_on) return 'Teaching: expect the estimate to go wrong.';
       if (isAstray(track))
-        return 'The estimate is wrong: stop pinging and ping again, or plan anew.';
-      return track.is_feasible ? 'Nothing to do.' : 'It does what makes the target known again.';
+        return 'Its estimate is wrong. It searches once the ranges contradict it; else plan anew.';
+      if (!track.is_feasible) return 'It does what makes the target known again.';
+      return knowable(track, level).tone === 'watch'
+        ? 'Nothing to do: it bends its course to know its target better.'
+        : 'Nothing to do.';
     case 'ended':
       return 'Make a new plan to follow a target again.';
   }

@@ -58,6 +58,9 @@ const PATIENCE = { lostAfterS: 15, giveUpAfterS: 120 };
 describe('the hold on a target', () => {
   test('says in words what a person can do about it', () => {
     expect(advice(report(0), PATIENCE)).toBe('Nothing to do.');
+    expect(advice(report(0, { determinant_m2_s: 0.1 }), PATIENCE, 0.2)).toContain(
+      'bends its course',
+    );
     expect(advice(report(0, { phase: 'coasting' }), PATIENCE)).toContain('after 15 s of silence');
     expect(advice(report(0, { phase: 'lost' }), PATIENCE)).toContain('Gives up 2 min 00 s after');
   });
@@ -133,6 +136,7 @@ describe('how well a target can be known', () => {
   test('says what the barrier does', () => {
     expect(barrierSentence(report(0)).text).toContain('bends the course');
     expect(barrierSentence(report(0, { command: [1, 0] })).text).toContain('changes nothing');
+    expect(barrierSentence(report(0, { phase: 'lost' })).text).toContain('waits');
     expect(barrierSentence(report(0, { is_feasible: false })).tone).toBe('watch');
     expect(barrierSentence(report(0, { is_barrier_on: false })).text).toContain('teaching');
   });
