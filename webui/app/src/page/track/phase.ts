@@ -77,6 +77,9 @@ export function advice(
     case 'coasting':
       return said(track.is_quiet ? 'It was told not to ping: press “Ping again”.' : loses);
     case 'lost':
+      if (!track.is_barrier_on && !track.is_quiet) {
+        return 'Teaching: it goes on and does not search. Surface it when you have seen enough.';
+      }
       return said(
         track.is_quiet
           ? 'It was told not to ping: press “Ping again”.'

@@ -65,6 +65,11 @@ describe('the hold on a target', () => {
     expect(advice(report(0, { phase: 'lost' }), PATIENCE)).toContain('Gives up 2 min 00 s after');
   });
 
+  test('never promises a search in the teaching mode, where there is none', () => {
+    const lost = report(0, { phase: 'lost', is_barrier_on: false });
+    expect(advice(lost, PATIENCE)).toContain('does not search');
+  });
+
   test('names the order that ends a silence which a person ordered', () => {
     for (const phase of ['waiting', 'coasting', 'lost'] as const) {
       expect(advice(report(0, { phase, is_quiet: true }), PATIENCE)).toContain('“Ping again”');
