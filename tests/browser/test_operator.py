@@ -26,8 +26,8 @@ def test_the_one_time_address_signs_in_and_shows_both_robots(page, demo):
     shoot(page, "fleet")
 
 
-@pytest.mark.parametrize("path", ["/", "/robot/mini-1", "/plan/mini-1", "/track/mini-1", "/map/mini-1",
-                                  "/control/mini-1", "/data/mini-1"])  # fmt: skip
+@pytest.mark.parametrize("path", ["/", "/robot/mini-1", "/plan/mini-1", "/map/mini-1",
+                                  "/track/mini-1", "/control/mini-1", "/data/mini-1"])  # fmt: skip
 def test_surface_now_is_in_the_window_and_every_page_is_marked(page, demo, path):
     open_page(page, demo, path)
     for width, height in SIZES.values():
