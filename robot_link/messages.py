@@ -180,7 +180,7 @@ class TrackReport:
     """One or two, the likeliest first; none before the first range. Of two, only the likeliest
     arrives by satellite."""
     range_m: float | None
-    """Newest horizontal range that was heard; None before the first."""
+    """Newest horizontal range that was heard, believed or not; None before the first."""
     range_age_s: float
     """How old that range is; of no meaning without one."""
     ranges_heard: int
@@ -196,7 +196,7 @@ class TrackReport:
     nominal: tuple[float, float]
     """What the pursuit law wanted: turn rate rad/s, acceleration m/s2; within the limits."""
     command: tuple[float, float]
-    """What the robot does: turn rate rad/s, acceleration m/s2."""
+    """What the robot asks of its tail: turn rate rad/s, acceleration m/s2."""
     is_barrier_on: bool
     """Whether anything keeps the target observable; False is the teaching mode."""
     is_feasible: bool

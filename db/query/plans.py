@@ -182,6 +182,22 @@ def list_plans(
     return [_record(row, name) for row, name in session.execute(statement)]
 
 
+def newest_begun(session: Session, robot: str, kind: str) -> str | None:
+    """Return the newest plan of a kind that a robot began, ``None`` if there is none.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    key = session.scalar(
+        select(Plan.key)
+        .where(Plan.robot_key == robot_key(session, robot), Plan.kind == kind)
+        .where(Plan.running_at.is_not(None))
+        .order_by(Plan.key.desc())
+        .limit(1)
+    )
+    return None if key is None else public_id("plan", key)
+
+
 def _record(row: Plan, robot: str) -> PlanRecord:
     return PlanRecord(
         id=public_id("plan", row.key),

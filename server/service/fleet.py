@@ -172,7 +172,7 @@ class Fleet:
     def track_shown(self, picture: Picture) -> TrackReport | None:
         """Return a robot's newest report on its target, ``None`` once that concerns nobody."""
         report = picture.track_report
-        if report is None:
+        if report is None or picture.flies_no_target:
             return None
         plan = picture.plan_report
         has_ended = plan is not None and plan.state is not OnboardPlanState.RUNNING

@@ -4,7 +4,7 @@ from datetime import datetime
 
 from sqlalchemy.orm import Session
 
-from db.query.plans import PlanRecord, get_plan, list_plans
+from db.query.plans import get_plan, newest_begun
 from db.query.tracking import EVERYTHING, TrackRange, range_of_plan, track_reports
 from db.store import Store
 from robot_link.messages import TrackReport
@@ -12,8 +12,6 @@ from server.problem import not_found
 from server.service.picture import TRACK_TARGET
 from server.service.track_view import track_view
 from server.service.view.tracking import TrackReportsView
-
-_LOOKED_AT = 200
 
 
 class TrackHistory:
@@ -39,7 +37,7 @@ class TrackHistory:
         """
 
         def read(session: Session) -> tuple[str | None, list[TrackReport]]:
-            named = _newest(session, robot) if plan is None else plan
+            named = newest_begun(session, robot, TRACK_TARGET) if plan is None else plan
             wanted = _range(session, robot, plan)
             if wanted is None:
                 return named, []
@@ -67,13 +65,3 @@ def _range(session: Session, robot: str, plan: str | None) -> TrackRange | None:
     if record.robot != robot or record.kind != TRACK_TARGET:
         raise not_found(f"{plan} is no plan of {robot} that follows a target.")
     return None if record.sha256 is None else range_of_plan(session, robot, record.sha256)
-
-
-def _newest(session: Session, robot: str) -> str | None:
-    """Return the newest plan of a robot that follows a target and that it began."""
-    plans = list_plans(session, robot=robot, limit=_LOOKED_AT)
-    return next((plan.id for plan in plans if _is_begun(plan)), None)
-
-
-def _is_begun(plan: PlanRecord) -> bool:
-    return plan.kind == TRACK_TARGET and plan.running_at is not None

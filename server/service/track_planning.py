@@ -58,11 +58,7 @@ class TrackPlanning:
             raise conflict(f"{robot} is a recording; it follows no target.")
         self._settings.refuse_while_storage_fails()
         position = self._settings.position(robot)
-        config_id, wanted = await self._configure(robot, patch, by)
-        try:
-            order = TrackingOrder.of(wanted)
-        except ValueError as error:
-            raise unfit(error) from error
+        config_id, order = await self._configure(robot, patch, by)
         config = order.config()  # as both ends compute with it
         book = self._foundation.configurations
         planner = (await book.current("planner", robot)).value_as(PlannerConfig)
@@ -90,18 +86,21 @@ class TrackPlanning:
 
     async def _configure(
         self, robot: str, patch: Mapping[str, Any], by: str
-    ) -> tuple[str, TrackingConfig]:
+    ) -> tuple[str, TrackingOrder]:
+        """Keep the settings with a patch on top, unless they are refused, and say what travels."""
         book = self._foundation.configurations
         try:
             wanted = await book.merged("tracking", robot, patch)
         except Problem as problem:
             raise below_config(problem) from problem
+        order = _order(wanted)
         holds = await book.current("tracking", robot)
         if holds.id is None or wanted.value != holds.value:
             holds = await book.patch("tracking", robot, patch, by=by)
+            order = _order(holds)  # somebody may have changed another field meanwhile
         if holds.id is None:
             raise TypeError("a kept version has an id")
-        return holds.id, wanted.value_as(TrackingConfig)
+        return holds.id, order
 
     def _trim_flaws(self, robot: str, trim: CurrentConfiguration) -> list[ViolationView]:
         vehicle, offsets = self._fleet.vehicle(robot), trim.value_as(TrimConfig)
@@ -150,6 +149,13 @@ def mission_document(mission: Mission) -> dict[str, Any]:
         "settings": asdict(mission.settings),
         "tracking": None if order is None else list(order.integers()),
     }
+
+
+def _order(settings: CurrentConfiguration) -> TrackingOrder:
+    try:
+        return TrackingOrder.of(settings.value_as(TrackingConfig))
+    except ValueError as error:
+        raise unfit(error) from error
 
 
 def unfit(error: ValueError) -> Problem:

@@ -32,10 +32,10 @@ def _phase_text(report: TrackReport) -> str:
         case TrackPhase.TRACKING:
             return f"{robot} follows its target, {_distance(report)}{_known(report)}."
         case TrackPhase.COASTING:
-            silence = f"{robot} has heard no good range for {_seconds(report.range_age_s)}"
+            # a range that was heard may not have been believed
             return (
-                f"{silence}{_reason(report)}; the estimate goes on by dead reckoning"
-                f"{_known(report)}."
+                f"{robot} goes on by dead reckoning{_reason(report)}; the newest range is "
+                f"{_seconds(report.range_age_s)} old{_known(report)}."
             )
         case TrackPhase.LOST:
             return f"{robot} lost its target{_lost_reason(report)}; {search_text(report)}."
@@ -59,7 +59,7 @@ def _known(report: TrackReport) -> str:
     if not report.hypotheses:
         return ""
     known = f", known within {_metres(within_95_m(report.hypotheses[0]))}"
-    mirrored = sum(one.weight for one in report.hypotheses[1:])
+    mirrored = 1.0 - report.hypotheses[0].weight  # the other does not arrive by satellite
     return known if mirrored < _SMALL else f"{known} if it is not mirrored ({mirrored:.0%})"
 
 

@@ -146,7 +146,7 @@ def _target(picture: Picture, watch: Watch) -> Verdict | None:
     """Judge the hold on a target while a mission to follow it lasts."""
     del watch
     track, plan = picture.track_report, picture.plan_report
-    if track is None or track.phase is not TrackPhase.LOST:
+    if track is None or track.phase is not TrackPhase.LOST or picture.flies_no_target:
         return None
     if plan is not None and plan.state is not OnboardPlanState.RUNNING:
         return None

@@ -13,6 +13,7 @@ class TargetHypothesisView(View):
     position_ne_m: tuple[float, float]
     """North and east in the site's frame."""
     velocity_ne_m_s: tuple[float, float]
+    """As the robot estimates it, or was told it."""
     covariance_m2: tuple[float, float, float]
     """Of the position: north-north, north-east, east-east."""
     weight: float
@@ -32,9 +33,9 @@ class TargetTrackView(View):
     hypotheses: list[TargetHypothesisView]
     """One or two, the likeliest first; none before the first range."""
     range_m: float | None
-    """Newest horizontal range that was heard; ``null`` before the first."""
+    """Newest horizontal range that was heard, believed or not; ``null`` before the first."""
     range_age_s: float
-    """How old that range was when this was measured."""
+    """How old that range was when this was measured; of no meaning without one."""
     ranges_heard: int
     """Since the mission began."""
     ranges_rejected: int
@@ -48,7 +49,7 @@ class TargetTrackView(View):
     nominal: tuple[float, float]
     """What the pursuit law wanted: turn rate rad/s, acceleration m/s2."""
     command: tuple[float, float]
-    """What the robot did: turn rate rad/s, acceleration m/s2."""
+    """What the robot asked of its tail then: turn rate rad/s, acceleration m/s2."""
     is_barrier_on: bool
     """Whether anything keeps the target observable; ``false`` is the teaching mode."""
     is_feasible: bool
@@ -69,6 +70,7 @@ class TrackReportsView(View):
 
     robot: str
     plan_id: str | None
-    """The plan that they belong to: the one asked for, else the newest plan of kind
-    ``track_target`` that the robot began; ``null`` where there is none."""
+    """The plan that they belong to where one was asked for; else the newest plan of kind
+    ``track_target`` that the robot began, and earlier reports may be those of earlier plans;
+    ``null`` where there is none."""
     reports: list[TargetTrackView]

@@ -154,10 +154,11 @@ def test_path_of_a_target_that_turns_comes_back():
     assert len(path) == 301
 
 
-def in_hand(duration_s):
+def in_hand(duration_s, kind="track_target", depth_m=0.0):
     document = {"account": {"duration_s": duration_s}}
+    config = {"motion": {"depth_m": depth_m}}
     record = PlanRecord(
-        "plan-1", MINI, "track_target", None, 1, "running", "a" * 64, {}, document, NOW, "me",
+        "plan-1", MINI, kind, None, 1, "running", "a" * 64, config, document, NOW, "me",
         NOW, NOW, NOW, NOW, None,
     )  # fmt: skip
     return PlanInHand(record, (), points_of(document), "")
@@ -193,6 +194,18 @@ def test_a_lost_target_is_an_alarm_as_long_as_the_mission_lasts():
     assert alarm(picture) is None
 
 
+def test_a_loss_in_an_earlier_mission_is_no_alarm_while_another_is_flown():
+    picture = picture_in(TANK)
+    picture.track_report = track_report(0, TrackPhase.LOST)
+    picture.plan_report = PlanReport(
+        MINI, "a" * 64, OnboardPlanState.RUNNING, 0, 0, 1.0, "", NOW, NOW
+    )
+    picture.plan = in_hand(400.0)
+    assert alarm(picture) is not None
+    picture.plan = in_hand(400.0, kind="survey")
+    assert alarm(picture) is None
+
+
 def test_a_satellite_record_tells_of_the_target_as_radio_does():
     state, report = state_report(MINI), track_report(0, TrackPhase.LOST)
     content = MobileOriginatedContent(counter=3, state=state, track=report)
@@ -223,13 +236,17 @@ ROUND = TargetEstimate((1.4, 0.8), (0.0, 0.0), (0.01, 0.0, 0.01), 1.0)
             "(10%).",
         ),
         (
+            {"hypotheses": (replace(ROUND, weight=0.9),)},
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m if it is not mirrored "
+            "(10%).",
+        ),
+        (
             {"hypotheses": (replace(ROUND, weight=0.999), replace(ROUND, weight=0.001))},
             "mini-1 follows its target, 0.50 m away, known within 0.24 m.",
         ),
         (
             {"phase": TrackPhase.COASTING, "hypotheses": (ROUND,), "range_age_s": 4.2},
-            "mini-1 has heard no good range for 4.2 s; the estimate goes on by dead reckoning, "
-            "known within 0.24 m.",
+            "mini-1 goes on by dead reckoning; the newest range is 4.2 s old, known within 0.24 m.",
         ),
         (
             {"phase": TrackPhase.LOST, "range_age_s": 21.3},

@@ -101,6 +101,15 @@ async def test_a_wrong_field_is_named_with_its_limit(client, config, path, limit
     assert (await client.get("/api/robots/mini-1/plans")).json() == []
 
 
+async def test_settings_that_cannot_travel_are_refused_and_not_kept(client):
+    before = (await client.get("/api/config/tracking", params={"robot": MINI})).json()
+    answer = await ask(client, {"target": {"north_m": 16778.0}})
+    assert answer.status_code == 409
+    assert "target.north_m: 16778 cannot travel" in answer.json()["detail"]
+    assert (await client.get("/api/config/tracking", params={"robot": MINI})).json() == before
+    assert (await ask(client)).status_code == 202
+
+
 async def test_two_plans_of_the_same_settings_have_different_names(client):
     first, second = await draft(client), await draft(client)
     assert first["tracking"] == second["tracking"]
