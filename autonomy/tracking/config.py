@@ -105,6 +105,12 @@ class FilterConfig(Configuration):
         0.1, "m2/s2", title="Speed measurement noise", gt=0.0, le=10.0, advanced=True
     )
     """Variance of one measured speed."""
+    target_speed_std_m_s: float = quantity(
+        0.1, "m/s", title="Target speed is within", gt=0.0, le=10.0, advanced=True
+    )
+    """Standard deviation per axis of the target's velocity before any range was heard. Where it is
+    not well below the robot's own speed and ranges are rare, a target that stays seems to move at
+    first."""
     target_acceleration_density: float = quantity(
         2e-6, "m2/s3", title="Target acceleration noise", gt=0.0, le=1.0, advanced=True
     )
@@ -218,13 +224,14 @@ _MINIGLIDER = TrackingConfig(
     target=TargetConfig(north_m=1.375, east_m=0.385, speed_m_s=0.005, width_m=0.3),
     ranging=RangingConfig(period_s=0.2, variance_m2=0.1),
     filter=FilterConfig(
+        hypotheses="one",
         position_density_m2_s=1e-3,
         heading_density_rad2_s=2e-3,
         speed_density_m2_s3=3e-5,
         heading_variance_rad2=3e-3,
         speed_variance_m2_s2=3e-4,
         target_acceleration_density=1e-8,
-        target_position_variance_m2=30.0,
+        target_position_variance_m2=300.0,
     ),
     barrier=BarrierConfig(epsilon=1.2e-3, slope=0.4),
     motion=MotionConfig(
@@ -232,7 +239,7 @@ _MINIGLIDER = TrackingConfig(
         acceleration_min_m_s2=0.0,
         speed_min_m_s=0.01,
         speed_max_m_s=0.06,
-        margin_m=0.4,
+        margin_m=0.5,
     ),
 )
 """A virtual target in the middle of the tank. The robot turns by 0.1 rad/s at the most, and the

@@ -116,11 +116,11 @@ class InnerLoop:
         turn = turn_rate_rad_s if math.isfinite(turn_rate_rad_s) else 0.0
         gain = acceleration_m_s2 if math.isfinite(acceleration_m_s2) else 0.0
         is_slow = now.speed_m_s < self._config.speed_floor_m_s
-        return TailBeat(
-            self._bias(turn, now, is_slow=is_slow),
-            self._amplitude(gain, now, is_slow=is_slow),
-            self._config.frequency_hz,
-        )
+        bias = self._bias(turn, now, is_slow=is_slow)
+        # a bias turns by the thrust that it deflects: the hardest turn needs the hardest beat
+        is_hard = is_slow or abs(bias) >= self._config.bias_max_rad
+        amplitude = self._amplitude(gain, now, is_hard=is_hard)
+        return TailBeat(bias, amplitude, self._config.frequency_hz)
 
     def _bias(self, wanted: float, now: Swimming, *, is_slow: bool) -> float:
         config = self._config
@@ -134,12 +134,11 @@ class InnerLoop:
         # a positive tail angle turns to port
         return -min(max(steered, -most), most)
 
-    def _amplitude(self, wanted: float, now: Swimming, *, is_slow: bool) -> float:
+    def _amplitude(self, wanted: float, now: Swimming, *, is_hard: bool) -> float:
         config = self._config
         error = wanted - now.acceleration_m_s2
         least, most = config.amplitude_min_rad, config.amplitude_max_rad
-        if is_slow:
-            self._amplitude_rad = most
+        if is_hard:
             return most
         change = config.acceleration_integral_gain_s_m * error * self._period_s
         self._amplitude_rad = min(max(self._amplitude_rad + change, least), most)

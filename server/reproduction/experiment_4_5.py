@@ -61,7 +61,7 @@ COLUMNS: Mapping[str, tuple[BarrierConfig, Hue]] = MappingProxyType(
             BarrierConfig(shape="squared", fallback="nominal", epsilon=_EPSILON),
             Hue.BARRIER,
         ),
-        "CBF, ours": (TRACKING_PRESETS["miniglider"].barrier, Hue.PROPOSED),
+        "ours": (TRACKING_PRESETS["miniglider"].barrier, Hue.PROPOSED),
     }
 )
 """Controllers: the thesis's five, and the barrier as this software uses it."""
@@ -221,8 +221,7 @@ def _figure(done: Mapping[str, Trials]) -> Figure:
     return Figure(
         (*maps, *charts, *bars),
         3,
-        "First trial of each controller from above; thick the robot, thin where it took the target "
-        "to be. Last: means and standard deviations, filled marks ours, hollow marks the thesis.",
+        "First trials; thin: the target as estimated. Last: filled ours, hollow the thesis.",
     )
 
 

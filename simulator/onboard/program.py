@@ -186,7 +186,7 @@ class OnboardProgram:
         """Read, estimate, decide, act, measure and tell; call it every ``PERIOD_S``."""
         began_s = self.time_s
         self._steps += 1
-        self.estimate = self._read(began_s)
+        self.estimate = self.executive.tracking.located(self._read(began_s))
         self._set_points = self.executive.step(
             self.estimate,
             PERIOD_S,

@@ -14,6 +14,7 @@ from autonomy.tracking.reading import (
 )
 from autonomy.tracking.tracker import Tracker
 from robot_link.messages import RobotMode
+from simulator.onboard.beacon_position import BeaconPosition
 from simulator.onboard.ground_motion import GroundMotion
 from simulator.onboard.hardware import SetPoints
 from simulator.onboard.maneuver import Flight
@@ -68,6 +69,7 @@ class Pursuit:
         self.failure = ""
         """Why the mission fails, or ""."""
         self._depth_m = estimate.depth_m
+        self._beacon = BeaconPosition(config) if config.target.kind == "beacon" else None
 
     @property
     def mode(self) -> RobotMode:
@@ -80,13 +82,22 @@ class Pursuit:
         now = self._swimming(estimate)
         # the tail does not do what is asked of it at once: what it did is measured
         self._tracker.applied((now.turn_rate_rad_s, now.acceleration_m_s2))
-        step = self._tracker.step(self._reading(estimate, now), dt_s)
+        reading = self._reading(estimate, now)
+        if self._beacon is not None:
+            self._beacon.step(estimate, now, reading.ranges, dt_s)
+        step = self._tracker.step(reading, dt_s)
         step = self._tracker.keep_inside(step, estimate.position_ned[:2], self._flight.site.water)
         self.newest = step
         self.failure = step.reason or self._trouble(estimate)
+        if step.phase is TrackPhase.WAITING:
+            return self._flight.pilot.rest()
         turn_rate, acceleration = step.command
         beat = self._loop.step(turn_rate, acceleration, now)
         return self._swim(estimate, beat, dt_s)
+
+    def located(self, estimate: Estimate) -> Estimate:
+        """Return the estimate with the position that a beacon's ranges give, if that is better."""
+        return estimate if self._beacon is None else self._beacon.located(estimate)
 
     def is_done(self, estimate: Estimate) -> bool:
         """Tell whether the time is over or the track has to be given up."""
@@ -117,6 +128,8 @@ class Pursuit:
         doubt_m = _DOUBT_STDS * estimate.position_std_m + _DOUBT_M
         if not site.water.contains(north, east, 0.0, doubt_m):
             return _LEFT_THE_WATER
+        if self._flight.is_surfaced(estimate):
+            return ""
         if depth > float(site.floor_m(north, east)) - profile.floor_margin_m:
             return _NEAR_THE_FLOOR
         return ""

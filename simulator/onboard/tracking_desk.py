@@ -83,6 +83,10 @@ class TrackingDesk:
         self._pursuit = Pursuit(flight, config, hearing, estimate, self._period_s)
         return self._pursuit
 
+    def located(self, estimate: Estimate) -> Estimate:
+        """Return the estimate, with the position that a beacon's ranges give where it is better."""
+        return estimate if self._pursuit is None else self._pursuit.located(estimate)
+
     def pause(self) -> None:
         """Stop pursuing and pinging, until ``pursue``."""
         if self._pursuit is not None:

@@ -1,0 +1,286 @@
+"""Missions that follow a target, swum by the whole simulated robot."""
+
+import math
+from dataclasses import astuple
+
+import numpy as np
+import pytest
+
+from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
+from autonomy.tracking.phase import TrackPhase
+from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, TrackReport
+from robot_link.mission import Mission, MissionSettings
+from robot_link.onboard import CommandOutcome
+from robot_link.tracking_order import TrackingOrder
+from simulator.fleet import GRACE_1
+from tests.simulator.flight import Life, horizontal
+
+TANK = TRACKING_PRESETS["miniglider"]
+
+
+def changed(config: TrackingConfig, **groups) -> TrackingConfig:
+    """Return settings with other values, by group."""
+    value = config.model_dump()
+    for group, fields in groups.items():
+        value[group] |= fields
+    return TrackingConfig.model_validate(value)
+
+
+def order(config: TrackingConfig, number: int = 0) -> Mission:
+    """Return a mission; another number is other noise of a virtual target's ranges."""
+    settings = MissionSettings(2.0, 50.0, 80000.0 - number, 0.5, 0.5)
+    return Mission.from_tracking(settings, TrackingOrder.of(config))
+
+
+def begin(config: TrackingConfig, seed: int = 0, definition=None) -> Life:
+    life = Life(seed=seed) if definition is None else Life(definition, seed)
+    assert life.start(order(config, seed)) is CommandOutcome.DONE
+    return life
+
+
+def report(life: Life) -> TrackReport:
+    told = life.robot.program.track_report()
+    assert told is not None
+    return told
+
+
+def phase(life: Life) -> TrackPhase:
+    return report(life).phase
+
+
+def error_m(told: TrackReport) -> float:
+    assert told.true_ne_m is not None
+    return horizontal(told.hypotheses[0].position_ne_m, told.true_ne_m)
+
+
+def end(life: Life, longest_s: float) -> tuple[OnboardPlanState, str]:
+    """Live until the mission is over; return how it ended."""
+    assert life.live_until(
+        lambda: life.executive.plan_state is not OnboardPlanState.RUNNING, longest_s
+    )
+    state, _, _, reason = life.notebook.plans[-1]
+    return state, reason
+
+
+def test_robot_orbits_a_virtual_target_one_way_round_and_knows_where_it_is():
+    life = begin(TANK)
+    life.live(60.0)
+    told = []
+    for _ in range(180):
+        life.live(1.0)
+        told.append(report(life))
+    distances = [horizontal(one.position_ne_m, one.true_ne_m) for one in told]
+    assert all(0.2 < distance < 1.4 for distance in distances)
+    assert max(error_m(one) for one in told) < 0.5
+    assert len({math.copysign(1.0, one.determinant_m2_s) for one in told}) == 1
+    bearings = np.unwrap(
+        [
+            math.atan2(
+                one.position_ne_m[1] - one.true_ne_m[1], one.position_ne_m[0] - one.true_ne_m[0]
+            )
+            for one in told
+        ]
+    )
+    assert abs(bearings[-1] - bearings[0]) > 2.0 * math.pi
+    assert life.executive.mode is RobotMode.TRACKING
+
+
+def test_estimate_diverges_where_the_teaching_switch_takes_the_barrier_off():
+    wrong = 0
+    for seed in (0, 3, 8):
+        life = begin(changed(TANK, barrier={"controller": "nominal"}), seed)
+        wrong += life.live_until(lambda life=life: is_wrong(life), 400.0)
+        assert not report(life).is_barrier_on
+    assert wrong >= 2
+
+
+def is_wrong(life: Life) -> bool:
+    told = life.robot.program.track_report()
+    return told is not None and len(told.hypotheses) > 0 and error_m(told) > 1.0
+
+
+def test_target_that_falls_silent_is_lost_and_found_again():
+    life = begin(TANK, seed=1)
+    life.live(40.0)
+    program = life.robot.program
+    assert program.obey(CommandKind.QUIET, "") is CommandOutcome.DONE
+    heard = report(life).ranges_heard
+    assert life.live_until(lambda: phase(life) is TrackPhase.COASTING, 10.0)
+    assert life.live_until(lambda: phase(life) is TrackPhase.LOST, 30.0)
+    assert life.executive.mode is RobotMode.SEARCHING
+    assert report(life).is_quiet
+    life.live(20.0)
+    assert report(life).ranges_heard == heard
+    assert program.obey(CommandKind.PING, "") is CommandOutcome.DONE
+    assert life.live_until(lambda: phase(life) is TrackPhase.TRACKING, 60.0)
+    life.live(60.0)
+    assert error_m(report(life)) < 0.6
+
+
+def test_mission_is_done_after_its_duration_and_the_report_falls_silent_soon_after():
+    life = begin(changed(TANK, motion={"duration_s": 20.0}))
+    assert end(life, 25.0) == (OnboardPlanState.DONE, "")
+    assert phase(life) is TrackPhase.ENDED
+    life.live(15.0)
+    assert life.robot.program.track_report() is None
+    assert life.executive.mode is RobotMode.IDLE
+
+
+def test_surface_now_ends_the_pursuit():
+    life = begin(TANK)
+    life.live(10.0)
+    life.robot.program.obey(CommandKind.SURFACE, "")
+    assert end(life, 20.0) == (OnboardPlanState.FAILED, "surfaced by command")
+
+
+def test_held_robot_floats_without_pinging_and_goes_on_where_it_was():
+    life = begin(TANK)
+    life.live(30.0)
+    program = life.robot.program
+    program.obey(CommandKind.HOLD, "")
+    assert life.live_until(lambda: life.executive.mode is RobotMode.HOLDING, 20.0)
+    assert program.track_report() is None
+    assert program.wants_range() is None
+    life.live(10.0)
+    program.obey(CommandKind.RESUME, "")
+    assert life.live_until(lambda: life.executive.mode is RobotMode.TRACKING, 5.0)
+    life.live(10.0)
+    assert error_m(report(life)) < 0.6
+
+
+def test_virtual_target_is_never_pinged_and_a_tag_is_until_the_robot_shall_be_quiet():
+    virtual, real = begin(TANK), begin(changed(TANK, target={"kind": "tag", "address": 12}))
+    virtual.live(1.0)
+    real.live(1.0)
+    assert virtual.robot.program.wants_range() is None
+    assert real.robot.program.wants_range() == 12
+    real.robot.program.obey(CommandKind.QUIET, "")
+    assert real.robot.program.wants_range() is None
+
+
+def test_tag_that_never_answers_is_given_up_without_swimming_away():
+    patience = {"coast_after_s": 1.0, "lost_after_s": 2.0, "give_up_after_s": 15.0}
+    life = begin(changed(TANK, target={"kind": "tag"}, ranging=patience))
+    where = life.robot.body.plant.position_ned
+    life.live(10.0)
+    life.robot.program.hear_range(None, 0.2)
+    assert phase(life) is TrackPhase.WAITING
+    state, reason = end(life, 20.0)
+    assert state is OnboardPlanState.FAILED
+    assert "no range of the target was heard" in reason
+    assert horizontal(where, life.robot.body.plant.position_ned) < 0.5
+
+
+def test_target_that_swims_off_faster_than_the_robot_ends_the_mission():
+    swift = {"path": "line", "speed_m_s": 0.3, "heading_rad": 0.0}
+    life = begin(changed(TANK, target=swift))
+    state, reason = end(life, 200.0)
+    assert state is OnboardPlanState.FAILED
+    assert "the target is faster than the robot" in reason
+
+
+def test_track_that_stays_lost_is_given_up():
+    life = begin(changed(TANK, ranging={"give_up_after_s": 20.0}))
+    life.live(10.0)
+    life.robot.program.obey(CommandKind.QUIET, "")
+    state, reason = end(life, 60.0)
+    assert state is OnboardPlanState.FAILED
+    assert reason.startswith("track lost for 20 s")
+
+
+def test_empty_battery_ends_the_pursuit():
+    life = begin(TANK)
+    life.live(5.0)
+    life.robot.body.battery.fraction = 0.04
+    assert end(life, 30.0)[1] == "the battery is below 5%"
+
+
+def test_robot_that_drifted_out_of_its_water_says_so():
+    life = begin(TRACKING_PRESETS["grace3"], definition=GRACE_1)
+    life.live(5.0)
+    life.robot.body.plant.state[0] = -60.0
+    state, reason = end(life, 120.0)
+    assert state is OnboardPlanState.FAILED
+    assert "left the water" in reason
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf, 0.0, -1.0, 1e300])
+def test_bad_ranges_are_counted_and_move_nothing_but_finite_set_points(bad):
+    life = begin(changed(TANK, target={"kind": "tag"}))
+    program = life.robot.program
+    life.live(0.5)
+    sent = []
+    actuate = life.robot.body.actuate
+    life.robot.body.actuate = lambda command: (sent.append(command), actuate(command))[1]
+    for n in range(60):
+        program.hear_range(bad if n % 2 else 0.9, math.nan if n % 5 == 0 else 0.1)
+        life.live(0.1)
+    assert np.isfinite([astuple(command) for command in sent]).all()
+    told = report(life)
+    assert told.ranges_heard == 60
+    assert told.ranges_rejected >= 30 - (bad == 0.0) * 30
+    assert np.isfinite(told.command).all()
+
+
+def test_pursuit_under_water_keeps_its_depth():
+    life = begin(changed(TANK, motion={"depth_m": 0.3}))
+    life.live(60.0)
+    began = len(life.track)
+    life.live(60.0)
+    assert np.all(np.abs(life.track[began:, 7] - 0.3) < 0.15)
+    assert life.executive.mode is RobotMode.TRACKING
+
+
+def test_ranges_to_a_beacon_hold_the_position_of_a_robot_under_water():
+    beacon = {"kind": "beacon", "north_m": 1.375, "east_m": 0.685, "depth_m": 0.3}
+    config = changed(
+        TANK,
+        target=beacon,
+        ranging={"variance_m2": 0.01},
+        filter={"target_velocity": "known"},
+        motion={"depth_m": 0.3},
+    )
+    stds, errors = {}, {}
+    for does_answer in (True, False):
+        life = begin(config, seed=3)
+        for n in range(1200):
+            if n % 5 == 0 and (does_answer or life.estimate.has_fix):
+                at = life.robot.body.plant.position_ned
+                life.robot.program.hear_range(math.dist(at, (1.375, 0.685, 0.3)), 0.0)
+            life.live(0.1)
+        stds[does_answer] = life.estimate.position_std_m
+        errors[does_answer] = horizontal(
+            life.estimate.position_ned, life.robot.body.plant.position_ned
+        )
+    assert stds[True] < stds[False]
+    assert errors[True] < 4.0 * stds[True]
+
+
+def test_target_outside_of_the_water_is_refused_by_name():
+    life = Life()
+    assert life.start(order(changed(TANK, target={"north_m": 50.0}))) is CommandOutcome.NOT_NOW
+    life.live(0.2)
+    assert "the target is not in the water" in life.notebook.plans[-1][3]
+
+
+def test_velocity_of_a_tag_cannot_be_known():
+    life = Life()
+    config = changed(TANK, target={"kind": "tag"}, filter={"target_velocity": "known"})
+    assert life.start(order(config)) is CommandOutcome.NOT_NOW
+
+
+def test_same_plan_and_seed_track_the_same():
+    one, same = begin(TANK, seed=4), begin(TANK, seed=4)
+    for life in (one, same):
+        life.live(30.0)
+    assert report(one) == report(same)
+    assert np.array_equal(one.track, same.track)
+
+
+def test_pursuit_keeps_its_distance_from_the_walls_of_the_tank():
+    near = {"north_m": 2.6, "east_m": 0.7, "path": "static"}
+    life = begin(changed(TANK, target=near))
+    life.live(240.0)
+    water = life.robot.definition.site.water
+    assert life.track[:, 5].max() < water.x_max_m - 0.05
+    assert life.track[:, 6].max() < water.y_max_m - 0.05
