@@ -149,7 +149,7 @@ class Bank:
         h = np.zeros(hk.SIZE)
         h[:4] = start
         h[hk.COVARIANCE : hk.VELOCITY] = start_covariance(position_std_m**2, q)
-        start_velocity(h, target_velocity_ne_m_s)
+        start_velocity(h, q, target_velocity_ne_m_s)
         return Bank(config, q, [Hypothesis(h, 1.0)])
 
     def copy(self) -> "Bank":
@@ -293,7 +293,7 @@ class Bank:
         if not self.is_multiple:
             self._widen(range_m, turn_rad)
             return
-        self.hypotheses = ring(best.h, range_m, self.config.ranging.variance_m2)
+        self.hypotheses = ring(best.h, range_m, self.q)
         self._normalize()
 
     def _widen(self, range_m: float, turn_rad: float) -> None:
@@ -305,7 +305,7 @@ class Bank:
         one.h[0], one.h[1] = range_m * math.cos(angle), range_m * math.sin(angle)
         spread = range_m**2 + self.config.ranging.variance_m2
         spread_place(one.h, angle, self.config.ranging.variance_m2, spread)
-        start_velocity(one.h)
+        start_velocity(one.h, self.q)
         one.bias = 0.0
 
     def _tidy(self) -> None:
@@ -353,7 +353,7 @@ class Bank:
         n_n, n_e = -course_e / pace, course_n / pace
         off = n_n * h[0] + n_e * h[1]
         variance = n_n * n_n * h[4] + 2.0 * n_n * n_e * h[5] + n_e * n_e * h[8]
-        mirrored = Hypothesis(mirrored_across(h, n_n, n_e), 0.0, one.bias, one.since_s)
+        mirrored = Hypothesis(mirrored_across(h, n_n, n_e, self.q), 0.0, one.bias, one.since_s)
         if off * off > BLIND**2 * variance or hk.apart(h, mirrored.h) < 1.0:
             return
         mirrored.weight = max(math.exp(-2.0 * off * off / variance), LEAST_MIRROR_WEIGHT)

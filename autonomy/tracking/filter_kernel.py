@@ -19,11 +19,19 @@ TRIANGLE = 10
 VELOCITY_SIZE = 8
 """Packed target-velocity filter: north, east, their rates, variance of a place, its covariance with
 the rate, variance of a rate (the same for both axes), and 1 once it has begun."""
-Q_POSITION, Q_HEADING, Q_SPEED, R_RANGE, R_HEADING, R_SPEED, Q_TARGET, R_TARGET = range(8)
+(
+    Q_POSITION,
+    Q_HEADING,
+    Q_SPEED,
+    R_RANGE,
+    R_HEADING,
+    R_SPEED,
+    Q_TARGET,
+    R_TARGET,
+    START_VELOCITY,
+) = range(9)
 """Index of each number in what ``pack_filter`` returns."""
-FILTER_SIZE = 8
-VELOCITY_VARIANCE_M2_S2 = 0.01
-"""What is believed of the target's velocity, per axis, before anything was heard."""
+FILTER_SIZE = 9
 CLOSEST_M = 1e-6
 """A target estimated nearer than this has no bearing, so a range says nothing of the direction."""
 LOG_2PI = math.log(2.0 * math.pi)
@@ -42,6 +50,7 @@ def pack_filter(config: TrackingConfig) -> FloatArray:
             noise.speed_variance_m2_s2,
             noise.target_acceleration_density,
             noise.target_position_variance_m2,
+            noise.target_speed_std_m_s**2,
         ]
     )
 
@@ -210,7 +219,7 @@ def velocity_into(
     """
     if k[7] == 0.0:
         k[0], k[1], k[2], k[3] = north_m, east_m, 0.0, 0.0
-        k[4], k[5], k[6], k[7] = variance_m2, 0.0, VELOCITY_VARIANCE_M2_S2, 1.0
+        k[4], k[5], k[6], k[7] = variance_m2, 0.0, q[START_VELOCITY], 1.0
         return
     velocity_passes(k, dt, q)
     i = 1.0 / (k[4] + variance_m2)

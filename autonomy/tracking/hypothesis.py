@@ -7,7 +7,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.tracking import hypothesis_kernel as hk
-from autonomy.tracking.filter_kernel import VELOCITY_VARIANCE_M2_S2
+from autonomy.tracking.filter_kernel import R_RANGE, START_VELOCITY
 
 RING = 12
 """Hypotheses of a ring."""
@@ -33,28 +33,29 @@ class Hypothesis:
         return Hypothesis(self.h.copy(), self.weight, self.bias, self.since_s)
 
 
-def ring(prior: FloatArray, range_m: float, variance_m2: float) -> list[Hypothesis]:
+def ring(prior: FloatArray, range_m: float, q: FloatArray) -> list[Hypothesis]:
     """Return hypotheses in every direction at one distance.
 
     Args:
         prior: What was believed before, as ``hypothesis_kernel`` lays it out; places near it start
             likelier, none without a chance.
         range_m: Measured distance.
-        variance_m2: Of that measurement.
+        q: From ``filter_kernel.pack_filter``.
     """
+    variance_m2 = float(q[R_RANGE])
     hypotheses: list[Hypothesis] = []
     for n in range(RING):
         angle = 2.0 * math.pi * n / RING
         h = prior.copy()
         h[0], h[1] = range_m * math.cos(angle), range_m * math.sin(angle)
         spread_place(h, angle, variance_m2, (range_m * math.pi / RING) ** 2 + variance_m2)
-        start_velocity(h)
+        start_velocity(h, q)
         weight = max(math.exp(-0.5 * min(hk.apart(h, prior), 100.0)), LEAST_PRIOR)
         hypotheses.append(Hypothesis(h, weight))
     return hypotheses
 
 
-def mirrored_across(h: FloatArray, n_n: float, n_e: float) -> FloatArray:
+def mirrored_across(h: FloatArray, n_n: float, n_e: float, q: FloatArray) -> FloatArray:
     """Reflect the place of a hypothesis across a line through the robot with this unit normal."""
     S = np.eye(4)
     S[:2, :2] -= 2.0 * np.outer([n_n, n_e], [n_n, n_e])
@@ -65,17 +66,19 @@ def mirrored_across(h: FloatArray, n_n: float, n_e: float) -> FloatArray:
     mirrored[:4] = S @ h[:4]
     mirrored[hk.COVARIANCE : hk.VELOCITY] = (S @ full @ S)[rows, columns]
     # The target's velocity was worked out from the other place; start it anew.
-    start_velocity(mirrored)
+    start_velocity(mirrored, q)
     return mirrored
 
 
-def start_velocity(h: FloatArray, velocity_ne_m_s: tuple[float, float] = (0.0, 0.0)) -> None:
+def start_velocity(
+    h: FloatArray, q: FloatArray, velocity_ne_m_s: tuple[float, float] = (0.0, 0.0)
+) -> None:
     """Begin the velocity filter at the place of a hypothesis."""
     h[hk.VELOCITY : hk.RECKONED] = 0.0
     h[hk.VELOCITY], h[hk.VELOCITY + 1] = h[hk.RECKONED] - h[0], h[hk.RECKONED + 1] - h[1]
     h[hk.NORTH_RATE], h[hk.EAST_RATE] = velocity_ne_m_s
     h[hk.VELOCITY + 4] = 0.5 * (h[4] + h[8])
-    h[hk.RATE_VARIANCE], h[hk.VELOCITY + 7] = VELOCITY_VARIANCE_M2_S2, 1.0
+    h[hk.RATE_VARIANCE], h[hk.VELOCITY + 7] = q[START_VELOCITY], 1.0
 
 
 def spread_place(h: FloatArray, angle: float, along: float, across: float) -> None:

@@ -19,8 +19,6 @@ COVARIANCE, VELOCITY, RECKONED = 4, 14, 22
 NORTH_RATE, EAST_RATE, RATE_VARIANCE = VELOCITY + 2, VELOCITY + 3, VELOCITY + 6
 SPEED_VARIANCE = COVARIANCE + 9
 SIZE = 24
-PLACE_SHARE = 1.0
-"""Variance of a place as the velocity filter sees it, as a share of the estimate's two axes."""
 PLACE_STEP_S = 0.1
 """Interval for which the settings give the variance of the target's place."""
 
@@ -62,8 +60,7 @@ def pass_time(
     h[RECKONED] += own_x
     h[RECKONED + 1] += own_y
     if silence_s > 0.0 and not is_known:
-        unseen = h[RATE_VARIANCE] if h[VELOCITY + 7] else f.VELOCITY_VARIANCE_M2_S2
-        grown = unseen * dt * (2.0 * silence_s + dt)
+        grown = h[RATE_VARIANCE] * dt * (2.0 * silence_s + dt)
         P[0] += grown
         P[4] += grown
 
@@ -99,7 +96,7 @@ def hear_range(h: FloatArray, range_m: float, since_s: float, q: FloatArray) -> 
     P = h[COVARIANCE:VELOCITY]
     range_into(h[:4], P, range_m, q)
     variance = q[R_TARGET] * min(1.0, PLACE_STEP_S / max(since_s, 1e-9))
-    variance = max(variance, PLACE_SHARE * (P[0] + P[4]))
+    variance = max(variance, P[0] + P[4])
     north, east = h[RECKONED] - h[0], h[RECKONED + 1] - h[1]
     velocity_into(h[VELOCITY:RECKONED], north, east, since_s, variance, q)
 

@@ -100,7 +100,7 @@ def run_readable(scenario: Scenario, case: Case, seed: int) -> Outcome:
     )
     pose, dt_s = scenario.start, scenario.step_s
     own_ne_m = np.zeros(2)  # dead reckoned
-    motion = first_motion(guess, scenario.believed_variance_m2)
+    motion = first_motion(guess, scenario.believed_variance_m2, config)
     rows: list[tuple[float, ...]] = []
     for k in range(scenario.steps):
         north, east, heading, speed = pose
@@ -171,7 +171,7 @@ def measured(
     )[0]
 
 
-def first_motion(guess: FloatArray, variance_m2: float) -> TargetMotion:
+def first_motion(guess: FloatArray, variance_m2: float, config: TrackingConfig) -> TargetMotion:
     """Return a target that stays where the first estimate says, as uncertain as that is."""
-    spread = np.diag([variance_m2, filter_kernel.VELOCITY_VARIANCE_M2_S2])
+    spread = np.diag([variance_m2, config.filter.target_speed_std_m_s**2])
     return TargetMotion(np.array([-guess[:2], np.zeros(2)]), spread)

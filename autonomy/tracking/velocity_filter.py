@@ -12,7 +12,6 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.tracking.config import FilterConfig
-from autonomy.tracking.filter_kernel import VELOCITY_VARIANCE_M2_S2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -27,7 +26,7 @@ class TargetMotion:
 
 def start_motion(place_ne_m: tuple[float, float], config: FilterConfig) -> TargetMotion:
     """Return what is believed at the first place."""
-    variances = [config.target_position_variance_m2, VELOCITY_VARIANCE_M2_S2]
+    variances = [config.target_position_variance_m2, config.target_speed_std_m_s**2]
     return TargetMotion(np.array([place_ne_m, (0.0, 0.0)]), np.diag(variances))
 
 

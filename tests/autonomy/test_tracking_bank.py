@@ -133,12 +133,12 @@ def test_on_a_straight_course_past_the_target_both_sides_are_kept():
 
 
 def test_a_mirrored_hypothesis_expects_the_same_ranges_on_a_straight_course():
-    h = begin(settings()).best.h
+    bank = begin(settings())
+    h, q = bank.best.h, bank.q
     h[[hk.NORTH_RATE, hk.EAST_RATE]] = 0.0
-    other = mirrored_across(h, -math.sin(0.5), math.cos(0.5))
-    twice = mirrored_across(other, -math.sin(0.5), math.cos(0.5))
+    other = mirrored_across(h, -math.sin(0.5), math.cos(0.5), q)
+    twice = mirrored_across(other, -math.sin(0.5), math.cos(0.5), q)
     assert twice[: hk.VELOCITY] == pytest.approx(h[: hk.VELOCITY], abs=1e-12)
-    q = begin(settings()).q
     for _ in range(50):
         for one in (h, other):
             hk.pass_time(one, 0.0, 0.0, DT_S, 0.0, 0.0, 0.0, q)
