@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from datetime import datetime
 
 from autonomy.field.variable import VARIABLES
@@ -142,8 +143,11 @@ class Fleet:
             self.touch(report.robot)
 
     def take_link(self, report: LinkReport) -> None:
-        """Take the health of one link to a robot."""
-        self._pictures[report.robot].links[report.uri or report.carrier] = report
+        """Take the health of one link to a robot; the link does not know how deep it swims."""
+        picture = self._pictures[report.robot]
+        if report.state is LinkState.STALE and picture.follows_under_water:
+            report = replace(report, state=LinkState.SUBMERGED)
+        picture.links[report.uri or report.carrier] = report
         self.touch(report.robot)
 
     def set_plan(self, robot: str, plan: PlanInHand | None) -> None:

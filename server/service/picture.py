@@ -29,6 +29,7 @@ SURFACE_DEPTH_M = 0.3
 TRACK_TARGET = "track_target"
 """Kind of the plans that follow a target; they have no legs."""
 UNDER_WATER = (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING)
+_FOLLOWING = (RobotMode.TRACKING, RobotMode.SEARCHING)
 _BEST_LINK_FIRST = (
     LinkState.LIVE,
     LinkState.SUBMERGED,
@@ -178,6 +179,17 @@ class Picture:
         if self.plan is None or report is None or report.state is not OnboardPlanState.RUNNING:
             return None
         return report.leg if report.sha256 == self.plan.record.sha256 else None
+
+    @property
+    def follows_under_water(self) -> bool:
+        """Whether the robot follows a target at a depth at which no radio reaches it."""
+        state, hand = self.state, self.plan
+        if state is None or hand is None or self.leg_now is None:
+            return False
+        if state.mode not in _FOLLOWING or hand.record.kind != TRACK_TARGET:
+            return False
+        is_deep = hand.record.config["motion"]["depth_m"] > SURFACE_DEPTH_M
+        return is_deep and not self.record.site.radio_under_water
 
     def next_surfacing(self) -> datetime | None:
         """Predict when a submerged robot will be heard, from the legs of the plan it flies."""

@@ -88,4 +88,5 @@ def _state(
 
 
 def _has_dived(picture: Picture) -> bool:
-    return picture.state is not None and picture.state.mode in UNDER_WATER
+    is_under = picture.state is not None and picture.state.mode in UNDER_WATER
+    return is_under or picture.follows_under_water

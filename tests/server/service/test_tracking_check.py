@@ -154,11 +154,10 @@ def test_path_of_a_target_that_turns_comes_back():
     assert len(path) == 301
 
 
-def in_hand(duration_s, kind="track_target", depth_m=0.0):
+def in_hand(duration_s, kind="track_target"):
     document = {"account": {"duration_s": duration_s}}
-    config = {"motion": {"depth_m": depth_m}}
     record = PlanRecord(
-        "plan-1", MINI, kind, None, 1, "running", "a" * 64, config, document, NOW, "me",
+        "plan-1", MINI, kind, None, 1, "running", "a" * 64, {}, document, NOW, "me",
         NOW, NOW, NOW, NOW, None,
     )  # fmt: skip
     return PlanInHand(record, (), points_of(document), "")

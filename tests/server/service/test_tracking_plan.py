@@ -5,7 +5,7 @@ import sqlite3
 import pytest
 
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
-from robot_link.messages import CommandKind, OnboardPlanState
+from robot_link.messages import CommandKind, LinkState, OnboardPlanState, RobotMode
 from robot_link.mission import TRACKING_FORMAT
 from robot_link.tracking_order import TrackingOrder
 from server.service.plan_document import mission_of
@@ -265,3 +265,29 @@ async def test_a_draft_survives_a_restart_and_is_flown_then(tmp_path, world):
 
         await until(done)
     assert world.robots[MINI].state is OnboardPlanState.DONE
+
+
+@pytest.mark.parametrize(
+    ("robot", "depth_m", "mode", "seen"),
+    [
+        (GRACE, 2.0, RobotMode.TRACKING, LinkState.SUBMERGED),
+        (GRACE, 2.0, RobotMode.SEARCHING, LinkState.SUBMERGED),
+        (GRACE, 0.0, RobotMode.TRACKING, LinkState.STALE),
+        (GRACE, 2.0, RobotMode.HOLDING, LinkState.STALE),
+        (MINI, 0.5, RobotMode.TRACKING, LinkState.STALE),
+    ],
+)
+async def test_silence_of_a_robot_that_follows_under_water_is_expected(
+    client, station, world, robot, depth_m, mode, seen
+):
+    where = {GRACE: (110.0, 140.0, 0.0), MINI: (1.2, 0.6, 0.0)}[robot]
+    world.hear(robot)
+    world.tell(state_report(robot, where))
+    world.robots[robot].may_end.clear()
+    plan = (await draft(client, {"motion": {"depth_m": depth_m}}, robot))["id"]
+    answer = await upload(client, plan, start=True)
+    assert answer.status_code == 202, answer.text
+    await plan_in(client, plan, "running")
+    world.tell(state_report(robot, where, mode=mode))
+    world.hear(robot, LinkState.STALE)
+    assert station.fleet.picture(robot).link_state is seen
