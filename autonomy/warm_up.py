@@ -25,7 +25,6 @@ KERNEL_MODULES = (
     "autonomy.tracking.control_kernel",
     "autonomy.tracking.filter_kernel",
     "autonomy.tracking.hypothesis_kernel",
-    "autonomy.tracking.orbit",
     "autonomy.tracking.target_path",
     "autonomy.tracking.unicycle",
     "autonomy.tracking.run_kernel",

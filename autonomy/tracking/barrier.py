@@ -9,13 +9,9 @@ from enum import IntEnum
 
 from autonomy.tracking import box_qp
 from autonomy.tracking.config import BarrierConfig, MotionConfig, TrackingConfig
+from autonomy.tracking.control_kernel import LARGEST, SPEED_TIME_S
 from autonomy.tracking.nominal import pursuit
 from autonomy.tracking.observability import Plane, State, determinant, determinant_rates
-
-LARGEST = 1e9
-"""An input beyond this, in its SI unit, is a fault and no measurement."""
-SPEED_TIME_S = 1.0
-"""The speed comes no closer to a limit than by its distance in this time."""
 
 
 class ControlStatus(IntEnum):

@@ -35,7 +35,9 @@ LINEAR, CUBIC, NEGATIVE, ZERO, ROOT, CONSTANT = range(6)
 UNCHANGED, ACTIVE, INFEASIBLE, BAD_INPUT = range(4)
 """Status of a step, as ``barrier.ControlStatus``."""
 LARGEST = 1e9
+"""An input beyond this, in its SI unit, is a fault and no measurement."""
 SPEED_TIME_S = 1.0
+"""The speed comes no closer to a limit than by its distance in this time."""
 
 
 @inlined_kernel

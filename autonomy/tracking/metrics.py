@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.tracking.control_kernel import INFEASIBLE
 
 (
     TIME,
@@ -86,7 +87,7 @@ def score(record: FloatArray, step_s: float) -> Score:
         inverse_condition_s=float(record[:, INVERSE_CONDITION].sum() * step_s),
         is_lost=bool(distance.mean() > LOST_RANGE_M),
         is_mirrored=is_mirrored(record, step_s),
-        infeasible_share=float((record[:, STATUS] == 2.0).mean()),
+        infeasible_share=float((record[:, STATUS] == INFEASIBLE).mean()),
     )
 
 

@@ -5,16 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
-from autonomy.tracking import control_kernel, unicycle
-from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.pack_control import pack_control
-
-control_step = control_kernel.control_step
-inverse_condition = control_kernel.inverse_condition
-advance_kernel = unicycle.advance_kernel
-
-_SIZE = 9
+from autonomy.tracking import control_kernel, metrics
+from autonomy.tracking.config import TargetConfig, TrackingConfig
+from autonomy.tracking.run import Case, run
+from autonomy.tracking.scenario import Scenario
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -68,54 +62,36 @@ def follow(
     start: tuple[float, float, float, float],
     duration_s: float,
     step_s: float = 0.1,
-    target_velocity: tuple[float, float] = (0.0, 0.0),
 ) -> Orbit:
-    """Follow a target that stays or goes straight, with exact states.
+    """Follow a target that stays, with exact states: ``run.run`` under SF or SF+CBF.
 
     Args:
-        config: Controller and limits; its target, ranging and filter do not matter.
+        config: Controller (``barrier`` or ``nominal``) and limits; where its target is, ranging and
+            filter do not matter.
         start: Relative position north and east, m; heading, rad; speed, m/s.
         duration_s: Length of the run.
         step_s: Time for which a command is held.
-        target_velocity: North and east, m/s.
 
     Raises:
         ValueError: If the duration is shorter than a step, or the step not positive.
     """
     if not 0.0 < step_s <= duration_s:
         raise ValueError("step_s must be positive and at most duration_s")
-    record = np.empty((round(duration_s / step_s), _SIZE))
-    vt_x, vt_y = target_velocity
-    _follow(np.array(start, dtype=np.float64), vt_x, vt_y, pack_control(config), step_s, record)
+    target = TargetConfig(path="static", north_m=0.0, east_m=0.0)
+    scenario = Scenario(
+        name="orbit",
+        config=config.model_copy(update={"target": target}),
+        start=start,
+        duration_s=duration_s,
+        step_s=step_s,
+    )
+    case = Case.SF_CBF if config.barrier.controller == "barrier" else Case.SF
+    record = run(scenario, case, seed=0).record
     return Orbit(
         step_s=step_s,
-        state=record[:, :4],
-        command=record[:, 4:6],
-        determinant_m2_s=record[:, 6],
-        inverse_condition=record[:, 7],
-        status=record[:, 8],
+        state=record[:, metrics.NORTH : metrics.SPEED + 1],
+        command=record[:, metrics.TURN_RATE : metrics.ACCELERATION + 1],
+        determinant_m2_s=record[:, metrics.DETERMINANT],
+        inverse_condition=record[:, metrics.INVERSE_CONDITION],
+        status=record[:, metrics.STATUS],
     )
-
-
-@kernel
-def _follow(
-    start: FloatArray,
-    vt_x: float,
-    vt_y: float,
-    p: FloatArray,
-    dt_s: float,
-    record: FloatArray,
-) -> None:
-    x_r, y_r, psi, v = start
-    for row in record:
-        u1, u2, _, _, det, _, status = control_step(x_r, y_r, psi, v, vt_x, vt_y, 0.0, 0.0, p)
-        row[0], row[1], row[2], row[3] = x_r, y_r, psi, v
-        row[4], row[5], row[6] = u1, u2, det
-        row[7], row[8] = inverse_condition(x_r, y_r, psi, v, vt_x, vt_y), status
-        x_r, y_r, psi, v = advance_kernel(x_r, y_r, psi, v, u1, u2, dt_s)
-        x_r, y_r = x_r - vt_x * dt_s, y_r - vt_y * dt_s
-
-
-def warm_up() -> None:
-    """Compile the kernel of this module with the argument types of real use."""
-    follow(TrackingConfig(), (-1.0, 0.5, 0.3, 0.2), 1.0)

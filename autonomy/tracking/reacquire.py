@@ -8,6 +8,7 @@ by the circle's diameter, and where it does so gives the bearing.
 import math
 
 from autonomy.tracking.config import TrackingConfig
+from autonomy.tracking.control_kernel import SPEED_TIME_S
 
 CIRCLE_NOISES = 1.5
 """Radius of the circle, in standard deviations of one range."""
@@ -17,7 +18,6 @@ TURN_SHARE = 0.8
 """Share of the most turn rate that is used."""
 SPEED_SHARE = 0.5
 """Share of the speed cap that the robot strives for."""
-SPEED_TIME_S = 1.0
 
 
 class Search:

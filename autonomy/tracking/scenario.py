@@ -126,10 +126,7 @@ STATIC: Final = Scenario(
     guess_std_m=0.0,
     noise_std=(0.0, 0.0, 0.0),
 )
-"""Without noise around a target that stays: what the anchors and Appendix C are worked out on."""
-
-APPENDIX_C: Final = replace(STATIC, name="Appendix C", duration_s=400.0)
-"""Orbits under other class-K functions, state feedback; start, level and length are chosen here."""
+"""Without noise around a target that stays: what the anchors are worked out on."""
 
 
 def random_scenarios(seed: int, count: int, config: TrackingConfig) -> tuple[Scenario, ...]:

@@ -8,7 +8,7 @@ import pytest
 
 from autonomy.tracking import unicycle
 from autonomy.tracking.config import TargetConfig, TrackingConfig
-from autonomy.tracking.scenario import APPENDIX_C, FIT, STATIC, draws, random_scenarios
+from autonomy.tracking.scenario import FIT, draws, random_scenarios
 from autonomy.tracking.target_path import pack_path, place, place_kernel
 
 PATHS = ("static", "line", "sine", "circle")
@@ -99,8 +99,6 @@ def test_the_fit_starts_where_the_specification_says():
     assert FIT.steps == 3350
     after = place(FIT.config.target, 100.0)
     assert after[:2] == pytest.approx((2.35 * math.cos(3.474), 2.35 * math.sin(3.474)))
-    assert APPENDIX_C.steps == 4000
-    assert APPENDIX_C.start == STATIC.start
 
 
 def test_the_first_estimate_s_error_is_drawn_before_the_noise():
