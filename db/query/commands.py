@@ -151,6 +151,28 @@ def list_commands(
     return [_record(session, row, name) for row, name in session.execute(statement).all()]
 
 
+def newest_applied(
+    session: Session, robot: str, kinds: tuple[CommandKind, ...]
+) -> tuple[CommandKind, datetime] | None:
+    """Return which of these commands a robot said last that it obeys, and when it said so.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    found = session.execute(
+        select(Command.kind, CommandLevelRow.at)
+        .join(CommandLevelRow, CommandLevelRow.command_key == Command.key)
+        .where(
+            Command.robot_key == robot_key(session, robot),
+            Command.kind.in_([kind.value for kind in kinds]),
+            CommandLevelRow.level == CommandLevel.APPLIED.value,
+        )
+        .order_by(CommandLevelRow.at.desc())
+        .limit(1)
+    ).one_or_none()
+    return None if found is None else (CommandKind(found[0]), found[1])
+
+
 def command_of_number(session: Session, robot: str, number: CommandNumber) -> CommandRecord | None:
     """Return the newest command of a robot that carries this number on the wire."""
     found = session.execute(

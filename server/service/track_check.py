@@ -6,6 +6,7 @@ from datetime import datetime
 
 import numpy as np
 
+from autonomy.arrays import FloatArray
 from autonomy.site import Site
 from autonomy.tracking.config import TrackingConfig
 from autonomy.tracking.target_path import place
@@ -21,20 +22,51 @@ _ADDRESS_MAX = 15
 """Micro-Modem addresses are 0..15."""
 _CLASS_K = ("linear", "cubic")
 _LEAST_CHARGE = 0.2
-_PATH_POINTS = 301
+_PATH_POINTS, _PATH_POINTS_MAX = 301, 1001
+_POINTS_OF_A_SWING = 16
+_CRESTS = (0.25, 0.75)
+"""Where in its period a sine is farthest from its middle."""
 
 TargetPath = list[tuple[float, float, float]]
 
 
 def target_path(config: TrackingConfig) -> TargetPath:
-    """Return where a virtual target will be, time s, north, east m; nothing for a real one."""
+    """Return where a virtual target will be, time s, north, east m; nothing for a real one.
+
+    Of a circle it is one round at the most, of a sine as many swings as its points can show.
+    """
     if config.target.kind != "virtual":
         return []
-    times = np.linspace(0.0, config.motion.duration_s, _PATH_POINTS).tolist()
-    places = [place(config.target, t_s) for t_s in times]
+    return _places(config, _path_times(config))
+
+
+def _path_times(config: TrackingConfig) -> FloatArray:
+    """Return moments of the mission, s, close enough for the path not to look like another."""
+    target, until_s, points = config.target, config.motion.duration_s, _PATH_POINTS
+    if target.path == "circle" and target.speed_m_s > 0.0:
+        until_s = min(until_s, 2.0 * math.pi * target.width_m / target.speed_m_s)
+    elif target.path == "sine":
+        point_s = target.period_s / _POINTS_OF_A_SWING
+        until_s = min(until_s, point_s * (_PATH_POINTS_MAX - 1))
+        points = max(points, math.ceil(until_s / point_s) + 1)
+    return np.linspace(0.0, until_s, points)
+
+
+def _farthest_times(config: TrackingConfig) -> FloatArray:
+    """Return moments between which the target goes no farther out of the water, s."""
+    target, duration_s = config.target, config.motion.duration_s
+    if target.path != "sine":
+        return _path_times(config)
+    begins_s = np.floor(np.linspace(0.0, duration_s, _PATH_POINTS) / target.period_s)
+    crests_s = [(begins_s + crest) * target.period_s for crest in _CRESTS]
+    times = np.unique(np.concatenate([_path_times(config), *crests_s, [duration_s]]))
+    return times[times <= duration_s]
+
+
+def _places(config: TrackingConfig, times: FloatArray) -> TargetPath:
+    places = [(t_s, place(config.target, t_s)) for t_s in times.tolist()]
     return [
-        (round(t_s, 3), round(there.north_m, 4), round(there.east_m, 4))
-        for t_s, there in zip(times, places, strict=True)
+        (round(t_s, 3), round(there.north_m, 4), round(there.east_m, 4)) for t_s, there in places
     ]
 
 
@@ -50,8 +82,16 @@ def track_violations(picture: Picture, config: TrackingConfig) -> list[Violation
     return [ViolationView(field, message) for field, message in found]
 
 
-def track_warnings(picture: Picture, config: TrackingConfig) -> list[ViolationView]:
-    """Return what a person should know before the mission is sent; none of it forbids that."""
+def track_warnings(
+    picture: Picture, config: TrackingConfig, *, is_quiet: bool
+) -> list[ViolationView]:
+    """Return what a person should know before the mission is sent; none of it forbids that.
+
+    Args:
+        picture: The robot.
+        config: The mission.
+        is_quiet: Whether the robot was told not to ping.
+    """
     barrier, site = config.barrier, picture.record.site
     found: list[tuple[str, str]] = []
     if barrier.is_teaching:
@@ -82,8 +122,7 @@ def track_warnings(picture: Picture, config: TrackingConfig) -> list[ViolationVi
                 "Once the barrier cannot be kept the robot may not get out of that again.",
             )
         )
-    report = picture.track_report
-    if report is not None and report.is_quiet:
+    if is_quiet:
         found.append(
             (
                 "quiet",
@@ -139,7 +178,8 @@ def _of_target(site: Site, config: TrackingConfig) -> Iterator[tuple[str, str]]:
             "target.depth_m",
             f"The target is {target.depth_m:g} m deep; the floor there is {floor_m:.3g} m deep.",
         )
-    for t_s, path_north_m, path_east_m in target_path(config):
+    way = _places(config, _farthest_times(config)) if target.kind == "virtual" else []
+    for t_s, path_north_m, path_east_m in way:
         if not in_water(site, path_north_m, path_east_m):
             yield (
                 "target.path",

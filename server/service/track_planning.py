@@ -16,15 +16,16 @@ from autonomy.planner.plan import PrimitiveKind
 from autonomy.tracking.config import TrackingConfig
 from autonomy.vehicle.trim import TrimConfig, trim_flaw
 from db.query import plans as query
+from db.query.commands import newest_applied
 from db.query.plans import PlanRecord
-from robot_link.messages import StateReport
+from robot_link.messages import CommandKind, StateReport
 from robot_link.mission import Mission, MissionSettings
 from robot_link.tracking_order import TrackingOrder
 from server.configuration import CurrentConfiguration
 from server.foundation import Foundation
 from server.problem import Problem, conflict
 from server.service.fleet import Fleet
-from server.service.picture import SURFACE_DEPTH_M, TRACK_TARGET
+from server.service.picture import SURFACE_DEPTH_M, TRACK_TARGET, Picture
 from server.service.plan_ledger import PlanLedger, note_change
 from server.service.plan_settings import PlanSettings, below_config
 from server.service.track_check import target_path, track_violations, track_warnings
@@ -64,6 +65,7 @@ class TrackPlanning:
         planner = (await book.current("planner", robot)).value_as(PlannerConfig)
         trim = await book.current("trim", robot)
         violations = [*track_violations(picture, config), *self._trim_flaws(robot, trim)]
+        warnings = track_warnings(picture, config, is_quiet=await self._is_quiet(picture))
         try:
             mission = _mission(order, planner, trim.value_as(TrimConfig), position)
         except ValueError as error:
@@ -78,7 +80,7 @@ class TrackPlanning:
             "target_path": target_path(config),
             "account": asdict(_account(mission, config, planner, picture.state)),
             "violations": [asdict(one) for one in violations],
-            "warnings": [asdict(one) for one in track_warnings(picture, config)],
+            "warnings": [asdict(one) for one in warnings],
             "draft_age_s": planner.mission.draft_age_s,
             "draft_distance_m": planner.mission.draft_distance_m,
         }
@@ -101,6 +103,16 @@ class TrackPlanning:
         if holds.id is None:
             raise TypeError("a kept version has an id")
         return holds.id, order
+
+    async def _is_quiet(self, picture: Picture) -> bool:
+        """Tell whether the robot was told not to ping, by what it said last of that."""
+        robot, report = picture.record.id, picture.track_report
+        told = await self._foundation.store.query(
+            lambda session: newest_applied(session, robot, (CommandKind.QUIET, CommandKind.PING))
+        )
+        if told is None or (report is not None and report.received_at > told[1]):
+            return report is not None and report.is_quiet
+        return told[0] is CommandKind.QUIET
 
     def _trim_flaws(self, robot: str, trim: CurrentConfiguration) -> list[ViolationView]:
         vehicle, offsets = self._fleet.vehicle(robot), trim.value_as(TrimConfig)

@@ -28,6 +28,7 @@ from simulator.onboard.memory import (
     FilePlanStore,
     FileValues,
     FlownPlan,
+    QuietOrder,
     new_log,
     read_key,
 )
@@ -98,6 +99,9 @@ class Computer:
         if (mission := plans.load()) is not None:
             program.take_plan(mission)
         self._flown = FlownPlan(None if memory is None else memory / "flown")
+        quiet = QuietOrder(None if memory is None else memory / "quiet")
+        program.executive.tracking.obey(is_quiet=quiet.is_quiet)
+        program.executive.tracking.remember_quiet = quiet.note
         self._noted = program.executive.mode, program.executive.plan_state
         self.link = RobotLink(
             system,

@@ -17,6 +17,7 @@ from robot_link.satellite.blob import Blob, mission_of
 from robot_link.whole_file import replace_file
 
 _KEY_BYTES = 32
+_QUIET = "quiet"
 _DIGITS_MAX = 10
 """Digits of a second since 1970."""
 
@@ -120,6 +121,29 @@ class FlownPlan:
     def is_it(self, plan: PlanHash) -> bool:
         """Tell whether this plan was started."""
         return plan == self._plan
+
+
+class QuietOrder:
+    """Whether the robot was told not to ping; that holds until it is told otherwise.
+
+    Divers and animals are still there when it is switched on again.
+
+    Args:
+        path: The file; None forgets.
+    """
+
+    def __init__(self, path: Path | None) -> None:
+        self._path = path
+        self.is_quiet = path is not None and _text(path) == _QUIET
+        """What was noted last."""
+
+    def note(self, is_quiet: bool) -> None:
+        """Note what it was told."""
+        if is_quiet == self.is_quiet:
+            return
+        self.is_quiet = is_quiet
+        if self._path is not None:
+            _keep(self._path, _QUIET.encode() if is_quiet else b"")
 
 
 def new_log(path: Path, started_at: datetime) -> LogId:

@@ -100,6 +100,10 @@ class Hearing:
         if range_m is not None and not self._virtual:
             self._waiting = [*self._waiting[1 - _MOST_WAITING :], HeardRange(range_m, age_s)]
 
+    def forget(self) -> None:
+        """Drop what was heard and not taken: it is old by the time that somebody listens again."""
+        self._waiting = []
+
     def pass_time(self, dt_s: float) -> None:
         """Let time pass, and with it the target move."""
         self.time_s += dt_s

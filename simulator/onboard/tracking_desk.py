@@ -1,6 +1,7 @@
 """What a robot does about a target beside swimming: listens, remembers, answers, reports."""
 
 import math
+from collections.abc import Callable
 from datetime import datetime
 
 import numpy as np
@@ -32,6 +33,8 @@ class TrackingDesk:
     def __init__(self, period_s: float) -> None:
         self.is_quiet = False
         """Whether the robot was told not to ping."""
+        self.remember_quiet: Callable[[bool], None] = lambda _: None
+        """Keeps that while the robot is switched off."""
         self._period_s = period_s
         self._config: TrackingConfig | None = None
         self._hearing: Hearing | None = None
@@ -91,6 +94,8 @@ class TrackingDesk:
         """Stop pursuing and pinging, until ``pursue``."""
         if self._pursuit is not None:
             self._newest = self._pursuit.newest or self._newest
+        if self._hearing is not None:
+            self._hearing.forget()
         self._pursuit = None
 
     def end(self) -> None:
@@ -108,6 +113,7 @@ class TrackingDesk:
     def obey(self, *, is_quiet: bool) -> None:
         """Stop pinging, or ping again, from now on and in missions to come."""
         self.is_quiet = is_quiet
+        self.remember_quiet(is_quiet)
         if self._hearing is not None:
             self._hearing.is_quiet = is_quiet
 

@@ -10,6 +10,7 @@ import pytest
 
 from robot_link.clock import SystemClock
 from robot_link.messages import CommandKind, CommandNumber, OnboardPlanState
+from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import cut
 from robot_link.satellite.content import TransferState
@@ -142,3 +143,13 @@ def test_surface_by_satellite_is_answered_wherever_the_robot_is_cut(tmp_path, mo
             assert [(one.number, one.outcome) for one in answers] == [(9, "done")]
             assert computer.program.executive.plan_state is not OnboardPlanState.RUNNING
     assert number >= 2
+
+
+def test_robot_that_was_told_not_to_ping_does_not_ping_after_it_was_switched_off(tmp_path):
+    for kind in (CommandKind.QUIET, CommandKind.PING):
+        with switched_on(tmp_path) as computer:
+            assert computer.program.obey(kind, "") is CommandOutcome.DONE
+        for _ in range(2):
+            with switched_on(tmp_path) as computer:
+                is_quiet = computer.program.executive.tracking.is_quiet
+                assert is_quiet == (kind is CommandKind.QUIET)

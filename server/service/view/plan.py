@@ -185,7 +185,8 @@ class PlanView(View):
     """Settings of a plan of kind ``track_target``, which has no legs, rounded as they travel; see
     `GET /api/config/tracking/schema`."""
     target_path: list[list[float]] = field(default_factory=list)
-    """Where a virtual target will be: time s from the plan's begin, north, east m."""
+    """Where a virtual target will be: time s from the plan's begin, north, east m; of a circle one
+    round, of a sine no more swings than its points can show."""
     warnings: list[ViolationView] = field(default_factory=list)
     """What to know before it is sent; none of it keeps it from being sent. ``teaching`` marks a
     plan that lets the estimate of its target diverge."""

@@ -63,7 +63,7 @@ def fields(found):
 def test_the_presets_break_no_limit_and_need_no_warning(vehicle, site, position):
     picture, config = picture_in(site, position), TRACKING_PRESETS[vehicle]
     assert track_violations(picture, config) == []
-    assert track_warnings(picture, config) == []
+    assert track_warnings(picture, config, is_quiet=False) == []
 
 
 @pytest.mark.parametrize(
@@ -130,18 +130,17 @@ def test_a_robot_that_cannot_do_it_now_is_named():
 )
 def test_what_a_person_should_know_is_a_warning_and_no_limit(barrier, field):
     config = changed(barrier=barrier)
-    assert fields(track_warnings(picture_in(TANK), config)) == [field]
+    assert fields(track_warnings(picture_in(TANK), config, is_quiet=False)) == [field]
     assert track_violations(picture_in(TANK), config) == []
 
 
 def test_swimming_out_of_radios_reach_and_silence_are_warned_of():
     lake = picture_in(LAKE, (250.0, 250.0, 0.0))
     deep = changed(motion={"depth_m": 2.0})
-    assert fields(track_warnings(lake, deep)) == ["motion.depth_m"]
-    assert fields(track_warnings(picture_in(TANK), changed(motion={"depth_m": 0.5}))) == []
-    tank = picture_in(TANK)
-    tank.track_report = track_report(0, is_quiet=True)
-    assert fields(track_warnings(tank, changed())) == ["quiet"]
+    assert fields(track_warnings(lake, deep, is_quiet=False)) == ["motion.depth_m"]
+    shallow = changed(motion={"depth_m": 0.5})
+    assert track_warnings(picture_in(TANK), shallow, is_quiet=False) == []
+    assert fields(track_warnings(picture_in(TANK), changed(), is_quiet=True)) == ["quiet"]
 
 
 def test_path_of_a_target_that_turns_comes_back():
@@ -152,6 +151,35 @@ def test_path_of_a_target_that_turns_comes_back():
     path = target_path(config)
     assert path[-1][1:] == pytest.approx(path[0][1:], abs=1e-3)
     assert len(path) == 301
+
+
+def test_path_of_long_missions_keeps_its_shape():
+    day = {"duration_s": 86400.0}
+    around = target_path(changed(target={"speed_m_s": 0.01, "width_m": 0.3}, motion=day))
+    assert around[-1][0] == pytest.approx(60.0 * 3.14159265, abs=1e-3)
+    swing = {"path": "sine", "speed_m_s": 0.0, "period_s": 30.0, "width_m": 0.2}
+    swings = target_path(changed(target=swing, motion=day))
+    assert len(swings) == 1001
+    norths = [north for _, north, _ in swings]
+    easts = [east for _, _, east in swings]
+    assert max(norths) - min(norths) < 1e-9
+    assert max(easts) - min(easts) == pytest.approx(0.4)
+
+
+def test_swing_out_of_the_water_is_found_however_short():
+    swing = {"path": "sine", "speed_m_s": 0.00001, "period_s": 144.0, "width_m": 1.3}
+    config = changed(
+        target={**swing, "east_m": 0.385}, motion={"duration_s": 43200.0, "speed_max_m_s": 0.2}
+    )
+    (one,) = track_violations(picture_in(TANK), config)
+    assert one.field == "target.path"
+    late = changed(
+        target={"path": "sine", "heading_rad": 0.0, "north_m": 0.5, "speed_m_s": 1e-4,
+                "period_s": 30.0, "width_m": 0.1},
+        motion={"duration_s": 80000.0, "speed_max_m_s": 0.2},
+    )  # fmt: skip
+    (one,) = track_violations(picture_in(TANK), late)
+    assert one.field == "target.path"
 
 
 def in_hand(duration_s, kind="track_target"):

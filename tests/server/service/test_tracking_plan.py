@@ -267,6 +267,17 @@ async def test_a_draft_survives_a_restart_and_is_flown_then(tmp_path, world):
     assert world.robots[MINI].state is OnboardPlanState.DONE
 
 
+async def test_a_robot_that_obeyed_to_be_quiet_is_warned_of_until_it_pings_again(client, world):
+    for kind, warned in (("quiet", ["quiet"]), ("ping", [])):
+        answer = await client.post(f"/api/robots/{MINI}/commands", json={"kind": kind})
+        await until(lambda answer=answer: is_applied(client, answer.json()["id"]))
+        assert [one["field"] for one in (await draft(client))["warnings"]] == warned
+
+
+async def is_applied(client, command):
+    return (await client.get(f"/api/commands/{command}")).json()["level"] == "applied"
+
+
 @pytest.mark.parametrize(
     ("robot", "depth_m", "mode", "seen"),
     [
