@@ -221,10 +221,10 @@ THESIS_TRACKING = TrackingConfig(
 thesis does not print."""
 
 _MINIGLIDER = TrackingConfig(
-    target=TargetConfig(north_m=1.375, east_m=0.385, speed_m_s=0.005, width_m=0.3),
+    target=TargetConfig(north_m=1.375, east_m=0.385, speed_m_s=0.005, width_m=0.3, guess_std_m=0.2),
     ranging=RangingConfig(period_s=0.2, variance_m2=0.1),
     filter=FilterConfig(
-        hypotheses="one",
+        target_speed_std_m_s=0.015,
         position_density_m2_s=1e-3,
         heading_density_rad2_s=2e-3,
         speed_density_m2_s3=3e-5,
@@ -251,12 +251,13 @@ _GRACE3 = TrackingConfig(
     ),
     ranging=RangingConfig(
         period_s=1.0,
-        variance_m2=2.25,
+        variance_m2=2.8,
         coast_after_s=10.0,
         lost_after_s=40.0,
         give_up_after_s=600.0,
     ),
     filter=FilterConfig(
+        target_speed_std_m_s=0.04,
         position_density_m2_s=0.02,
         heading_density_rad2_s=5e-3,
         speed_density_m2_s3=1e-4,

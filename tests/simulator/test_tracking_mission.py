@@ -144,7 +144,7 @@ def test_held_robot_floats_without_pinging_and_goes_on_where_it_was():
     life.live(10.0)
     program.obey(CommandKind.RESUME, "")
     assert life.live_until(lambda: life.executive.mode is RobotMode.TRACKING, 5.0)
-    life.live(10.0)
+    life.live(45.0)
     assert error_m(report(life)) < 0.6
 
 
