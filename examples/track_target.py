@@ -33,12 +33,12 @@ def main() -> int:
         watch.until("tracking")
         watch.during(arguments.watch_s)
         if arguments.pull:
-            tell(station, arguments.robot, "quiet")
+            tell(station, arguments.robot, "quiet", arguments.timeout_s)
             watch.until("lost")
-            tell(station, arguments.robot, "ping")
+            tell(station, arguments.robot, "ping", arguments.timeout_s)
             watch.until("tracking")
             watch.during(arguments.watch_s)
-        tell(station, arguments.robot, "surface")
+        tell(station, arguments.robot, "surface", arguments.timeout_s)
         return report(watch.until_ended())
 
 
@@ -170,15 +170,17 @@ class Watch:
         return reports
 
 
-def tell(station: httpx.Client, robot: str, kind: str) -> None:
+def tell(station: httpx.Client, robot: str, kind: str, timeout_s: float) -> None:
     """Send a command and wait until the robot has answered it."""
     command = post(station, f"/api/robots/{robot}/commands", {"kind": kind})["id"]
-    while True:
+    give_up = time.monotonic() + timeout_s
+    while time.monotonic() < give_up:
         found = get(station, f"/api/commands/{command}")
         if found["level"] in ("applied", "refused", "expired"):
             print(found["text"], flush=True)
             return
         time.sleep(0.5)
+    sys.exit(f"{command} ({kind}) was not answered within {timeout_s:.0f} s")
 
 
 def report(plan: dict) -> int:

@@ -1,4 +1,4 @@
-"""The robot's handling of commands: each acts once, and none that SURFACE overtook acts at all."""
+"""The robot's handling of commands: each acts once, and none that was overtaken acts at all."""
 
 import logging
 from collections import OrderedDict
@@ -48,7 +48,8 @@ class CommandDesk:
 
     The radio may deliver a command twice, or after a later one. A repetition is answered as
     before without acting again. A command that the station numbered before a SURFACE and that
-    arrives after it is not obeyed: the station has dropped it, and the robot must stay up.
+    arrives after it is not obeyed: the station has dropped it, and the robot must stay up. Nor is
+    a PING that was numbered before a QUIET, whichever road each took.
     """
 
     def __init__(self, program: Obedient, memory: CommandMemory | None = None) -> None:
@@ -59,6 +60,7 @@ class CommandDesk:
             for number, expiry_s, outcome in (() if memory is None else memory.load())
         )
         self._surface: tuple[CommandNumber, float] | None = None
+        self._quiet: CommandNumber | None = None
 
     def take(self, command: ReceivedCommand, now_s: float) -> CommandOutcome:
         """Act on a command unless that was done or must not be; return what came of it."""
@@ -86,11 +88,16 @@ class CommandDesk:
             number, surfaced_s = self._surface
             if _is_older(command.number, number) and now_s - surfaced_s < _OVERTAKEN_S:
                 return CommandOutcome.NOT_NOW
+        is_before_quiet = self._quiet is not None and _is_older(command.number, self._quiet)
+        if command.kind is CommandKind.PING and is_before_quiet:
+            return CommandOutcome.NOT_NOW
+        if command.kind is CommandKind.QUIET:
+            self._quiet = command.number
         return self._program.obey(command.kind, command.plan_digits)
 
 
-def _is_older(number: CommandNumber, surface: CommandNumber) -> bool:
-    """Tell whether a command was numbered before an order to surface."""
-    if surface >= FIRST_EMERGENCY_NUMBER:
+def _is_older(number: CommandNumber, other: CommandNumber) -> bool:
+    """Tell whether a command was numbered before another."""
+    if other >= FIRST_EMERGENCY_NUMBER:
         return number < FIRST_EMERGENCY_NUMBER
-    return 0 < (surface - number) % _NUMBERS < _NUMBERS // 2
+    return 0 < (other - number) % _NUMBERS < _NUMBERS // 2

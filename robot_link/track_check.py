@@ -26,28 +26,40 @@ def checked_track(track: TrackReport) -> TrackReport:
     """Return a track that is possible.
 
     Raises:
-        ValueError: If a number is not finite, negative where it cannot be, or more than 1 where it
-            is a probability or an inverse condition number; or if a covariance is none.
+        ValueError: If it is not; see ``track_fault``.
     """
-    if not all(math.isfinite(number) for number in _numbers(track)):
-        raise ValueError("a number of a track is not finite")
-    if track.range_m is not None and min(track.range_m, track.range_age_s) < 0.0:
-        raise ValueError("the range of a track, or its age, is negative")
-    if not 0 <= track.ranges_rejected <= track.ranges_heard:
-        raise ValueError("a track has more ranges that were not believed than were heard")
-    if not -_ROUNDING <= track.inverse_condition <= 1.0 + _ROUNDING:
-        raise ValueError("the inverse condition number of a track does not lie within 0 and 1")
-    for one in track.hypotheses:
-        _check_hypothesis(one)
+    if fault := track_fault(track):
+        raise ValueError(f"a track has {fault}")
     return track
 
 
-def _check_hypothesis(one: TargetEstimate) -> None:
+def track_fault(track: TrackReport) -> str:
+    """Return what is impossible about a track, "" if nothing is.
+
+    A number that is not finite, negative where it cannot be, or more than 1 where it is a
+    probability or an inverse condition number; or a covariance that is none.
+    """
+    if not all(math.isfinite(number) for number in _numbers(track)):
+        return "a number that is not finite"
+    if track.range_m is not None and track.range_m < 0.0:
+        return f"a range of {track.range_m:.3g} m"
+    if track.range_m is not None and track.range_age_s < 0.0:
+        return f"a range that is {track.range_age_s:.3g} s old"
+    if not 0 <= track.ranges_rejected <= track.ranges_heard:
+        return "more ranges that were not believed than were heard"
+    if not -_ROUNDING <= track.inverse_condition <= 1.0 + _ROUNDING:
+        return f"an inverse condition number of {track.inverse_condition:.3g}"
+    faults = map(_hypothesis_fault, track.hypotheses)
+    return next((fault for fault in faults if fault), "")
+
+
+def _hypothesis_fault(one: TargetEstimate) -> str:
     if not 0.0 <= one.weight <= 1.0 + _ROUNDING:
-        raise ValueError("the probability of a hypothesis does not lie within 0 and 1")
+        return f"a hypothesis with a probability of {one.weight:.3g}"
     north, both, east = one.covariance_m2
     if min(north, east) < 0.0 or abs(both) > math.sqrt(north) * math.sqrt(east) * (1.0 + _ROUNDING):
-        raise ValueError("the covariance of a hypothesis is none")
+        return "a covariance that is none"
+    return ""
 
 
 def _numbers(track: TrackReport) -> tuple[float, ...]:

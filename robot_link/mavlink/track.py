@@ -79,7 +79,7 @@ def track_report(
             position_ne_m=(message.x, message.y),
             hypotheses=hypotheses,
             range_m=message.range if flags & _HAS_RANGE else None,
-            range_age_s=message.range_age,
+            range_age_s=message.range_age if flags & _HAS_RANGE else 0.0,
             ranges_heard=message.ranges_heard,
             ranges_rejected=message.ranges_rejected,
             determinant_m2_s=message.determinant,

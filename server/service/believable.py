@@ -9,14 +9,13 @@ from datetime import UTC, datetime, timedelta
 
 from autonomy.site import Site
 from robot_link.messages import Sample, StateReport, TrackReport
+from robot_link.track_check import track_fault
 
 _EARLIEST = datetime(2000, 1, 1, tzinfo=UTC)
 _FUTURE = timedelta(seconds=60)
 """Clocks of robots may be this far ahead, at the clock's normal speed."""
 _SURFACE_NOISE_M = 0.5
 _LARGEST_VALUE = 1e6
-_ROUNDING = 1e-3
-"""Covariances and probabilities may be off by so much of themselves: they travel rounded."""
 
 
 def fault_of_state(report: StateReport, site: Site, now: datetime, speed: float) -> str | None:
@@ -60,32 +59,8 @@ def fault_of_track(report: TrackReport, site: Site, now: datetime, speed: float)
 
     An estimate that diverged may be anywhere; that is for people to see.
     """
-    estimates = [
-        (*one.position_ne_m, *one.velocity_ne_m_s, *one.covariance_m2, one.weight)
-        for one in report.hypotheses
-    ]
-    numbers = (
-        *report.position_ne_m,
-        *(report.true_ne_m or ()),
-        *report.nominal,
-        *report.command,
-        report.range_m or 0.0,
-        report.range_age_s,
-        report.determinant_m2_s,
-        report.barrier,
-        report.inverse_condition,
-        *(number for estimate in estimates for number in estimate),
-    )
-    if not all(map(math.isfinite, numbers)):
-        return "a value that is not a number"
-    if report.range_m is not None and report.range_m < 0.0:
-        return f"a range of {report.range_m:.3g} m"
-    for one in report.hypotheses:
-        nn, ne, ee = one.covariance_m2
-        if nn < 0.0 or ee < 0.0 or ne**2 > nn * ee + _ROUNDING * (nn + ee) ** 2:
-            return "a covariance that is none"
-        if not -_ROUNDING <= one.weight <= 1.0 + _ROUNDING:
-            return f"a hypothesis with a probability of {one.weight:.3g}"
+    if fault := track_fault(report):
+        return fault
     return _fault_of_time(report.measured_at, now, speed) or _fault_of_position(
         (*report.position_ne_m, 0.0), 0.0, site
     )

@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from dataclasses import replace
 from datetime import timedelta
 
@@ -176,8 +175,7 @@ def test_every_report_that_was_committed_survives_sigkill(url):
     store.change(lambda session: add_robot(session, robot_record())).result(5)
     store.close()
     child = subprocess.Popen([sys.executable, "-c", CHILD, url], stdout=subprocess.PIPE, text=True)
-    told = [int(child.stdout.readline())]
-    time.sleep(0.2)
+    told = [int(child.stdout.readline()) for _ in range(200)]
     os.kill(child.pid, signal.SIGKILL)
     told += [int(line) for line in child.stdout.read().splitlines() if line]
     child.stdout.close()

@@ -224,6 +224,15 @@ def test_a_command_that_surface_overtook_in_the_air_is_not_obeyed():
     assert [kind for kind, _ in program.obeyed] == kinds
 
 
+def test_a_ping_that_comes_after_a_later_order_to_be_quiet_is_not_obeyed():
+    program = Program()
+    desk = CommandDesk(program)
+    assert desk.take(received(CommandKind.QUIET, 7), 0.0) is CommandOutcome.DONE
+    assert desk.take(received(CommandKind.PING, 6), 7000.0) is CommandOutcome.NOT_NOW
+    assert desk.take(received(CommandKind.PING, 8), 7001.0) is CommandOutcome.DONE
+    assert [kind for kind, _ in program.obeyed] == [CommandKind.QUIET, CommandKind.PING]
+
+
 def test_an_order_to_surface_that_was_not_written_down_is_newer_than_every_other():
     program = Program()
     desk = CommandDesk(program)

@@ -102,6 +102,14 @@ def test_age_of_no_range_does_not_travel():
     assert over_the_air(report) == WAITING
 
 
+@pytest.mark.parametrize("age_s", [math.nan, math.inf, -1.0])
+def test_age_that_came_without_a_range_is_not_kept(age_s):
+    message = track_message(WAITING)
+    message.range_age = age_s
+    (received,), _ = ROBOT.unpack(ROBOT.pack(message))
+    assert track_report(received, MINI, NOW).range_age_s == 0.0
+
+
 def test_third_hypothesis_stays_on_board():
     three = (*track().hypotheses, track().hypotheses[0])
     assert over_the_air(track(hypotheses=three)) == track()
@@ -118,8 +126,8 @@ def test_third_hypothesis_stays_on_board():
         ("weight", [-0.5, 0.0], "probability"),
         ("covariance_xx", [-1.0, 1.0], "covariance"),
         ("covariance_xy", [2.0, 0.0], "covariance"),
-        ("range", -1.0, "negative"),
-        ("range_age", -1.0, "negative"),
+        ("range", -1.0, "a range of -1 m"),
+        ("range_age", -1.0, "-1 s old"),
         ("inverse_condition", 1.5, "inverse condition"),
         ("ranges_rejected", 70_001, "not believed"),
         ("phase", 5, "phase 5"),
