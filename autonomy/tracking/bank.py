@@ -7,7 +7,8 @@ its distance is right and its place is not. The bank therefore
 - follows the mirrored estimate too whenever the geometry cannot tell the sides apart, until one of
   the two explains the ranges better;
 - believes ranges that contradict the estimate again and again more than the estimate, and starts
-  anew from a ring of hypotheses around the robot, at the distance that was heard.
+  anew from a ring of hypotheses around the robot, at the distance that was heard;
+- does the same where the estimate runs away faster than the robot can swim.
 
 With ``hypotheses = one`` nothing is split, and contradiction reopens the one filter on another
 bearing. With the pursuit law alone (for teaching) it is the thesis's filter and nothing else: it
@@ -55,6 +56,8 @@ SPLIT_PAUSE_S = 5.0
 """Time between two splits."""
 PLACED = 0.5
 """A search ends where the standard deviation of the place is less than this share of the range."""
+CERTAIN = 3.0
+"""Standard deviations by which a target must seem faster than the robot to be doubted."""
 NEXT_BEARING_RAD = 2.4
 """Step to the next bearing that a single filter tries: by the golden angle they never repeat."""
 VAGUE = 0.8
@@ -181,6 +184,8 @@ class Bank:
             self._split(given.target_velocity_ne_m_s)
         if given.ranges_m and self.hearing.is_searching:
             self._settle()
+        elif given.ranges_m and given.target_velocity_ne_m_s is None:
+            self._doubt(given.ranges_m[-1])
 
     def _pass_time(self, given: BankInput) -> None:
         hearing, dt = self.hearing, given.dt_s
@@ -336,6 +341,21 @@ class Bank:
         is_agreed = abs(best.bias) < 0.5 * BIAS_LIMIT and self.hearing.since_restart >= STUBBORN
         if best.weight >= SURE and is_placed and (self.is_multiple or is_agreed):
             self.hearing.is_searching = False
+
+    def _doubt(self, range_m: float) -> None:
+        """Start anew where the target seems faster than the robot: it is more likely misplaced.
+
+        A robot that chases an estimate hears nothing that contradicts it. While it circles, a
+        target that really is faster shows in how its distance grows. A beacon that seems to move
+        lies in water that flows.
+        """
+        if self.config.barrier.is_teaching or self.config.target.kind == "beacon":
+            return
+        h = self.best.h
+        std = math.sqrt(max(float(h[hk.RATE_VARIANCE]), 0.0))
+        speed = math.hypot(float(h[hk.NORTH_RATE]), float(h[hk.EAST_RATE]))
+        if speed - CERTAIN * std > self.config.motion.speed_max_m_s:
+            self._restart(range_m, NEXT_BEARING_RAD)
 
     def _split(self, known: tuple[float, float] | None) -> None:
         """Follow the mirrored estimate too where the ranges cannot tell the sides apart."""

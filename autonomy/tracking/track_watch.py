@@ -20,7 +20,7 @@ SCATTER = 3.0
 LOOK_S = 1.0
 """How often the growth of the distance is looked at."""
 SURE = 3.0
-"""Standard deviations by which a target must be faster than the robot to be left alone."""
+"""Standard deviations by which a distance must grow too fast for the target to be left alone."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +40,6 @@ class Evidence:
     """Ranges believed since one was rejected or they failed."""
     is_searching: bool
     """Whether the ranges contradicted the estimate, and none has taken its place."""
-    target_speed_m_s: float
-    target_speed_std_m_s: float
 
 
 class TrackWatch:
@@ -57,7 +55,6 @@ class TrackWatch:
         self._phase = TrackPhase.WAITING
         self._lost_for_s = 0.0
         self._unmeasured_s = 0.0
-        self._fast_s = 0.0
         self._anchor: tuple[float, float] | None = None
         self._stood_s = 0.0
         self._ranges: deque[tuple[float, float, float, float]] = deque()
@@ -89,7 +86,7 @@ class TrackWatch:
         self._note_range(evidence)
         self._note = self._wrong(evidence)
         self._lost_for_s = self._lost_for_s + dt_s if self._phase is TrackPhase.LOST else 0.0
-        self._give_up(evidence)
+        self._give_up()
 
     def _wrong(self, evidence: Evidence) -> str:
         """Set the phase and return what is wrong."""
@@ -159,31 +156,23 @@ class TrackWatch:
         away = float(np.hypot(*(heard[:, 2:] - heard[0, 2:]).T).max())
         return slope - SURE * math.sqrt(noise / total), away / span
 
-    def _outrun_by_m_s(self, evidence: Evidence) -> float:
+    def _outrun_by_m_s(self) -> float:
         """Return the speed of a target that is faster than the robot, 0 where it is not for sure.
 
-        The distance grows by no more than robot and target move together.
-        Otherwise the estimated speed counts, but only while the distance grows and the estimate
-        agrees with the ranges.
+        The distance grows by no more than robot and target move together. What the filter estimates
+        does not count: a robot that chases a misplaced estimate hears nothing against it.
         """
         if self._now_s < self._next_look_s:
             return 0.0
         self._next_look_s = self._now_s + LOOK_S
         most = self._config.motion.speed_max_m_s
         growth, own = self._growth_m_s()
-        slowest = evidence.target_speed_m_s - SURE * evidence.target_speed_std_m_s
-        is_doubtful = evidence.is_searching or self._config.barrier.is_teaching
-        is_fast = slowest > most and growth > 0.0 and not is_doubtful
-        self._fast_s = self._fast_s + LOOK_S if is_fast else 0.0
-        if growth - own > most:
-            return growth - own
-        is_outrun = self._fast_s > self._config.ranging.lost_after_s
-        return evidence.target_speed_m_s if is_outrun else 0.0
+        return growth - own if growth - own > most else 0.0
 
-    def _give_up(self, evidence: Evidence) -> None:
+    def _give_up(self) -> None:
         ranging, most = self._config.ranging, self._config.motion.speed_max_m_s
         given_up = ranging.give_up_after_s
-        speed = self._outrun_by_m_s(evidence)
+        speed = self._outrun_by_m_s()
         if speed > 0.0:
             self._reason = (
                 f"the target is faster than the robot: {speed:.2f} m/s against {most:.2f} m/s"

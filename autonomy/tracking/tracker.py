@@ -206,7 +206,6 @@ class Tracker:
 
     def _judge(self, dt_s: float, is_own_measured: bool, is_quiet: bool) -> None:
         bank, was = self._timeline.bank, self._watch.phase
-        h = bank.best.h
         self._watch.step(
             dt_s,
             Evidence(
@@ -217,8 +216,6 @@ class Tracker:
                 silence_s=bank.hearing.silence_s,
                 streak=bank.hearing.streak,
                 is_searching=bank.hearing.is_searching,
-                target_speed_m_s=math.hypot(*_velocity(h)),
-                target_speed_std_m_s=math.sqrt(max(float(h[hk.RATE_VARIANCE]), 0.0)),
             ),
         )
         if self._watch.phase is TrackPhase.LOST and was is not TrackPhase.LOST:

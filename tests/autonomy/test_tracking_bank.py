@@ -9,9 +9,9 @@ import pytest
 from autonomy.tracking import hypothesis_kernel as hk
 from autonomy.tracking import unicycle
 from autonomy.tracking.bank import Bank, BankInput
-from autonomy.tracking.config import FilterConfig, RangingConfig
+from autonomy.tracking.config import BarrierConfig, FilterConfig, RangingConfig
 from autonomy.tracking.filter import predict, start_estimate, update
-from autonomy.tracking.hypothesis import RING, mirrored_across
+from autonomy.tracking.hypothesis import RING, mirrored_across, ring
 from autonomy.tracking.late_range import LONGEST_AGE_S, Timeline
 from autonomy.tracking.reacquire import Search
 from autonomy.tracking.reading import RangeHeard
@@ -188,6 +188,41 @@ def test_silence_widens_a_target_of_unknown_velocity_faster_than_one_of_known():
             bank.step(BankInput(DT_S if n else 0.0, (0.2, 0.0), math.nan, math.nan, (), velocity))
         spreads.append(hk.worst_variance(bank.best.h))
     assert spreads[0] > spreads[1] + 0.5 * 0.01 * 60.0**2
+
+
+def runaway(velocity=None, kind="tag", controller="barrier"):
+    """Hear what a hypothesis expects that is sure to move by 0.8 m/s."""
+    config = settings(barrier=BarrierConfig(controller=controller))
+    target = config.target.model_copy(update={"kind": kind})
+    bank = begin(config.model_copy(update={"target": target}))
+    swim(bank, (-3.0, 1.0, 0.5, 0.2), 0.4, 10.0, np.random.default_rng(3))
+    h = bank.best.h
+    h[[hk.NORTH_RATE, hk.EAST_RATE, hk.RATE_VARIANCE]] = 0.8, 0.0, 1e-4
+    heard = (hk.expect(h, bank.q)[0],)
+    bank.step(BankInput(0.0, (0.0, 0.0), math.nan, math.nan, heard, velocity))
+    return bank
+
+
+def test_an_estimate_that_runs_away_faster_than_the_robot_is_started_anew():
+    bank = runaway()
+    assert bank.hearing.is_searching
+    assert bank.hearing.restarts == 1
+    assert all(one.h[hk.NORTH_RATE] == 0.0 for one in bank.hypotheses)
+
+
+@pytest.mark.parametrize(
+    "case", [{"velocity": (0.0, 0.0)}, {"kind": "beacon"}, {"controller": "nominal"}]
+)
+def test_a_known_velocity_flowing_water_and_teaching_are_no_reason_to_start_anew(case):
+    assert runaway(**case).hearing.restarts == 0
+
+
+def test_every_hypothesis_begins_with_the_speed_that_a_target_is_expected_to_have():
+    bank = begin(settings(filter=FilterConfig(target_speed_std_m_s=0.02)))
+    others = [mirrored_across(bank.best.h, 0.0, 1.0, bank.q)]
+    others += [one.h for one in ring(bank.best.h, 5.0, bank.q)]
+    for h in (bank.best.h, *others):
+        assert h[hk.RATE_VARIANCE] == pytest.approx(4e-4)
 
 
 def test_a_copy_lives_its_own_life():

@@ -9,6 +9,7 @@ import pytest
 from autonomy.site import Box
 from autonomy.tracking import unicycle
 from autonomy.tracking.config import (
+    TRACKING_PRESETS,
     BarrierConfig,
     FilterConfig,
     MotionConfig,
@@ -369,3 +370,28 @@ def test_a_command_that_is_none_is_neither_taken_nor_given():
     assert one.swim(0.1) == other.swim(0.1)
     one.tracker._predictive = Broken()
     assert one.swim(0.1).command == (0.0, 0.0)
+
+
+def false_speed(target_speed_std_m_s, seed):
+    """Mean estimated speed of a tag that stays, seen by a slow robot with rare, rough ranges."""
+    lake = TRACKING_PRESETS["grace3"]
+    chosen = lake.filter.model_copy(update={"target_speed_std_m_s": target_speed_std_m_s})
+    target = lake.target.model_copy(update={"north_m": 0.0, "east_m": 0.0})
+    config = lake.model_copy(update={"filter": chosen, "target": target})
+    rough = np.random.default_rng(seed)
+    tracker = Tracker(config, TrackerStart((-20.0, 6.0), 0.0, 0.1))
+    pose, speeds = (-20.0, 6.0, 0.0, 0.1), []
+    for n in range(2000):
+        range_m, heading, speed = rough.standard_normal(3) * (1.5, 0.05, 0.03)
+        heard = (RangeHeard(abs(math.hypot(*pose[:2]) + range_m)),) if n % 20 == 0 else ()
+        reading = TrackerReading(pose[:2], pose[2] + heading, pose[3] + speed, heard)
+        step = tracker.step(reading, DT_S if n else 0.0)
+        speeds.append(math.hypot(*step.hypotheses[0].velocity_ne_m_s))
+        pose = unicycle.advance(pose, *step.command, DT_S)
+    return np.mean(speeds)
+
+
+def test_a_slow_robot_that_expects_a_slow_target_sees_less_false_motion():
+    vague, expected = ([false_speed(std, seed) for seed in range(3)] for std in (0.1, 0.03))
+    assert np.mean(expected) < 0.03
+    assert np.mean(expected) < 0.6 * np.mean(vague)
