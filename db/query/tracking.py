@@ -14,6 +14,7 @@ from db.tracking_tables import TrackReportRow
 from robot_link.messages import OnboardPlanState, RobotId, TargetEstimate, TrackReport
 
 _ROWS_AT_ONCE = 1000
+_ENDED = (int(OnboardPlanState.DONE), int(OnboardPlanState.FAILED))
 _NOT_HELD = (int(TrackPhase.LOST), int(TrackPhase.COASTING))
 
 
@@ -126,6 +127,22 @@ def lost_since(session: Session, robot: str, moment: datetime) -> datetime | Non
     held = session.scalar(select(func.max(at)).where(*before, phase.not_in(_NOT_HELD)))
     lost = select(func.min(at)).where(*before, phase == int(TrackPhase.LOST))
     return session.scalar(lost if held is None else lost.where(at > held))
+
+
+def has_ended_within(session: Session, robot: str, since: datetime, until: datetime) -> bool:
+    """Tell whether a robot said between two moments that a mission of it had ended.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    at = PlanReportRow.measured_at
+    ended = select(at).where(
+        PlanReportRow.robot_key == robot_key(session, robot),
+        PlanReportRow.state.in_(_ENDED),
+        at > since,
+        at < until,
+    )
+    return session.scalar(ended.limit(1)) is not None
 
 
 def newest_event_of(session: Session, robot: str, kinds: tuple[str, ...]) -> str | None:

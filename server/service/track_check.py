@@ -77,7 +77,7 @@ def track_violations(picture: Picture, config: TrackingConfig) -> list[Violation
         *_of_target(site, config),
         *_of_address(picture, config),
         *_of_motion(site, config),
-        *_of_robot(picture, config),
+        *_of_robot(picture),
     ]
     return [ViolationView(field, message) for field, message in found]
 
@@ -249,7 +249,7 @@ def _of_motion(site: Site, config: TrackingConfig) -> Iterator[tuple[str, str]]:
         )
 
 
-def _of_robot(picture: Picture, config: TrackingConfig) -> Iterator[tuple[str, str]]:
+def _of_robot(picture: Picture) -> Iterator[tuple[str, str]]:
     state = picture.state
     if state is None:
         return
@@ -262,14 +262,11 @@ def _of_robot(picture: Picture, config: TrackingConfig) -> Iterator[tuple[str, s
             f"{site.name} ({water_text(site)}).",
         )
     if state.battery_fraction < _LEAST_CHARGE:
-        yield ("motion.duration_s", _charge_text(robot, state, config))
-
-
-def _charge_text(robot: str, state: StateReport, config: TrackingConfig) -> str:
-    return (
-        f"{robot} has {state.battery_fraction:.0%} of its battery left; to swim for "
-        f"{config.motion.duration_s:g} s it needs {_LEAST_CHARGE:.0%} or more."
-    )
+        yield (
+            "start",
+            f"{robot} has {state.battery_fraction:.0%} of its battery left; it begins to follow a "
+            f"target with {_LEAST_CHARGE:.0%} or more.",
+        )
 
 
 def in_water(site: Site, north_m: float, east_m: float, margin_m: float = 0.0) -> bool:

@@ -7,7 +7,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.tracking.phase import TrackPhase
 from db.query.events import add_event
-from db.query.tracking import lost_since, newest_event_of
+from db.query.tracking import has_ended_within, lost_since, newest_event_of
 from db.store import Store
 from robot_link.messages import TrackReport
 from server.service.turn import Turns
@@ -22,7 +22,7 @@ _SAYS: Final = {
     TrackPhase.ENDED: ENDED,
 }
 """Coasting is in between: neither a loss nor the end of one. Who waits for a first range has begun
-another mission."""
+another mission, or goes on with one that was held."""
 
 
 class TrackFollower:
@@ -60,6 +60,9 @@ class TrackFollower:
         if said == last or (said != LOST and last != LOST):
             return
         since = None if said == LOST else lost_since(session, robot, report.measured_at)
+        if said == FOUND and since is not None:
+            is_another = has_ended_within(session, robot, since, report.measured_at)
+            said = ENDED if is_another else FOUND  # the end of the first may not have been heard
         add_event(
             session,
             report.measured_at,
@@ -82,6 +85,8 @@ def _text(report: TrackReport, said: str, since: datetime | None) -> str:
     if said == LOST:
         why = "; it was told not to ping" if report.is_quiet else ""
         return f"{robot} lost its target{why}."
+    if said == ENDED and report.phase is TrackPhase.WAITING:
+        return f"{robot} begins to listen for its target anew; it had not found it again."
     if said == ENDED:
         return f"{robot} ended without finding its target again."
     after = "" if since is None else f" after {(report.measured_at - since) / _SECOND:.0f} s"

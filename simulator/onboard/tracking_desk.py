@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from datetime import datetime
 
 import numpy as np
@@ -93,7 +94,7 @@ class TrackingDesk:
     def pause(self) -> None:
         """Stop pursuing and pinging, until ``pursue``."""
         if self._pursuit is not None:
-            self._newest = self._pursuit.newest or self._newest
+            self._newest = _since_begin(self._pursuit.newest, self._newest)
         if self._hearing is not None:
             self._hearing.forget()
         self._pursuit = None
@@ -137,7 +138,10 @@ class TrackingDesk:
             estimate: Where it believes to be.
         """
         hearing, config = self._hearing, self._config
-        step = self._pursuit.newest if self._pursuit else self._newest
+        step = self._newest
+        if self._pursuit is not None:
+            newest = self._pursuit.newest
+            step = newest and _since_begin(newest, self._newest)
         is_told = self._pursuit is not None or (self._is_over and self._said_s < _LAST_WORD_S)
         if hearing is None or config is None or step is None or not is_told:
             return None
@@ -167,6 +171,17 @@ class TrackingDesk:
             is_quiet=self.is_quiet,
             true_ne_m=hearing.true_ne_m,
         )
+
+
+def _since_begin(newest: TrackerStep | None, before: TrackerStep | None) -> TrackerStep | None:
+    """Return the newest step, with the ranges of the pursuits before a hold counted too."""
+    if newest is None or before is None:
+        return newest or before
+    return replace(
+        newest,
+        ranges_heard=newest.ranges_heard + before.ranges_heard,
+        ranges_rejected=newest.ranges_rejected + before.ranges_rejected,
+    )
 
 
 def _from_newest(config: TrackingConfig, newest: TrackerStep) -> TrackingConfig:

@@ -152,16 +152,18 @@ def test_range_from_before_a_hold_is_not_taken_for_a_new_one():
     life = begin(changed(TANK, target={"kind": "tag"}))
     life.live(1.0)
     program = life.robot.program
+    program.hear_range(0.7, 0.1)
+    life.live(0.5)
     program.obey(CommandKind.HOLD, "")
     program.hear_range(0.7, 0.1)
     assert life.live_until(lambda: life.executive.mode is RobotMode.HOLDING, 20.0)
     program.obey(CommandKind.RESUME, "")
     assert life.live_until(lambda: life.executive.mode is RobotMode.TRACKING, 5.0)
     life.live(0.5)
-    assert report(life).ranges_heard == 0
+    assert report(life).ranges_heard == 1
     program.hear_range(0.7, 0.1)
     life.live(0.5)
-    assert report(life).ranges_heard == 1
+    assert report(life).ranges_heard == 2
 
 
 def test_virtual_target_is_never_pinged_and_a_tag_is_until_the_robot_shall_be_quiet():

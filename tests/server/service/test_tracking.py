@@ -216,6 +216,31 @@ async def test_a_mission_that_ends_without_its_target_says_so(client, world):
     assert await events_of(client, "track.found") == [], "that is another mission"
 
 
+async def test_a_target_of_the_next_mission_is_not_the_lost_one_found_again(client, world):
+    world.tell(now_report(9.0, TrackPhase.LOST))
+    world.robots[MINI].say(OnboardPlanState.FAILED)
+    world.tell(now_report(-1.0))
+
+    async def told():
+        return await events_of(client, "track.ended")
+
+    await until(told)
+    assert await events_of(client, "track.found") == []
+
+
+async def test_a_held_mission_that_goes_on_has_not_ended(client, world):
+    world.tell(now_report(9.0, TrackPhase.LOST))
+    world.tell(now_report(5.0, TrackPhase.WAITING, hypotheses=(), range_m=None))
+
+    async def told():
+        return await events_of(client, "track.ended")
+
+    (ended,) = await until(told)
+    assert ended["text"] == (
+        "mini-1 begins to listen for its target anew; it had not found it again."
+    )
+
+
 async def test_a_loss_that_a_killed_station_had_not_told_is_told_at_its_next_start(tmp_path, world):
     async with open_station(tmp_path, world) as station:
         # As after a kill between the row and its event.

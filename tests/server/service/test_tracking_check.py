@@ -115,7 +115,7 @@ def test_a_robot_that_cannot_do_it_now_is_named():
     assert fields(track_violations(far, TRACKING_PRESETS["miniglider"])) == ["start"]
     empty = picture_in(TANK, battery_fraction=0.15)
     (one,) = track_violations(empty, TRACKING_PRESETS["miniglider"])
-    assert one.field == "motion.duration_s"
+    assert one.field == "start"
     assert "15% of its battery" in one.message
 
 

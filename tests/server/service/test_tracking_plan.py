@@ -174,7 +174,7 @@ async def test_check_says_what_changed_since_it_was_made(client, world):
     fields = [
         one["field"] for one in (await client.post(f"/api/plans/{plan}/check")).json()["violations"]
     ]
-    assert fields == ["motion.duration_s", "mission.draft_distance_m"]
+    assert fields == ["start", "mission.draft_distance_m"]
     outdated = (await client.get(f"/api/plans/{plan}")).json()["outdated"]
     assert [one["field"] for one in outdated] == ["mission.draft_distance_m"]
     answer = await upload(client, plan)
