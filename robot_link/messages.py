@@ -198,7 +198,7 @@ class TrackReport:
     command: tuple[float, float]
     """What the robot asks of its tail: turn rate rad/s, acceleration m/s2."""
     is_barrier_on: bool
-    """Whether anything keeps the target observable; False is the teaching mode."""
+    """False in the teaching mode, in which nothing keeps the target observable."""
     is_feasible: bool
     """Whether the barrier could be kept at this step."""
     is_quiet: bool

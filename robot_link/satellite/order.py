@@ -67,7 +67,7 @@ def pack_order(
     Args:
         kind: What to do.
         number: The command's number, by every carrier the same; with ``expires`` its name.
-        expires: When START and RESUME are too late; whole seconds count.
+        expires: When it is too late, but for SURFACE and HOLD; whole seconds count.
         plan: Plan that START names.
         key: The robot's key.
         system: The robot's MAVLink system id.

@@ -98,7 +98,7 @@ class Receiver:
 
         Args:
             data: The message.
-            now: The robot's clock, against which START and RESUME expire.
+            now: The robot's clock, against which all orders but SURFACE and HOLD expire.
 
         Raises:
             OSError: If the store refuses.

@@ -38,10 +38,11 @@ def track_csv_blocks(
         wanted: Which reports; ``None`` for none.
     """
     mark = f"{COMMENT} SIMULATION: this robot does not exist\n" if robot.simulated else ""
+    site = robot.site
     yield (
-        f"{mark}{COMMENT} {robot.id}, target: times Unix s (UTC), positions in the frame of "
-        f"{robot.site.name} (origin {robot.site.origin_latitude_deg:.7f} deg, "
-        f"{robot.site.origin_longitude_deg:.7f} deg)\n" + ",".join(COLUMNS) + "\n"
+        f"{mark}{COMMENT} {robot.id}, target: times Unix s (UTC), ranges horizontal, positions in "
+        f"the frame of {site.name} (origin {site.origin_latitude_deg:.7f} deg, "
+        f"{site.origin_longitude_deg:.7f} deg)\n" + ",".join(COLUMNS) + "\n"
     )
     if wanted is None:
         return
@@ -64,7 +65,7 @@ def _row(report: TrackReport) -> str:
         *map(repr, report.position_ne_m),
         *(cell for estimate in estimates for cell in estimate),
         "" if report.range_m is None else repr(report.range_m),
-        repr(report.range_age_s),
+        "" if report.range_m is None else repr(report.range_age_s),
         str(report.ranges_heard),
         str(report.ranges_rejected),
         repr(report.determinant_m2_s),

@@ -166,7 +166,7 @@ class TrackingDesk:
             inverse_condition=step.inverse_condition,
             nominal=step.nominal,
             command=step.command,
-            is_barrier_on=config.barrier.controller != "nominal",
+            is_barrier_on=not config.barrier.is_teaching,
             is_feasible=step.is_feasible,
             is_quiet=self.is_quiet,
             true_ne_m=hearing.true_ne_m,

@@ -51,7 +51,7 @@ class TargetTrackView(View):
     command: tuple[float, float]
     """What the robot asked of its tail then: turn rate rad/s, acceleration m/s2."""
     is_barrier_on: bool
-    """Whether anything keeps the target observable; ``false`` is the teaching mode."""
+    """``false`` in the teaching mode, in which nothing keeps the target observable."""
     is_feasible: bool
     """Whether the barrier could be kept."""
     is_quiet: bool

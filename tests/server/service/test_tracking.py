@@ -151,7 +151,8 @@ async def test_export_has_a_column_for_every_number_and_says_that_it_is_simulate
     assert float(first["target2_weight"]) == 0.25
     assert float(first["determinant_m2_s"]) == report.determinant_m2_s
     assert (first["phase"], first["is_barrier_on"]) == ("tracking", "1")
-    assert second["range_m"] == second["target1_north_m"] == second["true_north_m"] == ""
+    assert second["range_m"] == second["range_age_s"] == ""
+    assert second["target1_north_m"] == second["true_north_m"] == ""
     assert len(first) == len(second) == len(lines[2].split(","))
 
 
