@@ -79,4 +79,4 @@ LAKE_TARGETS = (
         path=TargetConfig(kind="beacon", path="static", north_m=100.0, east_m=150.0),
     ),
 )
-"""A tag that wanders about 17 m around 120 m north, 144 m east, and a beacon near it."""
+"""A tag that wanders within 14 m of 120 m north, 144 m east, and a beacon near it."""
