@@ -349,11 +349,12 @@ class Bank:
         target that really is faster shows in how its distance grows. A beacon that seems to move
         lies in water that flows.
         """
-        if self.config.barrier.is_teaching or self.config.target.kind == "beacon":
+        may_flow = self.config.target.kind == "beacon"
+        is_rejected = self.hearing.run > 0
+        if self.config.barrier.is_teaching or may_flow or is_rejected:
             return
-        h = self.best.h
-        std = math.sqrt(max(float(h[hk.RATE_VARIANCE]), 0.0))
-        speed = math.hypot(float(h[hk.NORTH_RATE]), float(h[hk.EAST_RATE]))
+        std = math.sqrt(max(float(self.best.h[hk.RATE_VARIANCE]), 0.0))
+        speed = math.hypot(*self.best.velocity_ne_m_s)
         if speed - CERTAIN * std > self.config.motion.speed_max_m_s:
             self._restart(range_m, NEXT_BEARING_RAD)
 
@@ -365,14 +366,15 @@ class Bank:
         if len(self.hypotheses) > 1 or not is_due:
             return
         h = one.h
-        north, east = known or (float(h[hk.NORTH_RATE]), float(h[hk.EAST_RATE]))
+        north, east = known or one.velocity_ne_m_s
         course_n, course_e = h[3] * math.cos(h[2]) - north, h[3] * math.sin(h[2]) - east
         pace = math.hypot(course_n, course_e)
         if not pace > 0.0:
             return
         n_n, n_e = -course_e / pace, course_n / pace
         off = n_n * h[0] + n_e * h[1]
-        variance = n_n * n_n * h[4] + 2.0 * n_n * n_e * h[5] + n_e * n_e * h[8]
+        nn, ne, ee = one.place_covariance_m2
+        variance = n_n * n_n * nn + 2.0 * n_n * n_e * ne + n_e * n_e * ee
         mirrored = Hypothesis(mirrored_across(h, n_n, n_e, self.q), 0.0, one.bias, one.since_s)
         if off * off > BLIND**2 * variance or hk.apart(h, mirrored.h) < 1.0:
             return

@@ -8,7 +8,6 @@ the current, which dead reckoning cannot see.
 import math
 from dataclasses import dataclass
 
-from autonomy.tracking import hypothesis_kernel as hk
 from autonomy.tracking.bank import Bank, BankInput
 from autonomy.tracking.config import TrackingConfig
 from autonomy.tracking.late_range import Timeline
@@ -101,11 +100,12 @@ class BeaconNavigator:
     def _fix(self) -> BeaconFix:
         bank = self._timeline.bank
         h = bank.best.h
+        north, east = bank.best.velocity_ne_m_s
         return BeaconFix(
             position_ne_m=(self._beacon[0] + float(h[0]), self._beacon[1] + float(h[1])),
-            covariance_m2=(float(h[4]), float(h[5]), float(h[8])),
+            covariance_m2=bank.best.place_covariance_m2,
             weight=bank.best.weight,
-            current_ne_m_s=(-float(h[hk.NORTH_RATE]), -float(h[hk.EAST_RATE])),
+            current_ne_m_s=(-north, -east),
             silence_s=bank.hearing.silence_s,
             is_sure=not bank.hearing.is_searching,
         )

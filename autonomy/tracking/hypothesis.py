@@ -28,6 +28,16 @@ class Hypothesis:
     since_s: float = 0.0
     """Time since it took in a range, or began."""
 
+    @property
+    def velocity_ne_m_s(self) -> tuple[float, float]:
+        """Velocity of the target as its own filter estimates it."""
+        return float(self.h[hk.NORTH_RATE]), float(self.h[hk.EAST_RATE])
+
+    @property
+    def place_covariance_m2(self) -> tuple[float, float, float]:
+        """Of the relative position: north-north, north-east, east-east."""
+        return float(self.h[4]), float(self.h[5]), float(self.h[8])
+
     def copy(self) -> "Hypothesis":
         """Return a copy that shares nothing."""
         return Hypothesis(self.h.copy(), self.weight, self.bias, self.since_s)

@@ -72,6 +72,15 @@ def estimate(record: FloatArray) -> FloatArray:
     return record[:, [ESTIMATE_NORTH, ESTIMATE_EAST]]
 
 
+def mean_so_far(vectors: FloatArray) -> FloatArray:
+    """Return the time-averaged length of an error up to each step, shape ``(n,)``.
+
+    Args:
+        vectors: The error at each step, shape ``(n, 2)``, m.
+    """
+    return np.cumsum(np.hypot(*vectors.T)) / np.arange(1.0, len(vectors) + 1.0)
+
+
 def score(record: FloatArray, step_s: float) -> Score:
     """Judge a run by its record, shape ``(n, RECORD_SIZE)``.
 

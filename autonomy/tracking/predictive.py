@@ -16,7 +16,7 @@ from autonomy.tracking.predictive_kernel import (
     SMOOTHING,
     TRACE,
 )
-from autonomy.tracking.predictive_search import Outcome, Search
+from autonomy.tracking.predictive_search import Search, SearchOutcome
 
 NUMBERS: dict[ObjectiveName, int] = {
     "mpc_none": NONE,
@@ -57,7 +57,9 @@ class PredictiveController:
         found = self.plan(z, target_velocity, P)
         return found.turn_rate_rad_s, found.acceleration_m_s2
 
-    def plan(self, z: FloatArray, target_velocity: tuple[float, float], P: FloatArray) -> Outcome:
+    def plan(
+        self, z: FloatArray, target_velocity: tuple[float, float], P: FloatArray
+    ) -> SearchOutcome:
         """Search once, as ``command`` does, and tell how the search went."""
         return self._search.step(z, target_velocity, P)
 

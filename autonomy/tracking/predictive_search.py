@@ -40,7 +40,7 @@ _LEAST_DAMPED = 0.2
 
 
 @dataclass(frozen=True, slots=True)
-class Outcome:
+class SearchOutcome:
     """What a search found."""
 
     turn_rate_rad_s: float
@@ -68,7 +68,7 @@ class Search:
 
     def step(
         self, z: FloatArray, target_velocity: tuple[float, float], covariance: FloatArray
-    ) -> Outcome:
+    ) -> SearchOutcome:
         """Improve the plan from this state, return its first inputs, and shift it."""
         x, y, psi, v = z
         found = predictive_step(
@@ -83,7 +83,7 @@ class Search:
             self._packed,
             self._room,
         )
-        return Outcome(*found)
+        return SearchOutcome(*found)
 
 
 def empty_room(steps: int) -> Room:

@@ -20,7 +20,7 @@ SPEED_SHARE = 0.5
 """Share of the speed cap that the robot strives for."""
 
 
-class Search:
+class SearchCircle:
     """The re-acquire manoeuvre, from its beginning on.
 
     Args:

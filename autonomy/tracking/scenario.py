@@ -98,12 +98,8 @@ FIT: Final = Scenario(
     name="FIT",
     config=THESIS_TRACKING.model_copy(
         update={
-            "target": TargetConfig(
-                path="line",
-                speed_m_s=0.0235,
-                heading_rad=3.474 - 2.0 * math.pi,
-                north_m=0.0,
-                east_m=0.0,
+            "target": THESIS_TRACKING.target.model_copy(
+                update={"heading_rad": 3.474 - 2.0 * math.pi}
             ),
         }
     ),

@@ -20,7 +20,7 @@ from autonomy.tracking.late_range import Timeline
 from autonomy.tracking.pack_control import pack_control
 from autonomy.tracking.phase import TrackPhase
 from autonomy.tracking.predictive import PredictiveController
-from autonomy.tracking.reacquire import Search
+from autonomy.tracking.reacquire import SearchCircle
 from autonomy.tracking.reading import (
     LARGEST_M,
     Pair,
@@ -92,7 +92,7 @@ class Tracker:
         )
         self._timeline = Timeline(bank)
         self._watch = TrackWatch(config)
-        self._search = Search(config)
+        self._search = SearchCircle(config)
         self._predictive = self._new_predictive()
         self._now_s = 0.0
         self._own_ne_m = own
@@ -219,7 +219,7 @@ class Tracker:
             ),
         )
         if self._watch.phase is TrackPhase.LOST and was is not TrackPhase.LOST:
-            self._search = Search(self._config)
+            self._search = SearchCircle(self._config)
             self._predictive = self._new_predictive()
 
     def _new_predictive(self) -> PredictiveController | None:
@@ -230,7 +230,7 @@ class Tracker:
         """Return the command for the hypothesis that is followed."""
         h, phase = self._timeline.bank.best.h, self._watch.phase
         x_r, y_r, psi, v = (float(value) for value in h[:4])
-        vt_n, vt_e = known or _velocity(h)
+        vt_n, vt_e = known or self._timeline.bank.best.velocity_ne_m_s
         u1, u2, n1, n2, determinant, barrier, status = control_kernel.control_step(
             x_r, y_r, psi, v, vt_n, vt_e, 0.0, 0.0, self._p
         )
@@ -286,16 +286,12 @@ class Tracker:
         return tuple(
             TargetHypothesis(
                 (north - float(one.h[0]), east - float(one.h[1])),
-                known or _velocity(one.h),
-                (float(one.h[4]), float(one.h[5]), float(one.h[8])),
+                known or one.velocity_ne_m_s,
+                one.place_covariance_m2,
                 one.weight / total,
             )
             for one in chosen
         )
-
-
-def _velocity(h: FloatArray) -> Pair:
-    return (float(h[hk.NORTH_RATE]), float(h[hk.EAST_RATE]))
 
 
 def _is_place(ne_m: Pair) -> bool:

@@ -278,15 +278,11 @@ def _condition(record: FloatArray) -> FloatArray:
 
 
 def _estimation(record: FloatArray) -> FloatArray:
-    return _running_mean(metrics.relative(record) - metrics.estimate(record))
+    return metrics.mean_so_far(metrics.relative(record) - metrics.estimate(record))
 
 
 def _tracking(record: FloatArray) -> FloatArray:
-    return _running_mean(metrics.relative(record))
-
-
-def _running_mean(vectors: FloatArray) -> FloatArray:
-    return np.cumsum(np.hypot(*vectors.T)) / np.arange(1.0, len(vectors) + 1.0)
+    return metrics.mean_so_far(metrics.relative(record))
 
 
 def _slope_panel(shares: FloatArray) -> Panel:

@@ -302,7 +302,7 @@ def _figure(trials: Trials, mean: FloatArray, std: FloatArray) -> Figure:
         summed = np.cumsum(outcome.record[:, metrics.INVERSE_CONDITION]) * COARSE.step_s
         observed.append(Series(hue.value, time_s, summed[::stride], hue))
         for lines, error in ((estimated, kappa), (tracked, tau)):
-            so_far = np.cumsum(np.hypot(*error.T)) / np.arange(1.0, len(error) + 1.0)
+            so_far = metrics.mean_so_far(error)
             lines.append(Series(hue.value, time_s, so_far[::stride], hue))
     return Figure(
         (

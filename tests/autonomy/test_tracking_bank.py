@@ -13,7 +13,7 @@ from autonomy.tracking.config import BarrierConfig, FilterConfig, RangingConfig
 from autonomy.tracking.filter import predict, start_estimate, update
 from autonomy.tracking.hypothesis import RING, mirrored_across, ring
 from autonomy.tracking.late_range import LONGEST_AGE_S, Timeline
-from autonomy.tracking.reacquire import Search
+from autonomy.tracking.reacquire import SearchCircle
 from autonomy.tracking.reading import RangeHeard
 from autonomy.tracking.velocity_filter import TargetMotion, step_motion
 from tests.autonomy.tracking_water import DT_S, NOISE_STD, settings
@@ -190,15 +190,15 @@ def test_silence_widens_a_target_of_unknown_velocity_faster_than_one_of_known():
     assert spreads[0] > spreads[1] + 0.5 * 0.01 * 60.0**2
 
 
-def runaway(velocity=None, kind="tag", controller="barrier"):
-    """Hear what a hypothesis expects that is sure to move by 0.8 m/s."""
+def runaway(velocity=None, kind="tag", controller="barrier", farther_m=0.0):
+    """Hear what a hypothesis expects, or a wrong range, that is sure to move by 0.8 m/s."""
     config = settings(barrier=BarrierConfig(controller=controller))
     target = config.target.model_copy(update={"kind": kind})
     bank = begin(config.model_copy(update={"target": target}))
     swim(bank, (-3.0, 1.0, 0.5, 0.2), 0.4, 10.0, np.random.default_rng(3))
     h = bank.best.h
     h[[hk.NORTH_RATE, hk.EAST_RATE, hk.RATE_VARIANCE]] = 0.8, 0.0, 1e-4
-    heard = (hk.expect(h, bank.q)[0],)
+    heard = (hk.expect(h, bank.q)[0] + farther_m,)
     bank.step(BankInput(0.0, (0.0, 0.0), math.nan, math.nan, heard, velocity))
     return bank
 
@@ -211,9 +211,15 @@ def test_an_estimate_that_runs_away_faster_than_the_robot_is_started_anew():
 
 
 @pytest.mark.parametrize(
-    "case", [{"velocity": (0.0, 0.0)}, {"kind": "beacon"}, {"controller": "nominal"}]
+    "case",
+    [
+        {"velocity": (0.0, 0.0)},
+        {"kind": "beacon"},
+        {"controller": "nominal"},
+        {"farther_m": 50.0},
+    ],
 )
-def test_a_known_velocity_flowing_water_and_teaching_are_no_reason_to_start_anew(case):
+def test_no_track_starts_anew_by_known_velocity_beacon_teaching_or_a_wrong_range(case):
     assert runaway(**case).hearing.restarts == 0
 
 
@@ -262,7 +268,7 @@ def test_a_range_from_before_the_memory_is_counted_and_not_used():
 
 def test_the_search_circles_to_each_side_in_turn_within_the_limits():
     config = settings()
-    search = Search(config)
+    search = SearchCircle(config)
     rates = [search.command(0.3, DT_S)[0] for _ in range(1000)]
     assert {np.sign(rate) for rate in rates} == {-1.0, 1.0}
     assert max(abs(rate) for rate in rates) <= config.motion.turn_rate_max_rad_s
@@ -272,7 +278,7 @@ def test_the_search_circles_to_each_side_in_turn_within_the_limits():
 
 def test_the_search_waits_for_ranges_that_are_far_between():
     slow = RangingConfig(period_s=5.0, coast_after_s=12.0, lost_after_s=30.0)
-    rate = Search(settings(ranging=slow)).command(0.3, DT_S)[0]
+    rate = SearchCircle(settings(ranging=slow)).command(0.3, DT_S)[0]
     assert 2.0 * math.pi / rate == pytest.approx(40.0)
 
 
