@@ -8,7 +8,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.site import Site
-from autonomy.tracking.config import TrackingConfig
+from autonomy.tracking.config import BarrierConfig, TrackingConfig
 from autonomy.tracking.target_path import place
 from db.query.plans import PlanRecord
 from robot_link.gateway.address import acoustic_address, is_acoustic
@@ -92,36 +92,8 @@ def track_warnings(
         config: The mission.
         is_quiet: Whether the robot was told not to ping.
     """
-    barrier, site = config.barrier, picture.record.site
-    found: list[tuple[str, str]] = []
-    if barrier.is_teaching:
-        found.append(
-            (
-                TEACHING,
-                "For teaching: nothing keeps the target observable, so the estimate will diverge.",
-            )
-        )
-    elif barrier.controller == "mpc_none":
-        found.append(
-            (
-                "barrier.controller",
-                "This controller does nothing to keep the target observable; it is for comparison.",
-            )
-        )
-    elif barrier.controller == "barrier" and barrier.alpha not in _CLASS_K:
-        found.append(
-            (
-                "barrier.alpha",
-                f"{barrier.alpha} is not class K: the robot may run away from its target.",
-            )
-        )
-    if barrier.controller == "barrier" and barrier.fallback == "nominal":
-        found.append(
-            (
-                "barrier.fallback",
-                "Once the barrier cannot be kept the robot may not get out of that again.",
-            )
-        )
+    site = picture.record.site
+    found = list(_of_barrier(config.barrier))
     if is_quiet:
         found.append(
             (
@@ -138,6 +110,31 @@ def track_warnings(
             )
         )
     return [ViolationView(field, message) for field, message in found]
+
+
+def _of_barrier(barrier: BarrierConfig) -> Iterator[tuple[str, str]]:
+    if barrier.is_teaching:
+        yield (
+            TEACHING,
+            "For teaching: nothing keeps the target observable, so the estimate will diverge.",
+        )
+    elif barrier.controller == "mpc_none":
+        yield (
+            "barrier.controller",
+            "This controller does nothing to keep the target observable; it is for comparison.",
+        )
+    if barrier.controller != "barrier":
+        return
+    if barrier.alpha not in _CLASS_K:
+        yield (
+            "barrier.alpha",
+            f"{barrier.alpha} is not class K: the robot may run away from its target.",
+        )
+    if barrier.fallback == "nominal":
+        yield (
+            "barrier.fallback",
+            "Once the barrier cannot be kept the robot may not get out of that again.",
+        )
 
 
 def outdated_track(plan: PlanRecord, state: StateReport, now: datetime) -> list[ViolationView]:

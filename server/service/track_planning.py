@@ -110,7 +110,7 @@ class TrackPlanning:
         told = await self._foundation.store.query(
             lambda session: newest_applied(session, robot, (CommandKind.QUIET, CommandKind.PING))
         )
-        if told is None or (report is not None and report.received_at > told[1]):
+        if told is None or (report is not None and report.measured_at > told[1]):
             return report is not None and report.is_quiet
         return told[0] is CommandKind.QUIET
 
