@@ -376,7 +376,7 @@ class Bank:
         nn, ne, ee = one.place_covariance_m2
         variance = n_n * n_n * nn + 2.0 * n_n * n_e * ne + n_e * n_e * ee
         mirrored = Hypothesis(mirrored_across(h, n_n, n_e, self.q), 0.0, one.bias, one.since_s)
-        if off * off > BLIND**2 * variance or hk.apart(h, mirrored.h) < 1.0:
+        if off * off >= BLIND**2 * variance or hk.apart(h, mirrored.h) < 1.0:
             return
         mirrored.weight = max(math.exp(-2.0 * off * off / variance), LEAST_MIRROR_WEIGHT)
         self.hypotheses.append(mirrored)

@@ -127,16 +127,17 @@ def correct_into(
     x[1] += k1 * i * innovation
     x[2] += k2 * i * innovation
     x[3] += k3 * i * innovation
-    P[0] -= k0 * k0 * i
+    # A first guess that is vague beyond all digits of a range could round a variance below zero.
+    P[0] = max(P[0] - k0 * k0 * i, 0.0)
     P[1] -= k0 * k1 * i
     P[2] -= k0 * k2 * i
     P[3] -= k0 * k3 * i
-    P[4] -= k1 * k1 * i
+    P[4] = max(P[4] - k1 * k1 * i, 0.0)
     P[5] -= k1 * k2 * i
     P[6] -= k1 * k3 * i
-    P[7] -= k2 * k2 * i
+    P[7] = max(P[7] - k2 * k2 * i, 0.0)
     P[8] -= k2 * k3 * i
-    P[9] -= k3 * k3 * i
+    P[9] = max(P[9] - k3 * k3 * i, 0.0)
     return -0.5 * (innovation * innovation * i + math.log(s) + LOG_2PI)
 
 
@@ -156,7 +157,8 @@ def expected_range(x: FloatArray, P: FloatArray, q: FloatArray) -> tuple[float, 
     if r < CLOSEST_M:
         return r, 0.5 * (P[0] + P[4]) + q[R_RANGE]
     hx, hy = x[0] / r, x[1] / r
-    return r, hx * hx * P[0] + 2.0 * hx * hy * P[1] + hy * hy * P[4] + q[R_RANGE]
+    along = hx * hx * P[0] + 2.0 * hx * hy * P[1] + hy * hy * P[4]
+    return r, max(along, 0.0) + q[R_RANGE]
 
 
 @inlined_kernel
@@ -170,7 +172,8 @@ def range_into(x: FloatArray, P: FloatArray, range_m: float, q: FloatArray) -> f
     k1 = P[1] * hx + P[4] * hy
     k2 = P[2] * hx + P[5] * hy
     k3 = P[3] * hx + P[6] * hy
-    return correct_into(x, P, k0, k1, k2, k3, hx * k0 + hy * k1 + q[R_RANGE], range_m - r)
+    s = max(hx * k0 + hy * k1, 0.0) + q[R_RANGE]
+    return correct_into(x, P, k0, k1, k2, k3, s, range_m - r)
 
 
 @inlined_kernel
