@@ -231,23 +231,6 @@ def test_every_hypothesis_begins_with_the_speed_that_a_target_is_expected_to_hav
         assert h[hk.RATE_VARIANCE] == pytest.approx(4e-4)
 
 
-@pytest.mark.parametrize("hypotheses", ["one", "two"])
-def test_a_guess_as_vague_as_can_be_and_exact_ranges_leave_every_number_finite(hypotheses):
-    config = settings(
-        filter=FilterConfig(
-            hypotheses=hypotheses, heading_variance_rad2=1e-9, speed_variance_m2_s2=1e-9
-        ),
-        ranging=RangingConfig(period_s=0.1, variance_m2=1e-8),
-    )
-    for seed in range(4):
-        bank = begin(config, std_m=1e4)
-        swim(bank, (-3.0, 1.0, 0.5, 0.2), 0.3, 20.0, np.random.default_rng(seed), share=0.7)
-        assert sum(one.weight for one in bank.hypotheses) == pytest.approx(1.0)
-        for one in bank.hypotheses:
-            assert np.isfinite(one.h).all()
-            assert one.h[[4, 8, 11, 13]].min() >= 0.0
-
-
 def test_a_copy_lives_its_own_life():
     bank = begin(settings())
     copy = bank.copy()

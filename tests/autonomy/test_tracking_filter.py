@@ -78,6 +78,21 @@ def test_a_range_narrows_along_the_line_of_sight_only():
     assert P[4] == 0.2
 
 
+def test_no_variance_falls_below_zero_where_a_range_has_more_digits_than_the_guess():
+    exact = Q.copy()
+    exact[filter_kernel.R_RANGE] = 1e-8
+    rng = np.random.default_rng(1)
+    for _ in range(200):
+        bearing = rng.uniform(-math.pi, math.pi)
+        x = np.array([3.0 * math.cos(bearing), 3.0 * math.sin(bearing), 0.3, 0.2])
+        P = filter_kernel.start_covariance(1e8, exact)
+        for _ in range(4):
+            filter_kernel.update(x, P, 0.3, 0.2, math.hypot(*x[:2]), True, exact)
+            assert filter_kernel.expected_range(x, P, exact)[1] >= 1e-8
+            assert P[[0, 4, 7, 9]].min() >= 0.0
+        assert np.isfinite([*x, *P]).all()
+
+
 def test_velocity_of_a_steady_target_is_found():
     rng = np.random.default_rng(5)
     k = np.zeros(filter_kernel.VELOCITY_SIZE)
