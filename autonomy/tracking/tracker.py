@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass, replace
 
 from autonomy.arrays import FloatArray
-from autonomy.site import Box
+from autonomy.site import Site
 from autonomy.tracking import control_kernel
 from autonomy.tracking import hypothesis_kernel as hk
 from autonomy.tracking.bank import Bank, BankInput
@@ -141,17 +141,17 @@ class Tracker:
         if math.isfinite(command[0]) and math.isfinite(command[1]):
             self._command = (float(command[0]), float(command[1]))
 
-    def keep_inside(self, step: TrackerStep, own_ne_m: Pair, box: Box) -> TrackerStep:
-        """Turn away from the walls in time, whatever the track wants.
+    def keep_inside(self, step: TrackerStep, own_ne_m: Pair, site: Site) -> TrackerStep:
+        """Turn away from walls and shore in time, whatever the track wants.
 
         Args:
             step: The newest answer of ``step``.
             own_ne_m: Where the robot is.
-            box: Where it may swim.
+            site: The water that it may swim in.
 
         Returns:
             The same step; with another command where the robot could not keep ``motion.margin_m``
-            off the walls any more (``wall``).
+            off walls and shore any more (``wall``).
         """
         motion = self._config.motion
         if step.phase in {TrackPhase.WAITING, TrackPhase.ENDED} or not _is_place(own_ne_m):
@@ -163,7 +163,7 @@ class Tracker:
             float(h[2]),
             pace,
             step.command,
-            box,
+            site,
             motion.margin_m,
             motion.turn_rate_max_rad_s,
         )

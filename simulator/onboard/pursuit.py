@@ -86,7 +86,7 @@ class Pursuit:
         if self._beacon is not None:
             self._beacon.step(estimate, now, reading.ranges, dt_s)
         step = self._tracker.step(reading, dt_s)
-        step = self._tracker.keep_inside(step, estimate.position_ned[:2], self._flight.site.water)
+        step = self._tracker.keep_inside(step, estimate.position_ned[:2], self._flight.site)
         self.newest = step
         self.failure = step.reason or self._trouble(estimate)
         if step.phase is TrackPhase.WAITING:
@@ -126,7 +126,7 @@ class Pursuit:
         site, profile = self._flight.site, self._flight.profile
         north, east, depth = estimate.position_ned
         doubt_m = _DOUBT_STDS * estimate.position_std_m + _DOUBT_M
-        if not site.water.contains(north, east, 0.0, doubt_m):
+        if site.clearance_m(north, east) < -doubt_m:
             return _LEFT_THE_WATER
         if self._flight.is_surfaced(estimate):
             return ""

@@ -34,16 +34,10 @@ def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str
         return ""
     if estimate.position_std_m > settings.max_uncertainty_m:
         return "the position is too uncertain"
-    water, profile = flight.site.water, flight.profile
+    profile = flight.profile
     if depth > float(flight.site.floor_m(north, east)) - profile.floor_margin_m:
         return "the floor is near"
-    to_shore_m = min(
-        north - water.x_min_m,
-        water.x_max_m - north,
-        east - water.y_min_m,
-        water.y_max_m - east,
-    )
-    if to_shore_m < profile.shore_margin_m:
+    if flight.site.clearance_m(north, east) < profile.shore_margin_m:
         return "a wall or the shore is near"
     return ""
 
@@ -67,7 +61,10 @@ def plan_flaw(mission: Mission, site: Site, limits: ActuatorLimits) -> str:
 def _tracking_flaw(config: TrackingConfig, site: Site) -> str:
     """Return why a target cannot be followed here at all, or ""."""
     target = config.target
-    if not site.water.contains(target.north_m, target.east_m, target.depth_m):
+    if (
+        site.clearance_m(target.north_m, target.east_m) < 0.0
+        or target.depth_m > site.water.depth_max_m
+    ):
         return f"the target is not in the water of {site.name}"
     if config.motion.depth_m > site.water.depth_max_m:
         return f"{config.motion.depth_m:g} m is deeper than the water of {site.name}"

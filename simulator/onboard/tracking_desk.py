@@ -18,8 +18,8 @@ from simulator.onboard.pursuit import Pursuit
 from simulator.onboard.ranging import Hearing
 
 _SEED_DIGITS = 12
-_LAST_WORD_S = 10.0
-"""How long a robot still says that its pursuit has ended."""
+_LAST_WORD_S = 60.0
+"""How long a robot still says that its pursuit has ended; a link may be down for some of it."""
 
 
 class TrackingDesk:
@@ -185,8 +185,11 @@ def _since_begin(newest: TrackerStep | None, before: TrackerStep | None) -> Trac
 
 
 def _from_newest(config: TrackingConfig, newest: TrackerStep) -> TrackingConfig:
-    """Return the mission with the newest estimate of the target as its first guess."""
-    if not newest.hypotheses:
+    """Return the mission with the newest estimate of the target as its first guess.
+
+    A beacon stays where the mission says: the robot finds its own position by that.
+    """
+    if not newest.hypotheses or config.target.kind == "beacon":
         return config
     likeliest = newest.hypotheses[0]
     north, east = likeliest.position_ne_m

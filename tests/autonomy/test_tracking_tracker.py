@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.site import Box
+from autonomy.site import TANK, Box
 from autonomy.tracking import unicycle
 from autonomy.tracking.config import (
     TRACKING_PRESETS,
@@ -229,14 +229,16 @@ def test_a_late_range_gives_exactly_the_answer_that_it_gives_in_order():
 def test_near_a_wall_it_turns_inward_and_stays_in_the_tank():
     config = settings(guess_ne_m=(1.4, 0.4), guess_std_m=0.3)
     water = Water(config, pose=(1.0, 0.5, 0.3, 0.15), target=(1.4, 0.3))
-    tank = Box(x_min_m=0.0, x_max_m=2.75, y_min_m=0.0, y_max_m=2.0)
+    tank = TANK.model_copy(
+        update={"water": Box(x_min_m=0.0, x_max_m=2.75, y_min_m=0.0, y_max_m=2.0)}
+    )
     turned = 0
     for n in range(1200):
         step = water.tracker.step(water.measured(), DT_S if n else 0.0)
         kept = water.tracker.keep_inside(step, water.pose[:2], tank)
         turned += kept.command != step.command
         water.pose = unicycle.advance(water.pose, *kept.command, DT_S)
-        assert tank.contains(*water.pose[:2], 0.0)
+        assert tank.clearance_m(*water.pose[:2]) >= 0.0
     assert turned > 0
 
 
@@ -290,7 +292,9 @@ def test_a_track_cannot_coast_between_two_ranges():
 
 
 def test_without_the_barrier_the_estimate_diverges_in_the_tank_and_with_it_it_does_not():
-    tank = Box(x_min_m=0.0, x_max_m=3.1, y_min_m=0.0, y_max_m=4.6)
+    tank = TANK.model_copy(
+        update={"water": Box(x_min_m=0.0, x_max_m=3.1, y_min_m=0.0, y_max_m=4.6)}
+    )
     errors = {}
     for controller in ("nominal", "barrier"):
         config = settings(
@@ -332,7 +336,9 @@ def test_a_robot_that_runs_away_by_mistake_does_not_blame_the_target():
 def test_a_robot_that_waits_is_left_where_it_is_near_a_wall():
     water = Water(settings(), pose=(0.05, 0.05, -2.0, 0.2))
     step = water.tracker.step(water.measured(silent), 0.0)
-    tank = Box(x_min_m=0.0, x_max_m=3.0, y_min_m=0.0, y_max_m=3.0)
+    tank = TANK.model_copy(
+        update={"water": Box(x_min_m=0.0, x_max_m=3.0, y_min_m=0.0, y_max_m=3.0)}
+    )
     assert water.tracker.keep_inside(step, water.pose[:2], tank) is step
 
 

@@ -12,10 +12,10 @@ from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, TrackR
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard import CommandOutcome
 from robot_link.tracking_order import TrackingOrder
-from simulator.fleet import GRACE_1
+from simulator.fleet import GRACE_1, MINI_1
 from tests.simulator.flight import Life, horizontal
 
-TANK = TRACKING_PRESETS["miniglider"]
+TANK, LAKE = TRACKING_PRESETS["miniglider"], TRACKING_PRESETS["grace3"]
 
 
 def changed(config: TrackingConfig, **groups) -> TrackingConfig:
@@ -121,7 +121,9 @@ def test_mission_is_done_after_its_duration_and_the_report_falls_silent_soon_aft
     life = begin(changed(TANK, motion={"duration_s": 20.0}))
     assert end(life, 25.0) == (OnboardPlanState.DONE, "")
     assert phase(life) is TrackPhase.ENDED
-    life.live(15.0)
+    life.live(30.0)
+    assert phase(life) is TrackPhase.ENDED
+    life.live(40.0)
     assert life.robot.program.track_report() is None
     assert life.executive.mode is RobotMode.IDLE
 
@@ -213,10 +215,12 @@ def test_empty_battery_ends_the_pursuit():
     assert end(life, 30.0)[1] == "the battery is below 5%"
 
 
-def test_robot_that_drifted_out_of_its_water_says_so():
-    life = begin(TRACKING_PRESETS["grace3"], definition=GRACE_1)
+@pytest.mark.parametrize("ashore_ne_m", [(-60.0, 120.0), (20.0, 30.0)])
+def test_robot_that_drifted_out_of_its_water_says_so(ashore_ne_m):
+    assert not GRACE_1.site.shoreline.contains(*ashore_ne_m)
+    life = begin(LAKE, definition=GRACE_1)
     life.live(5.0)
-    life.robot.body.plant.state[0] = -60.0
+    life.robot.body.plant.state[:2] = ashore_ne_m
     state, reason = end(life, 120.0)
     assert state is OnboardPlanState.FAILED
     assert "left the water" in reason
@@ -274,9 +278,17 @@ def test_ranges_to_a_beacon_hold_the_position_of_a_robot_under_water():
     assert errors[True] < 4.0 * stds[True]
 
 
-def test_target_outside_of_the_water_is_refused_by_name():
-    life = Life()
-    assert life.start(order(changed(TANK, target={"north_m": 50.0}))) is CommandOutcome.NOT_NOW
+@pytest.mark.parametrize(
+    ("config", "definition", "target"),
+    [
+        (TANK, MINI_1, {"north_m": 50.0}),
+        (TANK, MINI_1, {"kind": "tag", "depth_m": 1.5}),
+        (LAKE, GRACE_1, {"north_m": 20.0, "east_m": 30.0}),
+    ],
+)
+def test_target_outside_of_the_water_is_refused_by_name(config, definition, target):
+    life = Life(definition)
+    assert life.start(order(changed(config, target=target))) is CommandOutcome.NOT_NOW
     life.live(0.2)
     assert "the target is not in the water" in life.notebook.plans[-1][3]
 
