@@ -1,4 +1,5 @@
 import type { TrackView } from '../../api/types';
+import { compact } from '../../text/unit';
 import type { Tone } from '../../text/word';
 
 interface Level {
@@ -61,8 +62,20 @@ export function knowable(
   const seen = observability(track.inverse_condition);
   if (level === null) return seen;
   const share = Math.abs(track.determinant_m2_s) / level;
+  // From afar the level is easily kept while left and right look alike all the same.
+  if (share >= AT_LEVEL && seen.text === 'hardly') return { text: 'slowly', tone: 'plain' };
   if (share >= AT_LEVEL) return { text: seen.text === 'well' ? 'well' : 'enough', tone: 'ok' };
   return { text: share >= BARELY ? 'barely' : 'too little', tone: 'watch' };
+}
+
+/** The figure behind the word: what the barrier measures, or without one the inverse condition. */
+export function knowableFigure(
+  track: Pick<TrackView, 'hypotheses' | 'determinant_m2_s' | 'inverse_condition'>,
+  level: number | null,
+): string {
+  if (track.hypotheses.length === 0) return '';
+  if (level === null) return `inverse condition ${compact(track.inverse_condition, 2)}`;
+  return `|D| ${Math.round((100 * Math.abs(track.determinant_m2_s)) / level)} % of its level`;
 }
 
 /** Why the robot circles; in the words that a newcomer reads first. */

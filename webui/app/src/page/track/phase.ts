@@ -87,10 +87,12 @@ export function advice(
         gives,
       );
     case 'tracking':
-      if (!track.is_barrier_on) return 'Teaching: expect the estimate to go wrong.';
+      if (!track.is_barrier_on)
+        return 'Teaching: expect the estimate to go wrong, within some minutes.';
       if (isAstray(track))
         return 'Its estimate is wrong. It searches once the ranges contradict it; else plan anew.';
-      if (!track.is_feasible) return 'It does what makes the target known again.';
+      if (!track.is_feasible)
+        return 'Nothing to do: it turns as hard as it can to know its target better.';
       return knowable(track, level).tone === 'watch'
         ? 'Nothing to do: it bends its course to know its target better.'
         : 'Nothing to do.';

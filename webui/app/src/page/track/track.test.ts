@@ -2,7 +2,7 @@ import { describe, expect, test } from 'vitest';
 import type { JsonObject, TrackView } from '../../api/types';
 import { merged } from '../../live/track_history.svelte';
 import { determinantLevel, guessOf, isNeeded, isTeaching, orbitRadius, targetName } from './config';
-import { barrierSentence, knowable, observability } from './observability';
+import { barrierSentence, knowable, knowableFigure, observability } from './observability';
 import { advice, isAstray, isFollowing, phaseSince, phaseWord } from './phase';
 import { distanceOf, rangeOrigin, trackColumns } from './series';
 
@@ -122,7 +122,9 @@ describe('how well a target can be known', () => {
 
   test('is no cause for worry from afar while the barrier holds', () => {
     const far = report(0, { inverse_condition: 0.0005, determinant_m2_s: 0.21 });
-    expect(knowable(far, 0.2)).toEqual({ text: 'enough', tone: 'ok' });
+    expect(knowable(far, 0.2)).toEqual({ text: 'slowly', tone: 'plain' });
+    expect(knowableFigure(far, 0.2)).toMatch(/^\|D\| \d+ % of its level$/);
+    expect(knowableFigure(far, null)).toContain('inverse condition');
     expect(knowable(report(0, { determinant_m2_s: -0.21 }), 0.2)).toEqual({
       text: 'well',
       tone: 'ok',
