@@ -1,5 +1,7 @@
 """What the robot has spent of its energy budget, in the plan's own units."""
 
+import math
+
 from autonomy.planner.config import EnergyConfig
 from autonomy.planner.plan import Leg
 
@@ -39,6 +41,11 @@ class EnergyAccount:
         """Settle the part of the leg that was flown."""
         self._settled = self.used
         self._leg_work = self._leg_share = 0.0
+
+    def beat_tail(self, amplitude_rad: float, frequency_hz: float, dt_s: float) -> None:
+        """Charge ``dt_s`` seconds of a beating tail that no leg pays for, over whole beats."""
+        rate = amplitude_rad * frequency_hz
+        self._settled += self._config.swim_factor * 2.0 * math.pi**2 * rate * rate * dt_s
 
     def pass_time(self, dt_s: float) -> None:
         """Charge ``dt_s`` seconds of the electronics."""

@@ -17,9 +17,9 @@ from robot_link.mission import Mission
 from robot_link.onboard import CommandOutcome
 from robot_link.onboard_settings import DigestSettings
 from simulator.onboard.account import EnergyAccount
-from simulator.onboard.course import anchored_end, dive_ends, is_surface
+from simulator.onboard.course import dive_ends, is_surface
 from simulator.onboard.hardware import SetPoints
-from simulator.onboard.leg import begin_leg
+from simulator.onboard.leg import begin_leg, first_course
 from simulator.onboard.maneuver import (
     Flight,
     Float,
@@ -28,7 +28,6 @@ from simulator.onboard.maneuver import (
     Rise,
     Swim,
     Turn,
-    bearing,
     distance,
 )
 from simulator.onboard.navigation import Estimate
@@ -52,7 +51,7 @@ class Stage(Enum):
     TURN = auto()
     """Turning towards the first leg of the next dive."""
     SURFACED = auto()
-    """Waiting for a fix and for the station to acknowledge samples."""
+    """Waiting for a fix and, before a dive, for the station to acknowledge samples."""
     HELD = auto()
     LEG = auto()
     PURSUIT = auto()
@@ -191,7 +190,11 @@ class Executive:
             self._keep_limits(estimate)
         self.tracking.pass_time(dt_s)
         self._proceed(estimate, samples_waiting, is_talking=is_talking)
-        return self._maneuver.step(estimate, dt_s)
+        set_points = self._maneuver.step(estimate, dt_s)
+        if self._stage is Stage.PURSUIT:
+            amplitude, frequency = set_points.tail_amplitude_rad, set_points.tail_frequency_hz
+            self._account.beat_tail(amplitude, frequency, dt_s)
+        return set_points
 
     def _start(self, plan_digits: str) -> CommandOutcome:
         mission = self._mission
@@ -284,8 +287,8 @@ class Executive:
                 if self._maneuver.is_done(estimate):
                     self._enter(Stage.SURFACED, Float(self._flight, RobotMode.SURFACED))
             case Stage.SURFACED:
-                if self._may_dive(estimate, samples_waiting, is_talking=is_talking):
-                    self._begin_leg(estimate)
+                if self._may_set_out(estimate, samples_waiting, is_talking=is_talking):
+                    self._set_out(estimate)
             case Stage.LEG:
                 if self._maneuver.is_done(estimate):
                     self._end_leg(estimate)
@@ -302,7 +305,7 @@ class Executive:
         elif self._hold:
             self._enter(Stage.HELD, Float(self._flight, RobotMode.HOLDING))
         elif self.tracking.is_wanted:
-            self._enter(Stage.PURSUIT, self.tracking.pursue(self._flight, estimate))
+            self._enter(Stage.SURFACED, Float(self._flight, RobotMode.SURFACED))
         else:
             start = self._legs[self.leg].start_ned[:2]
             if distance(estimate, start) > self._flight.profile.start_tolerance_m:
@@ -314,9 +317,16 @@ class Executive:
         """End or suspend the pursuit of a target if it is time to."""
         if self.tracking.failure:
             self._abort(self.tracking.failure)
-        elif self._hold or self._maneuver.is_done(estimate):
+        elif self._hold or self._maneuver.is_done(estimate) or self._is_unsure(estimate):
             self.tracking.pause()
             self._enter(Stage.NEXT, Rise(self._flight))
+
+    def _is_unsure(self, estimate: Estimate) -> bool:
+        """Tell whether a pursuit under water needs a fix before it may go on."""
+        mission = self._mission
+        if mission is None or self._flight.is_surfaced(estimate):
+            return False
+        return estimate.position_std_m > mission.settings.max_uncertainty_m
 
     def _turn(self, estimate: Estimate) -> None:
         """Turn towards the next leg that has a heading, if the dive does not begin by swimming."""
@@ -327,15 +337,30 @@ class Executive:
         if headed is None or legs[0].kind is PrimitiveKind.SWIM:
             self._enter(Stage.SURFACED, Float(flight, RobotMode.SURFACED))
         else:
-            self._enter(Stage.TURN, Turn(flight, lambda now: _course(flight, legs, headed, now)))
+            self._enter(
+                Stage.TURN, Turn(flight, lambda now: first_course(flight, legs, headed, now))
+            )
 
-    def _may_dive(self, estimate: Estimate, samples_waiting: bool, *, is_talking: bool) -> bool:
+    def _may_set_out(self, estimate: Estimate, samples_waiting: bool, *, is_talking: bool) -> bool:
+        """Tell whether nothing keeps the robot any more where it waits at the surface."""
+        if not estimate.has_fix:
+            return False
+        if self.tracking.stays_up:
+            return True
         profile = self._flight.profile
-        if self._surfaced_s < profile.surface_min_s or not estimate.has_fix:
+        if self._surfaced_s < profile.surface_min_s:
             return False
         if is_talking and self._surfaced_s < _TALK_MAX_S:
             return False
         return not samples_waiting or self._surfaced_s > profile.surface_max_s
+
+    def _set_out(self, estimate: Estimate) -> None:
+        if self.leg < len(self._legs):
+            self._begin_leg(estimate)
+        elif self.tracking.is_wanted:
+            self._enter(Stage.PURSUIT, self.tracking.pursue(self._flight, estimate))
+        else:
+            self._end_mission(OnboardPlanState.DONE, "")
 
     def _begin_leg(self, estimate: Estimate) -> None:
         legs = self._dive()
@@ -375,12 +400,3 @@ class Executive:
     def _dive(self) -> tuple[Leg, ...]:
         """Return the next leg and those after it until the next surfacing."""
         return self._legs[self.leg : self._ends[self.leg] + 1]
-
-
-def _course(flight: Flight, legs: tuple[Leg, ...], headed: Leg, estimate: Estimate) -> float:
-    """Return the course of the first leg that has one, from where the robot is now."""
-    if headed is legs[0] and headed.kind is PrimitiveKind.GLIDE:
-        end = anchored_end(legs, *estimate.position_ned[:2])[:2]
-        if distance(estimate, end) > flight.profile.aim_m:
-            return bearing(estimate, end)
-    return headed.heading_rad

@@ -144,3 +144,12 @@ class FlatDive:
         along_m = distance(estimate, self._target) * math.cos(off)
         left_s = self._depth.time_left_s(estimate) + _SETTLING_S
         return self._flight.pilot.sink(estimate, depth, along_m / left_s)
+
+
+def first_course(flight: Flight, legs: tuple[Leg, ...], headed: Leg, estimate: Estimate) -> float:
+    """Return the course of the first leg that has one, from where the robot is now."""
+    if headed is legs[0] and headed.kind is PrimitiveKind.GLIDE:
+        end = anchored_end(legs, *estimate.position_ned[:2])[:2]
+        if distance(estimate, end) > flight.profile.aim_m:
+            return bearing(estimate, end)
+    return headed.heading_rad

@@ -25,6 +25,8 @@ from simulator.onboard.ranging import Hearing
 _DIVING_RATE_M_S = 0.05
 _DOUBT_STDS, _DOUBT_M = 2.0, 0.05
 """A robot may be so far outside by its own account before it is: walls hold it back."""
+_FLOOR_MARGINS = 1.5
+"""It swims so many times as far above the floor as is too near."""
 _LEFT_THE_WATER = "the robot left the water in which it may swim"
 _NEAR_THE_FLOOR = "the floor is near"
 
@@ -134,8 +136,14 @@ class Pursuit:
             return _NEAR_THE_FLOOR
         return ""
 
+    def _deepest_m(self, estimate: Estimate) -> float:
+        """Return how deep the robot may swim here without coming near the floor."""
+        north, east, _ = estimate.position_ned
+        floor_m = float(self._flight.site.floor_m(north, east))
+        return floor_m - _FLOOR_MARGINS * self._flight.profile.floor_margin_m
+
     def _swim(self, estimate: Estimate, beat: TailBeat, dt_s: float) -> SetPoints:
-        wanted_m = self._config.motion.depth_m
+        wanted_m = min(self._config.motion.depth_m, self._deepest_m(estimate))
         if wanted_m <= 0.0:
             return self._flight.pilot.beat(estimate, beat)
         left_m = wanted_m - self._depth_m

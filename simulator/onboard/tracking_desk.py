@@ -53,6 +53,11 @@ class TrackingDesk:
         return hearing.time_s < config.motion.duration_s - 0.5 * self._period_s
 
     @property
+    def stays_up(self) -> bool:
+        """Whether a target is followed at the surface, where the robot can always talk."""
+        return self._config is not None and self._config.motion.depth_m <= 0.0
+
+    @property
     def ranging(self) -> RangingConfig | None:
         """How ranges are taken; None where no target is followed."""
         return None if self._config is None else self._config.ranging

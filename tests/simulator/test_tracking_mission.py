@@ -1,11 +1,13 @@
 """Missions that follow a target, swum by the whole simulated robot."""
 
 import math
-from dataclasses import astuple
+from dataclasses import astuple, replace
 
 import numpy as np
 import pytest
 
+from autonomy.planner import primitive
+from autonomy.planner.plan import PrimitiveKind
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.tracking.phase import TrackPhase
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, TrackReport
@@ -13,7 +15,7 @@ from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard import CommandOutcome
 from robot_link.tracking_order import TrackingOrder
 from simulator.fleet import GRACE_1, MINI_1
-from tests.simulator.flight import Life, horizontal
+from tests.simulator.flight import TANK_PLANNER, Life, horizontal
 
 TANK, LAKE = TRACKING_PRESETS["miniglider"], TRACKING_PRESETS["grace3"]
 
@@ -314,3 +316,75 @@ def test_pursuit_keeps_its_distance_from_the_walls_of_the_tank():
     water = life.robot.definition.site.water
     assert life.track[:, 5].max() < water.x_max_m - 0.05
     assert life.track[:, 6].max() < water.y_max_m - 0.05
+
+
+def test_pursuit_waits_for_a_fix():
+    life = Life()
+    read = life.robot.body.read
+    life.robot.body.read = lambda: replace(read(), fix_ne_m=None)
+    life.live(3.0)
+    assert life.start(order(TANK)) is CommandOutcome.DONE
+    life.live(10.0)
+    assert life.executive.mode is RobotMode.SURFACED
+    life.robot.body.read = read
+    assert life.live_until(lambda: life.executive.mode is RobotMode.TRACKING, 5.0)
+
+
+def test_robot_under_water_comes_up_for_a_fix_when_it_is_unsure_and_goes_on():
+    settings = MissionSettings(2.0, 0.15, 80000.0, 0.5, 0.5)
+    config = changed(TANK, motion={"depth_m": 0.3})
+    life = Life()
+    life.start(Mission.from_tracking(settings, TrackingOrder.of(config)))
+    life.live(240.0)
+    after = life.notebook.modes[life.notebook.modes.index(RobotMode.TRACKING) :]
+    ups = [RobotMode.TRACKING, RobotMode.ABORTING, RobotMode.SURFACED, RobotMode.TRACKING]
+    assert after[:4] == ups
+    assert life.track[:, 4].max() < 0.2
+    assert life.executive.plan_state is OnboardPlanState.RUNNING
+
+
+def test_robot_swims_as_deep_as_the_floor_lets_it():
+    life = begin(changed(TANK, motion={"depth_m": 1.15}))
+    life.live(90.0)
+    began = len(life.track)
+    life.live(30.0)
+    floor_m = life.robot.definition.site.water.depth_max_m
+    assert np.all(life.track[began:, 7] < floor_m - 0.1)
+    assert np.all(life.track[began:, 7] > 0.6)
+    assert life.executive.mode is RobotMode.TRACKING
+
+
+def test_pursuit_costs_its_time_and_the_beats_of_its_tail():
+    life = begin(TANK)
+    life.live(100.0)
+    energy = TANK_PLANNER.energy
+    most = primitive.energy(PrimitiveKind.SWIM, 100.0, energy)
+    assert 0.5 * most < life.executive.energy_used < 1.02 * most
+    program = life.robot.program
+    program.obey(CommandKind.HOLD, "")
+    assert life.live_until(lambda: life.executive.mode is RobotMode.HOLDING, 20.0)
+    before = life.executive.energy_used
+    life.live(100.0)
+    assert life.executive.energy_used - before == pytest.approx(100.0 * energy.time_factor)
+
+
+def test_beacon_stays_where_the_mission_says_after_a_hold():
+    where = (1.375, 0.685)
+    beacon = {"kind": "beacon", "north_m": where[0], "east_m": where[1], "guess_std_m": 0.35}
+    life = begin(changed(TANK, target=beacon))
+    program = life.robot.program
+
+    def hear_wrongly() -> None:
+        for _ in range(50):
+            own = life.robot.body.plant.position_ned
+            program.hear_range(horizontal(own, (where[0] + 0.4, where[1] + 0.4)), 0.0)
+            life.live(0.2)
+
+    hear_wrongly()
+    program.obey(CommandKind.HOLD, "")
+    assert life.live_until(lambda: life.executive.mode is RobotMode.HOLDING, 20.0)
+    program.obey(CommandKind.RESUME, "")
+    assert life.live_until(lambda: life.executive.mode is RobotMode.TRACKING, 5.0)
+    program.hear_range(horizontal(life.robot.body.plant.position_ned, where), 0.0)
+    life.live(0.2)
+    assert horizontal(report(life).hypotheses[0].position_ne_m, where) < 0.1
