@@ -262,8 +262,14 @@ class Fleet:
             return "Recording"
         plan = picture.plan
         flying = plan is not None and plan.state == "running"
+        track = self.track_shown(picture)
         return activity(
-            picture.state, plan.round_text if plan and flying else "", self.is_old(picture)
+            picture.state,
+            plan.round_text if plan and flying else "",
+            self.is_old(picture),
+            is_teaching=track is not None
+            and not track.is_barrier_on
+            and track.phase is not TrackPhase.ENDED,
         )
 
     def _next_contact(self, picture: Picture) -> ContactView | None:

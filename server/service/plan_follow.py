@@ -7,6 +7,7 @@ from db.store import Store
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanReport
 from server.service.plan_document import onboard_by
 from server.service.plan_ledger import ON_THE_WAY, PlanLedger
+from server.service.track_words import teaching_mark
 from server.service.turn import Turns
 from server.service.view.plan import OnboardView
 
@@ -62,7 +63,7 @@ class PlanFollower:
         onboard = onboard_by(plan, report)
         text = {
             "on_board": f"{plan.robot} has {plan.id} on board.",
-            "running": f"{plan.robot} flies {plan.id}.",
+            "running": f"{plan.robot} flies {plan.id}{teaching_mark(plan.config)}.",
             "done": f"{plan.robot} flew {plan.id} to its end{_overspending(onboard)}.",
             "failed": f"{plan.robot} ended {plan.id} early: {report.reason or 'no reason given'}",
             "cancelled": f"{plan.robot} came up as ordered; that ended {plan.id}.",

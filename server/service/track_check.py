@@ -116,7 +116,8 @@ def _of_barrier(barrier: BarrierConfig) -> Iterator[tuple[str, str]]:
     if barrier.is_teaching:
         yield (
             TEACHING,
-            "For teaching: nothing keeps the target observable, so the estimate will diverge.",
+            "For teaching: the barrier is off. Nothing keeps the target observable, so the "
+            "estimate will diverge within some minutes.",
         )
     elif barrier.controller == "mpc_none":
         yield (

@@ -30,6 +30,7 @@ from server.service.plan_ledger import PlanLedger, note_change
 from server.service.plan_settings import PlanSettings, below_config
 from server.service.track_check import target_path, track_violations, track_warnings
 from server.service.view.plan import AccountView, ViolationView
+from server.service.words import TEACHING
 
 _TARGETS = {"virtual": "a virtual target", "tag": "tag {address}", "beacon": "beacon {address}"}
 
@@ -59,7 +60,7 @@ class TrackPlanning:
             raise conflict(f"{robot} is a recording; it follows no target.")
         self._settings.refuse_while_storage_fails()
         position = self._settings.position(robot)
-        config_id, order = await self._configure(robot, patch, by)
+        config_id, order = await self._configure(robot, await self._unless_asked(robot, patch), by)
         config = order.config()  # as both ends compute with it
         book = self._foundation.configurations
         planner = (await book.current("planner", robot)).value_as(PlannerConfig)
@@ -85,6 +86,19 @@ class TrackPlanning:
             "draft_distance_m": planner.mission.draft_distance_m,
         }
         return await self._keep(robot, config, mission, document, by)
+
+    async def _unless_asked(self, robot: str, patch: Mapping[str, Any]) -> Mapping[str, Any]:
+        """Return a patch that turns the barrier on again, unless it names a controller itself.
+
+        The teaching mode holds for the plan that asks for it only: nobody inherits it unknowingly.
+        """
+        holds = await self._foundation.configurations.current("tracking", robot)
+        barrier = patch.get("barrier", {})
+        if not holds.value_as(TrackingConfig).barrier.is_teaching:
+            return patch
+        if not isinstance(barrier, Mapping) or "controller" in barrier:
+            return patch
+        return {**patch, "barrier": {**barrier, "controller": "barrier"}}
 
     async def _configure(
         self, robot: str, patch: Mapping[str, Any], by: str
@@ -228,4 +242,5 @@ def _message(config: TrackingConfig) -> str:
     target, motion = config.target, config.motion
     what = _TARGETS[target.kind].format(address=target.address)
     depth = "at the surface" if motion.depth_m == 0.0 else f"{motion.depth_m:g} m deep"
-    return f"It follows {what} for {motion.duration_s:g} s, {depth}."
+    mark = f" ({TEACHING})" if config.barrier.is_teaching else ""
+    return f"It follows {what} for {motion.duration_s:g} s, {depth}{mark}."

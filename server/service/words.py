@@ -17,19 +17,26 @@ _CARRIERS = {
 }
 _BY_SATELLITE = ("rockblock", "directip", "cloudloop")
 _SLOW_M_S = 0.003
+TEACHING = "teaching: barrier off"
+"""Mark of a robot, or of its plan, that does nothing to keep its target observable."""
 
 
-def activity(state: StateReport | None, round_text: str, is_old: bool) -> str:
+def activity(
+    state: StateReport | None, round_text: str, is_old: bool, *, is_teaching: bool = False
+) -> str:
     """Say what a robot does, such as "Gliding down, round 2 of 4".
 
     Args:
         state: Its newest report.
         round_text: Where its mission stands, such as "round 2 of 4"; "" without one.
         is_old: Whether the report is older than its limit.
+        is_teaching: Whether nothing keeps the target that it follows observable.
     """
     if state is None:
         return "Not heard yet"
     text = _motion(state)
+    if is_teaching and state.mode in {RobotMode.TRACKING, RobotMode.SEARCHING}:
+        text = f"{text}, {TEACHING}"
     if round_text and state.mode not in {RobotMode.IDLE, RobotMode.ABORTING}:
         text = f"{text}, {round_text}"
     return f"Last heard: {text[0].lower()}{text[1:]}" if is_old else text

@@ -10,7 +10,7 @@ import pytest
 from autonomy.tracking.phase import TrackPhase
 from db.query.events import events_after
 from db.query.tracking import newest_track_report
-from robot_link.messages import CommandKind, OnboardPlanState, TargetEstimate
+from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, TargetEstimate
 from server.service.live_feed import LiveFeed
 from tests.db.track import track_report
 from tests.server.service.conftest import MINI, open_station, until
@@ -331,6 +331,23 @@ async def test_an_estimate_that_diverged_is_shown(client, world):
     assert shown["text"].endswith(
         "Nothing keeps the target observable: the mission is for teaching."
     )
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"is_barrier_on": False}, "Following its target, teaching: barrier off"),
+        ({"is_barrier_on": True}, "Following its target"),
+        ({"is_barrier_on": False, "phase": TrackPhase.ENDED}, "Following its target"),
+    ],
+)
+async def test_every_page_says_in_the_robots_own_line_that_it_teaches(
+    client, world, changes, words
+):
+    world.tell(state_report(MINI, mode=RobotMode.TRACKING))
+    world.tell(now_report(**changes))
+    assert (await client.get("/api/robots/mini-1/state")).json()["activity"] == words
+    assert (await client.get("/api/robots/mini-1")).json()["activity"] == words
 
 
 async def test_a_robot_with_a_wrong_clock_is_shown_by_its_arrival(client, station, world):

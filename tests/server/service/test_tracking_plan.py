@@ -160,6 +160,40 @@ async def test_teaching_is_marked_and_may_be_sent_all_the_same(client):
     await plan_in(client, found["id"], "on_board")
 
 
+async def test_the_page_of_plans_the_log_and_the_status_line_say_that_it_teaches(client, world):
+    world.robots[MINI].may_end.clear()
+    found = await draft(client, {"barrier": {"controller": "nominal"}})
+    assert found["message"].endswith("at the surface (teaching: barrier off).")
+    await upload(client, found["id"], start=True)
+    await plan_in(client, found["id"], "running")
+    events = (await client.get("/api/events", params={"limit": 200})).json()["events"]
+    texts = [one["text"] for one in events]
+    assert f"mini-1 flies {found['id']} (teaching: barrier off)." in texts
+
+
+@pytest.mark.parametrize("config", [{}, {"barrier": {"slope": 0.4}}, {"target": {"depth_m": 0.1}}])
+async def test_nobody_inherits_the_teaching_mode_of_the_plan_before(client, config):
+    await draft(client, {"barrier": {"controller": "nominal", "epsilon": 0.002}})
+    found = await draft(client, config)
+    assert found["tracking"]["barrier"]["controller"] == "barrier"
+    assert found["tracking"]["barrier"]["epsilon"] == 0.002, "all else is inherited"
+    assert found["warnings"] == []
+    kept = (await client.get("/api/config/tracking", params={"robot": MINI})).json()
+    assert kept["id"] == found["config_id"]
+    assert kept["value"]["barrier"]["controller"] == "barrier"
+
+
+async def test_other_controllers_are_inherited_and_teaching_may_be_asked_for_again(client):
+    await draft(client, {"barrier": {"controller": "mpc_condition"}})
+    assert (await draft(client))["tracking"]["barrier"]["controller"] == "mpc_condition"
+    teaching = {"barrier": {"controller": "nominal"}}
+    for _ in range(2):
+        assert (await draft(client, teaching))["tracking"]["barrier"]["controller"] == "nominal"
+    wrong = await ask(client, {"barrier": 3})
+    assert wrong.status_code == 422
+    assert wrong.json()["errors"][0]["loc"][:2] == ["config", "barrier"]
+
+
 async def test_a_draft_can_be_thrown_away(client):
     plan = (await draft(client))["id"]
     assert (await client.post(f"/api/plans/{plan}/cancel")).status_code == 202

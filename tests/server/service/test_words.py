@@ -36,6 +36,14 @@ def test_old_word_is_never_told_as_if_it_were_new():
     assert activity(None, "", is_old=True) == "Not heard yet"
 
 
+@pytest.mark.parametrize("mode", RobotMode)
+def test_following_without_the_barrier_is_marked_and_nothing_else_is(mode):
+    state = state_report("mini-1", mode=mode, velocity_ned=LEVEL)
+    plain, marked = (activity(state, "", is_old=False, is_teaching=one) for one in (False, True))
+    follows = mode in {RobotMode.TRACKING, RobotMode.SEARCHING}
+    assert marked == (f"{plain}, teaching: barrier off" if follows else plain)
+
+
 def test_forecast_names_the_moment_where_it_is_known():
     at = datetime(2026, 11, 21, 14, 32, tzinfo=UTC)
     told = surface_forecast("grace-1", LinkState.SUBMERGED, "xbee", at)
