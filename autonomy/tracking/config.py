@@ -264,10 +264,10 @@ _GRACE3 = TrackingConfig(
         heading_variance_rad2=0.1,
         speed_variance_m2_s2=3e-3,
         target_acceleration_density=1e-7,
-        target_position_variance_m2=300.0,
+        target_position_variance_m2=1e4,
     ),
     barrier=BarrierConfig(
-        epsilon=0.3,
+        epsilon=0.6,
         slope=0.05,
         heading_gain_per_s=0.05,
         distance_gain_per_s2=0.01,
@@ -282,7 +282,8 @@ _GRACE3 = TrackingConfig(
     ),
 )
 """An acoustic tag in the lake. Eddies there are a third as fast as the robot, so it knows its own
-course badly, and an orbit of some metres is what its estimate allows."""
+course badly: an orbit of some metres is what its estimate allows, and what looks like a moving
+target is believed slowly."""
 
 TRACKING_PRESETS: dict[str, TrackingConfig] = {"miniglider": _MINIGLIDER, "grace3": _GRACE3}
 """Settings a robot starts with, by vehicle, found on the simulated robots with all their

@@ -89,8 +89,9 @@ def test_robot_orbits_a_virtual_target_one_way_round_and_knows_where_it_is():
 
 def test_estimate_diverges_where_the_teaching_switch_takes_the_barrier_off():
     wrong = 0
-    for seed in (0, 3, 8):
-        life = begin(changed(TANK, barrier={"controller": "nominal"}), seed)
+    lesson = changed(TANK, target={"speed_m_s": 0.01}, barrier={"controller": "nominal"})
+    for seed in (1, 4, 5):
+        life = begin(lesson, seed)
         wrong += life.live_until(lambda life=life: is_wrong(life), 400.0)
         assert not report(life).is_barrier_on
     assert wrong >= 2
