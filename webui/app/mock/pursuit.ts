@@ -285,7 +285,7 @@ export class FakePursuit {
       case 'tracking':
         return `${this.name} follows its target, ${away} m away, known within ${within} m.`;
       case 'coasting':
-        return `${this.name} has heard no good range for ${this.#sinceRange.toFixed(1)} s${quiet}; the estimate goes on by dead reckoning, known within ${within} m.`;
+        return `${this.name} goes on by dead reckoning${quiet}; the newest range is ${this.#sinceRange.toFixed(1)} s old, known within ${within} m.`;
       case 'lost':
         return `${this.name} lost its target${quiet}; it circles to find it.`;
       case 'ended':

@@ -129,8 +129,9 @@ export class FakeRobot {
     });
     const isDown = pitch < 0;
     const motion = isSurfaced ? 'At the surface between legs' : `Gliding ${isDown ? 'down' : 'up'}`;
-    const following =
-      this.pursuit?.phase === 'lost' ? 'Searching for its target' : 'Following its target';
+    const mark = this.pursuit?.isBarrierOn === false ? ', teaching: barrier off' : '';
+    const isSearching = this.pursuit?.phase === 'lost' && mark === '';
+    const following = isSearching ? 'Searching for its target' : `Following its target${mark}`;
     const moving = this.isFollowing ? following : motion;
     const told = this.surfacedAt === null ? moving : 'Holding at the surface';
     const text = this.roundText && this.surfacedAt === null ? `${told}, ${this.roundText}` : told;

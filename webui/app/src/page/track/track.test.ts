@@ -3,7 +3,7 @@ import type { JsonObject, TrackView } from '../../api/types';
 import { merged } from '../../live/track_history.svelte';
 import { determinantLevel, guessOf, isNeeded, isTeaching, orbitRadius, targetName } from './config';
 import { barrierSentence, knowable, knowableFigure, observability } from './observability';
-import { advice, isAstray, isFollowing, phaseSince, phaseWord } from './phase';
+import { advice, isAstray, isFollowing, isTeachingNow, phaseSince, phaseWord } from './phase';
 import { distanceOf, rangeOrigin, trackColumns } from './series';
 
 const START = Date.parse('2026-11-21T04:00:00Z');
@@ -65,6 +65,12 @@ describe('the hold on a target', () => {
     expect(advice(report(0, { phase: 'lost' }), PATIENCE)).toContain('Gives up 2 min 00 s after');
   });
 
+  test('says of a robot that it teaches only while it follows its target', () => {
+    expect(isTeachingNow(report(0, { is_barrier_on: false }))).toBe(true);
+    expect(isTeachingNow(report(0, { is_barrier_on: false, phase: 'ended' }))).toBe(false);
+    expect(isTeachingNow(report(0))).toBe(false);
+    expect(isTeachingNow(null)).toBe(false);
+  });
   test('never promises a search in the teaching mode, where there is none', () => {
     const lost = report(0, { phase: 'lost', is_barrier_on: false });
     expect(advice(lost, PATIENCE)).toContain('does not search');
