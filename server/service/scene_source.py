@@ -165,6 +165,7 @@ class StationSceneSource:
             range_m=report.range_m if hears and not is_old else None,
             true_ned=None if report.true_ne_m is None else (*report.true_ne_m, depth_m),
             is_old=is_old or report.phase is TrackPhase.LOST,
+            is_barrier_on=report.is_barrier_on or report.phase is TrackPhase.ENDED,
         )
 
     @property

@@ -178,3 +178,40 @@ def test_target_stays_where_it_is_when_depth_is_stretched(scene):
     after = scene._target._estimates[0].mark.position
     assert tuple(after[:2]) == pytest.approx(before[:2])
     assert after[2] == pytest.approx(3.0 * before[2])
+
+
+def test_the_legend_explains_the_marks_that_are_drawn_and_no_other(scene, source):
+    told = scene.state.target_legend
+    for mark in ("orange dot in its ellipse", "95 %", "second hypothesis", "newest range", "true"):
+        assert mark.lower() in told.lower()
+    assert "dashed" not in told
+    source.followed = replace(SEEN, hypotheses=(LIKELY,), range_m=None, true_ned=None, is_old=True)
+    scene.update()
+    assert scene.state.target_legend == (
+        "Target. Grey dot in its ellipse: where the robot believes it, with 95 %."
+    )
+    source.followed, source.followed_path = None, np.array([[1.0, 0.5, 0.0], [1.5, 0.7, 0.0]])
+    scene.update()
+    assert scene.state.target_legend == "Target. Dashed line: where the virtual target goes."
+    scene.change({"layers": {"target": False}})
+    assert scene.state.target_legend == ""
+
+
+def test_viser_own_panel_has_the_legend_too(scene):
+    scene.update()
+    assert scene.state.target_legend in scene._panel._legend.content
+
+
+def test_a_mission_for_teaching_is_marked_at_its_target(scene, source):
+    label = scene._target._teaching
+    assert not label.visible
+    source.followed = replace(SEEN, is_barrier_on=False)
+    scene.update()
+    assert label.visible
+    assert label.position[:2] == pytest.approx(in_view(LIKELY.position_ned)[:2], abs=1e-6)
+    assert scene.state.target_legend.endswith("Teaching: the barrier is off.")
+    source.followed = replace(SEEN, is_barrier_on=False, hypotheses=())
+    scene.update()
+    assert label.position[:2] == pytest.approx(in_view(SEEN.robot_ned)[:2], abs=1e-6)
+    scene.change({"layers": {"target": False}})
+    assert not label.visible

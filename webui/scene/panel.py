@@ -55,9 +55,11 @@ class Panel:
         layers: Mapping[str, LayerEntry],
         exaggeration: float,
         views: Mapping[str, Callable[[viser.ClientHandle], None]],
+        target_legend: Callable[[], str],
     ) -> None:
         gui.set_panel_label("Layers")
         self._map = field_map
+        self._target_legend = target_legend
         self._layers = layers
         self._boxes = {key: _layer_box(gui, entry) for key, entry in layers.items()}
         self._quantity = gui.add_dropdown("Quantity", QUANTITIES)
@@ -92,7 +94,7 @@ class Panel:
         return float(self._exaggeration.value)
 
     def apply(self) -> None:
-        """Hand what is chosen to the map, and show its legend; a single model is no choice."""
+        """Hand what is chosen to the map, and show the legends; a single model is no choice."""
         self._offer_models()
         self._map.quantity = self._quantity.value
         self._map.form = self._form.value
@@ -101,8 +103,9 @@ class Panel:
             axis: float(place.value) for axis, (box, place) in self._cuts.items() if box.value
         }
         self._map.opacity = float(self._opacity.value)
-        if self._legend.content != self._map.legend:
-            self._legend.content = self._map.legend
+        legend = "\n\n".join(filter(None, (self._map.legend, self._target_legend())))
+        if self._legend.content != legend:
+            self._legend.content = legend
 
     def state(self) -> SceneState:
         """Return what is chosen now."""
@@ -125,6 +128,7 @@ class Panel:
                 for key, entry in self._layers.items()
             ),
             legend=self._map.legend,
+            target_legend=self._target_legend(),
         )
 
     def change(self, change: SceneChange) -> None:

@@ -76,6 +76,7 @@ class RobotScene:
                 WATER: lambda client: look([client], None),
                 WHAT_IF: lambda client: look([client], self._comparison.extent()),
             },
+            lambda: self._target.legend,
         )
 
     @property

@@ -150,6 +150,8 @@ class TargetView:
     """Where a virtual target was; None for a real one."""
     is_old: bool
     """Whether it must not look alive: old, or of a robot that lost its target."""
+    is_barrier_on: bool = True
+    """Whether the robot keeps its target observable; False in a mission for teaching."""
 
 
 class SceneSource(Protocol):

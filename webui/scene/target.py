@@ -23,6 +23,8 @@ _LONGEST = 2.0 * VIEW_WIDTH
 """An ellipse is drawn no larger: one that diverged fills the view all the same."""
 _PATH = "target/path"
 _DASHES = 90
+TEACHING = "teaching: barrier off"
+"""Label of a target that the robot does nothing to keep observable."""
 _LINE_PX = 1.4
 _CROSS = np.array([[[-1, 0, 0], [1, 0, 0]], [[0, -1, 0], [0, 1, 0]], [[0, 0, -1], [0, 0, 1]]])
 """Mark of a true place: another shape than that of an estimate."""
@@ -38,6 +40,10 @@ class Target:
         self._true = _line(stage.scene, "/target/true", _CROSS, TARGET_TRUE)
         self._ring = _line(stage.scene, "/target/range", ring_enu(np.zeros(3), 1.0))
         self._sight = _line(stage.scene, "/target/sight", np.zeros((1, 2, 3)))
+        self._teaching = stage.scene.add_label(
+            "/target/teaching", TEACHING, visible=False, font_screen_scale=0.8,
+            anchor="bottom-center",
+        )  # fmt: skip
         self._shown: tuple[TargetView | None, float] | None = None
         self._path: FloatArray | None = None
         self._is_old = False
@@ -47,6 +53,19 @@ class Target:
     def has_content(self) -> bool:
         """Whether there is anything to show."""
         return self._path is not None or (self._shown is not None and self._shown[0] is not None)
+
+    @property
+    def legend(self) -> str:
+        """Say what the marks that are drawn mean; "" where none is."""
+        view = None if self._shown is None or not self.visible else self._shown[0]
+        marks = [] if view is None else _marks(view)
+        if self._path is not None and self.visible:
+            marks.append("dashed line: where the virtual target goes")
+        if not marks:
+            return ""
+        text = "; ".join(marks)
+        taught = "" if view is None or view.is_barrier_on else " Teaching: the barrier is off."
+        return f"Target. {text[0].upper()}{text[1:]}.{taught}"
 
     def update(self) -> None:
         """Fetch the target and move what changed."""
@@ -72,12 +91,16 @@ class Target:
         self._true.visible = view is not None and view.true_ned is not None
         self._sight.visible = bool(hypotheses)
         self._ring.visible = view is not None and view.range_m is not None
+        self._teaching.visible = view is not None and not view.is_barrier_on
         if view is None:
             return
         self._colour(is_old=view.is_old)
         if view.true_ned is not None:
             self._true.position = self._point(view.true_ned)
             self._true.scale = 1.3 * _MARK
+        believed_ned = hypotheses[0].position_ned if hypotheses else view.robot_ned
+        east, north, up = self._point(believed_ned)
+        self._teaching.position = (east, north, up + 2.0 * _MARK)
         if hypotheses:
             ends = [self._point(end) for end in (view.robot_ned, hypotheses[0].position_ned)]
             self._sight.points = np.array([ends], dtype=np.float32)
@@ -143,6 +166,21 @@ class _Estimate:
         """Take another colour."""
         self.mark.color = self.ellipse.color = _lit(colour)
         _recolour(self.outline, colour)
+
+
+def _marks(view: TargetView) -> list[str]:
+    """Return what each kind of mark that is drawn of a target means."""
+    colour = "grey" if view.is_old else "orange"
+    marks: list[str] = []
+    if view.hypotheses:
+        marks.append(f"{colour} dot in its ellipse: where the robot believes it, with 95 %")
+    if len(view.hypotheses) > 1:
+        marks.append("smaller dot: second hypothesis, often the mirror image")
+    if view.range_m is not None:
+        marks.append("ring around the robot: newest range")
+    if view.true_ned is not None:
+        marks.append("white cross: true place of the virtual target")
+    return marks
 
 
 def semi_axes(covariance_m2: tuple[float, float, float]) -> tuple[float, float, float]:

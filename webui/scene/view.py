@@ -34,6 +34,8 @@ class SceneState:
     layers: tuple[LayerState, ...]
     legend: str
     """What the colours of the map mean, with numbers and unit."""
+    target_legend: str
+    """What the marks of the target mean; empty while there is nothing to show of one."""
 
 
 class SceneChange(TypedDict, total=False):

@@ -48,6 +48,8 @@ class SceneStateView(View):
     layers: list[SceneLayerView]
     legend: str
     """What the colours of the map mean, with numbers and unit."""
+    target_legend: str
+    """What the marks of the target mean; empty while there is nothing to show of one."""
 
     @classmethod
     def of(cls, state: SceneState) -> Self:
@@ -68,4 +70,5 @@ class SceneStateView(View):
                 for layer in state.layers
             ],
             legend=state.legend,
+            target_legend=state.target_legend,
         )
