@@ -95,11 +95,18 @@ class AlarmBoard:
         )
         return await self._put(alarm, "alarm.raised")
 
-    async def clear(self, cause: str, *, robot: str | None = None) -> None:
-        """Say that the cause is normal again; without a standing alarm this does nothing."""
+    async def clear(self, cause: str, *, robot: str | None = None, text: str = "") -> None:
+        """Say that the cause is normal again; without a standing alarm this does nothing.
+
+        Args:
+            cause: What the alarm is about.
+            robot: Whose.
+            text: What it says from now on, which tells how it ended; "" keeps its words.
+        """
         alarm = self._of_cause(cause, robot)
         if alarm is None or alarm.cleared_at is not None:
             return
+        alarm = replace(alarm, text=text or alarm.text)
         seen = alarm.acknowledged_at is not None
         await self._put(
             replace(alarm, cleared_at=self._clock.now(), state="closed" if seen else "returned"),

@@ -46,6 +46,8 @@ class Rule:
 
     cause: str
     judge: Callable[[Picture, Watch], Verdict | None]
+    over: Callable[[Picture], str] | None = None
+    """What the alarm says once it is over; None: what it said before."""
 
 
 def _battery(picture: Picture, watch: Watch) -> Verdict | None:
@@ -154,6 +156,16 @@ def _target(picture: Picture, watch: Watch) -> Verdict | None:
     return Verdict("warning", f"{picture.record.id} lost its target; {why}.")
 
 
+def _target_over(picture: Picture) -> str:
+    """Say how the loss of a target ended."""
+    track, plan = picture.track_report, picture.plan_report
+    flies = plan is None or plan.state is OnboardPlanState.RUNNING
+    is_held = track is not None and track.phase in (TrackPhase.TRACKING, TrackPhase.COASTING)
+    found = flies and is_held and not picture.flies_no_target
+    how = "found again" if found else "its pursuit ended"
+    return f"{picture.record.id} lost its target; {how}."
+
+
 def _is_early(watch: Watch, begin: datetime) -> bool:
     """Tell whether something that began then may still come right by itself."""
     return watch.now - begin < _LOST * max(1.0, watch.speed)
@@ -169,7 +181,7 @@ RULES: tuple[Rule, ...] = (
     Rule("satellite", _satellite),
     Rule("clock", _clock),
     Rule("plan ended early", _ended_early),
-    Rule("target", _target),
+    Rule("target", _target, _target_over),
 )
 """Every cause of alarm about a robot."""
 
@@ -184,7 +196,8 @@ async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock) -> None:
             for rule in RULES:
                 verdict = rule.judge(picture, watch)
                 if verdict is None:
-                    await alarms.clear(rule.cause, robot=robot)
+                    over = "" if rule.over is None else rule.over(picture)
+                    await alarms.clear(rule.cause, robot=robot, text=over)
                 else:
                     await alarms.raise_(rule.cause, verdict.text, level=verdict.level, robot=robot)
             if alarms.worst_level(robot) != before:

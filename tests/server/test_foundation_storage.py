@@ -109,6 +109,17 @@ async def test_a_cause_that_returns_after_it_was_seen_and_over_is_a_new_alarm(bo
     assert second.id != first.id
 
 
+async def test_an_alarm_that_is_over_says_how_it_ended_where_that_is_known(board):
+    await board.raise_("target", "Lost; it circles.")
+    await board.clear("target", text="Lost; found again.")
+    await board.clear("target", text="Never mind.")
+    [alarm] = board.open
+    assert (alarm.text, alarm.state) == ("Lost; found again.", "returned")
+    await board.raise_("target", "Lost; it circles.")
+    await board.clear("target")
+    assert [one.text for one in board.open] == ["Lost; it circles."]
+
+
 async def test_clearing_what_never_was_does_nothing(board):
     await board.clear("battery")
     assert board.open == []

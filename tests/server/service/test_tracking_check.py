@@ -221,6 +221,24 @@ def test_a_lost_target_is_an_alarm_as_long_as_the_mission_lasts():
     assert alarm(picture) is None
 
 
+def test_the_alarm_of_a_lost_target_says_how_that_ended():
+    (rule,) = (rule for rule in RULES if rule.cause == "target")
+    picture = picture_in(TANK)
+    for phase, how in (
+        (TrackPhase.TRACKING, "found again"),
+        (TrackPhase.COASTING, "found again"),
+        (TrackPhase.WAITING, "its pursuit ended"),
+        (TrackPhase.ENDED, "its pursuit ended"),
+    ):
+        picture.track_report = track_report(0, phase)
+        assert rule.over(picture) == f"mini-1 lost its target; {how}."
+    picture.track_report = track_report(0, TrackPhase.TRACKING)
+    picture.plan_report = PlanReport(
+        MINI, "a" * 64, OnboardPlanState.FAILED, 0, 0, 1.0, "lost", NOW, NOW
+    )
+    assert rule.over(picture) == "mini-1 lost its target; its pursuit ended."
+
+
 def test_a_loss_in_an_earlier_mission_is_no_alarm_while_another_is_flown():
     picture = picture_in(TANK)
     picture.track_report = track_report(0, TrackPhase.LOST)
