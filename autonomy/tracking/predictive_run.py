@@ -10,7 +10,7 @@ from autonomy.arrays import FloatArray
 from autonomy.tracking import control_kernel, filter_kernel, metrics
 from autonomy.tracking.run import Outcome, first_estimate
 from autonomy.tracking.scenario import Scenario, draws
-from autonomy.tracking.target_path import pack_path, place_kernel
+from autonomy.tracking.target_path_kernel import pack_path, place_kernel
 from autonomy.tracking.unicycle import advance_kernel
 
 Steer: TypeAlias = Callable[[FloatArray, tuple[float, float], FloatArray], tuple[float, float]]

@@ -16,7 +16,8 @@ from autonomy.tracking.metrics import Score
 from autonomy.tracking.observability import inverse_condition
 from autonomy.tracking.pack_control import pack_control
 from autonomy.tracking.scenario import Draws, Scenario, draws
-from autonomy.tracking.target_path import pack_path, place
+from autonomy.tracking.target_path import place
+from autonomy.tracking.target_path_kernel import pack_path
 from autonomy.tracking.velocity_filter import TargetMotion, step_motion
 
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import kernel
-from autonomy.tracking import control_kernel, filter_kernel, metrics, target_path, unicycle
+from autonomy.tracking import control_kernel, filter_kernel, metrics, target_path_kernel, unicycle
 
 control_step = control_kernel.control_step
 inverse_condition = control_kernel.inverse_condition
 update_into = filter_kernel.update_into
 predict_into = filter_kernel.predict_into
 velocity_into = filter_kernel.velocity_into
-place_kernel = target_path.place_kernel
+place_kernel = target_path_kernel.place_kernel
 advance_kernel = unicycle.advance_kernel
 """Names that numba resolves once, when it compiles."""
 
@@ -46,7 +46,7 @@ def run_into(
 
     Args:
         start: North and east (m), heading (rad), speed (m/s) of the robot, shape ``(4,)``.
-        path: Of the target, from ``target_path.pack_path``.
+        path: Of the target, from ``target_path_kernel.pack_path``.
         believed: First estimate, shape ``(4,)``; changed.
         P: Its packed covariance, shape ``(10,)``; changed.
         noise: Added to range, heading and speed, shape ``(n, 3)``.
@@ -102,5 +102,5 @@ def warm_up() -> None:
     start = np.array([-1.0, 0.0, 0.1, 0.1])
     P = filter_kernel.start_covariance(0.1, q)
     record = np.empty((1, metrics.RECORD_SIZE))
-    path, noise = np.ones(target_path.PATH_SIZE), np.zeros((1, 3))
+    path, noise = np.ones(target_path_kernel.PATH_SIZE), np.zeros((1, 3))
     run_into(start, path, start.copy(), P, noise, np.ones(1), True, True, p, q, 0.1, record)

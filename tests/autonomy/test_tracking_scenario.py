@@ -9,7 +9,8 @@ import pytest
 from autonomy.tracking import unicycle
 from autonomy.tracking.config import TargetConfig, TrackingConfig
 from autonomy.tracking.scenario import FIT, draws, random_scenarios
-from autonomy.tracking.target_path import pack_path, place, place_kernel
+from autonomy.tracking.target_path import place
+from autonomy.tracking.target_path_kernel import pack_path, place_kernel
 
 PATHS = ("static", "line", "sine", "circle")
 
