@@ -3,7 +3,7 @@ import { wgs84 } from './frame';
 import { latitude, longitude } from './position';
 import { age, clockTime, countdown, dateTime, duration } from './time';
 import { energy, bytes, compact, fixed, plainNumber, screenUnit } from './unit';
-import { lastKnown, lower, planName, words } from './word';
+import { lastKnown, lower, overText, planName, words } from './word';
 
 describe('times', () => {
   test('are UTC with a Z', () => {
@@ -117,4 +117,15 @@ test.each([
   [14.25, '14.3'],
 ])('energy %s is written %s', (units, text) => {
   expect(energy(units)).toBe(text);
+});
+
+describe('an alarm that is over', () => {
+  test('says how it ended and when, in one line', () => {
+    expect(overText('mini-1 lost its target; found again.', '28 s ago')).toBe(
+      'mini-1 lost its target; found again 28 s ago',
+    );
+    expect(overText('The port cannot be opened; plug it in.', '2 min ago')).toBe(
+      'The port cannot be opened; plug it in; back to normal 2 min ago',
+    );
+  });
 });

@@ -154,6 +154,15 @@ export function missionName(id: string): string {
   return number === undefined ? id : `mission ${number}`;
 }
 
+/** The station's own word on how an alarm ended; an age goes on with it. */
+const TELLS_ITS_END = /; (found again|its pursuit ended)$/;
+
+/** What an alarm that is over says, in one short line. */
+export function overText(text: string, ago: string): string {
+  const told = text.replace(/\.$/, '');
+  return TELLS_ITS_END.test(told) ? `${told} ${ago}` : `${told}; back to normal ${ago}`;
+}
+
 /** A title inside a sentence; one that begins with an acronym stays as it is. */
 export function lower(title: string): string {
   return /^[A-Z][A-Z]/.test(title) ? title : title.charAt(0).toLowerCase() + title.slice(1);
