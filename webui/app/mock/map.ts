@@ -156,5 +156,8 @@ function newView(isLake: boolean): SceneView {
     legend: isLake
       ? 'Chlorophyll: 0.7 (dark) to 5.6 µg/L'
       : 'Blue light: 60 (dark) to 1,200 counts',
+    target_legend: isLake
+      ? ''
+      : 'Target. Orange dot in its ellipse: where the robot believes it, with 95 %; ring around the robot: newest range; white cross: true place of the virtual target.',
   };
 }

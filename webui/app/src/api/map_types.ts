@@ -87,6 +87,8 @@ export interface SceneView {
   layers: SceneLayer[];
   /** What the colours of the map mean now. */
   legend: string;
+  /** What the marks of the target mean; empty while nothing is shown of one. */
+  target_legend: string;
 }
 
 export interface SceneLayer {
