@@ -2,6 +2,7 @@ import type { FieldError, Problem } from '../api/problem';
 import type { Json, JsonObject } from '../api/types';
 import { fault } from './check';
 import { formTree, type FormNode, type GroupNode } from './schema';
+import { words } from '../text/word';
 import { difference, isSame, leaves, valueAt, withValue } from './value';
 
 /** Whether a field, by its path, means anything beside the form's other values. */
@@ -161,6 +162,13 @@ export function nodeAt(tree: GroupNode, path: readonly string[]): FormNode | nul
     node = next;
   }
   return node;
+}
+
+/** What a form calls a field that the station names `group.field`. */
+export function fieldTitle(tree: GroupNode | undefined, field: string): string {
+  const path = field.split('.');
+  const node = tree ? nodeAt(tree, path) : null;
+  return node?.path.length === path.length ? node.title : words(field);
 }
 
 /** Whether a path of the station leads to a field, to a group around it, or to no field. */

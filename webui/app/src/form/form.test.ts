@@ -2,7 +2,7 @@ import { describe, expect, test } from 'vitest';
 import { Problem } from '../api/problem';
 import type { JsonObject } from '../api/types';
 import { boundsText, fault, parseNumber, parseNumbers } from './check';
-import { Draft, nodeAt } from './draft.svelte';
+import { Draft, fieldTitle, nodeAt } from './draft.svelte';
 import { formTree, type FormNode, type NumberNode } from './schema';
 import { difference, leaves, withValue } from './value';
 
@@ -223,4 +223,17 @@ test('a document of another version fills what the form knows of it', () => {
     domain: { ...(STORED.domain as JsonObject), depth_max_m: 3 },
   });
   expect(draft.isValid).toBe(true);
+});
+
+describe('a field that the station names', () => {
+  const tree = formTree(SCHEMA);
+  test('has the name that the form gives it', () => {
+    expect(fieldTitle(tree, 'domain.x_max_m')).toBe('North edge');
+    expect(fieldTitle(tree, 'glide_angle_rad')).toBe('Glide angle');
+  });
+  test('is written as a person does where the form has none', () => {
+    expect(fieldTitle(tree, 'start')).toBe('Start');
+    expect(fieldTitle(tree, 'mission.draft_age_s')).toBe('Mission draft age s');
+    expect(fieldTitle(undefined, 'start')).toBe('Start');
+  });
 });
