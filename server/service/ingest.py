@@ -66,6 +66,8 @@ class Ingest:
         self._samples: list[Sample] = []
         self._refused: list[Sample] = []
         self._flush: asyncio.TimerHandle | None = None
+        self._stored: Future[None] | None = None
+        """What was handed to the database last."""
         self._told_faults: set[tuple[str, str]] = set()
         self._notes: set[asyncio.Task[None]] = set()
 
@@ -103,6 +105,12 @@ class Ingest:
         if stored is not None:
             await asyncio.wrap_future(stored)
 
+    async def settle(self) -> None:
+        """Return once everything that was taken before is committed, or is known not to be."""
+        self.flush()
+        if self._stored is not None:
+            await asyncio.gather(asyncio.wrap_future(self._stored), return_exceptions=True)
+
     def flush(self) -> "Future[None] | None":
         """Hand everything that waits to the database now; ``None`` if nothing waits."""
         if self._flush is not None:
@@ -120,6 +128,7 @@ class Ingest:
 
         stored = self._store.append(rows)
         stored.add_done_callback(committed)
+        self._stored = stored
         return stored
 
     def _append(self, row: Telemetry) -> None:

@@ -143,7 +143,7 @@ class Station:
         )
         self.trim = TrimAdvices(foundation, self.fleet, self.vehicles, self.study_workers)
         self._follower = PlanFollower(store, self.plans)
-        self._target_follower = TrackFollower(store)
+        self._target_follower = TrackFollower(store, self._settle)
         self.ingest = Ingest(store, self.fleet, clock, self._listeners())
         self.scenes = SceneHost(self._scene_source)
         self._connect()
@@ -246,6 +246,10 @@ class Station:
             foundation, fleet, missions, self.plans, self.planning, self.uploads, quality
         )
         return Surveys(foundation, missions, self.planning, self.uploads, steps)
+
+    async def _settle(self) -> None:
+        """Wait until what was taken in before is committed."""
+        await self.ingest.settle()
 
     def _listeners(self) -> Listeners:
         """Return who is told what robots say."""

@@ -1,5 +1,6 @@
 """Events of a target that is lost and found, from what robots say of it, each told once."""
 
+from collections.abc import Awaitable, Callable
 from datetime import datetime, timedelta
 from typing import Final
 
@@ -30,10 +31,16 @@ class TrackFollower:
 
     What was told last is asked of the database in the transaction that tells more, so a station
     that was killed in between tells it once, and a robot that repeats itself is not heard twice.
+
+    Args:
+        store: Where events go.
+        settle: Waits until what robots said before is committed: whether a mission has ended
+            decides what the next report means.
     """
 
-    def __init__(self, store: Store) -> None:
+    def __init__(self, store: Store, settle: Callable[[], Awaitable[None]]) -> None:
         self._store = store
+        self._settle = settle
         self._turns = Turns("reports on targets")
         self._heard: dict[str, TrackReport] = {}
         """The newest report of each robot that led to a word."""
@@ -52,6 +59,7 @@ class TrackFollower:
         self._heard[report.robot] = report
 
     async def _follow(self, report: TrackReport) -> None:
+        await self._settle()
         await self._store.write(lambda session: self._tell(session, report))
 
     def _tell(self, session: Session, report: TrackReport) -> None:
