@@ -5,6 +5,7 @@ import logging
 from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
+from datetime import datetime
 
 from sqlalchemy.orm import Session
 
@@ -32,7 +33,7 @@ class AlarmBoard:
         self._clock = clock
         self._open: dict[str, AlarmRecord] = {}
         self._last_number = 0
-        self._unsaved: deque[tuple[AlarmRecord, str]] = deque()
+        self._unsaved: deque[tuple[AlarmRecord, str, datetime]] = deque()
         self._saving = asyncio.Lock()
 
     async def load(self) -> None:
@@ -69,8 +70,8 @@ class AlarmBoard:
         """Raise an alarm, or return the one that stands for this robot and cause already.
 
         A cause that comes back after it was normal, and that nobody has acknowledged meanwhile,
-        is the same alarm standing again: one cause never floods the list. A standing alarm of
-        another text or level takes the new ones.
+        is the same alarm, standing since now: one cause never floods the list. A standing alarm
+        of another text or level takes the new ones.
         """
         alarm = self._of_cause(cause, robot)
         if alarm is not None and alarm.cleared_at is None:
@@ -80,7 +81,12 @@ class AlarmBoard:
             return await self._put(changed, "alarm.changed")
         if alarm is not None and alarm.acknowledged_at is None:
             changed = replace(
-                alarm, text=text, level=level, state="unacknowledged", cleared_at=None
+                alarm,
+                text=text,
+                level=level,
+                state="unacknowledged",
+                raised_at=self._clock.now(),
+                cleared_at=None,
             )
             return await self._put(changed, "alarm.raised")
         self._last_number += 1
@@ -153,7 +159,7 @@ class AlarmBoard:
             self._open.pop(alarm.id, None)
         else:
             self._open[alarm.id] = alarm
-        self._unsaved.append((alarm, kind))
+        self._unsaved.append((alarm, kind, self._clock.now()))
         try:
             await self.save_waiting()
         except StoreUnavailableError:
@@ -161,14 +167,9 @@ class AlarmBoard:
         return alarm
 
 
-def _saver(alarm: AlarmRecord, kind: str) -> Callable[[Session], None]:
+def _saver(alarm: AlarmRecord, kind: str, at: datetime) -> Callable[[Session], None]:
     def save(session: Session) -> None:
         query.save_alarm(session, alarm)
-        at = max(
-            moment
-            for moment in (alarm.raised_at, alarm.acknowledged_at, alarm.cleared_at)
-            if moment is not None
-        )
         add_event(
             session,
             at,

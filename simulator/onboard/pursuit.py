@@ -75,9 +75,10 @@ class Pursuit:
 
     @property
     def mode(self) -> RobotMode:
-        """Tracking, or searching for a target that was lost."""
+        """Tracking, or searching for a target that was lost; who teaches does not search."""
         is_lost = self.newest is not None and self.newest.phase is TrackPhase.LOST
-        return RobotMode.SEARCHING if is_lost else RobotMode.TRACKING
+        is_searching = is_lost and not self._config.barrier.is_teaching
+        return RobotMode.SEARCHING if is_searching else RobotMode.TRACKING
 
     def step(self, estimate: Estimate, dt_s: float) -> SetPoints:
         """Take in the ranges that came, and swim on."""

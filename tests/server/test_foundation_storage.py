@@ -99,6 +99,15 @@ async def test_one_cause_never_floods_the_list(board):
     assert (alarm.text, alarm.state) == ("Very low.", "unacknowledged")
 
 
+async def test_a_cause_that_comes_back_stands_since_then(board):
+    first = await board.raise_("target", "Lost.")
+    await board.clear("target")
+    [over] = board.open
+    again = await board.raise_("target", "Lost.")
+    assert again.id == first.id
+    assert first.raised_at < over.cleared_at < again.raised_at
+
+
 async def test_a_cause_that_returns_after_it_was_seen_and_over_is_a_new_alarm(board):
     first = await board.raise_("battery", "Low.")
     await board.acknowledge(first.id, "ann")

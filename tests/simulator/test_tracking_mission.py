@@ -97,6 +97,14 @@ def test_estimate_diverges_where_the_teaching_switch_takes_the_barrier_off():
     assert wrong >= 2
 
 
+def test_robot_that_teaches_says_of_no_silence_that_it_searches():
+    life = begin(changed(TANK, barrier={"controller": "nominal"}), seed=1)
+    life.live(20.0)
+    assert life.robot.program.obey(CommandKind.QUIET, "") is CommandOutcome.DONE
+    assert life.live_until(lambda: phase(life) is TrackPhase.LOST, 30.0)
+    assert life.executive.mode is RobotMode.TRACKING
+
+
 def is_wrong(life: Life) -> bool:
     told = life.robot.program.track_report()
     return told is not None and len(told.hypotheses) > 0 and error_m(told) > 1.0
