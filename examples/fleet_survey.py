@@ -3,15 +3,15 @@
     grace token create --role pilot --data DIR       # prints a token
     python examples/fleet_survey.py --token TOKEN --robot mini-1 --robot mini-2
 
-Needs only httpx. Nothing is sent to the robots unless --send is given.
+Needs only httpx, and rest.py beside it. Nothing is sent to the robots unless --send is given.
 """
 
 import argparse
 import sys
 import time
-import uuid
 
 import httpx
+from rest import get, post
 
 ENDED = {"done", "failed", "stopped"}
 
@@ -48,27 +48,6 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--timeout-s", type=float, default=7200.0)
     parser.add_argument("--send", action="store_true", help="really fly it")
     return parser.parse_args()
-
-
-def get(station: httpx.Client, path: str) -> dict:
-    """Read a resource; wait for a station that restarts."""
-    for _ in range(60):
-        try:
-            return station.get(path).raise_for_status().json()
-        except httpx.TransportError:
-            time.sleep(1.0)
-    sys.exit(f"the station at {station.base_url} does not answer")
-
-
-def post(station: httpx.Client, path: str, body: dict | None = None) -> dict:
-    """Post once, whatever the network does: the key makes a repetition harmless."""
-    key = {"Idempotency-Key": str(uuid.uuid4())}
-    answer = station.post(path, json=body or {}, headers=key)
-    if answer.is_error:
-        problem = answer.json()
-        reasons = [f"{one['loc']}: {one['msg']}" for one in problem.get("errors") or ()]
-        sys.exit("\n".join([f"{path}: {problem.get('detail', answer.text)}", *reasons]))
-    return answer.json()
 
 
 def create_survey(station: httpx.Client, arguments: argparse.Namespace) -> dict[str, str]:

@@ -3,15 +3,15 @@
     grace token create --role pilot --data DIR       # prints a token
     python examples/track_target.py --url http://127.0.0.1:8000 --token TOKEN --robot mini-1
 
-Needs only httpx. Nothing is sent to the robot unless --send is given.
+Needs only httpx, and rest.py beside it. Nothing is sent to the robot unless --send is given.
 """
 
 import argparse
 import sys
 import time
-import uuid
 
 import httpx
+from rest import get, post
 
 ENDED = ("done", "failed", "superseded", "cancelled")
 
@@ -63,25 +63,6 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--timeout-s", type=float, default=600.0, help="for each step")
     parser.add_argument("--send", action="store_true", help="really fly it")
     return parser.parse_args()
-
-
-def get(station: httpx.Client, path: str, **query: object) -> dict:
-    """Read a resource; wait for a station that restarts."""
-    for _ in range(60):
-        try:
-            return station.get(path, params=query).raise_for_status().json()
-        except httpx.TransportError:
-            time.sleep(1.0)
-    sys.exit(f"the station at {station.base_url} does not answer")
-
-
-def post(station: httpx.Client, path: str, body: dict | None = None) -> dict:
-    """Post once, whatever the network does: the key makes a repetition harmless."""
-    key = {"Idempotency-Key": str(uuid.uuid4())}
-    answer = station.post(path, json=body or {}, headers=key)
-    if answer.is_error:
-        sys.exit(f"{path}: {answer.json().get('detail', answer.text)}")
-    return answer.json()
 
 
 def make_plan(station: httpx.Client, arguments: argparse.Namespace) -> dict:
