@@ -15,6 +15,9 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.estimation.config import EstimatorConfig
 
+STD_95 = 2.4477
+"""Semi-axis of the 95 % ellipse of a two-dimensional Gaussian, in standard deviations."""
+
 
 @dataclass(frozen=True, slots=True)
 class AxisCovariance:

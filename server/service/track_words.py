@@ -4,12 +4,11 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from autonomy.estimation.position import STD_95
 from autonomy.tracking.phase import TrackPhase
 from robot_link.messages import TargetEstimate, TrackReport
 from server.service.words import TEACHING
 
-STD_95 = 2.4477
-"""Semi-axis of the 95 % ellipse of a two-dimensional Gaussian, in standard deviations."""
 _TEACHING = "Nothing keeps the target observable: the mission is for teaching."
 _SMALL = 0.005
 """A mirrored estimate less probable than this is not worth a word."""

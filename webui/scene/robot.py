@@ -3,6 +3,7 @@
 import numpy as np
 import viser
 
+from autonomy.estimation.position import STD_95
 from autonomy.frames import ned_to_enu, quaternion_enu_from_body
 from autonomy.vehicle.hull import Hull
 from webui.scene.colour import ROBOT, ROBOT_OLD, UNCERTAINTY, Colour
@@ -11,8 +12,6 @@ from webui.scene.source import Pose
 
 _SHORTEST = 0.055 * VIEW_WIDTH
 """A robot is never drawn shorter than this, whatever its size in the water."""
-STD_95 = 2.4477
-"""Semi-axis of the 95 % ellipse of a two-dimensional Gaussian, in standard deviations."""
 _THINNEST = 0.006 * VIEW_WIDTH
 
 

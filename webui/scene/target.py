@@ -6,12 +6,13 @@ import numpy as np
 import viser
 
 from autonomy.arrays import FloatArray
+from autonomy.estimation.position import STD_95
 from autonomy.frames import ned_to_enu
 from autonomy.planner.plan import PositionNed
 from webui.scene.colour import TARGET, TARGET_OLD, TARGET_TRUE, Colour, linear
 from webui.scene.comparison import dashes
 from webui.scene.projection import VIEW_WIDTH
-from webui.scene.robot import STD_95, ring_enu
+from webui.scene.robot import ring_enu
 from webui.scene.source import SceneSource, TargetHypothesis, TargetView
 from webui.scene.stage import Stage
 

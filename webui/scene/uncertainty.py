@@ -4,9 +4,10 @@ import numpy as np
 import numpy.typing as npt
 
 from autonomy.arrays import FloatArray
+from autonomy.estimation.position import STD_95
 from autonomy.frames import ned_to_enu
 from webui.scene.colour import UNCERTAINTY
-from webui.scene.robot import STD_95, ring_enu
+from webui.scene.robot import ring_enu
 from webui.scene.stage import Stage
 
 _CORNERS = 20
