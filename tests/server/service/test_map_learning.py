@@ -25,13 +25,14 @@ def _short_pauses(monkeypatch):
     monkeypatch.setattr(mapping, "QUIET_S", 0.1)
 
 
-def tell_samples(world, count, first=0, robot=MINI):
+def tell_samples(world, count, first=0, robot=MINI, at=None):
+    """Let samples of one moment come: half a minute ago, unless said otherwise."""
+    at = datetime.now(UTC) - timedelta(seconds=30) if at is None else at
     rng = np.random.default_rng(first + 5)
     domain = TANK.domain
     points = rng.random((count, 3)) * [domain.x_max_m, domain.y_max_m, domain.depth_max_m]
     values = measure("blue_light", points, rng).tolist()
     for i, (point, value) in enumerate(zip(points.tolist(), values, strict=True)):
-        at = datetime.now(UTC) - timedelta(seconds=30)
         world.tell(
             Sample(robot, LogId(1), first + i, "blue_light", value, tuple(point), 0.02, at, at)
         )
@@ -160,15 +161,14 @@ async def test_station_learns_by_itself_between_dives(client, station, world, in
     await client.patch("/api/config/field?robot=mini-1", json={"learning": learning})
     await until(lambda: (map_ := station.maps.group(MINI)) and map_.config.learning.online)
     looked = []
-    station.maps.on_dive.append(looked.append)
+    station.maps.on_dive.append(lambda robot: looked.append(station.maps.group(robot).live.total))
 
     async def surfaced_with(count, first):
         """Let samples come, and a fix; wait until the station has thought about learning."""
-        tell_samples(world, count, first)
+        tell_samples(world, count, first, at=datetime.now(UTC))
         await mapped(station, first + count)
-        looked.clear()
         world.tell(state_report(MINI))
-        await until(lambda: looked)
+        await until(lambda: first + count in looked)
         await until(lambda: not station.learning.is_busy)
         return len(await events_of(station, "map.learned"))
 
