@@ -6,8 +6,9 @@ from dataclasses import replace
 
 from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, KernelParameters
-from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig
+from autonomy.planner.config import EnergyConfig
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
+from autonomy.planner.preset import PLANNER_PRESETS
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 

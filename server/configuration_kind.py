@@ -10,7 +10,8 @@ from autonomy.control.catalogue import CONTROLLERS, ControllerKind
 from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
 from autonomy.field.config import FIELD_PRESETS, FieldConfig
 from autonomy.identification.config import IDENTIFICATION_PRESETS, IdentificationConfig
-from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.trial.config import TRIAL_PRESETS, TrialConfig
 from autonomy.vehicle.config import MINIGLIDER

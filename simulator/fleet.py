@@ -5,7 +5,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
 from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
-from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig, PlannerConfig
+from autonomy.planner.config import EnergyConfig, PlannerConfig
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Site
 from autonomy.vehicle.config import VEHICLES, Vehicle
 from robot_link.messages import RobotId, SystemId

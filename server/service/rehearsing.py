@@ -8,8 +8,9 @@ import asyncio
 import logging
 from dataclasses import replace
 
-from autonomy.planner.config import MINIGLIDER, PlannerConfig
+from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import PrimitiveKind
+from autonomy.planner.preset import MINIGLIDER
 from autonomy.site import TANK
 from autonomy.vehicle.config import VEHICLES, Vehicle
 from db.query.plans import PlanRecord

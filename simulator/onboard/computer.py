@@ -6,7 +6,8 @@ from datetime import datetime
 from pathlib import Path
 
 from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
-from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from robot_link.clock import Clock

@@ -13,7 +13,8 @@ from autonomy.planner.capability import (
     time_unit_j,
     work_of,
 )
-from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK
 from autonomy.vehicle.config import GRACE3, MINIGLIDER, VEHICLES, Vehicle
 from autonomy.vehicle.extended_kernel import advance

@@ -8,10 +8,11 @@ import pytest
 from autonomy.planner.approach import after_approach, approach_energy, shortfall, way_in
 from autonomy.planner.check import violations
 from autonomy.planner.clearance import clearance_m, floor_contact
-from autonomy.planner.config import PLANNER_PRESETS, CurrentConfig
+from autonomy.planner.config import CurrentConfig
 from autonomy.planner.edge import departures, planned_points, propose_edge, surfacings
 from autonomy.planner.outcome import spending
 from autonomy.planner.plan import PrimitiveKind
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.planner.primitive import dive, glide, spiral, swim
 from autonomy.planner.waterway import usable_depth_m, waterway_of
 from autonomy.site import LAKE, TANK, Area

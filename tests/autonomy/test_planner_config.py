@@ -5,12 +5,8 @@ import sys
 import pytest
 from pydantic import BaseModel, ValidationError
 
-from autonomy.planner.config import (
-    PLANNER_PRESETS,
-    PlannerConfig,
-    PrimitiveConfig,
-    exploitation_at,
-)
+from autonomy.planner.config import PlannerConfig, PrimitiveConfig, exploitation_at
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Box
 from autonomy.vehicle.config import VEHICLES
 from autonomy.vehicle.steady import glide_inputs, steady_glide
@@ -179,5 +175,5 @@ def test_unknown_settings_are_refused():
 
 
 def test_settings_load_without_the_compiler():
-    code = "import autonomy.planner.config, sys; sys.exit('numba' in sys.modules)"
+    code = "import autonomy.planner.preset, sys; sys.exit('numba' in sys.modules)"
     assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0

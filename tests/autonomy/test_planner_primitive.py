@@ -8,7 +8,7 @@ from scipy.integrate import quad
 
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner import edge_kernel, leg_kernel, primitive
-from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig
+from autonomy.planner.config import EnergyConfig
 from autonomy.planner.edge import (
     POINT_DOWN,
     POINT_NORTH,
@@ -21,6 +21,7 @@ from autonomy.planner.edge import (
 )
 from autonomy.planner.limits import legs_max, limits_of, points_max
 from autonomy.planner.plan import PrimitiveKind
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.planner.waterway import waterway_of
 from tests.autonomy.planner_problem import THESIS_TANK
 

@@ -14,9 +14,9 @@ import pytest
 from autonomy.planner import graph, literal, search
 from autonomy.planner.belief import sample_noise
 from autonomy.planner.check import violations
-from autonomy.planner.config import PLANNER_PRESETS
 from autonomy.planner.objective import InformationGain, objective
 from autonomy.planner.plan import PlanStatus
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.planner.waterway import depth_at, waterway_of
 from autonomy.site import LAKE, TANK
 from tests.autonomy.planner_problem import START, THESIS_TANK, belief_over, run, with_search

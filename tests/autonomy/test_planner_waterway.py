@@ -6,10 +6,11 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from autonomy.planner import edge_kernel, leg_kernel, waterway_kernel
-from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
+from autonomy.planner.config import PlannerConfig
 from autonomy.planner.edge import propose_edge
 from autonomy.planner.limits import legs_max, limits_of, points_max
 from autonomy.planner.plan import PrimitiveKind
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.planner.waterway import (
     CLOSED,
     chords,

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 
 from autonomy.control.config import BACKSTEPPING_PRESETS
 from autonomy.field.config import FIELD_PRESETS
-from autonomy.planner.config import PLANNER_PRESETS
 from autonomy.planner.plan import Leg, PrimitiveKind
+from autonomy.planner.preset import PLANNER_PRESETS
 from benchmarks.satellite_mission import usual_mission
 from robot_link.messages import (
     LogId,

@@ -11,7 +11,8 @@ from autonomy.control.catalogue import CONTROLLERS
 from autonomy.control.config import BacksteppingConfig
 from autonomy.control.integral_config import IntegralConfig
 from autonomy.field.config import FIELD_PRESETS
-from autonomy.planner.config import PLANNER_PRESETS, PlannerConfig
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.preset import PLANNER_PRESETS
 from robot_link.mavlink.mission_item import item_count, mission_from_items, mission_items
 from robot_link.messages import SystemId
 from robot_link.mission import Mission

@@ -2,7 +2,7 @@
 
 import pytest
 
-from autonomy.planner.config import PLANNER_PRESETS
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK
 from db.query.robots import add_robot
 from server.configuration import merge

@@ -8,8 +8,8 @@ from datetime import UTC, datetime
 import numpy as np
 
 from autonomy.planner import primitive
-from autonomy.planner.config import PLANNER_PRESETS
 from autonomy.planner.plan import Leg, PositionNed
+from autonomy.planner.preset import PLANNER_PRESETS
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, StateReport
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard import CommandOutcome

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from autonomy.planner import edge, outcome
-from autonomy.planner.config import PLANNER_PRESETS
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import TANK
 from autonomy.vehicle.config import VEHICLES
 from robot_link.mission import Mission, MissionSettings

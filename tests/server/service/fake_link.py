@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from autonomy.field.synthetic import measure
-from autonomy.planner.config import MINIGLIDER
+from autonomy.planner.preset import MINIGLIDER
 from autonomy.planner.primitive import position_at
 from robot_link.messages import (
     SURFACED_BY_COMMAND,

@@ -6,7 +6,7 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from autonomy.planner.config import MINIGLIDER
+from autonomy.planner.preset import MINIGLIDER
 from db.query.plans import PlanRecord
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanReport
 from server.service import survey_step

@@ -11,9 +11,9 @@ from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure
 from autonomy.planner.belief import planning_kernel
 from autonomy.planner.check import violations
-from autonomy.planner.config import PLANNER_PRESETS
 from autonomy.planner.objective import objective
 from autonomy.planner.plan import PlanStatus, PrimitiveKind
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Area
 from server.problem import Problem
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from

@@ -2,8 +2,8 @@ import asyncio
 
 import pytest
 
-from autonomy.planner.config import MINIGLIDER
 from autonomy.planner.plan import PrimitiveKind
+from autonomy.planner.preset import MINIGLIDER
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState
 from server.service.plan_document import mission_of
 from server.service.primitive_legs import LegRequest

@@ -3,7 +3,8 @@
 import pytest
 
 from autonomy.control.catalogue import CONTROLLERS
-from autonomy.planner.config import PLANNER_PRESETS, EnergyConfig, PrimitiveConfig
+from autonomy.planner.config import EnergyConfig, PrimitiveConfig
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.vehicle.config import GRACE3, MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_document
 from db.fault import StoreUnavailableError
