@@ -47,7 +47,7 @@ async def running(transport: DatagramTransport) -> AsyncIterator[DatagramTranspo
 
 
 async def next_event(transport: DatagramTransport, kind: type[Event]) -> Event:
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         async for event in transport.events():
             if isinstance(event, kind):
                 return event
@@ -69,7 +69,7 @@ class Line:
         os.write(self.descriptor, data)
 
     async def read(self) -> bytes:
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(60):
             return await asyncio.to_thread(os.read, self.descriptor, 65536)
 
 

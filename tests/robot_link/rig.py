@@ -199,7 +199,7 @@ def robot_on(
     return Robot(program, link, plans, log)
 
 
-async def until(holds: Callable[[], object], longest_s: float = 10.0) -> None:
+async def until(holds: Callable[[], object], longest_s: float = 60.0) -> None:
     """Wait until something holds, or fail."""
     async with asyncio.timeout(longest_s):
         while not holds():  # noqa: ASYNC110 - tests watch what has no event

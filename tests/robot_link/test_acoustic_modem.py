@@ -86,7 +86,7 @@ async def driving(fake, config=NEAR, timing=HASTE, on_mini=lambda _: None):
 
 
 async def met(condition):
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         while True:
             if condition():
                 return

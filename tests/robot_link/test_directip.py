@@ -268,7 +268,7 @@ async def listening(inbox, *, message_s=15.0, connections=32, **options):
 
 async def served(listener):
     """Wait until a connection has come in."""
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         while True:
             if listener._serving:
                 return
@@ -282,7 +282,7 @@ async def deliver(port, data, *, hang_up=False):
         writer.write(data)
         if hang_up:
             writer.write_eof()
-        async with asyncio.timeout(5):
+        async with asyncio.timeout(60):
             return await reader.read()
     except ConnectionError:
         return b""

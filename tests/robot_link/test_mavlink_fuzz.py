@@ -160,7 +160,7 @@ async def test_nothing_that_arrives_at_a_robot_raises(tmp_path: Path, speaker: S
     )
     link.report_state(state(SystemClock().now()))
     async with running(link.run) as task:
-        await until(lambda: radio.is_done or task.done(), 60.0)
+        await until(lambda: radio.is_done or task.done())
         assert not task.done()
     assert 0 < link.frames_bad < 3 * DATAGRAMS
     assert 0 <= table.read("GAIN").value <= 5
@@ -186,7 +186,7 @@ async def test_nothing_that_arrives_at_the_station_raises():
                 station.services(MINI).clock.measure(),
             )
         ]
-        await until(lambda: radio.is_done or task.done(), 60.0)
+        await until(lambda: radio.is_done or task.done())
         assert not task.done()
         for work in asking:
             work.cancel()

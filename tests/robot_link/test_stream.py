@@ -123,7 +123,7 @@ async def test_states_and_samples_together_keep_to_what_the_air_carries():
 async def test_a_link_that_carries_everything_makes_nobody_wait():
     for rate in (math.inf, 0.0):
         pace = Pace(lambda rate=rate: rate)
-        async with asyncio.timeout(5.0):
+        async with asyncio.timeout(60.0):
             await spend_all(pace, 10**9, 1000)
 
 

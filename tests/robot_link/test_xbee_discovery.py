@@ -78,7 +78,7 @@ async def test_digis_library_finds_the_emulated_radios(tmp_path: Path):
         try:
             fabric = device.get_network()
             await asyncio.to_thread(fabric.start_discovery_process)
-            async with asyncio.timeout(30):
+            async with asyncio.timeout(60):
                 while fabric.is_discovery_running():  # noqa: ASYNC110 - it is a thread of theirs
                     await asyncio.sleep(0.02)
             found = {

@@ -52,7 +52,7 @@ async def running(transport: DatagramTransport) -> AsyncIterator[DatagramTranspo
 
 
 async def next_event(transport: DatagramTransport, kind: type):
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         async for event in transport.events():
             if isinstance(event, kind):
                 return event
@@ -136,7 +136,7 @@ async def test_signal_strength_belongs_to_the_last_sender(tmp_path: Path):
     async with air.pty(STATION, tmp_path / "xbee"), running(port) as transport:
         await next_opening(transport)
         strengths: list[float | None] = []
-        async with asyncio.timeout(10.0):
+        async with asyncio.timeout(60.0):
             while not strengths or strengths[-1] is None:
                 await radio.send(STATION, b"1")
                 strengths.append((await next_event(transport, Received)).rssi_dbm)

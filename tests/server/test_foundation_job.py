@@ -20,7 +20,7 @@ def jobs(app):
 
 
 async def ended(jobs, job):
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         while (found := await jobs.get(job.id)).state == "running":  # noqa: ASYNC110
             await asyncio.sleep(0.01)
     return found

@@ -60,7 +60,7 @@ def mini():
 
 
 async def kept(store, robot_id, count):
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         while True:
             found = await store.query(lambda session: list_ranges(session, robot_id))
             if len(found) >= count:
@@ -69,7 +69,7 @@ async def kept(store, robot_id, count):
 
 
 async def shown(reports, robot_id, state):
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         while True:
             newest = [one for one in reports if one.robot == robot_id][-1:]
             if newest and newest[0].state is state:

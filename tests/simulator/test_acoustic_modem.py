@@ -42,7 +42,7 @@ class Host:
         self.write(sentence(body))
 
     async def line(self) -> bytes:
-        async with asyncio.timeout(10.0):
+        async with asyncio.timeout(60.0):
             while b"\r\n" not in self._rest:
                 await asyncio.sleep(0.002)
                 try:

@@ -207,9 +207,7 @@ async def test_lost_pings_are_told_as_none(tmp_path: Path):
     async with in_water(tmp_path, MINI_1, 20.0, acoustic_loss=0.5) as (_, client, clock):
         program = Program(clock)
         async with alongside(Pinger(program, client, clock).run(), "pinger"):
-            await until(
-                lambda: program.ranges and any(one is None for one, _ in program.heard), 20.0
-            )
+            await until(lambda: program.ranges and any(one is None for one, _ in program.heard))
 
 
 @asynccontextmanager

@@ -55,25 +55,25 @@ async def follow(link: StationLink, heard: Heard, expires) -> None:
     def newest() -> TrackReport:
         return heard.of(TrackReport)[-1]
 
-    await until(lambda: heard.of(StateReport), 15.0)
+    await until(lambda: heard.of(StateReport))
     report = await link.upload(MINI_1.robot, PLAN)
     assert report.state is OnboardPlanState.ON_BOARD
     assert not heard.of(TrackReport)
     tell(CommandKind.START, PLAN.sha256())
-    await until(lambda: heard.of(TrackReport) and newest().ranges_heard >= 15, 20.0)
+    await until(lambda: heard.of(TrackReport) and newest().ranges_heard >= 15)
     assert newest().phase is TrackPhase.TRACKING
     check_ranges(heard)
     tell(CommandKind.QUIET)
-    await until(lambda: newest().is_quiet, 15.0)
+    await until(lambda: newest().is_quiet)
     silent = newest().ranges_heard
     reports = len(heard.of(TrackReport))
-    await until(lambda: len(heard.of(TrackReport)) > reports + 5, 15.0)
+    await until(lambda: len(heard.of(TrackReport)) > reports + 5)
     assert newest().ranges_heard == silent
     tell(CommandKind.PING)
-    await until(lambda: newest().ranges_heard > silent + 2, 20.0)
+    await until(lambda: newest().ranges_heard > silent + 2)
     assert not newest().is_quiet
     tell(CommandKind.SURFACE)
-    await until(lambda: newest().phase is TrackPhase.ENDED, 15.0)
+    await until(lambda: newest().phase is TrackPhase.ENDED)
 
 
 def check_ranges(heard: Heard) -> None:
@@ -106,12 +106,12 @@ async def test_program_in_a_process_of_its_own_pings_by_its_acoustic_node(tmp_pa
     chosen.link_folder.mkdir()
 
     async def work(link: StationLink, heard: Heard) -> None:
-        await until(lambda: heard.of(StateReport), 15.0)
+        await until(lambda: heard.of(StateReport))
         await link.upload(MINI_1.robot, PLAN)
         expires = chosen.clock().now() + timedelta(hours=1)
         number = CommandNumber(1)
         link.send_command(MINI_1.robot, CommandKind.START, number, expires, PLAN.sha256())
-        await until(lambda: any(one.ranges_heard >= 10 for one in heard.of(TrackReport)), 20.0)
+        await until(lambda: any(one.ranges_heard >= 10 for one in heard.of(TrackReport)))
         assert heard.of(TrackReport)[-1].phase is TrackPhase.TRACKING
 
     await with_program(chosen, MINI_1, tmp_path / "memory", work)

@@ -177,7 +177,7 @@ def lake_plan(*, onboard: bool = True, legs: int = 6) -> Mission:
 
 async def test_far_robot_calls_by_itself_and_says_where_it_is(tmp_path, private_key):
     async with customer(tmp_path, private_key) as ashore, simulation(ashore.settings):
-        await until(lambda: len(ashore.records) > 0, 20.0)
+        await until(lambda: len(ashore.records) > 0)
         record = ashore.records[0]
         north, east = GRACE_1.far_ne_m
         assert record.state.position_ned[0] == pytest.approx(north, abs=20.0)
@@ -204,7 +204,7 @@ async def test_plan_by_satellite_is_flown_through_loss_and_a_restart_in_the_midd
             await resent(
                 ashore, chunks[1:], lambda: TransferState.APPLIED in ashore.states_of(transfer)
             )
-            await until(lambda: OnboardPlanState.RUNNING in ashore.plan_states(plan), 30.0)
+            await until(lambda: OnboardPlanState.RUNNING in ashore.plan_states(plan))
         on_board = FilePlanStore(ashore.settings.memory(NAME) / "plan").load()
         assert on_board.sha256() == plan.sha256()
         events = events_of(ashore)
@@ -234,7 +234,7 @@ async def test_order_by_satellite_acts_once_and_is_answered(tmp_path, private_ke
     async with customer(tmp_path, private_key) as ashore, simulation(ashore.settings):
         chunks, transfer = ashore.chunks(plan, start=False)
         await ashore.send(*chunks)
-        await until(lambda: TransferState.APPLIED in ashore.states_of(transfer), 30.0)
+        await until(lambda: TransferState.APPLIED in ashore.states_of(transfer))
         assert OnboardPlanState.ON_BOARD in ashore.plan_states(plan)
         expires = ashore.settings.clock().now() + timedelta(hours=1)
         order = pack_order(
@@ -246,9 +246,9 @@ async def test_order_by_satellite_acts_once_and_is_answered(tmp_path, private_ke
             answers = [answer for record in ashore.records for answer in record.answers]
             return {(answer.number, answer.outcome) for answer in answers}
 
-        await until(lambda: bool(outcomes()), 30.0)
+        await until(lambda: bool(outcomes()))
         assert outcomes() == {(7, "done")}
-        await until(lambda: OnboardPlanState.RUNNING in ashore.plan_states(plan), 30.0)
+        await until(lambda: OnboardPlanState.RUNNING in ashore.plan_states(plan))
     assert events_of(ashore).count("order start by satellite: done") == 1
 
 
@@ -257,6 +257,6 @@ async def test_message_for_another_robot_changes_nothing(tmp_path, private_key):
     async with customer(tmp_path, private_key) as ashore, simulation(ashore.settings):
         foreign = cut(Blob.of(plan), bytes(32), SYSTEM, 5, start=True, ack_seen=False)
         await ashore.send(*foreign)
-        await until(lambda: "the code is wrong" in events_of(ashore), 30.0)
+        await until(lambda: "the code is wrong" in events_of(ashore))
         assert not any(record.acks for record in ashore.records)
     assert FilePlanStore(ashore.settings.memory(NAME) / "plan").load() is None

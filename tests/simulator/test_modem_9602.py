@@ -31,7 +31,7 @@ class Host:
 
     async def until(self, end: bytes) -> bytes:
         """Return what the modem says up to and with ``end``."""
-        async with asyncio.timeout(10.0):
+        async with asyncio.timeout(60.0):
             while end not in self.heard:
                 await asyncio.sleep(0.002)
                 try:
@@ -275,7 +275,7 @@ async def test_host_may_hang_up_and_come_back(tmp_path: Path):
     modem = Modem9602(IMEI, network)
     async with modem.pty(tmp_path / "modem"):
         for _ in range(3):
-            with serial.Serial(str(tmp_path / "modem"), 19200, timeout=5.0) as line:
+            with serial.Serial(str(tmp_path / "modem"), 19200, timeout=60.0) as line:
                 line.write(b"AT\r")
                 assert await asyncio.to_thread(line.read_until, OK) == b"AT\r\r\nOK\r\n"
 
@@ -287,10 +287,10 @@ async def driven(folder: Path, network: IridiumNetwork, drive: Callable[..., obj
     """Let the Adafruit driver, which blocks, speak with the modem."""
 
     def work() -> object:
-        with serial.Serial(str(folder / "modem"), 19200, timeout=5.0) as line:
+        with serial.Serial(str(folder / "modem"), 19200, timeout=60.0) as line:
             return drive(adafruit_rockblock.RockBlock(line))
 
-    async with Modem9602(IMEI, network).pty(folder / "modem"), asyncio.timeout(30.0):
+    async with Modem9602(IMEI, network).pty(folder / "modem"), asyncio.timeout(90.0):
         return await asyncio.to_thread(work)
 
 

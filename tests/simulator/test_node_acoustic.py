@@ -68,7 +68,7 @@ async def test_word_of_the_station_reaches_the_robots_programs(tmp_path):
         links = {GRACE_1.robot: f"micromodem://{line}?us={STATION_ADDRESS}&peer={peer}"}
         station = open_modem(links, ScaledClock(datetime.now(UTC), datetime.now(UTC), 1.0))
         async with alongside(station.run(), "station's modem"):
-            await until(lambda: station.is_ready, 10.0)
+            await until(lambda: station.is_ready)
             await station.mini(peer, 0x0ABC)
             assert await words.get() == {"peer": STATION_ADDRESS, "word": 0x0ABC}
 

@@ -94,7 +94,6 @@ async def test_plan_travels_is_flown_and_its_samples_arrive(tmp_path):
                 report.state is OnboardPlanState.DONE and report.sha256 == plan.sha256()
                 for report in heard.of(PlanReport)
             ),
-            30.0,
         )
         await until(lambda: len(heard.of(Sample)) > 15)
     samples = heard.of(Sample)
@@ -111,9 +110,7 @@ async def test_surface_now_reaches_a_diving_robot(tmp_path):
         link.send_command(
             MINI_1.robot, CommandKind.START, CommandNumber(1), soon(3600.0), plan.sha256()
         )
-        await until(
-            lambda: any(report.position_ned[2] > 0.2 for report in heard.of(StateReport)), 20.0
-        )
+        await until(lambda: any(report.position_ned[2] > 0.2 for report in heard.of(StateReport)))
         link.send_command(MINI_1.robot, CommandKind.SURFACE, CommandNumber(2), soon(3600.0))
         await until(
             lambda: any(
@@ -121,7 +118,7 @@ async def test_surface_now_reaches_a_diving_robot(tmp_path):
                 for report in heard.of(CommandReport)
             )
         )
-        await until(lambda: any(report.reason for report in heard.of(PlanReport)), 20.0)
+        await until(lambda: any(report.reason for report in heard.of(PlanReport)))
         assert heard.of(PlanReport)[-1].reason == "surfaced by command"
         assert heard.of(PlanReport)[-1].state is OnboardPlanState.FAILED
 
@@ -166,9 +163,9 @@ async def test_signal_ends_the_process_cleanly(tmp_path, number):
     chosen = settings(tmp_path)
     process = spawn(chosen)
     try:
-        await until(lambda: all(path.exists() for path in links(chosen)), 60.0)
+        await until(lambda: all(path.exists() for path in links(chosen)))
         process.send_signal(number)
-        assert process.wait(timeout=30.0) == 0
+        assert process.wait(timeout=60.0) == 0
     finally:
         process.kill()
         process.wait()
@@ -181,11 +178,11 @@ async def test_process_ends_when_its_parent_is_gone(tmp_path):
     chosen = settings(tmp_path, parent_pid=parent.pid)
     process = spawn(chosen)
     try:
-        await until(lambda: all(path.exists() for path in links(chosen)), 60.0)
+        await until(lambda: all(path.exists() for path in links(chosen)))
         assert process.poll() is None
         parent.kill()
         parent.wait()
-        assert process.wait(timeout=30.0) == 0
+        assert process.wait(timeout=60.0) == 0
     finally:
         for each in (parent, process):
             each.kill()

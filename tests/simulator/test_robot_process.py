@@ -83,14 +83,12 @@ async def test_program_flies_a_body_that_it_reaches_by_its_node_alone(tmp_path):
     plan = mission(*vee())
 
     async def work(link: StationLink, heard: Heard) -> None:
-        await until(lambda: bool(heard.of(StateReport)), 10.0)
+        await until(lambda: bool(heard.of(StateReport)))
         report = await link.upload(MINI_1.robot, plan)
         assert report.state is OnboardPlanState.ON_BOARD
         expires = chosen.clock().now() + timedelta(hours=1)
         link.send_command(MINI_1.robot, CommandKind.START, CommandNumber(1), expires, plan.sha256())
-        await until(
-            lambda: any(state.position_ned[2] > 0.2 for state in heard.of(StateReport)), 20.0
-        )
+        await until(lambda: any(state.position_ned[2] > 0.2 for state in heard.of(StateReport)))
         assert heard.of(PlanReport)[-1].state is OnboardPlanState.RUNNING
 
     await with_program(chosen, MINI_1, tmp_path / "memory", work)
@@ -101,7 +99,7 @@ async def test_clock_of_a_program_that_began_years_off_is_set_by_gps(tmp_path):
     chosen.link_folder.mkdir()
 
     async def work(_link: StationLink, heard: Heard) -> None:
-        await until(lambda: len(heard.of(StateReport)) > 5, 10.0)
+        await until(lambda: len(heard.of(StateReport)) > 5)
         state = heard.of(StateReport)[-1]
         off_s = (state.measured_at - state.received_at).total_seconds()
         assert abs(off_s) < 2.0 * SPEED

@@ -345,7 +345,7 @@ async def test_rockblock_tools_sends_and_raises_each_failure(monkeypatch: pytest
         arguments = (imei, "fleet", password, data)
         return await asyncio.to_thread(rockblock_tools.send, *arguments, url=url)
 
-    async with served(network) as url, asyncio.timeout(30.0):
+    async with served(network) as url, asyncio.timeout(60.0):
         assert await send(bytes(range(256))) == 1
         for code, arguments in (
             (10, {"password": "wrong"}),

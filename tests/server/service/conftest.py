@@ -37,7 +37,7 @@ FAST = {
 """A survey of two short rounds; the search ends by its iterations on a machine of any speed."""
 
 
-async def until(condition, timeout_s=20.0):
+async def until(condition, timeout_s=60.0):
     """Wait for something to become true; a coroutine function is awaited each time."""
     async with asyncio.timeout(timeout_s):
         while True:

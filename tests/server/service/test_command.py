@@ -88,7 +88,7 @@ async def test_unwritten_surface_order_ends_the_automation_once_storage_works(
 ):
     world.robots[MINI].may_fly.clear()
     mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
-    await until(lambda: world.robots[MINI].state.name == "RUNNING", 60)
+    await until(lambda: world.robots[MINI].state.name == "RUNNING")
     world.in_reach = False
     other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
@@ -178,7 +178,7 @@ async def test_nothing_is_started_after_a_surface_order_whatever_was_on_its_way(
     monkeypatch.setattr(station.commands, "on_surface", [too_late])
     world.may_upload.clear()
     mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
-    await until(lambda: world.uploads, 60)
+    await until(lambda: world.uploads)
     await order(client)
     world.may_upload.set()
     await until(lambda: not station.uploads._tasks)

@@ -113,7 +113,7 @@ async def ended(client, begun):
         job = (await client.get(f"/api/jobs/{found['job'] or begun['job']}")).json()
         return None if "running" in {found["state"], job["state"]} else found
 
-    return await until(has_ended, 60.0)
+    return await until(has_ended)
 
 
 async def checkpointed(client, begun):
@@ -121,7 +121,7 @@ async def checkpointed(client, begun):
         found = await get(client, begun)
         return found if found["has_checkpoint"] and len(found["convergence"]) > 1 else None
 
-    return await until(has_checkpoint, 60.0)
+    return await until(has_checkpoint)
 
 
 async def test_a_search_finds_what_differs_and_becomes_a_vehicle(client, station, recording):
@@ -208,7 +208,7 @@ async def test_a_search_converges_while_it_is_watched(client, station, recording
         now = await get(client, begun)
         return now if len(now["convergence"]) > len(first["convergence"]) + 2 else None
 
-    later = await until(longer, 60.0)
+    later = await until(longer)
     assert later["convergence"][: len(first["convergence"])] == first["convergence"]
     costs = [point["cost"] for point in later["convergence"]]
     assert costs == sorted(costs, reverse=True)
@@ -242,7 +242,7 @@ async def test_a_recording_without_actuators_is_refused_with_what_is_missing(cli
     csv = f"time,latitude,longitude,depth,chlorophyll\n{rows}\n"
     files = {"file": ("dive.csv", csv, "text/csv")}
     job = (await client.post("/api/imports", data={"robot": "eva"}, files=files)).json()["id"]
-    await until(lambda: _done(client, job), 60.0)
+    await until(lambda: _done(client, job))
     await until(lambda: _known(client, "eva"))
     body = {"deployment": "deployment-3"}
     refused = await client.post("/api/robots/eva/identifications", json=body)
@@ -283,7 +283,7 @@ async def test_an_imported_flight_can_be_identified(client, recording):
     csv = header + "\n".join(",".join(repr(float(value)) for value in row) for row in table)
     files = {"file": ("flight.csv", csv, "text/csv")}
     job = (await client.post("/api/imports", data={"robot": "other"}, files=files)).json()["id"]
-    await until(lambda: _done(client, job), 60.0)
+    await until(lambda: _done(client, job))
     await until(lambda: _known(client, "other"))
     await client.patch("/api/robots/other", json={"model": "miniglider"})
     body = {"deployment": "deployment-3", "config": QUICK}

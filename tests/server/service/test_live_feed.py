@@ -54,7 +54,7 @@ class Client:
         return told[-1] if told else {}
 
     async def until(self, condition):
-        await until(condition, 5)
+        await until(condition)
 
 
 async def happen(store, *texts):
@@ -103,7 +103,7 @@ async def test_client_that_returns_with_its_cursor_misses_nothing(feed, store):
 
 
 async def test_client_that_knows_more_than_the_feed_gets_nothing_twice(feed, store):
-    await until(lambda: feed._ticks, 5)
+    await until(lambda: feed._ticks)
     await happen(store, "one", "two", "three")
     client = Client(feed, after=2)
     await client.until(lambda: client.events)
@@ -178,7 +178,7 @@ async def test_closing_the_feed_lets_every_client_go(feed):
     client = Client(feed)
     await client.until(lambda: client.batches)
     feed.close()
-    await asyncio.wait_for(client.task, 1)
+    await asyncio.wait_for(client.task, 60)
 
 
 async def test_running_job_is_shown_until_it_ends(feed, store):

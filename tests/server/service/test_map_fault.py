@@ -101,7 +101,7 @@ async def test_of_two_changes_of_the_settings_the_later_one_holds(client, statio
 
     monkeypatch.setattr(FieldMaps, "open", slow_at_first)
     await client.patch("/api/config/field?robot=mini-1", json={"prior_mean": 4.0})
-    await asyncio.wait_for(first.wait(), 10.0)
+    await asyncio.wait_for(first.wait(), 60.0)
     answer = await client.patch("/api/config/field?robot=mini-1", json={"prior_mean": 6.0})
     assert answer.status_code == 200
     refresh = asyncio.create_task(station.refresh(MINI))

@@ -15,7 +15,7 @@ async def plan_in(client, plan, *states):
         found = (await client.get(f"/api/plans/{plan}")).json()
         return found if found["state"] in states else None
 
-    return await until(there, 60.0)
+    return await until(there)
 
 
 async def drafted(client, **config):
@@ -191,7 +191,7 @@ async def test_killed_planning_process_leaves_the_draft_that_it_searched_on_from
         progress = (await client.get(f"/api/plans/{new}")).json()["progress"]
         return progress is not None and progress["elapsed_s"] > 0.0
 
-    await until(searches, 60.0)
+    await until(searches)
     os.kill(station.workers.process_ids()[0], signal.SIGKILL)
     failed = await plan_in(client, new, "failed")
     assert "nothing was changed" in failed["message"]

@@ -60,6 +60,6 @@ async def test_a_search_goes_on_after_a_restart_of_the_station(tmp_path, world):
             now = await identification.get(pilot, begun)
             return now["state"] == "running" and now["progress"] > before["progress"]
 
-        await until(further, 60.0)
+        await until(further)
         await pilot.delete(f"/api/jobs/{resumed['job']}")
         assert (await identification.get(pilot, begun))["state"] == "cancelled"

@@ -202,7 +202,7 @@ async def test_order_for_a_robot_without_a_link_expires():
     soon = clock.now() + timedelta(seconds=0.15)
     way.send_command(MINI, CommandKind.SURFACE, CommandNumber(7), soon)
     assert heard == []
-    await until(lambda: heard, 5.0)
+    await until(lambda: heard)
     (found,) = heard
     assert isinstance(found, CommandReport)
     assert (found.robot, found.number, found.level) == (MINI, 7, CommandLevel.EXPIRED)

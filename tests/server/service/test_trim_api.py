@@ -47,7 +47,7 @@ async def advised(client, body=None):
         found = (await client.get(f"/api/jobs/{job}")).json()
         return None if found["state"] in {"queued", "running"} else found
 
-    return await until(has_ended, 60.0)
+    return await until(has_ended)
 
 
 @pytest.fixture

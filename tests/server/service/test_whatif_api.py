@@ -32,7 +32,7 @@ async def ended(client, begun):
         job = (await client.get(f"/api/jobs/{begun['job']}")).json()
         return None if "running" in {found["state"], job["state"]} else found
 
-    return await until(has_ended, 60.0)
+    return await until(has_ended)
 
 
 async def test_controllers_are_compared_on_the_same_seeds(client):
