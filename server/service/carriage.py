@@ -6,7 +6,6 @@ import logging
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError
-from db.query import transfers as query
 from db.query.plans import PlanRecord
 from db.query.transfers import TransferRecord
 from robot_link.gateway.address import SATELLITE_CARRIERS
@@ -30,7 +29,14 @@ from server.service.plan_document import mission_of
 from server.service.plan_ledger import PlanLedger
 from server.service.routing import Wish
 from server.service.satellite.plan_row import ground_of
-from server.service.transfer_row import WithdrawnError, check_open, close, end_by_satellite
+from server.service.transfer_row import (
+    WithdrawnError,
+    check_open,
+    close,
+    end_by_satellite,
+    proceed,
+    proceed_with_plan,
+)
 from server.service.transfer_view import RADIO_LIFE
 from server.service.turn import until_stored
 
@@ -134,14 +140,13 @@ class Carriage:
                 break
         else:
             raise TransferError(reason)
-        await self._change(
-            state="on_board", level=CommandLevel.APPLIED.value, items_sent=self.transfer.items
-        )
-        await self._ledger.advance(
-            plan.id,
+        await self._change_with_plan(
             "on_board",
             f"{plan.robot} has {plan.id} on board.",
             only_from=("draft", "sent"),
+            state="on_board",
+            level=CommandLevel.APPLIED.value,
+            items_sent=self.transfer.items,
         )
 
     async def _road(self, plan: PlanRecord) -> str:
@@ -217,12 +222,11 @@ class Carriage:
 
     async def _note_sending(self, plan: PlanRecord, carrier: str) -> None:
         """Write down that a radio or a gateway has taken the first bytes."""
-        await self._change(state="sending", carrier=carrier)
+        changes: dict[str, object] = {"state": "sending", "carrier": carrier}
         if carrier not in SATELLITE_CARRIERS:
-            await self._change(level=CommandLevel.QUEUED.value)
-        await self._ledger.advance(
-            plan.id, "sent", f"{plan.id} is on its way to {plan.robot}.", only_from=("draft",)
-        )
+            changes["level"] = CommandLevel.QUEUED.value
+        text = f"{plan.id} is on its way to {plan.robot}."
+        await self._change_with_plan("sent", text, only_from=("draft",), **changes)
 
     async def _start(self, plan: PlanRecord) -> None:
         if plan.sha256 is None:
@@ -312,16 +316,26 @@ class Carriage:
         return report is not None and report.state in begun
 
     async def _change(self, **changes: object) -> None:
-        await self._store.write(
-            lambda session: query.change_transfer(session, self.transfer.id, **changes)
+        await self._store.write(lambda session: proceed(session, self.transfer.id, **changes))
+
+    async def _change_with_plan(
+        self, plan_state: str, text: str, *, only_from: tuple[str, ...], **changes: object
+    ) -> None:
+        at = self._clock.now()
+        plan = await self._store.write(
+            lambda session: proceed_with_plan(
+                session, self.transfer, plan_state, text, at, only_from=only_from, **changes
+            )
         )
+        if plan is not None:
+            self._ledger.publish(plan)
 
     async def _finish(self) -> None:
         """End the transfer; what is still to be sent of it by satellite is not sent any more."""
         at, reason = self._clock.now(), "it is on board already"
 
         def write(session: Session) -> None:
-            query.change_transfer(session, self.transfer.id, ended_at=at)
+            proceed(session, self.transfer.id, ended_at=at)
             end_by_satellite(session, self.transfer.id, "superseded", reason, at, calls_back=True)
 
         await self._store.write(write)

@@ -22,6 +22,48 @@ def check_open(session: Session, transfer: str) -> None:
         raise WithdrawnError
 
 
+def proceed(session: Session, transfer: str, **changes: object) -> None:
+    """Write down how far an open transfer is.
+
+    Raises:
+        WithdrawnError: If someone ended it; nothing is changed.
+    """
+    check_open(session, transfer)
+    query.change_transfer(session, transfer, **changes)
+
+
+def proceed_with_plan(
+    session: Session,
+    transfer: TransferRecord,
+    plan_state: str,
+    text: str,
+    at: datetime,
+    *,
+    only_from: tuple[str, ...],
+    **changes: object,
+) -> PlanRecord | None:
+    """Write down how far an open transfer is, and bring its plan into a state.
+
+    Args:
+        session: The transaction.
+        transfer: Which.
+        plan_state: What its plan becomes, unless it is further already.
+        text: What the event says.
+        at: When.
+        only_from: States that the plan may leave.
+        **changes: What is new of the transfer.
+
+    Raises:
+        WithdrawnError: If someone ended the transfer; nothing is changed.
+    """
+    proceed(session, transfer.id, **changes)
+    if get_plan(session, transfer.plan).state not in only_from:
+        return None
+    plan = change_plan(session, transfer.plan, at=at, state=plan_state)
+    note_change(session, plan, at, text)
+    return plan
+
+
 def withdraw_in(session: Session, robot: str, at: datetime, reason: str) -> None:
     """Withdraw the transfers to a robot, in the transaction of a surface order.
 

@@ -2,9 +2,13 @@ import asyncio
 import sqlite3
 from datetime import UTC, datetime, timedelta
 
+import pytest
+
 from db.query.commands import add_command, list_commands
 from db.query.missions import get_mission
+from db.query.transfers import get_transfer
 from robot_link.messages import CommandKind, CommandLevel, CommandNumber, CommandReport
+from server.service.transfer_row import WithdrawnError, proceed_with_plan
 from tests.server.service.conftest import FAST, GRACE, MINI, open_station, until
 
 
@@ -149,24 +153,45 @@ async def test_surface_purges_the_automation_of_that_robot(client, station, worl
     assert (record.state, record.automation) == ("stopped", False)
 
 
+async def send_dive(client):
+    """Send a dive of two legs; return the plan's id and the transfer's."""
+    legs = [{"kind": "dive", "end_ned": [0, 0, depth]} for depth in (0.5, 0.0)]
+    made = await client.post("/api/robots/mini-1/plans", json={"kind": "primitives", "legs": legs})
+    plan = made.json()["id"]
+    sent = await client.post(f"/api/plans/{plan}/upload", json={"start": True})
+    return plan, sent.json()["transfer"]
+
+
 async def test_surface_withdraws_an_upload_and_keeps_the_draft(client, world):
     world.may_upload.clear()
-    plan = (
-        await client.post(
-            "/api/robots/mini-1/plans",
-            json={
-                "kind": "primitives",
-                "legs": [{"kind": "dive", "end_ned": [0, 0, depth]} for depth in (0.5, 0.0)],
-            },
-        )
-    ).json()["id"]
-    transfer = (await client.post(f"/api/plans/{plan}/upload", json={"start": True})).json()
+    plan, transfer = await send_dive(client)
     await until(lambda: world.uploads)
     await order(client)
-    found = (await client.get(f"/api/transfers/{transfer['transfer']}")).json()
+    found = (await client.get(f"/api/transfers/{transfer}")).json()
     assert found["state"] == "withdrawn"
     assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "draft"
     assert world.cancelled_uploads
+
+
+async def test_withdrawn_upload_says_nothing_more_of_its_plan(client, station, world):
+    """Whoever carried it may be about to write down that its first bytes left."""
+    world.may_upload.clear()
+    plan, transfer = await send_dive(client)
+    await order(client)
+    store = station.foundation.store
+    record = await store.query(lambda session: get_transfer(session, transfer))
+    at = datetime.now(UTC)
+
+    def late(session):
+        proceed_with_plan(
+            session, record, "sent", "late", at, only_from=("draft",), state="sending"
+        )
+
+    with pytest.raises(WithdrawnError):
+        await store.write(late)
+    assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "draft"
+    found = (await client.get(f"/api/transfers/{transfer}")).json()
+    assert found["state"] == "withdrawn"
 
 
 async def test_nothing_is_started_after_a_surface_order_whatever_was_on_its_way(
