@@ -3,6 +3,8 @@
 import heapq
 from collections.abc import Iterable
 
+from robot_link.sample_log import SampleKey
+
 _AT_ONCE = 0.0
 
 
@@ -13,53 +15,53 @@ class SampleQueue:
     """
 
     def __init__(
-        self, sequences: Iterable[int], first_wait_s: float, longest_wait_s: float
+        self, keys: Iterable[SampleKey], first_wait_s: float, longest_wait_s: float
     ) -> None:
         self._first_wait_s = first_wait_s
         self._longest_wait_s = longest_wait_s
-        self._due_s: dict[int, float] = {}
-        self._waits_s: dict[int, float] = {}
-        self._heap: list[tuple[float, int]] = []
-        for sequence in sequences:
-            self.add(sequence)
+        self._due_s: dict[SampleKey, float] = {}
+        self._waits_s: dict[SampleKey, float] = {}
+        self._heap: list[tuple[float, SampleKey]] = []
+        for key in keys:
+            self.add(key)
 
     def __len__(self) -> int:
         return len(self._due_s)
 
-    def add(self, sequence: int) -> None:
+    def add(self, key: SampleKey) -> None:
         """Put a new sample in; it is due at once."""
-        self._schedule(sequence, _AT_ONCE)
+        self._schedule(key, _AT_ONCE)
 
-    def discard(self, sequence: int) -> None:
+    def discard(self, key: SampleKey) -> None:
         """Take a sample out for good."""
-        self._due_s.pop(sequence, None)
-        self._waits_s.pop(sequence, None)
+        self._due_s.pop(key, None)
+        self._waits_s.pop(key, None)
 
-    def take(self, count: int, now_s: float) -> list[int]:
+    def take(self, count: int, now_s: float) -> list[SampleKey]:
         """Return up to ``count`` due samples as sent now; each is due again after its wait."""
-        taken: list[int] = []
+        taken: list[SampleKey] = []
         while len(taken) < count and self._peek() is not None and self._heap[0][0] <= now_s:
             taken.append(heapq.heappop(self._heap)[1])
-        for sequence in taken:
-            wait_s = self._waits_s.get(sequence, self._first_wait_s)
-            self._waits_s[sequence] = min(2 * wait_s, self._longest_wait_s)
-            self._schedule(sequence, now_s + wait_s)
+        for key in taken:
+            wait_s = self._waits_s.get(key, self._first_wait_s)
+            self._waits_s[key] = min(2 * wait_s, self._longest_wait_s)
+            self._schedule(key, now_s + wait_s)
         return taken
 
-    def hurry(self, sequences: Iterable[int]) -> None:
+    def hurry(self, keys: Iterable[SampleKey]) -> None:
         """Make samples due at once that did not leave, as if they had not been sent."""
-        for sequence in sequences:
-            if sequence in self._due_s:
-                self._waits_s.pop(sequence, None)
-                self._schedule(sequence, _AT_ONCE)
+        for key in keys:
+            if key in self._due_s:
+                self._waits_s.pop(key, None)
+                self._schedule(key, _AT_ONCE)
 
     def next_due_s(self) -> float | None:
         """Return when the next sample is due, None without one."""
         return self._peek()
 
-    def _schedule(self, sequence: int, due_s: float) -> None:
-        self._due_s[sequence] = due_s
-        heapq.heappush(self._heap, (due_s, sequence))
+    def _schedule(self, key: SampleKey, due_s: float) -> None:
+        self._due_s[key] = due_s
+        heapq.heappush(self._heap, (due_s, key))
 
     def _peek(self) -> float | None:
         """Drop what is no longer valid from the heap's top; return the time of what is."""

@@ -7,7 +7,7 @@ from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import Codec, packets
 from robot_link.mavlink.telemetry import SAMPLE_FRAME_BYTES, sample_message
 from robot_link.messages import LogId
-from robot_link.sample_log import Measurement, SampleLog
+from robot_link.sample_log import Measurement, SampleKey, SampleLog
 from robot_link.sample_queue import SampleQueue
 from robot_link.service.pace import Pace
 from robot_link.timing import LinkTiming
@@ -60,18 +60,18 @@ class SampleSender:
             ValueError: If a number is not finite.
             KeyError: If no such variable is declared.
         """
-        sample_message(self._log.log, 0, measurement)
-        sequence = self._log.append(measurement)
-        self._queue.add(sequence)
+        sample_message(LogId(0), 0, measurement)
+        key = self._log.append(measurement)
+        self._queue.add(key)
         self._stirred.set()
-        return sequence
+        return key.sequence
 
     def stored(self, log: LogId, sequences: Sequence[int]) -> None:
-        """Take the station's word that samples are stored; another log's does not matter."""
-        if log == self._log.log:
-            self._log.forget(sequences)
-            for sequence in sequences:
-                self._queue.discard(sequence)
+        """Take the station's word that samples are stored; unknown ones do not matter."""
+        keys = [SampleKey(log, sequence) for sequence in sequences]
+        self._log.forget(keys)
+        for key in keys:
+            self._queue.discard(key)
 
     def contact(self, station: Address) -> None:
         """Note that the station was just heard."""
@@ -90,35 +90,35 @@ class SampleSender:
                 continue
             self._stirred.clear()
             count = max(1, self._transport.max_payload // self._frame_bytes)
-            sequences = self._queue.take(count, monotonic_s())
-            if sequences:
-                await self._send(station, sequences)
+            keys = self._queue.take(count, monotonic_s())
+            if keys:
+                await self._send(station, keys)
             else:
                 await self._wait()
 
-    async def _send(self, station: Address, sequences: list[int]) -> None:
+    async def _send(self, station: Address, keys: list[SampleKey]) -> None:
         frames = [
-            self._codec.pack(sample_message(self._log.log, sequence, measurement))
-            for sequence in sequences
-            if (measurement := self._log.get(sequence)) is not None
+            self._codec.pack(sample_message(key.log, key.sequence, measurement))
+            for key in keys
+            if (measurement := self._log.get(key)) is not None
         ]
         for packet in packets(frames, self._transport.max_payload):
             await self._pace.spend(len(packet))
             try:
                 fate = await self._transport.send(station, packet)
             except PortClosedError:
-                self._fail(sequences)
+                self._fail(keys)
                 return
-            fate.add_done_callback(lambda done: self._settle(sequences, done.result()))
+            fate.add_done_callback(lambda done: self._settle(keys, done.result()))
 
-    def _settle(self, sequences: Iterable[int], delivery: Delivery) -> None:
+    def _settle(self, keys: Iterable[SampleKey], delivery: Delivery) -> None:
         if delivery.fate in (Fate.DELIVERED, Fate.UNCONFIRMED):
             self._failures = 0
         else:
-            self._fail(sequences)
+            self._fail(keys)
 
-    def _fail(self, sequences: Iterable[int]) -> None:
-        self._queue.hurry(sequences)
+    def _fail(self, keys: Iterable[SampleKey]) -> None:
+        self._queue.hurry(keys)
         self._stirred.set()
         self._failures += 1
         if self._failures >= _FAILURES_BEFORE_SILENCE:

@@ -15,7 +15,8 @@ from robot_link.mavlink.signing import FileSigningMemory, Signing
 from robot_link.messages import LogId, OnboardPlanState, RobotId, SystemId
 from robot_link.onboard import RobotLink
 from robot_link.plan_store import MemoryPlanStore
-from robot_link.sample_log import MemorySampleLog
+from robot_link.sample_file import FileSampleLog
+from robot_link.sample_log import MemorySampleLog, SampleLog
 from robot_link.satellite.config import SatelliteConfig
 from robot_link.satellite.receiver import FileStore, MemoryStore, Receiver
 from robot_link.service.file_store import FolderFiles
@@ -50,7 +51,8 @@ class Computer:
     """Everything that runs on board of one robot but what steps the program.
 
     What was on board when the robot was switched off is on board again: the plan (which waits for
-    START), the commands that acted, chunks of missions, and changed parameters.
+    START), the commands that acted, chunks of missions, changed parameters, and samples that are
+    not known to be stored ashore.
 
     Args:
         robot: Its name.
@@ -83,7 +85,7 @@ class Computer:
     ) -> None:
         self.program = program
         started_at = clock.now()
-        samples = MemorySampleLog(_log_number(memory, started_at))
+        samples = _samples(memory, started_at)
         plans = MemoryPlanStore() if memory is None else FilePlanStore(memory / "plan")
         talk = None if satellite is None else _talk_settings(satellite_config or SatelliteConfig())
         self.log: OnboardLog = NoLog() if memory is None else _log_in(memory, started_at)
@@ -218,10 +220,11 @@ def _waypoint_rules(vehicle: Vehicle, site: Site) -> WaypointRules:
     )
 
 
-def _log_number(memory: Path | None, started_at: datetime) -> LogId:
+def _samples(memory: Path | None, started_at: datetime) -> SampleLog:
+    """Return the memory of samples, which begins a log and still holds what is not ashore."""
     if memory is None:
-        return LogId(int(started_at.timestamp()))
-    return new_log(memory / "log-number", started_at)
+        return MemorySampleLog(LogId(int(started_at.timestamp())))
+    return FileSampleLog(memory / "samples", new_log(memory / "log-number", started_at))
 
 
 def _log_in(memory: Path, started_at: datetime) -> FileLog:

@@ -8,7 +8,7 @@ from robot_link.mavlink.track import can_travel
 from robot_link.messages import RobotId, Sample, StateReport, SystemId, TrackReport
 from robot_link.onboard_settings import DigestSettings
 from robot_link.plan_desk import PlanOnBoard
-from robot_link.sample_log import SampleLog
+from robot_link.sample_log import SampleKey, SampleLog
 from robot_link.satellite.digest import choose
 from robot_link.satellite.record import (
     CommandAnswer,
@@ -80,7 +80,7 @@ class RecordWriter:
         self._program = program
         self._samples = samples
         self._clock = clock
-        self._ashore: set[int] = set()
+        self._ashore: set[SampleKey] = set()
 
     def record(
         self,
@@ -128,19 +128,19 @@ class RecordWriter:
         content = read_mobile_originated(
             record, self._key, self._system, self._robot, self._clock.now()
         )
-        self._ashore |= {sample.sequence for sample in content.samples}
+        self._ashore |= {SampleKey(one.log, one.sequence) for one in content.samples}
         self._ashore &= set(self._samples.kept())
 
     def _not_ashore(self) -> list[Sample]:
         samples: list[Sample] = []
-        for number in self._samples.kept():
-            measured = self._samples.get(number)
-            if measured is not None and number not in self._ashore:
+        for key in self._samples.kept():
+            measured = self._samples.get(key)
+            if measured is not None and key not in self._ashore:
                 samples.append(
                     Sample(
                         robot=self._robot,
-                        log=self._samples.log,
-                        sequence=number,
+                        log=key.log,
+                        sequence=key.sequence,
                         variable=measured.variable,
                         value=measured.value,
                         position_ned=measured.position_ned,

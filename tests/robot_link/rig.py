@@ -26,7 +26,7 @@ from robot_link.messages import (
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard import CommandOutcome, RobotLink
 from robot_link.plan_store import MemoryPlanStore
-from robot_link.sample_log import MemorySampleLog
+from robot_link.sample_log import MemorySampleLog, SampleLog
 from robot_link.station import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address
@@ -85,7 +85,7 @@ class Robot:
     program: Program
     link: RobotLink
     plans: MemoryPlanStore
-    log: MemorySampleLog
+    log: SampleLog
 
 
 @dataclass
@@ -183,9 +183,11 @@ def robot_on(
     robot: RobotId,
     timing: LinkTiming = HASTE,
     clock: Clock | None = None,
+    log: SampleLog | None = None,
     **equipment: Any,
 ) -> Robot:
-    program, plans, log = Program(), MemoryPlanStore(), MemorySampleLog(LogId(77))
+    program, plans = Program(), MemoryPlanStore()
+    log = MemorySampleLog(LogId(77)) if log is None else log
     link = RobotLink(
         SYSTEMS[robot],
         air.robot_radio(ADDRESSES[robot]),

@@ -26,7 +26,7 @@ from robot_link.messages import (
 )
 from robot_link.mission import Mission, MissionSettings
 from robot_link.sample_gate import SequenceSet
-from robot_link.sample_log import Measurement
+from robot_link.sample_log import Measurement, SampleKey
 from robot_link.sample_queue import SampleQueue
 from tests.robot_link.rig import mission, state
 
@@ -386,20 +386,21 @@ def test_a_sequence_set_is_a_set(numbers: list[int]):
 
 
 def test_samples_are_due_in_order_then_after_growing_waits_then_never():
-    queue = SampleQueue(range(3), first_wait_s=1.0, longest_wait_s=4.0)
-    assert queue.take(2, 10.0) == [0, 1]
-    assert queue.take(9, 10.0) == [2]
+    a, b, c = (SampleKey(LogId(7), number) for number in range(3))
+    queue = SampleQueue((a, b, c), first_wait_s=1.0, longest_wait_s=4.0)
+    assert queue.take(2, 10.0) == [a, b]
+    assert queue.take(9, 10.0) == [c]
     assert queue.next_due_s() == 11.0
     assert queue.take(9, 10.9) == []
-    assert queue.take(9, 11.0) == [0, 1, 2]
+    assert queue.take(9, 11.0) == [a, b, c]
     assert queue.next_due_s() == 13.0
     for now_s, next_s in ((13.0, 17.0), (17.0, 21.0)):
-        assert queue.take(9, now_s) == [0, 1, 2]
+        assert queue.take(9, now_s) == [a, b, c]
         assert queue.next_due_s() == next_s
-    queue.hurry([2, 99])
-    assert queue.take(9, 17.0) == [2]
-    for sequence in range(3):
-        queue.discard(sequence)
+    queue.hurry([c, SampleKey(LogId(8), 2)])
+    assert queue.take(9, 17.0) == [c]
+    for key in (a, b, c):
+        queue.discard(key)
     assert queue.next_due_s() is None
     assert len(queue) == 0
 

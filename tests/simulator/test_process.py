@@ -190,6 +190,42 @@ async def test_process_ends_when_its_parent_is_gone(tmp_path):
     assert not any(path.is_symlink() for path in links(chosen))
 
 
+@pytest.mark.process
+async def test_samples_that_a_killed_robot_had_not_brought_ashore_come_after_it_lives_again(
+    tmp_path,
+):
+    chosen = settings(tmp_path, memory_folder=tmp_path / "memory")
+    plan = mission(*vee())
+    async with killed_afterwards(chosen), station(chosen) as (link, heard):
+        heard.stores = False
+        await until(lambda: bool(heard.of(StateReport)))
+        await link.upload(MINI_1.robot, plan)
+        order = (CommandKind.START, CommandNumber(1), soon(3600.0), plan.sha256())
+        link.send_command(MINI_1.robot, *order)
+        await until(lambda: len(names(heard)) >= 8)
+        taken = names(heard)
+    async with killed_afterwards(chosen), station(chosen) as (_, after):
+        await until(lambda: taken <= names(after))
+    assert {log for log, _ in names(after)} == {log for log, _ in taken}
+
+
+@asynccontextmanager
+async def killed_afterwards(chosen: SimulatorSettings) -> AsyncIterator[None]:
+    process = spawn(chosen)
+    try:
+        await until(lambda: all(path.exists() for path in links(chosen)))
+        yield
+    finally:
+        process.kill()
+        process.wait()
+        for path in links(chosen):
+            path.unlink(missing_ok=True)
+
+
+def names(heard: Heard) -> set[tuple[int, int]]:
+    return {(sample.log, sample.sequence) for sample in heard.of(Sample)}
+
+
 def test_settings_file_is_refused_with_the_name_of_the_wrong_field(tmp_path):
     text = settings(tmp_path).model_dump_json().replace('"speed":20.0', '"speed":-1.0')
     with pytest.raises(ValueError, match="speed"):

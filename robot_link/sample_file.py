@@ -1,0 +1,181 @@
+"""The robot's memory of samples in a file: what was not ashore outlives the program.
+
+A line is written whenever a sample is kept, and whenever samples are known to be stored ashore;
+each begins with its own checksum::
+
+    1f0a3b52 {"log": 1, "sequence": 0, "variable": "chlorophyll", "value": 2.5, ...}
+    77a1c09e {"log": 1, "stored": [0]}
+
+So a program that is killed loses nothing. A power cut may take the last seconds, which the
+operating system still held, and half a line; a line that is not whole is passed over.
+"""
+
+import json
+import logging
+import zlib
+from collections.abc import Iterable, Mapping
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from robot_link.mavlink.telemetry import sample_message
+from robot_link.messages import LogId
+from robot_link.sample_log import Measurement, MemorySampleLog, SampleKey
+from robot_link.whole_file import replace_file
+
+_SPARE_LINES = 1024
+"""The file is written anew when it has twice as many lines as samples, and so many more."""
+_CHECKSUM_DIGITS = 8
+
+_log = logging.getLogger(__name__)
+
+
+class FileSampleLog:
+    """Samples of this log and of older ones, in memory and in one file.
+
+    A disk that refuses does not bring the robot down: what it takes no more is kept in memory.
+
+    Args:
+        path: The file.
+        log: The log to append to.
+    """
+
+    def __init__(self, path: Path, log: LogId) -> None:
+        self._path = path
+        self._memory = MemorySampleLog(log, _read(path))
+        self._is_writable = True
+        self._lines = 0
+        self._rewrite()
+
+    def append(self, measurement: Measurement) -> SampleKey:
+        """Keep a measurement and return its name."""
+        key = self._memory.append(measurement)
+        self._write(_sample_line(key, measurement))
+        return key
+
+    def get(self, key: SampleKey) -> Measurement | None:
+        """Return a measurement; None where it was forgotten."""
+        return self._memory.get(key)
+
+    def forget(self, keys: Iterable[SampleKey]) -> None:
+        """Drop measurements that are stored ashore."""
+        known = [key for key in keys if self._memory.get(key) is not None]
+        self._memory.forget(known)
+        for log in dict.fromkeys(key.log for key in known):
+            self._write(_line({"log": log, "stored": [key[1] for key in known if key.log == log]}))
+        if self._lines > 2 * len(self._memory) + _SPARE_LINES:
+            self._rewrite()
+
+    def kept(self) -> list[SampleKey]:
+        """Return the names of all that is kept, ascending."""
+        return self._memory.kept()
+
+    def _rewrite(self) -> None:
+        """Replace the file by one without what was forgotten or could not be read."""
+        if not self._is_writable:
+            return
+        lines = [
+            _sample_line(key, measurement)
+            for key in self._memory.kept()
+            if (measurement := self._memory.get(key)) is not None
+        ]
+        try:
+            replace_file(self._path, b"".join(lines))
+        except OSError as error:
+            self._give_up(error)
+        self._lines = len(lines)
+
+    def _write(self, line: bytes) -> None:
+        if not self._is_writable:
+            return
+        try:
+            with self._path.open("ab") as file:
+                file.write(line)
+        except OSError as error:
+            self._give_up(error)
+        self._lines += 1
+
+    def _give_up(self, error: OSError) -> None:
+        _log.warning("cannot keep samples in %s: %s", self._path, error)
+        self._is_writable = False
+
+
+def _read(path: Path) -> dict[SampleKey, Measurement]:
+    """Return what a file holds that was not known to be ashore; nothing where there is none."""
+    kept: dict[SampleKey, Measurement] = {}
+    try:
+        lines = path.read_bytes().splitlines()
+    except FileNotFoundError:
+        return kept
+    except OSError as error:
+        _log.warning("cannot read the samples in %s: %s", path, error)
+        return kept
+    bad = 0
+    for line in lines:
+        try:
+            _take(_content(line), kept)
+        except (ValueError, KeyError, TypeError):
+            bad += 1
+    if bad:
+        _log.warning("%d of %d lines of %s are none", bad, len(lines), path)
+    return kept
+
+
+def _take(content: Mapping[str, Any], kept: dict[SampleKey, Measurement]) -> None:
+    """Do what a line says.
+
+    Raises:
+        ValueError: If a value is none.
+        KeyError: If one lacks, or the variable is unknown.
+        TypeError: If one is of another type.
+    """
+    log = LogId(int(content["log"]))
+    if "stored" in content:
+        for sequence in content["stored"]:
+            kept.pop(SampleKey(log, int(sequence)), None)
+        return
+    north_m, east_m, depth_m = content["position_ned"]
+    key = SampleKey(log, int(content["sequence"]))
+    measurement = Measurement(
+        variable=str(content["variable"]),
+        value=float(content["value"]),
+        position_ned=(float(north_m), float(east_m), float(depth_m)),
+        position_std_m=float(content["position_std_m"]),
+        measured_at=datetime.fromisoformat(content["measured_at"]),
+    )
+    sample_message(key.log, key.sequence, measurement)
+    kept[key] = measurement
+
+
+def _sample_line(key: SampleKey, measurement: Measurement) -> bytes:
+    return _line(
+        {
+            "log": key.log,
+            "sequence": key.sequence,
+            "variable": measurement.variable,
+            "value": float(measurement.value),
+            "position_ned": [float(one) for one in measurement.position_ned],
+            "position_std_m": float(measurement.position_std_m),
+            "measured_at": measurement.measured_at.isoformat(),
+        }
+    )
+
+
+def _line(content: Mapping[str, Any]) -> bytes:
+    text = json.dumps(content).encode()
+    return b"%08x %s\n" % (zlib.crc32(text), text)
+
+
+def _content(line: bytes) -> Mapping[str, Any]:
+    """Return what a line says.
+
+    Raises:
+        ValueError: If it is not whole.
+    """
+    checksum, text = line[:_CHECKSUM_DIGITS], line[_CHECKSUM_DIGITS + 1 :]
+    if int(checksum, 16) != zlib.crc32(text):
+        raise ValueError("a line is not whole")
+    content = json.loads(text)
+    if not isinstance(content, dict):
+        raise TypeError("a line holds no values")
+    return content
