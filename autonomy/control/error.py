@@ -72,12 +72,7 @@ def tracking_error(
     cross_rate = -vx * sp + vy * cp - v2 - turn_rate * along
     distance = math.hypot(along, cross)
     offsets = (0.0,) if distance >= near_m else (near_offset_m, -near_offset_m)
-    direction = direction_rate = 0.0
-    for offset in offsets:
-        b = cross + offset
-        share = 1.0 / len(offsets)
-        direction -= share * math.atan2(b, along)
-        direction_rate -= share * (along * cross_rate - b * along_rate) / (along**2 + b**2)
+    direction, direction_rate = _direction(along, along_rate, cross, cross_rate, offsets)
     pitch_error = reference.pitch_rad - pitch
     pitch_error_rate = reference.pitch_rate_rad_s - w2
     near_level, near_target = math.tanh(pitch), math.tanh(along + added_along_m)
@@ -100,3 +95,16 @@ def tracking_error(
         cross=cross,
         cross_rate=cross_rate,
     )
+
+
+def _direction(
+    along: float, along_rate: float, cross: float, cross_rate: float, offsets: tuple[float, ...]
+) -> tuple[float, float]:
+    """Average heading minus direction over points so far beside the target; rad and rad/s."""
+    direction = direction_rate = 0.0
+    share = 1.0 / len(offsets)
+    for offset in offsets:
+        b = cross + offset
+        direction -= share * math.atan2(b, along)
+        direction_rate -= share * (along * cross_rate - b * along_rate) / (along**2 + b**2)
+    return direction, direction_rate

@@ -165,29 +165,12 @@ class ModelFilter:
             self._predict(dt_s, command, time_s, inside)
         self._notice_trim(dt_s, inside)
         self._attitude, self._rates, self._actuators = attitude, rates, inside
-        outlier = self._config.outlier
-        kernel.measure_depth(
-            self._x,
-            self._S,
-            depth_m,
-            self._estimator.depth_std_m**2,
-            outlier.limit,
-            outlier.patience,
-            self._refused_depths,
-        )
+        self._take_depth(depth_m)
         if fix_ne is None or fix_ne == self._newest_fix:
             return
         self._newest_fix = fix_ne
         if depth_m <= self._estimator.surface_depth_m:
-            kernel.measure_fix(
-                self._x,
-                self._S,
-                np.array(fix_ne, dtype=np.float64),
-                self._estimator.fix_std_m**2,
-                outlier.limit,
-                outlier.patience,
-                self._refused_fixes,
-            )
+            self._take_fix(fix_ne)
 
     def _predict(
         self, dt_s: float, command: FloatArray, time_s: float, actuators: FloatArray
@@ -207,6 +190,30 @@ class ModelFilter:
             self._still_water,
             self._noise,
             math.ceil(dt_s / LONGEST_STEP_S),
+        )
+
+    def _take_depth(self, depth_m: float) -> None:
+        outlier = self._config.outlier
+        kernel.measure_depth(
+            self._x,
+            self._S,
+            depth_m,
+            self._estimator.depth_std_m**2,
+            outlier.limit,
+            outlier.patience,
+            self._refused_depths,
+        )
+
+    def _take_fix(self, fix_ne: tuple[float, float]) -> None:
+        outlier = self._config.outlier
+        kernel.measure_fix(
+            self._x,
+            self._S,
+            np.array(fix_ne, dtype=np.float64),
+            self._estimator.fix_std_m**2,
+            outlier.limit,
+            outlier.patience,
+            self._refused_fixes,
         )
 
     def _notice_trim(self, dt_s: float, actuators: FloatArray) -> None:

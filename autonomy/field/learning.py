@@ -165,11 +165,7 @@ def learn_levels(
     factors = scale_factors(rho, len(shapes))
     tail = factors if learns_rho else factors[:0]
     first = [np.concatenate([*map(log_parameters, levels), tail]) for levels in starts]
-    is_held = np.zeros(likelihood.size, dtype=np.bool_)
-    for level in held:
-        is_held[level * PER_LEVEL : (level + 1) * PER_LEVEL] = True
-        of_steps = is_held[len(shapes) * PER_LEVEL :]
-        of_steps[max(level - 1, 0) : level + 1] = True
+    is_held = _held(held, len(shapes), likelihood.size)
     found = search(
         likelihood,
         first,
@@ -199,6 +195,20 @@ def _check(points: FloatArray, values: FloatArray, starts: Sequence[object]) -> 
         raise ValueError("learning needs at least two values and one start")
     if not (np.isfinite(points).all() and np.isfinite(values).all()):
         raise ValueError("positions and values to learn from must be finite")
+
+
+def _held(levels: Sequence[int], count: int, size: int) -> BoolArray:
+    """Mark the hyperparameters of some of ``count`` levels, and of the steps that touch them.
+
+    Returns:
+        Shape ``(size,)``: kernels level after level, then the scale factors if they are learned.
+    """
+    held = np.zeros(size, dtype=np.bool_)
+    kernels, steps = held[: count * PER_LEVEL].reshape(count, PER_LEVEL), held[count * PER_LEVEL :]
+    for level in levels:
+        kernels[level] = True
+        steps[max(level - 1, 0) : level + 1] = True
+    return held
 
 
 def _limits(

@@ -81,37 +81,18 @@ def fit_recording(
     extent = np.maximum(np.ptp(points, axis=0), 1.0)
     held_out, learned_from, left_over = _split(points, extent, training, test, rng)
 
-    learned = learn(
-        points[learned_from], standard[learned_from], _starts(extent), noise_floor=_NOISE_FLOOR
-    )
+    known = Part(points[learned_from], standard[learned_from])
+    learned = learn(known.points, known.values, _starts(extent), noise_floor=_NOISE_FLOOR)
     kernel = cross_validated_noise(
         learned.parameters,
-        Part(points[learned_from], standard[learned_from]),
+        known,
         Part(points[left_over], standard[left_over]),
         floor=_NOISE_FLOOR,
     )
-    process = GaussianProcess(kernel, points[learned_from], standard[learned_from])
-    targets = points[held_out]
-    covariance = process.covariance(targets) + kernel.noise_variance * np.eye(len(targets))
-    scaled = kernel.model_copy(
-        update={
-            "signal_variance": kernel.signal_variance * std**2,
-            "noise_variance": kernel.noise_variance * std**2,
-        }
-    )
-    config = FieldConfig(
-        variable=variable_key,
-        model="single",
-        prior_mean=mean,
-        single=scaled,
-        levels=(scaled,),
-        fidelity_thresholds_m=(),
-        grid=GridShape(x=20, y=20, z=20),
-    )
     return RecordedFit(
-        config=config,
+        config=_config_of(variable_key, kernel, mean, std),
         box=_box_around(points),
-        scores=score(process.mean(targets), covariance, standard[held_out]),
+        scores=_scores(kernel, known, Part(points[held_out], standard[held_out])),
         value_std=std,
         training=len(learned_from),
         test=len(held_out),
@@ -170,6 +151,33 @@ def _starts(extent: FloatArray) -> tuple[KernelParameters, ...]:
             )
         )
     return tuple(starts)
+
+
+def _scores(kernel: KernelParameters, known: Part, held_out: Part) -> Scores:
+    """Score what a kernel says of the values held out, noise included, from those known."""
+    process = GaussianProcess(kernel, known.points, known.values)
+    targets = held_out.points
+    covariance = process.covariance(targets) + kernel.noise_variance * np.eye(len(targets))
+    return score(process.mean(targets), covariance, held_out.values)
+
+
+def _config_of(variable_key: str, kernel: KernelParameters, mean: float, std: float) -> FieldConfig:
+    """Return the single model of a kernel learned from values less ``mean``, over ``std``."""
+    scaled = kernel.model_copy(
+        update={
+            "signal_variance": kernel.signal_variance * std**2,
+            "noise_variance": kernel.noise_variance * std**2,
+        }
+    )
+    return FieldConfig(
+        variable=variable_key,
+        model="single",
+        prior_mean=mean,
+        single=scaled,
+        levels=(scaled,),
+        fidelity_thresholds_m=(),
+        grid=GridShape(x=20, y=20, z=20),
+    )
 
 
 def _box_around(points: FloatArray) -> Box:

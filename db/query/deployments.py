@@ -100,24 +100,15 @@ def add_recording(
         raise DeploymentExistsError(
             f"This recording is there already, as {public_id('deployment', present)} of {robot}."
         )
-    count, first, last = 0, None, None
-    remaining = iter(rows)
-    while batch := list(islice(remaining, BATCH_ROWS)):
-        first, last = first or batch[0].measured_at, batch[-1].measured_at
-        insert_new(session, StateRow, [_state(key, row, at) for row in batch])
-        if variables:
-            insert_new(session, SampleRow, _samples(key, log, variables, batch, count, at))
-        count += len(batch)
-    if first is None:
-        raise ValueError("a recording needs a row")
+    kept = _keep_rows(session, key, log, variables, rows, at)
     deployment = Deployment(
         robot_key=key,
         kind="recorded",
         title=title,
         log=log,
-        started_at=first,
-        ended_at=last,
-        rows=count,
+        started_at=kept.first,
+        ended_at=kept.last,
+        rows=kept.count,
         variables=list(variables),
         document=dict(document),
     )
@@ -169,6 +160,36 @@ def list_deployments(
     if before is not None:
         statement = statement.where(Deployment.key < key_of("deployment", before))
     return [_record(row, name) for row, name in session.execute(statement)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """Rows of a recording that were kept."""
+
+    count: int
+    first: datetime
+    last: datetime
+
+
+def _keep_rows(
+    session: Session,
+    key: int,
+    log: int,
+    variables: Sequence[str],
+    rows: Iterable[RecordedRow],
+    at: datetime,
+) -> _Kept:
+    count, first, last = 0, None, None
+    remaining = iter(rows)
+    while batch := list(islice(remaining, BATCH_ROWS)):
+        first, last = first or batch[0].measured_at, batch[-1].measured_at
+        insert_new(session, StateRow, [_state(key, row, at) for row in batch])
+        if variables:
+            insert_new(session, SampleRow, _samples(key, log, variables, batch, count, at))
+        count += len(batch)
+    if first is None or last is None:
+        raise ValueError("a recording needs a row")
+    return _Kept(count, first, last)
 
 
 def _state(key: int, row: RecordedRow, received_at: datetime) -> dict[str, Any]:

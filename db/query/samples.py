@@ -3,9 +3,10 @@
 from collections.abc import Generator, Sequence
 from dataclasses import dataclass, fields
 from datetime import datetime
+from typing import Any
 
 import numpy as np
-from sqlalchemy import BigInteger, and_, func, select, type_coerce
+from sqlalchemy import BigInteger, ColumnElement, Select, and_, func, select, type_coerce
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import BoolArray, FloatArray, IntArray
@@ -78,51 +79,13 @@ def sample_columns(
     """
     named = (robots,) if isinstance(robots, str) else tuple(robots)
     keys = [robot_key(session, robot) for robot in named]
-    better = SmoothedSample
     statement = (
-        select(
-            SampleRow.north_m,
-            SampleRow.east_m,
-            SampleRow.depth_m,
-            SampleRow.position_std_m,
-            func.coalesce(better.north_m, SampleRow.north_m),
-            func.coalesce(better.east_m, SampleRow.east_m),
-            func.coalesce(better.depth_m, SampleRow.depth_m),
-            func.coalesce(better.position_std_m, SampleRow.position_std_m),
-            SampleRow.value,
-            type_coerce(SampleRow.measured_at, BigInteger),
-            SampleRow.robot_key,
-            SampleRow.log,
-            SampleRow.sequence,
-        )
-        .outerjoin(
-            better,
-            and_(
-                better.robot_key == SampleRow.robot_key,
-                better.log == SampleRow.log,
-                better.sequence == SampleRow.sequence,
-            ),
-        )
+        _with_smoothed()
         .where(SampleRow.robot_key.in_(keys), SampleRow.variable == variable)
+        .where(*_between(start, end, log))
         .order_by(SampleRow.measured_at, SampleRow.robot_key, SampleRow.log, SampleRow.sequence)
     )
-    if start is not None:
-        statement = statement.where(SampleRow.measured_at >= start)
-    if end is not None:
-        statement = statement.where(SampleRow.measured_at <= end)
-    if log is not None:
-        statement = statement.where(SampleRow.log == log)
-    numbers, names = np.empty((0, 9)), np.empty((0, 4), dtype=np.int64)
-    found = session.execute(statement.execution_options(yield_per=_ROWS_AT_ONCE))
-    parts = [
-        (
-            np.array([row[:9] for row in rows], dtype=np.float64),
-            np.array([row[9:] for row in rows], dtype=np.int64),
-        )
-        for rows in found.partitions()
-    ]
-    if parts:
-        numbers, names = (np.concatenate(one) for one in zip(*parts, strict=True))
+    numbers, names = _arrays(session, statement)
     order = np.argsort(keys)
     place = order[np.searchsorted(np.asarray(keys)[order], names[:, 1])] if keys else names[:, 1]
     return SampleColumns(
@@ -136,6 +99,63 @@ def sample_columns(
         log=names[:, 2],
         sequence=names[:, 3],
     )
+
+
+def _with_smoothed() -> Select[*tuple[Any, ...]]:
+    """Select where samples were taken, as believed and as smoothed, then value and names."""
+    better = SmoothedSample
+    return select(
+        SampleRow.north_m,
+        SampleRow.east_m,
+        SampleRow.depth_m,
+        SampleRow.position_std_m,
+        func.coalesce(better.north_m, SampleRow.north_m),
+        func.coalesce(better.east_m, SampleRow.east_m),
+        func.coalesce(better.depth_m, SampleRow.depth_m),
+        func.coalesce(better.position_std_m, SampleRow.position_std_m),
+        SampleRow.value,
+        type_coerce(SampleRow.measured_at, BigInteger),
+        SampleRow.robot_key,
+        SampleRow.log,
+        SampleRow.sequence,
+    ).outerjoin(
+        better,
+        and_(
+            better.robot_key == SampleRow.robot_key,
+            better.log == SampleRow.log,
+            better.sequence == SampleRow.sequence,
+        ),
+    )
+
+
+def _between(
+    start: datetime | None, end: datetime | None, log: int | None
+) -> list[ColumnElement[bool]]:
+    """Return what holds for samples of a time, both ends included, and of a log."""
+    conditions: list[ColumnElement[bool]] = []
+    if start is not None:
+        conditions.append(SampleRow.measured_at >= start)
+    if end is not None:
+        conditions.append(SampleRow.measured_at <= end)
+    if log is not None:
+        conditions.append(SampleRow.log == log)
+    return conditions
+
+
+def _arrays(session: Session, statement: Select[*tuple[Any, ...]]) -> tuple[FloatArray, IntArray]:
+    """Return numbers, shape ``(n, 9)``, and names, shape ``(n, 4)``, of ``_with_smoothed``."""
+    numbers, names = np.empty((0, 9)), np.empty((0, 4), dtype=np.int64)
+    found = session.execute(statement.execution_options(yield_per=_ROWS_AT_ONCE))
+    parts = [
+        (
+            np.array([row[:9] for row in rows], dtype=np.float64),
+            np.array([row[9:] for row in rows], dtype=np.int64),
+        )
+        for rows in found.partitions()
+    ]
+    if parts:
+        numbers, names = (np.concatenate(one) for one in zip(*parts, strict=True))
+    return numbers, names
 
 
 def count_received(session: Session, robots: Sequence[str], variable: str, after: datetime) -> int:
@@ -183,15 +203,10 @@ def iterate_samples(
     statement = (
         select(SampleRow)
         .where(SampleRow.robot_key == robot_key(session, robot))
+        .where(*_between(start, end, log))
         .order_by(SampleRow.measured_at, SampleRow.log, SampleRow.sequence)
         .execution_options(yield_per=1000)
     )
-    if start is not None:
-        statement = statement.where(SampleRow.measured_at >= start)
-    if end is not None:
-        statement = statement.where(SampleRow.measured_at <= end)
-    if log is not None:
-        statement = statement.where(SampleRow.log == log)
     for row in session.scalars(statement):
         position = (row.north_m, row.east_m, row.depth_m)
         yield SampleRecord(row.measured_at, row.variable, row.value, position, row.position_std_m)

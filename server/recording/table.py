@@ -113,27 +113,31 @@ def read_recording(
         )
     if not rows:
         raise RecordingError("The file has no row that can be used.", tuple(faults))
-    columns = np.array(rows, dtype=np.float64).T
-    return Recording(
-        time_s=columns[0],
-        latitude_deg=columns[1],
-        longitude_deg=columns[2],
-        depth_m=columns[3],
-        values={
-            name: column
-            for name, column in zip(measured, columns[4:], strict=True)
-            if name in VARIABLES
-        },
-        flight={
-            FLIGHT_COLUMNS[name].key: column * FLIGHT_COLUMNS[name].factor
-            for name, column in zip(measured, columns[4:], strict=True)
-            if name in FLIGHT_COLUMNS
-        },
-        skipped=tuple(faults),
-    )
+    return _recording(rows, measured, tuple(faults))
 
 
 Row = tuple[float, ...]
+
+
+def _recording(
+    rows: list[Row], measured: tuple[str, ...], skipped: tuple[RowFault, ...]
+) -> Recording:
+    """Turn rows into columns; those after the position are named by ``measured``."""
+    time_s, latitude_deg, longitude_deg, depth_m, *others = np.array(rows, dtype=np.float64).T
+    named = dict(zip(measured, others, strict=True))
+    return Recording(
+        time_s=time_s,
+        latitude_deg=latitude_deg,
+        longitude_deg=longitude_deg,
+        depth_m=depth_m,
+        values={name: column for name, column in named.items() if name in VARIABLES},
+        flight={
+            FLIGHT_COLUMNS[name].key: column * FLIGHT_COLUMNS[name].factor
+            for name, column in named.items()
+            if name in FLIGHT_COLUMNS
+        },
+        skipped=skipped,
+    )
 
 
 def _checked(columns: tuple[str, ...], cells: list[str]) -> Row:
