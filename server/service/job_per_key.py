@@ -19,6 +19,7 @@ class JobPerKey(Generic[Key]):
         self._board = board
         self._kind = kind
         self._running: dict[Key, str] = {}
+        self._newest: dict[Key, str] = {}
         self._starting = asyncio.Lock()
 
     def __bool__(self) -> bool:
@@ -28,6 +29,10 @@ class JobPerKey(Generic[Key]):
     def get(self, key: Key) -> str | None:
         """Return the id of the job about something, if one is under way."""
         return self._running.get(key)
+
+    def newest(self, key: Key) -> str | None:
+        """Return the id of the newest job about something since the station began, or ``None``."""
+        return self._newest.get(key)
 
     async def start(
         self,
@@ -56,6 +61,7 @@ class JobPerKey(Generic[Key]):
             if running is not None:
                 return running
             job = await self._board.start(self._kind, until_done, by=by)
+            self._newest[key] = job.id
             if not is_over and any(one.id == job.id for one in self._board.running):
                 self._running[key] = job.id
             return job.id

@@ -67,7 +67,8 @@ class RobotLogs:
         records = await self._store.query(lambda session: query.list_logs(session, robot))
         return RobotLogsView(
             read_at=max((record.listed_at for record in records), default=None),
-            logs=[_view(record) for record in records],
+            logs=[_view(record, self._fetches.newest(record.id)) for record in records],
+            job=self._listings.newest(robot),
         )
 
     async def read(self, robot: str, *, by: str) -> str:
@@ -162,7 +163,7 @@ class RobotLogs:
             raise conflict(f"{robot} is a recording; it cannot be asked anything.")
 
 
-def _view(record: LogRecord) -> RobotLogView:
+def _view(record: LogRecord, job: str | None) -> RobotLogView:
     fetched = None
     if record.sha256 is not None and record.fetched_at is not None:
         fetched = FetchedLogView(
@@ -174,4 +175,5 @@ def _view(record: LogRecord) -> RobotLogView:
         bytes=record.size,
         modified_at=None,
         downloaded=fetched,
+        job=job,
     )

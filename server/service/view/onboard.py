@@ -50,6 +50,9 @@ class RobotLogView(View):
     modified_at: datetime | None
     """``null``: robots do not say it."""
     downloaded: FetchedLogView | None
+    job: str | None = None
+    """The newest job that fetches it or did, running or ended; ``null`` if there was none since the
+    station began. `GET /api/jobs/{job}` says how far it is and what came of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,3 +62,5 @@ class RobotLogsView(View):
     read_at: datetime | None
     """When the robot listed them last."""
     logs: list[RobotLogView]
+    job: str | None = None
+    """The newest job that lists them or did, as that of a file."""

@@ -199,6 +199,29 @@ async def test_a_transfer_that_was_killed_goes_on_from_its_last_piece(station, l
     assert robot.offsets == [0, 1200]
 
 
+async def test_who_comes_back_finds_the_work_under_way_and_what_came_of_it(station, logs, robot):
+    nothing_yet = await logs.view(MINI)
+    assert nothing_yet.job is None
+    listing = await logs.read(MINI, by="Kim")
+    assert (await logs.view(MINI)).job == listing
+    await ended(station, listing)
+    robot.breaks_at = 1200
+    robot.gate.clear()
+    job = await logs.download(MINI, "/logs/dive-1.csv", by="Kim")
+
+    async def jobs():
+        return {one.path: one.job for one in (await logs.view(MINI)).logs}
+
+    assert await jobs() == {"/logs/dive-1.csv": job, "/readme.txt": None}
+    robot.gate.set()
+    assert (await ended(station, job)).message == "The robot fell silent."
+    assert (await jobs())["/logs/dive-1.csv"] == job, "why it failed can still be asked"
+    robot.breaks_at = None
+    again = await logs.download(MINI, "/logs/dive-1.csv", by="Kim")
+    assert (await jobs())["/logs/dive-1.csv"] == again != job
+    await ended(station, again)
+
+
 def test_a_partial_file_that_is_begun_anew_is_begun_anew_on_disk(tmp_path):
     path = tmp_path / "log.part"
     path.write_bytes(b"of another file")
