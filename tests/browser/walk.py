@@ -31,6 +31,7 @@ KNOWN_PAGE_ERROR = "Evaluating a string as JavaScript violates"
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """Start the one browser of all walks: a process has room for one only."""
+    expect.set_options(timeout=60_000)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield browser

@@ -70,6 +70,6 @@ def url(tmp_path):
 @pytest.fixture
 def store(url):
     store = Store.open(url)
-    store.change(lambda session: add_robot(session, robot_record())).result(5)
+    store.change(lambda session: add_robot(session, robot_record())).result(60)
     yield store
     store.close()

@@ -47,7 +47,7 @@ def acknowledged_before_kill(url, first, seconds):
 
 def test_every_acknowledged_sample_survives_sigkill(url):
     store = Store.open(url)
-    store.change(lambda session: add_robot(session, robot_record())).result(5)
+    store.change(lambda session: add_robot(session, robot_record())).result(60)
     store.close()
     acknowledged = set()
     for round_number, seconds in enumerate((0.05, 0.17, 0.31)):

@@ -14,10 +14,10 @@ from tests.db.conftest import START
 
 
 def test_the_cursor_goes_on_after_a_restart(url, store):
-    first = store.change(lambda s: add_event(s, START, "a", "first", robot="mini-1")).result(5)
+    first = store.change(lambda s: add_event(s, START, "a", "first", robot="mini-1")).result(60)
     store.close()
     again = Store.open(url)
-    second = again.change(lambda s: add_event(s, START, "b", "second")).result(5)
+    second = again.change(lambda s: add_event(s, START, "b", "second")).result(60)
     with again.read() as session:
         assert second > first
         assert [event.text for event in events_after(session, first)] == ["second"]
@@ -26,9 +26,9 @@ def test_the_cursor_goes_on_after_a_restart(url, store):
 
 
 def test_a_cursor_is_never_given_twice(store):
-    cursor = store.change(lambda s: add_event(s, START, "a", "gone")).result(5)
-    store.change(lambda s: s.execute(text("DELETE FROM event")) and None).result(5)
-    assert store.change(lambda s: add_event(s, START, "a", "new")).result(5) > cursor
+    cursor = store.change(lambda s: add_event(s, START, "a", "gone")).result(60)
+    store.change(lambda s: s.execute(text("DELETE FROM event")) and None).result(60)
+    assert store.change(lambda s: add_event(s, START, "a", "new")).result(60) > cursor
 
 
 def test_events_come_in_pages_and_by_robot(store):
@@ -46,24 +46,24 @@ def test_events_come_in_pages_and_by_robot(store):
 
 def test_an_alarm_is_open_until_it_is_closed(store):
     alarm = AlarmRecord("alarm-3", "battery", "mini-1", "warning", "Low", "unacknowledged", START)
-    store.change(lambda s: save_alarm(s, alarm)).result(5)
+    store.change(lambda s: save_alarm(s, alarm)).result(60)
     with store.read() as session:
         assert open_alarms(session) == [alarm]
         assert last_alarm_number(session) == 3
     closed = replace(
         alarm, state="closed", acknowledged_at=START, acknowledged_by="a", cleared_at=START
     )
-    store.change(lambda s: save_alarm(s, closed)).result(5)
+    store.change(lambda s: save_alarm(s, closed)).result(60)
     with store.read() as session:
         assert open_alarms(session) == []
         assert closed_alarms(session, 10) == [closed]
 
 
 def test_a_job_that_was_cut_off_is_failed_at_the_next_start(store):
-    job = store.change(lambda s: add_job(s, "import", at=START, by="a")).result(5)
-    done = store.change(lambda s: add_job(s, "import", at=START, by="a")).result(5)
-    store.change(lambda s: save_job(s, replace(done, state="done", progress=1.0))).result(5)
-    store.change(lambda s: fail_open_jobs(s, START, "cut off")).result(5)
+    job = store.change(lambda s: add_job(s, "import", at=START, by="a")).result(60)
+    done = store.change(lambda s: add_job(s, "import", at=START, by="a")).result(60)
+    store.change(lambda s: save_job(s, replace(done, state="done", progress=1.0))).result(60)
+    store.change(lambda s: fail_open_jobs(s, START, "cut off")).result(60)
     with store.read() as session:
         assert get_job(session, job.id).state == "failed"
         assert get_job(session, done.id).state == "done"
@@ -73,6 +73,6 @@ def test_a_job_that_was_cut_off_is_failed_at_the_next_start(store):
 
 def test_a_setting_is_replaced_by_its_new_value(store):
     for value in ({"a": 1}, {"a": 2}):
-        store.change(lambda s, v=value: put_setting(s, "x", v)).result(5)
+        store.change(lambda s, v=value: put_setting(s, "x", v)).result(60)
     with store.read() as session:
         assert [row.value for row in session.scalars(select(Setting))] == [{"a": 2}]

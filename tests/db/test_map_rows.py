@@ -26,7 +26,7 @@ OTHER = RobotId("mini-2")
 
 
 def write(store, function):
-    return store.change(function).result(5)
+    return store.change(function).result(60)
 
 
 def read(store, function):
@@ -47,7 +47,7 @@ def columns(store, robots="mini-1"):
 
 
 def test_smoothed_places_stand_beside_the_robots_own_word(store):
-    store.append([sample(i) for i in range(3)]).result(5)
+    store.append([sample(i) for i in range(3)]).result(60)
     write(store, lambda session: keep_smoothed(session, "mini-1", [place(1)]))
     found = columns(store)
     assert found.position_ned[:, 1].tolist() == [0.5, 0.5, 0.5]
@@ -60,7 +60,7 @@ def test_smoothed_places_stand_beside_the_robots_own_word(store):
 
 
 def test_place_that_is_kept_twice_is_the_newer_one(store):
-    store.append([sample(0)]).result(5)
+    store.append([sample(0)]).result(60)
     for east_m in (0.7, 0.8):
         write(
             store,
@@ -70,7 +70,7 @@ def test_place_that_is_kept_twice_is_the_newer_one(store):
 
 
 def test_place_of_a_sample_that_is_not_there_is_refused_with_all_others(store):
-    store.append([sample(0)]).result(5)
+    store.append([sample(0)]).result(60)
     with pytest.raises(IntegrityError):
         write(store, lambda session: keep_smoothed(session, "mini-1", [place(0), place(5)]))
     assert not columns(store).is_smoothed.any()
@@ -82,7 +82,7 @@ def test_samples_of_two_robots_come_in_one_order_of_time(store):
         lambda session: add_robot(session, replace(robot_record("mini-2", 1), system_id=5)),
     )
     store.append([sample(i, robot=robot) for robot in ("mini-1", "mini-2") for i in (0, 2)])
-    store.append([sample(1, robot="mini-2")]).result(5)
+    store.append([sample(1, robot="mini-2")]).result(60)
     found = columns(store, ("mini-2", "mini-1"))
     assert np.all(np.diff(found.measured_at_us) >= 0)
     assert sorted(found.robot[:2].tolist()) == [0, 1]
@@ -95,7 +95,7 @@ def test_samples_of_two_robots_come_in_one_order_of_time(store):
 
 def test_what_was_not_looked_at_is_known_from_the_rows_alone(store):
     assert read(store, lambda session: unjudged_span(session, "mini-1")) is None
-    store.append([sample(i) for i in range(4)]).result(5)
+    store.append([sample(i) for i in range(4)]).result(60)
     assert read(store, lambda s: unjudged_span(s, "mini-1")) == (at(0), at(3))
     write(store, lambda session: keep_smoothed(session, "mini-1", [place(0), place(3)]))
     assert read(store, lambda s: unjudged_span(s, "mini-1")) == (at(1), at(2))
@@ -103,8 +103,8 @@ def test_what_was_not_looked_at_is_known_from_the_rows_alone(store):
 
 def test_track_is_what_reports_and_samples_say_together(store):
     fixes = (0, 9)
-    store.append([report(i, has_fix=i in fixes) for i in (0, 3, 6, 9)]).result(5)
-    store.append([sample(i) for i in (1, 4, 12)]).result(5)
+    store.append([report(i, has_fix=i in fixes) for i in (0, 3, 6, 9)]).result(60)
+    store.append([sample(i) for i in (1, 4, 12)]).result(60)
     track = read(store, lambda s: track_columns(s, "mini-1", at(0), at(9), 100))
     seconds = (track.measured_at_us - track.measured_at_us[0]) // 1_000_000
     assert seconds.tolist() == [0, 1, 3, 4, 6, 9]
@@ -118,7 +118,7 @@ def test_track_is_what_reports_and_samples_say_together(store):
 
 
 def test_samples_that_came_after_a_moment_are_counted(store):
-    store.append([sample(i) for i in range(5)]).result(5)
+    store.append([sample(i) for i in range(5)]).result(60)
     count = read(store, lambda s: count_received(s, ("mini-1",), "blue_light", at(2)))
     assert count == 2
 

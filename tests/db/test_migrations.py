@@ -59,7 +59,7 @@ def test_a_database_of_a_later_version_is_refused(url, store):
         lambda session: (
             session.execute(text("UPDATE alembic_version SET version_num = '9999'")) and None
         )
-    ).result(5)
+    ).result(60)
     store.close()
     with pytest.raises(NewerSchemaError, match="9999"):
         Store.open(url)
@@ -78,5 +78,5 @@ def test_commits_reach_the_disk_before_they_return(url, store):
     """An acknowledged row must survive a power cut: the writer syncs, and readers do not block."""
     settings = store.change(
         lambda s: (s.scalar(text("PRAGMA synchronous")), s.scalar(text("PRAGMA journal_mode")))
-    ).result(5)
+    ).result(60)
     assert settings == (2, "wal")

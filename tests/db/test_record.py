@@ -15,7 +15,7 @@ LATER = START + timedelta(minutes=1)
 
 
 def do(store, function, *args, **kwargs):
-    return store.change(lambda session: function(session, *args, **kwargs)).result(5)
+    return store.change(lambda session: function(session, *args, **kwargs)).result(60)
 
 
 def see(store, function, *args, **kwargs):

@@ -18,13 +18,13 @@ def count(store, robot="mini-1"):
 
 
 def test_appended_rows_are_there_when_their_future_resolves(store):
-    store.append([sample(0), sample(1)]).result(5)
+    store.append([sample(0), sample(1)]).result(60)
     assert count(store) == 2
 
 
 def test_a_sample_that_arrives_twice_is_kept_once(store):
-    store.append([sample(0), sample(0)]).result(5)
-    store.append([sample(0), sample(1)]).result(5)
+    store.append([sample(0), sample(0)]).result(60)
+    store.append([sample(0), sample(1)]).result(60)
     assert count(store) == 2
 
 
@@ -32,13 +32,13 @@ def test_appends_within_one_period_share_a_commit(store):
     before = store.commits
     futures = [store.append([sample(number)]) for number in range(20)]
     for future in futures:
-        future.result(5)
+        future.result(60)
     assert store.commits - before <= 3
 
 
 def test_a_change_sees_the_rows_that_were_appended_before_it(store):
     store.append([sample(0)])
-    seen = store.change(lambda session: sampled_variables(session, "mini-1")).result(5)
+    seen = store.change(lambda session: sampled_variables(session, "mini-1")).result(60)
     assert seen == {"blue_light": 1}
 
 
@@ -48,10 +48,10 @@ def test_rows_of_an_unknown_robot_fail_alone(store):
         store.append([sample(0, robot="nobody")]),
         store.append([sample(1)]),
     )
-    good.result(5)
-    also_good.result(5)
+    good.result(60)
+    also_good.result(60)
     with pytest.raises(UnknownIdError, match="nobody"):
-        bad.result(5)
+        bad.result(60)
     assert count(store) == 2
     assert store.waiting_rows == 0
 
@@ -62,7 +62,7 @@ def test_nothing_of_a_change_that_raises_is_kept(store):
         raise LookupError("stop")
 
     with pytest.raises(LookupError):
-        store.change(half).result(5)
+        store.change(half).result(60)
     with store.read() as session:
         assert events_after(session, 0) == []
     assert store.fault is None
@@ -71,7 +71,7 @@ def test_nothing_of_a_change_that_raises_is_kept(store):
 def test_a_reader_sees_one_unchanging_moment(store):
     with store.read() as session:
         assert sampled_variables(session, "mini-1") == {}
-        store.append([sample(0)]).result(5)
+        store.append([sample(0)]).result(60)
         assert sampled_variables(session, "mini-1") == {}
     assert count(store) == 1
 
@@ -88,7 +88,7 @@ def test_readers_do_not_wait_for_a_transaction_under_way(store):
     assert begun.wait(5)
     assert count(store) == 0
     go_on.set()
-    future.result(5)
+    future.result(60)
 
 
 def test_a_reader_cannot_change_anything(store):
@@ -116,9 +116,9 @@ def test_closing_writes_what_is_queued(url, store):
     store.close()
     assert all(future.done() and future.exception() is None for future in futures)
     with pytest.raises(StoreClosedError):
-        store.change(lambda session: None).result(5)
+        store.change(lambda session: None).result(60)
     with pytest.raises(StoreClosedError):
-        store.append([report(0)]).result(5)
+        store.append([report(0)]).result(60)
     again = Store.open(url)
     assert count(again) == 5
     again.close()

@@ -46,7 +46,7 @@ WHATIF = {"title": "PID", "vehicle": "miniglider", "scenario": {"runs": 2}, "con
 
 
 def write(store, function):
-    return store.change(function).result(5)
+    return store.change(function).result(60)
 
 
 def read(store, function):
@@ -198,7 +198,7 @@ def test_an_advice_remembers_who_took_it(store):
 
 
 def test_reports_come_as_arrays_in_order_with_both_ends(store):
-    store.append([report(second, 0.1 * second) for second in (3, 1, 2, 0)]).result(5)
+    store.append([report(second, 0.1 * second) for second in (3, 1, 2, 0)]).result(60)
     times = [START.replace(second=second) for second in (1, 2)]
     columns = read(store, lambda s: state_columns(s, "mini-1", *times))
     assert len(columns) == 2
@@ -215,7 +215,7 @@ def test_no_report_gives_empty_arrays_of_the_right_shape(store):
 
 
 def test_only_the_first_reports_come_where_no_more_are_wanted(store):
-    store.append([report(second) for second in range(4)]).result(5)
+    store.append([report(second) for second in range(4)]).result(60)
     columns = read(store, lambda s: state_columns(s, "mini-1", limit=3))
     assert moment(int(columns.measured_at_us[-1])) == START.replace(second=2)
 
@@ -228,7 +228,7 @@ DEPTHS_M = [0.0, 0.5, 0.5, 0.5, 0.0, 0.0, 0.5, 0.0, 0.5, 0.5, 0.5, 0.0, 0.5, 0.5
     ("dives", "limit", "second"), [(1, 100, 12), (2, 100, 8), (3, 100, 1), (9, 100, 0), (9, 5, 9)]
 )
 def test_the_last_dives_begin_under_water(store, dives, limit, second):
-    store.append([report(at, depth_m) for at, depth_m in enumerate(DEPTHS_M)]).result(5)
+    store.append([report(at, depth_m) for at, depth_m in enumerate(DEPTHS_M)]).result(60)
     begin = read(
         store,
         lambda session: begin_of_last_dives(

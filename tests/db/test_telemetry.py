@@ -23,7 +23,7 @@ from tests.db.conftest import START, report, robot_record, sample
 
 
 def test_the_newest_state_is_the_one_measured_last_not_the_one_that_came_last(store):
-    store.append([report(2, depth_m=0.7), report(1, depth_m=0.3)]).result(5)
+    store.append([report(2, depth_m=0.7), report(1, depth_m=0.3)]).result(60)
     with store.read() as session:
         assert newest_state(session, "mini-1") == report(2, depth_m=0.7)
 
@@ -48,13 +48,13 @@ def test_what_a_robot_said_of_its_plan_comes_back_as_it_was(store):
         measured_at=START,
         received_at=START + timedelta(seconds=1),
     )
-    store.append([said, RawFrame(None, "xbee", False, b"\x7e\x00", START)]).result(5)
+    store.append([said, RawFrame(None, "xbee", False, b"\x7e\x00", START)]).result(60)
     with store.read() as session:
         assert newest_plan_report(session, "mini-1") == said
 
 
 def test_every_channel_has_a_history(store):
-    store.append([report(second) for second in range(3)]).result(5)
+    store.append([report(second) for second in range(3)]).result(60)
     with store.read() as session:
         for channel in (*STATE_CHANNELS, "speed_m_s"):
             assert len(history(session, "mini-1", channel).value) == 3
@@ -62,7 +62,7 @@ def test_every_channel_has_a_history(store):
 
 
 def test_a_field_variable_is_a_channel_too(store):
-    store.append([sample(number, value=number * 1.5) for number in range(4)]).result(5)
+    store.append([sample(number, value=number * 1.5) for number in range(4)]).result(60)
     with store.read() as session:
         found = history(session, "mini-1", "blue_light", max_points=10)
     assert found.value == [0.0, 1.5, 3.0, 4.5]
@@ -70,7 +70,7 @@ def test_a_field_variable_is_a_channel_too(store):
 
 
 def test_a_range_includes_both_of_its_ends(store):
-    store.append([report(second, depth_m=second) for second in range(10)]).result(5)
+    store.append([report(second, depth_m=second) for second in range(10)]).result(60)
     start, end = START + timedelta(seconds=3), START + timedelta(seconds=5)
     with store.read() as session:
         assert history(session, "mini-1", "depth_m", start, end).value == [3.0, 4.0, 5.0]
@@ -87,8 +87,8 @@ def test_a_range_includes_both_of_its_ends(store):
 def test_decimation_keeps_the_extremes_and_the_order(tmp_path_factory, depths, max_points):
     store = Store.open(f"sqlite:///{tmp_path_factory.mktemp('d') / 's.sqlite3'}")
     try:
-        store.change(lambda session: add_robot(session, robot_record())).result(5)
-        store.append([report(i, depth_m=depth) for i, depth in enumerate(depths)]).result(5)
+        store.change(lambda session: add_robot(session, robot_record())).result(60)
+        store.append([report(i, depth_m=depth) for i, depth in enumerate(depths)]).result(60)
         with store.read() as session:
             found = history(session, "mini-1", "depth_m", max_points=max_points)
             points = track(session, "mini-1", max_points=max_points).points
@@ -108,7 +108,7 @@ def test_decimation_keeps_the_extremes_and_the_order(tmp_path_factory, depths, m
 
 def test_a_decimated_history_is_read_along_the_primary_key(store):
     """Every interval is one range of the table's own order: no sorting of the whole, no scan."""
-    store.append([report(second) for second in range(100)]).result(5)
+    store.append([report(second) for second in range(100)]).result(60)
     plans = []
 
     def explain(connection, cursor, statement, parameters, *rest):
@@ -129,7 +129,7 @@ def test_a_decimated_history_is_read_along_the_primary_key(store):
 
 def test_samples_come_as_columns_in_order_of_time(store):
     late = replace(sample(9), measured_at=START - timedelta(seconds=5), value=1.0)
-    store.append([sample(0), sample(1), late, sample(2, variable="temperature")]).result(5)
+    store.append([sample(0), sample(1), late, sample(2, variable="temperature")]).result(60)
     with store.read() as session:
         columns = sample_columns(session, "mini-1", "blue_light")
         assert columns.sequence.tolist() == [9, 0, 1]
@@ -148,6 +148,6 @@ def test_samples_come_as_columns_in_order_of_time(store):
 
 def test_values_survive_the_journey_to_the_last_bit(store):
     value = math.nextafter(0.1, 1.0)
-    store.append([sample(0, value=value)]).result(5)
+    store.append([sample(0, value=value)]).result(60)
     with store.read() as session:
         assert sample_columns(session, "mini-1", "blue_light").value[0] == value

@@ -42,7 +42,7 @@ def plan_report(second, state, sha256=FIRST):
 
 
 def kept(store, *values):
-    store.append(values).result(5)
+    store.append(values).result(60)
 
 
 def at(second):
@@ -119,7 +119,7 @@ def test_newest_event_is_found_among_others(store):
         for number, kind in enumerate(("track.lost", "track.found", "plan.done")):
             add_event(session, at(number), kind, "so it was", robot="mini-1")
 
-    store.change(write).result(5)
+    store.change(write).result(60)
     with store.read() as session:
         assert newest_event_of(session, "mini-1", ("track.lost", "track.found")) == "track.found"
         assert newest_event_of(session, "mini-1", ("track.ended",)) is None
@@ -172,7 +172,7 @@ for number in range(1_000_000):
 @pytest.mark.process
 def test_every_report_that_was_committed_survives_sigkill(url):
     store = Store.open(url)
-    store.change(lambda session: add_robot(session, robot_record())).result(5)
+    store.change(lambda session: add_robot(session, robot_record())).result(60)
     store.close()
     child = subprocess.Popen([sys.executable, "-c", CHILD, url], stdout=subprocess.PIPE, text=True)
     told = [int(child.stdout.readline()) for _ in range(200)]

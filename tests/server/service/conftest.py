@@ -149,6 +149,14 @@ def foundation(station):
     return station.foundation
 
 
+@pytest.fixture
+def still(station, monkeypatch):
+    """Let the station's clock stand, so that what is new stays new on a busy machine."""
+    now = datetime.now(UTC)
+    monkeypatch.setattr(type(station.foundation.clock), "now", lambda _: now)
+    return now
+
+
 @pytest_asyncio.fixture
 async def client(station):
     """Speaks REST to the station as a pilot."""

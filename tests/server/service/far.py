@@ -33,7 +33,7 @@ DIVE = {
 def give_links(tmp_path, links):
     """Change the robot's links in the database of a station that does not run."""
     store = Store.open(Settings(data_dir=tmp_path).resolved_database_url)
-    store.change(lambda session: change_robot(session, GRACE, links=links)).result(10)
+    store.change(lambda session: change_robot(session, GRACE, links=links)).result(60)
     store.close()
 
 

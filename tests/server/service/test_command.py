@@ -65,13 +65,25 @@ async def test_same_request_twice_acts_once(client, world):
     assert {number for _, _, number in world.commands if number < 1000} == {1}
 
 
-async def test_surface_reaches_the_radio_although_the_database_is_locked(client, world, tmp_path):
+async def test_surface_reaches_the_radio_although_the_database_is_locked(
+    client, station, world, tmp_path, monkeypatch
+):
+    """It leaves while the database is still being waited for, not after that has failed."""
+    store, may_fail = station.foundation.store, asyncio.Event()
+    write = store.write
+
+    async def write_late(change):
+        await may_fail.wait()
+        return await write(change)
+
+    monkeypatch.setattr(store, "write", write_late)
     other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
     other.execute("BEGIN EXCLUSIVE")
     ordering = asyncio.create_task(
         client.post("/api/robots/mini-1/commands", json={"kind": "surface"})
     )
-    await until(lambda: world.commands, 0.5)
+    await until(lambda: world.commands)
+    may_fail.set()
     answer = await ordering
     keyed = await client.post(
         "/api/robots/mini-1/commands",

@@ -11,7 +11,7 @@ from db.store import Store
 from robot_link.clock import SystemClock
 from server.job import JobBoard
 from server.service.job_watch import watch_jobs
-from server.service.live_feed import EVENTS_IN_MEMORY, LiveFeed
+from server.service.live_feed import EVENTS_IN_MEMORY, QUIET_S, LiveFeed
 from tests.server.service.conftest import until
 
 
@@ -37,11 +37,13 @@ class Client:
 
     def __init__(self, feed, robots=None, after=None):
         self.batches = []
+        self.taken_s = []
         self.free = asyncio.Event()
         self.free.set()
         self.task = asyncio.create_task(feed.follow(self.take, robots, after))
 
     async def take(self, text):
+        self.taken_s.append(asyncio.get_running_loop().time())
         self.batches.append(json.loads(text))
         await self.free.wait()
 
@@ -65,14 +67,15 @@ async def happen(store, *texts):
 async def test_first_batch_has_every_part_and_later_ones_only_what_changed(feed):
     feed.put("robots", "mini-1", lambda: {"depth_m": 1.0}, "mini-1")
     feed.put("robots", "grace-1", lambda: {"depth_m": 5.0}, "grace-1")
-    await asyncio.sleep(0.2)
+    await until(lambda: not feed._due)
     client = Client(feed)
     await client.until(lambda: client.batches)
     assert client.batches[0]["robots"] == {"mini-1": {"depth_m": 1.0}, "grace-1": {"depth_m": 5.0}}
     assert client.batches[0]["alarms"] == {"unacknowledged": 3}
     feed.put("robots", "mini-1", lambda: {"depth_m": 1.1}, "mini-1")
-    await client.until(lambda: len(client.batches) > 1)
-    assert client.batches[1]["robots"] == {"mini-1": {"depth_m": 1.1}}
+    await client.until(lambda: any(batch["robots"] for batch in client.batches[1:]))
+    (changed,) = [batch["robots"] for batch in client.batches[1:] if batch["robots"]]
+    assert changed == {"mini-1": {"depth_m": 1.1}}
 
 
 async def test_slow_client_conflates_gauges_but_gets_every_event_in_order(feed, store):
@@ -141,8 +144,9 @@ async def test_client_that_asked_for_one_robot_hears_nothing_of_another(feed):
 
 async def test_quiet_feed_speaks_once_a_second_so_that_a_dead_road_is_noticed(feed):
     client = Client(feed)
-    await asyncio.sleep(1.5)
-    assert len(client.batches) == 2
+    await client.until(lambda: len(client.batches) == 3)
+    first, second, third = client.taken_s
+    assert min(second - first, third - second) > 0.5 * QUIET_S
 
 
 async def test_value_is_asked_for_once_a_tick_however_often_it_changed(feed):
@@ -164,12 +168,14 @@ async def test_many_clients_share_one_encoding(feed):
         texts.append(text)
 
     more = [asyncio.create_task(feed.follow(keep, None, None)) for _ in range(3)]
-    await asyncio.sleep(0.25)
+    await until(lambda: len(texts) >= 3)
     feed.put("robots", "mini-1", lambda: {"depth_m": 1.0}, "mini-1")
-    await asyncio.sleep(0.25)
-    newest = [text for text in texts if "depth_m" in text]
-    assert len(newest) == 3
-    assert all(text is newest[0] for text in newest)
+
+    def newest():
+        return [text for text in texts if "depth_m" in text]
+
+    await until(lambda: len(newest()) == 3)
+    assert all(text is newest()[0] for text in newest())
     for task in more:
         task.cancel()
 

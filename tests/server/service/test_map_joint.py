@@ -58,7 +58,7 @@ async def test_dives_of_two_robots_are_never_one(pair):
         sample(OTHER, 1, 0.4, 0.3, after_s=3),
         sample(MINI, 2, 0.5, 0.05, after_s=4),
     ]
-    store.append(told).result(5)
+    store.append(told).result(60)
     with store.read() as session:
         samples = site_samples(session, OTHER, "blue_light")
         columns = sample_columns(session, (MINI, OTHER), "blue_light")

@@ -25,10 +25,9 @@ NEW_ROBOT = {
 }
 
 
-async def test_fleet_says_in_words_what_each_robot_does(client, world):
-    world.tell(
-        state_report(MINI, (1.0, 0.5, 0.4), mode=RobotMode.GLIDING, velocity_ned=(0, 0, 0.02))
-    )
+async def test_fleet_says_in_words_what_each_robot_does(client, world, still):
+    sinking = {"mode": RobotMode.GLIDING, "velocity_ned": (0, 0, 0.02)}
+    world.tell(state_report(MINI, (1.0, 0.5, 0.4), at=still, **sinking))
     mini, grace = (await client.get("/api/robots")).json()
     assert (mini["id"], mini["activity"], mini["mode"]) == ("mini-1", "Gliding down", "gliding")
     assert mini["surface_forecast"] == "Reaches mini-1 now by XBee"
@@ -38,8 +37,8 @@ async def test_fleet_says_in_words_what_each_robot_does(client, world):
     assert grace["site"]["name"] == "Practice lake"
 
 
-async def test_old_words_are_marked_as_old(client, world):
-    world.tell(state_report(MINI, at=datetime.now(UTC) + timedelta(seconds=-1)))
+async def test_old_words_are_marked_as_old(client, world, still):
+    world.tell(state_report(MINI, at=still + timedelta(seconds=-1)))
     state = (await client.get("/api/robots/mini-1/state")).json()
     assert state["activity"] == "Idle at the surface"
     channel = state["channels"]["depth_m"]
@@ -54,7 +53,7 @@ async def test_robot_that_went_silent_is_last_heard(tmp_path, world, client, sta
     assert robot["activity"] == "Last heard: gliding"
 
 
-async def test_submerged_robot_says_when_it_will_be_heard(client, world):
+async def test_submerged_robot_says_when_it_will_be_heard(client, station, world):
     body = {
         "kind": "primitives",
         "legs": [{"kind": "dive", "end_ned": [0, 0, d]} for d in (0.5, 0)],
@@ -70,8 +69,9 @@ async def test_submerged_robot_says_when_it_will_be_heard(client, world):
 
     contact = await until(running)
     legs = (await client.get(f"/api/plans/{plan}")).json()["legs"]
-    ahead_s = (datetime.fromisoformat(contact["at"]) - datetime.now(UTC)).total_seconds()
-    assert ahead_s == pytest.approx(sum(leg["duration_s"] for leg in legs), abs=5.0)
+    said_at = station.fleet.picture(MINI).plan_report.measured_at
+    ahead_s = (datetime.fromisoformat(contact["at"]) - said_at).total_seconds()
+    assert ahead_s == pytest.approx(sum(leg["duration_s"] for leg in legs), abs=0.01)
     robot = (await client.get("/api/robots/mini-1")).json()
     assert robot["surface_forecast"].startswith("Reaches mini-1 at its next surfacing, about ")
 

@@ -137,7 +137,7 @@ async def test_lossy_sky_and_restarts_bring_the_plan_once_and_whole(
                 plan = await draft(client)
                 path = await transfer_of(client, plan)
                 sky.loss = 0.4
-            await until(lambda: station.uploads.is_under_way("grace-1"), 5)
+            await until(lambda: station.uploads.is_under_way("grace-1"))
             await settled(station)
             await robot.call(2)
             await settled(station)

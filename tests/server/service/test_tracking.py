@@ -246,7 +246,7 @@ async def test_a_loss_that_a_killed_station_had_not_told_is_told_at_its_next_sta
     async with open_station(tmp_path, world) as station:
         # As after a kill between the row and its event.
         report = now_report(20.0, TrackPhase.LOST)
-        station.foundation.store.append([report]).result(5)
+        station.foundation.store.append([report]).result(60)
         assert await told_of(station, "track.lost") == 0
     for _ in range(2):
         async with open_station(tmp_path, world) as station:
@@ -342,9 +342,9 @@ async def test_an_estimate_that_diverged_is_shown(client, world):
     ],
 )
 async def test_every_page_says_in_the_robots_own_line_that_it_teaches(
-    client, world, changes, words
+    client, world, still, changes, words
 ):
-    world.tell(state_report(MINI, mode=RobotMode.TRACKING))
+    world.tell(state_report(MINI, at=still, mode=RobotMode.TRACKING))
     world.tell(now_report(**changes))
     assert (await client.get("/api/robots/mini-1/state")).json()["activity"] == words
     assert (await client.get("/api/robots/mini-1")).json()["activity"] == words
@@ -356,7 +356,7 @@ async def test_a_robot_with_a_wrong_clock_is_shown_by_its_arrival(client, statio
     report = replace(now_report(), measured_at=years_ago)
     world.tell(report)
     shown = station.fleet.picture(MINI).track_report
-    assert abs(shown.measured_at - report.received_at) < timedelta(seconds=1)
+    assert abs(shown.measured_at - report.received_at) < timedelta(minutes=1)
 
 
 async def test_a_report_ends_with_the_flight_of_another_plan(client, station, world):
