@@ -7,7 +7,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.control import law, law_number
-from autonomy.control.config import BacksteppingConfig, PidConfig
+from autonomy.control.config import BacksteppingConfig
 from autonomy.control.reference import Reference
 from autonomy.vehicle.config import Vehicle
 
@@ -68,10 +68,3 @@ class BacksteppingController(CompiledController):
 
     def __init__(self, vehicle: Vehicle, config: BacksteppingConfig) -> None:
         super().__init__(law_number.BACKSTEPPING, vehicle, config.packed())
-
-
-class PidController(CompiledController):
-    """Three PID loops; remembers the integrals of their errors."""
-
-    def __init__(self, vehicle: Vehicle, config: PidConfig) -> None:
-        super().__init__(law_number.PID, vehicle, config.packed())

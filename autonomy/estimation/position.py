@@ -7,7 +7,6 @@ plans with it, and never loads a compiler.
 """
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -75,26 +74,24 @@ def surface_covariance(config: EstimatorConfig, dt_s: float) -> AxisCovariance:
 
 
 def expected_position_std(
-    config: EstimatorConfig,
-    depth_m: Sequence[float] | FloatArray,
-    dt_s: float,
-    start: AxisCovariance | None = None,
+    config: EstimatorConfig, times_s: FloatArray, depths_m: FloatArray, interval_s: float
 ) -> FloatArray:
-    r"""Predict how well the robot will know its position along a path.
+    r"""Predict how well the robot will know its position at points that follow a stay on top.
 
     Args:
         config: Noise that the filter assumes.
-        depth_m: Depth at each point of the path, ``dt_s`` apart, shape ``(n,)``.
-        dt_s: Time between two points, s.
-        start: Covariance at the first point; by default the one settled at the surface.
+        times_s: Time of each point since the start, ascending, shape ``(m,)``.
+        depths_m: Depth of each, shape ``(m,)``.
+        interval_s: Time between fixes before the start.
 
     Returns:
-        :math:`\eta = \sqrt{\lambda_{max}(P_{xy})}` at each point, shape ``(n,)``, m.
+        :math:`\eta = \sqrt{\lambda_{max}(P_{xy})}` at each point, shape ``(m,)``, m.
     """
-    axis = start or surface_covariance(config, dt_s)
-    std = np.empty(len(depth_m))
-    for i, depth in enumerate(depth_m):
-        if i > 0:
-            axis = axis.step(config, dt_s, has_fix=bool(depth <= config.surface_depth_m))
+    axis = surface_covariance(config, interval_s)
+    std = np.empty(len(times_s))
+    before = 0.0
+    for i, (time, depth) in enumerate(zip(times_s, depths_m, strict=True)):
+        axis = axis.step(config, time - before, has_fix=depth <= config.surface_depth_m)
         std[i] = math.sqrt(axis.position)
+        before = time
     return std

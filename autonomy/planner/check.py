@@ -15,7 +15,7 @@ from autonomy.planner.edge import (
 )
 from autonomy.planner.leg_check import badly_made, disconnected, not_finite
 from autonomy.planner.plan import Leg
-from autonomy.planner.violation import SAME_PLACE_M, TOLERANCE, Violation, leg_title
+from autonomy.planner.violation import PLACE_TOLERANCE_M, SHARE_TOLERANCE, Violation, leg_title
 from autonomy.planner.water_check import out_of_bounds
 from autonomy.site import Site
 
@@ -88,7 +88,7 @@ def _overspent(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violati
     for number, leg in enumerate(legs):
         due = primitive.energy(leg.kind, leg.duration_s, config.energy)
         energy += due
-        if abs(due - leg.energy) > TOLERANCE * due + 0.001:
+        if abs(due - leg.energy) > SHARE_TOLERANCE * due + 0.001:
             yield Violation(
                 f"legs.{number}.energy",
                 f"{leg_title(number, leg)} takes {due:.2f} energy units, not {leg.energy:.2f}.",
@@ -125,7 +125,7 @@ def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
     limit = math.sqrt(config.max_uncertainty_m**2 + growth)
     begin = 0
     for number, leg in enumerate(legs):
-        if leg.end_ned[2] > SAME_PLACE_M:
+        if leg.end_ned[2] > PLACE_TOLERANCE_M:
             continue
         points = planned_points(config, legs[begin : number + 1])
         worst = points[points[:, POINT_STD].argmax()]

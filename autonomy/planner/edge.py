@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.estimation.config import EstimatorConfig
-from autonomy.estimation.position import surface_covariance
+from autonomy.estimation.position import expected_position_std
 from autonomy.planner import drift, primitive
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
@@ -153,34 +152,10 @@ def _dive_points(config: PlannerConfig, legs: tuple[Leg, ...]) -> FloatArray:
         i = min(int(np.searchsorted(ends, time)), len(legs) - 1)
         left = (ends[i] - time) / legs[i].duration_s
         row[POINT_NORTH:POINT_STD] = drift.position_at(config, legs[i], under_s[i], 1.0 - left)
-    points[:, POINT_STD] = position_std(
+    points[:, POINT_STD] = expected_position_std(
         config.position_filter, times, points[:, POINT_DOWN], interval
     )
     return points
-
-
-def position_std(
-    config: EstimatorConfig, times_s: FloatArray, depths_m: FloatArray, interval_s: float
-) -> FloatArray:
-    """Return the position's standard deviation at points that follow a stay at the surface.
-
-    Args:
-        config: Noise that the robot's position filter assumes.
-        times_s: Time of each point since the start, ascending, shape ``(m,)``.
-        depths_m: Depth of each, shape ``(m,)``.
-        interval_s: Time between fixes before the start.
-
-    Returns:
-        Standard deviation along the worst horizontal direction, shape ``(m,)``, m.
-    """
-    axis = surface_covariance(config, interval_s)
-    std = np.empty(len(times_s))
-    before = 0.0
-    for i, (time, depth) in enumerate(zip(times_s, depths_m, strict=True)):
-        axis = axis.step(config, time - before, has_fix=depth <= config.surface_depth_m)
-        std[i] = math.sqrt(axis.position)
-        before = time
-    return std
 
 
 def _shaped_legs(

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from autonomy.planner import drift, primitive
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg, PrimitiveKind
-from autonomy.planner.violation import SAME_PLACE_M, TOLERANCE, Violation, leg_title
+from autonomy.planner.violation import PLACE_TOLERANCE_M, SHARE_TOLERANCE, Violation, leg_title
 
 _DURATION_STEP_S = 0.1
 _ANGLE_TOLERANCE_RAD = math.radians(0.5)
@@ -38,14 +38,14 @@ def disconnected(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Viola
 
     Where the robot surfaces, the next leg begins where it really is then.
     """
-    if legs[0].start_ned[2] > SAME_PLACE_M:
+    if legs[0].start_ned[2] > PLACE_TOLERANCE_M:
         yield Violation(
             "legs.0.start_ned",
             f"The plan begins {legs[0].start_ned[2]:.2f} m under water, not at the surface.",
         )
     under_s = drift.blind_s(legs)
     # durations travel in tenths of a second
-    slack_m = SAME_PLACE_M + _DURATION_STEP_S * drift.speed_m_s(config) * len(legs)
+    slack_m = PLACE_TOLERANCE_M + _DURATION_STEP_S * drift.speed_m_s(config) * len(legs)
     for number in range(1, len(legs)):
         before, leg = legs[number - 1], legs[number]
         end = before.end_ned
@@ -66,7 +66,7 @@ def disconnected(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Viola
                 f"{leg_title(number, leg)} cannot begin a dive in a current: the robot is not told "
                 "where its circle lies.",
             )
-    if legs[-1].end_ned[2] > SAME_PLACE_M:
+    if legs[-1].end_ned[2] > PLACE_TOLERANCE_M:
         yield Violation(
             f"legs.{len(legs) - 1}.end_ned",
             f"The plan ends {legs[-1].end_ned[2]:.2f} m under water, not at the surface.",
@@ -83,7 +83,7 @@ def badly_made(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violati
             )
             continue
         way = _way(leg)
-        if abs(way - leg.speed_m_s * leg.duration_s) > TOLERANCE * way + SAME_PLACE_M:
+        if abs(way - leg.speed_m_s * leg.duration_s) > SHARE_TOLERANCE * way + PLACE_TOLERANCE_M:
             yield Violation(
                 f"legs.{number}.duration_s",
                 f"{leg_title(number, leg)} covers {way:.2f} m, which takes "
@@ -107,18 +107,18 @@ def _misshapen(leg: Leg, config: PlannerConfig) -> str:
     (x0, y0, z0), (x1, y1, z1) = leg.start_ned, leg.end_ned
     horizontal, change = math.hypot(x1 - x0, y1 - y0), abs(z1 - z0)
     if leg.kind is PrimitiveKind.SWIM:
-        if change > SAME_PLACE_M:
+        if change > PLACE_TOLERANCE_M:
             return f"changes depth by {change:.2f} m"
         return _too_slow(leg, config)
     if leg.kind is PrimitiveKind.DIVE:
-        return f"moves {horizontal:.2f} m sideways" if horizontal > SAME_PLACE_M else ""
+        return f"moves {horizontal:.2f} m sideways" if horizontal > PLACE_TOLERANCE_M else ""
     if leg.kind is PrimitiveKind.SPIRAL:
         if leg.radius_m <= 0.0 or leg.turn_rad == 0.0:
             return "needs a radius and a turn other than 0"
         x, y, _ = primitive.position_at(leg, 1.0)
         off = math.hypot(x - x1, y - y1)
         # Milliradians and millimetres of the wire move the end of a long spiral a little.
-        wire = SAME_PLACE_M + 1e-3 * leg.radius_m * (1.0 + abs(leg.turn_rad))
+        wire = PLACE_TOLERANCE_M + 1e-3 * leg.radius_m * (1.0 + abs(leg.turn_rad))
         return f"turns to a point {off:.2f} m from its end" if off > wire else ""
     angle = math.atan2(change, horizontal)
     low, high = limits.glide_angle_min_rad, limits.glide_angle_max_rad
@@ -138,7 +138,7 @@ def _too_slow(leg: Leg, config: PlannerConfig) -> str:
     north = leg.speed_m_s * math.cos(leg.heading_rad) - config.current.north_m_s
     east = leg.speed_m_s * math.sin(leg.heading_rad) - config.current.east_m_s
     through = math.hypot(north, east)
-    if through <= swims * (1.0 + TOLERANCE):
+    if through <= swims * (1.0 + SHARE_TOLERANCE):
         return ""
     return (
         f"needs {through:.3g} m/s through the water to get on against the current; "

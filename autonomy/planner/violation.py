@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 from autonomy.planner.plan import Leg
 
-SAME_PLACE_M = 0.005
+PLACE_TOLERANCE_M = 0.005
 """Places nearer than this are one place: legs travel in millimetres."""
-TOLERANCE = 0.01
+SHARE_TOLERANCE = 0.01
 """Share by which a leg's numbers may differ from what they say of each other."""
 
 

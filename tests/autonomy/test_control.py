@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from autonomy.control import config, kernel
+from autonomy.control import config, kernel, law_number
 from autonomy.control.backstepping import backstepping_inputs
-from autonomy.control.controller import BacksteppingController, PidController
+from autonomy.control.controller import BacksteppingController, CompiledController
 from autonomy.control.error import tracking_error
 from autonomy.control.pid import pid_inputs
 from autonomy.control.reference import THESIS_REFERENCES, Reference, straight_glide
@@ -209,7 +209,7 @@ def test_a_robot_at_ten_hertz_follows_a_glide(key, kind):
     controller = (
         BacksteppingController(vehicle, config.BACKSTEPPING_PRESETS[key])
         if kind == "backstepping"
-        else PidController(vehicle, config.PID_PRESETS[key])
+        else CompiledController(law_number.PID, vehicle, config.PID_PRESETS[key].packed())
     )
     path, sink = math.radians(-45), 0.04
     pitch = path + angle_of_attack(vehicle.parameters, path)
@@ -238,7 +238,8 @@ def test_commands_stay_within_the_end_stops_and_nonsense_becomes_neutral():
 
 
 def test_pid_forgets_when_reset():
-    controller = PidController(MINIGLIDER, config.PID_EXPERIMENT)
+    gains = config.PID_EXPERIMENT.packed()
+    controller = CompiledController(law_number.PID, MINIGLIDER, gains)
     reference = straight_glide((1.0, 0.0, 0.5), (0.02, 0.0, 0.02), -0.01, 0.0)
     state = start()
     first = controller.command(state, reference, 0.1)

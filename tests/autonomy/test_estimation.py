@@ -23,11 +23,45 @@ MINIGLIDER = VEHICLES["miniglider"]
 
 
 def test_uncertainty_under_water_grows_as_the_specification_computed() -> None:
-    dt = 2.0
-    depth = np.r_[0.0, np.ones(40)]
-    std = expected_position_std(CONFIG, depth, dt)
-    at = [std[round(t / dt)] for t in (10, 20, 40, 80)]
+    times = np.arange(1, 41) * 2.0
+    std = expected_position_std(CONFIG, times, np.ones_like(times), 2.0)
+    at = [std[round(t / 2.0) - 1] for t in (10, 20, 40, 80)]
     assert at == pytest.approx([0.059, 0.105, 0.170, 0.255], abs=0.0006)
+
+
+def full_filter_std(config: EstimatorConfig, times, depths, interval):
+    """The six-state covariance of thesis section 5.4.2, in matrices."""
+    P = np.eye(6)
+
+    def step(P, dt, has_fix):
+        eye = np.eye(3)
+        F = np.block([[eye, dt * eye], [np.zeros((3, 3)), eye]])
+        q = config.acceleration_density
+        Q = q * np.block([[dt**3 / 3 * eye, dt**2 / 2 * eye], [dt**2 / 2 * eye, dt * eye]])
+        P = F @ P @ F.T + Q
+        H = np.eye(6) if has_fix else np.eye(6)[2:]
+        noise = [config.fix_std_m**2] * 2 + [config.depth_std_m**2]
+        noise += [config.drift_m_sqrt_s**2 / dt] * 3
+        R = np.diag(noise if has_fix else noise[2:])
+        return P - P @ H.T @ np.linalg.solve(H @ P @ H.T + R, H @ P)
+
+    for _ in range(2000):
+        P = step(P, interval, has_fix=True)
+    std = []
+    for dt, depth in zip(np.diff([0.0, *times]), depths, strict=True):
+        P = step(P, dt, has_fix=depth <= config.surface_depth_m)
+        std.append(math.sqrt(np.linalg.eigvalsh(P[:2, :2])[-1]))
+    return std
+
+
+def test_one_axis_knows_what_the_six_state_filter_knows():
+    config = EstimatorConfig()
+    times = np.append(np.arange(1, 31) * 2.0, 61.3)
+    depths = np.maximum(0.0, 0.6 * np.sin(times / 8.0))
+    expected = full_filter_std(config, times, depths, 2.0)
+    np.testing.assert_allclose(
+        expected_position_std(config, times, depths, 2.0), expected, rtol=0, atol=1e-12
+    )
 
 
 def test_six_states_have_the_covariance_of_three_separate_axes() -> None:
@@ -53,17 +87,10 @@ def test_surface_covariance_is_where_fixes_hold_the_filter() -> None:
 
 
 def test_a_fix_ends_the_growth_of_uncertainty() -> None:
-    depth = np.r_[np.zeros(3), np.full(30, 0.4), np.zeros(3)]
-    std = expected_position_std(CONFIG, depth, 2.0)
-    assert all(b > a for a, b in pairwise(std[2:33]))
-    assert std[33] < CONFIG.fix_std_m < std[32]
-
-
-def test_a_path_may_begin_under_water() -> None:
-    start = AxisCovariance(0.1**2, 0.0, 0.001)
-    std = expected_position_std(CONFIG, [0.5, 0.5], 2.0, start)
-    assert std[0] == pytest.approx(0.1)
-    assert std[1] > 0.1
+    depth = np.r_[np.zeros(2), np.full(30, 0.4), np.zeros(3)]
+    std = expected_position_std(CONFIG, np.arange(1, len(depth) + 1) * 2.0, depth, 2.0)
+    assert all(b > a for a, b in pairwise(std[1:32]))
+    assert std[32] < CONFIG.fix_std_m < std[31]
 
 
 def test_errors_of_the_filter_are_as_large_as_it_says_when_its_model_holds() -> None:

@@ -6,7 +6,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner import edge_kernel, leg_kernel, primitive
 from autonomy.planner.config import EnergyConfig
 from autonomy.planner.edge import (
@@ -15,7 +14,6 @@ from autonomy.planner.edge import (
     POINT_STD,
     POINT_TIME,
     planned_points,
-    position_std,
     propose_edge,
     random_shape,
 )
@@ -179,49 +177,6 @@ def test_points_are_the_same_however_legs_are_cut_into_edges():
     whole = planned_points(THESIS_TANK, tuple(leg for edge in found for leg in edge.legs))
     parts = np.concatenate([edge.points for edge in found])
     np.testing.assert_allclose(whole[:, POINT_NORTH:], parts[:, POINT_NORTH:], atol=1e-12)
-
-
-def full_filter_std(config: EstimatorConfig, times, depths, interval):
-    """The six-state covariance of thesis section 5.4.2, in matrices."""
-    P = np.eye(6)
-
-    def step(P, dt, has_fix):
-        eye = np.eye(3)
-        F = np.block([[eye, dt * eye], [np.zeros((3, 3)), eye]])
-        q = config.acceleration_density
-        Q = q * np.block([[dt**3 / 3 * eye, dt**2 / 2 * eye], [dt**2 / 2 * eye, dt * eye]])
-        P = F @ P @ F.T + Q
-        H = np.eye(6) if has_fix else np.eye(6)[2:]
-        noise = [config.fix_std_m**2] * 2 + [config.depth_std_m**2]
-        noise += [config.drift_m_sqrt_s**2 / dt] * 3
-        R = np.diag(noise if has_fix else noise[2:])
-        return P - P @ H.T @ np.linalg.solve(H @ P @ H.T + R, H @ P)
-
-    for _ in range(2000):
-        P = step(P, interval, has_fix=True)
-    std = []
-    for dt, depth in zip(np.diff([0.0, *times]), depths, strict=True):
-        P = step(P, dt, has_fix=depth <= config.surface_depth_m)
-        std.append(math.sqrt(np.linalg.eigvalsh(P[:2, :2])[-1]))
-    return std
-
-
-def test_one_axis_knows_what_the_six_state_filter_knows():
-    config = EstimatorConfig()
-    times = np.append(np.arange(1, 31) * 2.0, 61.3)
-    depths = np.maximum(0.0, 0.6 * np.sin(times / 8.0))
-    expected = full_filter_std(config, times, depths, 2.0)
-    np.testing.assert_allclose(
-        position_std(config, times, depths, 2.0), expected, rtol=0, atol=1e-12
-    )
-
-
-def test_uncertainty_grows_as_the_specification_tabulates():
-    config = EstimatorConfig(drift_m_sqrt_s=0.03)
-    times = np.arange(1, 801) * 0.1
-    std = position_std(config, times, np.ones_like(times), 0.1)
-    at = [std[round(t / 0.1) - 1] for t in (10.0, 20.0, 40.0, 80.0)]
-    np.testing.assert_allclose(at, [0.059, 0.105, 0.170, 0.255], atol=0.01)
 
 
 def test_a_surfacing_restores_the_position():
