@@ -34,7 +34,7 @@ from robot_link.messages import (
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 from server.service.believable import fault_of_sample, fault_of_state, fault_of_track
-from server.service.clock_fault import ClockFault, by_arrival, clock_fault
+from server.service.clock_fault import ClockJudge
 from server.service.satellite.content import Telling, values_of
 
 TABLES: tuple[type[Base], ...] = (StateRow, SampleRow, PlanReportRow, TrackReportRow)
@@ -78,7 +78,7 @@ class Replay:
         self._key = key
         self._find_plan = find_plan
         self._codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
-        self._clock_faults: dict[str, ClockFault | None] = {}
+        self._clocks: dict[str, ClockJudge] = {}
         self.packets = 0
         """Packets that were read."""
 
@@ -92,7 +92,7 @@ class Replay:
             is_radio = frame.carrier not in SATELLITE_CARRIERS
             told = self._by_radio if is_radio else self._by_satellite
             for value in told(frame, robot, robot.system_id):
-                timed = self._timed(value)
+                timed = self._timed(value, is_prompt=is_radio)
                 if self._is_believable(timed, robot, frame):
                     yield timed
 
@@ -128,10 +128,11 @@ class Replay:
             lambda digits: self._find_plan(robot.id, digits),
         )
 
-    def _timed(self, value: Telling) -> Telling:
+    def _timed(self, value: Telling, *, is_prompt: bool) -> Telling:
+        judge = self._clocks.setdefault(value.robot, ClockJudge(self._speed))
         if isinstance(value, StateReport):
-            self._clock_faults[value.robot] = clock_fault(value, self._speed)
-        return by_arrival(value, self._clock_faults.get(value.robot))
+            judge.hear(value, is_prompt=is_prompt)
+        return judge.dated(value)
 
     def _is_believable(self, value: Telling, robot: RobotRecord, frame: RawFrame) -> bool:
         match value:

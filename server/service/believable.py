@@ -5,15 +5,14 @@ The raw bytes are journaled whatever they say; this is about what is done with t
 
 import math
 from collections.abc import Sequence
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime
 
 from autonomy.site import Site
 from robot_link.messages import Sample, StateReport, TrackReport
 from robot_link.track_check import track_fault
+from server.service.clock_fault import AHEAD_MAX
 
 _EARLIEST = datetime(2000, 1, 1, tzinfo=UTC)
-_FUTURE = timedelta(seconds=60)
-"""Clocks of robots may be this far ahead, at the clock's normal speed."""
 _SURFACE_NOISE_M = 0.5
 _LARGEST_VALUE = 1e6
 
@@ -67,7 +66,7 @@ def fault_of_track(report: TrackReport, site: Site, now: datetime, speed: float)
 
 
 def _fault_of_time(measured_at: datetime, now: datetime, speed: float) -> str | None:
-    if measured_at < _EARLIEST or measured_at - now > _FUTURE * max(1.0, speed):
+    if measured_at < _EARLIEST or measured_at - now > AHEAD_MAX * max(1.0, speed):
         return f"the time {measured_at:%Y-%m-%d %H:%MZ}"
     return None
 

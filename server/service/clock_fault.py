@@ -5,16 +5,24 @@ says. Its bytes are in the journal with the time that the robot gave them.
 """
 
 from dataclasses import dataclass, replace
-from datetime import timedelta
+from datetime import datetime, timedelta
 from typing import Final, TypeVar
 
 from robot_link.messages import PlanReport, Sample, StateReport, TrackReport
 
 Told = TypeVar("Told", bound=StateReport | Sample | PlanReport | TrackReport)
 
-_WRONG: Final = timedelta(days=1)
-"""A state report tells of now, so it can only be this old if the clock that dated it is wrong; a
-gateway delivers for half a day."""
+AHEAD_MAX: Final = timedelta(seconds=60)
+"""Nothing is told before it happens: a clock that is farther ahead is wrong."""
+_BEHIND_MAX: Final = timedelta(seconds=60)
+"""States by radio tell of now; those that are all this late were dated by a clock that is behind,
+unless they waited on the way."""
+_STEADY: Final = timedelta(seconds=5)
+"""What waited on the way is late by less and less, or more and more; a clock is always late by the
+same, and not for less long than this."""
+_STEADY_REPORTS: Final = 5
+_WAY_MAX: Final = timedelta(days=1)
+"""A gateway delivers for half a day; a state that is older was dated by a wrong clock."""
 _YEAR_DAYS: Final = 365.25
 
 
@@ -28,29 +36,82 @@ class ClockFault:
     """One sentence for the operator."""
 
 
-def clock_fault(report: StateReport, speed: float) -> ClockFault | None:
-    """Return what is wrong with the clock that dated a state report, ``None`` if it is right.
+class ClockJudge:
+    """Judges one robot's clock by when its states arrive, and dates what it tells.
+
+    Limits of time are wall time; both clocks may run faster than the wall.
 
     Args:
-        report: What a robot says of now.
         speed: Seconds of the station's clock per second of the wall.
     """
-    ahead = report.measured_at - report.received_at
-    if abs(ahead) <= _WRONG * max(1.0, speed):
-        return None
-    days = abs(ahead) / timedelta(days=1)
-    much = f"{days / _YEAR_DAYS:.1f} years" if days > _YEAR_DAYS else f"{days:.0f} days"
+
+    def __init__(self, speed: float) -> None:
+        self._speed = max(1.0, speed)
+        self._late_since: datetime | None = None
+        self._late_by = timedelta()
+        self._late_reports = 0
+        self.fault: ClockFault | None = None
+        """What is wrong with the clock that dated the newest state; ``None`` if it is right."""
+
+    def hear(self, report: StateReport, *, is_prompt: bool) -> None:
+        """Take what a robot says of now.
+
+        Args:
+            report: Its state.
+            is_prompt: Whether it came as soon as it was said; not so by satellite.
+        """
+        ahead = report.measured_at - report.received_at
+        if not is_prompt and self._may_be_on_its_way(ahead):
+            return
+        is_wrong = ahead > AHEAD_MAX * self._speed or -ahead > _WAY_MAX * self._speed
+        is_behind = is_prompt and self._is_behind(report.received_at, -ahead)
+        self.fault = _fault(report, ahead) if is_wrong or is_behind else None
+
+    def dated(self, value: Told) -> Told:
+        """Return a value with its time by the station's clock, at the latest that of its arrival.
+
+        A clock that is right by a little more or less keeps its word.
+        """
+        ahead = value.measured_at - value.received_at
+        if self.fault is not None:
+            at = min(value.measured_at - self.fault.ahead, value.received_at)
+            return replace(value, measured_at=at)
+        is_future = ahead > AHEAD_MAX * self._speed
+        return replace(value, measured_at=value.received_at) if is_future else value
+
+    def _may_be_on_its_way(self, ahead: timedelta) -> bool:
+        """Tell whether a late state is as late as one of a clock that is known to be behind."""
+        is_late = ahead < timedelta()
+        return is_late and self.fault is not None and -_WAY_MAX < self.fault.ahead < timedelta()
+
+    def _is_behind(self, received_at: datetime, late_by: timedelta) -> bool:
+        """Tell whether states arrive so late, and for so long, that nothing but a clock does it."""
+        if late_by <= _BEHIND_MAX * self._speed:
+            self._late_since = None
+            return False
+        if self._late_since is None or abs(late_by - self._late_by) > _STEADY * self._speed:
+            self._late_since, self._late_by, self._late_reports = received_at, late_by, 0
+        self._late_reports += 1
+        is_steady = received_at - self._late_since >= _STEADY * self._speed
+        was_behind = self.fault is not None and self.fault.ahead < timedelta()
+        return was_behind or (is_steady and self._late_reports >= _STEADY_REPORTS)
+
+
+def _fault(report: StateReport, ahead: timedelta) -> ClockFault:
     side = "ahead" if ahead > timedelta(0) else "behind"
     return ClockFault(
         ahead,
-        f"The clock of {report.robot} is {much} {side} ({report.measured_at:%Y-%m-%d %H:%MZ}); "
+        f"The clock of {report.robot} is {_much(abs(ahead))} {side} "
+        f"({report.measured_at:%Y-%m-%d %H:%MZ}); "
         "what it says is shown by the time of its arrival.",
     )
 
 
-def by_arrival(value: Told, fault: ClockFault | None) -> Told:
-    """Return a value with its time by the station's clock, at the latest that of its arrival."""
-    if fault is None:
-        return value
-    at = min(value.measured_at - fault.ahead, value.received_at)
-    return replace(value, measured_at=at)
+def _much(span: timedelta) -> str:
+    days = span / timedelta(days=1)
+    if days > _YEAR_DAYS:
+        return f"{days / _YEAR_DAYS:.1f} years"
+    for unit, length in (("days", timedelta(days=1)), ("hours", timedelta(hours=1))):
+        if span >= 2 * length:
+            return f"{span / length:.0f} {unit}"
+    return f"{max(1.0, span / timedelta(minutes=1)):.0f} min"

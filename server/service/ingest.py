@@ -30,7 +30,7 @@ from robot_link.messages import (
     UploadReport,
 )
 from server.service.believable import fault_of_sample, fault_of_state, fault_of_track
-from server.service.clock_fault import by_arrival, clock_fault
+from server.service.clock_fault import ClockJudge
 from server.service.fleet import Fleet
 
 log = logging.getLogger(__name__)
@@ -68,18 +68,24 @@ class Ingest:
         self._flush: asyncio.TimerHandle | None = None
         self._stored: Future[None] | None = None
         """What was handed to the database last."""
+        self._clocks: dict[RobotId, ClockJudge] = {}
         self._told_faults: set[tuple[str, str]] = set()
         self._notes: set[asyncio.Task[None]] = set()
 
-    def take(self, event: LinkEvent) -> None:
-        """Take one event of a link."""
+    def take(self, event: LinkEvent, *, is_prompt: bool = True) -> None:
+        """Take one event of a link.
+
+        Args:
+            event: The event.
+            is_prompt: Whether it came as soon as the robot said it; not so by satellite.
+        """
         if not isinstance(event, RawFrame) and not self._fleet.knows(event.robot):
             return
         match event:
             case RawFrame():
                 self._append(event)
             case StateReport():
-                self._take_state(event)
+                self._take_state(event, is_prompt=is_prompt)
             case Sample():
                 self._take_sample(event)
             case PlanReport():
@@ -94,13 +100,13 @@ class Ingest:
                 self._listeners.command(event)
 
     async def store(self, events: Sequence[LinkEvent]) -> None:
-        """Take events like ``take``, and return once everything that waits is committed.
+        """Take what may have been long on its way; return once everything is committed.
 
         Raises:
             StoreError: If it was not; whoever brings the events must bring them again.
         """
         for event in events:
-            self.take(event)
+            self.take(event, is_prompt=False)
         stored = self.flush()
         if stored is not None:
             await asyncio.wrap_future(stored)
@@ -131,21 +137,25 @@ class Ingest:
         self._stored = stored
         return stored
 
+    def _clock_of(self, robot: RobotId) -> ClockJudge:
+        return self._clocks.setdefault(robot, ClockJudge(self._clock.speed))
+
     def _append(self, row: Telemetry) -> None:
         self._rows.append(row)
         if self._flush is None:
             self._flush = asyncio.get_running_loop().call_later(GATHER_S, self.flush)
 
     def _take_plan_report(self, report: PlanReport) -> None:
-        report = by_arrival(report, self._fleet.picture(report.robot).clock_fault)
+        report = self._clock_of(report.robot).dated(report)
         self._append(report)
         self._fleet.take_plan_report(report)
         self._listeners.plan(report)
 
-    def _take_state(self, report: StateReport) -> None:
-        picture = self._fleet.picture(report.robot)
-        picture.clock_fault = clock_fault(report, self._clock.speed)
-        report = by_arrival(report, picture.clock_fault)
+    def _take_state(self, report: StateReport, *, is_prompt: bool) -> None:
+        judge = self._clock_of(report.robot)
+        judge.hear(report, is_prompt=is_prompt)
+        self._fleet.picture(report.robot).clock_fault = judge.fault
+        report = judge.dated(report)
         site = self._fleet.picture(report.robot).record.site
         fault = fault_of_state(report, site, self._clock.now(), self._clock.speed)
         if fault is not None:
@@ -156,9 +166,9 @@ class Ingest:
         self._fleet.take_state(report)
 
     def _take_track(self, report: TrackReport) -> None:
-        picture = self._fleet.picture(report.robot)
-        report = by_arrival(report, picture.clock_fault)
-        fault = fault_of_track(report, picture.record.site, self._clock.now(), self._clock.speed)
+        site = self._fleet.picture(report.robot).record.site
+        report = self._clock_of(report.robot).dated(report)
+        fault = fault_of_track(report, site, self._clock.now(), self._clock.speed)
         if fault is not None:
             self._refuse(report.robot, "track", fault)
             return
@@ -168,7 +178,7 @@ class Ingest:
         self._listeners.track(report)
 
     def _take_sample(self, sample: Sample) -> None:
-        sample = by_arrival(sample, self._fleet.picture(sample.robot).clock_fault)
+        sample = self._clock_of(sample.robot).dated(sample)
         site = self._fleet.picture(sample.robot).record.site
         fault = fault_of_sample(sample, site, self._clock.now(), self._clock.speed)
         if fault is not None:
