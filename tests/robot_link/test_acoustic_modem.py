@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 from contextlib import asynccontextmanager
+from dataclasses import replace
 from random import Random
 
 import pytest
@@ -18,6 +19,8 @@ from simulator.acoustic_modem import AcousticConditions, AcousticModem, Acoustic
 
 GRACE, MINI = RobotId("grace-1"), RobotId("mini-1")
 HASTE = ModemTiming(echo_s=0.15, tries=3, check_s=30.0, reopen_s=0.01)
+PATIENT = replace(HASTE, spare_s=60.0)
+"""For answers that a test gives by hand."""
 NEAR = AcousticConfig(range_max_m=1.0, turnaround_s=0.0)
 """Answers are waited for little more than a second."""
 
@@ -146,7 +149,7 @@ async def test_silence_and_garbled_answers_end_with_the_time_out():
 
 
 async def test_answers_of_others_are_not_taken_for_ours():
-    async with driving(fake := FakeModem()) as (modem, _):
+    async with driving(fake := FakeModem(), timing=PATIENT) as (modem, _):
         asking = asyncio.create_task(modem.ping(2))
         await met(lambda: fake.count("CCMPC"))
         fake.say(("CAMPR", "1", "3", "0.0001"), ("CAMPR", "2", "4", "0.0001"))
@@ -155,7 +158,7 @@ async def test_answers_of_others_are_not_taken_for_ours():
 
 
 async def test_one_ping_is_in_the_water_at_a_time():
-    async with driving(fake := FakeModem()) as (modem, _):
+    async with driving(fake := FakeModem(), timing=PATIENT) as (modem, _):
         asking = [asyncio.create_task(modem.ping(peer)) for peer in (2, 3)]
         await met(lambda: fake.count("CCMPC"))
         fake.say(("CAMPR", "1", "3", "0.0003"))  # nobody has asked it yet
@@ -175,7 +178,7 @@ async def test_a_late_answer_is_not_taken_for_the_next_ones():
 
 
 async def test_a_modem_that_restarts_is_configured_again():
-    async with driving(fake := FakeModem()) as (modem, _):
+    async with driving(fake := FakeModem(), timing=PATIENT) as (modem, _):
         await met(lambda: fake.count("CCCLK"))
         asking = asyncio.create_task(modem.ping(2))
         await met(lambda: fake.count("CCMPC"))
@@ -224,7 +227,7 @@ async def test_a_modem_that_falls_silent_is_opened_anew():
 
 
 async def test_a_port_that_closes_ends_the_ping_and_is_opened_again():
-    async with driving(fake := FakeModem()) as (modem, events):
+    async with driving(fake := FakeModem(), timing=PATIENT) as (modem, events):
         asking = asyncio.create_task(modem.ping(2))
         await met(lambda: fake.count("CCMPC"))
         fake.bring(b"")
@@ -348,12 +351,20 @@ async def water(tmp_path, conditions, nodes=None, robots=None):
                 await running
 
 
+async def answered(modem):
+    """Ping until an answer is in time: a busy machine may be late with one."""
+    for _ in range(20):
+        if (found := await modem.ping(2)).is_valid:
+            return found
+    raise AssertionError(found.reason)
+
+
 @pytest.mark.parametrize("replier_first", [False, True])
 async def test_ranges_to_an_emulated_modem_are_right(tmp_path, replier_first):
     conditions = AcousticConditions(replier_first=replier_first)
     async with water(tmp_path, conditions, robots={2: GRACE, 3: MINI}) as (modem, emulated):
         assert emulated.settings["SRC"] == 1
-        ranges = [(await modem.ping(2)).range_m for _ in range(5)]
+        ranges = [(await answered(modem)).range_m for _ in range(5)]
         assert ranges == pytest.approx([500.0] * 5, abs=6.0)
         if replier_first:
             assert (await modem.ping(3)).reason.startswith("no answer")
@@ -364,7 +375,7 @@ async def test_an_emulated_modem_that_reboots_gets_its_address_back(tmp_path):
         emulated.reboot()
         assert emulated.settings["SRC"] == 0
         await met(lambda: emulated.settings["SRC"] == 1 and modem.is_ready)
-        assert (await modem.ping(2)).is_valid
+        assert (await answered(modem)).is_valid
         await met(lambda: emulated.is_clock_set)
 
 

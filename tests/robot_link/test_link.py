@@ -104,9 +104,8 @@ async def test_the_road_is_never_heard_then_live_then_stale(tmp_path: Path):
 async def test_silence_after_an_announced_dive_is_no_loss(tmp_path: Path):
     async with rig(tmp_path) as it, it.station() as (station, _heard):
         await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
-        received = station.link_report(MINI).frames_received
         it.robots[MINI].link.set_mode(RobotMode.DIVING)
-        await until(lambda: station.link_report(MINI).frames_received > received)
+        await until(lambda: station._roster[MINI].peer.mode is RobotMode.DIVING)
         it.reachable.clear()
         await until(lambda: station.link_report(MINI).state is LinkState.SUBMERGED)
         await asyncio.sleep(0.6)
@@ -129,7 +128,7 @@ async def test_a_pulled_plug_is_told_and_healed_without_a_restart(tmp_path: Path
         await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
         await cable.aclose()
         await until(lambda: station.link_report(MINI).state is LinkState.PORT_CLOSED)
-        assert heard.of(LinkReport)[-1].state is LinkState.PORT_CLOSED
+        await until(lambda: heard.of(LinkReport)[-1].state is LinkState.PORT_CLOSED)
         async with it.air.pty(STATION, tmp_path / "xbee"):
             await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
 
@@ -185,7 +184,7 @@ async def test_garbage_from_the_air_and_impossible_content_are_counted(tmp_path:
         await it.air.transmit(ADDRESSES[MINI], STATION, b"")
         await it.air.transmit(STATION, ADDRESSES[MINI], b"\xfd" * 40)
         await until(lambda: it.robots[MINI].link.frames_bad > 0)
-        assert station.link_report(MINI).state is LinkState.LIVE
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
         assert not heard.of(StateReport)
 
 
@@ -251,8 +250,9 @@ async def test_a_submerged_robot_does_not_talk_to_itself(tmp_path: Path):
         it.air.air.transmit = counted
         for number in range(100):
             robot.record_sample("blue_light", number, (0.0, 0.0, 1.0), 0.1, SystemClock().now())
+        await until(lambda: attempts)
         await asyncio.sleep(0.5)
-        assert 0 < len(attempts) <= 20
+        assert len(attempts) <= 20
 
 
 async def test_samples_of_a_dive_are_filled_in_order_after_it(tmp_path: Path):

@@ -1,6 +1,6 @@
 """What a robot says of its target: by radio, in a satellite record, and what is refused of it."""
 
-import asyncio
+import itertools
 import math
 from dataclasses import replace
 from datetime import timedelta
@@ -180,12 +180,13 @@ async def test_newer_report_replaces_those_that_a_busy_radio_did_not_take(tmp_pa
 
 async def test_reports_get_through_rough_air_unharmed(tmp_path: Path):
     async with rig(tmp_path, ROUGH) as it, it.station() as (_, heard):
-        for number in range(60):
-            it.robots[MINI].link.report_track(track(ranges_heard=100 + number))
-            await asyncio.sleep(0.01)
-            if len(heard.of(TrackReport)) > 5:
-                break
-        await until(lambda: len(heard.of(TrackReport)) > 2)
+        numbers = itertools.count(100)
+
+        def enough() -> bool:
+            it.robots[MINI].link.report_track(track(ranges_heard=next(numbers)))
+            return len(heard.of(TrackReport)) > 5
+
+        await until(enough)
         for one in heard.of(TrackReport):
             assert replace(one, received_at=NOW) == track(ranges_heard=one.ranges_heard)
 
@@ -216,7 +217,7 @@ async def test_order_to_be_quiet_or_to_ping_acts_once_however_often_it_is_sent(
 
         for times in (1, 2):
             station.send_command(MINI, kind, number, expires)
-            await until(lambda: applied() == times)  # noqa: B023 - awaited at once
+            await until(lambda: applied() >= times)  # noqa: B023 - awaited at once
         assert it.robots[MINI].program.obeyed == [(kind, "")]
 
 

@@ -11,6 +11,7 @@ from pathlib import Path
 
 import pytest
 
+from robot_link.transport import udp
 from robot_link.transport.datagram import (
     BROADCAST,
     FAR_END,
@@ -213,7 +214,11 @@ async def test_packets_cross_udp_once_the_caller_has_spoken():
         assert huge.fate is Fate.TOO_LARGE
 
 
-async def test_strangers_at_a_udp_port_are_counted_until_the_far_end_has_gone():
+async def test_strangers_at_a_udp_port_are_counted_until_the_far_end_has_gone(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    at_s = [1000.0]
+    monkeypatch.setattr(udp, "monotonic_s", lambda: at_s[0])
     port = free_port(socket.SOCK_DGRAM)
     robot = UdpTransport(LOCAL, port, listens=True, timing=UdpTiming(faithful_s=0.2))
     first, second = (open_transport(f"udp://{LOCAL}:{port}") for _ in range(2))
@@ -225,7 +230,7 @@ async def test_strangers_at_a_udp_port_are_counted_until_the_far_end_has_gone():
         await second.send(FAR_END, heartbeat(2))
         stranger = await next_event(robot, Garbled)
         assert (stranger.frames, stranger.data) == (1, heartbeat(2))
-        await asyncio.sleep(0.25)
+        at_s[0] += 0.25
         await second.send(FAR_END, heartbeat(3))
         assert (await next_event(robot, Received)).data == heartbeat(3)
         await robot.send(FAR_END, heartbeat(4))

@@ -74,6 +74,7 @@ async def test_digis_library_finds_the_emulated_radios(tmp_path: Path):
     air.robot_radio(GRACE, "grace-1")
     async with air.pty(STATION, tmp_path / "xbee"):
         device = DigiMeshDevice(str(tmp_path / "xbee"), 115200)
+        device.set_sync_ops_timeout(60)
         await asyncio.to_thread(device.open)
         try:
             fabric = device.get_network()
@@ -137,17 +138,22 @@ async def test_a_radio_of_digis_library_serves_our_transport():
         assert (await too_large).fate is Fate.TOO_LARGE
         assert [bytes(one.rf_data) for one in radio.sent] == [bytes(64)]
         assert int.from_bytes(bytes(radio.sent[0].x64bit_dest_addr.address), "big") == MINI
-        for heard in (None, -71.0):
-            packet = DigiReceivePacket(
-                XBee64BitAddress(MINI.to_bytes(8, "big")),
-                XBee16BitAddress.UNKNOWN_ADDRESS,
-                0,
-                rf_data=b"hello",
-            )
-            port.bring(bytes(packet.output()))
-            event = await next_event(transport, Received)
-            assert (event.address, event.data, event.rssi_dbm) == (MINI, b"hello", heard)
-            await asyncio.sleep(0.1)
+        packet = DigiReceivePacket(
+            XBee64BitAddress(MINI.to_bytes(8, "big")),
+            XBee16BitAddress.UNKNOWN_ADDRESS,
+            0,
+            rf_data=b"hello",
+        )
+        strengths: list[float | None] = []
+        async with asyncio.timeout(60.0):
+            while not strengths or strengths[-1] is None:
+                port.bring(bytes(packet.output()))
+                event = await next_event(transport, Received)
+                assert (event.address, event.data) == (MINI, b"hello")
+                strengths.append(event.rssi_dbm)
+                await asyncio.sleep(0.02)
+        assert strengths[0] is None
+        assert strengths[-1] == -71.0
 
 
 async def test_a_missing_network_acknowledgement_leads_to_another_attempt():

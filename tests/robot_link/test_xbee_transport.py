@@ -340,6 +340,7 @@ async def test_digis_library_talks_to_the_emulated_network(tmp_path: Path):
     radio = air.robot_radio(ROBOT)
     async with air.pty(STATION, tmp_path / "xbee"):
         device = DigiMeshDevice(str(tmp_path / "xbee"), 115200)
+        device.set_sync_ops_timeout(60)
         remote = RemoteDigiMeshDevice(device, XBee64BitAddress(ROBOT.to_bytes(8, "big")))
         await asyncio.to_thread(device.open)
         try:
@@ -347,7 +348,7 @@ async def test_digis_library_talks_to_the_emulated_network(tmp_path: Path):
             await asyncio.to_thread(device.send_data, remote, b"over")
             assert (await next_event(radio, Received)).data == b"over"
             await radio.send(STATION, b"and out")
-            message = await asyncio.to_thread(device.read_data, 2)
+            message = await asyncio.to_thread(device.read_data, 60)
             assert bytes(message.data) == b"and out"
             reachable = False
             with pytest.raises(TransmitException):
