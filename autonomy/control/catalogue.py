@@ -81,10 +81,6 @@ class ControllerKind:
         return self.pack(config)
 
 
-def _without_trade(config: BacksteppingConfig) -> BacksteppingConfig:
-    return config.model_copy(update={"pitch_trade_rad": 0.0})
-
-
 CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
     {
         kind.key: kind
@@ -102,8 +98,8 @@ CONTROLLERS: Mapping[str, ControllerKind] = MappingProxyType(
                 "controller.baseline",
                 "Baseline backstepping",
                 BacksteppingConfig,
-                {key: _without_trade(value) for key, value in BACKSTEPPING_PRESETS.items()},
-                _without_trade(BACKSTEPPING_SIMULATION),
+                {key: value.without_trade() for key, value in BACKSTEPPING_PRESETS.items()},
+                BACKSTEPPING_SIMULATION.without_trade(),
                 law_number.BACKSTEPPING,
                 BacksteppingConfig.packed,
             ),

@@ -63,6 +63,10 @@ class BacksteppingConfig(Configuration):
             raise ValueError("near_offset_m must not be below near_m")
         return self
 
+    def without_trade(self) -> "BacksteppingConfig":
+        """Return the gains of the baseline: the same law with ``c = 0`` (thesis section 3.3)."""
+        return self.model_copy(update={"pitch_trade_rad": 0.0})
+
     def packed(self) -> FloatArray:
         """Return the values in the order of declaration, shape ``(11,)``."""
         return np.array(list(self.model_dump().values()), dtype=np.float64)

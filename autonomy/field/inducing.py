@@ -130,7 +130,7 @@ class InducingPosterior:
             ValueError: If the sums have no factor.
         """
         noise = self._prior.noise(places) if noise is None else noise
-        for block in _blocks(len(places)):
+        for block in places.blocks(_BLOCK):
             self._add(places[block], values[block], noise[block])
         self._solve()
 
@@ -158,7 +158,7 @@ class InducingPosterior:
     def mean(self, targets: Places) -> FloatArray:
         """Return the posterior mean at ``q`` targets, shape ``(q,)``."""
         mean, weights = np.empty(len(targets)), self.weights
-        for block in _blocks(len(targets)):
+        for block in targets.blocks(_BLOCK):
             mean[block] = self._prior.covariance(targets[block], self._inducing) @ weights
         return mean
 
@@ -166,7 +166,7 @@ class InducingPosterior:
         """Return posterior mean and variance of the field, without noise, each ``(q,)``."""
         mean, variance = np.empty(len(targets)), np.full(len(targets), self._prior.variance)
         weights = self.weights
-        for block in _blocks(len(targets)):
+        for block in targets.blocks(_BLOCK):
             cross = self._prior.covariance(targets[block], self._inducing)  # (b, m)
             mean[block] = cross @ weights
             variance[block] -= self.told(cross)
@@ -222,10 +222,6 @@ class InducingPosterior:
         lower = np.tril(self._precision)
         self._sum_factor = cholesky(lower + np.tril(lower, -1).T, 1.0)
         self._solved = solve_lower(self._sum_factor, self._whitened_sum)
-
-
-def _blocks(count: int) -> list[slice]:
-    return [slice(start, start + _BLOCK) for start in range(0, count, _BLOCK)]
 
 
 def _inverse(factor: FloatArray) -> FloatArray:

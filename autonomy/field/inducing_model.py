@@ -162,8 +162,7 @@ def _slope_square(places: Places, kernel: KernelParameters, told: InducingPoster
     if not told.samples:
         return total
     weights = told.weights
-    for start in range(0, len(places), _BLOCK):
-        block = slice(start, start + _BLOCK)
+    for block in places.blocks(_BLOCK):
         points = places.points[block]
         for cross in gradient_covariance(points, told.inducing.points, kernel):  # (b, m)
             total[block] += np.square(cross @ weights) - told.told(cross)

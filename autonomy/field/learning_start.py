@@ -1,5 +1,7 @@
 """Where the search for hyperparameters begins."""
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from autonomy.arrays import FloatArray
@@ -43,6 +45,32 @@ def starting_kernels(
         lengths = np.where(extent > 0.0, shares * extent, present.length_scales_m())
         kernels.append(_kernel(present, signal, lengths, noise))
     return kernels[:count]
+
+
+def kernels_of_extent(
+    extent_m: FloatArray, shares: Sequence[float], signal_variance: float, noise_variance: float
+) -> tuple[KernelParameters, ...]:
+    """Return kernels whose length scales are shares of the extent of the samples.
+
+    Args:
+        extent_m: North, east and down, shape ``(3,)``.
+        shares: One for each kernel.
+        signal_variance: Of every kernel.
+        noise_variance: Of every kernel.
+    """
+    kernels: list[KernelParameters] = []
+    for share in shares:
+        x, y, z = (share * extent_m).tolist()
+        kernels.append(
+            KernelParameters(
+                signal_variance=signal_variance,
+                length_x_m=x,
+                length_y_m=y,
+                length_z_m=z,
+                noise_variance=noise_variance,
+            )
+        )
+    return tuple(kernels)
 
 
 def _kernel(

@@ -19,6 +19,7 @@ from autonomy.field.config import FIELD_PRESETS, FieldConfig, KernelParameters
 from autonomy.field.fidelity import fidelity_level
 from autonomy.field.learning import learn
 from autonomy.field.learning_model import learn_config
+from autonomy.field.learning_start import kernels_of_extent
 from autonomy.field.recursive import RecursiveGaussianProcess
 from autonomy.field.samples import FieldSamples
 from autonomy.field.scale import to_model
@@ -27,6 +28,8 @@ from autonomy.site import LAKE, TANK, Box, Site
 _NOISE_FLOOR_SHARE = 0.5
 """Learned noise is not believed below this share of the sensor's own noise variance."""
 _FEWEST_SAMPLES = 20
+_START_SHARES = (0.1, 0.5)
+"""Length scales at which a search begins, as shares of the extent of the samples."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -186,20 +189,7 @@ def _starts(
     points: FloatArray, values: FloatArray, noise_variance: float
 ) -> tuple[KernelParameters, ...]:
     signal = max(float(np.mean(values**2)), noise_variance)
-    extent = np.ptp(points, axis=0)
-    starts: list[KernelParameters] = []
-    for share in (0.1, 0.5):
-        x, y, z = (share * extent).tolist()
-        starts.append(
-            KernelParameters(
-                signal_variance=signal,
-                length_x_m=x,
-                length_y_m=y,
-                length_z_m=z,
-                noise_variance=noise_variance,
-            )
-        )
-    return tuple(starts)
+    return kernels_of_extent(np.ptp(points, axis=0), _START_SHARES, signal, noise_variance)
 
 
 def _depths(box: Box, motion: SurveyMotion, samples: int, rng: np.random.Generator) -> FloatArray:

@@ -1,5 +1,6 @@
 """What a field model believes before it has samples: covariances between places."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -41,6 +42,10 @@ class Places:
     def __getitem__(self, chosen: slice | IntArray | BoolArray) -> "Places":
         """Return some of the places, by slice, indices or mask."""
         return Places(self.points[chosen], self.level[chosen], self.time_s[chosen])
+
+    def blocks(self, size: int) -> Iterator[slice]:
+        """Yield slices of at most so many places each, which together are all, in order."""
+        return (slice(start, start + size) for start in range(0, len(self), size))
 
 
 class Prior(Protocol):

@@ -69,7 +69,7 @@ class Posterior:
         """Return the posterior mean at ``q`` targets, shape ``(q,)``."""
         mean = np.zeros(len(targets))
         if len(self.places):
-            for block in _blocks(len(targets)):
+            for block in targets.blocks(_BLOCK):
                 mean[block] = self._prior.covariance(targets[block], self.places) @ self._weights
         return mean
 
@@ -81,7 +81,7 @@ class Posterior:
         mean, variance = np.zeros(len(targets)), np.full(len(targets), self._prior.variance)
         if not len(self.places):
             return mean, variance
-        for block in _blocks(len(targets)):
+        for block in targets.blocks(_BLOCK):
             cross = self._prior.covariance(targets[block], self.places)  # (b, n)
             mean[block] = cross @ self._weights
             whitened = whiten_in_place(self._factor, cross)  # (b, n)
@@ -139,7 +139,3 @@ class PosteriorAtPoints:
 
     def _at(self, targets: FloatArray) -> Places:
         return Places.of(targets, level=self._level, time_s=self._now_s)
-
-
-def _blocks(count: int) -> list[slice]:
-    return [slice(start, start + _BLOCK) for start in range(0, count, _BLOCK)]

@@ -10,6 +10,7 @@ from autonomy.field.gaussian_process import GaussianProcess
 from autonomy.field.grid import Grid
 from autonomy.field.learning import learn
 from autonomy.field.learning_noise import Part, cross_validated_noise
+from autonomy.field.learning_start import kernels_of_extent
 from autonomy.field.live_map import LiveMap
 from autonomy.field.samples import FieldSamples
 from autonomy.field.scale import to_model
@@ -21,6 +22,10 @@ from autonomy.site import Box
 _FEWEST_SAMPLES = 20
 _NOISE_FLOOR = 1e-3
 """Smallest noise variance as a share of the variance of the values: 3 % of a standard deviation."""
+
+_START_SHARES = (0.1, 0.3)
+"""Length scales at which the search begins, as shares of the extent of the samples."""
+_START_NOISE = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -82,7 +87,12 @@ def fit_recording(
     held_out, learned_from, left_over = _split(points, extent, training, test, rng)
 
     known = Part(points[learned_from], standard[learned_from])
-    learned = learn(known.points, known.values, _starts(extent), noise_floor=_NOISE_FLOOR)
+    learned = learn(
+        known.points,
+        known.values,
+        kernels_of_extent(extent, _START_SHARES, 1.0, _START_NOISE),
+        noise_floor=_NOISE_FLOOR,
+    )
     kernel = cross_validated_noise(
         learned.parameters,
         known,
@@ -139,18 +149,6 @@ def _split(
     learned_from = rest[space_filling(points[rest], training, tuple(extent.tolist()))]
     left_over = order[count:][np.isin(order[count:], learned_from, invert=True)]
     return held_out, learned_from, left_over[:training]
-
-
-def _starts(extent: FloatArray) -> tuple[KernelParameters, ...]:
-    starts: list[KernelParameters] = []
-    for share in (0.1, 0.3):
-        x, y, z = (share * extent).tolist()
-        starts.append(
-            KernelParameters(
-                signal_variance=1.0, length_x_m=x, length_y_m=y, length_z_m=z, noise_variance=0.1
-            )
-        )
-    return tuple(starts)
 
 
 def _scores(kernel: KernelParameters, known: Part, held_out: Part) -> Scores:

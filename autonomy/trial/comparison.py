@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from autonomy.arrays import FloatArray, IntArray
+from autonomy.arrays import FloatArray, IntArray, evenly_spread
 from autonomy.trial.config import TrialConfig
 from autonomy.trial.run import ControllerChoice, Trial, fly
 from autonomy.trial.setting import packed_references
@@ -106,7 +106,7 @@ class Comparison:
                 last one included.
         """
         time_s = self.results[0].runs[0].time_s
-        at = _spread(len(time_s), max_points)
+        at = evenly_spread(len(time_s), max_points)
         reference = self.reference[at]
         return {
             "time_s": _numbers(time_s[at]),
@@ -152,7 +152,7 @@ def compare(
         raise ValueError("a comparison needs at least one controller")
     check_work(vehicle, config, choices)
     references = packed_references(vehicle, config)
-    at = _spread(len(references), MOST_POINTS)
+    at = evenly_spread(len(references), MOST_POINTS)
 
     def fly_and_keep(choice: ControllerChoice, seed: int) -> KeptRun:
         return _kept(fly(vehicle, config, choice, seed, references), at)
@@ -192,11 +192,6 @@ def _kept(trial: Trial, at: IntArray) -> KeptRun:
         travel=trial.travel,
         energy_j=trial.energy_j,
     )
-
-
-def _spread(count: int, most: int) -> IntArray:
-    """Return at most so many of ``count`` indices, the last one included."""
-    return np.unique(np.linspace(0, count - 1, min(count, most)).round().astype(np.int64))
 
 
 def _run_document(result: ControllerResult, at: IntArray) -> dict[str, Any]:

@@ -33,10 +33,6 @@ class Contender:
         return self.hue.value
 
 
-def _without_trade(gains: BacksteppingConfig) -> BacksteppingConfig:
-    return gains.model_copy(update={"pitch_trade_rad": 0.0})
-
-
 CONTENDERS = (
     Contender(
         "controller.backstepping", Hue.PROPOSED, BACKSTEPPING_SIMULATION, BACKSTEPPING_EXPERIMENT
@@ -44,8 +40,8 @@ CONTENDERS = (
     Contender(
         "controller.baseline",
         Hue.BASELINE,
-        _without_trade(BACKSTEPPING_SIMULATION),
-        _without_trade(BACKSTEPPING_EXPERIMENT),
+        BACKSTEPPING_SIMULATION.without_trade(),
+        BACKSTEPPING_EXPERIMENT.without_trade(),
     ),
     Contender("controller.pid", Hue.PID, PID_SIMULATION, PID_EXPERIMENT),
 )

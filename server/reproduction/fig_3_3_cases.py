@@ -36,7 +36,7 @@ _DEEP_M = 20.0
 _DRAWN_S = 150.0
 _GAPS_S = (0.0, 30.0, 60.0, 90.0, 120.0, 150.0)
 _PROPOSED, _BASELINE, _ = CONTENDERS
-_BASELINE_GAINS = BACKSTEPPING_SIMULATION.model_copy(update={"pitch_trade_rad": 0.0})
+_BASELINE_GAINS = BACKSTEPPING_SIMULATION.without_trade()
 
 
 @dataclass(frozen=True, slots=True)

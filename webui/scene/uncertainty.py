@@ -3,7 +3,7 @@
 import numpy as np
 import numpy.typing as npt
 
-from autonomy.arrays import FloatArray
+from autonomy.arrays import FloatArray, evenly_spread
 from autonomy.estimation.position import STD_95
 from autonomy.frames import ned_to_enu
 from webui.scene.colour import UNCERTAINTY
@@ -26,7 +26,7 @@ def draw_uncertainty(stage: Stage, points: FloatArray) -> None:
         stage: Where to.
         points: Time s, north, east, down m, position standard deviation m; shape ``(n, 5)``.
     """
-    kept = points[_spread(len(points))]
+    kept = points[evenly_spread(len(points), _RINGS_MAX)]
     vertices, faces = hose(kept[:, 1:4], STD_95 * kept[:, 4])
     stage.mesh(HOSE, ned_to_enu(vertices), faces, UNCERTAINTY, _OPACITY)
     rings = [ring_enu(point[1:4], STD_95 * point[4]) for point in kept[::_RING_EVERY]]
@@ -51,7 +51,3 @@ def hose(centres_ned: FloatArray, radii_m: FloatArray) -> tuple[FloatArray, npt.
     near = np.stack([here, beside, here + _CORNERS], axis=-1)
     far = np.stack([beside, beside + _CORNERS, here + _CORNERS], axis=-1)
     return vertices.reshape(-1, 3), np.concatenate([near, far], axis=1).reshape(-1, 3)
-
-
-def _spread(count: int) -> npt.NDArray[np.int64]:
-    return np.unique(np.linspace(0, count - 1, min(count, _RINGS_MAX)).round().astype(np.int64))

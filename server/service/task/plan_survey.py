@@ -6,7 +6,7 @@ from functools import cache
 
 import numpy as np
 
-from autonomy.arrays import FloatArray, IntArray
+from autonomy.arrays import FloatArray, evenly_spread
 from autonomy.field.config import FieldConfig
 from autonomy.field.mask import water_mask
 from autonomy.field.samples import FieldSamples
@@ -72,7 +72,7 @@ def belief_of(problem: SurveyProblem) -> FieldBelief:
     config, domain = problem.field, problem.planner.domain
     points = water_points(domain, problem.site, PLANNING)
     mean, std = _predicted(config, domain, problem.samples, points)
-    kept = _spread(len(problem.samples), _BELIEF_SAMPLES)
+    kept = evenly_spread(len(problem.samples), _BELIEF_SAMPLES)
     kernel_of_map = planning_kernel(config)
     return FieldBelief(
         signal_variance=kernel_of_map.signal_variance,
@@ -137,8 +137,3 @@ def _predicted(
     """Return mean and standard deviation of the configured map at points, each ``(q,)``."""
     mean, variance = map_of(config, domain, samples).conditioned().marginals(points)
     return mean, np.sqrt(np.maximum(variance, 0.0))
-
-
-def _spread(count: int, limit: int) -> IntArray:
-    """Return the indices of at most ``limit`` of ``count`` samples, evenly spread in time."""
-    return np.unique(np.linspace(0, max(count - 1, 0), min(count, limit)).round().astype(np.int64))
