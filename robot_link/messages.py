@@ -269,8 +269,9 @@ class LinkReport:
     clock_offset_s: float | None = None
     """The robot's clock minus the station's; None until known."""
     trouble: str = ""
-    """Sentence on what is wrong beside the state: a clock that is off by hours, or another radio
-    that speaks under the robot's system id."""
+    """Sentence on what is wrong beside the state: a clock that is off by hours, or ``conflict``."""
+    conflict: str = ""
+    """Sentence on another robot that speaks under the robot's system id."""
 
 
 @dataclass(frozen=True, slots=True)

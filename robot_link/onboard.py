@@ -37,8 +37,9 @@ from robot_link.plan_store import PlanStore
 from robot_link.robot_program import CommandOutcome, RobotProgram
 from robot_link.sample_log import Measurement, SampleLog
 from robot_link.sample_sender import SampleSender
+from robot_link.service.double import DoubleWatch
 from robot_link.service.file_store import FileStore, NoFiles
-from robot_link.service.heartbeat import DoubleWatch, robot_heartbeat
+from robot_link.service.heartbeat import robot_heartbeat
 from robot_link.service.pace import Pace
 from robot_link.service.parameter_table import ParameterTable
 from robot_link.service.service_desk import ServiceDesk

@@ -6,6 +6,7 @@ from typing import Self
 
 from robot_link.clock import Clock, monotonic_s
 from robot_link.messages import LinkReport, LinkState, RobotId, RobotMode, SystemId
+from robot_link.service.double import NumberWatch
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address, DatagramTransport, Received
 from robot_link.transport.uri import LinkUri
@@ -60,6 +61,8 @@ class PeerPath:
         self.transport = transport
         self.address = path.address
         """The robot's radio; None until one has spoken under its system id."""
+        self.numbers = NumberWatch()
+        """Of the robot's frames, where the line has no addresses."""
         self._clock = clock
         self._timing = timing
         self._heard_s: float | None = None

@@ -45,11 +45,13 @@ class LinkWatch:
 
     def _completed(self, member: Member, report: LinkReport) -> LinkReport:
         offset = member.services.clock.offset
-        troubles = (self._roster.conflict(member), "" if offset is None else offset.sentence)
+        conflict = self._roster.conflict(member)
+        troubles = (conflict, "" if offset is None else offset.sentence)
         return replace(
             report,
             clock_offset_s=None if offset is None else offset.offset_s,
             trouble="; ".join(trouble for trouble in troubles if trouble),
+            conflict=conflict,
         )
 
     def _tell(self, report: LinkReport) -> None:

@@ -5,14 +5,14 @@ from collections.abc import Iterator
 
 from robot_link.clock import monotonic_s
 from robot_link.command_lane import CommandLane
-from robot_link.mavlink.codec import Codec, WireMessage
+from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec, WireMessage
 from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.messages import RobotId, SystemId
 from robot_link.path import RobotEndpoint
 from robot_link.peer import Peer
-from robot_link.service.heartbeat import DoubleWatch
+from robot_link.service.double import DoubleWatch
 from robot_link.service.robot_services import RobotServices
-from robot_link.transport.datagram import Address, DatagramTransport, Received
+from robot_link.transport.datagram import FAR_END, Address, DatagramTransport, Received
 from robot_link.upload import Upload
 
 _log = logging.getLogger(__name__)
@@ -49,7 +49,8 @@ class Roster:
     """Finds the robot that a frame is from; counts what is nobody's.
 
     A radio that speaks under the system id of a robot whose radio is another one is not believed;
-    it is remembered for the operator.
+    it is remembered for the operator. Two robots under one id on a line without addresses cannot
+    be told apart; that they are two is noticed, and remembered too.
     """
 
     def __init__(self) -> None:
@@ -79,8 +80,15 @@ class Roster:
             del self._by_system[member.peer.system]
 
     def conflict(self, member: Member) -> str:
-        """Return a sentence on other radios that speak as this robot, or ""."""
-        return self._doubles.sentence(member.peer.system, monotonic_s())
+        """Return a sentence on others that speak under this robot's system id, or ""."""
+        now_s, system = monotonic_s(), member.peer.system
+        mixed = [
+            f"two robots speak as system {system} on {path.uri}; what is shown may be of both:"
+            " give one of them another system id"
+            for path in member.peer.paths
+            if path.numbers.is_double(now_s)
+        ]
+        return "; ".join(filter(None, (self._doubles.sentence(system, now_s), *mixed)))
 
     def attributed(
         self, transport: DatagramTransport, received: Received, messages: list[WireMessage]
@@ -93,12 +101,25 @@ class Roster:
         if sender is None:
             return None, []
         system = sender.peer.system
-        return sender, [message for message in trusted if message.get_srcSystem() == system]
+        own = [message for message in trusted if message.get_srcSystem() == system]
+        if received.address == FAR_END:
+            self._note_numbers(sender, transport, own)
+        return sender, own
 
     def count_bad(self, transport: DatagramTransport, sender: Member | None, frames: int) -> None:
         """Count dropped frames for their sender, or for every robot of the radio."""
         for member in self if sender is None else (sender,):
             member.peer.count_bad(transport, frames)
+
+    def _note_numbers(
+        self, sender: Member, transport: DatagramTransport, own: list[WireMessage]
+    ) -> None:
+        path, now_s = sender.peer.path_on(transport), monotonic_s()
+        for message in own:
+            if path is None or message.get_srcComponent() != ROBOT_COMPONENT:
+                continue
+            if path.numbers.note(message.get_seq(), now_s):
+                _log.warning("%s: %s", sender.robot, self.conflict(sender))
 
     def _is_trusted(self, message: WireMessage) -> bool:
         """Tell whether a message is signed by the robot's key, where it has one."""

@@ -79,6 +79,14 @@ def _port(picture: Picture, watch: Watch) -> Verdict | None:
     return Verdict("warning", f"The radio for {picture.record.id} cannot be opened; plug it in.")
 
 
+def _double(picture: Picture, watch: Watch) -> Verdict | None:
+    del watch
+    conflict = next((link.conflict for link in picture.links.values() if link.conflict), "")
+    if not conflict:
+        return None
+    return Verdict("warning", f"{picture.record.id} is not alone under its system id: {conflict}.")
+
+
 def _overdue(picture: Picture, watch: Watch) -> Verdict | None:
     due = picture.next_surfacing()
     if due is None or picture.link_state is not LinkState.SUBMERGED:
@@ -175,6 +183,7 @@ RULES: tuple[Rule, ...] = (
     Rule("battery", _battery),
     Rule("silence", _silence),
     Rule("port", _port),
+    Rule("system id", _double),
     Rule("overdue", _overdue),
     Rule("contact", _contact),
     Rule("satellite budget", _budget),

@@ -165,3 +165,16 @@ def test_refused_plan_by_satellite_alarms_with_the_gateways_sentence(picture):
 def test_wrong_clock_alarms(picture):
     picture.clock_fault = ClockFault(timedelta(days=-400), "The clock of mini-1 is behind.")
     assert verdicts(picture)["clock"].text == "The clock of mini-1 is behind."
+
+
+def test_another_robot_under_the_same_system_id_alarms(picture):
+    now = NOW - timedelta(seconds=1)
+    conflict = "another radio (00000000000000A2) speaks as system 1; it is not obeyed"
+    picture.links = {
+        "xbee": LinkReport(MINI, "xbee", LinkState.LIVE, now, None, 1, 0, conflict=conflict)
+    }
+    assert verdicts(picture)["system id"].text == (
+        f"mini-1 is not alone under its system id: {conflict}."
+    )
+    picture.links = link(LinkState.LIVE)
+    assert "system id" not in verdicts(picture)
