@@ -14,6 +14,7 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.trial.config import TRIAL_PRESETS, TrialConfig
+from autonomy.vehicle.battery import BATTERY_PRESETS, BatteryConfig
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
 from db.query.robots import RobotRecord
@@ -104,6 +105,7 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
             _by_vehicle(
                 "tracking", "Target tracking", TRACKING_PRESETS, TrackingConfig(), WITH_MISSION
             ),
+            _by_vehicle("battery", "Battery", BATTERY_PRESETS, BatteryConfig()),
             _by_vehicle("trial", "What-if scenario", TRIAL_PRESETS, TrialConfig()),
             _by_vehicle(
                 "identification", "Identification", IDENTIFICATION_PRESETS, IdentificationConfig()

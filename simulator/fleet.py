@@ -8,6 +8,7 @@ from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
 from autonomy.planner.config import EnergyConfig, PlannerConfig
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Site
+from autonomy.vehicle.battery import BATTERY_PRESETS
 from autonomy.vehicle.config import VEHICLES, Vehicle
 from robot_link.messages import RobotId, SystemId
 from robot_link.satellite.config import SatelliteConfig
@@ -119,7 +120,7 @@ MINI_1 = RobotDefinition(
         fix_period_s=0.1,
     ),
     battery=BatteryModel(
-        capacity_wh=48.0,
+        capacity_wh=BATTERY_PRESETS["miniglider"].capacity_wh,
         full_v=10.8,
         empty_v=8.8,
     ),
@@ -171,7 +172,7 @@ GRACE_1 = RobotDefinition(
         fix_period_s=1.0,
     ),
     battery=BatteryModel(
-        capacity_wh=2 * 388.0,
+        capacity_wh=BATTERY_PRESETS["grace3"].capacity_wh,
         full_v=21.0,
         empty_v=16.0,
     ),

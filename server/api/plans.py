@@ -15,6 +15,7 @@ from server.api.station_dependency import StationDep
 from server.service.plan_document import plan_summary
 from server.service.primitive_legs import LegRequest
 from server.service.search_request import SearchRequest
+from server.service.track_settings import Base
 from server.service.upload import RoadWish
 from server.service.view.base import View
 from server.service.view.link import SatelliteQuoteView
@@ -75,6 +76,9 @@ class TrackPlanRequest(Body):
             "robot; see `GET /api/config/tracking/schema`. They become its new version."
         ),
     ] = Field(default_factory=dict)
+    base: Base = "kept"
+    """What they are laid over: ``kept``, the settings of the robot's last plan, whoever made it, or
+    the ``preset`` of its vehicle."""
 
 
 PlanRequest = Annotated[
@@ -140,7 +144,7 @@ async def create_plan(
         plan = await station.surveys.plan_again(robot, body.mission, body.config, by=caller.name)
         return PlanIdView(plan.id)
     if isinstance(body, TrackPlanRequest):
-        plan = await station.tracks.plan(robot, body.config, by=caller.name)
+        plan = await station.tracks.plan(robot, body.config, by=caller.name, base=body.base)
         return PlanIdView(plan.id)
     config_id, config = await station.planning.configure(robot, body.config, by=caller.name)
     if isinstance(body, PrimitivesPlanRequest):

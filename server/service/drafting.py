@@ -14,6 +14,7 @@ from autonomy.vehicle.trim import TrimConfig, trim_flaw
 from db.query.plans import PlanRecord
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
+from robot_link.satellite.config import Tariff
 from server.configuration import CurrentConfiguration
 from server.configuration_kind import ONBOARD_CONTROLLER
 from server.service.picture import TRACK_TARGET, Picture
@@ -34,6 +35,7 @@ def draft_of(
     *,
     controller: Configuration,
     field: FieldConfig,
+    tariff: Tariff,
 ) -> Draft:
     """Return a trajectory as a mission, with the account that an operator decides by.
 
@@ -45,6 +47,7 @@ def draft_of(
         best: The trajectory.
         controller: Gains that the mission brings on board, of ``ONBOARD_CONTROLLER``.
         field: The robot's map, by which it chooses the samples that it sends by satellite.
+        tariff: What sending the mission by satellite costs.
     """
     first = best.legs[0].start_ned
     offsets = trim.value_as(TrimConfig)
@@ -70,6 +73,7 @@ def draft_of(
         trim_at=trim.changed_at,
         surfacings=comes_up,
         satellite_bytes=comes_up * config.mission.surfacing_bytes,
+        tariff=tariff,
     )
 
 

@@ -14,9 +14,14 @@ from db.query.plans import PlanRecord
 from robot_link.messages import PlanReport
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
+from robot_link.satellite.config import Tariff
 from robot_link.tracking_order import TrackingOrder
+from server.service.satellite.fare import mission_credits
+from server.service.track_check import TEACHING
 from server.service.view.plan import (
     AccountView,
+    BatteryView,
+    InheritedView,
     LadderView,
     LegView,
     LivePlanView,
@@ -53,6 +58,8 @@ class Draft:
     """When that version was saved."""
     surfacings: int
     satellite_bytes: int
+    tariff: Tariff
+    """By which sending it by satellite is charged."""
 
     def renamed(self) -> Self:
         """Return the same trajectory under another name: the robot waits a second longer.
@@ -83,7 +90,7 @@ def draft_document(draft: Draft) -> dict[str, Any]:
                 duration_s=draft.duration_s,
                 worst_std_m=draft.worst_std_m,
                 bytes=len(draft.mission.canonical_bytes()),
-                credits=0,
+                credits=mission_credits(draft.mission, draft.tariff),
                 surfacings=draft.surfacings,
                 satellite_bytes=draft.satellite_bytes,
             )
@@ -193,7 +200,6 @@ def plan_view(
         outdated: Why it no longer fits the robot while it waits.
     """
     document = plan.document
-    account = document.get("account")
     return PlanView(
         id=plan.id,
         robot=plan.robot,
@@ -209,7 +215,7 @@ def plan_view(
         created_at=plan.created_at,
         legs=[_leg_view(leg) for leg in legs_of(document)],
         points=document.get("points", []),
-        account=None if account is None else AccountView(**account),
+        account=account_of(document),
         objective=document.get("objective"),
         objective_unit=document.get("objective_unit", ""),
         violations=[ViolationView(**one) for one in document.get("violations", ())],
@@ -227,13 +233,14 @@ def plan_view(
         tracking=None if document.get("tracking") is None else dict(plan.config),
         target_path=document.get("target_path", []),
         warnings=[ViolationView(**one) for one in document.get("warnings", ())],
+        teaches=teaches(plan),
+        inherited=[InheritedView(**one) for one in document.get("inherited", ())],
     )
 
 
 def plan_summary(plan: PlanRecord) -> PlanSummaryView:
     """Return a plan as a list shows it."""
     document = plan.document
-    account = document.get("account")
     return PlanSummaryView(
         id=plan.id,
         robot=plan.robot,
@@ -243,12 +250,13 @@ def plan_summary(plan: PlanRecord) -> PlanSummaryView:
         state=plan.state,
         sha256=plan.sha256,
         created_at=plan.created_at,
-        account=None if account is None else AccountView(**account),
+        account=account_of(document),
         objective=document.get("objective"),
         objective_unit=document.get("objective_unit", ""),
         violations=len(document.get("violations", ())),
         message=document.get("message", ""),
         ladder=ladder_view(plan),
+        teaches=teaches(plan),
     )
 
 
@@ -268,6 +276,21 @@ def live_plan_view(
         outdated=list(outdated),
         message=plan.document.get("message", ""),
     )
+
+
+def account_of(document: Mapping[str, Any]) -> AccountView | None:
+    """Return what the plan of a document costs, ``None`` before that is known."""
+    account = document.get("account")
+    if account is None:
+        return None
+    others = {name: value for name, value in account.items() if name != "battery"}
+    battery = account.get("battery")
+    return AccountView(**others, battery=None if battery is None else BatteryView(**battery))
+
+
+def teaches(plan: PlanRecord) -> bool:
+    """Tell whether a plan lets the estimate of its target diverge, to show that."""
+    return any(one["field"] == TEACHING for one in plan.document.get("warnings", ()))
 
 
 def stage_of(plan: PlanRecord, progress: ProgressView | None) -> str | None:

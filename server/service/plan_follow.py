@@ -5,11 +5,11 @@ from dataclasses import asdict
 from db.query.plans import PlanRecord, plan_by_hash
 from db.store import Store
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanReport
-from server.service.plan_document import onboard_by
+from server.service.plan_document import onboard_by, teaches
 from server.service.plan_ledger import ON_THE_WAY, PlanLedger
-from server.service.track_words import teaching_mark
 from server.service.turn import Turns
 from server.service.view.plan import OnboardView
+from server.service.words import TEACHING
 
 _STATES = {
     OnboardPlanState.ON_BOARD: "on_board",
@@ -61,9 +61,10 @@ class PlanFollower:
 
     async def _advance(self, plan: PlanRecord, state: str, report: PlanReport) -> None:
         onboard = onboard_by(plan, report)
+        mark = f" ({TEACHING})" if teaches(plan) else ""
         text = {
             "on_board": f"{plan.robot} has {plan.id} on board.",
-            "running": f"{plan.robot} flies {plan.id}{teaching_mark(plan.config)}.",
+            "running": f"{plan.robot} flies {plan.id}{mark}.",
             "done": f"{plan.robot} flew {plan.id} to its end{_overspending(onboard)}.",
             "failed": f"{plan.robot} ended {plan.id} early: {report.reason or 'no reason given'}",
             "cancelled": f"{plan.robot} came up as ordered; that ended {plan.id}.",

@@ -16,6 +16,7 @@ from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanSta
 from autonomy.tracking.config import TrackingConfig
 from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
+from robot_link.satellite.config import SatelliteConfig
 from server.configuration_kind import ONBOARD_CONTROLLER
 from server.foundation import Foundation
 from server.problem import conflict
@@ -36,6 +37,7 @@ from server.service.round_problem import RoundProblems
 from server.service.search_request import SearchRequest
 from server.service.survey_round import NOTHING_FEASIBLE, REPLACES
 from server.service.task.problem import PLAN_SURVEY
+from server.service.track_battery import battery_violations, track_battery
 from server.service.track_check import track_violations
 from server.service.turn import until_stored
 from server.service.view.plan import ProgressView, RehearsalView, ViolationView
@@ -194,8 +196,14 @@ class Planning:
         record = await self._ledger.get(plan)
         picture = self._fleet.picture(record.robot)
         if record.kind == TRACK_TARGET:
-            limits = track_violations(picture, TrackingConfig.model_validate(record.config))
-            return [*limits, *outdated_by(picture, record, self._foundation.clock.now())]
+            tracking = TrackingConfig.model_validate(record.config)
+            book = self._foundation.configurations
+            battery = await track_battery(book, self._fleet, record.robot, tracking)
+            found = [
+                *track_violations(picture, tracking),
+                *battery_violations(record.robot, battery),
+            ]
+            return [*found, *outdated_by(picture, record, self._foundation.clock.now())]
         config = PlannerConfig.model_validate(record.config)
         if "settings" not in record.document:
             return [ViolationView("legs", "The plan has no legs.")]
@@ -374,6 +382,7 @@ class Planning:
             best,
             controller=controller.value,
             field=field.value_as(FieldConfig),
+            tariff=(await book.current("satellite", robot)).value_as(SatelliteConfig).tariff,
         )
 
 

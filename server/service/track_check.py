@@ -117,7 +117,7 @@ def _of_barrier(barrier: BarrierConfig) -> Iterator[tuple[str, str]]:
         yield (
             TEACHING,
             "For teaching: the barrier is off. Nothing keeps the target observable, so the "
-            "estimate is expected to diverge within some minutes.",
+            "estimate may diverge, often by metres within some minutes.",
         )
     elif barrier.controller == "mpc_none":
         yield (

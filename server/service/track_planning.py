@@ -3,33 +3,35 @@
 Plan and hash are written in one transaction: a station that is killed has the whole draft or none.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, replace
 from typing import Any
 
 from sqlalchemy.orm import Session
 
-from autonomy.planner import primitive
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.plan import PrimitiveKind
 from autonomy.tracking.config import TrackingConfig
 from autonomy.vehicle.trim import TrimConfig, trim_flaw
 from db.query import plans as query
 from db.query.commands import newest_applied
 from db.query.plans import PlanRecord
-from robot_link.messages import CommandKind, StateReport
+from robot_link.messages import CommandKind
 from robot_link.mission import Mission, MissionSettings
+from robot_link.satellite.config import SatelliteConfig
 from robot_link.tracking_order import TrackingOrder
 from server.configuration import CurrentConfiguration
 from server.foundation import Foundation
-from server.problem import Problem, conflict
+from server.problem import conflict
 from server.service.fleet import Fleet
-from server.service.picture import SURFACE_DEPTH_M, TRACK_TARGET, Picture
+from server.service.picture import TRACK_TARGET, Picture
 from server.service.plan_ledger import PlanLedger, note_change
-from server.service.plan_settings import PlanSettings, below_config
+from server.service.plan_settings import PlanSettings
+from server.service.satellite.fare import mission_credits
+from server.service.track_account import track_account
+from server.service.track_battery import battery_violations, track_battery
 from server.service.track_check import target_path, track_violations, track_warnings
-from server.service.view.plan import AccountView, ViolationView
+from server.service.track_settings import Base, configure_track, unfit
+from server.service.view.plan import ViolationView
 from server.service.words import TEACHING
 
 _TARGETS = {"virtual": "a virtual target", "tag": "tag {address}", "beacon": "beacon {address}"}
@@ -46,8 +48,12 @@ class TrackPlanning:
         self._ledger = ledger
         self._settings = settings
 
-    async def plan(self, robot: str, patch: Mapping[str, Any], *, by: str) -> PlanRecord:
+    async def plan(
+        self, robot: str, patch: Mapping[str, Any], *, by: str, base: Base = "kept"
+    ) -> PlanRecord:
         """Make a draft of the robot's settings with a patch on top, which become its new version.
+
+        With ``base`` "preset" nothing of what plans before left is kept.
 
         Raises:
             Problem: 404 for an unknown robot, 409 for one that flies no plans or has not said where
@@ -60,63 +66,58 @@ class TrackPlanning:
             raise conflict(f"{robot} is a recording; it follows no target.")
         self._settings.refuse_while_storage_fails()
         position = self._settings.position(robot)
-        config_id, order = await self._configure(robot, await self._unless_asked(robot, patch), by)
-        config = order.config()  # as both ends compute with it
         book = self._foundation.configurations
+        settings = await configure_track(book, robot, patch, base, by=by)
+        config = settings.order.config()  # as both ends compute with it
         planner = (await book.current("planner", robot)).value_as(PlannerConfig)
         trim = await book.current("trim", robot)
-        violations = [*track_violations(picture, config), *self._trim_flaws(robot, trim)]
-        warnings = track_warnings(picture, config, is_quiet=await self._is_quiet(picture))
         try:
-            mission = _mission(order, planner, trim.value_as(TrimConfig), position)
+            mission = _mission(settings.order, planner, trim.value_as(TrimConfig), position)
         except ValueError as error:
             raise unfit(error) from error
         document = {
-            "config_id": config_id,
+            **await self._judgement(robot, config, planner, mission, self._trim_flaws(robot, trim)),
+            "config_id": settings.config_id,
+            "inherited": [asdict(one) for one in settings.inherited],
             "message": _message(config),
             "trim_id": trim.id,
             "trim_at": None if trim.changed_at is None else trim.changed_at.isoformat(),
             "points": [],
             "legs": [],
             "target_path": target_path(config),
-            "account": asdict(_account(mission, config, planner, picture.state)),
-            "violations": [asdict(one) for one in violations],
-            "warnings": [asdict(one) for one in warnings],
             "draft_age_s": planner.mission.draft_age_s,
             "draft_distance_m": planner.mission.draft_distance_m,
         }
         return await self._keep(robot, config, mission, document, by)
 
-    async def _unless_asked(self, robot: str, patch: Mapping[str, Any]) -> Mapping[str, Any]:
-        """Return a patch that turns the barrier on again, unless it names a controller itself.
-
-        The teaching mode holds for the plan that asks for it only: nobody inherits it unknowingly.
-        """
-        holds = await self._foundation.configurations.current("tracking", robot)
-        barrier = patch.get("barrier", {})
-        if not holds.value_as(TrackingConfig).barrier.is_teaching:
-            return patch
-        if not isinstance(barrier, Mapping) or "controller" in barrier:
-            return patch
-        return {**patch, "barrier": {**barrier, "controller": "barrier"}}
-
-    async def _configure(
-        self, robot: str, patch: Mapping[str, Any], by: str
-    ) -> tuple[str, TrackingOrder]:
-        """Keep the settings with a patch on top, unless they are refused, and say what travels."""
-        book = self._foundation.configurations
-        try:
-            wanted = await book.merged("tracking", robot, patch)
-        except Problem as problem:
-            raise below_config(problem) from problem
-        order = _order(wanted)
-        holds = await book.current("tracking", robot)
-        if holds.id is None or wanted.value != holds.value:
-            holds = await book.patch("tracking", robot, patch, by=by)
-            order = _order(holds)  # somebody may have changed another field meanwhile
-        if holds.id is None:
-            raise TypeError("a kept version has an id")
-        return holds.id, order
+    async def _judgement(
+        self,
+        robot: str,
+        config: TrackingConfig,
+        planner: PlannerConfig,
+        mission: Mission,
+        flaws: list[ViolationView],
+    ) -> dict[str, Any]:
+        """Return the part of a plan's document that an operator decides by."""
+        book, picture = self._foundation.configurations, self._fleet.picture(robot)
+        tariff = (await book.current("satellite", robot)).value_as(SatelliteConfig).tariff
+        battery = await track_battery(book, self._fleet, robot, config)
+        account = track_account(
+            config,
+            planner,
+            self._fleet.vehicle(robot),
+            picture.state,
+            size=len(mission.canonical_bytes()),
+            credits=mission_credits(mission, tariff),
+            battery=battery,
+        )
+        limits = [*track_violations(picture, config), *battery_violations(robot, battery), *flaws]
+        warnings = track_warnings(picture, config, is_quiet=await self._is_quiet(picture))
+        return {
+            "account": asdict(account),
+            "violations": [asdict(one) for one in limits],
+            "warnings": [asdict(one) for one in warnings],
+        }
 
     async def _is_quiet(self, picture: Picture) -> bool:
         """Tell whether the robot was told not to ping, by what it said last of that."""
@@ -177,18 +178,6 @@ def mission_document(mission: Mission) -> dict[str, Any]:
     }
 
 
-def _order(settings: CurrentConfiguration) -> TrackingOrder:
-    try:
-        return TrackingOrder.of(settings.value_as(TrackingConfig))
-    except ValueError as error:
-        raise unfit(error) from error
-
-
-def unfit(error: ValueError) -> Problem:
-    """Return a 409: the settings cannot travel."""
-    return conflict(f"The robot cannot be given these settings: {error}.")
-
-
 def _mission(
     order: TrackingOrder,
     planner: PlannerConfig,
@@ -216,26 +205,6 @@ def _named(session: Session, robot: str, mission: Mission) -> Mission:
             raise TypeError("a mission that follows a target has an order")
         mission = Mission.from_tracking(settings, mission.tracking)
     return mission
-
-
-def _account(
-    mission: Mission, config: TrackingConfig, planner: PlannerConfig, state: StateReport | None
-) -> AccountView:
-    """Return what the mission costs if the robot swims all the time."""
-    motion = config.motion
-    std_m = 0.0 if state is None else state.position_std_m
-    if motion.depth_m > SURFACE_DEPTH_M:
-        drift = planner.position_filter.drift_m_sqrt_s
-        std_m = math.hypot(std_m, drift * math.sqrt(motion.duration_s))
-    return AccountView(
-        energy=primitive.energy(PrimitiveKind.SWIM, motion.duration_s, planner.energy),
-        duration_s=motion.duration_s,
-        worst_std_m=std_m,
-        bytes=len(mission.canonical_bytes()),
-        credits=0,
-        surfacings=1,
-        satellite_bytes=planner.mission.surfacing_bytes,
-    )
 
 
 def _message(config: TrackingConfig) -> str:

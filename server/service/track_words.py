@@ -1,13 +1,10 @@
 """What the station says of a robot that follows a target, in words."""
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 from autonomy.estimation.position import STD_95
 from autonomy.tracking.phase import TrackPhase
 from robot_link.messages import TargetEstimate, TrackReport
-from server.service.words import TEACHING
 
 _TEACHING = "Nothing keeps the target observable: the mission is for teaching."
 _SMALL = 0.005
@@ -43,13 +40,6 @@ def _phase_text(report: TrackReport) -> str:
             return f"{robot} lost its target{_lost_reason(report)}; {search_text(report)}."
         case TrackPhase.ENDED:
             return f"{robot} follows its target no longer."
-
-
-def teaching_mark(config: Mapping[str, Any]) -> str:
-    """Return what marks a plan of these settings as one for teaching, "" for any other."""
-    barrier = config.get("barrier")
-    teaches = isinstance(barrier, Mapping) and barrier.get("controller") == "nominal"
-    return f" ({TEACHING})" if teaches else ""
 
 
 def search_text(report: TrackReport) -> str:

@@ -9,6 +9,7 @@ from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner.config import EnergyConfig
 from autonomy.site import Site
 from autonomy.tracking.config import RangingConfig
+from autonomy.vehicle.battery import RESERVE
 from autonomy.vehicle.config import Vehicle
 from robot_link.messages import (
     CommandKind,
@@ -28,7 +29,6 @@ from simulator.onboard.maneuver import Flight
 from simulator.onboard.navigation import Estimate, Navigator
 from simulator.onboard.pilot import Pilot
 from simulator.onboard.profile import FLIGHT_PROFILES
-from simulator.onboard.safety import BATTERY_RESERVE
 
 PERIOD_S = 0.1
 """Time between two steps of the program."""
@@ -151,9 +151,7 @@ class OnboardProgram:
 
     def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
         """Act on a command."""
-        if kind is CommandKind.START and (
-            self.estimate.readings.battery_fraction < BATTERY_RESERVE
-        ):
+        if kind is CommandKind.START and (self.estimate.readings.battery_fraction < RESERVE):
             return CommandOutcome.NOT_NOW
         return self.executive.obey(kind, plan_digits)
 

@@ -2,14 +2,12 @@
 
 from autonomy.site import Site
 from autonomy.tracking.config import TrackingConfig
+from autonomy.vehicle.battery import RESERVE
 from autonomy.vehicle.config import ActuatorLimits
 from autonomy.vehicle.trim import trim_flaw
 from robot_link.mission import Mission, MissionSettings
 from simulator.onboard.maneuver import Flight
 from simulator.onboard.navigation import Estimate
-
-BATTERY_RESERVE = 0.05
-"""Charge at which a mission ends and none begins."""
 
 
 def mission_over(settings: MissionSettings, elapsed_s: float, estimate: Estimate) -> str:
@@ -22,8 +20,8 @@ def mission_over(settings: MissionSettings, elapsed_s: float, estimate: Estimate
     """
     if elapsed_s > settings.timeout_s:
         return f"the mission took longer than {settings.timeout_s:.0f} s"
-    if estimate.readings.battery_fraction < BATTERY_RESERVE:
-        return f"the battery is below {BATTERY_RESERVE:.0%}"
+    if estimate.readings.battery_fraction < RESERVE:
+        return f"the battery is below {RESERVE:.0%}"
     return ""
 
 

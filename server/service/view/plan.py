@@ -25,6 +25,20 @@ class LegView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class BatteryView(View):
+    """What a plan takes from the robot's battery; all but the time are parts of a full one."""
+
+    used: float
+    """About what the plan takes; above 1 where a full battery does not last."""
+    left: float | None
+    """What the robot said was left when the plan was made."""
+    reserve: float
+    """What is left when the robot ends its mission by itself."""
+    lasts_s: float | None
+    """How long the robot could go on like this, from what is left to the reserve."""
+
+
+@dataclass(frozen=True, slots=True)
 class AccountView(View):
     """What a plan costs."""
 
@@ -33,12 +47,16 @@ class AccountView(View):
     worst_std_m: float
     bytes: int
     """Size of the mission document."""
-    credits: int
-    """Satellite credits; radio costs none."""
+    credits: int | None
+    """Satellite credits that sending it takes if it goes that way and no part is lost; radio costs
+    none. ``null`` for one that is too long for satellite."""
     surfacings: int = 0
-    """How often the robot comes up, its last time included."""
+    """How often the robot comes up, its last time included; of a plan that follows a target about
+    so often."""
     satellite_bytes: int = 0
     """What the robot says by satellite at these surfacings, where there is no radio."""
+    battery: BatteryView | None = None
+    """Of a plan that follows a target; ``null`` where the vehicle is not known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -47,6 +65,17 @@ class ViolationView(View):
 
     field: str
     message: str
+
+
+@dataclass(frozen=True, slots=True)
+class InheritedView(View):
+    """A setting that nobody named for this plan, as an earlier one left it."""
+
+    field: str
+    """Its path, such as ``barrier.alpha``."""
+    value: str | float
+    usual: str | float
+    """What the preset says."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +219,12 @@ class PlanView(View):
     warnings: list[ViolationView] = field(default_factory=list)
     """What to know before it is sent; none of it keeps it from being sent. ``teaching`` marks a
     plan that lets the estimate of its target diverge."""
+    teaches: bool = False
+    """Whether it follows a target with nothing that keeps it observable, to show what comes of
+    it."""
+    inherited: list[InheritedView] = field(default_factory=list)
+    """Settings of a plan of kind ``track_target`` that were kept from plans before and differ from
+    the preset; plan with ``"base": "preset"`` to be rid of them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -211,6 +246,8 @@ class PlanSummaryView(View):
     """How many limits it breaks."""
     message: str
     ladder: LadderView
+    teaches: bool = False
+    """As in the plan itself."""
 
 
 @dataclass(frozen=True, slots=True)

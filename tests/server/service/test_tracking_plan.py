@@ -194,6 +194,46 @@ async def test_other_controllers_are_inherited_and_teaching_may_be_asked_for_aga
     assert wrong.json()["errors"][0]["loc"][:2] == ["config", "barrier"]
 
 
+async def test_what_was_kept_from_plans_before_is_said_and_can_be_left_behind(client):
+    first = await draft(client, {"barrier": {"alpha": "negative"}, "motion": {"duration_s": 300.0}})
+    assert first["inherited"] == []
+    second = await draft(client, {"motion": {"duration_s": 300.0}})
+    usual = PRESET.barrier.alpha
+    kept = {"field": "barrier.alpha", "value": "negative", "usual": usual}
+    assert second["inherited"] == [kept]
+    body = {"kind": "track_target", "base": "preset", "config": {"barrier": {"slope": 0.3}}}
+    answer = await client.post(f"/api/robots/{MINI}/plans", json=body)
+    third = (await client.get(f"/api/plans/{answer.json()['id']}")).json()
+    assert third["inherited"] == []
+    assert third["tracking"]["barrier"]["alpha"] == usual
+    assert third["tracking"]["motion"]["duration_s"] == PRESET.motion.duration_s
+    assert third["tracking"]["barrier"]["slope"] == 0.3
+    wrong = {**body, "config": {"barrier": {"slope": 0.0}}}
+    refused = await client.post(f"/api/robots/{MINI}/plans", json=wrong)
+    assert refused.json()["errors"][0]["loc"] == ["config", "barrier", "slope"]
+
+
+@pytest.mark.parametrize(
+    ("controller", "teaches"), [("nominal", True), ("mpc_none", False), ("barrier", False)]
+)
+async def test_the_station_says_whether_a_plan_teaches(client, controller, teaches):
+    found = await draft(client, {"barrier": {"controller": controller}})
+    assert found["teaches"] is teaches
+    (summary,) = (await client.get("/api/robots/mini-1/plans")).json()
+    assert summary["teaches"] is teaches
+
+
+async def test_a_draft_that_waits_behind_a_flight_is_listed(client, world):
+    world.robots[MINI].may_end.clear()
+    flown = (await draft(client))["id"]
+    await upload(client, flown, start=True)
+    await plan_in(client, flown, "running")
+    waits = (await draft(client))["id"]
+    assert (await client.get("/api/robots/mini-1")).json()["plan_id"] == flown
+    found = (await client.get("/api/robots/mini-1/plans", params={"state": "draft"})).json()
+    assert [one["id"] for one in found] == [waits]
+
+
 async def test_a_draft_can_be_thrown_away(client):
     plan = (await draft(client))["id"]
     assert (await client.post(f"/api/plans/{plan}/cancel")).status_code == 202

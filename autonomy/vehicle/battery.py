@@ -1,0 +1,46 @@
+"""What a robot's battery holds, and what swimming takes from it."""
+
+import math
+
+from autonomy.configuration import Configuration, quantity
+from autonomy.vehicle.config import Vehicle
+
+RESERVE = 0.05
+"""Charge at which a robot ends its mission, and below which it begins none."""
+_DEPTH_KEEPING = math.sqrt(0.5)
+"""Root mean square rate, as part of the greatest, of pump and sliding mass where depth is kept with
+a beating tail: the beat reaches both. Of their full power the simulated Miniglider takes 0.44 so,
+GRACE 3 0.52."""
+
+
+class BatteryConfig(Configuration):
+    """The battery of a robot."""
+
+    capacity_wh: float = quantity(48.0, "Wh", title="Capacity", gt=0.0, le=1e5)
+    """Energy of the full battery. By it the station says whether a mission's battery lasts."""
+
+
+BATTERY_PRESETS: dict[str, BatteryConfig] = {
+    "miniglider": BatteryConfig(),
+    "grace3": BatteryConfig(capacity_wh=2 * 388.0),
+}
+"""Battery by vehicle. Thesis Table 2.3 has GRACE 3's two packs; of the Miniglider's nickel cells it
+names the 9.6 V but not the charge, estimated as 5 Ah."""
+
+
+def swimming_power_w(vehicle: Vehicle, *, is_deep: bool) -> float:
+    """Return what a robot draws that swims with its full beat, W.
+
+    Steering by the tail takes nearly the full beat whatever the speed, so this is hardly more than
+    a pursuit draws.
+
+    Args:
+        vehicle: Its actuators and their power (thesis Eq. 5.20).
+        is_deep: Whether it keeps a depth, for which pump and sliding mass work all the time.
+    """
+    gait, limits = vehicle.swim, vehicle.limits
+    share = _DEPTH_KEEPING if is_deep else 0.0
+    beat_rad_s = math.sqrt(2.0) * math.pi * gait.frequency_hz * gait.amplitude_rad
+    return vehicle.energy.power_w(
+        limits, share * limits.m0_rate_kg_s, share * limits.rp1_rate_m_s, beat_rad_s
+    )
