@@ -1,7 +1,6 @@
 """What robots said of the targets that they follow."""
 
 from collections.abc import Generator
-from dataclasses import dataclass
 from datetime import datetime
 
 from sqlalchemy import Select, func, select
@@ -9,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.tracking.phase import TrackPhase
 from db.query.robots import robot_key
+from db.query.track_range import EVERYTHING, TrackRange
 from db.tables import Event, PlanReportRow
 from db.tracking_tables import TrackReportRow
 from robot_link.messages import OnboardPlanState, RobotId, TargetEstimate, TrackReport
@@ -16,19 +16,6 @@ from robot_link.messages import OnboardPlanState, RobotId, TargetEstimate, Track
 _ROWS_AT_ONCE = 1000
 _ENDED = (int(OnboardPlanState.DONE), int(OnboardPlanState.FAILED))
 _NOT_HELD = (int(TrackPhase.LOST), int(TrackPhase.COASTING))
-
-
-@dataclass(frozen=True, slots=True)
-class TrackRange:
-    """Which reports are asked for, by the robot's clock."""
-
-    after: datetime | None = None
-    """Not included."""
-    until: datetime | None = None
-    """Included."""
-
-
-EVERYTHING = TrackRange()
 
 
 def newest_track_report(session: Session, robot: str) -> TrackReport | None:
@@ -84,33 +71,6 @@ def iterate_track_reports(
     statement = _within(session, robot, wanted).order_by(TrackReportRow.measured_at)
     for row in session.scalars(statement.execution_options(yield_per=_ROWS_AT_ONCE)):
         yield _report(row, robot)
-
-
-def range_of_plan(session: Session, robot: str, sha256: str) -> TrackRange | None:
-    """Return the time in which a robot flew a plan, ``None`` if it never began it.
-
-    It begins after the robot's last word from before and ends where it began another plan; what it
-    says of its target once the mission is over belongs to that mission.
-
-    Raises:
-        UnknownIdError: If there is no such robot.
-    """
-    key, at = robot_key(session, robot), PlanReportRow.measured_at
-    mine, running = PlanReportRow.robot_key == key, int(OnboardPlanState.RUNNING)
-    is_running = PlanReportRow.state == running
-
-    def moment(statement: Select[datetime]) -> datetime | None:
-        return session.scalar(statement)
-
-    begun = moment(select(func.min(at)).where(mine, is_running, PlanReportRow.sha256 == sha256))
-    if begun is None:
-        return None
-    before = moment(select(func.max(at)).where(mine, at < begun))
-    other = moment(
-        select(func.min(at)).where(mine, is_running, at > begun, PlanReportRow.sha256 != sha256)
-    )
-    until = None if other is None else moment(select(func.max(at)).where(mine, at < other))
-    return TrackRange(before, until)
 
 
 def lost_since(session: Session, robot: str, moment: datetime) -> datetime | None:

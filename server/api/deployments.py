@@ -12,7 +12,7 @@ from db.query.deployments import DeploymentRecord, get_deployment
 from db.query.deployments import list_deployments as query_deployments
 from db.query.robots import get_robot
 from db.query.samples import sampled_variables
-from db.query.tracking import TrackRange
+from db.query.track_range import TrackRange
 from db.store import Store
 from server.api.dependency import StoreDep, Viewer
 from server.recording.export import csv_blocks, geojson, kml

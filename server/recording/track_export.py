@@ -6,7 +6,8 @@ from sqlalchemy.orm import Session
 
 from db.column import microseconds
 from db.query.robots import RobotRecord
-from db.query.tracking import TrackRange, iterate_track_reports
+from db.query.track_range import TrackRange
+from db.query.tracking import iterate_track_reports
 from robot_link.messages import TargetEstimate, TrackReport
 from server.recording.table import COMMENT
 

@@ -5,7 +5,8 @@ from datetime import datetime
 from sqlalchemy.orm import Session
 
 from db.query.plans import get_plan, newest_begun
-from db.query.tracking import EVERYTHING, TrackRange, range_of_plan, track_reports
+from db.query.track_range import EVERYTHING, TrackRange, range_of_plan
+from db.query.tracking import track_reports
 from db.store import Store
 from robot_link.messages import TrackReport
 from server.problem import not_found

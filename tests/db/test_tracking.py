@@ -19,26 +19,17 @@ from db.migrate import configuration, migrate, schema_version
 from db.query.events import add_event
 from db.query.robots import add_robot
 from db.query.telemetry import newest_state
+from db.query.track_range import TrackRange
 from db.query.tracking import (
-    TrackRange,
     iterate_track_reports,
     lost_since,
     newest_event_of,
     newest_track_report,
-    range_of_plan,
     track_reports,
 )
 from db.store import Store
-from robot_link.messages import OnboardPlanState, PlanHash, PlanReport, RobotId
 from tests.db.conftest import START, report, robot_record
 from tests.db.track import track_report
-
-FIRST, SECOND = PlanHash("a" * 64), PlanHash("b" * 64)
-
-
-def plan_report(second, state, sha256=FIRST):
-    at = START + timedelta(seconds=second)
-    return PlanReport(RobotId("mini-1"), sha256, state, 0, 0, 0.0, "", at, at)
 
 
 def kept(store, *values):
@@ -86,22 +77,6 @@ def test_a_list_goes_on_where_it_ended(store):
         assert seconds(session, wanted=after, limit=2, newest=False) == [3, 4]
         assert seconds(session, wanted=after) == [3, 4, 5]
         assert len(list(iterate_track_reports(session, "mini-1", after))) == 3
-
-
-def test_reports_belong_to_the_plan_that_was_flown(store):
-    kept(
-        store,
-        plan_report(0, OnboardPlanState.ON_BOARD),
-        plan_report(10, OnboardPlanState.RUNNING),
-        plan_report(20, OnboardPlanState.RUNNING),
-        plan_report(30, OnboardPlanState.DONE),
-        plan_report(40, OnboardPlanState.ON_BOARD, SECOND),
-        plan_report(50, OnboardPlanState.RUNNING, SECOND),
-    )
-    with store.read() as session:
-        assert range_of_plan(session, "mini-1", FIRST) == TrackRange(at(0), at(40))
-        assert range_of_plan(session, "mini-1", SECOND) == TrackRange(at(40), None)
-        assert range_of_plan(session, "mini-1", "c" * 64) is None
 
 
 def test_a_loss_lasts_from_its_first_report_however_the_robot_coasts(store):
