@@ -56,7 +56,7 @@ def test_a_target_is_followed_lost_in_silence_and_found_again(page, demo):
     expect(page.get_by_text("It circles because from a straight course")).to_be_visible()
     teaching = page.get_by_label(re.compile("Teaching: leave the barrier off"))
     teaching.check()
-    expect(page.get_by_text("within some minutes the estimate goes wrong")).to_be_visible()
+    expect(page.get_by_text("expect the estimate to go wrong")).to_be_visible()
     teaching.uncheck()
     fill_in(page)
     page.get_by_role("button", name="Plan to follow for mini-1").click()

@@ -167,6 +167,11 @@ function robots(
       body: { id: station.command(robot, JSON.stringify(body.kind).slice(1, -1)) },
     };
   if (part === 'track') return { body: robot.track(now - 900_000, now, points) };
+  if (part === 'plans' && method === 'GET') {
+    const state = url.searchParams.get('state');
+    const made = station.pursuits.map(({ plan }) => plan).filter((plan) => plan.robot === id);
+    return { body: made.filter((plan) => state === null || plan.state === state).toReversed() };
+  }
   if (part === 'plans') {
     return {
       status: 202,

@@ -21,6 +21,8 @@ import type {
   NewToken,
   Person,
   Plan,
+  PlanListing,
+  PlanState,
   Polar,
   Robot,
   RobotState,
@@ -119,6 +121,10 @@ export class Api {
     this.#json<{ missions: { robot: string; mission: string }[] }>('POST', '/api/surveys', {
       body: { robots, config, automation: false },
     });
+
+  /** Plans of a robot in one state, the newest first. */
+  plans = (robot: string, state: PlanState) =>
+    this.#json<PlanListing[]>('GET', `${at(robot)}/plans`, { query: { state } });
 
   plan = (id: string) => this.#json<Plan>('GET', `/api/plans/${part(id)}`);
   cancelPlan = (id: string) => this.#send('POST', `/api/plans/${part(id)}/cancel`);

@@ -144,6 +144,9 @@ export interface Plan extends TrackPlan {
   transfer?: Transfer | null;
 }
 
+/** A plan as a list shows it. */
+export type PlanListing = Pick<Plan, 'id' | 'robot' | 'kind' | 'state' | 'created_at' | 'ladder'>;
+
 export interface MissionRound {
   round: number;
   plan_id: string;

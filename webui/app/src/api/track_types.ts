@@ -69,6 +69,6 @@ export interface TrackPlan {
   tracking?: JsonObject | null;
   /** Seconds since the start, north and east, m: the way of a virtual target. */
   target_path?: readonly (readonly [t: number, north: number, east: number])[];
-  /** What to know before it is sent; `teaching` marks one whose estimate goes wrong. */
+  /** What to know before it is sent; `teaching` marks one that teaches. */
   warnings?: Violation[];
 }

@@ -17,6 +17,8 @@ export class Draft {
   refused = $state.raw<readonly FieldError[]>([]);
   /** Texts that are typed but are no value, by path. */
   #unreadable = $state.raw<Readonly<Record<string, string>>>({});
+  /** Another object whenever the form is filled as a whole: what is half typed is void then. */
+  filling = $state.raw({});
   readonly #preset: JsonObject;
 
   readonly #needs: Needs;
@@ -40,9 +42,15 @@ export class Draft {
 
   load(stored: JsonObject): void {
     this.stored = stored;
-    this.value = stored;
+    this.replace(stored);
+  }
+
+  /** Let the form hold another document; what is stored stays. */
+  replace(value: JsonObject): void {
+    this.value = value;
     this.refused = [];
     this.#unreadable = {};
+    this.filling = {};
   }
 
   /** Load what of a document this form knows; what the document lacks stays as it is. */
@@ -100,6 +108,22 @@ export class Draft {
     return valueAt(this.#preset, node.path) ?? node.default;
   }
 
+  /** Fields worth showing whose value is not what a reset returns to. */
+  readonly departures = $derived.by(() =>
+    leaves(this.tree).filter((node) => this.isInUse(node) && !this.isDefault(node)),
+  );
+
+  /** Return every field to its default; what another part of the page shows stays. */
+  resetAll(): void {
+    let next = this.value;
+    for (const node of leaves(this.tree)) {
+      const known = this.default(node);
+      if (known === undefined || this.#isElsewhere(node)) continue;
+      if (!isSame(known, this.at(node))) next = withValue(next, node.path, known);
+    }
+    this.replace(next);
+  }
+
   isDefault(node: FormNode): boolean {
     const known = this.default(node);
     return known === undefined || isSame(known, this.at(node));
@@ -107,7 +131,7 @@ export class Draft {
 
   /** Whether a field is worth showing; what is wrong always is. */
   isInUse(node: FormNode): boolean {
-    if (this.#elsewhere.includes(node.path[0] ?? '')) return false;
+    if (this.#isElsewhere(node)) return false;
     return (
       this.#needs(node.path, this.value) || leaves(node).some((each) => this.error(each) !== null)
     );
@@ -133,6 +157,10 @@ export class Draft {
   /** Show a refusal beside the fields it names. */
   refuse(problem: Problem): void {
     this.refused = problem.errors;
+  }
+
+  #isElsewhere(node: FormNode): boolean {
+    return this.#elsewhere.includes(node.path[0] ?? '');
   }
 
   #forget(node: FormNode): void {

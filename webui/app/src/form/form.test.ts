@@ -5,6 +5,7 @@ import { boundsText, fault, parseNumber, parseNumbers } from './check';
 import { Draft, fieldTitle, nodeAt } from './draft.svelte';
 import { formTree, type FormNode, type NumberNode } from './schema';
 import { difference, leaves, withValue } from './value';
+import { valueText } from './value_text';
 
 const SCHEMA: JsonObject = {
   $defs: {
@@ -235,5 +236,42 @@ describe('a field that the station names', () => {
     expect(fieldTitle(tree, 'start')).toBe('Start');
     expect(fieldTitle(tree, 'mission.draft_age_s')).toBe('Mission draft age s');
     expect(fieldTitle(undefined, 'start')).toBe('Start');
+  });
+});
+
+describe('what differs from the defaults', () => {
+  const changed: JsonObject = { ...STORED, glide_angle_rad: 0.5, is_reused: false, pair: [3, 4] };
+
+  test('is told of a form whose values were kept from before', () => {
+    const draft = new Draft(SCHEMA, changed, STORED);
+    expect(draft.departures.map(({ path }) => path[0])).toEqual([
+      'glide_angle_rad',
+      'pair',
+      'is_reused',
+    ]);
+    expect(new Draft(SCHEMA, STORED, STORED).departures).toEqual([]);
+  });
+
+  test('is of no interest where the field means nothing', () => {
+    const draft = new Draft(SCHEMA, changed, STORED, ([key]) => key !== 'pair');
+    expect(draft.departures.map(({ path }) => path[0])).not.toContain('pair');
+  });
+
+  test('is reset at once, but for what another part of the page shows', () => {
+    const draft = new Draft(SCHEMA, changed, STORED, () => true, ['pair']);
+    draft.setUnreadable(node('glide_angle_rad'), 'A number is needed.');
+    draft.resetAll();
+    expect(draft.value).toEqual({ ...STORED, pair: [3, 4] });
+    expect(draft.isValid).toBe(true);
+    expect(draft.stored).toEqual(changed);
+    expect(draft.patch).toEqual({ glide_angle_rad: 0.44, is_reused: true });
+  });
+
+  test('is read with units, titles and words', () => {
+    expect(valueText(node('glide_angle_rad'), Math.PI / 6)).toBe('30°');
+    expect(valueText(node('thresholds_m'), [0.1, 0.2])).toBe('0.1, 0.2\u00a0m');
+    expect(valueText(node('objective'), 'ergodic')).toBe('Ergodic');
+    expect(valueText(node('seed'), null)).toBe('none');
+    expect(valueText(node('is_reused'), false)).toBe('off');
   });
 });

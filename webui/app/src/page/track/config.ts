@@ -2,12 +2,23 @@ import type { JsonObject, NorthEast } from '../../api/types';
 import { numberOf, textOf } from '../plan/config';
 import type { Patience } from './phase';
 
-/** Controllers that let the target become unobservable. */
-const TEACHING = ['nominal', 'mpc_none'];
+/**
+ * What keeps the target observable: the barrier, a predictive controller, nothing because the
+ * mission teaches, or nothing because the controller is there to be compared with.
+ */
+export type Keeper = 'barrier' | 'predictive' | 'teaching' | 'comparison';
 
-/** Whether nothing keeps the target observable: the estimate goes wrong, for teaching. */
+const KEEPERS: Record<string, Keeper> = { nominal: 'teaching', mpc_none: 'comparison' };
+
+/** What settings have the target kept observable by; the barrier where they do not say. */
+export function keeperOf(config: JsonObject | null | undefined): Keeper {
+  const controller = textOf(config ?? undefined, 'barrier', 'controller');
+  return KEEPERS[controller] ?? (controller.startsWith('mpc_') ? 'predictive' : 'barrier');
+}
+
+/** Whether the station will mark a plan of these settings as one that teaches. */
 export function isTeaching(config: JsonObject | null | undefined): boolean {
-  return TEACHING.includes(textOf(config ?? undefined, 'barrier', 'controller'));
+  return keeperOf(config) === 'teaching';
 }
 
 const NEEDS_VIRTUAL = ['path', 'speed_m_s', 'heading_rad', 'width_m', 'period_s'];

@@ -1,6 +1,7 @@
 import type { TrackView } from '../../api/types';
 import { compact } from '../../text/unit';
 import type { Tone } from '../../text/word';
+import type { Keeper } from './config';
 
 interface Level {
   /** How well the target can be known, one or two words. */
@@ -85,7 +86,14 @@ export const WHY_IT_CIRCLES =
 /** What the barrier does now, a sentence. */
 export function barrierSentence(
   track: Pick<TrackView, 'phase' | 'is_barrier_on' | 'is_feasible' | 'command' | 'nominal'>,
+  keeper: Keeper = 'barrier',
 ): { text: string; tone: Tone } {
+  if (keeper === 'comparison') {
+    return { text: 'Off for comparison: nothing keeps the target observable.', tone: 'watch' };
+  }
+  if (keeper === 'predictive') {
+    return { text: 'A predictive controller takes its place.', tone: 'plain' };
+  }
   if (!track.is_barrier_on) {
     return { text: 'Off: nothing keeps the target observable (teaching).', tone: 'watch' };
   }

@@ -95,7 +95,7 @@ export function advice(
       );
     case 'tracking':
       if (!track.is_barrier_on)
-        return 'Teaching: expect the estimate to go wrong, within some minutes.';
+        return 'Teaching: nothing keeps its estimate right, and it may go wrong at any time.';
       if (isAstray(track))
         return 'Its estimate is wrong. It searches once the ranges contradict it; else plan anew.';
       if (!track.is_feasible)

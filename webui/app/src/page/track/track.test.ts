@@ -1,7 +1,15 @@
 import { describe, expect, test } from 'vitest';
 import type { JsonObject, TrackView } from '../../api/types';
 import { merged } from '../../live/track_history.svelte';
-import { determinantLevel, guessOf, isNeeded, isTeaching, orbitRadius, targetName } from './config';
+import {
+  determinantLevel,
+  guessOf,
+  isNeeded,
+  isTeaching,
+  keeperOf,
+  orbitRadius,
+  targetName,
+} from './config';
 import { barrierSentence, knowable, knowableFigure, observability } from './observability';
 import { advice, isAstray, isFollowing, isTeachingNow, phaseSince, phaseWord } from './phase';
 import { distanceOf, rangeOrigin, trackColumns } from './series';
@@ -159,9 +167,17 @@ describe('settings of the following', () => {
   test('that nothing keeps observable are for teaching', () => {
     expect(isTeaching(CONFIG)).toBe(false);
     expect(isTeaching(changed('barrier', { controller: 'nominal' }))).toBe(true);
-    expect(isTeaching(changed('barrier', { controller: 'mpc_none' }))).toBe(true);
-    expect(isTeaching(changed('barrier', { controller: 'mpc_condition' }))).toBe(false);
+    expect(isTeaching(changed('barrier', { controller: 'mpc_none' }))).toBe(false);
     expect(isTeaching(null)).toBe(false);
+  });
+
+  test('name what keeps the target observable, as the station does', () => {
+    const keepers = ['barrier', 'nominal', 'mpc_none', 'mpc_trace'].map((controller) =>
+      keeperOf(changed('barrier', { controller })),
+    );
+    expect(keepers).toEqual(['barrier', 'teaching', 'comparison', 'predictive']);
+    expect(barrierSentence(report(0), 'comparison').tone).toBe('watch');
+    expect(barrierSentence(report(0), 'predictive').text).toContain('predictive controller');
   });
 
   test('tell the level of the determinant and the radius of the orbit', () => {
