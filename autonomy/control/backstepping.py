@@ -50,10 +50,13 @@ def backstepping_inputs(
     """Net mass kg, sliding mass m and tail angle rad that the law asks for, not yet limited.
 
     Args:
-        state: The 12 states or their estimate; roll is taken as 0.
+        state: The 12 states or their estimate, shape ``(12,)``; roll is taken as 0.
         reference: Where the vehicle should be.
         config: Gains; a ``pitch_trade_rad`` of 0 makes it the baseline controller.
         vehicle: The model, and the end stop of the tail whose clipped angle the other laws use.
+
+    Returns:
+        Shape ``(3,)``.
 
     Source:
         Thesis Eq. 3.19, solved in the order tail, net mass, sliding mass.
@@ -107,7 +110,7 @@ def solve(
 
 
 def model_drift(state: FloatArray, p: VehicleParameters) -> Drift:
-    """Split the model's accelerations at roll 0 into drift and the tail's part."""
+    """Split the model's accelerations in states ``(12,)``, at roll 0, into drift and the tail's."""
     level = state.copy()
     level[3] = 0.0
     rates = state_derivative(level, np.zeros(3), p)

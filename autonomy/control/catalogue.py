@@ -71,7 +71,7 @@ class ControllerKind:
         return CompiledController(self.law, vehicle, self.packed(config))
 
     def packed(self, config: Configuration) -> FloatArray:
-        """Return the numbers that the compiled law takes.
+        """Return the numbers that the compiled law takes, in one dimension.
 
         Raises:
             TypeError: If the settings are those of another kind.

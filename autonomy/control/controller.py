@@ -28,7 +28,7 @@ class Controller(Protocol):
     """Tracks a reference; called at a steady rate of about 10 Hz."""
 
     def command(self, estimate: FloatArray, reference: Reference, dt_s: float) -> ActuatorCommand:
-        """Return the setpoints for an estimate of the 12 states, ``dt_s`` after the last call."""
+        """Return the setpoints for an estimate ``(12,)`` of the states, ``dt_s`` after the last."""
         ...
 
     def reset(self) -> None:
@@ -52,7 +52,7 @@ class CompiledController:
         self._memory = np.zeros(law.MEMORY_SIZE)
 
     def command(self, estimate: FloatArray, reference: Reference, dt_s: float) -> ActuatorCommand:
-        """Return the setpoints; an estimate that is not a number gives neutral ones."""
+        """Return the setpoints for an estimate ``(12,)``; neutral ones if it is not finite."""
         wanted = law.command(
             self._law, estimate, reference.packed(), self._gains, self._packed, dt_s, self._memory
         )

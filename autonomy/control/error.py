@@ -46,7 +46,7 @@ def tracking_error(
     """Compare a state with a reference; roll is taken as 0.
 
     Args:
-        state: The 12 states (or their estimate).
+        state: The 12 states or their estimate, shape ``(12,)``.
         reference: Where the vehicle should be.
         pitch_trade_rad: ``c`` of the hybrid error.
         near_m: Below this distance the direction is averaged over two points (epsilon_0).

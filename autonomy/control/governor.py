@@ -48,7 +48,7 @@ def governor_inputs(
     prediction has wrong.
 
     Args:
-        state: The 12 states or their estimate.
+        state: The 12 states or their estimate, shape ``(12,)``.
         reference: Where the vehicle should be.
         learned: As of ``integral_inputs``.
         sent: The controller's own commands so far.

@@ -32,7 +32,7 @@ def swimming_command(
     """Set points inside the end stops, and what was learned of net buoyancy and mass position.
 
     Args:
-        state: The 12 states or their estimate.
+        state: The 12 states or their estimate, shape ``(12,)``.
         reference: Where the vehicle should be; its pitch is not tracked.
         learned: As of ``integral_inputs``.
         config: Gains and gait.
@@ -62,7 +62,13 @@ def swimming_command(
 
 
 def wanted_course(state: FloatArray, reference: Reference, position_gain: float) -> Course:
-    """Add what closes the horizontal error to the reference's velocity."""
+    """Add what closes the horizontal error to the reference's velocity.
+
+    Args:
+        state: The 12 states or their estimate, shape ``(12,)``.
+        reference: Where the vehicle should be.
+        position_gain: Speed by distance, 1/s.
+    """
     north = reference.velocity_ned[0] + position_gain * (reference.position_ned[0] - state[0])
     east = reference.velocity_ned[1] + position_gain * (reference.position_ned[1] - state[1])
     sp, cp = math.sin(state[5]), math.cos(state[5])
@@ -78,6 +84,12 @@ def amplitude_for(
     With the tail at ``bias + a sin(w t)`` the corrected thrust of section 5.3 has the mean
     ``m l w^2 a^2 cos(bias) / 2``, and the drag grows by the mean square of the tail's angle. The
     servo follows a flap with a share of its amplitude and no faster than its rate.
+
+    Args:
+        speed_m_s: Wanted, through the water.
+        bias_rad: Angle about which the tail flaps.
+        config: Frequency and greatest amplitude.
+        vehicle: Its model and the servo's rate.
     """
     p, w = vehicle.parameters, 2.0 * math.pi * config.frequency_hz
     thrust, follows = _mean_thrust(p, config.frequency_hz)

@@ -78,7 +78,13 @@ def normalized_error_squared(error: FloatArray, covariance: FloatArray) -> Float
 
 
 def bounds(draws: float, dimensions: int, confidence: float = 0.95) -> tuple[float, float]:
-    """Return between what the average over independent draws lies with this probability."""
+    """Return between what a normalized squared error lies, averaged over independent draws.
+
+    Args:
+        draws: How many; need not be whole where draws depend on each other.
+        dimensions: Of the error.
+        confidence: Probability of the interval.
+    """
     tail = 0.5 * (1.0 - confidence)
     freedom = draws * dimensions
     low, high = chi2.ppf([tail, 1.0 - tail], freedom) / draws

@@ -30,6 +30,9 @@ class DeadReckoning:
         config: What dead reckoning does not see.
         position_ne: Northing and easting at the beginning, m.
         position_std_m: How well they are known, per axis.
+
+    Raises:
+        ValueError: If the position or its deviation is not finite.
     """
 
     def __init__(

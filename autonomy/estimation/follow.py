@@ -107,7 +107,10 @@ def observer_covariance(
 def by_position_filter(
     flight: Flight, velocity_ned: FloatArray, estimator: EstimatorConfig
 ) -> Track:
-    """Follow a flight with the position filter of thesis 5.4.2, from the true start."""
+    """Follow a flight with the position filter of thesis 5.4.2, from the true start.
+
+    ``velocity_ned`` is what its observer says, shape ``(n, 3)``, m/s.
+    """
     axes = np.zeros((3, 5))
     axes[:, 2] = estimator.fix_std_m**2
     axes[:, 4] = 0.1**2
@@ -129,7 +132,10 @@ def by_dead_reckoning(
     estimator: EstimatorConfig,
     config: DeadReckoningConfig,
 ) -> Track:
-    """Follow a flight by dead reckoning between fixes, from a fix at the true start."""
+    """Follow a flight by dead reckoning between fixes, from a fix at the true start.
+
+    ``velocity_ned`` is what its observer says, shape ``(n, 3)``, m/s.
+    """
     errors = velocity_errors(estimator, config)
     axes = np.zeros((2, 2 + len(errors)))
     axes[:, 1] = estimator.fix_std_m**2
@@ -184,7 +190,14 @@ def by_model_filter(
 def by_tag_filter(
     flight: Flight, poses: FloatArray, seen: BoolArray, config: TagFilterConfig
 ) -> Track:
-    """Follow a flight with the tag filter; errors are north, east, down and heading."""
+    """Follow a flight with the tag filter; errors are north, east, down and heading.
+
+    Args:
+        flight: The flight.
+        poses: What tags show, shape ``(n, tags, 4)``.
+        seen: Whether they are seen, shape ``(n,)``.
+        config: Noise that the filter assumes.
+    """
     density, variance, tag_variance = tag_noise(config)
     seen = seen.copy()
     seen[0] = False  # the first pose is where the filter begins

@@ -37,9 +37,12 @@ class ModelFilter:
         vehicle: Its model.
         position_ned: Position at the beginning, m.
         position_std_m: How well the horizontal position is known, per axis.
-        attitude_rad: Roll, pitch and heading at the beginning.
-        angular_velocity_rad_s: In body axes at the beginning.
-        actuators: Net mass kg, sliding mass m and tail rad at the beginning.
+        attitude_rad: Roll, pitch and heading at the beginning, shape ``(3,)``.
+        angular_velocity_rad_s: In body axes at the beginning, shape ``(3,)``.
+        actuators: Net mass kg, sliding mass m and tail rad at the beginning, shape ``(3,)``.
+
+    Raises:
+        ValueError: If a number is not finite.
     """
 
     def __init__(

@@ -20,6 +20,7 @@ class TagPose:
     """The robot's pose as one detected tag shows it."""
 
     position_ned: tuple[float, float, float]
+    """In the tank's frame, m."""
     heading_rad: float
 
     @property
@@ -40,6 +41,9 @@ class TagFilter:
         pose: First pose.
         pose_std_m: How well its position is known, per axis.
         heading_std_rad: How well its heading is known.
+
+    Raises:
+        ValueError: If a number is not finite.
     """
 
     def __init__(

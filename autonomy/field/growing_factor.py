@@ -63,7 +63,7 @@ class GrowingFactor:
         return PANEL_ROWS - self._rows % PANEL_ROWS
 
     def append(self, B: FloatArray, L: FloatArray) -> None:
-        """Add the rows ``[B^T, L]``, at most ``room`` of them."""
+        """Add the rows ``[B^T, L]``, shapes ``(n, m)`` and ``(m, m)``, at most ``room`` of them."""
         m = len(L)
         if self._rows % PANEL_ROWS == 0:
             self._panels.append(_Panel(self._rows))

@@ -80,11 +80,11 @@ class GrowingField:
 
     @property
     def noise_covariance(self) -> FloatArray | None:
-        """The levels' own noise is all there is."""
+        """None: the levels' own noise is all there is."""
         return None
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
-        """Take in samples."""
+        """Take in samples whose ``values`` are centred and in the model's scale, ``(m,)``."""
         level = fidelity_level(samples.position_std_m, self._thresholds_m) if self._is_joint else 0
         self._process.append(Places.of(samples.points, level=level, time_s=samples.time_s), values)
 
@@ -117,7 +117,7 @@ class GrowingPositionNoise:
         return self._map.variance
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
-        """Take in samples."""
+        """Take in samples whose ``values`` are centred and in the model's scale, ``(m,)``."""
         kernel, places = self._config.single, Places.of(samples.points, time_s=samples.time_s)
         if len(self._samples):
             slope = slope_given(self._process, places, kernel, self._config.memory_s)
@@ -192,11 +192,11 @@ class GrowingRecursion:
 
     @property
     def noise_covariance(self) -> FloatArray | None:
-        """The levels' own noise is all there is."""
+        """None: the levels' own noise is all there is."""
         return None
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
-        """Take in samples."""
+        """Take in samples whose ``values`` are centred and in the model's scale, ``(m,)``."""
         fidelity = fidelity_level(samples.position_std_m, self._thresholds_m)
         places = Places.of(samples.points, time_s=samples.time_s)
         for level in self._levels:

@@ -175,7 +175,10 @@ class GrowingInducing:
     def __init__(
         self, config: FieldConfig, points: FloatArray, samples: FieldSamples, values: FloatArray
     ) -> None:
-        """Begin with samples, from which the inducing points are chosen, at points ``(q, 3)``."""
+        """Begin with samples, from which the inducing points are chosen, at points ``(q, 3)``.
+
+        Their ``values`` are centred and in the model's scale, ``(n,)``.
+        """
         self._points = points
         self.field = InducingGaussianProcess(config, samples, values)
         """The model behind the map."""
@@ -193,7 +196,7 @@ class GrowingInducing:
 
     @property
     def noise_covariance(self) -> FloatArray | None:
-        """No noise that samples share is kept."""
+        """None: no noise that samples share is kept."""
         return None
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:

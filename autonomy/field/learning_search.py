@@ -44,6 +44,7 @@ class Found:
     """End of a search."""
 
     log_parameters: FloatArray
+    """Shape ``(p,)``."""
     likelihood: Evaluation
     converged: bool
     message: str

@@ -19,7 +19,9 @@ class Trend:
 
     kind: Literal["fixed", "constant", "linear"]
     centre: FloatArray
+    """Middle of the samples, shape ``(3,)``, m."""
     extent: FloatArray
+    """Of the samples along each axis, shape ``(3,)``, m."""
 
     @classmethod
     def of(cls, kind: Literal["fixed", "constant", "linear"], points: FloatArray) -> Self:

@@ -94,6 +94,14 @@ def simulate_survey(
 
     The horizontal error of the estimate walks so that its variance is the one the filter states;
     a fix at the surface draws it anew.
+
+    Args:
+        variable_key: A key of ``autonomy.field.variable``.
+        box: Where the robot is led.
+        motion: How.
+        estimator: Noise that its position filter assumes, and true noise.
+        samples: How many.
+        rng: Draws course, errors and noise.
     """
     depths = _depths(box, motion, samples, rng)
     true_xy = _course(box, motion, samples, rng)

@@ -27,7 +27,7 @@ class FieldModel(Protocol):
         ...
 
     def marginals(self, targets: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return mean and variance in one go, which takes half the time of both."""
+        """Return mean and variance at targets, each ``(q,)``: half the time of both apart."""
         ...
 
     def covariance(self, targets: FloatArray) -> FloatArray:

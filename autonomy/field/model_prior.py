@@ -27,7 +27,7 @@ class Places:
     def of(
         cls, points: FloatArray, *, level: int | IntArray = 0, time_s: float | FloatArray = 0.0
     ) -> "Places":
-        """Make places of points, all of one level or time where a scalar is given."""
+        """Make places of points ``(n, 3)``, all of one level or time where a scalar is given."""
         n = len(points)
         return cls(
             points,

@@ -62,7 +62,10 @@ class Posterior:
         return self._weights
 
     def whitened(self, right: FloatArray) -> FloatArray:
-        """Return ``L^-1 right`` for the factor ``L`` of the samples' covariance, noise included."""
+        """Return ``L^-1 right`` for the factor ``L`` of the samples' covariance, noise included.
+
+        Both have the shape ``(n, k)`` or ``(n,)``.
+        """
         return solve_lower(self._factor, right) if len(self.places) else right
 
     def mean(self, targets: Places) -> FloatArray:

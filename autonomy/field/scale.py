@@ -10,14 +10,14 @@ SMALLEST_OF_LOG = 0.5
 
 
 def to_model(scale: Scale, values: FloatArray) -> FloatArray:
-    """Bring measured values, in the variable's unit, to the model's scale."""
+    """Bring measured values of any shape, in the variable's unit, to the model's scale."""
     if scale == "log":
         return np.log(np.maximum(values, SMALLEST_OF_LOG))
     return np.asarray(values, dtype=np.float64)
 
 
 def from_model(scale: Scale, values: FloatArray) -> FloatArray:
-    """Bring values in the model's scale back to the variable's unit."""
+    """Bring values of any shape in the model's scale back to the variable's unit."""
     if scale == "log":
         return np.exp(values)
     return np.asarray(values, dtype=np.float64)

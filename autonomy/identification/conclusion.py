@@ -44,6 +44,7 @@ class Before:
     """With the actuators' offsets fitted, if they were sought: what parameters may be held
     against."""
     predicted: FloatArray | None
+    """Shape ``(rows, 6)``, columns as ``problem.CHANNELS``; None as ``cost_as_is``."""
 
 
 def concluded(

@@ -144,7 +144,14 @@ def settled(
 ) -> FloatArray | None:
     """Return the initial states that fit best, first by the beginnings, then by whole segments.
 
-    None if the model diverges.
+    Args:
+        problem: The fit.
+        u: Unknowns in units of their scales, shape ``(n,)``.
+        initial: Where to begin, shape ``(segments, 12)``.
+        workers: Threads.
+
+    Returns:
+        Shape ``(segments, 12)``, or None if the model diverges.
     """
     early = refined(problem, u, initial, workers, whole=False)
     if early is None:
@@ -154,7 +161,14 @@ def settled(
 
 
 def at(problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers) -> Descent:
-    """Return the point of a descent with given unknowns and initial states."""
+    """Return the point of a descent with given unknowns and initial states.
+
+    Args:
+        problem: The fit.
+        u: Unknowns in units of their scales, shape ``(n,)``.
+        initial: Initial states, shape ``(segments, 12)``.
+        workers: Threads.
+    """
     cost = _cost(problem, u, initial, workers)
     return Descent(u.copy(), initial.copy(), cost, _FIRST_DAMPING)
 
@@ -284,7 +298,14 @@ def best_settled(
 ) -> FloatArray | None:
     """Return the best initial states that are reached from several starts, segment by segment.
 
-    None if the model diverges from each of them.
+    Args:
+        problem: The fit.
+        u: Unknowns in units of their scales, shape ``(n,)``.
+        starts: Initial states to begin with, each of shape ``(segments, 12)``.
+        workers: Threads.
+
+    Returns:
+        Shape ``(segments, 12)``, or None if the model diverges from each start.
     """
     best: FloatArray | None = None
     least = np.zeros(0)

@@ -178,6 +178,12 @@ def profile_of(problem: Problem, u: FloatArray, initial: FloatArray, workers: Wo
     """Return how given initial states act for one candidate.
 
     Where the candidate diverges they act not at all, and only the prior counts.
+
+    Args:
+        problem: The fit.
+        u: Unknowns in units of their scales, shape ``(n,)``.
+        initial: Initial states, shape ``(segments, 12)``.
+        workers: Threads.
     """
     shape = (*problem.layout.measured.shape, 12)
     basis, lean = np.empty(shape), np.empty_like(initial)
@@ -216,7 +222,16 @@ def _beginning(problem: Problem) -> FloatArray:
 
 
 def segment_costs(problem: Problem, residual: FloatArray, initial: FloatArray) -> FloatArray:
-    """Return each segment's sum of squares with its prior, infinite where it diverged."""
+    """Return each segment's sum of squares with its prior, infinite where it diverged.
+
+    Args:
+        problem: The fit.
+        residual: Weighted, shape ``(rows, 6)``.
+        initial: Initial states, shape ``(segments, 12)``.
+
+    Returns:
+        Shape ``(segments,)``.
+    """
     rows = problem.layout.segment_row
     squares = np.add.reduceat(np.sum(residual**2, axis=1), rows[:-1])
     prior = np.sum(problem.precision * (initial - problem.guess) ** 2, axis=1)

@@ -32,10 +32,15 @@ class Layout:
     """Arrays of a fit, as ``autonomy.identification.kernel`` takes them."""
 
     segment_node: IntArray
+    """First node of the integration of each segment, and one past the last, ``(segments + 1,)``."""
     node_inputs: FloatArray
+    """Net mass kg, sliding mass m and tail rad at each node, shape ``(nodes, 3)``."""
     node_step_s: FloatArray
+    """Time from each node to the next, 0 at the end of a segment, shape ``(nodes,)``."""
     node_row: IntArray
+    """Row that each node belongs to, -1 in between, shape ``(nodes,)``."""
     segment_row: IntArray
+    """First row of each segment, and one past the last, shape ``(segments + 1,)``."""
     time_s: FloatArray
     """Of each used row, shape ``(rows,)``."""
     measured: FloatArray
@@ -50,7 +55,7 @@ class Layout:
 
     @property
     def nodes(self) -> tuple[IntArray, FloatArray, FloatArray, IntArray]:
-        """The arrays of the integration."""
+        """The arrays of the integration, in the order in which the kernels take them."""
         return self.segment_node, self.node_inputs, self.node_step_s, self.node_row
 
 
@@ -76,12 +81,12 @@ class Problem:
 
     @property
     def low(self) -> FloatArray:
-        """Lower border of the box in units of the scales."""
+        """Lower border of the box in units of the scales, shape ``(n,)``."""
         return np.array([unknown.low for unknown in self.sought])
 
     @property
     def high(self) -> FloatArray:
-        """Upper border of the box in units of the scales."""
+        """Upper border of the box in units of the scales, shape ``(n,)``."""
         return np.array([unknown.high for unknown in self.sought])
 
     @property

@@ -82,7 +82,7 @@ class Recording:
         return np.column_stack([self.net_buoyancy_kg, self.mass_position_m, self.tail_rad])
 
     def taken(self, rows: IntArray) -> "Recording":
-        """Return the rows with the given indices."""
+        """Return the rows with the given indices, shape ``(m,)``."""
         return Recording(
             self.time_s[rows],
             self.position_ned[rows],
@@ -101,7 +101,7 @@ class Segment:
     """A part of a recording without a flaw: its stamps ascend strictly and all is finite."""
 
     rows: IntArray
-    """Indices into the recording."""
+    """Indices into the recording, shape ``(m,)``."""
     start_s: float
     end_s: float
 

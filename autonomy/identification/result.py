@@ -60,15 +60,18 @@ class ParameterEstimate:
 
 @dataclass(frozen=True, slots=True)
 class Fit:
-    """Measured beside predicted, thinned evenly; columns as ``problem.CHANNELS``."""
+    """Measured beside predicted at ``k`` moments, spread evenly, by ``problem.CHANNELS``."""
 
     time_s: FloatArray
+    """Shape ``(k,)``."""
     measured: FloatArray
+    """Shape ``(k, 6)``."""
     before: FloatArray | None
-    """None if the model of before could not follow."""
+    """Shape ``(k, 6)``; None if the model of before could not follow."""
     after: FloatArray
+    """Shape ``(k, 6)``."""
     segment: IntArray
-    """Number of the segment of each point: no line joins two."""
+    """Number of the segment of each moment, shape ``(k,)``: no line joins two."""
 
     def document(self) -> dict[str, Any]:
         """Return it in JSON's types."""
@@ -171,7 +174,7 @@ class IdentificationResult:
 
 
 def identified_vehicle(problem: Problem, u: FloatArray, cost: float) -> Vehicle:
-    """Return the vehicle with the values of a candidate."""
+    """Return the vehicle with the values of a candidate ``u``, shape ``(n,)``."""
     found = {
         unknown.name: unknown.value(float(value))
         for unknown, value in zip(problem.sought, u, strict=True)
@@ -203,7 +206,7 @@ def _offset_values(problem: Problem, u: FloatArray) -> tuple[float, float]:
 def offsets_of(
     problem: Problem, u: FloatArray, judged: tuple[Judgement, ...]
 ) -> ActuatorOffsets | None:
-    """Return the offsets of the actuators that belong to a candidate, if they were sought."""
+    """Return the actuators' offsets of a candidate ``u``, shape ``(n,)``, if they were sought."""
     std = {
         unknown.name: judgement.std * unknown.scale if math.isfinite(judgement.std) else None
         for unknown, judgement in zip(problem.sought, judged, strict=True)
@@ -217,7 +220,10 @@ def offsets_of(
 def estimates(
     problem: Problem, u: FloatArray, judged: tuple[Judgement, ...]
 ) -> tuple[ParameterEstimate, ...]:
-    """Return one estimate for each parameter of the table and each offset, in the table's order."""
+    """Return one estimate for each parameter of the table and each offset, in the table's order.
+
+    ``u`` is the candidate, shape ``(n,)``.
+    """
     found = {
         unknown.name: ParameterEstimate(
             unknown.name,

@@ -40,7 +40,7 @@ def segment_means(problem: Problem, point: Descent, workers: Workers) -> FloatAr
 
 
 def explained(cost: FloatArray) -> tuple[bool, ...]:
-    """Tell which segments are explained about as well as the best quarter of them."""
+    """Tell which segments, of costs ``(segments,)``, fit about as well as the best quarter."""
     good = cost <= OUTLIER * max(float(np.quantile(cost, 0.25)), QUIET)
     return tuple(bool(one) for one in good)
 

@@ -166,7 +166,14 @@ def obstacle(
     budget: float,
     site: Site | None = None,
 ) -> PlanResult | None:
-    """Return a result that says why nothing can be planned, or None if something may be."""
+    """Return a result that says why nothing can be planned, or None if something may be.
+
+    Args:
+        config: Domain, limits and prices.
+        start_xy: North and east where the robot is, m.
+        budget: Energy units of the round.
+        site: Shore and floor; None for water without end.
+    """
     reason = _misplaced(config, start_xy, site) or _too_dear(config, budget)
     return nothing_feasible(f"No trajectory: {reason}.") if reason else None
 
@@ -263,7 +270,15 @@ def offered(
     progress: Progress,
     reservoir_full: bool,
 ) -> PlanResult:
-    """Return the result of a search that found trajectories, best first."""
+    """Return the result of a search that found trajectories.
+
+    Args:
+        config: Settings of the search.
+        budget: Energy units of the round.
+        trajectories: At least one, best first.
+        progress: How the search went.
+        reservoir_full: Whether some surfacing had more paths than it keeps.
+    """
     best = trajectories[0]
     progress.history.append(
         ObjectivePoint(progress.elapsed_s(), best.objective, progress.candidates)

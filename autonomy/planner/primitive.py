@@ -55,7 +55,16 @@ def spiral(
     turn_rad: float,
     depth_m: float,
 ) -> Leg:
-    """Return the helix that leaves ``start`` at a heading and turns until it meets a depth."""
+    """Return the helix that leaves ``start`` at a heading and turns until it meets a depth.
+
+    Args:
+        config: Speed and prices.
+        start: NED, m.
+        heading_rad: Course at ``start``.
+        radius_m: Of the circle, positive.
+        turn_rad: Whole turn, positive to starboard.
+        depth_m: Where it ends.
+    """
     speed = config.primitives.spiral_speed_m_s
     duration = abs(depth_m - start[2]) / speed
     x, y = on_circle(start, heading_rad, radius_m, turn_rad)

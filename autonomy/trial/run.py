@@ -99,7 +99,7 @@ def fly(
     seed: int,
     references: FloatArray,
 ) -> Trial:
-    """Run as ``run_trial`` with references that were packed once for many runs."""
+    """Run as ``run_trial`` with references that were packed once for many runs, ``(n, 12)``."""
     drawn = setting(vehicle, config, seed, references)
     record, effort = fly_setting(vehicle, config, choice, drawn)
     state = record[:, kernel.STATE : kernel.INPUTS]
@@ -122,7 +122,14 @@ def fly(
 def fly_setting(
     vehicle: Vehicle, config: TrialConfig, choice: ControllerChoice, drawn: Setting
 ) -> tuple[FloatArray, FloatArray]:
-    """Return the kernel's record and effort of one controller in a drawn setting."""
+    """Return the record ``(n, columns)`` and effort ``(2, 3)`` of a controller as the kernel does.
+
+    Args:
+        vehicle: The robot, as the controller believes it to be.
+        config: The scenario.
+        choice: The controller.
+        drawn: What a seed decided.
+    """
     kind = CONTROLLERS[choice.kind]
     return kernel.fly(
         kind.law,

@@ -48,7 +48,9 @@ class Setting:
     conditions: FloatArray
     """Shape ``(6,)``, as ``autonomy.trial.kernel`` indexes it."""
     surroundings: FloatArray
+    """``Surroundings.packed()`` of the water."""
     delay_steps: int
+    """Steps by which a command comes late."""
 
 
 def reference_function(vehicle: Vehicle, config: TrialConfig) -> Callable[[float], Reference]:
@@ -80,7 +82,7 @@ def setting(vehicle: Vehicle, config: TrialConfig, seed: int, references: FloatA
         vehicle: The robot that the controllers believe in.
         config: The scenario.
         seed: Of this run; the same for every controller.
-        references: From ``packed_references``.
+        references: From ``packed_references``, shape ``(n, 12)``.
     """
     off, sensing = config.disturbance, config.sensing
     current = (off.current_north_m_s, off.current_east_m_s)
