@@ -18,8 +18,9 @@ from simulator.settings import SimulatorSettings
 _STATION = RobotId("station")
 _STATION_DEPTH_M = 1.0
 """Depth of the station's acoustic modem, below its antenna."""
-_SPARE_S = 0.05
-"""Wall time that an emulated modem's answer may be late."""
+_TIMING = ModemTiming(spare_s=0.02, quiet_s=0.01)
+"""An emulated modem's answer is late by what the computer is; each lost ping costs this much of the
+wall, which is much of a fast robot's time."""
 _LONGEST_RANGE_M = 1500.0
 
 
@@ -52,7 +53,7 @@ def acoustic_node(
             range_max_m=min(conditions.range_m, _LONGEST_RANGE_M),
             turnaround_s=conditions.turnaround_s,
         ),
-        ModemTiming(spare_s=_SPARE_S),
+        _TIMING,
     )
 
 

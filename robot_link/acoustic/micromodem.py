@@ -2,12 +2,15 @@
 
 The water carries one question at a time: a ping waits until the one before is answered or given
 up. An answer is taken for the question's if it names the same two modems, in either order, for
-drivers and firmware disagree on which comes first. What passes on the line is in
+drivers and firmware disagree on which comes first. It carries no number. So after a question that
+was given up it is quiet for a while, and an answer from farther away than sound has come since the
+question is the one that was given up. What passes on the line is in
 ``robot_link.acoustic.modem_line``.
 """
 
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from dataclasses import dataclass
 from typing import TypeVar
 
 from robot_link.acoustic import sentence
@@ -30,13 +33,25 @@ from robot_link.acoustic.sentence import (
     PacketGarbled,
     PingReply,
 )
-from robot_link.clock import Clock
+from robot_link.clock import Clock, monotonic_s, set_or_after
 from robot_link.gateway.address import AcousticAddress, acoustic_address
 from robot_link.messages import RobotId
 from robot_link.transport.datagram import PortClosedError, TransportEvent
 from robot_link.transport.port import Port, SerialPort, TcpPort
 
 Reply = TypeVar("Reply", PingReply, BeaconReply)
+
+_EARLY_S = 0.1
+"""What a measured travel time, there and back, may be too long; an echo's is."""
+
+
+@dataclass(slots=True)
+class _GivenUp:
+    """Questions to one modem whose answers may still come."""
+
+    count: int = 0
+    since_s: float = 0.0
+    """When the newest was given up."""
 
 
 def _ignore(message: MiniReceived) -> None:
@@ -81,7 +96,12 @@ class MicroModem:
         self._measuring = asyncio.Lock()
         self._awaited: asyncio.Future[Heard] | None = None
         self._awaited_pair: frozenset[int] | None = None
+        self._asked_s = 0.0
         self._was_garbled = False
+        self._given_up: dict[frozenset[int] | None, _GivenUp] = {}
+        self._came_late = asyncio.Event()
+        self.answers_late = 0
+        """Answers that came when they had been given up; no range is made of them."""
 
     @property
     def robots(self) -> Mapping[int, RobotId]:
@@ -216,14 +236,19 @@ class MicroModem:
         """Give one command and wait for its reply from the water; return it, or why it lacks."""
         if not self.is_ready:
             return None, "the modem is not there"
+        await self._be_quiet(pair)
         wait_s = self._wait_s
         answer: asyncio.Future[Heard] = asyncio.get_running_loop().create_future()
         self._awaited, self._awaited_pair, self._was_garbled = answer, pair, False
+        self._asked_s = monotonic_s()
         try:
             await self._line.tell(fields)
             async with asyncio.timeout(wait_s):
                 reply = await answer
         except TimeoutError:
+            given_up = self._given_up.setdefault(pair, _GivenUp())
+            given_up.count += 1
+            given_up.since_s = monotonic_s()
             how = "only a garbled answer" if self._was_garbled else "no answer"
             return None, f"{how} within {wait_s:.1f} s"
         except PortClosedError:
@@ -235,15 +260,22 @@ class MicroModem:
             forget(answer)
         return (reply, "") if isinstance(reply, kind) else (None, "the modem restarted")
 
+    async def _be_quiet(self, pair: frozenset[int] | None) -> None:
+        """Let an answer that was given up come before the same is asked again, if it does."""
+        if (given_up := self._given_up.get(pair)) is not None:
+            self._came_late.clear()
+            quiet_s = given_up.since_s + self._timing.quiet_s - monotonic_s()
+            await set_or_after(self._came_late, max(0.0, quiet_s))
+
     def _hear(self, heard: Heard) -> None:
         match heard:
             case PingReply():
-                if self._awaited_pair == heard.pair:
-                    self._answer(heard)
+                self._take_reply(heard.pair, heard, 2.0 * heard.travel_time_s)
             case BeaconReply():
-                if self._awaited_pair is None:
-                    self._answer(heard)
+                self._take_reply(None, heard, 0.0)
             case ModemStarted():
+                self._given_up.clear()
+                self._came_late.set()
                 self._answer(heard)
             case MiniHeard():
                 self._take_mini(heard)
@@ -251,6 +283,20 @@ class MicroModem:
                 self._was_garbled = True
             case ModemError():
                 self._fail(refused(heard))
+
+    def _take_reply(self, pair: frozenset[int] | None, heard: Heard, sound_s: float) -> None:
+        """Take a reply whose sound was under way so long for the question that it can answer."""
+        given_up = self._given_up.get(pair)
+        elapsed_s = (monotonic_s() - self._asked_s) * self._clock.speed
+        is_early = given_up is not None and sound_s > elapsed_s + _EARLY_S
+        if self._awaited is not None and self._awaited_pair == pair and not is_early:
+            self._answer(heard)
+        elif given_up is not None:
+            self.answers_late += 1
+            given_up.count -= 1
+            if given_up.count <= 0:
+                del self._given_up[pair]
+            self._came_late.set()
 
     def _answer(self, heard: Heard) -> None:
         if self._awaited is not None and not self._awaited.done():
@@ -261,6 +307,7 @@ class MicroModem:
             self._awaited.set_exception(error)
 
     def _closed(self) -> None:
+        self._given_up.clear()
         self._fail(PortClosedError("the port closed"))
 
     def _take_mini(self, heard: MiniHeard) -> None:

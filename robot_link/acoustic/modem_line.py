@@ -49,6 +49,8 @@ class ModemTiming:
     """Time between two attempts to open the port."""
     spare_s: float = 1.0
     """What an answer may be late beside the travel of its sound."""
+    quiet_s: float = 1.0
+    """What it may be later still, after it was given up; so long nobody is asked again."""
 
 
 class ModemLine(KeptTransport):

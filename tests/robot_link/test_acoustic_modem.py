@@ -130,6 +130,47 @@ async def test_the_range_follows_the_speed_of_sound():
         assert (await modem.ping(2)).range_m == pytest.approx(0.56)
 
 
+@asynccontextmanager
+async def one_given_up(quiet_s: float, config=NEAR):
+    """A modem that gave a ping up, and then answers as the test lets it."""
+    fake = FakeModem()
+    timing = replace(HASTE, quiet_s=quiet_s, spare_s=0.05)
+    async with driving(fake, config, timing) as (modem, _):
+        assert (await modem.ping(2)).range_m is None
+        modem._timing = replace(timing, spare_s=60.0)
+        yield fake, modem
+
+
+async def test_answer_that_was_given_up_is_not_taken_for_that_of_the_next_ping():
+    async with one_given_up(quiet_s=60.0) as (fake, modem):
+        ping = asyncio.create_task(modem.ping(2))
+        await asyncio.sleep(0.05)
+        assert fake.count("CCMPC") == 1, "the next one waits"
+        fake.say(("CAMPR", "1", "2", "0.0009"))
+        await met(lambda: fake.count("CCMPC") == 2)
+        fake.say(("CAMPR", "1", "2", "0.0004"))
+        assert (await ping).travel_time_s == 0.0004
+        assert modem.answers_late == 1
+
+
+async def test_answer_from_farther_than_sound_came_since_the_ping_is_not_its_own():
+    async with one_given_up(0.0, AcousticConfig(range_max_m=20000.0)) as (fake, modem):
+        ping = asyncio.create_task(modem.ping(2))
+        await met(lambda: fake.count("CCMPC") == 2)
+        fake.say(("CAMPR", "1", "2", "9.0000"))
+        await met(lambda: modem.answers_late == 1)
+        fake.say(("CAMPR", "1", "2", "0.0100"))
+        assert (await ping).travel_time_s == 0.01
+
+
+async def test_ping_that_nobody_answers_holds_up_the_next_one_for_the_quiet_time_only():
+    async with one_given_up(quiet_s=0.05) as (fake, modem):
+        ping = asyncio.create_task(modem.ping(2))
+        await met(lambda: fake.count("CCMPC") == 2)
+        fake.say(("CAMPR", "1", "2", "0.0004"))
+        assert (await ping).is_valid
+
+
 @pytest.mark.parametrize("travel", ["0.0000", "-0.0100", "99.0"])
 async def test_a_travel_time_that_cannot_be_is_told_and_not_valid(travel):
     fake = FakeModem({"CCMPC": replying("1", "2", travel=travel)})
