@@ -44,11 +44,6 @@ class Consistency:
     dimensions: int
 
     @property
-    def is_consistent(self) -> bool:
-        """Whether the average lies inside its 95 % bounds."""
-        return self.low <= self.mean <= self.high
-
-    @property
     def is_overconfident(self) -> bool:
         """Whether the errors are larger than the estimator says."""
         return self.mean > self.high
