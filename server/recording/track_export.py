@@ -10,6 +10,7 @@ from db.query.track_range import TrackRange
 from db.query.tracking import iterate_track_reports
 from robot_link.messages import TargetEstimate, TrackReport
 from server.recording.table import COMMENT
+from server.service.track_end import with_reasons
 
 _ESTIMATES = 2
 _OF_ESTIMATE = (
@@ -23,6 +24,7 @@ COLUMNS = (
     "determinant_m2_s", "barrier", "inverse_condition",
     "nominal_turn_rate_rad_s", "nominal_acceleration_m_s2", "turn_rate_rad_s", "acceleration_m_s2",
     "is_barrier_on", "is_feasible", "is_quiet", "true_north_m", "true_east_m",
+    "reason",
 )  # fmt: skip
 """Columns of the file; what is not known is left empty."""
 _BLOCK_ROWS = 500
@@ -48,15 +50,15 @@ def track_csv_blocks(
     if wanted is None:
         return
     block: list[str] = []
-    for report in iterate_track_reports(session, robot.id, wanted):
-        block.append(_row(report))
+    for told in with_reasons(session, iterate_track_reports(session, robot.id, wanted)):
+        block.append(_row(*told))
         if len(block) == _BLOCK_ROWS:
             yield "".join(block)
             block = []
     yield "".join(block)
 
 
-def _row(report: TrackReport) -> str:
+def _row(report: TrackReport, reason: str) -> str:
     estimates = [_estimate(one) for one in report.hypotheses[:_ESTIMATES]]
     estimates += [[""] * len(_OF_ESTIMATE)] * (_ESTIMATES - len(estimates))
     cells = [
@@ -75,8 +77,15 @@ def _row(report: TrackReport) -> str:
         *map(repr, (*report.nominal, *report.command)),
         *(str(int(flag)) for flag in (report.is_barrier_on, report.is_feasible, report.is_quiet)),
         *(("", "") if report.true_ne_m is None else map(repr, report.true_ne_m)),
+        _text(reason),
     ]
     return ",".join(cells) + "\n"
+
+
+def _text(words: str) -> str:
+    """Return words as a cell, which may hold commas."""
+    quoted = words.replace('"', '""')
+    return f'"{quoted}"' if words else ""
 
 
 def _estimate(one: TargetEstimate) -> list[str]:

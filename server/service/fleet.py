@@ -26,6 +26,7 @@ from server.service.channel import CHANNELS, FIELD_LIMIT_S, POSITION_LIMIT_S, Ch
 from server.service.link_panel import link_views
 from server.service.picture import Picture, PlanInHand
 from server.service.track import Track
+from server.service.track_end import reason_by
 from server.service.track_view import track_view
 from server.service.vehicles import Vehicles
 from server.service.view.robot import (
@@ -367,7 +368,9 @@ class Fleet:
 
     def _tracking(self, picture: Picture) -> TargetTrackView | None:
         report = self.track_shown(picture)
-        return None if report is None else track_view(report)
+        if report is None:
+            return None
+        return track_view(report, reason_by(report, picture.plan_report))
 
     def _onboard_plan(self, picture: Picture) -> OnboardPlanView | None:
         report = picture.plan_report

@@ -8,11 +8,11 @@ from db.query.plans import get_plan, newest_begun
 from db.query.track_range import EVERYTHING, TrackRange, range_of_plan
 from db.query.tracking import track_reports
 from db.store import Store
-from robot_link.messages import TrackReport
 from server.problem import not_found
 from server.service.picture import TRACK_TARGET
+from server.service.track_end import with_reasons
 from server.service.track_view import track_view
-from server.service.view.tracking import TrackReportsView
+from server.service.view.tracking import TargetTrackView, TrackReportsView
 
 
 class TrackHistory:
@@ -37,17 +37,18 @@ class TrackHistory:
             UnknownIdError: If there is no such robot or plan.
         """
 
-        def read(session: Session) -> tuple[str | None, list[TrackReport]]:
+        def read(session: Session) -> tuple[str | None, list[TargetTrackView]]:
             named = newest_begun(session, robot, TRACK_TARGET) if plan is None else plan
             wanted = _range(session, robot, plan)
             if wanted is None:
                 return named, []
             begin = max((one for one in (wanted.after, after) if one is not None), default=None)
             within = TrackRange(begin, wanted.until)
-            return named, track_reports(session, robot, within, limit, newest=after is None)
+            found = track_reports(session, robot, within, limit, newest=after is None)
+            return named, [track_view(*told) for told in with_reasons(session, found)]
 
         named, reports = await self._store.query(read)
-        return TrackReportsView(robot, named, [track_view(report) for report in reports])
+        return TrackReportsView(robot, named, reports)
 
     async def range_of(self, robot: str, plan: str | None) -> TrackRange | None:
         """Return the time of a plan, of everything for no plan, ``None`` if it never began.

@@ -7,8 +7,8 @@ from server.service.track_words import track_text
 from server.service.view.tracking import TargetHypothesisView, TargetTrackView
 
 
-def track_view(report: TrackReport) -> TargetTrackView:
-    """Return a report as REST says it."""
+def track_view(report: TrackReport, reason: str = "") -> TargetTrackView:
+    """Return a report as REST says it, with why the mission ended if it has."""
     return TargetTrackView(
         measured_at=report.measured_at,
         received_at=report.received_at,
@@ -34,7 +34,8 @@ def track_view(report: TrackReport) -> TargetTrackView:
         is_quiet=report.is_quiet,
         true_ne_m=report.true_ne_m,
         error_m=error_m(report),
-        text=track_text(report),
+        reason=reason,
+        text=track_text(report, reason),
     )
 
 

@@ -14,15 +14,20 @@ _LONG_M, _LONG_S = 10.0, 10.0
 _QUIET = "it was told not to ping"
 
 
-def track_text(report: TrackReport) -> str:
-    """Say in one sentence, or two in the teaching mode, what a report on a target means."""
-    text = _phase_text(report)
+def track_text(report: TrackReport, reason: str = "") -> str:
+    """Say in one sentence, or two in the teaching mode, what a report on a target means.
+
+    Args:
+        report: What the robot says.
+        reason: Why the mission ended, "" while it goes on or where nobody knows.
+    """
+    text = _phase_text(report, reason)
     if report.is_barrier_on or report.phase is TrackPhase.ENDED:
         return text
     return f"{text} {_TEACHING}"
 
 
-def _phase_text(report: TrackReport) -> str:
+def _phase_text(report: TrackReport, reason: str) -> str:
     robot = report.robot
     match report.phase:
         case TrackPhase.WAITING:
@@ -39,7 +44,8 @@ def _phase_text(report: TrackReport) -> str:
         case TrackPhase.LOST:
             return f"{robot} lost its target{_lost_reason(report)}; {search_text(report)}."
         case TrackPhase.ENDED:
-            return f"{robot} follows its target no longer."
+            why = f": {reason}" if reason else ""
+            return f"{robot} follows its target no longer{why}."
 
 
 def search_text(report: TrackReport) -> str:

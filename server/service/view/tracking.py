@@ -60,6 +60,9 @@ class TargetTrackView(View):
     """Where a virtual target was; ``null`` for a real one."""
     error_m: float | None
     """Distance of the likeliest hypothesis from the truth; ``null`` where that is not known."""
+    reason: str
+    """Why the mission ended, in the robot's words; empty while it goes on, and until the robot has
+    said it."""
     text: str
     """What it means, in one sentence."""
 
