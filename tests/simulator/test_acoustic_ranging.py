@@ -292,11 +292,12 @@ async def test_nobody_is_pinged_by_a_mission_without_ranging():
         return answered(0.01)
 
     async with pinging(answer) as program:
+        await until(lambda: program.heard)
         program.ranging = None
-        await until(lambda: len(asked) == len(program.heard))
+        under_way = 1
         before = len(asked)
-        await asyncio.sleep(0.2)
-        assert len(asked) == before
+        await asyncio.sleep(0.5)
+        assert len(asked) <= before + under_way
 
 
 async def test_node_that_is_not_there_is_told_as_none():

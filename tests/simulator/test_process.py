@@ -1,6 +1,7 @@
 """The simulator behind its radios: the wire, the process, and how it ends."""
 
 import asyncio
+import math
 import signal
 import subprocess
 import sys
@@ -13,6 +14,7 @@ from statistics import median
 
 import pytest
 
+from autonomy.planner.plan import Leg
 from robot_link.messages import (
     CommandKind,
     CommandLevel,
@@ -31,7 +33,7 @@ from simulator.process import serve
 from simulator.robot import SimulatedRobot
 from simulator.settings import SimulatorSettings
 from tests.robot_link.rig import Heard, running, soon, until
-from tests.simulator.flight import mission, two_dives, vee
+from tests.simulator.flight import mission, vee
 
 SPEED = 20.0
 
@@ -102,9 +104,17 @@ async def test_plan_travels_is_flown_and_its_samples_arrive(tmp_path):
     assert RobotMode.GLIDING in {report.mode for report in heard.of(StateReport)}
 
 
+def dives(count: int) -> tuple[Leg, ...]:
+    """Out and back again, many times: it goes on while a busy machine looks elsewhere."""
+    legs = vee()
+    for n in range(1, count):
+        legs += vee(legs[-1].end_ned[:2], 0.4 + math.pi * (n % 2))
+    return legs
+
+
 async def test_surface_now_reaches_a_diving_robot(tmp_path):
     chosen = settings(tmp_path)
-    plan = mission(*two_dives())
+    plan = mission(*dives(12))
     async with simulation(chosen), station(chosen) as (link, heard):
         await link.upload(MINI_1.robot, plan)
         link.send_command(
@@ -124,14 +134,14 @@ async def test_surface_now_reaches_a_diving_robot(tmp_path):
 
 
 async def test_states_of_a_fast_robot_come_once_a_second_of_its_own_clock(tmp_path):
-    chosen = settings(tmp_path)
+    chosen = settings(tmp_path).model_copy(update={"speed": 10.0})
 
     def moments(heard: Heard) -> list[datetime]:
         states = heard.of(StateReport)
         return [report.measured_at for report in states if report.robot == MINI_1.robot]
 
     async with simulation(chosen), station(chosen) as (_, heard):
-        await until(lambda: len(moments(heard)) > 40)
+        await until(lambda: len(moments(heard)) > 25)
     gaps_s = [(b - a).total_seconds() for a, b in pairwise(moments(heard)[10:])]
     assert 0.9 < median(gaps_s) < 2.5
 

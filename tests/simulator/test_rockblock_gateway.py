@@ -279,7 +279,7 @@ async def test_message_is_given_up_after_half_a_day():
 
 async def test_session_that_broke_off_is_not_pushed_but_an_empty_one_is():
     network, told = network_of(replace(QUICK, mobile_originated_loss=1.0), seed=5)
-    async with http_peer([TAKEN] * 20) as customer:
+    async with http_peer([TAKEN] * 500) as customer:
         gateway = RockBlockGateway(network, KEY, customer.url)
         async with gateway.serve():
             while not any(m.session_status == 13 for m in told):
