@@ -177,8 +177,8 @@ class TrackReport:
     position_ne_m: tuple[float, float]
     """Where the robot believed to be itself."""
     hypotheses: tuple[TargetEstimate, ...]
-    """One or two, the likeliest first; none before the first range. Of two, only the likeliest
-    arrives by satellite."""
+    """One or two, the likeliest first; none before the first range. Of two, the likeliest alone
+    arrives by satellite where a record has no room for both."""
     range_m: float | None
     """Newest horizontal range that was heard, believed or not; None before the first."""
     range_age_s: float

@@ -117,8 +117,8 @@ def compose(
     if content.plan is not None and room >= PLAN_BYTES:
         parts.append((_PLAN, packed_plan(content.plan)))
         room -= PLAN_BYTES
-    track = _packed_track(content)
-    if track and len(track) <= room and any(flag == _STATE for flag, _ in parts):
+    track = _packed_track(content, room)
+    if track and any(flag == _STATE for flag, _ in parts):
         parts.append((_TRACK, track))
         room -= len(track)
     samples = most_that_fit(content.samples, room)
@@ -135,7 +135,7 @@ def sample_room(content: MobileOriginatedContent, max_bytes: int) -> int:
     room -= len(_packed_words(content.acks, content.answers, room))
     room -= 0 if content.state is None else STATE_BYTES
     room -= 0 if content.plan is None else PLAN_BYTES
-    room -= len(_packed_track(content))
+    room -= len(_packed_track(content, room))
     return max(0, room)
 
 
@@ -170,11 +170,11 @@ def read_mobile_originated(
     return MobileOriginatedContent(counter, state, plan, acks, answers, samples, track)
 
 
-def _packed_track(content: MobileOriginatedContent) -> bytes:
+def _packed_track(content: MobileOriginatedContent, room: int) -> bytes:
     """Return what is known of a target; nothing where no state says when that was."""
     if content.track is None or content.state is None:
         return b""
-    return packed_track(content.track)
+    return packed_track(content.track, room)
 
 
 def _packed_words(

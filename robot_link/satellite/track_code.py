@@ -1,44 +1,60 @@
-"""What a robot knows of its target, in 27 to 62 bytes; it goes with a state, whose time it has.
+"""What a robot knows of its target, in 27 to 84 bytes; it goes with a state, whose time it has.
 
-Big endian: u8 phase; u8 flags: bit 0 estimate, 1 range, 2 truth, 3 barrier on, 4 feasible, 5 quiet;
-u8 inverse condition, 1/255; float24 (``octets.float24``) determinant, barrier, turn rate and
-acceleration of the pursuit law, turn rate and acceleration of the command; u24 ranges heard, u24
-not believed. Then what the flags say::
+Big endian: u8 phase; u8 flags: bit 0 estimate, 1 range, 2 truth, 3 barrier on, 4 feasible, 5 quiet,
+6 a second estimate; u8 inverse condition, 1/255; float24 (``octets.float24``) determinant, barrier,
+turn rate and acceleration of the pursuit law, turn rate and acceleration of the command; u24 ranges
+heard, u24 not believed. Then what the flags say::
 
     estimate  i32 north, i32 east, mm; i16 velocity north, i16 east, mm/s; float24 variance north,
               covariance, variance east; u8 probability, 1/255
+    second    the same of the less likely hypothesis; only with an estimate
     range     u24 mm; u16 age, 0.1 s
     truth     i32 north, i32 east, mm
 
-Only the likeliest hypothesis travels. What exceeds its field is shown as the field's end.
+The second hypothesis takes 22 bytes, and travels only where a record has room for it. What exceeds
+its field is shown as the field's end.
 """
 
 import struct
+from collections.abc import Sequence
 
 from robot_link.messages import StateReport, TargetEstimate, TrackReport
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.octets import OctetReader, float24, signed, unsigned
-from robot_link.track_check import checked_track, track_phase
+from robot_link.track_check import MOST_HYPOTHESES, checked_track, track_phase
 
 _HEAD = struct.Struct(">BBB")
 _PLACE = struct.Struct(">ii")
 _VELOCITY = struct.Struct(">hh")
-_ESTIMATE, _RANGE, _TRUTH, _BARRIER, _FEASIBLE, _QUIET = (1 << bit for bit in range(6))
-_FLAGS_MAX = 63
+_ESTIMATE, _RANGE, _TRUTH, _BARRIER, _FEASIBLE, _QUIET, _SECOND = (1 << bit for bit in range(7))
+_FLAGS_MAX = 127
 _SHARE = 255
 _COUNT_BYTES = 3
 _RANGE_BYTES = 3
 _AGE_BYTES = 2
 
 
-def packed_track(track: TrackReport) -> bytes:
-    """Return a track's bytes.
+def packed_track(track: TrackReport, room: int) -> bytes:
+    """Return a track's bytes, none where there is no room for it.
+
+    Args:
+        track: What to say; of two hypotheses the likeliest alone where both are too much.
+        room: How many bytes it may take.
 
     Raises:
         ValueError: If a number is not finite.
     """
+    for count in range(MOST_HYPOTHESES, 0, -1):
+        octets = _packed(track, track.hypotheses[:count])
+        if len(octets) <= room:
+            return octets
+    return b""
+
+
+def _packed(track: TrackReport, hypotheses: Sequence[TargetEstimate]) -> bytes:
     flags = (
-        _ESTIMATE * bool(track.hypotheses)
+        _ESTIMATE * bool(hypotheses)
+        | _SECOND * (len(hypotheses) == MOST_HYPOTHESES)
         | _RANGE * (track.range_m is not None)
         | _TRUTH * (track.true_ne_m is not None)
         | _BARRIER * track.is_barrier_on
@@ -50,8 +66,7 @@ def packed_track(track: TrackReport) -> bytes:
     octets += b"".join(map(float24, floats))
     for count in (track.ranges_heard, track.ranges_rejected):
         octets += unsigned(count, _COUNT_BYTES).to_bytes(_COUNT_BYTES, "big")
-    if track.hypotheses:
-        octets += _packed_estimate(track.hypotheses[0])
+    octets += b"".join(map(_packed_estimate, hypotheses))
     if track.range_m is not None:
         octets += unsigned(track.range_m * 1e3, _RANGE_BYTES).to_bytes(_RANGE_BYTES, "big")
         octets += unsigned(track.range_age_s * 10.0, _AGE_BYTES).to_bytes(_AGE_BYTES, "big")
@@ -75,7 +90,9 @@ def unpacked_track(reader: OctetReader, state: StateReport) -> TrackReport:
         raise WireError(f"flags {flags:#x} of a track are unknown")
     numbers = [reader.float24() for _ in range(6)]
     heard, rejected = (int.from_bytes(reader.take(_COUNT_BYTES), "big") for _ in range(2))
-    hypotheses = (_estimate(reader),) if flags & _ESTIMATE else ()
+    if flags & _SECOND and not flags & _ESTIMATE:
+        raise WireError("a track has a second estimate and no first")
+    hypotheses = tuple(_estimate(reader) for flag in (_ESTIMATE, _SECOND) if flags & flag)
     range_m, age_s = _range(reader) if flags & _RANGE else (None, 0.0)
     true_ne_m = _place(reader) if flags & _TRUTH else None
     try:

@@ -250,14 +250,12 @@ PLAN = ShortPlanReport("0123456789abcdef", OnboardPlanState.RUNNING, 0, 0, 1.0)
 
 
 @pytest.mark.parametrize("report", [track(), VIRTUAL, WAITING])
-def test_record_tells_the_likeliest_estimate_and_the_rest_of_the_report(report):
+def test_record_tells_every_estimate_and_the_rest_of_the_report(report):
     found = told(MobileOriginatedContent(7, STATE, PLAN, track=report)).track
     assert found is not None
     assert (found.robot, found.measured_at) == (STATE.robot, STATE.measured_at)
     assert found.position_ne_m == pytest.approx(STATE.position_ned[:2], abs=5e-4)
-    likeliest = report.hypotheses[:1]
-    assert len(found.hypotheses) == len(likeliest)
-    for got, said in zip(found.hypotheses, likeliest, strict=True):
+    for got, said in zip(found.hypotheses, report.hypotheses, strict=True):
         assert got.position_ne_m == pytest.approx(said.position_ne_m, abs=5e-4)
         assert got.velocity_ne_m_s == pytest.approx(said.velocity_ne_m_s, abs=5e-4)
         assert got.covariance_m2 == pytest.approx(said.covariance_m2, rel=2**-16)
@@ -275,11 +273,13 @@ def test_track_gives_way_to_what_proves_levels_and_samples_fill_the_rest():
     content = MobileOriginatedContent(7, STATE, PLAN, samples=samples, track=track())
     assert told(content, 70).track is None
     small, large = told(content, 120), told(content, 340)
-    assert small.track is not None
-    assert large.track is not None
+    assert small.track.hypotheses == large.track.hypotheses[:1], "both would not fit"
+    assert len(large.track.hypotheses) == 2
     assert len(large.samples) > len(small.samples)
     without = replace(content, track=None)
-    assert sample_room(without, 340) - sample_room(content, 340) == 27 + 22 + 5
+    assert sample_room(without, 340) - sample_room(content, 340) == 27 + 22 + 22 + 5
+    for size in range(70, 341):
+        assert sample_room(content, size) >= 0
     assert told(replace(content, state=None)).track is None
 
 
@@ -311,7 +311,8 @@ GOOD = bytes([0, 0, 0]) + bytes(18) + bytes(6)
         (GOOD, False, "without a state"),
         (GOOD[:-1], True, "ends too early"),
         (bytes([5]) + GOOD[1:], True, "phase 5"),
-        (bytes([0, 64]) + GOOD[2:], True, "flags 0x40"),
+        (bytes([0, 128]) + GOOD[2:], True, "flags 0x80"),
+        (bytes([0, 64]) + GOOD[2:], True, "a second estimate and no first"),
         (GOOD[:3] + b"\x7f\x80\x00" + GOOD[6:], True, "a value is impossible"),
         (GOOD[:-1] + b"\x01", True, "not believed"),
         (GOOD + b"\0", True, "something follows"),
@@ -322,6 +323,23 @@ def test_record_with_an_impossible_track_is_refused(track_bytes, has_state, sent
     record = record_with(track_bytes, has_state=has_state)
     with pytest.raises(WireError, match=sentence):
         read_mobile_originated(record, key, system, satellite_case.ROBOT, NOW)
+
+
+OLDER = (
+    "010b60bd8000bd0000bf00003c00003f4000bc000001117000000c"
+    "000006d600000271001ffff03e8000bd80003f0000bf0004650005"
+)
+"""A track of one estimate, as robots wrote it before there was a place for a second."""
+
+
+def test_track_of_an_older_robot_is_read():
+    key, system = satellite_case.KEY, satellite_case.SYSTEM
+    record = record_with(bytes.fromhex(OLDER))
+    found = read_mobile_originated(record, key, system, satellite_case.ROBOT, NOW).track
+    (only,) = found.hypotheses
+    assert only.position_ne_m == (1.75, 0.625)
+    assert only.weight == pytest.approx(0.75, abs=0.5 / 255)
+    assert (found.range_m, found.range_age_s) == (1.125, 0.5)
 
 
 def test_least_track_is_taken():
