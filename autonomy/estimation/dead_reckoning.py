@@ -2,7 +2,8 @@
 
 The model's velocity through the water and the attitude carry the position on (thesis section
 3.4.3). Nothing on board sees the water move, so the covariance grows by that motion; a fix
-corrects the position and leaves the unseen current unseen.
+corrects the position and leaves the unseen current unseen. No robot flies by it: it is what the
+filter on the vehicle's model is measured against.
 """
 
 import math

@@ -2,6 +2,8 @@
 
 Constant velocity and constant turn rate driven by white acceleration (thesis sections 3.4.3 and
 5.5.1). All noise is diagonal, so north, east, down and heading are four filters of two states.
+The simulated tank's fixes are positions already, so no simulated robot runs this filter: it is for
+a tank whose cameras hand on what they see.
 """
 
 import math
