@@ -144,6 +144,10 @@ class SearchConfig(Configuration):
     """A new surfacing is also reached from every other one within this radius (R_near)."""
     nearest_radius_m: float = quantity(1.0, "m", title="Preferred distance", ge=0.0, advanced=True)
     """The graph grows from the surfacing whose distance is closest to this (R_d)."""
+    transects: int = quantity(0, title="Transects to begin with", ge=0, le=64, advanced=True)
+    """Lines of like dives, in so many directions evenly spread, that the search begins with and
+    refines; each turns aside where the water ends. In water much wider than a dive they show how
+    far the budget reaches, where random surfacings stay near the start; 0 begins at random."""
     near_max: int = quantity(20, title="Most near surfacings", ge=1, le=30, advanced=True)
     """At most this many surfacings within the near radius, drawn at random, are joined to a new
     one; the graph would otherwise grow deep before it grows wide."""

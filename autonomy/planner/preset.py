@@ -50,6 +50,8 @@ gait does a fifth of the work of 0.35 rad at 1 Hz, so the swim factor is 0.5 whe
 
 GRACE3 = PlannerConfig(
     domain=LAKE.domain,
+    total_budget=240.0,
+    round_budget=40.0,
     max_uncertainty_m=12.0,
     fidelity_thresholds_m=(3.0, 8.0),
     margin_m=10.0,
@@ -76,7 +78,7 @@ GRACE3 = PlannerConfig(
     position_filter=ESTIMATOR_PRESETS["grace3"],
     mission=MissionConfig(turn_time_s=25.0, draft_distance_m=40.0),
     ergodic=ErgodicConfig(reach_north_m=40.0, reach_east_m=40.0, reach_depth_m=2.0),
-    search=SearchConfig(step_m=40.0, near_radius_m=40.0, nearest_radius_m=32.0),
+    search=SearchConfig(step_m=40.0, near_radius_m=40.0, nearest_radius_m=32.0, transects=12),
 )
 """GRACE 3 in the lake's exploration domain; its model is scaled, not identified.
 
@@ -84,6 +86,10 @@ From the scaled polar: at 0.06 m/s both down and up can be flown at 42 to 50 deg
 125 g of net mass, which the pump changes over in 25 s or 1.5 m. So one dive to 16 m and back covers
 27 to 36 m in 9 minutes for 5.7 energy units. It spirals at radii of 1.2 to 2 m, 1.4 to 2 m deep a
 radian, with 25 to 35 degrees of tail, and swims at 0.15 m/s.
+
+The lake is a dozen dives wide, so a search begins with transects. A round of 40 units is seven
+dives and 210 m in an hour, which a rehearsal can fly ahead in time; six rounds, six hours in all,
+come within one length scale of the field to all the water, within half of one to nine tenths of it.
 """
 
 PLANNER_PRESETS: dict[str, PlannerConfig] = {"miniglider": MINIGLIDER, "grace3": GRACE3}

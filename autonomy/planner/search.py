@@ -5,7 +5,7 @@ from that of the trajectory that it extends, and a bound rules out most before t
 surfacing keeps a limited number of paths, the best of each slice of the budget. The graph's best
 distinct trajectories are refined in turn: edges are taken out of one at two places, and random
 ones that fit the budgets tried in their place, in every combination. And a search may begin with
-trajectories of earlier plans.
+transects, and with trajectories of earlier plans.
 """
 
 import math
@@ -46,6 +46,7 @@ from autonomy.planner.outcome import spending
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult
 from autonomy.planner.refinement import refine, revalue
 from autonomy.planner.staging import GAP_MAX, stage_growth, stage_refinement
+from autonomy.planner.transect import transects
 from autonomy.planner.weighted import Worth, worth_of
 from autonomy.site import Site
 
@@ -179,8 +180,12 @@ class _Search:
         return not self._grows and not self._has_elite
 
     def begin_with(self, trajectories: Sequence[Sequence[Leg]]) -> None:
-        """Take what can be flown of earlier trajectories for the first elite."""
-        graph, places = self._graph, len(self._graph.elite_worth)
+        """Take transects and what can be flown of earlier trajectories for the first elite."""
+        graph = self._graph
+        for line in transects(
+            self._config, self._start_xy, self._budget, graph.waterway, DEPTH_MAX
+        ):
+            self._take(line)
         for legs in trajectories:
             edges = warm_start.rebased(
                 self._config,
@@ -194,10 +199,15 @@ class _Search:
             if not edges:
                 continue
             self._warm.append(tuple(leg for edge in edges for leg in edge.legs))
-            elite = len(self._warm) - 1
-            if elite < places and stage_trajectory(graph, self._config, edges):
-                adopt(graph, self._info, self._ergodic, elite, self._edges)
-                revalue(graph, self._info, self._ergodic, self._worth, elite)
+            self._take(edges)
+
+    def _take(self, edges: Sequence[Edge]) -> None:
+        """Make a trajectory an elite one in place of the worst of them, whatever its own worth."""
+        graph = self._graph
+        elite = int(graph.elite_worth.argmin())
+        if stage_trajectory(graph, self._config, edges):
+            adopt(graph, self._info, self._ergodic, elite, self._edges)
+            revalue(graph, self._info, self._ergodic, self._worth, elite)
 
     def iterate(self) -> None:
         """Grow by one surfacing, or try one refinement."""
