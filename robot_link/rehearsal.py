@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.site import Site
+from autonomy.site import Area, Site
 from autonomy.vehicle.config import Vehicle
 from robot_link.mission import Mission
 
@@ -39,6 +39,8 @@ class RehearsalProblem:
     runs: int = 3
     """How many times it is flown, each in other eddies."""
     seed: int = 0
+    keep_outs: tuple[Area, ...] = ()
+    """Parts of the surface that no plan enters; whoever is carried into one must be told of."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,6 +87,8 @@ class Rehearsal:
     energy: float
     """Mean of the runs, energy units."""
     runs: int
+    entered: tuple[str, ...]
+    """Names of the keep-outs that the robot was in, in any run, at whatever depth."""
     track: RehearsedTrack
     """First run."""
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.planner.plan import PositionNed
+from autonomy.site import Area
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, StateReport
 from robot_link.onboard import CommandOutcome
 from robot_link.rehearsal import Rehearsal, RehearsalProblem, RehearsedTrack
@@ -91,6 +92,8 @@ class _Flight:
     """One run: rows of time, leg, true NED, believed NED, stated std."""
 
     rows: list[tuple[float, ...]] = field(default_factory=list)
+    places: list[tuple[float, float]] = field(default_factory=list)
+    """Where the robot truly was, north and east, all the time."""
     surfaced: dict[int, tuple[float, float]] = field(default_factory=dict)
     """Where the robot truly was when the leg of this number ended at the surface."""
     duration_s: float = 0.0
@@ -151,6 +154,8 @@ def _fly(problem: RehearsalProblem, seed: int, is_cancelled: Callable[[], bool])
 def _note(flight: _Flight, robot: SimulatedRobot, time_s: float, steps: int) -> None:
     """Write down where the robot is on a leg, and where it came up after it."""
     truth, program = robot.body.plant.position_ned, robot.program
+    if steps % _ROW_EVERY == 0:
+        flight.places.append((truth[0], truth[1]))
     if program.executive.is_sampling:
         flight.leg = program.executive.leg
         if steps % _ROW_EVERY == 0:
@@ -218,13 +223,15 @@ def _compared(problem: RehearsalProblem, flights: list[_Flight]) -> Rehearsal:
     std_m = np.concatenate([track.planned_std_m for track in tracks])
     surfacings = [error for flight in flights for error in _surfacing_errors(plan, flight)]
     reasons = [flight.reason for flight in flights if flight.reason]
+    entries = [_entered(problem.keep_outs, flight) for flight in flights]
+    names = [area.name for area in problem.keep_outs]
     flown = bool(len(error_m))
     rms_m = _root_mean_square(error_m)
     worst_m = float(error_m.max()) if flown else 0.0
     within = float(np.mean(error_m <= _CIRCLE_95 * std_m)) if flown else 0.0
     return Rehearsal(
         completed=not reasons,
-        message=_sentence(len(flights), reasons, rms_m, worst_m),
+        message=_sentence(len(flights), reasons, rms_m, worst_m) + _entry_sentences(names, entries),
         rms_error_m=rms_m,
         worst_error_m=worst_m,
         surfacing_error_m=max(surfacings, default=0.0),
@@ -235,6 +242,7 @@ def _compared(problem: RehearsalProblem, flights: list[_Flight]) -> Rehearsal:
         duration_s=float(np.mean([flight.duration_s for flight in flights])),
         energy=float(np.mean([flight.energy for flight in flights])),
         runs=len(flights),
+        entered=tuple(name for name in names if any(name in one for one in entries)),
         track=_thinned(tracks[0]),
     )
 
@@ -251,6 +259,22 @@ def _sentence(runs: int, reasons: list[str], rms_m: float, worst_m: float) -> st
         f"Flown {runs} times against the full dynamics: {rms_m:.2g} m from the plan in the mean, "
         f"{worst_m:.2g} m at worst."
     )
+
+
+def _entered(keep_outs: tuple[Area, ...], flight: _Flight) -> frozenset[str]:
+    """Return the names of the keep-outs that a flight led into."""
+    north, east = np.array(flight.places, dtype=np.float64).reshape(-1, 2).T
+    return frozenset(area.name for area in keep_outs if np.any(area.contains(north, east)))
+
+
+def _entry_sentences(names: list[str], entries: list[frozenset[str]]) -> str:
+    """Return a sentence for each keep-out that was entered, after a space."""
+    text = ""
+    for name in names:
+        count = sum(name in one for one in entries)
+        often = f" in {count} of {len(entries)} flights" if len(entries) > 1 else ""
+        text += f' It enters the keep-out "{name}"{often}.' if count else ""
+    return text
 
 
 def _thinned(track: RehearsedTrack) -> RehearsedTrack:

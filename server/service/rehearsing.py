@@ -115,6 +115,7 @@ class Rehearsals:
             current_ne_m_s=(config.current.north_m_s, config.current.east_m_s),
             runs=max(1, min(RUNS, int(FLOWN_S // plan.document["account"]["duration_s"]))),
             seed=config.seed,
+            keep_outs=config.keep_outs,
         )
 
 

@@ -5,7 +5,7 @@ import pytest
 
 from autonomy.planner import edge, outcome
 from autonomy.planner.preset import PLANNER_PRESETS
-from autonomy.site import TANK
+from autonomy.site import TANK, Area
 from autonomy.vehicle.config import VEHICLES
 from robot_link.mission import Mission, MissionSettings
 from robot_link.rehearsal import RehearsalProblem
@@ -82,6 +82,26 @@ def test_a_mission_that_runs_out_of_time_is_said_so():
     done = rehearse(problem(timeout_s=60.0))
     assert not done.completed
     assert "did not fly the whole plan" in done.message
+
+
+def square(name, north_m, east_m):
+    half_m = 0.1
+    sides = [(-half_m, -half_m), (-half_m, half_m), (half_m, half_m), (half_m, -half_m)]
+    return Area(name=name, corners_m=tuple((north_m + n, east_m + e) for n, e in sides))
+
+
+def test_a_keep_out_that_the_robot_is_carried_into_is_named():
+    north_m, east_m, _ = two_dives()[0].end_ned
+    way, aside = square("reeds", north_m, east_m), square("jetty", north_m, east_m + 1.0)
+    done = rehearse(problem(drift=0.001, keep_outs=(way, aside)))
+    assert done.completed
+    assert done.entered == ("reeds",)
+    assert done.message.endswith(' It enters the keep-out "reeds".')
+    again = rehearse(problem(drift=0.001, keep_outs=(way, aside), runs=2))
+    assert again.message.endswith(' It enters the keep-out "reeds" in 2 of 2 flights.')
+    clear = rehearse(problem(drift=0.001, keep_outs=(aside,)))
+    assert clear.entered == ()
+    assert "keep-out" not in clear.message
 
 
 def test_it_stops_when_nobody_wants_to_know():

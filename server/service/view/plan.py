@@ -132,6 +132,8 @@ class RehearsalView(View):
     planned_worst_std_m: float | None = None
     within_share: float | None = None
     """Part of the flight that was nearer to the plan than its 95 % circle says."""
+    entered: list[str] = field(default_factory=list)
+    """Keep-outs that the robot was carried into; the station sends no such plan by itself."""
     runs: int | None = None
     duration_s: float | None = None
     energy: float | None = None

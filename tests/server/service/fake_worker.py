@@ -30,6 +30,8 @@ class FakeWorkers:
         self.nothing_feasible = False
         self.breaks_off = 0
         """How many of the next rehearsals do not come to the end of their plan."""
+        self.enters = ()
+        """Keep-outs that every rehearsal leads into."""
         self.map_std = 1.0
         self.run_really = WorkerPool.run
 
@@ -51,7 +53,7 @@ class FakeWorkers:
             return self.plan(payload)
         if task == REHEARSE:
             self.breaks_off -= 1
-            return rehearsal_of(payload, completed=self.breaks_off < 0)
+            return rehearsal_of(payload, completed=self.breaks_off < 0, entered=self.enters)
         if task == MAP_STD:
             return self.map_std
         return await self.run_really(pool, task, payload, on_progress=on_progress)
@@ -80,7 +82,7 @@ def dives(config, start_xy, budget, depth_m):
     )
 
 
-def rehearsal_of(problem, *, completed):
+def rehearsal_of(problem, *, completed, entered=()):
     points = problem.planned_points
     ned = points[:, 1:4]
     return Rehearsal(
@@ -96,5 +98,6 @@ def rehearsal_of(problem, *, completed):
         duration_s=float(points[-1, 0]),
         energy=3.0,
         runs=problem.runs,
+        entered=entered,
         track=RehearsedTrack(points[:, 0], ned, ned, points[:, 4], ned, np.full(len(points), 0.04)),
     )

@@ -177,6 +177,19 @@ async def test_survey_leaves_a_plan_to_a_person_where_rehearsals_break_off_again
     await plan_in(client, draft["id"], "done")
 
 
+async def test_plan_that_leads_into_a_keep_out_when_rehearsed_is_left_to_a_person(client, workers):
+    workers.enters = ("reeds",)
+    reeds = {"name": "reeds", "corners_m": [[3.0, 1.0], [3.0, 1.5], [3.5, 1.5]]}
+    plan = (await plan_in(client, await laid_out(client, keep_outs=[reeds]), "draft"))["id"]
+    assert [area.name for area in workers.rehearsed[0].keep_outs] == ["reeds"]
+    assert (await client.get(f"/api/plans/{plan}")).json()["rehearsal"]["entered"] == ["reeds"]
+    (one,) = (await client.post(f"/api/plans/{plan}/check")).json()["violations"]
+    assert one["field"] == "adaptive.rehearse"
+    assert (await client.post(f"/api/plans/{plan}/upload", json={})).status_code == 409
+    wanted = {"confirmed": True}
+    assert (await client.post(f"/api/plans/{plan}/upload", json=wanted)).status_code == 202
+
+
 async def test_killed_rehearsal_process_leaves_the_draft(client, station):
     """A real process and the real rehearsal."""
     plan = await laid_out(client)
