@@ -54,7 +54,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--east-m", type=float)
     parser.add_argument("--duration-s", type=float, help="by the robot's clock")
     parser.add_argument(
-        "--teaching", action="store_true", help="without the barrier: the estimate diverges"
+        "--teaching", action="store_true", help="without the barrier: the estimate may diverge"
     )
     parser.add_argument("--watch-s", type=float, default=20.0, help="time to watch, by the wall")
     parser.add_argument(
