@@ -24,6 +24,7 @@ _COLOURS = {
     Hue.SFIG: "#e69f00",
     Hue.TARGET: "#1a1a1a",
     Hue.BARRIER: "#0072b2",
+    Hue.THESIS_BARRIER: "#e69f00",
     Hue.NOMINAL: "#8c8c8c",
     Hue.MPC_NONE: "#8c8c8c",
     Hue.MPC_TRACE: "#009e73",
@@ -56,6 +57,7 @@ _SHAPES = {
     Hue.SFIG: "^",
     Hue.TARGET: "*",
     Hue.BARRIER: "o",
+    Hue.THESIS_BARRIER: "P",
     Hue.NOMINAL: "s",
     Hue.MPC_NONE: "s",
     Hue.MPC_TRACE: "^",
@@ -167,13 +169,18 @@ def _draw(axes: "Axes", panel: Panel) -> None:
         small.xaxis.label.set_fontsize(8)
 
 
+def colour_of(hue: Hue) -> str:
+    """Return the colour in which what a hue stands for is drawn, ``#rrggbb``."""
+    return _COLOURS[hue]
+
+
 def _is_square(panel: Panel) -> bool:
     """Return whether a metre is as long on both axes."""
     return panel.is_plane or panel.is_map
 
 
 def _line(axes: "Axes", series: Series) -> None:
-    colour = _COLOURS[series.hue]
+    colour = colour_of(series.hue)
     style: dict[str, Any] = {"color": colour, **_STYLES[series.mark]}
     if series.mark in {Mark.FILLED, Mark.HOLLOW} or len(series.x) <= _FEW:
         style["marker"] = _SHAPES.get(series.hue, "D")

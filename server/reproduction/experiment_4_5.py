@@ -59,9 +59,9 @@ COLUMNS: Mapping[str, tuple[BarrierConfig, Hue]] = MappingProxyType(
         "O3": (BarrierConfig(controller="mpc_condition"), Hue.MPC_CONDITION),
         "CBF": (
             BarrierConfig(shape="squared", fallback="nominal", epsilon=_EPSILON),
-            Hue.BARRIER,
+            Hue.THESIS_BARRIER,
         ),
-        "ours": (TRACKING_PRESETS["miniglider"].barrier, Hue.PROPOSED),
+        "ours": (TRACKING_PRESETS["miniglider"].barrier, Hue.BARRIER),
     }
 )
 """Controllers: the thesis's five, and the barrier as this software uses it."""

@@ -29,6 +29,7 @@ class Hue(StrEnum):
     SFIG = "SFIG"
     TARGET = "target"
     BARRIER = "barrier"
+    THESIS_BARRIER = "barrier of the thesis"
     NOMINAL = "nominal"
     MPC_NONE = "MPC, tracking alone"
     MPC_TRACE = "MPC, trace"

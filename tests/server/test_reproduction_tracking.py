@@ -8,7 +8,7 @@ import pytest
 
 from autonomy.tracking.run import Case
 from server.command.main import main
-from server.reproduction import catalogue, experiment_4_5, table_4_1, table_4_2
+from server.reproduction import catalogue, drawing, experiment_4_5, table_4_1, table_4_2
 from server.reproduction.catalogue import REPRODUCTIONS
 from server.reproduction.writer import document, write
 
@@ -130,3 +130,8 @@ def test_experiment_4_5_flies_every_controller_beside_table_4_4(monkeypatch):
     sound(result)
     assert {row.column for row in result.rows} >= {"O0", "O1", "O2", "O3", "CBF"}
     assert {0.65, 8.5, 17.6, 43.8} <= {row.thesis for row in result.rows}
+
+
+def test_experiment_4_5_draws_no_two_controllers_alike():
+    hues = [hue for _, hue in experiment_4_5.COLUMNS.values()]
+    assert len({drawing.colour_of(hue) for hue in hues}) == len(hues)
