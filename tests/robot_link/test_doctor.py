@@ -284,7 +284,7 @@ def test_no_bytes_however_strange_do_harm():
 
 
 def test_the_command_line_examines_a_link_and_tells_by_its_exit_status(capsys):
-    assert main(["link", "doctor", "serial:///dev/no-such-line", "--seconds", "0.2"]) == 1
+    assert main(["link", "doctor", "serial:///dev/no-such-line", "--seconds", "1"]) == 1
     assert "There is no line /dev/no-such-line." in capsys.readouterr().out
     assert main(["link", "doctor", "serial://", "--seconds", "1"]) == 2
     assert "needs the path" in capsys.readouterr().err

@@ -18,7 +18,7 @@ from server.service.ranging import Ranging
 from server.service.station import Station
 from server.settings import Settings
 from simulator.acoustic_modem import AcousticConditions, AcousticModem, AcousticNode
-from tests.robot_link.test_acoustic_modem import HASTE, FakeModem, replying, scaled_clock
+from tests.robot_link.test_acoustic_modem import SOON_SILENT, FakeModem, replying, scaled_clock
 from tests.server.gateway_station import _tables, blank_database, robot, station
 from tests.server.service.fake_link import World
 from tests.server.station_app import signed_in
@@ -38,7 +38,7 @@ async def ranging(tmp_path, fake, reports):
     def open_(links, clock):
         opened.append(dict(links))
         robots = {acoustic_address(uri).peer: robot_id for robot_id, uri in links.items()}
-        return MicroModem(fake.open, 1, robots, clock, timing=HASTE)
+        return MicroModem(fake.open, 1, robots, clock, timing=SOON_SILENT)
 
     async with station(tmp_path) as app:
         foundation = replace(app.state.foundation, clock=scaled_clock(20.0))
@@ -114,8 +114,9 @@ async def test_the_speed_of_sound_that_the_operator_sets_holds_from_the_next_ran
         await kept(service.store, GRACE, 1)
         configurations = service.app.state.foundation.configurations
         await configurations.patch("acoustic", GRACE, {"sound_speed_m_s": 1400.0}, by="test")
+        under_way = 1
         before = len(await kept(service.store, GRACE, 1))
-        (newest, *_) = await kept(service.store, GRACE, before + 1)
+        (newest, *_) = await kept(service.store, GRACE, before + under_way + 1)
         assert newest.range_m == pytest.approx(1.4)
 
 
