@@ -15,7 +15,8 @@ from server.service import survey_step
 from tests.server.service.conftest import FAST, GRACE, MINI, open_station, until
 from tests.server.service.fake_link import state_report
 
-PLANNING_S = 60.0
+pytestmark = pytest.mark.timeout(300)
+PLANNING_S = 240.0
 """A worker that has to compile the planner first takes its time."""
 
 
