@@ -180,7 +180,7 @@ GRACE_1 = RobotDefinition(
     radio_range_m=150.0,
     far_ne_m=(360.0, 350.0),
     imei="300234000000020",
-    satellite=SatelliteConfig(session_period_s=300.0),
+    satellite=SatelliteConfig(session_period_s=300.0, messages_per_day=1000),
     clock=ClockModel(rate_std_ppm=20.0),
     acoustic_address=2,
     has_station_acoustics=True,

@@ -30,6 +30,11 @@ class SatelliteConfig(Configuration):
     """Most bytes of one message of the robot: what state and answers leave free is filled with the
     samples that change the map most. 70, 205 and 340 fill whole segments over the air. The robot
     goes by its parameter SAT_BYTES, which begins with this."""
+    messages_per_day: int = quantity(200, title="Robot's messages per day", ge=24, le=20_000)
+    """A robot that called this often within 24 hours calls only once an hour, whatever rings or
+    waits to be said; an order by satellite then waits that long, too. So no fault on board and no
+    gateway that rings without end spends the account. The robot goes by its parameter SAT_DAY_MAX,
+    which begins with this."""
     expiry_h: float = quantity(96.0, "h", title="Plans expire after", gt=0.0, le=118.0)
     """A plan that the robot has not confirmed by then is given up. The gateway deletes messages
     after five days."""

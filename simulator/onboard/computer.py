@@ -193,7 +193,8 @@ class Computer:
 
 def _talk_settings(config: SatelliteConfig) -> TalkSettings:
     return TalkSettings(
-        CallLimits(config.radio_silence_s, config.session_period_s), config.digest_bytes
+        CallLimits(config.radio_silence_s, config.session_period_s, config.messages_per_day),
+        config.digest_bytes,
     )
 
 

@@ -43,6 +43,7 @@ _MANNERS = {
     "SHORE_MARGIN_M": _Manner("shore_margin_m", 0.05, 50.0, "Comes up nearer to the shore, m"),
 }
 _SILENCE, _PERIOD, _BYTES = "SAT_SILENCE_S", "SAT_PERIOD_S", "SAT_BYTES"
+_DAY = "SAT_DAY_MAX"
 
 
 class OwnParameters:
@@ -100,7 +101,7 @@ class OwnParameters:
         manners = {manner.field: values[name] for name, manner in _MANNERS.items()}
         self._executive.set_profile(replace(self._profile, **manners))
         if self._talk is not None:
-            self._talk.limits = CallLimits(values[_SILENCE], values[_PERIOD])
+            self._talk.limits = CallLimits(values[_SILENCE], values[_PERIOD], int(values[_DAY]))
             self._talk.record_bytes = int(values[_BYTES])
 
 
@@ -144,4 +145,5 @@ def _satellite_parameters(talk: TalkSettings) -> list[Parameter]:
             _PERIOD, real, limits.session_period_s, 40.0, 86400.0, "Time between two calls, s"
         ),
         Parameter(_BYTES, whole, talk.record_bytes, 70, 340, "Most bytes of one record"),
+        Parameter(_DAY, whole, limits.sessions_per_day, 24, 20_000, "Most sessions of a day"),
     ]

@@ -7,6 +7,9 @@ _FIRST_RETRY_S = 30.0
 _LONGEST_RETRY_S = 480.0
 SESSIONS_MAX = 8
 """Sessions of one call."""
+_DAY_S = 86_400.0
+_SPENT_PAUSE_S = 3600.0
+"""Between two calls of a robot that has had all sessions of a day."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,6 +20,8 @@ class CallLimits:
     """A robot at the surface calls when it has not heard its station by radio for so long."""
     session_period_s: float
     """Time between two calls of a robot that stays at the surface."""
+    sessions_per_day: int
+    """After so many sessions within a day it calls once an hour only, one session each."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +47,8 @@ class CallPolicy:
     A robot that comes up gives the radio ``radio_silence_s`` to be heard. If it stays silent the
     robot calls, and again after each ``session_period_s`` at the surface. A ring, or an answer
     that belongs to a message from the satellite, makes it call at once even where radio is live.
-    A call that fails is repeated after 30 s, twice as long each time.
+    A call that fails is repeated after 30 s, twice as long each time. Whatever happens, a day has
+    no more sessions than the operator allows, and one an hour on top.
     """
 
     limits: CallLimits
@@ -51,10 +57,12 @@ class CallPolicy:
     failed_s: float = -math.inf
     failures: int = 0
     """Calls that failed since the last one that did not, or since the robot came up then."""
+    sessions_s: tuple[float, ...] = ()
+    """When the sessions of the last day were; those that failed cost nothing and do not count."""
 
     def is_due(self, now: Situation) -> bool:
         """Tell whether to call now."""
-        if now.surfaced_s <= 0.0 or now.time_s < self._retry_s(now):
+        if now.surfaced_s <= 0.0 or now.time_s < self._retry_s(now) or self._must_pause(now):
             return False
         if now.has_rung or now.has_news:
             return True
@@ -62,7 +70,7 @@ class CallPolicy:
 
     def is_awaited(self, now: Situation) -> bool:
         """Tell whether a robot that wants to dive should stay up for a call."""
-        if now.surfaced_s <= 0.0 or self._failures(now) > 1:
+        if now.surfaced_s <= 0.0 or self._failures(now) > 1 or self._must_pause(now):
             return False
         is_alone = now.silent_s >= min(now.surfaced_s, self.limits.radio_silence_s)
         return now.has_rung or now.has_news or (is_alone and not self._has_called(now))
@@ -72,6 +80,20 @@ class CallPolicy:
         if is_sent:
             return replace(self, called_s=now.time_s, failures=0)
         return replace(self, failed_s=now.time_s, failures=self._failures(now) + 1)
+
+    def held(self, time_s: float) -> "CallPolicy":
+        """Note that a session came about then."""
+        recent = (at for at in self.sessions_s if time_s - at < _DAY_S)
+        return replace(self, sessions_s=(*recent, time_s))
+
+    def is_spent(self, time_s: float) -> bool:
+        """Tell whether the sessions of a day have been held."""
+        recent = sum(time_s - at < _DAY_S for at in self.sessions_s)
+        return recent >= self.limits.sessions_per_day
+
+    def _must_pause(self, now: Situation) -> bool:
+        is_early = bool(self.sessions_s) and now.time_s - self.sessions_s[-1] < _SPENT_PAUSE_S
+        return is_early and self.is_spent(now.time_s)
 
     def _failures(self, now: Situation) -> int:
         """Return the calls that failed since the robot came up."""

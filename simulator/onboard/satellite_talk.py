@@ -212,7 +212,7 @@ class SatelliteTalk:
         """Return the operator's limits; the radio gets its time by the wall's clock, too."""
         limits = self._settings.limits
         silence_s = max(limits.radio_silence_s, _RADIO_WALL_S * self._clock.speed)
-        return CallLimits(silence_s, limits.session_period_s)
+        return replace(limits, radio_silence_s=silence_s)
 
     def _situation(self) -> Situation:
         return Situation(
@@ -241,6 +241,8 @@ class SatelliteTalk:
             record = self._record(is_full=is_full) if is_full or self._has_news else None
             outcome = await self._session(record, for_ring=for_ring and is_full)
             is_sent = outcome.is_sent
+            if is_sent:
+                self._policy = self._policy.held(self._program.time_s)
             if is_sent and record is not None:
                 self._told = said
                 self._records.taken_ashore(record)
@@ -252,6 +254,9 @@ class SatelliteTalk:
             if self._program.surfaced_s <= 0.0:
                 break
             if outcome.queued == 0 and not self._has_news:
+                break
+            if self._policy.is_spent(self._program.time_s):
+                self._note("the satellite sessions of a day are spent: one an hour from now on")
                 break
         return is_sent
 

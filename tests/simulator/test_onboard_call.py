@@ -1,12 +1,13 @@
 """When a robot calls by satellite, decided without a clock, a modem or a radio."""
 
 import math
+from itertools import pairwise
 
 import pytest
 
 from simulator.onboard.satellite_policy import CallLimits, CallPolicy, Situation
 
-LIMITS = CallLimits(radio_silence_s=20.0, session_period_s=600.0)
+LIMITS = CallLimits(radio_silence_s=20.0, session_period_s=600.0, sessions_per_day=30)
 POLICY = CallPolicy(LIMITS)
 
 
@@ -81,3 +82,30 @@ def test_robot_that_comes_up_again_stays_for_its_call_whatever_failed_before():
     once = failing.called(at(520.0, 25.0), is_sent=False)
     assert once.is_awaited(at(521.0, 26.0))
     assert once.is_due(at(550.0, 55.0))
+
+
+def test_day_has_no_more_sessions_than_allowed_and_one_an_hour_on_top():
+    policy, sessions, time_s = POLICY, [], 0.0
+    while time_s < 3 * 86_400.0:
+        now = at(time_s, 1e6 + time_s, rung=True, news=True)
+        if policy.is_due(now):
+            assert policy.is_awaited(now)
+            policy = policy.held(time_s).called(now, is_sent=True)
+            sessions.append(time_s)
+        time_s += 60.0
+    for begin in range(0, 2 * 86_400, 1800):
+        assert sum(begin <= one < begin + 86_400 for one in sessions) <= 30 + 24
+    hours = [b - a for a, b in pairwise(sessions)]
+    assert max(hours) <= 3660.0, "it goes on calling"
+
+
+def test_robot_whose_sessions_are_spent_does_not_stay_up_for_a_call():
+    spent = POLICY
+    for number in range(30):
+        spent = spent.held(float(number))
+    assert spent.is_spent(100.0)
+    now = at(100.0, 100.0, rung=True)
+    assert not spent.is_due(now)
+    assert not spent.is_awaited(now)
+    assert spent.is_due(at(29.0 + 3600.0, 4000.0, rung=True))
+    assert not spent.is_spent(90_000.0)

@@ -98,12 +98,13 @@ def test_untouched_parameters_leave_a_life_as_it_was():
 
 def test_parameters_of_manners_and_satellite_reach_those_that_use_them():
     life = Life()
-    talk = TalkSettings(CallLimits(20.0, 1800.0), 205)
+    talk = TalkSettings(CallLimits(20.0, 1800.0, 200), 205)
     table = parameters_of(life, talk=talk, kept={"SURF_MIN_S": 7.0, "GONE": 1.0}).table
     assert life.executive._flight.profile.surface_min_s == 7.0
     table.set("SAT_PERIOD_S", 300.0)
     table.set("SAT_BYTES", 340)
-    assert talk == TalkSettings(CallLimits(20.0, 300.0), 340)
+    table.set("SAT_DAY_MAX", 60)
+    assert talk == TalkSettings(CallLimits(20.0, 300.0, 60), 340)
     with pytest.raises(ParameterRefusal, match="between 70 and 340"):
         table.set("SAT_BYTES", 341)
 

@@ -142,7 +142,14 @@ class Rig:
 
 
 @asynccontextmanager
-async def talking(kind, folder, *, store: MemoryStore | None = None, link: Link | None = None):
+async def talking(
+    kind,
+    folder,
+    *,
+    store: MemoryStore | None = None,
+    link: Link | None = None,
+    sessions_per_day: int = 10_000,
+):
     sky = network()
     ashore = heard(sky)
     clock = fast_clock()
@@ -163,7 +170,7 @@ async def talking(kind, folder, *, store: MemoryStore | None = None, link: Link 
             program=program,
             samples=samples,
             clock=clock,
-            settings=TalkSettings(CallLimits(20.0, 600.0), 205),
+            settings=TalkSettings(CallLimits(20.0, 600.0, sessions_per_day), 205),
             plans=rig_link.plans,
             was_flown=rig_link.flown.__contains__,
             note=notes.append,
@@ -226,6 +233,15 @@ async def test_samples_that_were_taken_ashore_are_not_sent_again(tmp_path):
         assert len(sent) == len(set(sent)) > 4
         assert rig.talk.refused == 1
         assert all(size <= 205 for size in map(len, rig.ashore))
+
+
+async def test_robot_that_rings_without_end_spends_what_a_day_allows_and_not_more(tmp_path):
+    async with talking(iridium, tmp_path, sessions_per_day=4) as rig:
+        for number in range(12):
+            rig.sky.accept(IMEI, b"garbage that only rings %d" % number)
+        await until(lambda: any("spent" in note for note in rig.notes))
+        assert rig.talk.sessions == 4
+        assert not rig.talk._policy.is_due(rig.talk._situation())
 
 
 async def test_mission_that_is_refused_is_told_and_changes_nothing(tmp_path):
