@@ -14,7 +14,8 @@ from autonomy.identification.identifiability import (
     judge,
     unjudged,
 )
-from autonomy.identification.least_squares import Descent, DivergedError, Information
+from autonomy.identification.least_squares import Descent, DivergedError
+from autonomy.identification.normal_equations import Information, normal_equations
 from autonomy.identification.problem import Problem, Workers
 from autonomy.identification.result import (
     IdentificationResult,
@@ -89,10 +90,10 @@ def concluded(
 
 
 def _information(problem: Problem, point: Descent, workers: Workers) -> Information:
-    equations = least_squares.normal_equations(problem, point.u, point.initial, workers)
+    equations = normal_equations(problem, point.u, point.initial, workers)
     if equations is None:
         raise DivergedError("the model cannot follow the recording at the point that was found")
-    return least_squares.information(equations)
+    return Information.of(equations)
 
 
 def _drift(problem: Problem, point: Descent, data: Information, workers: Workers) -> FloatArray:
@@ -103,10 +104,10 @@ def _drift(problem: Problem, point: Descent, data: Information, workers: Workers
     found = np.empty((2, point.u.size))
     for k, early in enumerate((True, False)):
         moved = moved_at_once(problem, early=early)
-        equations = least_squares.normal_equations(moved, point.u, point.initial, workers)
+        equations = normal_equations(moved, point.u, point.initial, workers)
         found[k] = np.inf
         if equations is not None:
-            found[k] = least_squares.information(equations).gradient - data.gradient
+            found[k] = Information.of(equations).gradient - data.gradient
     return found
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.identification.least_squares import Information
+from autonomy.identification.normal_equations import Information
 from autonomy.identification.unknown import Unknown
 
 Verdict = Literal["identified", "weak", "not identifiable", "fixed"]

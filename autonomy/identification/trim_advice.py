@@ -14,7 +14,8 @@ from autonomy.identification.config import (
     SegmentRules,
 )
 from autonomy.identification.identifiability import jackknife
-from autonomy.identification.least_squares import Descent, NormalEquations
+from autonomy.identification.least_squares import Descent
+from autonomy.identification.normal_equations import Information, NormalEquations, normal_equations
 from autonomy.identification.nuisance import refined
 from autonomy.identification.problem import Problem, Workers, problem_from
 from autonomy.identification.recording import Recording, Segment, segments
@@ -148,7 +149,7 @@ def _fitted(
         found = least_squares.descend(problem, start, workers)
         good = np.array(explained(segment_means(problem, found, workers)))
         if good.all():
-            equations = least_squares.normal_equations(problem, found.u, found.initial, workers)
+            equations = normal_equations(problem, found.u, found.initial, workers)
             if equations is not None:
                 return problem, found, equations
             break
@@ -260,7 +261,7 @@ def _deviations(
     Raises:
         NoAdviceError: If the dives do not tell one of the offsets.
     """
-    info = least_squares.information(equations)
+    info = Information.of(equations)
     if np.linalg.cond(info.fisher) > 1e12:
         raise NoAdviceError("the dives do not tell buoyancy and mass position apart")
     noise = np.sqrt(np.diag(np.linalg.inv(info.fisher)) * max(found.cost, 1.0))

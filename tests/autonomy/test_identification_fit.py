@@ -15,6 +15,7 @@ from autonomy.identification.config import (
 )
 from autonomy.identification.identifiability import judge
 from autonomy.identification.kernel import DIVERGED
+from autonomy.identification.normal_equations import Information, normal_equations
 from autonomy.identification.problem import NothingToIdentifyError, Workers, problem_from
 from autonomy.identification.progress import CheckpointError, IdentificationCancelledError
 from autonomy.identification.recording import Recording
@@ -268,12 +269,12 @@ def named(name: str, nominal: float = 1.0) -> Unknown:
     return Unknown(name, name, "", nominal, abs(nominal), -0.5, 0.5, 0)
 
 
-def information(*fishers: np.ndarray, pulls=None) -> least_squares.Information:
+def information(*fishers: np.ndarray, pulls=None) -> Information:
     """What one or several segments tell."""
     n = fishers[0].shape[0]
     parts = np.array(fishers)
     gradients = np.zeros((len(fishers), n)) if pulls is None else np.array(pulls)
-    return least_squares.Information(parts.sum(axis=0), gradients.sum(axis=0), parts, gradients)
+    return Information(parts.sum(axis=0), gradients.sum(axis=0), parts, gradients)
 
 
 def test_segments_that_disagree_widen_the_interval():
@@ -363,10 +364,10 @@ def test_segments_by_themselves_tell_what_they_tell_together(short_runs, monkeyp
     with Workers(1) as workers:
         for rows in (10_000, 1):
             monkeypatch.setattr("autonomy.identification.problem._MOST_ROWS", rows)
-            equations = least_squares.normal_equations(problem, u, problem.guess, workers)
+            equations = normal_equations(problem, u, problem.guess, workers)
             profile = nuisance.profile_of(problem, u, problem.guess, workers)
             assert equations is not None
-            found.append((least_squares.information(equations), profile))
+            found.append((Information.of(equations), profile))
     (together, profile), (apart, other) = found
     assert len(list(problem.pieces())) == 2
     assert np.array_equal(together.fisher_by_segment, apart.fisher_by_segment)
