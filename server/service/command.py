@@ -3,7 +3,7 @@
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
 from sqlalchemy.orm import Session
@@ -54,6 +54,20 @@ Purge = Callable[[Session, str, datetime, str], None]
 """Withdraws, in the transaction of a surface order, what was queued for a robot by itself."""
 Check = Callable[[Session], None]
 """Raises if what leads to a command holds no longer, for example because of a surface order."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Order:
+    """A command that is about to be written down."""
+
+    robot: str
+    kind: CommandKind
+    by: str
+    plan: PlanHash | None
+    wish: Wish
+    roads: tuple[str, ...]
+    at: datetime
+    expires_at: datetime
 
 
 class Commands:
@@ -125,43 +139,20 @@ class Commands:
                 the road that was asked for.
             StoreUnavailableError: The command was not written down and not sent.
         """
-        picture = self._fleet.picture(robot)
-        if picture.record.system_id is None:
-            raise conflict(f"{robot} is a recording; it cannot be told anything.")
-        if kind is CommandKind.SURFACE:
-            wish = "auto"
-        at = self._clock.now()
-        roads = self._roads(robot, kind, wish)
-        life = max(_LIFE[kind], _SATELLITE_LIFE) if "satellite" in roads else _LIFE[kind]
+        order = self._order(robot, kind, by, plan, wish)
 
         def write(session: Session) -> CommandRecord:
             if check is not None:
                 check(session)
-            if kind is CommandKind.SURFACE:
-                self._purge(session, robot, at, by)
-            command = query.add_command(
-                session, robot, kind, at=at, expires_at=at + life, by=by, plan_sha256=plan
-            )
-            if "satellite" in roads:
-                self._satellite.order_in(session, command, is_only=wish == "satellite")
-            add_event(
-                session,
-                at,
-                f"command.{kind.value}",
-                f"{by} told {robot} {told_to(kind)}.",
-                level="watch" if kind is CommandKind.SURFACE else "info",
-                robot=robot,
-                data={"command": command.id, "by": by},
-            )
-            return command
+            return self._add(session, order)
 
         if kind is CommandKind.SURFACE:
-            command = await self._surface(robot, write, at, by)
+            command = await self._surface(robot, write, order.at, by)
         else:
             command = await self._store.write(write)
         if command.id not in self._unwritten:
             self._satellite.stir()
-            if wish != "satellite":
+            if order.wish != "satellite":
                 self._send(command)
         if kind is CommandKind.SURFACE:
             for stop in self.on_surface:
@@ -203,6 +194,51 @@ class Commands:
             self._unwritten[unwritten.id] = replace(
                 unwritten, level=report.level.value, levels=levels
             )
+
+    def _order(
+        self, robot: str, kind: CommandKind, by: str, plan: PlanHash | None, wish: Wish
+    ) -> _Order:
+        """Return what is to be written down.
+
+        Raises:
+            Problem: As of ``send``.
+        """
+        picture = self._fleet.picture(robot)
+        if picture.record.system_id is None:
+            raise conflict(f"{robot} is a recording; it cannot be told anything.")
+        if kind is CommandKind.SURFACE:
+            wish = "auto"
+        roads = self._roads(robot, kind, wish)
+        life = max(_LIFE[kind], _SATELLITE_LIFE) if "satellite" in roads else _LIFE[kind]
+        at = self._clock.now()
+        return _Order(robot, kind, by, plan, wish, roads, at, at + life)
+
+    def _add(self, session: Session, order: _Order) -> CommandRecord:
+        """Write an order down with all that belongs to it, in one transaction."""
+        robot, kind, at = order.robot, order.kind, order.at
+        if kind is CommandKind.SURFACE:
+            self._purge(session, robot, at, order.by)
+        command = query.add_command(
+            session,
+            robot,
+            kind,
+            at=at,
+            expires_at=order.expires_at,
+            by=order.by,
+            plan_sha256=order.plan,
+        )
+        if "satellite" in order.roads:
+            self._satellite.order_in(session, command, is_only=order.wish == "satellite")
+        add_event(
+            session,
+            at,
+            f"command.{kind.value}",
+            f"{order.by} told {robot} {told_to(kind)}.",
+            level="watch" if kind is CommandKind.SURFACE else "info",
+            robot=robot,
+            data={"command": command.id, "by": order.by},
+        )
+        return command
 
     def _roads(self, robot: str, kind: CommandKind, wish: Wish) -> tuple[str, ...]:
         """Return the roads of a command; one that no road takes waits for radio.
