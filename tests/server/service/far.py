@@ -18,6 +18,8 @@ from tests.server.service.fake_link import state_report
 from tests.server.service.sky import URI
 
 RADIO = "xbee://127.0.0.1:9"
+ORDERS = "/api/robots/grace-1/commands"
+PLUG = "/api/robots/grace-1/links/plug"
 LINKS = [RADIO, URI]
 DIVE = {
     "kind": "primitives",
@@ -101,3 +103,10 @@ def lose_radio(world):
 def hear_radio(world, sky):
     world.hear(GRACE)
     world.tell(state_report(GRACE, (150.0, 150.0, 0.0), at=sky.clock.now()))
+
+
+async def order(client, kind="hold"):
+    """Tell the robot something; return where to ask what became of it."""
+    answer = await client.post(ORDERS, json={"kind": kind})
+    assert answer.status_code == 202, answer.text
+    return f"/api/commands/{answer.json()['id']}"
