@@ -25,7 +25,6 @@ from robot_link.mission import Mission
 from robot_link.path import RadioPath, RobotEndpoint
 from robot_link.peer import Peer
 from robot_link.sample_gate import SampleGate
-from robot_link.service.clock_sync import ClockOffset
 from robot_link.service.file_store import FileEntry
 from robot_link.service.heartbeat import beat
 from robot_link.service.link_watch import LinkWatch
@@ -290,14 +289,6 @@ class StationLink:
             KeyError: If no such robot is known.
         """
         return self._roster[robot].services
-
-    def clock_offset(self, robot: RobotId) -> ClockOffset | None:
-        """Return how far a robot's clock is off; None until something is known of it.
-
-        Raises:
-            KeyError: If no such robot is known.
-        """
-        return self._roster[robot].services.clock.offset
 
     def link_report(self, robot: RobotId) -> LinkReport:
         """Return what is known of the best road to a robot now.

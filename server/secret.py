@@ -89,22 +89,14 @@ class SecretStore:
     def signing_key(self, robot: str) -> bytes | None:
         """Return the key that signs MAVLink with a robot; None where frames are not signed.
 
+        A person puts its file there, and takes it away.
+
         Raises:
             SecretUnreadableError: If its file does not hold 32 bytes.
         """
         file = self._file("signing", robot)
         text = _read(file)
         return None if text is None else _key_of(file, text)
-
-    def set_signing_key(self, robot: str, key: bytes | None) -> None:
-        """Sign MAVLink with a robot from now on, or no longer."""
-        file = self._file("signing", robot)
-        if key is None:
-            file.unlink(missing_ok=True)
-            return
-        if len(key) != KEY_BYTES:
-            raise ValueError(f"a signing key has {KEY_BYTES} bytes, not {len(key)}")
-        _write(file, key.hex())
 
     def signing_marks(self, robot: str) -> Path:
         """Return the file in which the stamps of signed frames outlive a restart."""

@@ -1,8 +1,8 @@
 """The satellite node: short records out, short records in, whatever device carries them.
 
 A *session* sends at most one record and brings at most one. Programs know this node alone: an
-Iridium modem (``satellite_9602``) and a cellular device (``satellite_cellular``) serve the same
-questions, so that swapping one for the other changes no program.
+Iridium modem (``satellite_9602``) or any other device serves the same questions, so that swapping
+one for another changes no program.
 
 | question | values | answer |
 |---|---|---|

@@ -107,9 +107,9 @@ async def test_a_robot_out_of_contact_is_not_asked(tmp_path: Path):
 async def test_a_clock_that_is_off_by_years_is_told_of_with_the_link(tmp_path: Path):
     clock = WrongClock(timedelta(days=-9 * 365))
     async with rig(tmp_path, clock=clock) as it, it.station() as (station, _):
-        await until(lambda: station.clock_offset(MINI) is not None)
+        await until(lambda: station.services(MINI).clock.offset is not None)
         await until(lambda: station.link_report(MINI).clock_offset_s is not None)
-        offset = station.clock_offset(MINI)
+        offset = station.services(MINI).clock.offset
         assert offset is not None
         assert offset.source is ClockSource.TIMESYNC
         assert offset.is_wrong
@@ -120,7 +120,7 @@ async def test_a_clock_that_is_off_by_years_is_told_of_with_the_link(tmp_path: P
 async def test_a_clock_that_is_right_is_no_trouble(tmp_path: Path):
     async with rig(tmp_path) as it, it.station() as (station, _):
         it.robots[MINI].link.report_state(state(SystemClock().now()))
-        await until(lambda: station.clock_offset(MINI) is not None)
+        await until(lambda: station.services(MINI).clock.offset is not None)
         assert station.link_report(MINI).trouble == ""
         assert abs(station.link_report(MINI).clock_offset_s or 0.0) < 5.0
 

@@ -158,11 +158,10 @@ def test_secrets_are_for_the_stations_user_alone(tmp_path):
     store = SecretStore(tmp_path / "data" / "secret")
     store.robot_key("grace-1")
     store.push_path("rockblock")
-    store.set_signing_key("grace-1", bytes(32))
     store.set_gateway("rockblock", GatewayAccount(url="https://a.example/MT"))
     folder = tmp_path / "data" / "secret"
     files = sorted(folder.iterdir())
-    assert len(files) == 4
+    assert len(files) == 3
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
     assert {stat.S_IMODE(file.stat().st_mode) for file in files} == {0o600}
 
@@ -180,7 +179,7 @@ async def test_a_robots_key_is_made_once_even_by_many_at_the_same_time(tmp_path)
 def test_what_is_kept_is_read_back(tmp_path):
     store = SecretStore(tmp_path)
     assert (store.signing_key("grace-1"), store.gateway("rockblock")) == (None, None)
-    store.set_signing_key("grace-1", bytes(range(32)))
+    (tmp_path / "signing-grace-1").write_text(bytes(range(32)).hex())
     account = GatewayAccount(url="https://a.example/MT", username="é", password="p\n\"'")
     store.set_gateway("rockblock", account)
     again = SecretStore(tmp_path)
@@ -188,7 +187,7 @@ def test_what_is_kept_is_read_back(tmp_path):
     assert again.gateway("rockblock") == account
     assert again.push_path("rockblock") == store.push_path("rockblock")
     assert again.push_path("rockblock") != again.push_path("cloudloop")
-    store.set_signing_key("grace-1", None)
+    (tmp_path / "signing-grace-1").unlink()
     assert again.signing_key("grace-1") is None
 
 
@@ -215,8 +214,9 @@ def test_an_account_does_not_show_its_password_in_its_own_words():
 
 
 def test_a_signing_key_has_32_bytes(tmp_path):
-    with pytest.raises(ValueError, match="32"):
-        SecretStore(tmp_path).set_signing_key("grace-1", b"short")
+    (tmp_path / "signing-grace-1").write_text(b"short".hex())
+    with pytest.raises(SecretUnreadableError, match="signing-grace-1"):
+        SecretStore(tmp_path).signing_key("grace-1")
 
 
 def test_a_rate_limit_admits_a_burst_and_then_as_time_goes(monkeypatch):

@@ -15,7 +15,7 @@ from simulator.iridium.subscriber import Account
 from simulator.node.client import NodeClient
 from simulator.node.satellite import SatelliteNode
 from simulator.node.satellite_9602 import Driver9602
-from simulator.node.satellite_cellular import CellularDevice
+from tests.simulator.cellular_device import CellularDevice
 from tests.simulator.flight import EPOCH
 
 IMEI = "300234000000020"

@@ -20,7 +20,7 @@ def signed(key: bytes) -> bytes:
 
 def test_a_robot_with_a_key_signs_and_one_without_does_not(tmp_path):
     secrets = SecretStore(tmp_path)
-    secrets.set_signing_key(ONE, KEY)
+    (tmp_path / f"signing-{ONE}").write_text(KEY.hex())
     signing = RobotSigning(secrets, SystemClock())
     first = signing(ONE)
     assert first is not None
@@ -32,7 +32,7 @@ def test_a_robot_with_a_key_signs_and_one_without_does_not(tmp_path):
 def test_a_damaged_key_lets_nobody_in_and_stops_nobody_else(tmp_path, caplog):
     secrets = SecretStore(tmp_path)
     for robot in (ONE, TWO):
-        secrets.set_signing_key(robot, KEY)
+        (tmp_path / f"signing-{robot}").write_text(KEY.hex())
     (tmp_path / f"signing-{ONE}").write_text("no key")
     signing = RobotSigning(secrets, SystemClock())
     damaged, whole = signing(ONE), signing(TWO)

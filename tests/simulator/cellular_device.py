@@ -1,4 +1,4 @@
-"""A cellular device as a device of the satellite node: records by a direct TCP connection.
+"""Another device of the satellite node: records over a cellular modem's TCP connection.
 
 Each session opens a connection to a host ashore, sends ``u16 length | record`` (length 0: nothing)
 after a line with its name, and is answered ``u8 taken | u16 queued | u16 length | record``. While
