@@ -157,28 +157,35 @@ def compare(
     def fly_and_keep(choice: ControllerChoice, seed: int) -> KeptRun:
         return _kept(fly(vehicle, config, choice, seed, references), at)
 
-    total = len(choices) * config.runs
     with ThreadPoolExecutor(threads) as pool:
         jobs = [
             [pool.submit(fly_and_keep, choice, seed) for choice in choices] for seed in config.seeds
         ]
-        waiting: set[Future[KeptRun]] = {job for row in jobs for job in row}
         try:
-            while waiting and not is_cancelled():
-                done, waiting = wait(waiting, timeout=0.2)
-                for job in done:
-                    job.result()
-                report(1.0 - len(waiting) / total, f"{total - len(waiting)} of {total} runs")
+            _wait_for([job for row in jobs for job in row], report, is_cancelled)
         finally:
             pool.shutdown(cancel_futures=True)
-    if waiting:
-        raise TrialCancelledError("the comparison was cancelled")
     columns = zip(*jobs, strict=True)
     results = tuple(
         ControllerResult(choice, tuple(job.result() for job in column))
         for choice, column in zip(choices, columns, strict=True)
     )
     return Comparison(vehicle, config, references[at], results)
+
+
+def _wait_for(
+    jobs: Sequence[Future[KeptRun]],
+    report: Callable[[float, str], None],
+    is_cancelled: Callable[[], bool],
+) -> None:
+    total, waiting = len(jobs), set(jobs)
+    while waiting:
+        if is_cancelled():
+            raise TrialCancelledError("the comparison was cancelled")
+        done, waiting = wait(waiting, timeout=0.2)
+        for job in done:
+            job.result()
+        report(1.0 - len(waiting) / total, f"{total - len(waiting)} of {total} runs")
 
 
 def _kept(trial: Trial, at: IntArray) -> KeptRun:
