@@ -42,7 +42,7 @@ def legs(demo, count: int) -> list[dict]:
     return flown
 
 
-@pytest.mark.timeout(1000)
+@pytest.mark.timeout(2000)
 def test_plan_by_satellite_is_flown_though_the_station_dies_on_the_way(demo):
     """Quote, send, kill the station, and the robot flies exactly that plan."""
     demo.wait(

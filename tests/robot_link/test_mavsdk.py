@@ -28,7 +28,7 @@ from robot_link.timing import LinkTiming
 from robot_link.transport.opening import open_transport
 from tests.robot_link.rig import Program, running, state, until
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(180)]
+pytestmark = [pytest.mark.process, pytest.mark.timeout(600)]
 
 ROOT = Path(__file__).parents[2]
 LONGEST_S = 60.0
