@@ -29,8 +29,8 @@ class Frame:
 
 
 WATER = Frame(
-    np.array([0.55, -1.35, 0.8]) * VIEW_WIDTH,
-    np.array([0.0, 0.0, -0.16]) * VIEW_WIDTH,
+    np.array([0.57, -1.42, 0.82]) * VIEW_WIDTH,
+    np.array([-0.04, -0.06, -0.22]) * VIEW_WIDTH,
 )
 """The whole water of any site, which is as wide as the view."""
 

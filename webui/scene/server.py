@@ -15,7 +15,7 @@ from webui.scene.robot import RobotModel
 from webui.scene.sample import Samples
 from webui.scene.source import SceneSource
 from webui.scene.stage import Stage
-from webui.scene.surroundings import draw_surroundings
+from webui.scene.surroundings import draw_surroundings, write_depth
 from webui.scene.target import Target
 from webui.scene.track import Track
 from webui.scene.view import SceneChange, SceneState
@@ -95,6 +95,7 @@ class RobotScene:
         with self._server.atomic():
             if self._panel.exaggeration != self._stage.exaggeration:
                 self._stage.exaggerate(self._panel.exaggeration)
+                write_depth(self._stage, self._source.site)
             self._robot.show(self._source.pose(), self._stage.exaggeration)
             self._track.update()
             self._plan.update()

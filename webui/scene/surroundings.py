@@ -50,7 +50,17 @@ def _ruler(stage: Stage, site: Site) -> None:
     middle_y = (water.y_min_m + water.y_max_m) / 2
     for name, position_ned, text in (
         ("north", (water.x_max_m, middle_y, 0.0), "N"),
-        ("depth", (water.x_min_m, water.y_max_m, water.depth_max_m), f"{water.depth_max_m:g} m"),
         ("width", (water.x_min_m, middle_y, 0.0), f"{water.y_max_m - water.y_min_m:g} m"),
     ):
         stage.label(f"ruler_{name}", text, ned_to_enu(np.array(position_ned)))
+    write_depth(stage, site)
+
+
+def write_depth(stage: Stage, site: Site) -> None:
+    """Name the depth at the floor, and say how many times as deep as it is it is drawn."""
+    water = site.water
+    text = f"{water.depth_max_m:g} m deep"
+    if stage.exaggeration != 1.0:
+        text += f", drawn {stage.exaggeration:g} times as deep"
+    corner_ned = np.array((water.x_min_m, water.y_max_m, water.depth_max_m))
+    stage.label("ruler_depth", text, ned_to_enu(corner_ned))
