@@ -26,6 +26,7 @@ def store(tmp_path):
 async def feed(store):
     feed = LiveFeed(store, SystemClock(), lambda: 3)
     beat = asyncio.create_task(feed.run())
+    await until(lambda: feed._ticks)
     yield feed
     feed.close()
     beat.cancel()
@@ -106,7 +107,6 @@ async def test_client_that_returns_with_its_cursor_misses_nothing(feed, store):
 
 
 async def test_client_that_knows_more_than_the_feed_gets_nothing_twice(feed, store):
-    await until(lambda: feed._ticks)
     await happen(store, "one", "two", "three")
     client = Client(feed, after=2)
     await client.until(lambda: client.events)
