@@ -88,6 +88,8 @@ class LiveFeed:
         self._commits = -1
         self._ticks = 0
         self._tick = asyncio.Event()
+        self._knows_log = asyncio.Event()
+        """Set once it is known where the log ends: who comes before waits for that."""
         self._closed = False
         self._batches: dict[tuple[int, int, frozenset[str] | None], str] = {}
         self.listeners: list[Callable[[EventRecord], None]] = []
@@ -110,7 +112,8 @@ class LiveFeed:
 
     async def run(self) -> None:
         """Tick until cancelled."""
-        self._cursor = self._forgotten = await self._store.query(last_cursor)
+        self._cursor = self._forgotten = await self._end_of_log()
+        self._knows_log.set()
         due_s = asyncio.get_running_loop().time()
         while True:
             await self._advance()
@@ -126,6 +129,7 @@ class LiveFeed:
             after: Cursor of the last event that the client knows; ``None`` for the events from
                 now on.
         """
+        await self._knows_log.wait()
         reader = _Reader(robots, self._cursor if after is None else after)
         sent_s = -QUIET_S
         now_s = asyncio.get_running_loop().time
@@ -140,7 +144,17 @@ class LiveFeed:
     def close(self) -> None:
         """Let every ``follow`` return."""
         self._closed = True
+        self._knows_log.set()
         self._tick.set()
+
+    async def _end_of_log(self) -> int:
+        """Return the cursor of the newest event, as soon as storage works."""
+        while True:
+            try:
+                return await self._store.query(last_cursor)
+            except (StoreError, SQLAlchemyError) as error:
+                log.warning("the live stream begins when storage works: %s", error)
+            await asyncio.sleep(TICK_S)
 
     async def _advance(self) -> None:
         events: list[EventRecord] = []

@@ -132,6 +132,41 @@ async def test_gauges_go_on_while_the_log_cannot_be_read_and_no_event_is_lost(
     await client.until(lambda: client.events == ["while it failed"])
 
 
+async def test_stream_begins_once_the_log_can_be_read_and_tells_nobody_what_was_before(
+    store, monkeypatch
+):
+    await happen(store, "long ago")
+    query, tries = store.query, []
+
+    async def fail_twice(function):
+        tries.append(function)
+        if len(tries) <= 2:
+            raise OperationalError("select", {}, OSError("disk I/O error"))
+        return await query(function)
+
+    monkeypatch.setattr(store, "query", fail_twice)
+    feed = LiveFeed(store, SystemClock(), lambda: 0)
+    client = Client(feed)
+    beat = asyncio.create_task(feed.run())
+    await client.until(lambda: client.batches)
+    await happen(store, "now")
+    await client.until(lambda: client.events)
+    assert client.events == ["now"]
+    feed.close()
+    beat.cancel()
+    await asyncio.gather(beat, client.task, return_exceptions=True)
+
+
+async def test_client_of_a_stream_that_never_began_is_let_go_when_it_closes(store):
+    feed = LiveFeed(store, SystemClock(), lambda: 0)
+    client = Client(feed)
+    await asyncio.sleep(0)
+    feed.close()
+    async with asyncio.timeout(10):
+        await client.task
+    assert client.batches == []
+
+
 async def test_client_that_asked_for_one_robot_hears_nothing_of_another(feed):
     client = Client(feed, robots=frozenset({"mini-1"}))
     feed.put("robots", "grace-1", lambda: {"depth_m": 5.0}, "grace-1")
