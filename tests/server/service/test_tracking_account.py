@@ -52,8 +52,8 @@ def test_energy_surfacings_and_battery_are_near_what_a_robot_takes_that_flies_it
     life.live(duration_s)
     took = full - battery.fraction
     told = battery_of(config, planner, MINI_MODEL, BATTERY_PRESETS["miniglider"], None)
-    assert 0.8 * took < told.used < 2.0 * took
-    assert promised.energy == pytest.approx(life.executive.energy_used, rel=0.25)
+    assert 0.8 * took < told.used < 2.5 * took
+    assert 0.85 < promised.energy / life.executive.energy_used < 1.5
     modes = life.notebook.modes[life.notebook.modes.index(RobotMode.TRACKING) :]
     came_up = modes.count(RobotMode.SURFACED) + 1  # its end too
     assert abs(promised.surfacings - came_up) <= 1
