@@ -100,7 +100,7 @@ async def test_surface_reaches_the_radio_although_the_database_is_locked(
 
 
 async def test_unwritten_surface_order_ends_the_automation_once_storage_works(
-    client, station, world, tmp_path
+    client, station, world, workers, tmp_path
 ):
     world.robots[MINI].may_fly.clear()
     mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
@@ -128,7 +128,7 @@ async def test_other_orders_are_refused_while_the_database_is_locked(client, wor
     assert world.commands == []
 
 
-async def test_surface_purges_the_automation_of_that_robot(client, station, world):
+async def test_surface_purges_the_automation_of_that_robot(client, station, world, workers):
     mission = (
         await client.post(
             "/api/robots/mini-1/missions",
@@ -207,7 +207,7 @@ async def test_withdrawn_upload_says_nothing_more_of_its_plan(client, station, w
 
 
 async def test_nothing_is_started_after_a_surface_order_whatever_was_on_its_way(
-    client, station, world, monkeypatch
+    client, station, world, workers, monkeypatch
 ):
     async def too_late(robot):
         """The transfer's task is not stopped: only the database can hold it back."""
