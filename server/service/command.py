@@ -27,6 +27,7 @@ from server.problem import conflict
 from server.service.command_row import command_view, note_level, waiting_view
 from server.service.fleet import Fleet
 from server.service.link import Radio, SatelliteRoad
+from server.service.recorded import refuse_recording
 from server.service.routing import Wish
 from server.service.turn import Turns
 from server.service.view.command import CommandView
@@ -203,9 +204,7 @@ class Commands:
         Raises:
             Problem: As of ``send``.
         """
-        picture = self._fleet.picture(robot)
-        if picture.record.system_id is None:
-            raise conflict(f"{robot} is a recording; it cannot be told anything.")
+        refuse_recording(self._fleet.picture(robot), "cannot be told anything")
         if kind is CommandKind.SURFACE:
             wish = "auto"
         roads = self._roads(robot, kind, wish)

@@ -19,6 +19,7 @@ from server.job import JobError, JobProgress
 from server.problem import FieldError, Problem, conflict, not_found, unprocessable
 from server.service.fleet import Fleet
 from server.service.job_per_key import JobPerKey
+from server.service.recorded import refuse_recording
 from server.service.view.onboard import ParametersView, ParameterView
 from server.service.words import sentence
 
@@ -67,7 +68,7 @@ class Parameters:
         Raises:
             Problem: 404 for an unknown robot, 409 for a recording.
         """
-        self._check_talks(robot)
+        refuse_recording(self._fleet.picture(robot), "cannot be asked anything")
         return await self._readings.start(
             robot, lambda progress: self._read(robot, progress), by=by
         )
@@ -79,7 +80,7 @@ class Parameters:
             Problem: 404 for an unknown robot or parameter, 409 if the robot refuses or cannot be
                 reached, 422 if the value cannot be one of this parameter.
         """
-        self._check_talks(robot)
+        refuse_recording(self._fleet.picture(robot), "cannot be asked anything")
         known = await self._store.query(lambda session: query.list_parameters(session, robot))
         record = next((one for one in known if one.name == name), None)
         if record is None:
@@ -134,10 +135,6 @@ class Parameters:
         records = [ParameterRecord(one.name, one.value, one.type.name.lower(), at) for one in found]
         await self._store.write(lambda session: query.keep_parameters(session, robot, records))
         return {"parameters": len(records)}
-
-    def _check_talks(self, robot: str) -> None:
-        if self._fleet.picture(robot).record.system_id is None:
-            raise conflict(f"{robot} is a recording; it cannot be asked anything.")
 
 
 def _check_value(record: ParameterRecord, value: float) -> None:

@@ -12,6 +12,7 @@ from server.foundation import Foundation
 from server.problem import FieldError, Problem, conflict, unprocessable
 from server.service.fleet import Fleet
 from server.service.picture import Picture
+from server.service.recorded import refuse_recording
 
 
 class PlanSettings:
@@ -48,8 +49,7 @@ class PlanSettings:
             Problem: As of ``configure``.
         """
         picture = self._fleet.picture(robot)
-        if picture.record.system_id is None:
-            raise conflict(f"{robot} is a recording; it flies no plans.")
+        refuse_recording(picture, "flies no plans")
         self.refuse_while_storage_fails()
         try:
             wanted = await self._foundation.configurations.merged("planner", robot, patch)

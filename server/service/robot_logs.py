@@ -14,10 +14,11 @@ from robot_link.service.error import ServiceError
 from robot_link.service.file_store import FileEntry
 from server.foundation import Foundation
 from server.job import JobError, JobProgress
-from server.problem import conflict, not_found
+from server.problem import not_found
 from server.service.fleet import Fleet
 from server.service.job_per_key import JobPerKey
 from server.service.partial_file import PartialFile
+from server.service.recorded import refuse_recording
 from server.service.view.onboard import FetchedLogView, RobotLogsView, RobotLogView
 from server.service.words import sentence
 
@@ -77,7 +78,7 @@ class RobotLogs:
         Raises:
             Problem: 404 for an unknown robot, 409 for a recording.
         """
-        self._check_talks(robot)
+        refuse_recording(self._fleet.picture(robot), "cannot be asked anything")
         return await self._listings.start(
             robot, lambda progress: self._list(robot, progress), by=by
         )
@@ -88,7 +89,7 @@ class RobotLogs:
         Raises:
             Problem: 404 for an unknown robot or file, 409 for a recording.
         """
-        self._check_talks(robot)
+        refuse_recording(self._fleet.picture(robot), "cannot be asked anything")
         known = await self._store.query(lambda session: query.list_logs(session, robot))
         record = next((one for one in known if one.path == path), None)
         if record is None:
@@ -157,10 +158,6 @@ class RobotLogs:
             )
         )
         return {"log": record.id, "bytes": len(content), "sha256": sha256}
-
-    def _check_talks(self, robot: str) -> None:
-        if self._fleet.picture(robot).record.system_id is None:
-            raise conflict(f"{robot} is a recording; it cannot be asked anything.")
 
 
 def _view(record: LogRecord, job: str | None) -> RobotLogView:

@@ -21,11 +21,11 @@ from robot_link.satellite.config import SatelliteConfig
 from robot_link.tracking_order import TrackingOrder
 from server.configuration import CurrentConfiguration
 from server.foundation import Foundation
-from server.problem import conflict
 from server.service.fleet import Fleet
 from server.service.picture import TRACK_TARGET, Picture
 from server.service.plan_ledger import PlanLedger, note_change
 from server.service.plan_settings import PlanSettings
+from server.service.recorded import refuse_recording
 from server.service.satellite.fare import mission_credits
 from server.service.track_account import track_account
 from server.service.track_battery import battery_violations, track_battery
@@ -62,8 +62,7 @@ class TrackPlanning:
             StoreUnavailableError: Nothing was kept.
         """
         picture = self._fleet.picture(robot)
-        if picture.record.system_id is None:
-            raise conflict(f"{robot} is a recording; it follows no target.")
+        refuse_recording(picture, "follows no target")
         self._settings.refuse_while_storage_fails()
         position = self._settings.position(robot)
         book = self._foundation.configurations
