@@ -246,6 +246,7 @@ export class FakePursuit {
       is_quiet: this.isQuiet,
       true_ne_m: isVirtual ? truth : null,
       error_m: isVirtual && first ? distance(first.position_ne_m, truth) : null,
+      reason: this.endedBecause ?? '',
       text: this.#text(first),
     });
   }

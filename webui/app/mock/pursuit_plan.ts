@@ -48,6 +48,7 @@ export class FakePursuitPlan {
       },
       onboard: null,
       tracking: config,
+      teaches: isTeaching(config),
       warnings: isTeaching(config)
         ? [{ field: 'teaching', message: 'Teaching only: without the barrier the estimate goes wrong.' }]
         : [],

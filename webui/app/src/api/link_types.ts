@@ -165,9 +165,13 @@ export interface LogFile {
   modified_at: Time | null;
   /** The copy that the station has. */
   downloaded: { id: string; at: Time; bytes: number; sha256: string } | null;
+  /** The newest job that fetches it or did; `null` if there was none since the station began. */
+  job?: string | null;
 }
 
 export interface LogListing {
   read_at: Time | null;
   logs: LogFile[];
+  /** The newest job that lists them or did. */
+  job?: string | null;
 }

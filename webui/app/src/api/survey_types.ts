@@ -23,11 +23,24 @@ export interface Account {
   duration_s: number;
   worst_std_m: number;
   bytes: number;
-  credits: number;
+  /** What sending it by satellite takes; `null` where it is too long for that. */
+  credits: number | null;
   /** How often the robot comes up. */
   surfacings?: number;
   /** What the round says by satellite. */
   satellite_bytes?: number;
+  /** Of a plan that follows a target; `null` where the vehicle is not known. */
+  battery?: Battery | null;
+}
+
+/** What a plan takes of the battery; all but the time are parts of a full one. */
+export interface Battery {
+  used: number;
+  left: number | null;
+  /** What is left when the robot ends its mission by itself. */
+  reserve: number;
+  /** How long the robot could go on like this. */
+  lasts_s: number | null;
 }
 
 export interface Violation {

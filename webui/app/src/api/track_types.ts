@@ -52,6 +52,8 @@ export interface TrackView {
   true_ne_m: NorthEast | null;
   /** Distance of the likeliest estimate from the truth. */
   error_m: number | null;
+  /** Why the mission ended, in the robot's words; empty while it goes on. */
+  reason: string;
   /** The same in a sentence. */
   text: string;
 }
@@ -71,4 +73,17 @@ export interface TrackPlan {
   target_path?: readonly (readonly [t: number, north: number, east: number])[];
   /** What to know before it is sent; `teaching` marks one that teaches. */
   warnings?: Violation[];
+  /** Whether it follows its target with nothing that keeps it observable, for teaching. */
+  teaches?: boolean;
+  /** Settings that nobody named for it and that are not the preset's. */
+  inherited?: InheritedSetting[];
+}
+
+/** A setting that an earlier plan left. */
+export interface InheritedSetting {
+  /** Its path, such as `barrier.alpha`. */
+  field: string;
+  value: string | number;
+  /** What the preset says. */
+  usual: string | number;
 }

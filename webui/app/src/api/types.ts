@@ -264,6 +264,7 @@ export interface Job {
   message: string;
   result: JsonObject | null;
   created_at: Time;
+  ended_at?: Time | null;
 }
 
 export interface ImportResult {

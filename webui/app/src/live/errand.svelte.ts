@@ -1,5 +1,5 @@
 import { sentence } from '../api/problem';
-import type { Job } from '../api/types';
+import type { Job, Time } from '../api/types';
 import { JobWatch } from './job_watch.svelte';
 import type { Station } from './station.svelte';
 
@@ -13,6 +13,9 @@ export class Errand {
   hasFailed = $state.raw(false);
   /** What is worked on, where one page may begin several. */
   subject = $state.raw<string | null>(null);
+  /** When it ended, where that was before anybody looked. */
+  endedAt = $state.raw<Time | null>(null);
+  #isResumed = false;
   #isBeginning = $state.raw(false);
   #refused = $state.raw('');
   readonly #watch: JobWatch;
@@ -29,10 +32,7 @@ export class Errand {
 
   async begin(ask: () => Promise<{ job: string }>, subject: string | null = null): Promise<void> {
     if (this.isRunning) return;
-    this.#watch.stop();
-    this.#refused = this.outcome = '';
-    this.hasFailed = false;
-    this.subject = subject;
+    this.#clear(subject);
     this.#isBeginning = true;
     try {
       this.#watch.follow((await ask()).job);
@@ -43,10 +43,27 @@ export class Errand {
     }
   }
 
+  /** Go on with one that was begun before: by an earlier look at the page, or by somebody else. */
+  resume(job: string, subject: string | null = null): void {
+    if (this.isRunning) return;
+    this.#clear(subject);
+    this.#isResumed = true;
+    this.#watch.follow(job);
+  }
+
   cancel = (): void => void this.#watch.cancel();
   stop = (): void => this.#watch.stop();
 
+  #clear(subject: string | null): void {
+    this.#watch.stop();
+    this.#refused = this.outcome = '';
+    this.hasFailed = this.#isResumed = false;
+    this.endedAt = null;
+    this.subject = subject;
+  }
+
   #take(job: Job | null): void {
+    this.endedAt = this.#isResumed ? (job?.ended_at ?? null) : null;
     this.hasFailed = job?.state !== 'done' && job?.state !== 'cancelled';
     this.outcome = this.#told(job);
   }

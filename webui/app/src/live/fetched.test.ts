@@ -56,6 +56,20 @@ describe('an errand', () => {
     expect(errand.hasFailed).toBe(true);
   });
 
+  test('that was begun before is picked up, with the time at which it ended', async () => {
+    const ended_at = '2026-11-21T04:00:00Z';
+    const job = { id: 'job-7', state: 'failed', message: 'The radio was lost.', ended_at };
+    const known = { api: { job: vi.fn().mockResolvedValue(job) } } as unknown as Station;
+    const errand = new Errand(known, () => 'Never.');
+    errand.resume('job-7', '/flight.log');
+    await vi.waitFor(() => expect(errand.outcome).toBe('The radio was lost.'));
+    expect(known.api.job).toHaveBeenCalledWith('job-7');
+    expect(errand.subject).toBe('/flight.log');
+    expect(errand.endedAt).toBe(ended_at);
+    await errand.begin(() => Promise.reject(REFUSED));
+    expect(errand.endedAt).toBeNull();
+  });
+
   test('that was refused is not under way', async () => {
     const errand = new Errand(station('done', ''), () => 'Never.');
     await errand.begin(() => Promise.reject(REFUSED));

@@ -7,6 +7,8 @@ const HELP: Record<string, string> = {
   field: 'How measurements become a map: kernels, noise and grid.',
   estimator: 'How the robot’s position and motion are estimated from its sensors.',
   trim: 'Standing offsets of buoyancy and mass position, which travel with every plan.',
+  battery: 'How much the robot’s battery holds, which tells whether a mission lasts.',
+  tracking: 'How a target is followed by its range; the page Track has the same form.',
   trial: 'The scenario that a what-if run begins with.',
   identification: 'How parameters of the vehicle are searched for in recordings.',
   'controller.backstepping': 'Steers along a glide: the proposed controller.',
@@ -29,9 +31,13 @@ interface Group {
 
 const GROUPS: readonly Group[] = [
   { title: 'Survey', has: (kind) => ['planner', 'field', 'estimator'].includes(kind) },
+  { title: 'Following a target', has: (kind) => kind === 'tracking' },
   { title: 'Controllers', has: (kind) => kind.startsWith('controller.') },
   { title: 'Links', has: (kind) => ['satellite', 'link', 'acoustic'].includes(kind) },
-  { title: 'Vehicle', has: (kind) => ['trim', 'identification', 'trial'].includes(kind) },
+  {
+    title: 'Vehicle',
+    has: (kind) => ['battery', 'trim', 'identification', 'trial'].includes(kind),
+  },
 ];
 
 export interface KindGroup {

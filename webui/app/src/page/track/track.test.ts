@@ -10,6 +10,7 @@ import {
   orbitRadius,
   targetName,
 } from './config';
+import { batteryText, trackFacts } from './account';
 import { barrierSentence, knowable, knowableFigure, observability } from './observability';
 import { advice, isAstray, isFollowing, isTeachingNow, phaseSince, phaseWord } from './phase';
 import { distanceOf, rangeOrigin, trackColumns } from './series';
@@ -45,13 +46,14 @@ function report(second: number, more: Partial<TrackView> = {}): TrackView {
     is_quiet: false,
     true_ne_m: null,
     error_m: null,
+    reason: '',
     text: '',
     ...more,
   };
 }
 
 const CONFIG: JsonObject = {
-  target: { kind: 'virtual', path: 'circle', north_m: 1.4, east_m: 0.7, guess_std_m: 0.35, address: 10 },
+  target: { kind: 'virtual', path: 'circle', speed_m_s: 0.01, width_m: 0.3, north_m: 1.4, east_m: 0.7, guess_std_m: 0.35, address: 10 },
   ranging: { lost_after_s: 15, give_up_after_s: 120 },
   barrier: { controller: 'barrier', epsilon: 0.04 },
   motion: { turn_rate_max_rad_s: Math.PI / 4 },
@@ -252,5 +254,32 @@ describe('reports over time', () => {
     const shown = report(4, { range_age_s: 2.9 });
     expect(rangeOrigin(reports, shown)).toEqual([1, 0]);
     expect(rangeOrigin([], shown)).toEqual([4, 0]);
+  });
+});
+
+describe('the account of a plan to follow a target', () => {
+  const text = (config: JsonObject, title: string) =>
+    trackFacts(config).find((fact) => fact.title === title)?.text;
+
+  test('says what it follows, for how long and what keeps it observable', () => {
+    const whole = changed('motion', { duration_s: 600, depth_m: 0 });
+    expect(text(whole, 'Follows')).toBe(
+      'a virtual target on a circle of 0.3\u00a0m radius, 0.01\u00a0m/s',
+    );
+    expect(text(changed('target', { kind: 'tag' }), 'Follows')).toContain('address 10');
+    expect(text(whole, 'At most for')).toBe('10 min 00 s');
+    expect(text(whole, 'Swims')).toBe('at the surface');
+    expect(text(whole, 'Lost')).toContain('after 15 s of silence, given up 2 min 00 s later');
+    expect(text(whole, 'Keeps it observable')).toContain('orbit of about 0.5\u00a0m');
+    const off = changed('barrier', { controller: 'nominal' });
+    expect(text(off, 'Keeps it observable')).toBe('nothing (teaching)');
+  });
+
+  test('says whether the battery lasts, and never more than is known', () => {
+    const battery = { used: 0.05, left: 0.8, reserve: 0.1, lasts_s: 8400 };
+    expect(batteryText(battery)).toBe(
+      'takes about 5\u00a0% of 80\u00a0% left, and ends itself at 10\u00a0%: lasts 2 h 20 min',
+    );
+    expect(batteryText({ ...battery, left: null })).toContain('not known');
   });
 });
