@@ -106,6 +106,10 @@ class FieldMaps:
             for group in self._groups:
                 if sample.robot in group.robots:
                     group.waiting.append(sample)
+        for robot in {sample.robot for sample in samples}:
+            if self._smoothing.is_behind(robot):
+                # the fix that ended their dive was told before they were committed
+                self._look_at_dives(robot)
         self._news.set()
 
     def take_fix(self, robot: str, at: datetime) -> None:

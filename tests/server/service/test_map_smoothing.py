@@ -252,3 +252,16 @@ async def test_robot_that_never_stops_sampling_is_smoothed_nevertheless(
     for one in dive(MINI, begin_of(1)):
         world.tell(one)
     await until(lambda: is_smoothed(station.foundation.store))
+
+
+async def test_dive_whose_fix_was_told_before_its_samples_were_committed_is_smoothed(
+    station, world
+):
+    store = station.foundation.store
+    for number in range(2):
+        begin = begin_of(2) + timedelta(seconds=100 * number)
+        for one in dive(MINI, begin, first=20 * number):
+            world.tell(one)
+        await until(
+            lambda number=number: np.count_nonzero(columns(store).is_smoothed) == 20 * (number + 1)
+        )
