@@ -233,7 +233,7 @@ _MINIGLIDER = TrackingConfig(
         target_acceleration_density=1e-8,
         target_position_variance_m2=300.0,
     ),
-    barrier=BarrierConfig(epsilon=1.2e-3, slope=0.4),
+    barrier=BarrierConfig(epsilon=4.5e-4, slope=0.4),
     motion=MotionConfig(
         turn_rate_max_rad_s=0.1,
         acceleration_min_m_s2=0.0,
@@ -243,7 +243,8 @@ _MINIGLIDER = TrackingConfig(
     ),
 )
 """A virtual target in the middle of the tank. The robot turns by 0.1 rad/s at the most, and the
-faster it swims the wider it turns: 0.06 m/s is what keeps the orbit small."""
+faster it swims the wider it turns: 0.06 m/s is what keeps the orbit small. The barrier's level is
+what the tail reaches on an orbit that leaves room to turn before the walls."""
 
 _GRACE3 = TrackingConfig(
     target=TargetConfig(

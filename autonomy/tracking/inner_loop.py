@@ -104,6 +104,16 @@ class InnerLoop:
         self._missing_m_s = 0.0
         self._amplitude_rad = config.amplitude_max_rad
 
+    def turn_hard(self, turn_rate_rad_s: float) -> TailBeat:
+        """Return the beat that turns the robot hardest, to starboard for a positive rate.
+
+        What the loop has learned of steering holds for its usual turns only, and is forgotten.
+        """
+        self._turn_integral_rad = 0.0
+        config = self._config
+        bias = math.copysign(config.bias_hard_rad, -turn_rate_rad_s)
+        return TailBeat(bias, config.amplitude_max_rad, config.frequency_hz)
+
     def step(self, turn_rate_rad_s: float, acceleration_m_s2: float, now: Swimming) -> TailBeat:
         """Return the beat for the next step.
 

@@ -34,6 +34,16 @@ class InnerLoopConfig(Configuration):
         1.0, "rad", title="Most tail bias", gt=0.0, le=math.pi / 2.0, display_unit="deg"
     )
     """Greatest bias; more turns the robot on the spot and stops it."""
+    bias_hard_rad: float = quantity(
+        1.2, "rad", title="Tail bias off a wall", gt=0.0, le=math.pi / 2.0, display_unit="deg"
+    )
+    """Bias that turns the robot off a wall: so hard that it loses speed."""
+    hard_turn_rad_s: float = quantity(0.11, "rad/s", title="Hardest turn", gt=0.0, le=10.0)
+    """Turn rate that it brings about."""
+    hard_speed_m_s: float = quantity(0.03, "m/s", title="Speed in the hardest turn", gt=0.0, le=5.0)
+    """Speed that it leaves."""
+    hard_lag_s: float = quantity(4.0, "s", title="Lag of the hardest turn", ge=0.0, le=100.0)
+    """Time constant with which both come about."""
     speed_floor_m_s: float = quantity(0.01, "m/s", title="Speed floor", gt=0.0, le=5.0)
     """A slower robot beats as hard as it can and steers less until it has this speed again."""
     turn_feedforward_s: float = quantity(

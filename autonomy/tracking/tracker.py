@@ -31,7 +31,7 @@ from autonomy.tracking.reading import (
     TrackerStep,
 )
 from autonomy.tracking.track_watch import Evidence, TrackWatch
-from autonomy.tracking.wall import turn_away
+from autonomy.tracking.wall import Helm, Motion, WallGuard
 
 __all__ = [
     "RangeHeard",
@@ -67,11 +67,14 @@ class Tracker:
         config: Of the whole mission.
         start: Where the robot is.
 
+        helm: How it turns off a wall; by default as a unicycle within the mission's limits.
     Raises:
         ValueError: If a number of ``start`` is not finite or beyond all sense.
     """
 
-    def __init__(self, config: TrackingConfig, start: TrackerStart) -> None:
+    def __init__(
+        self, config: TrackingConfig, start: TrackerStart, helm: Helm | None = None
+    ) -> None:
         own = start.own_ne_m
         if not (_is_place(own) and _is_motion(start.heading_rad, start.speed_m_s)):
             raise ValueError(
@@ -97,6 +100,9 @@ class Tracker:
         self._now_s = 0.0
         self._own_ne_m = own
         self._command: Pair = (0.0, 0.0)
+        motion = config.motion
+        self._guard = WallGuard(helm or Helm(motion.turn_rate_max_rad_s), motion.margin_m)
+        self._turn_rate_rad_s = 0.0
         self._heard = 0
         self._rejected = 0
         self._newest: tuple[float, float] | None = None
@@ -145,6 +151,7 @@ class Tracker:
         """Turn away from walls and shore in time, whatever the track wants.
 
         Args:
+            self._turn_rate_rad_s = self._command[0]
             step: The newest answer of ``step``.
             own_ne_m: Where the robot is.
             site: The water that it may swim in.
@@ -153,20 +160,12 @@ class Tracker:
             The same step; with another command where the robot could not keep ``motion.margin_m``
             off walls and shore any more (``wall``).
         """
-        motion = self._config.motion
         if step.phase in {TrackPhase.WAITING, TrackPhase.ENDED} or not _is_place(own_ne_m):
             return step
         h = self._timeline.bank.best.h
         pace = abs(float(h[3])) + 2.0 * math.sqrt(max(float(h[hk.SPEED_VARIANCE]), 0.0))
-        command = turn_away(
-            own_ne_m,
-            float(h[2]),
-            pace,
-            step.command,
-            site,
-            motion.margin_m,
-            motion.turn_rate_max_rad_s,
-        )
+        now = Motion(own_ne_m, float(h[2]), pace, self._turn_rate_rad_s)
+        command = self._guard.step(now, step.command, site)
         if command is None:
             return step
         self._command = command

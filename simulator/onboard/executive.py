@@ -127,8 +127,8 @@ class Executive:
 
     @property
     def is_sampling(self) -> bool:
-        """Whether the field is worth measuring: a leg is being flown."""
-        return self._stage is Stage.LEG
+        """Whether the field is worth measuring: a leg is being flown, or a target followed."""
+        return self._stage in {Stage.LEG, Stage.PURSUIT}
 
     def plan_refusal(self) -> str:
         """Return why no new plan can be taken now, or ""."""

@@ -227,7 +227,7 @@ class OnboardProgram:
         return self._navigator.step(readings, self._set_points, began_s)
 
     def _measure(self, radio: Radio) -> None:
-        """Take a sample of the field when one is due on a leg."""
+        """Take a sample of the field when one is due on a leg or a pursuit."""
         if not self.executive.is_sampling or self.time_s < self._next_sample_s:
             return
         self._next_sample_s = self.time_s + self._sample_period_s

@@ -13,6 +13,7 @@ from autonomy.tracking.reading import (
     TrackerStep,
 )
 from autonomy.tracking.tracker import Tracker
+from autonomy.tracking.wall import Helm
 from robot_link.messages import RobotMode
 from simulator.onboard.beacon_position import BeaconPosition
 from simulator.onboard.ground_motion import GroundMotion
@@ -65,7 +66,8 @@ class Pursuit:
             now.speed_m_s,
             hearing.known_velocity_ne_m_s,
         )
-        self._tracker = Tracker(config, start)
+        helm = Helm(loops.hard_turn_rad_s, loops.hard_lag_s, loops.hard_speed_m_s)
+        self._tracker = Tracker(config, start, helm)
         self.newest: TrackerStep | None = None
         """What the tracker said last; None before the first step."""
         self.failure = ""
@@ -88,14 +90,19 @@ class Pursuit:
         reading = self._reading(estimate, now)
         if self._beacon is not None:
             self._beacon.step(estimate, now, reading.ranges, dt_s)
-        step = self._tracker.step(reading, dt_s)
-        step = self._tracker.keep_inside(step, estimate.position_ned[:2], self._flight.site)
+        wanted = self._tracker.step(reading, dt_s)
+        step = self._tracker.keep_inside(wanted, estimate.position_ned[:2], self._flight.site)
         self.newest = step
         self.failure = step.reason or self._trouble(estimate)
         if step.phase is TrackPhase.WAITING:
             return self._flight.pilot.rest()
         turn_rate, acceleration = step.command
-        beat = self._loop.step(turn_rate, acceleration, now)
+        is_turning_away = step is not wanted
+        beat = (
+            self._loop.turn_hard(turn_rate)
+            if is_turning_away
+            else self._loop.step(turn_rate, acceleration, now)
+        )
         return self._swim(estimate, beat, dt_s)
 
     def located(self, estimate: Estimate) -> Estimate:
