@@ -11,7 +11,7 @@ from tests.e2e.demo import dives
 pytestmark = [
     pytest.mark.browser,
     pytest.mark.process,
-    pytest.mark.timeout(420),
+    pytest.mark.timeout(1200),
     pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
 ]
 
@@ -45,7 +45,7 @@ def recording(station, dive):
 
 def test_the_polar_of_a_robot_is_read_cell_by_cell(page, demo):
     open_page(page, demo, "/control/mini-1#polar")
-    expect(page.get_by_text("Glider polar")).to_be_visible(timeout=180_000)
+    expect(page.get_by_text("Glider polar")).to_be_visible(timeout=240_000)
     picture = page.get_by_role("button", name=re.compile("Speed against net buoyancy"))
     box = picture.bounding_box()
     picture.click(position={"x": 0.7 * box["width"], "y": 0.9 * box["height"]})
@@ -65,7 +65,7 @@ def test_the_polar_of_a_robot_is_read_cell_by_cell(page, demo):
 
 def test_a_scaled_vehicle_is_said_to_be_one(page, demo):
     open_page(page, demo, "/control/grace-1#polar")
-    expect(page.get_by_text("scaled, not identified", exact=False)).to_be_visible(timeout=180_000)
+    expect(page.get_by_text("scaled, not identified", exact=False)).to_be_visible(timeout=240_000)
 
 
 def test_two_controllers_are_compared_before_anybody_flies(page, demo):

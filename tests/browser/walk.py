@@ -31,7 +31,7 @@ KNOWN_PAGE_ERROR = "Evaluating a string as JavaScript violates"
 @contextmanager
 def chromium() -> Iterator[Browser]:
     """Start the one browser of all walks: a process has room for one only."""
-    expect.set_options(timeout=60_000)
+    expect.set_options(timeout=120_000)
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
         yield browser
@@ -43,7 +43,7 @@ def browser_page(browser: Browser, demo: Demo) -> Iterator[Page]:
     """Sign in with the one-time address; afterwards no page may have failed or asked elsewhere."""
     SHOTS.mkdir(parents=True, exist_ok=True)
     page = browser.new_page(viewport={"width": 1600, "height": 950})
-    page.set_default_timeout(60_000)
+    page.set_default_timeout(120_000)
     faults: list[str] = []
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.on("request", lambda request: _note_foreign(request.url, demo.url, faults))
@@ -66,7 +66,7 @@ def open_page(page: Page, demo: Demo, path: str) -> None:
 def expect_scene(page: Page) -> None:
     """Wait until the 3D view has drawn: the middle of an empty one is a plain shade."""
     canvas = page.frame_locator("iframe").locator("canvas").first
-    expect(canvas).to_be_visible(timeout=90_000)
+    expect(canvas).to_be_visible(timeout=240_000)
     for _ in range(DRAWN_TRIES):
         picture = Image.open(BytesIO(canvas.screenshot(timeout=120_000))).convert("RGB")
         width, height = picture.size
@@ -81,13 +81,12 @@ def shoot(page: Page, name: str) -> None:
     for size, (width, height) in SIZES.items():
         page.set_viewport_size({"width": width, "height": height})
         page.wait_for_timeout(800)
-        page.screenshot(path=SHOTS / f"{name}-{size}.png", timeout=120_000)
+        page.screenshot(path=SHOTS / f"{name}-{size}.png", timeout=240_000)
     page.set_viewport_size({"width": 1600, "height": 950})
 
 
 def hold(page: Page, name: re.Pattern) -> None:
-    box = page.get_by_role("button", name=name).bounding_box()
-    page.mouse.move(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.get_by_role("button", name=name).hover()
     page.mouse.down()
     page.wait_for_timeout(1500)
     page.mouse.up()
