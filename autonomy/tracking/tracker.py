@@ -66,8 +66,8 @@ class Tracker:
     Args:
         config: Of the whole mission.
         start: Where the robot is.
-
         helm: How it turns off a wall; by default as a unicycle within the mission's limits.
+
     Raises:
         ValueError: If a number of ``start`` is not finite or beyond all sense.
     """
@@ -146,12 +146,12 @@ class Tracker:
         """
         if math.isfinite(command[0]) and math.isfinite(command[1]):
             self._command = (float(command[0]), float(command[1]))
+            self._turn_rate_rad_s = self._command[0]
 
     def keep_inside(self, step: TrackerStep, own_ne_m: Pair, site: Site) -> TrackerStep:
         """Turn away from walls and shore in time, whatever the track wants.
 
         Args:
-            self._turn_rate_rad_s = self._command[0]
             step: The newest answer of ``step``.
             own_ne_m: Where the robot is.
             site: The water that it may swim in.
