@@ -305,7 +305,7 @@ export class Api {
   revokeToken = (id: string) => this.#send('DELETE', `/api/tokens/${part(id)}`);
 
   #remember(session: Session): Session {
-    this.#road.csrf = session.csrf_token;
+    this.#road.csrf = session.csrf_token ?? '';
     return session;
   }
 

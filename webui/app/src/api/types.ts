@@ -89,7 +89,6 @@ export interface Robot {
   simulated: boolean;
   site: Site;
   link: Link;
-  links?: RobotLink[];
   mode: string | null;
   activity: string;
   mission_id: string | null;
@@ -162,12 +161,12 @@ export interface Samples {
   value: (number | null)[];
   decimated: boolean;
   /** Where each was taken, where positions were asked for. */
-  north_m?: (number | null)[];
-  east_m?: (number | null)[];
-  depth_m?: (number | null)[];
-  fidelity?: (number | null)[];
+  north_m?: (number | null)[] | null;
+  east_m?: (number | null)[] | null;
+  depth_m?: (number | null)[] | null;
+  fidelity?: (number | null)[] | null;
   /** Whether its position was corrected after the dive. */
-  smoothed?: boolean[];
+  smoothed?: boolean[] | null;
 }
 
 export interface Track {
@@ -326,7 +325,8 @@ export interface Session {
   name: string;
   role: Role;
   rights: string[];
-  csrf_token: string;
+  /** `null` for who came with a token of their own. */
+  csrf_token: string | null;
   expires_at: Time;
 }
 

@@ -33,6 +33,11 @@ describe('samples on a slice', () => {
     ]);
   });
 
+  test('are none where the station says no places', () => {
+    const places = { north_m: null, east_m: null, depth_m: null, fidelity: null, smoothed: null };
+    expect(spotsOf({ ...samples, ...places }, slicer([0, 1], 'depth', 0))).toEqual([]);
+  });
+
   test('of a wall have depth downwards', () => {
     expect(slicer([0, 1], 'north', 1)(0.9, 0.4, 0.7)).toEqual({ across: 0.4, down: 0.7 });
     expect(slicer([0, 1], 'east', 0)(0.9, 0.4, 0.7)).toEqual({ across: 0.9, down: 0.7 });

@@ -25,13 +25,13 @@ export function slicer(positions: readonly number[], cut: Cut, index: number): S
 
 /** The samples of one slice, the poorly located first so that the well located lie on top. */
 export function spotsOf(samples: Samples, toSlice: Slicer): Spot[] {
-  const { north_m = [], east_m = [], depth_m = [], fidelity = [], smoothed = [] } = samples;
+  const { north_m, east_m, depth_m, smoothed } = samples;
   const found: Spot[] = [];
-  fidelity.forEach((level, i) => {
-    const [north, east, depth] = [north_m[i] ?? NaN, east_m[i] ?? NaN, depth_m[i] ?? NaN];
+  samples.fidelity?.forEach((level, i) => {
+    const [north, east, depth] = [north_m?.[i] ?? NaN, east_m?.[i] ?? NaN, depth_m?.[i] ?? NaN];
     if (level === null || !Number.isFinite(north + east + depth)) return;
     const place = toSlice(north, east, depth);
-    if (place) found.push({ ...place, level, isSmoothed: smoothed[i] ?? false });
+    if (place) found.push({ ...place, level, isSmoothed: smoothed?.[i] ?? false });
   });
   return found.toSorted((a, b) => (a.level ?? 0) - (b.level ?? 0));
 }

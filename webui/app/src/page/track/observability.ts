@@ -1,4 +1,5 @@
 import type { TrackView } from '../../api/types';
+import { ellipse95 } from '../../chart/ellipse';
 import { compact } from '../../text/unit';
 import type { Tone } from '../../text/word';
 import type { Keeper } from './config';
@@ -47,17 +48,48 @@ export function observability(inverseCondition: number | null): Level & { meanin
 
 /** On its orbit the robot is at the level itself; noise takes it a little below. */
 const AT_LEVEL = 0.9;
-const BARELY = 0.5;
+
+/** What is judged together, and the newest part of it, s. */
+const TREND_S = 120;
+const RECENT_S = 30;
+const FEWEST = 4;
+/** On a steady orbit the ellipse breathes by less. */
+const GROWTH = 1.3;
+
+type Sized = Pick<TrackView, 'measured_at' | 'hypotheses'>;
+
+/** Whether the robot's own ellipse has grown of late: its ranges tell too little. */
+export function isGrowing(reports: readonly Sized[]): boolean {
+  const newest = Date.parse(reports.at(-1)?.measured_at ?? '');
+  const before: number[] = [];
+  const recent: number[] = [];
+  for (const { measured_at, hypotheses } of reports.toReversed()) {
+    const ageS = (newest - Date.parse(measured_at)) / 1000;
+    if (ageS > TREND_S) break;
+    const [likeliest] = hypotheses;
+    if (!likeliest) continue;
+    const size = ellipse95(likeliest.covariance_m2)?.longM;
+    if (size !== undefined) (ageS < RECENT_S ? recent : before).push(size);
+  }
+  if (before.length < FEWEST || recent.length < FEWEST) return false;
+  return middle(recent) > GROWTH * middle(before);
+}
+
+function middle(values: readonly number[]): number {
+  return values.toSorted((a, b) => a - b)[Math.floor(values.length / 2)] ?? NaN;
+}
 
 /**
  * How well a target can be known by what the barrier asks for.
  *
  * The inverse condition number is small from afar however well the robot does; the determinant
- * against its level says whether it does what it can.
+ * against its level says whether it does what it can. For a while it may be below: that is too
+ * little only once the ellipse `grows`.
  */
 export function knowable(
   track: Pick<TrackView, 'hypotheses' | 'determinant_m2_s' | 'inverse_condition'>,
   level: number | null,
+  grows = false,
 ): Level {
   if (track.hypotheses.length === 0) return UNKNOWN;
   const seen = observability(track.inverse_condition);
@@ -66,7 +98,7 @@ export function knowable(
   // From afar the level is easily kept while left and right look alike all the same.
   if (share >= AT_LEVEL && seen.text === 'hardly') return { text: 'slowly', tone: 'plain' };
   if (share >= AT_LEVEL) return { text: seen.text === 'well' ? 'well' : 'enough', tone: 'ok' };
-  return { text: share >= BARELY ? 'barely' : 'too little', tone: 'watch' };
+  return grows ? { text: 'too little', tone: 'watch' } : { text: 'just enough', tone: 'plain' };
 }
 
 /** The figure behind the word: what the barrier measures, or without one the inverse condition. */
@@ -103,7 +135,7 @@ export function barrierSentence(
   if (!track.is_feasible) {
     return {
       text: 'It cannot be kept at this moment; the robot does what raises it most.',
-      tone: 'watch',
+      tone: 'plain',
     };
   }
   return changes(track)

@@ -11,7 +11,13 @@ import {
   targetName,
 } from './config';
 import { batteryText, trackFacts } from './account';
-import { barrierSentence, knowable, knowableFigure, observability } from './observability';
+import {
+  barrierSentence,
+  isGrowing,
+  knowable,
+  knowableFigure,
+  observability,
+} from './observability';
 import { advice, isAstray, isFollowing, isTeachingNow, phaseSince, phaseWord } from './phase';
 import { distanceOf, rangeOrigin, trackColumns } from './series';
 
@@ -68,9 +74,9 @@ const PATIENCE = { lostAfterS: 15, giveUpAfterS: 120 };
 describe('the hold on a target', () => {
   test('says in words what a person can do about it', () => {
     expect(advice(report(0), PATIENCE)).toBe('Nothing to do.');
-    expect(advice(report(0, { determinant_m2_s: 0.1 }), PATIENCE, 0.2)).toContain(
-      'bends its course',
-    );
+    const low = report(0, { determinant_m2_s: 0.1 });
+    expect(advice(low, PATIENCE, 0.2)).toBe('Nothing to do.');
+    expect(advice(low, PATIENCE, 0.2, true)).toContain('bends its course');
     expect(advice(report(0, { phase: 'coasting' }), PATIENCE)).toContain('after 15 s of silence');
     expect(advice(report(0, { phase: 'lost' }), PATIENCE)).toContain('Gives up 2 min 00 s after');
   });
@@ -145,8 +151,26 @@ describe('how well a target can be known', () => {
       text: 'well',
       tone: 'ok',
     });
-    expect(knowable(report(0, { determinant_m2_s: 0.13 }), 0.2).text).toBe('barely');
-    expect(knowable(report(0, { determinant_m2_s: 0.02 }), 0.2)).toMatchObject({
+    expect(knowable(report(0, { determinant_m2_s: 0.02 }), 0.2)).toEqual({
+      text: 'just enough',
+      tone: 'plain',
+    });
+  });
+
+  test('is too little only once the ellipse grows', () => {
+    const sized = (second: number, variance: number) => {
+      const [only] = report(second).hypotheses;
+      const hypotheses = only ? [{ ...only, covariance_m2: [variance, 0, variance] as const }] : [];
+      return report(second, { hypotheses });
+    };
+    const seconds = Array.from({ length: 40 }, (_, i) => i * 3);
+    const steady = seconds.map((s) => sized(s, 0.01 + 0.004 * (s % 2)));
+    const grown = seconds.map((s) => sized(s, s < 90 ? 0.01 : 0.04));
+    expect(isGrowing(steady)).toBe(false);
+    expect(isGrowing(grown)).toBe(true);
+    expect(isGrowing(grown.slice(0, 3))).toBe(false);
+    expect(isGrowing([])).toBe(false);
+    expect(knowable(report(0, { determinant_m2_s: 0.02 }), 0.2, true)).toEqual({
       text: 'too little',
       tone: 'watch',
     });
@@ -160,7 +184,7 @@ describe('how well a target can be known', () => {
     expect(barrierSentence(report(0)).text).toContain('bends the course');
     expect(barrierSentence(report(0, { command: [1, 0] })).text).toContain('changes nothing');
     expect(barrierSentence(report(0, { phase: 'lost' })).text).toContain('waits');
-    expect(barrierSentence(report(0, { is_feasible: false })).tone).toBe('watch');
+    expect(barrierSentence(report(0, { is_feasible: false })).text).toContain('cannot be kept');
     expect(barrierSentence(report(0, { is_barrier_on: false })).text).toContain('teaching');
   });
 });
