@@ -9,11 +9,14 @@ import os
 import socket
 import termios
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Protocol
 
 import serial
 
 _CHUNK_BYTES = 65536
+_LOOK_S = 1.0
+"""Time between two looks whether the name of a line is still that line's."""
 _CONNECT_S = 5.0
 """Longest wait for a TCP connection."""
 _KEEPALIVE = tuple(
@@ -47,7 +50,11 @@ class Port(Protocol):
 
 
 class SerialPort:
-    """A serial line, real or pseudo-terminal, locked against a second program."""
+    """A serial line, real or pseudo-terminal, locked against a second program.
+
+    Its name may be a symbolic link, and lead elsewhere one day: adapters change places, and a
+    number that a line has given up is soon another's.
+    """
 
     def __init__(self, line: serial.Serial) -> None:
         self._line = line
@@ -70,10 +77,20 @@ class SerialPort:
         return cls(await asyncio.to_thread(opened))
 
     async def read(self) -> bytes:
-        """Return the next bytes; none means that the line is gone."""
+        """Return the next bytes; none means that the line is gone.
+
+        Raises:
+            OSError: If the line failed, or its name leads to another one now.
+        """
         loop = asyncio.get_running_loop()
-        await _ready(self._descriptor, loop.add_reader, loop.remove_reader)
-        return os.read(self._descriptor, _CHUNK_BYTES)
+        while not self._has_moved():
+            try:
+                async with asyncio.timeout(_LOOK_S):
+                    await _ready(self._descriptor, loop.add_reader, loop.remove_reader)
+            except TimeoutError:
+                continue
+            return os.read(self._descriptor, _CHUNK_BYTES)
+        raise OSError(f"{self._line.name} leads to another line now")
 
     async def write(self, data: bytes) -> None:
         """Write all of ``data``."""
@@ -88,6 +105,13 @@ class SerialPort:
     def close(self) -> None:
         """Release the line."""
         self._line.close()
+
+    def _has_moved(self) -> bool:
+        """Tell whether the name leads to another line; a line may well outlive its name."""
+        with suppress(OSError):
+            named = os.stat(str(self._line.name)).st_rdev
+            return named != os.fstat(self._descriptor).st_rdev
+        return False
 
 
 class TcpPort:

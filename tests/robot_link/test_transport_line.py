@@ -80,6 +80,22 @@ async def test_a_line_that_vanishes_is_opened_again_when_it_is_back(tmp_path: Pa
                 await transport.send(FAR_END, b"nobody")
 
 
+async def test_a_line_whose_name_leads_elsewhere_is_given_up_for_the_one_it_names(tmp_path: Path):
+    path = tmp_path / "line"
+    with line(tmp_path / "other") as stranger, line(tmp_path / "own") as far:
+        path.symlink_to((tmp_path / "other").readlink())
+        async with running(open_transport(f"serial://{path}")) as transport:
+            await next_opening(transport)
+            path.unlink()
+            path.symlink_to((tmp_path / "own").readlink())
+            closed = await next_event(transport, PortChanged)
+            assert (closed.is_open, closed.reason) == (False, f"{path} leads to another line now")
+            await next_opening(transport)
+            stranger.write(heartbeat(1))
+            far.write(heartbeat(2))
+            assert (await next_event(transport, Received)).data == heartbeat(2)
+
+
 async def test_half_a_frame_is_given_up_when_the_line_falls_silent():
     ours, theirs = os.openpty()
 
