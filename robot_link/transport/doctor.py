@@ -33,8 +33,8 @@ from robot_link.transport.xbee import XBeeTransport
 _BEAT_S: Final = 1.0
 _LOOK_S: Final = 0.05
 """Time between two looks whether the port is open."""
-_UNDECIDED_S: Final = 4.0
-"""After so long it is plain that no XBee answers."""
+_UNDECIDED_S: Final = 6.0
+"""After so long a connection is given up, and it is plain that no XBee answers."""
 _TRIAL_S: Final = 2.0
 """How long to listen at each other speed."""
 _KEPT_BYTES: Final = 4096
@@ -80,6 +80,8 @@ class Doctor:
         self._text = uri
         self._uri = LinkUri(uri)
         self._transport = open_transport(uri)
+        self._waits = self._uri.scheme in ("tcp", "udp") and self._uri.switch("listen")
+        """Whether the far end has to call, which nobody knows when it does."""
         self._say = say
         self._codec = Codec(STATION_SYSTEM, STATION_COMPONENT)
         self._heard = Hearing()
@@ -107,7 +109,7 @@ class Doctor:
             for task in tasks:
                 if task.done():
                     task.result()
-            await self._tell_port()
+            await self._tell_port(listen_s + _UNDECIDED_S)
         finally:
             for task in tasks:
                 task.cancel()
@@ -155,7 +157,7 @@ class Doctor:
             else:
                 await asyncio.sleep(_LOOK_S)
 
-    async def _tell_port(self) -> None:
+    async def _tell_port(self, waited_s: float) -> None:
         """Say whether the port opened, and what the radio at it says of itself."""
         heard = self._heard
         if not heard.was_open:
@@ -166,7 +168,8 @@ class Doctor:
             elif heard.closed_reason:
                 self._advise(port_advice(self._uri, heard.closed_reason))
             else:
-                self._advise(_nobody_called(self._uri))
+                silence = _nobody_called(self._uri) if self._waits else _no_word(waited_s)
+                self._advise(silence)
             return
         self._say("The port is open.")
         if heard.closed_reason:
@@ -224,10 +227,10 @@ class Doctor:
         return False
 
     def _is_undecided(self) -> bool:
-        """Tell whether an XBee was asked who it is and its silence is not yet plain."""
+        """Tell whether it is not yet plain if the port opens, or if an XBee is there."""
         heard = self._heard
         said_anything = heard.was_open or heard.closed_reason or heard.strange
-        return self._uri.scheme == "xbee" and not said_anything
+        return not self._waits and not said_anything
 
     def _may_be_too_fast(self) -> bool:
         """Tell whether bytes, or no XBee, at a serial line leave its speed in doubt."""
@@ -277,6 +280,13 @@ def _mute_radio(reason: str) -> Advice:
             "Set AP to 1 (with Digi's XCTU, say) if it is 0: transparent mode answers nothing.",
             "Write the radio's speed in the link, such as baud=9600, a new XBee's.",
         ),
+    )
+
+
+def _no_word(waited_s: float) -> Advice:
+    return Advice(
+        f"The port neither opened nor refused within {waited_s:.1f} s.",
+        ("Pull the radio's adapter out and plug it in again; its driver may hang.",),
     )
 
 

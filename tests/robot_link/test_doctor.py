@@ -1,6 +1,7 @@
 """The doctor says in plain words what a link brings, and what to try."""
 
 import asyncio
+import math
 import os
 import random
 import socket
@@ -18,6 +19,7 @@ from db.store import Store
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.messages import RobotId, SystemId
+from robot_link.transport import doctor
 from robot_link.transport.advice import byte_advice, port_advice
 from robot_link.transport.datagram import BROADCAST, Address, PortClosedError
 from robot_link.transport.doctor import Doctor
@@ -205,6 +207,26 @@ async def test_a_line_that_is_not_there_is_told(tmp_path: Path):
     os.symlink("/dev/pts/none", tmp_path / "line")
     _, said = await told(f"serial://{tmp_path}/line", "leads nowhere")
     assert "leads nowhere" in said
+
+
+@pytest.mark.parametrize(
+    ("lasts_s", "sentence"),
+    [(0.3, "another speed is wanted"), (math.inf, "neither opened nor refused within 0.5 s")],
+)
+async def test_a_line_that_is_slow_to_refuse_is_waited_for(
+    monkeypatch: pytest.MonkeyPatch, lasts_s: float, sentence: str
+):
+    async def refuse(path: str, **_: object) -> SerialPort:
+        await asyncio.sleep(min(lasts_s, 3600.0))
+        raise OSError(f"{path}: another speed is wanted")
+
+    monkeypatch.setattr(SerialPort, "open", refuse)
+    if math.isinf(lasts_s):
+        monkeypatch.setattr(doctor, "_UNDECIDED_S", 0.45)
+    is_well, said = await examined("serial:///dev/slow", listen_s=0.05)
+    assert not is_well
+    assert sentence in said
+    assert "None" not in said
 
 
 async def test_a_network_link_that_nobody_serves_is_told():
