@@ -25,6 +25,7 @@ KERNEL_MODULES = (
     "autonomy.tracking.control_kernel",
     "autonomy.tracking.filter_kernel",
     "autonomy.tracking.hypothesis_kernel",
+    "autonomy.tracking.cloud_kernel",
     "autonomy.tracking.target_path_kernel",
     "autonomy.tracking.unicycle",
     "autonomy.tracking.run_kernel",

@@ -164,7 +164,7 @@ class Bank:
     @property
     def is_multiple(self) -> bool:
         """Whether more than one hypothesis may be followed."""
-        return self.config.filter.hypotheses == "two" and not self.config.barrier.is_teaching
+        return self.config.filter.hypotheses != "one" and not self.config.barrier.is_teaching
 
     @property
     def best(self) -> Hypothesis:
@@ -186,6 +186,28 @@ class Bank:
             self._settle()
         elif given.ranges_m and given.target_velocity_ne_m_s is None:
             self._doubt(given.ranges_m[-1])
+
+    def follow_instead(
+        self,
+        relative_ne_m: tuple[float, float],
+        covariance_m2: tuple[float, float, float],
+        velocity_ne_m_s: tuple[float, float],
+    ) -> None:
+        """Give up every estimate for one place, which somebody else is sure of.
+
+        Args:
+            relative_ne_m: Robot minus target.
+            covariance_m2: Of that: north-north, north-east, east-east.
+            velocity_ne_m_s: Of the target.
+        """
+        h = self.best.h.copy()
+        h[:2] = relative_ne_m
+        h[4], h[5], h[8] = covariance_m2
+        h[6] = h[7] = h[9] = h[10] = 0.0
+        start_velocity(h, self.q, velocity_ne_m_s)
+        self.hypotheses = [Hypothesis(h, 1.0)]
+        self.hearing.is_searching = False
+        self.hearing.run = 0
 
     def _pass_time(self, given: BankInput) -> None:
         hearing, dt = self.hearing, given.dt_s

@@ -79,10 +79,12 @@ class RangingConfig(Configuration):
 class FilterConfig(Configuration):
     """The estimator of the target (specification: EKF of 4 states, target velocity, bank)."""
 
-    hypotheses: Literal["one", "two"] = quantity("two", title="Hypotheses")
+    hypotheses: Literal["one", "two", "cloud"] = quantity("two", title="Hypotheses")
     """``two`` also follows the mirrored estimate, which ranges alone cannot tell from the true
     one until the robot turns, and looks in every direction when ranges contradict the estimate;
-    ``one`` is the thesis's single filter."""
+    ``cloud`` also keeps thousands of places that all ranges allow, and replaces an estimate that
+    they refute, for a robot among eddies whose ranges are rough; ``one`` is the thesis's single
+    filter."""
     target_velocity: Literal["estimated", "known"] = quantity("estimated", title="Target velocity")
     """``known`` is possible for a virtual target or a beacon only."""
     position_density_m2_s: float = quantity(
@@ -258,7 +260,8 @@ _GRACE3 = TrackingConfig(
         give_up_after_s=600.0,
     ),
     filter=FilterConfig(
-        target_speed_std_m_s=0.04,
+        hypotheses="cloud",
+        target_speed_std_m_s=0.03,
         position_density_m2_s=0.02,
         heading_density_rad2_s=5e-3,
         speed_density_m2_s3=1e-4,
@@ -283,8 +286,8 @@ _GRACE3 = TrackingConfig(
     ),
 )
 """An acoustic tag in the lake. Eddies there are a third as fast as the robot, so it knows its own
-course badly: an orbit of some metres is what its estimate allows, and what looks like a moving
-target is believed slowly."""
+course badly: an orbit of some metres is what its estimate allows, what looks like a moving target
+is believed slowly, and a cloud judges the estimate."""
 
 TRACKING_PRESETS: dict[str, TrackingConfig] = {"miniglider": _MINIGLIDER, "grace3": _GRACE3}
 """Settings a robot starts with, by vehicle, found on the simulated robots with all their

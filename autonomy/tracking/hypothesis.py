@@ -7,7 +7,12 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.tracking import hypothesis_kernel as hk
-from autonomy.tracking.filter_kernel import R_RANGE, START_VELOCITY
+from autonomy.tracking.filter_kernel import (
+    R_RANGE,
+    START_VELOCITY,
+    full_covariance,
+    packed_covariance,
+)
 
 RING = 12
 """Hypotheses of a ring."""
@@ -69,12 +74,10 @@ def mirrored_across(h: FloatArray, n_n: float, n_e: float, q: FloatArray) -> Flo
     """Reflect the place of a hypothesis across a line through the robot with this unit normal."""
     S = np.eye(4)
     S[:2, :2] -= 2.0 * np.outer([n_n, n_e], [n_n, n_e])
-    full = np.zeros((4, 4))
-    rows, columns = np.triu_indices(4)
-    full[rows, columns] = full[columns, rows] = h[hk.COVARIANCE : hk.VELOCITY]
+    full = full_covariance(h[hk.COVARIANCE : hk.VELOCITY])
     mirrored = h.copy()
     mirrored[:4] = S @ h[:4]
-    mirrored[hk.COVARIANCE : hk.VELOCITY] = (S @ full @ S)[rows, columns]
+    mirrored[hk.COVARIANCE : hk.VELOCITY] = packed_covariance(S @ full @ S)
     # The target's velocity was worked out from the other place; start it anew.
     start_velocity(mirrored, q)
     return mirrored

@@ -69,6 +69,20 @@ class Timeline:
         self._replay(first)
         return too_old
 
+    def follow_instead(
+        self,
+        relative_ne_m: tuple[float, float],
+        covariance_m2: tuple[float, float, float],
+        velocity_ne_m_s: tuple[float, float],
+    ) -> None:
+        """Let the bank follow another place from now on, as ``Bank.follow_instead`` says.
+
+        What is already past cannot be replayed with it: ranges that held before are too old.
+        """
+        self._bank = self._bank.copy()
+        self._bank.follow_instead(relative_ne_m, covariance_m2, velocity_ne_m_s)
+        self._past.clear()
+
     def _index(self, time_s: float) -> int | None:
         """Return the step nearest to a time, the later one of two."""
         past = self._past

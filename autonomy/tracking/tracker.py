@@ -12,6 +12,7 @@ from autonomy.arrays import FloatArray
 from autonomy.site import Site
 from autonomy.tracking import control_kernel
 from autonomy.tracking import hypothesis_kernel as hk
+from autonomy.tracking.arbiter import Arbiter
 from autonomy.tracking.bank import Bank, BankInput
 from autonomy.tracking.config import TrackingConfig
 from autonomy.tracking.filter_kernel import full_covariance
@@ -94,6 +95,8 @@ class Tracker:
             velocity,
         )
         self._timeline = Timeline(bank)
+        is_judged = config.filter.hypotheses == "cloud" and not config.barrier.is_teaching
+        self._arbiter = Arbiter(config, own) if is_judged else None
         self._watch = TrackWatch(config)
         self._search = SearchCircle(config)
         self._predictive = self._new_predictive()
@@ -130,9 +133,11 @@ class Tracker:
             target_velocity_ne_m_s=known,
         )
         before = self._timeline.bank.best.h[hk.RECKONED :].copy()
-        too_old = self._timeline.step(given, self._good(reading.ranges))
-        self._rejected += too_old
+        ranges = self._good(reading.ranges)
+        self._rejected += self._timeline.step(given, ranges)
         self._move(reading.own_ne_m, before)
+        if self._arbiter is not None:
+            self._arbiter.step(self._now_s, self._own_ne_m, ranges, self._timeline)
         self._judge(dt_s, is_own_measured, reading.is_quiet)
         control = self._control(dt_s, known)
         self._command = control.command

@@ -1,0 +1,144 @@
+"""Cloud of places where a target may be: the judge of the filter bank.
+
+A hypothesis of the bank bends itself to whatever ranges come: misplaced by tens of metres, it still
+explains them by a false velocity of the target. The cloud forgets no place that all ranges since
+the beginning allow, so it knows when an estimate is one that they do not. It is coarse where the
+bank is fine, and says nothing while it is of two minds.
+
+It works in the site frame with the robot's own position, which fixes hold where there are any.
+"""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.tracking import cloud_kernel
+from autonomy.tracking.config import TrackingConfig
+
+PARTICLES = 4000
+PERSISTENCE = 2.8
+"""The variance of a range counts so many times: an error of the robot's own position lasts over
+many ranges, which therefore tell less than their number."""
+STEADY_S = 300.0
+"""Time over which a target forgets its velocity; its standard deviation stays what is expected."""
+WALK_M_SQRT_S = 0.02
+"""How every place strays, so that no two particles stay the same."""
+NEAR_STDS = 4.0
+"""What lies within so many standard deviations of a range is one place."""
+BEARINGS = 24
+DOUBT_SHARE = 0.1
+"""Share of the newest range in the mean log likelihood of all of them."""
+DOUBT = -3.5
+"""Mean log likelihood below which the ranges contradict the whole cloud."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LikelyPlace:
+    """Where a cloud is densest."""
+
+    place_ne_m: tuple[float, float]
+    velocity_ne_m_s: tuple[float, float]
+    covariance_m2: tuple[float, float, float]
+    """Of the place: north-north, north-east, east-east."""
+    share: float
+    """Probability that the target is near it."""
+
+
+class TargetCloud:
+    """Where a target may be, by all ranges since the beginning.
+
+    Args:
+        config: First guess, range noise, and how fast a target may be.
+        generator: Source of its random numbers.
+    """
+
+    def __init__(self, config: TrackingConfig, generator: np.random.Generator) -> None:
+        self._speed_std_m_s = config.filter.target_speed_std_m_s
+        self._std_m = math.sqrt(PERSISTENCE * config.ranging.variance_m2)
+        self._near_m = NEAR_STDS * math.sqrt(config.ranging.variance_m2)
+        self._gate = config.ranging.gate
+        self._generator = generator
+        guess = generator.standard_normal((PARTICLES, 2)) * config.target.guess_std_m
+        guess += (config.target.north_m, config.target.east_m)
+        self._particles = np.hstack([guess, self._velocities()])
+        self._weights = np.full(PARTICLES, 1.0 / PARTICLES)
+        self._heard_s: float | None = None
+        self._agreement = 0.0
+
+    def hear(self, time_s: float, own_ne_m: tuple[float, float], range_m: float) -> None:
+        """Take in a range; one that contradicts every place together with others begins anew.
+
+        Args:
+            time_s: When it held; one before the last counts as of the same time.
+            own_ne_m: Where the robot was then.
+            range_m: Horizontal range.
+        """
+        is_first = self._heard_s is None
+        dt_s = max(time_s - (time_s if self._heard_s is None else self._heard_s), 0.0)
+        self._heard_s = time_s if is_first else max(time_s, self._heard_s or 0.0)
+        kept = math.exp(-dt_s / STEADY_S)
+        fresh_m_s = self._speed_std_m_s * math.sqrt(1.0 - kept * kept)
+        noise = self._generator.standard_normal((PARTICLES, 4))
+        walk_m = WALK_M_SQRT_S * math.sqrt(dt_s)
+        cloud_kernel.drift(self._particles, dt_s, walk_m, kept, fresh_m_s, noise)
+        likelihood = cloud_kernel.weigh(
+            self._particles, self._weights, *own_ne_m, range_m, self._std_m, self._gate
+        )
+        self._agreement += DOUBT_SHARE * (likelihood - self._agreement)
+        is_elsewhere = is_first and likelihood < 2.0 * DOUBT
+        if is_elsewhere or self._agreement < DOUBT:
+            self._begin_anew(own_ne_m, range_m)
+        elif float(self._weights @ self._weights) > 2.0 / PARTICLES:
+            offset = float(self._generator.random())
+            self._particles = cloud_kernel.resample(self._particles, self._weights, offset)
+            self._weights[:] = 1.0 / PARTICLES
+
+    def share_near(self, place_ne_m: tuple[float, float]) -> float:
+        """Return the probability that the target is near a place."""
+        return float(self._weights[self._is_near(np.array(place_ne_m))].sum())
+
+    def likeliest(self, own_ne_m: tuple[float, float]) -> LikelyPlace:
+        """Return where the cloud is densest, as seen from where the robot is."""
+        places, weights = self._particles[:, :2], self._weights
+        off = places - own_ne_m
+        turns = np.arctan2(off[:, 1], off[:, 0]) / (2.0 * math.pi)
+        sector = np.floor(turns * BEARINGS).astype(np.int64) % BEARINGS
+        shares = np.bincount(sector, weights, BEARINGS)
+        smooth = shares + np.roll(shares, 1) + np.roll(shares, -1)
+        is_in = np.isin((sector - int(smooth.argmax())) % BEARINGS, (0, 1, BEARINGS - 1))
+        for _ in range(5):
+            inside = weights[is_in] / weights[is_in].sum()
+            middle = inside @ places[is_in]
+            nearer = self._is_near(middle)
+            if not weights[nearer].sum() > 0.0:
+                break
+            is_in = nearer
+        share = float(weights[is_in].sum())
+        inside = weights[is_in] / share
+        mean = inside @ self._particles[is_in]
+        strays = places[is_in] - mean[:2]
+        covariance = strays.T @ (inside[:, None] * strays)
+        return LikelyPlace(
+            (float(mean[0]), float(mean[1])),
+            (float(mean[2]), float(mean[3])),
+            (float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
+            share,
+        )
+
+    def _is_near(self, place_ne_m: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        off = self._particles[:, :2] - place_ne_m
+        return np.hypot(off[:, 0], off[:, 1]) < self._near_m
+
+    def _begin_anew(self, own_ne_m: tuple[float, float], range_m: float) -> None:
+        """Believe the range, and no bearing."""
+        angles = self._generator.uniform(-math.pi, math.pi, PARTICLES)
+        distances = range_m + self._std_m * self._generator.standard_normal(PARTICLES)
+        ring = np.column_stack([np.cos(angles), np.sin(angles)]) * distances[:, None]
+        self._particles = np.hstack([ring + np.array(own_ne_m), self._velocities()])
+        self._weights[:] = 1.0 / PARTICLES
+        self._agreement = 0.0
+
+    def _velocities(self) -> FloatArray:
+        return self._speed_std_m_s * self._generator.standard_normal((PARTICLES, 2))
