@@ -50,6 +50,7 @@ class ClockJudge:
         self._late_since: datetime | None = None
         self._late_by = timedelta()
         self._late_reports = 0
+        self._told_ahead = timedelta()
         self.fault: ClockFault | None = None
         """What is wrong with the clock that dated the newest state; ``None`` if it is right."""
 
@@ -65,7 +66,7 @@ class ClockJudge:
             return
         is_wrong = ahead > AHEAD_MAX * self._speed or -ahead > _WAY_MAX * self._speed
         is_behind = is_prompt and self._is_behind(report.received_at, -ahead)
-        self.fault = _fault(report, ahead) if is_wrong or is_behind else None
+        self.fault = self._fault(report.robot, ahead) if is_wrong or is_behind else None
 
     def dated(self, value: Told) -> Told:
         """Return a value with its time by the station's clock, at the latest that of its arrival.
@@ -81,8 +82,9 @@ class ClockJudge:
 
     def _may_be_on_its_way(self, ahead: timedelta) -> bool:
         """Tell whether a late state is as late as one of a clock that is known to be behind."""
-        is_late = ahead < timedelta()
-        return is_late and self.fault is not None and -_WAY_MAX < self.fault.ahead < timedelta()
+        if self.fault is None or ahead >= timedelta():
+            return False
+        return -_WAY_MAX * self._speed < self.fault.ahead < timedelta()
 
     def _is_behind(self, received_at: datetime, late_by: timedelta) -> bool:
         """Tell whether states arrive so late, and for so long, that nothing but a clock does it."""
@@ -96,15 +98,18 @@ class ClockJudge:
         was_behind = self.fault is not None and self.fault.ahead < timedelta()
         return was_behind or (is_steady and self._late_reports >= _STEADY_REPORTS)
 
-
-def _fault(report: StateReport, ahead: timedelta) -> ClockFault:
-    side = "ahead" if ahead > timedelta(0) else "behind"
-    return ClockFault(
-        ahead,
-        f"The clock of {report.robot} is {_much(abs(ahead))} {side} "
-        f"({report.measured_at:%Y-%m-%d %H:%MZ}); "
-        "what it says is shown by the time of its arrival.",
-    )
+    def _fault(self, robot: str, ahead: timedelta) -> ClockFault:
+        """Return what is wrong; the sentence stays as it is while the clock is off by the same."""
+        is_same = abs(ahead - self._told_ahead) <= AHEAD_MAX * self._speed
+        if self.fault is not None and is_same:
+            return replace(self.fault, ahead=ahead)
+        self._told_ahead = ahead
+        side = "ahead of" if ahead > timedelta() else "behind"
+        return ClockFault(
+            ahead,
+            f"The clock of {robot} is {_much(abs(ahead))} {side} the station's; "
+            "what it says is shown by the time of its arrival.",
+        )
 
 
 def _much(span: timedelta) -> str:

@@ -107,3 +107,20 @@ def test_what_was_kept_under_water_is_put_as_long_before_as_its_clock_says():
     kept = told(0, -7 * MINUTES)
     assert judge.dated(kept).measured_at == NOW - 3 * MINUTES
     assert judge.dated(told(0, -11 * MINUTES)).measured_at == NOW, "never after its arrival"
+
+
+def test_sentence_stays_while_a_clock_is_off_by_the_same_and_says_against_what():
+    judge = heard(ClockJudge(1.0), told(0, -90 * MINUTES))
+    said = judge.fault.text
+    assert "90 min ahead of the station's" in said
+    for later_s in range(1, 200):
+        jitter = timedelta(seconds=40 * (-1) ** later_s)
+        fault = heard(judge, told(later_s, jitter - 90 * MINUTES)).fault
+        assert (fault.text, fault.ahead) == (said, 90 * MINUTES - jitter)
+    assert "99 min ahead" in heard(judge, told(300, -99 * MINUTES)).fault.text
+
+
+def test_state_by_satellite_acquits_no_clock_that_is_days_behind_at_high_speed():
+    days = timedelta(days=5)
+    judge = heard(ClockJudge(10.0), *(told(10 * number, days) for number in range(8)))
+    assert heard(judge, told(100, days), is_prompt=False).fault is not None
