@@ -6,7 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.browser.walk import CHROMIUM, expect_scene, open_page, shoot
-from tests.e2e.demo import dives
+from tests.e2e.demo import fly_dives
 
 pytestmark = [
     pytest.mark.browser,
@@ -30,10 +30,7 @@ def is_free(station):
 def dive(station):
     """The plan that mini-1 flies while the polar and the what-if run are looked at."""
     station.wait("robot without a mission", lambda: is_free(station), 240.0)
-    plan = station.post("/api/robots/mini-1/plans", dives(station, DIVES, 0.5))["id"]
-    station.wait("draft", lambda: station.get(f"/api/plans/{plan}")["state"] == "draft", 60.0)
-    station.post(f"/api/plans/{plan}/upload", {"start": True})
-    return plan
+    return fly_dives(station, DIVES, 0.5)
 
 
 @pytest.fixture(scope="module")

@@ -147,7 +147,26 @@ def alive(pid: int) -> bool:
     return state != "Z"
 
 
-def dives(demo: Demo, count: int, depth_m: float) -> dict:
+def fly_dives(demo: Demo, count: int, depth_m: float) -> str:
+    """Plan dives of mini-1 where it is, let it fly them, and return the plan.
+
+    A robot that was just turned off a wall glides on while its plan is rehearsed; where it came
+    too far from where the plan begins it gets another.
+    """
+
+    def plan_that_fits() -> str | None:
+        plan = demo.post("/api/robots/mini-1/plans", _dives(demo, count, depth_m))["id"]
+        demo.wait("draft", lambda: demo.get(f"/api/plans/{plan}")["state"] == "draft", 60.0)
+        answer = demo.client.post(f"/api/plans/{plan}/upload", json={"start": True})
+        if answer.status_code == 409 and "mission.draft_distance_m" in answer.text:
+            return None
+        assert answer.is_success, f"{answer.status_code} {answer.text}"
+        return plan
+
+    return demo.wait("a plan that fits where the robot is", plan_that_fits, 60.0)
+
+
+def _dives(demo: Demo, count: int, depth_m: float) -> dict:
     """Return the wish for a plan of dives of mini-1 where it is, with energy enough for any way.
 
     Where it drifted near the edge of its domain it swims inward first.

@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from tests.e2e.demo import ROOT, Demo, alive, dives
+from tests.e2e.demo import ROOT, Demo, alive, fly_dives
 
 pytestmark = [pytest.mark.process, pytest.mark.timeout(1200)]
 FAST = ("--speed", "20")
@@ -116,9 +116,7 @@ def test_the_example_script_plans_and_sends_nothing_by_default(demo):
 @pytest.mark.timeout(1200)
 def test_surface_now_brings_a_diving_robot_up(demo):
     """Each level is shown in its turn, and the robot really comes up."""
-    plan = demo.post("/api/robots/mini-1/plans", dives(demo, 6, 0.3))["id"]
-    demo.wait("draft", lambda: demo.get(f"/api/plans/{plan}")["state"] == "draft", 20.0)
-    demo.post(f"/api/plans/{plan}/upload", {"start": True})
+    plan = fly_dives(demo, 6, 0.3)
     demo.wait("running", lambda: demo.get(f"/api/plans/{plan}")["state"] == "running", 30.0)
     command = demo.post("/api/robots/mini-1/commands", {"kind": "surface"})["id"]
     done = demo.wait(
