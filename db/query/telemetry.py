@@ -84,14 +84,15 @@ def newest_state(session: Session, robot: str) -> StateReport | None:
     return None if row is None else _report(row, robot)
 
 
-def newest_plan_report(session: Session, robot: str) -> PlanReport | None:
-    """Return what a robot last said of the plan that it holds."""
-    row = session.scalar(
-        select(PlanReportRow)
-        .where(PlanReportRow.robot_key == robot_key(session, robot))
-        .order_by(PlanReportRow.measured_at.desc())
-        .limit(1)
-    )
+def newest_plan_report(
+    session: Session, robot: str, *, flying: PlanHash | None = None
+) -> PlanReport | None:
+    """Return what a robot last said of the plan that it holds, or while it flew a certain one."""
+    words = select(PlanReportRow).where(PlanReportRow.robot_key == robot_key(session, robot))
+    if flying is not None:
+        running = PlanReportRow.state == int(OnboardPlanState.RUNNING)
+        words = words.where(PlanReportRow.sha256 == flying, running)
+    row = session.scalar(words.order_by(PlanReportRow.measured_at.desc()).limit(1))
     if row is None:
         return None
     return PlanReport(

@@ -11,7 +11,7 @@ from pydantic import TypeAdapter
 from autonomy.arrays import FloatArray
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint
 from db.query.plans import PlanRecord
-from robot_link.messages import PlanReport
+from robot_link.messages import OnboardPlanState, PlanReport
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff
@@ -316,11 +316,14 @@ def report_of(plan: PlanRecord, report: PlanReport | None) -> PlanReport | None:
 
 
 def onboard_view(plan: PlanRecord, report: PlanReport | None) -> OnboardView | None:
-    """Return how far the robot says it is with this plan, from its word or from the records."""
-    said = report_of(plan, report)
-    if said is not None:
+    """Return how far the robot says it is with this plan, from its word or from the records.
+
+    One that was switched off as it flew says of the plan that waits again nothing of that flight.
+    """
+    said, last = report_of(plan, report), plan.document.get("onboard")
+    has_begun_anew = said is not None and said.state is OnboardPlanState.ON_BOARD
+    if said is not None and not (has_begun_anew and plan.running_at is not None):
         return onboard_by(plan, said)
-    last = plan.document.get("onboard")
     return None if last is None else OnboardView(**last)
 
 

@@ -1,8 +1,10 @@
 """What robots say of the plans on board moves the station's plans, and nothing else does."""
 
 from dataclasses import asdict
+from datetime import timedelta
 
 from db.query.plans import PlanRecord, plan_by_hash
+from db.query.telemetry import newest_plan_report
 from db.store import Store
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanReport
 from server.service.plan_document import onboard_by, teaches
@@ -23,6 +25,8 @@ _BEFORE = {
     **dict.fromkeys(("done", "failed", "cancelled"), ("draft", "sent", "on_board", "running")),
 }
 """States from which a robot's word leads on; reports may be missed, but never lead back."""
+_ROUNDED = timedelta(seconds=2)
+"""What the times of two words of a robot may be off, one of them by satellite."""
 _OVERSPENT = 0.05
 """Energy units beyond the account that are worth a word."""
 
@@ -35,6 +39,8 @@ class PlanFollower:
         self._ledger = ledger
         self._turns = Turns("plan reports")
         self._heard: dict[str, tuple[str | None, OnboardPlanState]] = {}
+        self._flying: dict[str, PlanReport] = {}
+        """The newest of each robot that said that it flies a plan."""
 
     async def run(self) -> None:
         """Follow until cancelled."""
@@ -42,6 +48,8 @@ class PlanFollower:
 
     def take(self, report: PlanReport) -> None:
         """Take a report; robots repeat themselves, and only news is worked on."""
+        if report.state is OnboardPlanState.RUNNING:
+            self._flying[report.robot] = report
         news = (report.sha256, report.state)
         if self._heard.get(report.robot) != news:
             self._heard[report.robot] = news
@@ -57,6 +65,8 @@ class PlanFollower:
         plan = await self._store.query(lambda session: plan_by_hash(session, report.robot, sha256))
         if plan is not None and plan.state in _BEFORE[state]:
             await self._advance(plan, state, report)
+        elif plan is not None and (plan.state, state) == ("running", "on_board"):
+            await self._interrupted(plan, report)
         await self._supersede(report, None if plan is None else plan.id)
 
     async def _advance(self, plan: PlanRecord, state: str, report: PlanReport) -> None:
@@ -79,6 +89,18 @@ class PlanFollower:
             plan.id, state, text, only_from=_BEFORE[state], document=document
         )
 
+    async def _interrupted(self, plan: PlanRecord, report: PlanReport) -> None:
+        """End a plan that waits on board again: its robot was switched off while it flew it."""
+        flown = self._flying.get(plan.robot)
+        if flown is None or flown.sha256 != plan.sha256:
+            flown = await self._store.query(
+                lambda session: newest_plan_report(session, plan.robot, flying=report.sha256)
+            )
+        if flown is None or report.measured_at <= flown.measured_at + _ROUNDED:
+            return  # an older word that took longer
+        text = f"{plan.robot} was switched off while it flew {plan.id}, and flies it no longer."
+        await self._end(plan, "failed", text, onboard=asdict(onboard_by(plan, flown)))
+
     async def _supersede(self, report: PlanReport, holder: str | None) -> None:
         """End the plans that the robot no longer holds, now that it names another."""
         for plan in await self._ledger.of_robot(report.robot, ("on_board", "running")):
@@ -94,9 +116,9 @@ class PlanFollower:
         for plan in await self._ledger.of_robot(report.robot, ("on_board", "running")):
             await self._end(plan, "failed", f"{plan.robot} says that it no longer holds {plan.id}.")
 
-    async def _end(self, plan: PlanRecord, state: str, text: str) -> None:
+    async def _end(self, plan: PlanRecord, state: str, text: str, **more: object) -> None:
         await self._ledger.advance(
-            plan.id, state, text, only_from=ON_THE_WAY, document={"message": text}
+            plan.id, state, text, only_from=ON_THE_WAY, document={"message": text, **more}
         )
 
 

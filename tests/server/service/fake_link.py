@@ -2,7 +2,7 @@
 
 import asyncio
 from dataclasses import replace
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta
 
 import numpy as np
 
@@ -73,7 +73,7 @@ class FakeRobot:
         self.may_end.set()
         self.rng = np.random.default_rng(1)
 
-    def say(self, state=None):
+    def say(self, state=None, later_s=0.0):
         self.state = self.state if state is None else state
         at = datetime.now(UTC)
         self.tell(
@@ -85,7 +85,7 @@ class FakeRobot:
                 legs=0 if self.plan is None else len(self.plan.legs),
                 energy_used=self.energy_used,
                 reason=self.reason,
-                measured_at=at,
+                measured_at=at + timedelta(seconds=later_s),
                 received_at=at,
             )
         )

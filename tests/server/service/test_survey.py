@@ -342,6 +342,26 @@ async def test_robot_that_lost_its_plan_ends_it_and_the_survey(client, world, wo
     assert "no longer holds" in stopped["message"]
 
 
+async def test_robot_that_was_switched_off_as_it_flew_ends_plan_and_survey_and_keeps_the_account(
+    client, world, workers
+):
+    robot = world.robots[MINI]
+    robot.may_end.clear()
+    mission = await survey_of(client, automation=True)
+    await until(lambda: robot.plan is not None and robot.leg == len(robot.plan.legs) - 1)
+    flown = await mission_in(client, mission, "running")
+    used = robot.energy_used
+    robot.say(OnboardPlanState.ON_BOARD, later_s=-60.0)
+    robot.energy_used = used + 1.0
+    robot.say(OnboardPlanState.RUNNING)
+    assert (await mission_in(client, mission, "running"))["plan_id"] == flown["plan_id"]
+    robot.energy_used = 0.0
+    robot.say(OnboardPlanState.ON_BOARD, later_s=5.0)
+    stopped = await mission_in(client, mission, "stopped")
+    assert "was switched off while it flew" in stopped["message"]
+    assert stopped["budget"]["spent"] == pytest.approx(used + 1.0), "not by the older word"
+
+
 async def test_survey_that_is_done_cannot_be_started_again(client, station):
     mission = await survey_of(client)
     await mission_in(client, mission, "ready")
