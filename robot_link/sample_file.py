@@ -7,7 +7,8 @@ each begins with its own checksum::
     77a1c09e {"log": 1, "stored": [0]}
 
 So a program that is killed loses nothing. A power cut may take the last seconds, which the
-operating system still held, and half a line; a line that is not whole is passed over.
+operating system still held, and half a line; a line that is not whole is passed over. What is kept
+is bounded by nothing but the time without a station: some 200 bytes a sample.
 """
 
 import json
@@ -25,6 +26,8 @@ from robot_link.whole_file import replace_file
 
 _SPARE_LINES = 1024
 """The file is written anew when it has twice as many lines as samples, and so many more."""
+_RETRY_LINES = 64
+"""After so many lines that a disk did not take, it is asked to take all of them."""
 _CHECKSUM_DIGITS = 8
 
 _log = logging.getLogger(__name__)
@@ -33,7 +36,8 @@ _log = logging.getLogger(__name__)
 class FileSampleLog:
     """Samples of this log and of older ones, in memory and in one file.
 
-    A disk that refuses does not bring the robot down: what it takes no more is kept in memory.
+    A disk that refuses does not bring the robot down: what it takes no more is kept in memory until
+    it takes it. A file that cannot be read is never replaced, only added to.
 
     Args:
         path: The file.
@@ -42,9 +46,12 @@ class FileSampleLog:
 
     def __init__(self, path: Path, log: LogId) -> None:
         self._path = path
-        self._memory = MemorySampleLog(log, _read(path))
-        self._is_writable = True
+        kept = _read(path)
+        self._memory = MemorySampleLog(log, kept)
         self._lines = 0
+        self._owed: int | None = None
+        """Lines that the disk did not take; None while it takes them."""
+        self._is_readable = kept is not None
         self._rewrite()
 
     def append(self, measurement: Measurement) -> SampleKey:
@@ -72,7 +79,7 @@ class FileSampleLog:
 
     def _rewrite(self) -> None:
         """Replace the file by one without what was forgotten or could not be read."""
-        if not self._is_writable:
+        if not self._is_readable:
             return
         lines = [
             _sample_line(key, measurement)
@@ -83,33 +90,39 @@ class FileSampleLog:
             replace_file(self._path, b"".join(lines))
         except OSError as error:
             self._give_up(error)
+        else:
+            self._owed = None
         self._lines = len(lines)
 
     def _write(self, line: bytes) -> None:
-        if not self._is_writable:
+        self._lines += 1
+        if self._owed is not None:
+            self._owed += 1
+            if self._owed >= _RETRY_LINES:
+                self._rewrite()
             return
         try:
             with self._path.open("ab") as file:
                 file.write(line)
         except OSError as error:
             self._give_up(error)
-        self._lines += 1
 
     def _give_up(self, error: OSError) -> None:
-        _log.warning("cannot keep samples in %s: %s", self._path, error)
-        self._is_writable = False
+        if self._owed is None:
+            _log.warning("cannot keep samples in %s: %s", self._path, error)
+        self._owed = 0
 
 
-def _read(path: Path) -> dict[SampleKey, Measurement]:
-    """Return what a file holds that was not known to be ashore; nothing where there is none."""
+def _read(path: Path) -> dict[SampleKey, Measurement] | None:
+    """Return what a file holds that was not known to be ashore; None if it cannot be read."""
     kept: dict[SampleKey, Measurement] = {}
     try:
         lines = path.read_bytes().splitlines()
     except FileNotFoundError:
         return kept
     except OSError as error:
-        _log.warning("cannot read the samples in %s: %s", path, error)
-        return kept
+        _log.warning("cannot read the samples in %s, they stay there: %s", path, error)
+        return None
     bad = 0
     for line in lines:
         try:

@@ -84,6 +84,37 @@ def test_robot_whose_disk_refuses_keeps_its_samples_in_memory(tmp_path: Path, ca
     assert "cannot keep samples" in caplog.text
 
 
+def test_disk_that_takes_again_what_it_refused_is_given_all_of_it(tmp_path: Path):
+    path = tmp_path / "samples"
+    log = FileSampleLog(path, LogId(7))
+    keys = [log.append(measurement(0))]
+    path.unlink()
+    path.mkdir()
+    keys += [log.append(measurement(number)) for number in range(1, 100)]
+    log.forget(keys[5:10])
+    assert [one.name for one in tmp_path.iterdir()] == ["samples"], "no half file takes room"
+    path.rmdir()
+    keys += [log.append(measurement(number)) for number in range(100, 200)]
+    assert FileSampleLog(path, LogId(8)).kept() == keys[:5] + keys[10:]
+
+
+def test_file_that_cannot_be_read_is_added_to_and_not_replaced(tmp_path: Path, monkeypatch):
+    path = tmp_path / "samples"
+    keys = [FileSampleLog(path, LogId(7)).append(measurement(0))]
+    with monkeypatch.context() as broken:
+        broken.setattr(Path, "read_bytes", _refuse)
+        log = FileSampleLog(path, LogId(8))
+        for number in range(1200):
+            keys.append(log.append(measurement(number)))
+            log.forget(keys[1:-1])
+            del keys[1:-1]
+    assert FileSampleLog(path, LogId(9)).kept() == keys
+
+
+def _refuse(path: Path) -> bytes:
+    raise OSError(5, "Input/output error", str(path))
+
+
 async def test_samples_of_an_older_log_go_ashore_under_their_own_names(tmp_path: Path):
     killed = FileSampleLog(tmp_path / "samples", LogId(7))
     for number in range(20):
