@@ -16,15 +16,16 @@ def with_reasons(
 ) -> Generator[tuple[TrackReport, str]]:
     """Yield reports of one robot, in order of time, each with why the mission ended.
 
-    That is "" as long as the mission has not ended, or nobody knows why.
+    That is "" as long as the mission has not ended, or nobody knows why. Reports in a row that say
+    that it is over are of one mission, so the first tells for all.
     """
-    reason = ""
+    reason: str | None = None
     for report in reports:
         if report.phase is not TrackPhase.ENDED:
-            reason = ""
-        elif not reason:
+            reason = None
+        elif reason is None:
             reason = _words(*mission_end(session, report.robot, report.measured_at))
-        yield report, reason
+        yield report, reason or ""
 
 
 def reason_by(report: TrackReport, plan: PlanReport | None) -> str:

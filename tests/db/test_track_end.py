@@ -5,7 +5,10 @@ from dataclasses import replace
 import pytest
 
 from db.query.track_end import mission_end
+from db.query.track_range import EVERYTHING
+from db.query.tracking import iterate_track_reports
 from robot_link.messages import OnboardPlanState
+from server.service.track_end import with_reasons
 from tests.db.test_track_range import (
     DONE,
     ENDED,
@@ -61,3 +64,11 @@ def test_the_end_of_the_plan_before_is_not_that_of_one_which_nobody_heard_fly(en
 def test_the_end_of_a_later_plan_explains_no_earlier_one(end):
     said = word(1, RUNNING), row(2, 1, ENDED), word(3, RUNNING, SECOND), word(4, DONE, SECOND)
     assert end(2, *said) == (OnboardPlanState.RUNNING, "")
+
+
+def test_the_end_of_a_later_plan_explains_no_report_that_follows_it_either(store):
+    said = word(1, RUNNING), row(2, 1, ENDED), word(3, RUNNING, SECOND), word(4, DONE, SECOND)
+    store.append((*said, row(5, 1, ENDED))).result(60)
+    with store.read() as session:
+        told_of = with_reasons(session, iterate_track_reports(session, "mini-1", EVERYTHING))
+        assert [reason for _, reason in told_of] == ["", ""]
