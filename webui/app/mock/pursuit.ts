@@ -265,7 +265,7 @@ export class FakePursuit {
     const own: TargetHypothesis = {
       position_ne_m: at, velocity_ne_m_s: [0, 0], covariance_m2: covariance, weight,
     }; // prettier-ignore
-    const hasTwo = textOf(this.config, 'filter', 'hypotheses') === 'two';
+    const hasTwo = textOf(this.config, 'filter', 'hypotheses') !== 'one';
     if (!hasTwo || weight > 0.98) return [{ ...own, weight: 1 }];
     const turned = 2 * this.#heading - sight;
     const away = distance(at, this.#at);

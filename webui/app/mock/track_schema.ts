@@ -56,7 +56,7 @@ const RANGING = group('Ranging', {
 });
 
 const FILTER = group('Filter', {
-  hypotheses: choice('Hypotheses', ['two', 'one'], {
+  hypotheses: choice('Hypotheses', ['two', 'one', 'cloud'], {
     description: 'Two also follows the mirrored estimate, until the robot turns.',
   }),
   target_velocity: choice('Target velocity', ['estimated', 'known']),

@@ -38,6 +38,11 @@ const MEANINGS: readonly (Level & { from: number; meaning: string })[] = [
   },
 ];
 
+/** Nothing is known but the moment itself. */
+const MOMENT: Lately = { determinant: null, grows: false };
+
+const NOT_NOW: Level = { text: 'not now', tone: 'watch' };
+
 const UNKNOWN = { text: 'not known', tone: 'plain', meaning: 'No range was heard yet.' } as const;
 
 /** What an inverse condition number means, in words. */
@@ -49,66 +54,85 @@ export function observability(inverseCondition: number | null): Level & { meanin
 /** On its orbit the robot is at the level itself; noise takes it a little below. */
 const AT_LEVEL = 0.9;
 
-/** What is judged together, and the newest part of it, s. */
-const TREND_S = 120;
-const RECENT_S = 30;
+/** What is compared with what the robot said of late, s of robot time. */
+const TREND_S = 180;
+const LATELY_S = 60;
 const FEWEST = 4;
 /** On a steady orbit the ellipse breathes by less. */
 const GROWTH = 1.3;
 
-type Sized = Pick<TrackView, 'measured_at' | 'hypotheses'>;
+/** How it went for the last minute: the tail swings the determinant of a moment up and down. */
+export interface Lately {
+  /** Mean size of the determinant, m²/s; `null` where there was none. */
+  determinant: number | null;
+  /** Whether the robot's own ellipse has grown: its ranges tell too little. */
+  grows: boolean;
+}
 
-/** Whether the robot's own ellipse has grown of late: its ranges tell too little. */
-export function isGrowing(reports: readonly Sized[]): boolean {
+/** How it went for the last minute by what a robot said. */
+export function lately(
+  reports: readonly Pick<TrackView, 'measured_at' | 'hypotheses' | 'determinant_m2_s'>[],
+): Lately {
   const newest = Date.parse(reports.at(-1)?.measured_at ?? '');
-  const before: number[] = [];
-  const recent: number[] = [];
-  for (const { measured_at, hypotheses } of reports.toReversed()) {
+  const [sizes, earlier, determinants]: [number[], number[], number[]] = [[], [], []];
+  for (const { measured_at, hypotheses, determinant_m2_s } of reports.toReversed()) {
     const ageS = (newest - Date.parse(measured_at)) / 1000;
     if (ageS > TREND_S) break;
-    const [likeliest] = hypotheses;
-    if (!likeliest) continue;
-    const size = ellipse95(likeliest.covariance_m2)?.longM;
-    if (size !== undefined) (ageS < RECENT_S ? recent : before).push(size);
+    const size = hypotheses[0] && ellipse95(hypotheses[0].covariance_m2)?.longM;
+    if (size === undefined) continue;
+    (ageS <= LATELY_S ? sizes : earlier).push(size);
+    if (ageS <= LATELY_S) determinants.push(Math.abs(determinant_m2_s));
   }
-  if (before.length < FEWEST || recent.length < FEWEST) return false;
-  return middle(recent) > GROWTH * middle(before);
+  const isTelling = sizes.length >= FEWEST && earlier.length >= FEWEST;
+  return {
+    determinant: determinants.length > 0 ? mean(determinants) : null,
+    grows: isTelling && middle(sizes) > GROWTH * middle(earlier),
+  };
+}
+
+function mean(values: readonly number[]): number {
+  return values.reduce((sum, value) => sum + value, 0) / values.length;
 }
 
 function middle(values: readonly number[]): number {
   return values.toSorted((a, b) => a - b)[Math.floor(values.length / 2)] ?? NaN;
 }
 
+type Seen = Pick<TrackView, 'hypotheses' | 'determinant_m2_s' | 'inverse_condition' | 'phase'>;
+
 /**
  * How well a target can be known by what the barrier asks for.
  *
  * The inverse condition number is small from afar however well the robot does; the determinant
- * against its level says whether it does what it can. For a while it may be below: that is too
- * little only once the ellipse `grows`.
+ * against its level says whether it does what it can. Below it is too little only once the ellipse
+ * grows. Without ranges that are believed nothing can be known, wherever the robot swims.
  */
-export function knowable(
-  track: Pick<TrackView, 'hypotheses' | 'determinant_m2_s' | 'inverse_condition'>,
-  level: number | null,
-  grows = false,
-): Level {
-  if (track.hypotheses.length === 0) return UNKNOWN;
+export function knowable(track: Seen, level: number | null, past: Lately = MOMENT): Level {
+  if (track.hypotheses.length === 0 || track.phase === 'ended') return UNKNOWN;
+  if (track.phase === 'coasting' || track.phase === 'lost') return NOT_NOW;
   const seen = observability(track.inverse_condition);
   if (level === null) return seen;
-  const share = Math.abs(track.determinant_m2_s) / level;
+  const share = determinantOf(track, past) / level;
   // From afar the level is easily kept while left and right look alike all the same.
   if (share >= AT_LEVEL && seen.text === 'hardly') return { text: 'slowly', tone: 'plain' };
   if (share >= AT_LEVEL) return { text: seen.text === 'well' ? 'well' : 'enough', tone: 'ok' };
-  return grows ? { text: 'too little', tone: 'watch' } : { text: 'just enough', tone: 'plain' };
+  if (past.grows) return { text: 'too little', tone: 'watch' };
+  return { text: 'just enough', tone: 'plain' };
 }
 
 /** The figure behind the word: what the barrier measures, or without one the inverse condition. */
-export function knowableFigure(
-  track: Pick<TrackView, 'hypotheses' | 'determinant_m2_s' | 'inverse_condition'>,
-  level: number | null,
-): string {
-  if (track.hypotheses.length === 0) return '';
+export function knowableFigure(track: Seen, level: number | null, past: Lately = MOMENT): string {
+  if (track.hypotheses.length === 0 || track.phase === 'ended') return '';
+  if (track.phase === 'coasting' || track.phase === 'lost') return 'no range is believed';
   if (level === null) return `inverse condition ${compact(track.inverse_condition, 2)}`;
-  return `|D| ${Math.round((100 * Math.abs(track.determinant_m2_s)) / level)} % of its level`;
+  const share = Math.round((100 * determinantOf(track, past)) / level);
+  return past.determinant === null
+    ? `|D| ${share} % of its level`
+    : `last minute: |D| ${share} % of its level`;
+}
+
+function determinantOf(track: Seen, past: Lately): number {
+  return past.determinant ?? Math.abs(track.determinant_m2_s);
 }
 
 /** Why the robot circles; in the words that a newcomer reads first. */

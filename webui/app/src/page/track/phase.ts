@@ -2,7 +2,7 @@ import type { RobotState, TrackPhase, TrackView } from '../../api/types';
 import { ellipse95 } from '../../chart/ellipse';
 import { duration } from '../../text/time';
 import type { Tone } from '../../text/word';
-import { knowable } from './observability';
+import { knowable, type Lately } from './observability';
 
 interface PhaseWord {
   /** The state in a few words, for a person who walks up. */
@@ -73,7 +73,7 @@ export function advice(
   track: TrackView,
   patience: Patience | null,
   level: number | null = null,
-  grows = false,
+  past?: Lately,
 ): string {
   const loses = patience && `Counts as lost after ${duration(patience.lostAfterS)} of silence.`;
   const gives = patience && `Gives up ${duration(patience.giveUpAfterS)} after it lost it.`;
@@ -101,7 +101,7 @@ export function advice(
         return 'Its estimate is wrong. It searches once the ranges contradict it; else plan anew.';
       if (!track.is_feasible)
         return 'Nothing to do: it turns as hard as it can to know its target better.';
-      return knowable(track, level, grows).tone === 'watch'
+      return knowable(track, level, past).tone === 'watch'
         ? 'Nothing to do: it bends its course to know its target better.'
         : 'Nothing to do.';
     case 'ended':

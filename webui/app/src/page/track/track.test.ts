@@ -11,13 +11,7 @@ import {
   targetName,
 } from './config';
 import { batteryText, trackFacts } from './account';
-import {
-  barrierSentence,
-  isGrowing,
-  knowable,
-  knowableFigure,
-  observability,
-} from './observability';
+import { barrierSentence, knowable, knowableFigure, lately, observability } from './observability';
 import { advice, isAstray, isFollowing, isTeachingNow, phaseSince, phaseWord } from './phase';
 import { distanceOf, rangeOrigin, trackColumns } from './series';
 
@@ -76,7 +70,9 @@ describe('the hold on a target', () => {
     expect(advice(report(0), PATIENCE)).toBe('Nothing to do.');
     const low = report(0, { determinant_m2_s: 0.1 });
     expect(advice(low, PATIENCE, 0.2)).toBe('Nothing to do.');
-    expect(advice(low, PATIENCE, 0.2, true)).toContain('bends its course');
+    expect(advice(low, PATIENCE, 0.2, { determinant: 0.1, grows: true })).toContain(
+      'bends its course',
+    );
     expect(advice(report(0, { phase: 'coasting' }), PATIENCE)).toContain('after 15 s of silence');
     expect(advice(report(0, { phase: 'lost' }), PATIENCE)).toContain('Gives up 2 min 00 s after');
   });
@@ -161,19 +157,29 @@ describe('how well a target can be known', () => {
     const sized = (second: number, variance: number) => {
       const [only] = report(second).hypotheses;
       const hypotheses = only ? [{ ...only, covariance_m2: [variance, 0, variance] as const }] : [];
-      return report(second, { hypotheses });
+      return report(second, { hypotheses, determinant_m2_s: second % 2 ? 0.3 : -0.1 });
     };
-    const seconds = Array.from({ length: 40 }, (_, i) => i * 3);
-    const steady = seconds.map((s) => sized(s, 0.01 + 0.004 * (s % 2)));
-    const grown = seconds.map((s) => sized(s, s < 90 ? 0.01 : 0.04));
-    expect(isGrowing(steady)).toBe(false);
-    expect(isGrowing(grown)).toBe(true);
-    expect(isGrowing(grown.slice(0, 3))).toBe(false);
-    expect(isGrowing([])).toBe(false);
-    expect(knowable(report(0, { determinant_m2_s: 0.02 }), 0.2, true)).toEqual({
-      text: 'too little',
-      tone: 'watch',
-    });
+    const seconds = Array.from({ length: 61 }, (_, i) => i * 3);
+    const steady = lately(seconds.map((s) => sized(s, 0.01 + 0.004 * (s % 2))));
+    const grown = lately(seconds.map((s) => sized(s, s < 120 ? 0.01 : 0.04)));
+    expect(steady.grows).toBe(false);
+    expect(steady.determinant).toBeCloseTo(0.2, 2);
+    expect(grown.grows).toBe(true);
+    expect(lately([report(0)])).toEqual({ determinant: 0.1, grows: false });
+    expect(lately([])).toEqual({ determinant: null, grows: false });
+    expect(knowable(report(0), 0.4, grown)).toEqual({ text: 'too little', tone: 'watch' });
+  });
+
+  test('is judged over the last minute, not by how the tail stands', () => {
+    const past = { determinant: 0.21, grows: false };
+    expect(knowable(report(0, { determinant_m2_s: 0.02 }), 0.2, past).text).toBe('well');
+    expect(knowableFigure(report(0), 0.2, past)).toMatch(/^last minute: \|D\| 105 %/);
+  });
+
+  test('is nothing to speak of while no range is believed', () => {
+    expect(knowable(report(0, { phase: 'lost' }), 0.2)).toMatchObject({ text: 'not now' });
+    expect(knowableFigure(report(0, { phase: 'coasting' }), 0.2)).toBe('no range is believed');
+    expect(knowable(report(0, { phase: 'ended' }), 0.2).text).toBe('not known');
   });
 
   test('is not known before the first range', () => {
