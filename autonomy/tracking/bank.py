@@ -28,6 +28,7 @@ from autonomy.tracking.hypothesis import (
     Hypothesis,
     mirrored_across,
     ring,
+    set_place,
     spread_place,
     start_velocity,
 )
@@ -197,13 +198,12 @@ class Bank:
 
         Args:
             relative_ne_m: Robot minus target.
-            covariance_m2: Of that: north-north, north-east, east-east.
+            covariance_m2: Of that: north-north, north-east, east-east; positive definite.
             velocity_ne_m_s: Of the target.
         """
         h = self.best.h.copy()
         h[:2] = relative_ne_m
-        h[4], h[5], h[8] = covariance_m2
-        h[6] = h[7] = h[9] = h[10] = 0.0
+        set_place(h, *covariance_m2)
         start_velocity(h, self.q, velocity_ne_m_s)
         self.hypotheses = [Hypothesis(h, 1.0)]
         self.hearing.is_searching = False

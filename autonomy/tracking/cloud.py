@@ -25,25 +25,29 @@ STEADY_S = 300.0
 """Time over which a target forgets its velocity; its standard deviation stays what is expected."""
 WALK_M_SQRT_S = 0.02
 """How every place strays, so that no two particles stay the same."""
+OUTLIER_STDS = 4.0
+"""A range contradicts no place by more standard deviations than this, so that one that is wrong
+empties none."""
 NEAR_STDS = 4.0
 """What lies within so many standard deviations of a range is one place."""
 BEARINGS = 24
 DOUBT_SHARE = 0.1
 """Share of the newest range in the mean log likelihood of all of them."""
 DOUBT = -3.5
-"""Mean log likelihood below which the ranges contradict the whole cloud."""
+"""Mean log likelihood below which the ranges contradict the whole cloud; ``OUTLIER_STDS`` allows
+-8."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True)
 class LikelyPlace:
     """Where a cloud is densest."""
 
     place_ne_m: tuple[float, float]
     velocity_ne_m_s: tuple[float, float]
     covariance_m2: tuple[float, float, float]
-    """Of the place: north-north, north-east, east-east."""
+    """Of the place: north-north, north-east, east-east; positive definite."""
     share: float
-    """Probability that the target is near it."""
+    """Probability that the target is near it; 0 where the densest direction has no one place."""
 
 
 class TargetCloud:
@@ -58,11 +62,12 @@ class TargetCloud:
         self._speed_std_m_s = config.filter.target_speed_std_m_s
         self._std_m = math.sqrt(PERSISTENCE * config.ranging.variance_m2)
         self._near_m = NEAR_STDS * math.sqrt(config.ranging.variance_m2)
-        self._gate = config.ranging.gate
         self._generator = generator
         guess = generator.standard_normal((PARTICLES, 2)) * config.target.guess_std_m
         guess += (config.target.north_m, config.target.east_m)
         self._particles = np.hstack([guess, self._velocities()])
+        self._spare = np.empty_like(self._particles)
+        self._noise = np.empty_like(self._particles)
         self._weights = np.full(PARTICLES, 1.0 / PARTICLES)
         self._heard_s: float | None = None
         self._agreement = 0.0
@@ -76,24 +81,18 @@ class TargetCloud:
             range_m: Horizontal range.
         """
         is_first = self._heard_s is None
-        dt_s = max(time_s - (time_s if self._heard_s is None else self._heard_s), 0.0)
-        self._heard_s = time_s if is_first else max(time_s, self._heard_s or 0.0)
-        kept = math.exp(-dt_s / STEADY_S)
-        fresh_m_s = self._speed_std_m_s * math.sqrt(1.0 - kept * kept)
-        noise = self._generator.standard_normal((PARTICLES, 4))
-        walk_m = WALK_M_SQRT_S * math.sqrt(dt_s)
-        cloud_kernel.drift(self._particles, dt_s, walk_m, kept, fresh_m_s, noise)
+        before_s = time_s if self._heard_s is None else self._heard_s
+        self._heard_s = max(time_s, before_s)
+        self._drift(self._heard_s - before_s)
         likelihood = cloud_kernel.weigh(
-            self._particles, self._weights, *own_ne_m, range_m, self._std_m, self._gate
+            self._particles, self._weights, *own_ne_m, range_m, self._std_m, OUTLIER_STDS
         )
         self._agreement += DOUBT_SHARE * (likelihood - self._agreement)
         is_elsewhere = is_first and likelihood < 2.0 * DOUBT
         if is_elsewhere or self._agreement < DOUBT:
             self._begin_anew(own_ne_m, range_m)
         elif float(self._weights @ self._weights) > 2.0 / PARTICLES:
-            offset = float(self._generator.random())
-            self._particles = cloud_kernel.resample(self._particles, self._weights, offset)
-            self._weights[:] = 1.0 / PARTICLES
+            self._resample()
 
     def share_near(self, place_ne_m: tuple[float, float]) -> float:
         """Return the probability that the target is near a place."""
@@ -108,24 +107,40 @@ class TargetCloud:
         shares = np.bincount(sector, weights, BEARINGS)
         smooth = shares + np.roll(shares, 1) + np.roll(shares, -1)
         is_in = np.isin((sector - int(smooth.argmax())) % BEARINGS, (0, 1, BEARINGS - 1))
+        is_one_place = True
         for _ in range(5):
             inside = weights[is_in] / weights[is_in].sum()
-            middle = inside @ places[is_in]
-            nearer = self._is_near(middle)
-            if not weights[nearer].sum() > 0.0:
+            nearer = self._is_near(inside @ places[is_in])
+            # the middle of a wide arc may lie where no particle is
+            is_one_place = bool(weights[nearer].sum() > 0.0)
+            if not is_one_place:
                 break
             is_in = nearer
-        share = float(weights[is_in].sum())
-        inside = weights[is_in] / share
+        total = float(weights[is_in].sum())
+        inside = weights[is_in] / total
         mean = inside @ self._particles[is_in]
         strays = places[is_in] - mean[:2]
-        covariance = strays.T @ (inside[:, None] * strays)
+        # two particles or one would leave it singular; each stands for what it strays in a second
+        covariance = strays.T @ (inside[:, None] * strays) + WALK_M_SQRT_S**2 * np.eye(2)
         return LikelyPlace(
             (float(mean[0]), float(mean[1])),
             (float(mean[2]), float(mean[3])),
             (float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
-            share,
+            total if is_one_place else 0.0,
         )
+
+    def _drift(self, dt_s: float) -> None:
+        kept = math.exp(-dt_s / STEADY_S)
+        fresh_m_s = self._speed_std_m_s * math.sqrt(1.0 - kept * kept)
+        walk_m = WALK_M_SQRT_S * math.sqrt(dt_s)
+        self._generator.standard_normal(out=self._noise)
+        cloud_kernel.drift(self._particles, dt_s, walk_m, kept, fresh_m_s, self._noise)
+
+    def _resample(self) -> None:
+        offset = float(self._generator.random())
+        cloud_kernel.resample_into(self._spare, self._particles, self._weights, offset)
+        self._particles, self._spare = self._spare, self._particles
+        self._weights[:] = 1.0 / PARTICLES
 
     def _is_near(self, place_ne_m: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
         off = self._particles[:, :2] - place_ne_m

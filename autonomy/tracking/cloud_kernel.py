@@ -1,6 +1,7 @@
 """Compiled steps of the cloud of places where a target may be; ``cloud`` says when to call which.
 
-A *particle* is four numbers: place north and east in the site frame, m, and velocity, m/s.
+A *particle* is four numbers: place north and east in the site frame, m, and velocity, m/s. No
+kernel allocates.
 """
 
 import math
@@ -45,7 +46,7 @@ def weigh(
     east_m: float,
     range_m: float,
     std_m: float,
-    gate: float,
+    outlier_stds: float,
 ) -> float:
     """Weigh every particle by a range, in place; the weights add up to 1 again.
 
@@ -56,7 +57,8 @@ def weigh(
         east_m: The same.
         range_m: Horizontal range.
         std_m: Its standard deviation.
-        gate: No particle is contradicted by more standard deviations than this: it is an outlier.
+        outlier_stds: The range contradicts no particle by more standard deviations than this; at
+            most 30, beyond which every weight could underflow to 0.
 
     Returns:
         Log of the mean likelihood, against 0 for a range that all particles expected.
@@ -64,7 +66,7 @@ def weigh(
     total = 0.0
     for i in range(len(particles)):
         distance = math.hypot(particles[i, 0] - north_m, particles[i, 1] - east_m)
-        off = min(abs(range_m - distance) / std_m, gate)
+        off = min(abs(range_m - distance) / std_m, outlier_stds)
         weights[i] *= math.exp(-0.5 * off * off)
         total += weights[i]
     for i in range(len(particles)):
@@ -73,23 +75,25 @@ def weigh(
 
 
 @kernel
-def resample(particles: FloatArray, weights: FloatArray, offset: float) -> FloatArray:
-    """Return as many particles of equal weight, by systematic resampling.
+def resample_into(
+    chosen: FloatArray, particles: FloatArray, weights: FloatArray, offset: float
+) -> None:
+    """Choose as many particles of equal weight, by systematic resampling.
 
     Args:
+        chosen: Is filled with them, shape ``(n, 4)``.
         particles: Shape ``(n, 4)``.
         weights: Shape ``(n,)``; they add up to 1.
         offset: Uniform in 0..1.
     """
     count = len(particles)
-    chosen = np.empty_like(particles)
     reached, j = weights[0], 0
     for i in range(count):
         while reached < (i + offset) / count and j < count - 1:
             j += 1
             reached += weights[j]
-        chosen[i] = particles[j]
-    return chosen
+        for k in range(4):
+            chosen[i, k] = particles[j, k]
 
 
 def warm_up() -> None:
@@ -97,4 +101,4 @@ def warm_up() -> None:
     particles, weights = np.zeros((2, 4)), np.full(2, 0.5)
     drift(particles, 0.1, 0.1, 0.9, 0.1, np.zeros((2, 4)))
     weigh(particles, weights, 1.0, 0.0, 1.0, 0.1, 4.0)
-    resample(particles, weights, 0.5)
+    resample_into(np.empty_like(particles), particles, weights, 0.5)

@@ -82,9 +82,9 @@ class FilterConfig(Configuration):
     hypotheses: Literal["one", "two", "cloud"] = quantity("two", title="Hypotheses")
     """``two`` also follows the mirrored estimate, which ranges alone cannot tell from the true
     one until the robot turns, and looks in every direction when ranges contradict the estimate;
-    ``cloud`` also keeps thousands of places that all ranges allow, and replaces an estimate that
-    they refute, for a robot among eddies whose ranges are rough; ``one`` is the thesis's single
-    filter."""
+    ``cloud`` does that too, and holds the estimate against thousands of places where the target
+    may be by all ranges so far: for rough ranges and eddies, where an estimate may drift off its
+    target and nothing shows it; ``one`` is the thesis's single filter."""
     target_velocity: Literal["estimated", "known"] = quantity("estimated", title="Target velocity")
     """``known`` is possible for a virtual target or a beacon only."""
     position_density_m2_s: float = quantity(

@@ -97,7 +97,11 @@ def start_velocity(
 def spread_place(h: FloatArray, angle: float, along: float, across: float) -> None:
     """Make a place uncertain by two variances, along a direction and across it."""
     c, s = math.cos(angle), math.sin(angle)
-    h[4] = c * c * along + s * s * across
-    h[5] = c * s * (along - across)
-    h[8] = s * s * along + c * c * across
+    north_east = c * s * (along - across)
+    set_place(h, c * c * along + s * s * across, north_east, s * s * along + c * c * across)
+
+
+def set_place(h: FloatArray, north_north: float, north_east: float, east_east: float) -> None:
+    """Give a place this covariance, and none with heading and speed."""
+    h[4], h[5], h[8] = north_north, north_east, east_east
     h[6] = h[7] = h[9] = h[10] = 0.0

@@ -79,7 +79,6 @@ class Timeline:
 
         What is already past cannot be replayed with it: ranges that held before are too old.
         """
-        self._bank = self._bank.copy()
         self._bank.follow_instead(relative_ne_m, covariance_m2, velocity_ne_m_s)
         self._past.clear()
 

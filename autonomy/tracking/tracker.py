@@ -8,6 +8,8 @@ none. Robot and target are seen from above; depth is the caller's, who gives hor
 import math
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from autonomy.arrays import FloatArray
 from autonomy.site import Site
 from autonomy.tracking import control_kernel
@@ -46,6 +48,8 @@ __all__ = [
 LARGEST_SPEED_M_S = 50.0
 LARGEST_HEADING_RAD = 1e6
 LONGEST_STEP_S = 60.0
+CLOUD_SEED = 4
+"""The cloud's random numbers are the same in every mission: the same ranges give the same track."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +100,8 @@ class Tracker:
         )
         self._timeline = Timeline(bank)
         is_judged = config.filter.hypotheses == "cloud" and not config.barrier.is_teaching
-        self._arbiter = Arbiter(config, own) if is_judged else None
+        chance = np.random.default_rng(CLOUD_SEED)
+        self._arbiter = Arbiter(config, own, chance) if is_judged else None
         self._watch = TrackWatch(config)
         self._search = SearchCircle(config)
         self._predictive = self._new_predictive()

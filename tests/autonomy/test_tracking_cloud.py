@@ -8,11 +8,13 @@ import pytest
 from autonomy.tracking import cloud_kernel, unicycle
 from autonomy.tracking.arbiter import Arbiter
 from autonomy.tracking.bank import Bank, BankInput
-from autonomy.tracking.cloud import TargetCloud
+from autonomy.tracking.cloud import PERSISTENCE, WALK_M_SQRT_S, TargetCloud
 from autonomy.tracking.config import TRACKING_PRESETS, BarrierConfig, FilterConfig
+from autonomy.tracking.filter_kernel import full_covariance
 from autonomy.tracking.late_range import Timeline
 from autonomy.tracking.reading import RangeHeard, TrackerReading, TrackerStart
 from autonomy.tracking.tracker import Tracker
+from tests.autonomy.tracking_water import settings
 
 LAKE = TRACKING_PRESETS["grace3"]
 TARGET = (LAKE.target.north_m + 6.0, LAKE.target.east_m - 4.0)
@@ -46,8 +48,8 @@ def heard_along(way, seed=1):
     return [abs(math.dist(pose[:2], TARGET) + STD_M * noise.standard_normal()) for pose in way]
 
 
-def cloud_after(way, seed=1):
-    cloud = TargetCloud(LAKE, np.random.default_rng(seed))
+def cloud_after(way, cloud_seed=1, config=LAKE):
+    cloud = TargetCloud(config, np.random.default_rng(cloud_seed))
     for n, (pose, range_m) in enumerate(zip(way, heard_along(way), strict=True)):
         cloud.hear(float(n), pose[:2], range_m)
     return cloud
@@ -66,10 +68,44 @@ def test_a_straight_course_leaves_the_cloud_of_two_minds_and_a_turn_decides():
     assert math.hypot(*likeliest.velocity_ne_m_s) < 0.06
 
 
-@pytest.mark.parametrize("wrong_m", [0.0, 70.0])
-def test_ranges_that_contradict_every_place_begin_a_ring_anew(wrong_m):
+def test_bank_and_cloud_agree_where_the_target_is_well_observed():
+    """Both are given the same noise: the bank no other of its own, the cloud none that lasts."""
+    own = {"heading_density_rad2_s": 1e-9, "speed_density_m2_s3": 1e-9}
+    own |= {"heading_variance_rad2": 1e-9, "speed_variance_m2_s2": 1e-9}
+    known = FilterConfig(target_velocity="known", position_density_m2_s=WALK_M_SQRT_S**2, **own)
+    config = settings((0.3, -0.2), filter=known)
+    ranging = config.ranging.model_copy(update={"variance_m2": 0.1 / PERSISTENCE})
+    still = known.model_copy(update={"target_speed_std_m_s": 1e-4})
+    short = config.model_copy(update={"ranging": ranging, "filter": still})
+    cloud = TargetCloud(short, np.random.default_rng(1))
+    noise, pose, command = np.random.default_rng(2), (-1.0, 0.0, 1.6, 0.4), (-0.4, 0.0)
+    bank = Bank.begin(config, (-1.3, 0.2), *pose[2:], config.target.guess_std_m)
+    for n in range(200):
+        range_m = abs(math.hypot(*pose[:2]) + math.sqrt(0.1) * noise.standard_normal())
+        bank.step(BankInput(0.1 if n else 0.0, command, *pose[2:], (range_m,), (0.0, 0.0)))
+        cloud.hear(0.1 * n, pose[:2], range_m)
+        newest, pose = pose, unicycle.advance(pose, *command, 0.1)
+    likeliest = cloud.likeliest(newest[:2])
+    variances = np.array(likeliest.covariance_m2)[[0, 2]]
+    assert variances == pytest.approx(bank.best.h[[4, 8]], rel=0.4)
+    place = np.array(newest[:2]) - bank.best.h[:2]
+    assert math.dist(place, likeliest.place_ne_m) < math.sqrt(variances.min())
+    assert math.hypot(*place) < 3.0 * math.sqrt(variances.max())
+
+
+def test_the_same_ranges_and_generator_give_the_same_cloud():
     way = courses(EAST, NORTH)
-    cloud = cloud_after(way)
+    first, again, other = (cloud_after(way[:80], cloud_seed=seed) for seed in (1, 1, 2))
+    assert first.likeliest(START) == again.likeliest(START)
+    assert first.likeliest(START) != other.likeliest(START)
+
+
+@pytest.mark.parametrize("gate", [1.0, 4.0, 20.0])
+@pytest.mark.parametrize("wrong_m", [0.0, 70.0])
+def test_ranges_that_contradict_every_place_begin_a_ring_anew(wrong_m, gate):
+    way = courses(EAST, NORTH)
+    ranging = LAKE.ranging.model_copy(update={"gate": gate})
+    cloud = cloud_after(way, config=LAKE.model_copy(update={"ranging": ranging}))
     own = way[-1][:2]
     for n in range(10):
         cloud.hear(150.0 + n, own, math.dist(own, TARGET) + wrong_m)
@@ -86,15 +122,43 @@ def test_one_outlier_moves_the_cloud_no_farther_than_a_range_that_agrees():
     assert math.dist(*places) < 1.0
 
 
-def misled(place, config=LAKE):
+def vague(guess_std_m):
+    """Return settings whose first guess is right within so much."""
+    target = LAKE.target.model_copy(update={"guess_std_m": guess_std_m})
+    return LAKE.model_copy(update={"target": target})
+
+
+def test_a_cloud_without_one_place_is_sure_of_none():
+    cloud = TargetCloud(vague(500.0), np.random.default_rng(1))
+    cloud.hear(0.0, START, 1000.0)
+    assert cloud.likeliest(START).share == 0.0
+
+
+def test_a_place_is_never_known_without_an_error():
+    cloud = TargetCloud(vague(1e-9), np.random.default_rng(1))
+    cloud.hear(0.0, START, math.dist(START, (LAKE.target.north_m, LAKE.target.east_m)))
+    likeliest = cloud.likeliest(START)
+    north_north, north_east, east_east = likeliest.covariance_m2
+    covariance = [[north_north, north_east], [north_east, east_east]]
+    assert np.linalg.eigvalsh(covariance).min() > 1e-4
+    timeline = Timeline(misled(TARGET))
+    timeline.follow_instead((6.0, 8.0), likeliest.covariance_m2, likeliest.velocity_ne_m_s)
+    for n in range(20):
+        given = BankInput(0.1, (0.01, 0.0), 0.5 * math.pi, SPEED_M_S)
+        timeline.step(given, (RangeHeard(10.0 + 0.1 * n),))
+        for one in timeline.bank.hypotheses:
+            assert np.linalg.eigvalsh(full_covariance(one.h[4:14])).min() > 0.0
+
+
+def misled(place):
     """Return a bank that is sure of a place, as seen from ``START``."""
     relative = (START[0] - place[0], START[1] - place[1])
-    return Bank.begin(config, relative, 0.5 * math.pi, SPEED_M_S, 1.0)
+    return Bank.begin(LAKE, relative, 0.5 * math.pi, SPEED_M_S, 1.0)
 
 
 def judged(place, way):
     """Let an arbiter watch a bank that is sure of a place; return where it ends by its account."""
-    arbiter, timeline = Arbiter(LAKE, START), Timeline(misled(place))
+    arbiter, timeline = Arbiter(LAKE, START, np.random.default_rng(4)), Timeline(misled(place))
     for n, (pose, range_m) in enumerate(zip(way, heard_along(way), strict=True)):
         timeline.step(BankInput(1.0 if n else 0.0, (0.0, 0.0), pose[2], SPEED_M_S), ())
         arbiter.step(float(n), pose[:2], (RangeHeard(range_m),), timeline)
@@ -117,7 +181,10 @@ def test_a_range_counts_where_the_robot_was_when_it_held():
     way = courses(EAST, NORTH)
     shares = []
     for believed_age_s in (20.0, 0.0):
-        arbiter, timeline = Arbiter(LAKE, START), Timeline(misled(mirrored(TARGET)))
+        arbiter, timeline = (
+            Arbiter(LAKE, START, np.random.default_rng(4)),
+            Timeline(misled(mirrored(TARGET))),
+        )
         for n, pose in enumerate(way):
             range_m = math.dist(way[max(n - 20, 0)][:2], TARGET)
             timeline.step(BankInput(1.0 if n else 0.0, (0.0, 0.0), pose[2], SPEED_M_S), ())
@@ -127,6 +194,34 @@ def test_a_range_counts_where_the_robot_was_when_it_held():
         shares.append(math.dist((pose[0] - h[0], pose[1] - h[1]), TARGET))
     assert shares[0] < 1.5
     assert shares[0] < shares[1]
+
+
+def arbitrated(*steps):
+    """Return where an arbiter ends that is given ranges at each second."""
+    arbiter = Arbiter(LAKE, START, np.random.default_rng(4))
+    timeline = Timeline(misled(mirrored(TARGET)))
+    for n, ranges in enumerate(steps):
+        timeline.step(BankInput(1.0 if n else 0.0, (0.0, 0.0), 0.0, SPEED_M_S), ())
+        arbiter.step(float(n), (START[0] + 2.0 * n, START[1]), ranges, timeline)
+    return timeline.bank.best.h.tolist()
+
+
+def test_ranges_that_arrive_at_once_count_in_the_order_in_which_they_held():
+    silence = ((),) * 25
+    late = [RangeHeard(math.dist((START[0] + 2.0 * n, START[1]), TARGET), 25.0 - n) for n in (5, 9)]
+    late += [RangeHeard(math.dist((START[0] + 50.0, START[1]), TARGET))]
+    in_order = arbitrated(*silence, tuple(late))
+    assert arbitrated(*silence, tuple(reversed(late))) == in_order
+    assert in_order != arbitrated(*silence, ())
+
+
+def test_what_the_bank_is_too_late_for_the_cloud_does_not_hear_either():
+    good = tuple(
+        (RangeHeard(math.dist((START[0] + 2.0 * n, START[1]), TARGET)),) for n in range(40)
+    )
+    assert arbitrated(*good) != arbitrated(*((),) * 40)
+    too_old = [(*ranges, RangeHeard(90.0, 1e-3 + n)) for n, ranges in enumerate(good)]
+    assert arbitrated(*too_old) == arbitrated(*good)
 
 
 def test_ranges_from_before_another_place_was_followed_are_too_old():
@@ -164,6 +259,24 @@ def test_a_tracker_with_a_cloud_finds_what_its_ranges_say():
     assert math.dist(step.hypotheses[0].position_ne_m, TARGET) < 5.0
 
 
+@pytest.mark.parametrize(
+    "ranges",
+    [
+        (RangeHeard(1e5), RangeHeard(0.0)),
+        (RangeHeard(math.nan), RangeHeard(-1.0), RangeHeard(math.inf, -1.0)),
+        (RangeHeard(20.0, 29.9), RangeHeard(20.0, 1e300)),
+        (),
+    ],
+)
+def test_no_range_and_no_lost_position_makes_a_command_that_is_none(ranges):
+    tracker = Tracker(LAKE, TrackerStart(START, 0.5 * math.pi, SPEED_M_S))
+    for n in range(40):
+        own = START if n % 2 else (math.nan, math.nan)
+        step = tracker.step(TrackerReading(own, math.nan, math.nan, ranges), 5.0 * (n > 0))
+        assert np.isfinite(step.command).all()
+        assert all(np.isfinite(one.position_ne_m).all() for one in step.hypotheses)
+
+
 def test_a_mission_that_teaches_has_no_cloud():
     way = courses(EAST, NORTH)
     assert tracked(way, "nominal") == tracked(way, "nominal", "one")
@@ -185,7 +298,8 @@ def test_kernels_are_what_numpy_says():
     expected = weights * np.exp(-0.5 * np.minimum(off, 2.0) ** 2)
     assert likelihood == pytest.approx(math.log(expected.sum()))
     assert weighed == pytest.approx(expected / expected.sum())
-    chosen = cloud_kernel.resample(particles, weighed, 0.4)
+    chosen = np.zeros_like(particles)
+    cloud_kernel.resample_into(chosen, particles, weighed, 0.4)
     index = np.searchsorted(np.cumsum(weighed), (np.arange(50) + 0.4) / 50)
     assert chosen.tolist() == particles[index].tolist()
 
