@@ -83,11 +83,13 @@ class NumberWatch:
         self._seen_s: float | None = None
 
     def note(self, number: int, now_s: float) -> bool:
-        """Take the number of the next frame.
+        """Take the number of the next frame; a router may bring each frame twice.
 
         Returns:
             Whether it is news that two robots speak: they did not for a while.
         """
+        if number == self._newest:
+            return False
         gap, other_gap = _gap(self._newest, number), _gap(self._other, number)
         self._unheard += 1
         if other_gap < gap:

@@ -89,3 +89,9 @@ def test_a_robot_that_starts_again_is_no_two():
     for count in range(5000):
         watch.note(count % 37, count * 0.1)
     assert not watch.is_double(500.0)
+
+
+def test_robot_whose_frames_a_router_brings_twice_is_one():
+    watch = NumberWatch()
+    for count in range(600):
+        assert not watch.note(count // 2 % 256, count * 0.01)
