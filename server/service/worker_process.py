@@ -84,7 +84,8 @@ def main(niceness: int) -> None:
         try:
             result = _resolve(task)(payload, partial(pipe.send, PROGRESS), cancelled.is_set)
         except Exception as error:  # noqa: BLE001 - whatever a task raises is the station's to tell
-            traceback.print_exc()
+            if not cancelled.is_set():  # one that was told to stop may say so by an exception
+                traceback.print_exc()
             pipe.send(FAILURE, _sentence(error))
         else:
             pipe.send(RESULT, result)

@@ -50,6 +50,11 @@ def wait_for_cancel(_: None, report: Callable[[int], None], cancelled: Callable[
     return "noticed"
 
 
+def break_off(_: None, report: Callable[[int], None], cancelled: Callable[[], bool]) -> None:
+    wait_for_cancel(None, report, cancelled)
+    raise RuntimeError("told to stop")
+
+
 @pytest_asyncio.fixture
 async def pool() -> AsyncIterator[WorkerPool]:
     pool = WorkerPool()
@@ -115,3 +120,17 @@ async def test_worker_ends_when_the_station_closes_its_pipe(pool: WorkerPool) ->
     await pool.stop()
     with pytest.raises(ProcessLookupError):
         os.kill(pid, 0)
+
+
+async def test_task_that_was_told_to_stop_leaves_no_trace_in_the_log_and_one_that_fails_does(
+    pool: WorkerPool, capfd: pytest.CaptureFixture[str]
+) -> None:
+    started: asyncio.Queue[int] = asyncio.Queue()
+    task = asyncio.create_task(pool.run(f"{HERE}:break_off", None, on_progress=started.put_nowait))
+    await started.get()
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+    with pytest.raises(WorkerTaskError):
+        await pool.run(f"{HERE}:fail", "broken")
+    said = capfd.readouterr().err
+    assert ("told to stop" in said, "broken" in said) == (False, True)
