@@ -3,7 +3,7 @@
 import pytest
 
 from tests.browser.walk import browser_page, chromium
-from tests.e2e.demo import Demo
+from tests.e2e.demo import LASTING, Demo
 
 
 @pytest.fixture(scope="package")
@@ -31,4 +31,5 @@ def station(demo, page):
     [cookie] = [each for each in page.context.cookies() if each["httpOnly"]]
     demo.client.cookies.set(cookie["name"], cookie["value"])
     demo.client.headers["X-CSRF-Token"] = demo.get("/api/session")["csrf_token"]
+    demo.patch("/api/config/planner", LASTING, robot="mini-1")
     return demo

@@ -42,7 +42,9 @@ def test_the_scene_is_drawn_inside_the_page(page, demo):
     expect_scene(page)
 
 
-def test_a_survey_is_planned_sent_flown_and_mapped(page, demo):
+def test_a_survey_is_planned_sent_flown_and_mapped(page, demo, station):
+    state = "/api/robots/mini-1/state"
+    station.wait("a first report", lambda: station.get(state)["position"], 60.0)
     open_page(page, demo, "/plan/mini-1")
     expect(page.get_by_role("button", name="Plan a survey for mini-1")).to_be_enabled()
     page.get_by_label("Total energy budget").fill("14")

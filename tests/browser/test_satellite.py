@@ -9,7 +9,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.browser.walk import CHROMIUM, browser_page, hold, open_page, shoot
-from tests.e2e.demo import Demo
+from tests.e2e.demo import LASTING, Demo
 
 pytestmark = [
     pytest.mark.browser,
@@ -50,7 +50,7 @@ def draft(far, screen):
     north_m, east_m, _ = far.get(state)["position"]["ned_m"]
     down = {"kind": "dive", "end_ned": [north_m, east_m, 3.0]}
     up = {"kind": "dive", "end_ned": [north_m, east_m, 0.0]}
-    wish = {"kind": "primitives", "legs": [down, up] * 3}
+    wish = {"kind": "primitives", "legs": [down, up] * 3, "config": LASTING}
     plan = far.post(f"/api/robots/{ROBOT}/plans", wish)["id"]
     far.wait("draft", lambda: far.get(f"/api/plans/{plan}")["state"] == "draft", 90.0)
     return plan

@@ -6,6 +6,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.browser.walk import CHROMIUM, hold, open_page, shoot
+from tests.e2e.demo import LASTING
 
 pytestmark = [
     pytest.mark.browser,
@@ -28,8 +29,9 @@ def is_free(station):
 
 @pytest.fixture(scope="module", autouse=True)
 def free(station):
-    """An earlier walk may have left mini-1 on its way."""
+    """An earlier walk may have left mini-1 on its way, and its own settings."""
     station.wait("robot without a mission", lambda: is_free(station), 240.0)
+    station.patch("/api/config/planner", LASTING, robot="mini-1")
 
 
 @pytest.fixture(autouse=True)

@@ -18,6 +18,8 @@ START_LIMIT_S = 240.0
 STOP_LIMIT_S = 120.0
 PATIENCE = 6.0
 """What a slow or busy machine gets of each limit."""
+LASTING = {"mission": {"draft_age_s": 604_800.0, "draft_distance_m": 1000.0}}
+"""Settings by which no draft is outdated: a slow machine looks at one for hours of demo time."""
 
 
 class Demo:
@@ -69,6 +71,9 @@ class Demo:
 
     def get(self, path: str, **query: object) -> dict:
         return self.client.get(path, params=query).raise_for_status().json()
+
+    def patch(self, path: str, body: dict, **query: object) -> None:
+        self.client.patch(path, params=query, json=body).raise_for_status()
 
     def post(self, path: str, body: dict | None = None) -> dict:
         answer = self.client.post(path, json=body or {})
@@ -178,5 +183,9 @@ def _dives(demo: Demo, count: int, depth_m: float) -> dict:
     down = {"kind": "dive", "end_ned": [*here, depth_m]}
     up = {"kind": "dive", "end_ned": [*here, 0.0]}
     way = [{"kind": "swim", "end_ned": [*inside, 0.0]}] if is_near_edge else []
-    budget = {"total_budget": 80.0, "round_budget": 80.0}
-    return {"kind": "primitives", "legs": [*way, *[down, up] * count], "config": budget}
+    config = {
+        "total_budget": 80.0,
+        "round_budget": 80.0,
+        "mission": {"draft_distance_m": 1.0},
+    }
+    return {"kind": "primitives", "legs": [*way, *[down, up] * count], "config": config}

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from tests.e2e.demo import Demo
+from tests.e2e.demo import LASTING, Demo
 
 pytestmark = pytest.mark.process
 
@@ -50,8 +50,8 @@ def test_plan_by_satellite_is_flown_though_the_station_dies_on_the_way(demo):
         lambda: demo.get(f"/api/robots/{ROBOT}/state")["position"],
         60.0,
     )
-    budget = {"round_budget": 200.0, "total_budget": 200.0}
-    wanted = {"kind": "primitives", "legs": legs(demo, 44), "config": budget}
+    config = {"round_budget": 200.0, "total_budget": 200.0, **LASTING}
+    wanted = {"kind": "primitives", "legs": legs(demo, 44), "config": config}
     plan = demo.post(f"/api/robots/{ROBOT}/plans", wanted)["id"]
 
     def seen() -> dict:
