@@ -77,6 +77,10 @@ INNER_LOOP_PRESETS: dict[str, InnerLoopConfig] = {
         speed_floor_m_s=0.02,
         # a hard turn costs more speed than it gains direction
         bias_max_rad=0.5,
+        bias_hard_rad=0.8,
+        hard_turn_rad_s=0.10,
+        hard_speed_m_s=0.077,
+        hard_lag_s=3.0,
         turn_feedforward_s=8.0,
         turn_gain_s=2.0,
         turn_integral_gain=0.2,
