@@ -29,6 +29,11 @@ class Dives:
         """Part of the time in which the tail beats."""
         return 1.0 - self.rising_s / self.between_s
 
+    @property
+    def pumping_share(self) -> float:
+        """Part of the time in which the pump works to bring the robot up and down again."""
+        return min(2.0 * self.rising_s / self.between_s, 1.0)
+
     def surfacings(self, duration_s: float) -> int:
         """Return how often the robot comes up in this time, the end of it included."""
         return max(1, math.ceil(duration_s / self.between_s))

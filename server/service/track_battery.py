@@ -9,7 +9,7 @@ from autonomy.vehicle.config import Vehicle
 from robot_link.messages import StateReport
 from server.configuration import ConfigurationBook
 from server.service.fleet import Fleet
-from server.service.track_account import is_deep
+from server.service.track_account import dives_of, is_deep
 from server.service.view.plan import BatteryView, ViolationView
 
 _S_PER_H = 3600.0
@@ -40,6 +40,7 @@ def battery_of(
 ) -> BatteryView:
     """Return what a mission takes from a battery of which the robot said how full it is."""
     power_w = swimming_power_w(vehicle, is_deep=is_deep(config, planner))
+    power_w += vehicle.energy.pump_full_w * dives_of(config, planner, vehicle).pumping_share
     full_s = battery.capacity_wh * _S_PER_H / power_w if power_w else math.inf
     left = None if state is None else state.battery_fraction
     lasts_s = None if left is None or not power_w else max(0.0, left - RESERVE) * full_s

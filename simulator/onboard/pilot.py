@@ -90,17 +90,15 @@ class Pilot:
         level = self._track(estimate, depth, 0.0)
         return self._flapping(estimate, course_rad, level)
 
-    def beat(
-        self, estimate: Estimate, beat: TailBeat, depth: DepthReference | None = None
-    ) -> SetPoints:
+    def beat(self, estimate: Estimate, beat: TailBeat, level: SetPoints | None = None) -> SetPoints:
         """Swim with a given beat of the tail, at the surface or at a depth.
 
         Args:
             estimate: Where the robot believes to be.
             beat: What the tail does.
-            depth: Depth to be at; None is the surface.
+            level: Net mass and sliding mass that keep the depth; None is the surface.
         """
-        trim = self._afloat(estimate) if depth is None else self._track(estimate, depth, 0.0)
+        trim = self._afloat(estimate) if level is None else level
         return SetPoints(
             trim.net_buoyancy_kg,
             trim.mass_position_m,

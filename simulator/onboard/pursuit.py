@@ -1,7 +1,5 @@
 """Pursuit of a target that is known by its range alone: the tracker steers, the tail swims."""
 
-import math
-
 from autonomy.tracking.config import TrackingConfig
 from autonomy.tracking.inner_loop import BeatAverage, InnerLoop, Swimming, TailBeat
 from autonomy.tracking.inner_loop_config import INNER_LOOP_PRESETS
@@ -18,12 +16,11 @@ from robot_link.messages import RobotMode
 from simulator.onboard.beacon_position import BeaconPosition
 from simulator.onboard.ground_motion import GroundMotion
 from simulator.onboard.hardware import SetPoints
+from simulator.onboard.level import LevelKeeper
 from simulator.onboard.maneuver import Flight
 from simulator.onboard.navigation import Estimate
-from simulator.onboard.pilot import DepthReference
 from simulator.onboard.ranging import Hearing
 
-_DIVING_RATE_M_S = 0.05
 _DOUBT_STDS, _DOUBT_M = 2.0, 0.05
 """A robot may be so far outside by its own account before it is: walls hold it back."""
 _FLOOR_MARGINS = 1.5
@@ -72,7 +69,7 @@ class Pursuit:
         """What the tracker said last; None before the first step."""
         self.failure = ""
         """Why the mission fails, or ""."""
-        self._depth_m = estimate.depth_m
+        self._level = LevelKeeper(flight.vehicle, flight.profile.depth_leash_m, estimate, period_s)
         self._beacon = BeaconPosition(config) if config.target.kind == "beacon" else None
 
     @property
@@ -103,7 +100,7 @@ class Pursuit:
             if is_turning_away
             else self._loop.step(turn_rate, acceleration, now)
         )
-        return self._swim(estimate, beat, dt_s)
+        return self._swim(estimate, beat)
 
     def located(self, estimate: Estimate) -> Estimate:
         """Return the estimate with the position that a beacon's ranges give, if that is better."""
@@ -150,13 +147,8 @@ class Pursuit:
         floor_m = float(self._flight.site.floor_m(north, east))
         return floor_m - _FLOOR_MARGINS * self._flight.profile.floor_margin_m
 
-    def _swim(self, estimate: Estimate, beat: TailBeat, dt_s: float) -> SetPoints:
+    def _swim(self, estimate: Estimate, beat: TailBeat) -> SetPoints:
         wanted_m = min(self._config.motion.depth_m, self._deepest_m(estimate))
         if wanted_m <= 0.0:
             return self._flight.pilot.beat(estimate, beat)
-        left_m = wanted_m - self._depth_m
-        change_m = math.copysign(min(abs(left_m), _DIVING_RATE_M_S * dt_s), left_m)
-        self._depth_m += change_m
-        return self._flight.pilot.beat(
-            estimate, beat, DepthReference(self._depth_m, change_m / dt_s)
-        )
+        return self._flight.pilot.beat(estimate, beat, self._level.step(estimate, wanted_m))

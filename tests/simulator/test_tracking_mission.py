@@ -255,12 +255,26 @@ def test_bad_ranges_are_counted_and_move_nothing_but_finite_set_points(bad):
     assert np.isfinite(told.command).all()
 
 
-def test_pursuit_under_water_keeps_its_depth():
-    life = begin(changed(TANK, motion={"depth_m": 0.3}))
-    life.live(60.0)
-    began = len(life.track)
-    life.live(60.0)
-    assert np.all(np.abs(life.track[began:, 7] - 0.3) < 0.15)
+@pytest.mark.parametrize(
+    ("config", "definition", "depth_m", "off_m"),
+    [(TANK, MINI_1, 0.3, 0.02), (changed(LAKE, target={"kind": "virtual"}), GRACE_1, 3.0, 0.2)],
+    ids=["tank", "lake"],
+)
+def test_pursuit_under_water_keeps_its_depth_with_little_work_of_the_pump(
+    config, definition, depth_m, off_m
+):
+    life = begin(changed(config, motion={"depth_m": depth_m}), definition=definition)
+    plant, limits = life.robot.body.plant, life.robot.definition.vehicle.limits
+    assert life.live_until(lambda: plant.state[2] > depth_m - off_m, 300.0)
+    life.live(30.0)
+    depths_m, pumped_kg = [], 0.0
+    for _ in range(600):
+        before_kg = plant.state[12]
+        life.live(0.1)
+        depths_m.append(plant.state[2])
+        pumped_kg += abs(plant.state[12] - before_kg)
+    assert np.all(np.abs(np.array(depths_m) - depth_m) < off_m)
+    assert pumped_kg < 0.2 * 60.0 * limits.m0_rate_kg_s
     assert life.executive.mode is RobotMode.TRACKING
 
 

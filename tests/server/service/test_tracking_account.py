@@ -98,14 +98,14 @@ def test_the_beat_that_is_paid_for_is_the_vehicles_own():
     assert slow - time == pytest.approx((account(config).energy - time) / 4.0)
 
 
-def test_power_is_that_of_electronics_and_tail_and_under_water_of_every_actuator():
+def test_power_is_that_of_electronics_and_tail_and_under_water_of_the_pump_now_and_then():
     prices = GRACE_MODEL.energy
     gait, limits = GRACE_MODEL.swim, GRACE_MODEL.limits
     share = (2.0 * math.pi * gait.frequency_hz * gait.amplitude_rad / limits.delta_rate_rad_s) ** 2
     shallow = prices.electronics_w + 0.5 * share * prices.tail_full_w
     assert swimming_power_w(GRACE_MODEL, is_deep=False) == pytest.approx(shallow)
-    deep = shallow + 0.5 * (prices.pump_full_w + prices.mass_full_w)
-    assert swimming_power_w(GRACE_MODEL, is_deep=True) == pytest.approx(deep)
+    deep_w = swimming_power_w(GRACE_MODEL, is_deep=True)
+    assert 0.02 * prices.pump_full_w < deep_w - shallow < 0.1 * prices.pump_full_w
 
 
 def told(duration_s, battery_fraction):
