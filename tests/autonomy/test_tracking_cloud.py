@@ -86,8 +86,8 @@ def test_bank_and_cloud_agree_where_the_target_is_well_observed():
         cloud.hear(0.1 * n, pose[:2], range_m)
         newest, pose = pose, unicycle.advance(pose, *command, 0.1)
     likeliest = cloud.likeliest(newest[:2])
-    variances = np.array(likeliest.covariance_m2)[[0, 2]]
-    assert variances == pytest.approx(bank.best.h[[4, 8]], rel=0.4)
+    variances = np.array(likeliest.covariance_m2)[[0, 2]] - WALK_M_SQRT_S**2
+    assert variances == pytest.approx(bank.best.h[[4, 8]], rel=0.15)
     place = np.array(newest[:2]) - bank.best.h[:2]
     assert math.dist(place, likeliest.place_ne_m) < math.sqrt(variances.min())
     assert math.hypot(*place) < 3.0 * math.sqrt(variances.max())
@@ -229,6 +229,7 @@ def test_ranges_from_before_another_place_was_followed_are_too_old():
     for n in range(20):
         timeline.step(BankInput(0.1 if n else 0.0, (0.0, 0.0), 1.5, SPEED_M_S), ())
     timeline.follow_instead((3.0, -2.0), (0.5, 0.1, 0.4), (0.01, -0.02))
+    assert timeline.bank.best.place_covariance_m2 == (0.5, 0.1, 0.4)
     nothing = BankInput(0.1, (0.0, 0.0), math.nan, math.nan)
     assert timeline.step(nothing, (RangeHeard(25.0, 0.5),)) == 1
     best = timeline.bank.best
