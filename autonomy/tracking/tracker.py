@@ -158,6 +158,11 @@ class Tracker:
             self._command = (float(command[0]), float(command[1]))
             self._turn_rate_rad_s = self._command[0]
 
+    def listen_again(self) -> None:
+        """Judge the track anew: the robot did not listen for a while, which says nothing of it."""
+        self._watch = TrackWatch(self._config)
+        self._timeline.bank.hearing.silence_s = 0.0
+
     def keep_inside(self, step: TrackerStep, own_ne_m: Pair, site: Site) -> TrackerStep:
         """Turn away from walls and shore in time, whatever the track wants.
 

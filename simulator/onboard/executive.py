@@ -188,7 +188,7 @@ class Executive:
             if self._flown is not None:
                 self._account.fly_leg(self._flown.share(estimate))
             self._keep_limits(estimate)
-        self.tracking.pass_time(dt_s)
+        self.tracking.pass_time(estimate, dt_s)
         self._proceed(estimate, samples_waiting, is_talking=is_talking)
         set_points = self._maneuver.step(estimate, dt_s)
         if self._stage is Stage.PURSUIT:

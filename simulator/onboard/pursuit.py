@@ -69,7 +69,7 @@ class Pursuit:
         """What the tracker said last; None before the first step."""
         self.failure = ""
         """Why the mission fails, or ""."""
-        self._level = LevelKeeper(flight.vehicle, flight.profile.depth_leash_m, estimate, period_s)
+        self._level = self._new_level(estimate)
         self._beacon = BeaconPosition(config) if config.target.kind == "beacon" else None
 
     @property
@@ -84,7 +84,7 @@ class Pursuit:
         now = self._swimming(estimate)
         # the tail does not do what is asked of it at once: what it did is measured
         self._tracker.applied((now.turn_rate_rad_s, now.acceleration_m_s2))
-        reading = self._reading(estimate, now)
+        reading = self._reading(estimate, now, self._heard(estimate))
         if self._beacon is not None:
             self._beacon.step(estimate, now, reading.ranges, dt_s)
         wanted = self._tracker.step(reading, dt_s)
@@ -102,6 +102,18 @@ class Pursuit:
         )
         return self._swim(estimate, beat)
 
+    def wait(self, estimate: Estimate, dt_s: float) -> None:
+        """Let time pass while the robot does something else: nothing is heard, doubt grows."""
+        now = self._swimming(estimate)
+        self._tracker.applied((now.turn_rate_rad_s, now.acceleration_m_s2))
+        self._tracker.step(self._reading(estimate, now, ()), dt_s)
+
+    def resume(self, estimate: Estimate) -> None:
+        """Swim on from where the robot is, and listen again."""
+        self._tracker.listen_again()
+        self.failure = ""
+        self._level = self._new_level(estimate)
+
     def located(self, estimate: Estimate) -> Estimate:
         """Return the estimate with the position that a beacon's ranges give, if that is better."""
         return estimate if self._beacon is None else self._beacon.located(estimate)
@@ -111,14 +123,18 @@ class Pursuit:
         left_s = self._config.motion.duration_s - self._hearing.time_s
         return bool(self.failure) or left_s < self._half_step_s
 
-    def _reading(self, estimate: Estimate, now: Swimming) -> TrackerReading:
-        own_ne_m = estimate.position_ned[:2]
-        heard = self._hearing.take(own_ne_m, estimate.depth_m)
+    def _heard(self, estimate: Estimate) -> tuple[RangeHeard, ...]:
+        heard = self._hearing.take(estimate.position_ned[:2], estimate.depth_m)
+        return tuple(RangeHeard(one.range_m, one.age_s) for one in heard)
+
+    def _reading(
+        self, estimate: Estimate, now: Swimming, ranges: tuple[RangeHeard, ...]
+    ) -> TrackerReading:
         return TrackerReading(
-            own_ne_m=own_ne_m,
+            own_ne_m=estimate.position_ned[:2],
             heading_rad=now.course_rad,
             speed_m_s=now.speed_m_s,
-            ranges=tuple(RangeHeard(one.range_m, one.age_s) for one in heard),
+            ranges=ranges,
             is_quiet=self._hearing.is_quiet,
             target_velocity_ne_m_s=self._hearing.known_velocity_ne_m_s,
         )
@@ -140,6 +156,11 @@ class Pursuit:
         if depth > float(site.floor_m(north, east)) - profile.floor_margin_m:
             return _NEAR_THE_FLOOR
         return ""
+
+    def _new_level(self, estimate: Estimate) -> LevelKeeper:
+        flight = self._flight
+        leash_m = flight.profile.depth_leash_m
+        return LevelKeeper(flight.vehicle, leash_m, estimate, 2.0 * self._half_step_s)
 
     def _deepest_m(self, estimate: Estimate) -> float:
         """Return how deep the robot may swim here without coming near the floor."""

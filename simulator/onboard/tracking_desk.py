@@ -25,7 +25,8 @@ _LAST_WORD_S = 60.0
 class TrackingDesk:
     """Keeps what outlasts one pursuit; a mission that was held goes on with it.
 
-    The mission's time, and with it a virtual target, goes on while the robot is held.
+    The mission's time, and with it a virtual target, goes on while the robot is held; what it believes of
+    the target is kept, and grows in doubt.
 
     Args:
         period_s: Time between two steps.
@@ -40,7 +41,9 @@ class TrackingDesk:
         self._config: TrackingConfig | None = None
         self._hearing: Hearing | None = None
         self._pursuit: Pursuit | None = None
+        self._held: Pursuit | None = None
         self._newest: TrackerStep | None = None
+        self._before: TrackerStep | None = None
         self._is_over = False
         self._said_s = 0.0
 
@@ -69,7 +72,8 @@ class TrackingDesk:
 
     def begin(self, mission: Mission) -> None:
         """Prepare for a mission that is started now; the noise on board comes from its hash."""
-        self._config = self._hearing = self._pursuit = self._newest = None
+        self._config = self._hearing = self._pursuit = self._held = None
+        self._newest = self._before = None
         self._is_over = False
         self._said_s = 0.0
         if mission.tracking is not None:
@@ -79,7 +83,7 @@ class TrackingDesk:
             self._hearing.is_quiet = self.is_quiet
 
     def pursue(self, flight: Flight, estimate: Estimate) -> Pursuit:
-        """Return the pursuit from here on; one that was held begins where its target was last.
+        """Return the pursuit from here on; one that was held goes on with what it believes.
 
         Raises:
             RuntimeError: If the mission follows no target.
@@ -87,6 +91,11 @@ class TrackingDesk:
         config, hearing = self._config, self._hearing
         if config is None or hearing is None:
             raise RuntimeError("no target is to be followed")
+        if self._held is not None:
+            self._pursuit, self._held = self._held, None
+            self._pursuit.resume(estimate)
+            return self._pursuit
+        self._before = self._newest
         if self._newest is not None:
             config = _from_newest(config, self._newest)
         self._pursuit = Pursuit(flight, config, hearing, estimate, self._period_s)
@@ -99,7 +108,10 @@ class TrackingDesk:
     def pause(self) -> None:
         """Stop pursuing and pinging, until ``pursue``."""
         if self._pursuit is not None:
-            self._newest = _since_begin(self._pursuit.newest, self._newest)
+            self._newest = _since_begin(self._pursuit.newest, self._before)
+            # a beacon's place is the mission's word, whatever was heard
+            is_beacon = self._config is not None and self._config.target.kind == "beacon"
+            self._held = None if is_beacon else self._pursuit
         if self._hearing is not None:
             self._hearing.forget()
         self._pursuit = None
@@ -107,14 +119,20 @@ class TrackingDesk:
     def end(self) -> None:
         """Say from now on, but not for long, that the pursuit has ended."""
         self.pause()
+        self._held = None
         self._is_over = True
 
-    def pass_time(self, dt_s: float) -> None:
-        """Let time pass; the mission's begins with its first pursuit."""
+    def pass_time(self, estimate: Estimate, dt_s: float) -> None:
+        """Let time pass; the mission's begins with its first pursuit.
+
+        A pursuit that is held is told where the robot is, hears nothing, and grows in doubt.
+        """
         if self._is_over:
             self._said_s += dt_s
         elif self._hearing is not None and (self._pursuit or self._newest):
             self._hearing.pass_time(dt_s)
+        if self._held is not None:
+            self._held.wait(estimate, dt_s)
 
     def obey(self, *, is_quiet: bool) -> None:
         """Stop pinging, or ping again, from now on and in missions to come."""
@@ -146,7 +164,7 @@ class TrackingDesk:
         step = self._newest
         if self._pursuit is not None:
             newest = self._pursuit.newest
-            step = newest and _since_begin(newest, self._newest)
+            step = newest and _since_begin(newest, self._before)
         is_told = self._pursuit is not None or (self._is_over and self._said_s < _LAST_WORD_S)
         if hearing is None or config is None or step is None or not is_told:
             return None

@@ -161,6 +161,37 @@ def test_held_robot_floats_without_pinging_and_goes_on_where_it_was():
     assert error_m(report(life)) < 0.6
 
 
+@pytest.mark.parametrize("held_s", [1.0, 30.0])
+def test_held_robot_grows_in_doubt_and_goes_on_with_what_it_believed(held_s):
+    patience = {"coast_after_s": 2.0, "lost_after_s": 5.0, "give_up_after_s": 10.0}
+    life = begin(changed(TANK, target={"kind": "tag"}, ranging=patience))
+    program = life.robot.program
+    where = (1.2, 0.7)
+
+    def pings(seconds: float) -> None:
+        for _ in range(round(seconds / 0.5)):
+            program.hear_range(horizontal(life.robot.body.plant.position_ned, where), 0.0)
+            life.live(0.5)
+
+    pings(60.0)
+    before = report(life)
+    program.obey(CommandKind.HOLD, "")
+    assert life.live_until(lambda: life.executive.mode is RobotMode.HOLDING, 20.0)
+    life.live(held_s)
+    program.obey(CommandKind.RESUME, "")
+    assert life.live_until(lambda: program.wants_range() is not None, 5.0)
+    life.live(0.2)
+    after = report(life)
+    assert after.ranges_heard == before.ranges_heard
+    doubt, guessed = (one.hypotheses[0].covariance_m2 for one in (after, before))
+    assert guessed[0] + guessed[2] < doubt[0] + doubt[2]
+    assert horizontal(after.hypotheses[0].position_ne_m, where) < 0.4
+    pings(0.5)
+    assert report(life).ranges_heard == before.ranges_heard + 1
+    pings(20.0)
+    assert life.executive.mode is RobotMode.TRACKING
+
+
 def test_range_from_before_a_hold_is_not_taken_for_a_new_one():
     life = begin(changed(TANK, target={"kind": "tag"}))
     life.live(1.0)
