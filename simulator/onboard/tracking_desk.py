@@ -25,8 +25,8 @@ _LAST_WORD_S = 60.0
 class TrackingDesk:
     """Keeps what outlasts one pursuit; a mission that was held goes on with it.
 
-    The mission's time, and with it a virtual target, goes on while the robot is held; what it believes of
-    the target is kept, and grows in doubt.
+    The mission's time, and with it a virtual target, goes on while the robot is held; what it
+    believes of the target is kept, and grows in doubt.
 
     Args:
         period_s: Time between two steps.
