@@ -1,6 +1,5 @@
 """What a robot does about a target beside swimming: listens, remembers, answers, reports."""
 
-import math
 from collections.abc import Callable
 from dataclasses import replace
 from datetime import datetime
@@ -96,8 +95,6 @@ class TrackingDesk:
             self._pursuit.resume(estimate)
             return self._pursuit
         self._before = self._newest
-        if self._newest is not None:
-            config = _from_newest(config, self._newest)
         self._pursuit = Pursuit(flight, config, hearing, estimate, self._period_s)
         return self._pursuit
 
@@ -205,21 +202,3 @@ def _since_begin(newest: TrackerStep | None, before: TrackerStep | None) -> Trac
         ranges_heard=newest.ranges_heard + before.ranges_heard,
         ranges_rejected=newest.ranges_rejected + before.ranges_rejected,
     )
-
-
-def _from_newest(config: TrackingConfig, newest: TrackerStep) -> TrackingConfig:
-    """Return the mission with the newest estimate of the target as its first guess.
-
-    A beacon stays where the mission says: the robot finds its own position by that.
-    """
-    if not newest.hypotheses or config.target.kind == "beacon":
-        return config
-    likeliest = newest.hypotheses[0]
-    north, east = likeliest.position_ne_m
-    variance = max(likeliest.covariance_m2[0], likeliest.covariance_m2[2], 0.0)
-    guess = {
-        "north_m": north,
-        "east_m": east,
-        "guess_std_m": max(math.sqrt(variance), config.target.guess_std_m),
-    }
-    return config.model_copy(update={"target": config.target.model_copy(update=guess)})
