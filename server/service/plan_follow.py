@@ -7,6 +7,7 @@ from db.query.plans import PlanRecord, plan_by_hash
 from db.query.telemetry import newest_plan_report
 from db.store import Store
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanReport
+from server.service.picture import TRACK_TARGET
 from server.service.plan_document import onboard_by, teaches
 from server.service.plan_ledger import ON_THE_WAY, PlanLedger
 from server.service.turn import Turns
@@ -75,7 +76,7 @@ class PlanFollower:
         text = {
             "on_board": f"{plan.robot} has {plan.id} on board.",
             "running": f"{plan.robot} flies {plan.id}{mark}.",
-            "done": f"{plan.robot} flew {plan.id} to its end{_overspending(onboard)}.",
+            "done": f"{plan.robot} {_completed(plan)}{_overspending(onboard)}.",
             "failed": f"{plan.robot} ended {plan.id} early: {report.reason or 'no reason given'}",
             "cancelled": f"{plan.robot} came up as ordered; that ended {plan.id}.",
         }[state]
@@ -127,6 +128,13 @@ def _state_of(report: PlanReport) -> str | None:
     if report.state is OnboardPlanState.FAILED and report.reason == SURFACED_BY_COMMAND:
         return "cancelled"
     return _STATES.get(report.state)
+
+
+def _completed(plan: PlanRecord) -> str:
+    """Return what a robot did that reached a plan's end: only time ends a pursuit as planned."""
+    if plan.kind == TRACK_TARGET:
+        return f"followed the target of {plan.id} until its time was over"
+    return f"flew {plan.id} to its end"
 
 
 def _overspending(onboard: OnboardView) -> str:

@@ -341,6 +341,18 @@ async def test_a_draft_survives_a_restart_and_is_flown_then(tmp_path, world):
     assert world.robots[MINI].state is OnboardPlanState.DONE
 
 
+async def test_the_log_says_that_time_ended_a_pursuit(client, station, world):
+    plan = await draft(client)
+    await station.uploads.upload(plan["id"], start=True)
+
+    async def told():
+        events = (await client.get("/api/events?robot=mini-1")).json()["events"]
+        return [event["text"] for event in events if event["kind"] == "plan.done"]
+
+    await until(told)
+    assert await told() == [f"{MINI} followed the target of {plan['id']} until its time was over."]
+
+
 async def test_a_robot_that_obeyed_to_be_quiet_is_warned_of_until_it_pings_again(client, world):
     for kind, warned in (("quiet", ["quiet"]), ("ping", [])):
         answer = await client.post(f"/api/robots/{MINI}/commands", json={"kind": kind})
