@@ -1,12 +1,11 @@
 """Holds a filter bank against the cloud of all places that the ranges allow."""
 
-from collections import deque
-
 import numpy as np
 
 from autonomy.tracking.cloud import TargetCloud
 from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.late_range import LONGEST_AGE_S, SAME_TIME_S, Timeline
+from autonomy.tracking.late_range import Timeline
+from autonomy.tracking.own_way import OwnWay
 from autonomy.tracking.reading import RangeHeard
 
 REFUTED = 0.1
@@ -28,7 +27,7 @@ class Arbiter:
         self, config: TrackingConfig, own_ne_m: tuple[float, float], generator: np.random.Generator
     ) -> None:
         self._cloud = TargetCloud(config, generator)
-        self._way: deque[tuple[float, float, float]] = deque([(0.0, *own_ne_m)])
+        self._way = OwnWay(own_ne_m)
 
     def step(
         self,
@@ -47,29 +46,12 @@ class Arbiter:
             ranges: Finite, not negative, as are their ages.
             timeline: Of the bank, which may be made to follow another place.
         """
-        self._way.append((now_s, *own_ne_m))
-        while self._way[0][0] < now_s - LONGEST_AGE_S:
-            self._way.popleft()
-        earliest_s = self._way[0][0] - SAME_TIME_S
-        held = sorted((now_s - heard.age_s, heard.range_m) for heard in ranges)
-        usable = [one for one in held if one[0] >= earliest_s]
-        for held_s, range_m in usable:
-            self._cloud.hear(held_s, self._own_at(held_s), range_m)
+        self._way.add(now_s, own_ne_m)
+        usable = self._way.placed(ranges)
+        for held_s, own_then_ne_m, range_m in usable:
+            self._cloud.hear(held_s, own_then_ne_m, range_m)
         if usable:
             self._judge(own_ne_m, timeline)
-
-    def _own_at(self, time_s: float) -> tuple[float, float]:
-        """Return where the robot was, by the straight line between two steps."""
-        after_s, north, east = self._way[-1]
-        for before_s, before_north, before_east in reversed(self._way):
-            if before_s <= time_s:
-                share = (time_s - before_s) / (after_s - before_s) if after_s > before_s else 0.0
-                return (
-                    before_north + share * (north - before_north),
-                    before_east + share * (east - before_east),
-                )
-            after_s, north, east = before_s, before_north, before_east
-        return north, east
 
     def _judge(self, own_ne_m: tuple[float, float], timeline: Timeline) -> None:
         h = timeline.bank.best.h

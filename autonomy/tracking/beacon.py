@@ -1,16 +1,18 @@
 """Own position from ranges to one beacon of known place: tracking, the other way round.
 
-Robot minus beacon is what the filter bank estimates; where the beacon is known, that is the robot's
-own place. A beacon that stays seems to move through water that flows, so the velocity filter finds
-the current, which dead reckoning cannot see.
+To a robot that reckons wrongly, a beacon that stays seems to stand where its own error puts it, and
+to move as the current does that dead reckoning does not see. The cloud of the places where a target
+may be finds both; what it says of the beacon, turned round, is where the robot is.
 """
 
 import math
 from dataclasses import dataclass
 
-from autonomy.tracking.bank import Bank, BankInput
+import numpy as np
+
+from autonomy.tracking.cloud import TargetCloud
 from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.late_range import Timeline
+from autonomy.tracking.own_way import OwnWay
 from autonomy.tracking.reading import Pair, RangeHeard
 
 
@@ -19,17 +21,13 @@ class BeaconFix:
     """Where the robot is by its ranges to the beacon."""
 
     position_ne_m: Pair
-    """In the frame in which the beacon's place was given."""
+    """Mean, in the frame in which the beacon's place was given."""
     covariance_m2: tuple[float, float, float]
-    """Of the position: north-north, north-east, east-east."""
-    weight: float
-    """Probability that it is this place and no mirrored one."""
+    """Of the position: north-north, north-east, east-east; wide while two places are possible."""
     current_ne_m_s: Pair
-    """How the water moves over ground."""
+    """How the water moves over ground beyond what dead reckoning knows."""
     silence_s: float
-    """Time since a range was believed."""
-    is_sure: bool
-    """Whether the ranges agree with this place."""
+    """Time since a range held."""
 
     @property
     def position_std_m(self) -> float:
@@ -44,14 +42,13 @@ class BeaconNavigator:
     The robot must turn now and then: along a straight course both sides of it look alike.
 
     Args:
-        config: Noise and gate of ranges and filter; its target's place is the beacon's.
+        config: Noise of ranges; its target's place is the beacon's, its target's speed the current.
         own_ne_m: Where the robot believes to be at the start.
         own_std_m: How well it knows that, per axis.
-        heading_rad: Of the robot.
-        speed_m_s: Of the robot, through the water.
+        generator: Source of the cloud's random numbers.
 
     Raises:
-        ValueError: If a number is not finite or ``own_std_m`` is not positive.
+        ValueError: If a number is not finite or ``own_std_m`` is negative.
     """
 
     def __init__(
@@ -59,53 +56,70 @@ class BeaconNavigator:
         config: TrackingConfig,
         own_ne_m: Pair,
         own_std_m: float,
-        heading_rad: float,
-        speed_m_s: float,
+        generator: np.random.Generator,
     ) -> None:
+        _check(own_ne_m, own_std_m, 0.0)
         self._beacon = (config.target.north_m, config.target.east_m)
-        relative = (own_ne_m[0] - self._beacon[0], own_ne_m[1] - self._beacon[1])
-        bank = Bank.begin(config, relative, heading_rad, speed_m_s, own_std_m)
-        self._timeline = Timeline(bank)
+        self._cloud = TargetCloud(config, generator, guess_std_m=own_std_m)
+        self._moments = self._cloud.moments()
+        self._way = OwnWay(own_ne_m)
+        self._now_s = self._heard_s = 0.0
+        self._own_variance_m2 = own_std_m**2
+        self._strayed_m2 = 0.0
+        """What dead reckoning has lost since the newest range."""
 
     def step(
         self,
-        heading_rad: float,
-        speed_m_s: float,
+        own_ne_m: Pair,
+        own_std_m: float,
         dt_s: float,
-        *,
-        turn_rate_rad_s: float = 0.0,
-        acceleration_m_s2: float = 0.0,
         ranges: tuple[RangeHeard, ...] = (),
     ) -> BeaconFix:
-        """Let ``dt_s`` pass, then take in what was measured at its end.
+        """Let ``dt_s`` pass, then take in the ranges that came.
 
         Args:
-            heading_rad: Measured; NaN where none was.
-            speed_m_s: Measured, through the water; NaN where none was.
+            own_ne_m: Where the robot is by dead reckoning, without this navigator's fixes.
+            own_std_m: How well that is known, per axis; what it grows by is doubted of the place.
             dt_s: Time since the step before, s.
-            turn_rate_rad_s: What held since then, as commanded or by the gyro.
-            acceleration_m_s2: The same of the speed.
             ranges: Horizontal ranges to the beacon, late ones too; bad ones are left out.
 
         Raises:
-            ValueError: If ``dt_s``, turn rate or acceleration is not finite, or ``dt_s`` negative.
+            ValueError: If a number is not finite, or ``own_std_m`` or ``dt_s`` is negative.
         """
-        command = (turn_rate_rad_s, acceleration_m_s2)
-        if not (0.0 <= dt_s < math.inf and all(math.isfinite(value) for value in command)):
-            raise ValueError("the beacon navigator needs dt_s >= 0 and finite rates")
-        good = tuple(heard for heard in ranges if heard.is_good)
-        self._timeline.step(BankInput(dt_s, command, heading_rad, speed_m_s), good)
-        return self._fix()
+        _check(own_ne_m, own_std_m, dt_s)
+        self._now_s += dt_s
+        self._way.add(self._now_s, own_ne_m)
+        self._strayed_m2 += max(own_std_m**2 - self._own_variance_m2, 0.0)
+        self._own_variance_m2 = own_std_m**2
+        held = self._way.placed(tuple(heard for heard in ranges if heard.is_good))
+        for held_s, own_then_ne_m, range_m in held:
+            self._cloud.stray(self._strayed_m2)
+            self._strayed_m2 = 0.0
+            self._cloud.hear(held_s, own_then_ne_m, range_m)
+        if held:
+            self._heard_s = max(self._heard_s, held[-1][0])
+            self._moments = self._cloud.moments()
+        return self._fix(own_ne_m)
 
-    def _fix(self) -> BeaconFix:
-        bank = self._timeline.bank
-        h = bank.best.h
-        north, east = bank.best.velocity_ne_m_s
+    def _fix(self, own_ne_m: Pair) -> BeaconFix:
+        mean, covariance = self._moments
+        silence_s = self._now_s - self._heard_s
+        onwards = np.hstack([np.eye(2), silence_s * np.eye(2)])
+        north, east = onwards @ mean
+        now = onwards @ covariance @ onwards.T + self._strayed_m2 * np.eye(2)
         return BeaconFix(
-            position_ne_m=(self._beacon[0] + float(h[0]), self._beacon[1] + float(h[1])),
-            covariance_m2=bank.best.place_covariance_m2,
-            weight=bank.best.weight,
-            current_ne_m_s=(-north, -east),
-            silence_s=bank.hearing.silence_s,
-            is_sure=not bank.hearing.is_searching,
+            position_ne_m=(
+                own_ne_m[0] + self._beacon[0] - float(north),
+                own_ne_m[1] + self._beacon[1] - float(east),
+            ),
+            covariance_m2=(float(now[0, 0]), float(now[0, 1]), float(now[1, 1])),
+            current_ne_m_s=(-float(mean[2]), -float(mean[3])),
+            silence_s=silence_s,
         )
+
+
+def _check(own_ne_m: Pair, own_std_m: float, dt_s: float) -> None:
+    if not all(math.isfinite(value) for value in own_ne_m):
+        raise ValueError("the beacon navigator needs a finite position")
+    if not (0.0 <= own_std_m < math.inf and 0.0 <= dt_s < math.inf):
+        raise ValueError("the beacon navigator needs own_std_m and dt_s that are finite and >= 0")

@@ -56,14 +56,23 @@ class TargetCloud:
     Args:
         config: First guess, range noise, and how fast a target may be.
         generator: Source of its random numbers.
+        guess_std_m: How far off the first guess may be, per axis; the configured one unless said
+            otherwise.
     """
 
-    def __init__(self, config: TrackingConfig, generator: np.random.Generator) -> None:
+    def __init__(
+        self,
+        config: TrackingConfig,
+        generator: np.random.Generator,
+        *,
+        guess_std_m: float | None = None,
+    ) -> None:
         self._speed_std_m_s = config.filter.target_speed_std_m_s
         self._std_m = math.sqrt(PERSISTENCE * config.ranging.variance_m2)
         self._near_m = NEAR_STDS * math.sqrt(config.ranging.variance_m2)
         self._generator = generator
-        guess = generator.standard_normal((PARTICLES, 2)) * config.target.guess_std_m
+        std_m = config.target.guess_std_m if guess_std_m is None else guess_std_m
+        guess = std_m * generator.standard_normal((PARTICLES, 2))
         guess += (config.target.north_m, config.target.east_m)
         self._particles = np.hstack([guess, self._velocities()])
         self._spare = np.empty_like(self._particles)
@@ -93,6 +102,21 @@ class TargetCloud:
             self._begin_anew(own_ne_m, range_m)
         elif float(self._weights @ self._weights) > 2.0 / PARTICLES:
             self._resample()
+
+    def stray(self, variance_m2: float) -> None:
+        """Let every place stray by so much more, per axis."""
+        self._generator.standard_normal(out=self._noise)
+        cloud_kernel.drift(self._particles, 0.0, math.sqrt(variance_m2), 1.0, 0.0, self._noise)
+
+    def moments(self) -> tuple[FloatArray, FloatArray]:
+        """Return the mean of place and velocity as of the newest range, and the covariance.
+
+        Returns:
+            North, east, and the velocity along them, m and m/s, shape ``(4,)``; shape ``(4, 4)``.
+        """
+        mean = self._weights @ self._particles
+        off = self._particles - mean
+        return mean, off.T @ (self._weights[:, None] * off)
 
     def share_near(self, place_ne_m: tuple[float, float]) -> float:
         """Return the probability that the target is near a place."""

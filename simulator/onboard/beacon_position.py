@@ -2,11 +2,15 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from autonomy.tracking.beacon import BeaconFix, BeaconNavigator
 from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.inner_loop import Swimming
 from autonomy.tracking.reading import RangeHeard
 from simulator.onboard.navigation import Estimate
+
+_SEED = 5
+"""Of the navigator's random numbers: the same dive is always located alike."""
 
 
 class BeaconPosition:
@@ -20,41 +24,32 @@ class BeaconPosition:
         self._config = config
         self._navigator: BeaconNavigator | None = None
         self._newest: BeaconFix | None = None
+        self._reckoned: Estimate | None = None
 
-    def step(
-        self, estimate: Estimate, now: Swimming, ranges: tuple[RangeHeard, ...], dt_s: float
-    ) -> None:
-        """Take in ranges to the beacon, horizontal ones."""
-        if estimate.has_fix:
+    def step(self, ranges: tuple[RangeHeard, ...], dt_s: float) -> None:
+        """Let time pass since the estimate that was located, and take in horizontal ranges."""
+        reckoned = self._reckoned
+        if reckoned is None or reckoned.has_fix:
             self._navigator = self._newest = None
             return
+        own, std_m = reckoned.position_ned[:2], reckoned.position_std_m
         if self._navigator is None:
-            self._navigator = BeaconNavigator(
-                self._config,
-                estimate.position_ned[:2],
-                estimate.position_std_m,
-                now.course_rad,
-                now.speed_m_s,
-            )
-        self._newest = self._navigator.step(
-            now.course_rad,
-            now.speed_m_s,
-            dt_s,
-            turn_rate_rad_s=now.turn_rate_rad_s,
-            acceleration_m_s2=now.acceleration_m_s2,
-            ranges=ranges,
-        )
+            chance = np.random.default_rng(_SEED)
+            self._navigator = BeaconNavigator(self._config, own, std_m, chance)
+        self._newest = self._navigator.step(own, std_m, dt_s, ranges)
 
-    def located(self, estimate: Estimate) -> Estimate:
-        """Return the estimate at the beacon's position, if that is sure and the better one."""
-        fix = self._newest
-        if fix is None or estimate.has_fix or not fix.is_sure:
-            return estimate
-        if fix.position_std_m >= estimate.position_std_m:
-            return estimate
+    def located(self, reckoned: Estimate) -> Estimate:
+        """Return an estimate at the beacon's position, if that is the better one.
+
+        Args:
+            reckoned: By dead reckoning alone.
+        """
+        self._reckoned, fix = reckoned, self._newest
+        if fix is None or reckoned.has_fix or fix.position_std_m >= reckoned.position_std_m:
+            return reckoned
         north, east = fix.position_ne_m
         return replace(
-            estimate,
-            position_ned=(north, east, estimate.depth_m),
+            reckoned,
+            position_ned=(north, east, reckoned.depth_m),
             position_std_m=fix.position_std_m,
         )

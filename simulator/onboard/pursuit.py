@@ -86,7 +86,7 @@ class Pursuit:
         self._tracker.applied((now.turn_rate_rad_s, now.acceleration_m_s2))
         reading = self._reading(estimate, now, self._heard(estimate))
         if self._beacon is not None:
-            self._beacon.step(estimate, now, reading.ranges, dt_s)
+            self._beacon.step(reading.ranges, dt_s)
         wanted = self._tracker.step(reading, dt_s)
         step = self._tracker.keep_inside(wanted, estimate.position_ned[:2], self._flight.site)
         self.newest = step
