@@ -1,9 +1,10 @@
 import { describe, expect, test } from 'vitest';
+import type uPlot from 'uplot';
 import type { FieldMap, Leg } from '../api/types';
 import { colourTable, tableIndex } from './colour_map';
-import { padded } from './line_chart';
+import { chartOptions, padded } from './line_chart';
 import { fidelityRuns, legPoints } from './path';
-import { append, sparkPath, trim, withGaps } from './series';
+import { aloneAt, append, sparkDots, sparkPath, trim, withGaps } from './series';
 import { cutPositions, cutSlice, finiteRange, logMarks, scaleMarks, ticks } from './slice';
 
 /** A map whose value at (north i, east j, depth k) is 100 i + 10 j + k. */
@@ -114,6 +115,35 @@ describe('a series', () => {
     expect(withGaps({ t: [0, 10, 20, 30], v: [1, 2, 3, 4] }).v).toEqual([1, 2, 3, 4]);
   });
 
+  test('of evenly rare reports says nothing of the time between them', () => {
+    const rare = { t: [0, 300, 600, 900], v: [0, 0, 0, 0] };
+    expect(withGaps(rare, 1500).v).toEqual([0, null, 0, null, 0, null, 0]);
+    expect(withGaps({ t: [0, 240], v: [0, 0] })).toEqual({ t: [0, 120, 240], v: [0, null, 0] });
+    expect(withGaps({ t: [0, 60], v: [0, 0] }).v).toEqual([0, 0]);
+    expect(withGaps({ t: [], v: [] })).toEqual({ t: [], v: [] });
+  });
+
+  test('that was thinned for the screen has no gaps but its own', () => {
+    const t = Array.from({ length: 1000 }, (_, i) => i * 86);
+    const thinned = { t: [...t, 90_000], v: [...t.map(() => 1), 1] };
+    expect(withGaps(thinned, 1000).v.indexOf(null)).toBe(1000);
+  });
+
+  test('shows as a dot what no line leads to', () => {
+    expect(aloneAt([1, null, 2, 3, null, 4])).toEqual([0, 5]);
+    expect(aloneAt([1, undefined, 2, null, undefined, 3, undefined])).toEqual([5]);
+    expect(aloneAt([null, undefined])).toEqual([]);
+    const frame = { across: [0, 4], down: [0, 1], width: 40, height: 10 } as const;
+    expect(sparkDots({ t: [-1, 0, 1, 2, 3], v: [1, null, 1, null, 0] }, frame)).toBe(
+      'M10.0 10.0h0M30.0 0.0h0',
+    );
+    const line = { label: 'Depth', unit: 'm', colour: '--text' };
+    const { series } = chartOptions({ lines: [line], across: 'time' }, () => '#123456', 300, 100);
+    const drawn = { data: [[], [0, null, 5, 6]] } as unknown as uPlot;
+    const { filter } = series[1]?.points ?? {};
+    expect(typeof filter === 'function' && filter(drawn, 1, false)).toEqual([0]);
+  });
+
   test('stays as thin and as short as it should', () => {
     const series = { t: [0], v: [0 as number | null] };
     expect(append(series, 0.5, 1, 1)).toBe(false);
@@ -123,7 +153,8 @@ describe('a series', () => {
   });
 
   test('lifts the pen over a gap', () => {
-    const path = sparkPath({ t: [0, 1, 2, 3], v: [0, 1, null, 1] }, [0, 4], [0, 1], 40, 10);
+    const frame = { across: [0, 4], down: [0, 1], width: 40, height: 10 } as const;
+    const path = sparkPath({ t: [0, 1, 2, 3], v: [0, 1, null, 1] }, frame);
     expect(path).toBe('M0.0 0.0L10.0 10.0M30.0 10.0');
   });
 

@@ -1,6 +1,7 @@
 import type uPlot from 'uplot';
 import { clockDate, clockTime } from '../text/time';
 import { plainNumber } from '../text/unit';
+import { aloneAt } from './series';
 
 /** One line of a chart. */
 export interface Line {
@@ -153,10 +154,23 @@ function lineOptions(line: Line, palette: Palette): uPlot.Series {
     label: line.label,
     stroke,
     width: line.width ?? 1.5,
-    points: { show: false },
+    points: line.isPredicted ? { show: false } : dots(stroke),
     spanGaps: line.isPredicted ?? false,
     ...(dash === null ? {} : { dash: [...dash] }),
     ...(line.fillTo === undefined ? {} : { fill: `${stroke}1f`, fillTo: line.fillTo }),
+  };
+}
+
+/** A dot for every value that no line leads to, which would not be seen at all. */
+function dots(colour: string): uPlot.Series.Points {
+  return {
+    show: false,
+    size: 5,
+    fill: colour,
+    filter: (chart, series) => {
+      const alone = aloneAt(chart.data[series] ?? []);
+      return alone.length > 0 ? alone : null;
+    },
   };
 }
 

@@ -4,17 +4,25 @@ export interface Series {
   v: (number | null)[];
 }
 
+/** A gap is a step of more than this many times the middle one, */
+const GAP_STEPS = 6;
+/** of at least this, s, */
+const LEAST_GAP_S = 5;
+/** and any step of more than this, s: a robot dives and comes up again within a few minutes. */
+const SURE_GAP_S = 60;
+
 /**
  * The same series with an empty value inside every gap, so that a gap is drawn as a gap.
  *
- * A gap is a step of more than `factor` times the middle step, and of at least `least` seconds.
+ * Of more than `asked` points a history keeps the least and the greatest of `asked / 2` equal
+ * intervals, so that what has no gap may have steps of two intervals.
  */
-export function withGaps(series: Series, factor = 6, least = 5): Series {
+export function withGaps(series: Series, asked = Infinity): Series {
   const { t, v } = series;
-  if (t.length < 3) return series;
   const steps = t.slice(1).map((at, i) => at - (t[i] ?? at));
   const middle = steps.toSorted((a, b) => a - b)[Math.floor(steps.length / 2)] ?? 0;
-  const limit = Math.max(least, middle * factor);
+  const thinned = (4 * ((t.at(-1) ?? 0) - (t[0] ?? 0))) / asked;
+  const limit = Math.min(Math.max(LEAST_GAP_S, middle * GAP_STEPS), Math.max(SURE_GAP_S, thinned));
   const result: Series = { t: [], v: [] };
   t.forEach((at, i) => {
     const before = t[i - 1];
@@ -25,6 +33,34 @@ export function withGaps(series: Series, factor = 6, least = 5): Series {
     result.t.push(at);
     result.v.push(v[i] ?? null);
   });
+  return result;
+}
+
+/**
+ * Where a value has no neighbour that a line could lead to.
+ *
+ * `null` ends a line; `undefined`, where another column of the same chart has a value, does not.
+ */
+export function aloneAt(values: ArrayLike<number | null | undefined>): number[] {
+  const result: number[] = [];
+  let last: number | null = null;
+  let isJoined = false;
+  const end = () => {
+    if (last !== null && !isJoined) result.push(last);
+    last = null;
+    isJoined = false;
+  };
+  for (let i = 0; i < values.length; i++) {
+    const value = values[i];
+    if (value === undefined) continue;
+    if (value === null) {
+      end();
+      continue;
+    }
+    isJoined = last !== null;
+    last = i;
+  }
+  end();
   return result;
 }
 
@@ -45,14 +81,22 @@ export function trim(series: Series, from: number): void {
   series.v.splice(0, first);
 }
 
-/** Path of a small line in a box of `width` x `height`; gaps lift the pen. */
-export function sparkPath(
-  series: Series,
-  [from, to]: readonly [number, number],
-  [top, bottom]: readonly [number, number],
-  width: number,
-  height: number,
-): string {
+/** Bounds across and down, and the box of `width` x `height` that they fill. */
+export interface SparkFrame {
+  across: readonly [number, number];
+  down: readonly [number, number];
+  width: number;
+  height: number;
+}
+
+function place(at: number, value: number, { across, down, width, height }: SparkFrame): string {
+  const x = ((at - across[0]) / Math.max(across[1] - across[0], 1e-9)) * width;
+  const y = ((value - down[0]) / Math.max(down[1] - down[0], 1e-9)) * height;
+  return `${x.toFixed(1)} ${y.toFixed(1)}`;
+}
+
+/** Path of a small line; gaps lift the pen. */
+export function sparkPath(series: Series, frame: SparkFrame): string {
   let isDown = false;
   let path = '';
   series.t.forEach((at, i) => {
@@ -61,11 +105,17 @@ export function sparkPath(
       isDown = false;
       return;
     }
-    if (at < from) return;
-    const x = ((at - from) / Math.max(to - from, 1e-9)) * width;
-    const y = ((value - top) / Math.max(bottom - top, 1e-9)) * height;
-    path += `${isDown ? 'L' : 'M'}${x.toFixed(1)} ${y.toFixed(1)}`;
+    if (at < frame.across[0]) return;
+    path += `${isDown ? 'L' : 'M'}${place(at, value, frame)}`;
     isDown = true;
   });
   return path;
+}
+
+/** Path of the values that no line leads to, for a pen with a round tip. */
+export function sparkDots({ t, v }: Series, frame: SparkFrame): string {
+  return aloneAt(v)
+    .filter((i) => (t[i] ?? -Infinity) >= frame.across[0])
+    .map((i) => `M${place(t[i] ?? 0, v[i] ?? 0, frame)}h0`)
+    .join('');
 }
