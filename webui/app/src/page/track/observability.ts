@@ -10,31 +10,35 @@ interface Level {
   tone: Tone;
 }
 
-/** From the least inverse condition on; on the steady orbit it is the most turn rate in rad/s. */
+/**
+ * From the least inverse condition on; on the steady orbit it is the most turn rate in rad/s.
+ *
+ * Each speaks of the moment alone: the tail swings the number within a few seconds, near and far.
+ */
 const MEANINGS: readonly (Level & { from: number; meaning: string })[] = [
   {
     from: 0.3,
     text: 'well',
     tone: 'ok',
-    meaning: 'The course bends enough: each range tells of a new direction.',
+    meaning: 'At this moment left and right are told apart well.',
   },
   {
     from: 0.1,
     text: 'fairly',
     tone: 'plain',
-    meaning: 'The course bends a little: left and right are told apart, slowly.',
+    meaning: 'At this moment left and right are told apart, slowly.',
   },
   {
     from: 0.02,
     text: 'poorly',
     tone: 'watch',
-    meaning: 'Far away or nearly straight: left and right look almost alike.',
+    meaning: 'At this moment left and right are hard to tell apart; the robot must keep turning.',
   },
   {
     from: 0,
     text: 'hardly',
     tone: 'watch',
-    meaning: 'From so far, or so straight a course, the range does not tell left from right.',
+    meaning: 'At this moment a range hardly tells left from right; the robot must keep turning.',
   },
 ];
 

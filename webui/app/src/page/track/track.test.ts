@@ -138,6 +138,17 @@ describe('how well a target can be known', () => {
     expect(observability(NaN).text).toBe('not known');
   });
 
+  test('is said of the moment alone, without a cause that it does not tell', () => {
+    for (const value of [0.7, 0.2, 0.05, 0.001, 0]) {
+      const { meaning } = observability(value);
+      expect(meaning).toMatch(/^At this moment .*left/);
+      expect(meaning).not.toMatch(/far|straight/);
+    }
+    const turning = report(0, { inverse_condition: 0.05, determinant_m2_s: 0.21 });
+    expect(knowable(turning, 0.2).text).toBe('enough');
+    expect(observability(0.05).meaning).toContain('must keep turning');
+  });
+
   test('is no cause for worry from afar while the barrier holds', () => {
     const far = report(0, { inverse_condition: 0.0005, determinant_m2_s: 0.21 });
     expect(knowable(far, 0.2)).toEqual({ text: 'slowly', tone: 'plain' });
