@@ -84,6 +84,15 @@ describe('a plan', () => {
     expect(planSentence(plan('draft', {}))).toContain('Only the station');
   });
 
+  test('that its robot ended early is said to have ended once', () => {
+    const message = 'mini-1 ended plan-6 early: the target was lost for 120 s';
+    for (const kind of ['survey', 'track_target']) {
+      expect(planSentence({ ...plan('failed', {}), kind, message })).toBe(message);
+    }
+    const other = { ...plan('failed', {}), message: 'mini-1 was switched off.' };
+    expect(planSentence(other)).toContain('before its last leg. mini-1 was');
+  });
+
   test('that failed shows how far it came', () => {
     const steps = planSteps(plan('failed', { draft_at: 'a', sent_at: 'b', ended_at: 'c' }));
     expect(steps.map(({ title }) => title)).toEqual(['Draft', 'Sent', 'Failed']);

@@ -48,6 +48,9 @@ const FOLLOWING: Partial<Record<PlanState, string>> = {
   failed: 'The robot ended it before its time.',
 };
 
+/** The station's own words of it, which leave nothing to add. */
+const ENDED_EARLY = /^\S+ ended \S+ early:/;
+
 /** What is known of the plan's whereabouts, and no more. */
 export function planSentence(
   plan: Pick<Plan, 'state' | 'message' | 'stage'> & { kind?: string },
@@ -62,6 +65,7 @@ export function planSentence(
   if (plan.state === 'draft' && plan.message.startsWith('Not confirmed')) {
     return `${plan.message} What left the station may still reach the robot.`;
   }
+  if (plan.state === 'failed' && ENDED_EARLY.test(plan.message)) return plan.message;
   const isTold = ['failed', 'cancelled'].includes(plan.state) && plan.message !== '';
   const told = isTold ? ` ${plan.message}` : '';
   const following = plan.kind === 'track_target' ? FOLLOWING[plan.state] : undefined;
