@@ -115,7 +115,7 @@ def outdated_by(picture: Picture, plan: PlanRecord, now: datetime) -> tuple[Viol
     if plan.state not in SENDABLE or state is None:
         return ()
     if plan.kind == TRACK_TARGET:
-        return tuple(outdated_track(plan, state, now))
+        return tuple(outdated_track(plan, picture, now))
     found = outdated(
         legs_of(plan.document),
         PlannerConfig.model_validate(plan.config),

@@ -203,7 +203,8 @@ class Planning:
                 *track_violations(picture, tracking),
                 *battery_violations(record.robot, battery),
             ]
-            return [*found, *outdated_by(picture, record, self._foundation.clock.now())]
+            outdated = outdated_by(picture, record, self._foundation.clock.now())
+            return [*found, *(one for one in outdated if one not in found)]
         config = PlannerConfig.model_validate(record.config)
         if "settings" not in record.document:
             return [ViolationView("legs", "The plan has no legs.")]

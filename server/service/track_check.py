@@ -12,7 +12,6 @@ from autonomy.tracking.config import BarrierConfig, TrackingConfig
 from autonomy.tracking.target_path import place
 from db.query.plans import PlanRecord
 from robot_link.gateway.address import acoustic_address, is_acoustic
-from robot_link.messages import StateReport
 from server.service.picture import SURFACE_DEPTH_M, Picture
 from server.service.view.plan import ViolationView
 
@@ -138,24 +137,16 @@ def _of_barrier(barrier: BarrierConfig) -> Iterator[tuple[str, str]]:
         )
 
 
-def outdated_track(plan: PlanRecord, state: StateReport, now: datetime) -> list[ViolationView]:
-    """Return why a plan that was made some time ago no longer fits its robot."""
-    document = plan.document
-    settings = document["settings"]
-    away_m = math.dist((settings["start_x_m"], settings["start_y_m"]), state.position_ned[:2])
+def outdated_track(plan: PlanRecord, picture: Picture, now: datetime) -> list[ViolationView]:
+    """Return why a plan that was made some time ago is not to be sent as it is.
+
+    How far the robot is from where it was does not matter: it swims to its target from anywhere.
+    """
+    found = [ViolationView(field, message) for field, message in _of_robot(picture)]
+    limit_s = plan.document["draft_age_s"]
     age_s = (now - plan.created_at).total_seconds()
-    found: list[ViolationView] = []
-    if away_m > document["draft_distance_m"]:
-        text = (
-            f"The robot is {away_m:.3g} m from where it was when the plan was made; "
-            f"the limit is {document['draft_distance_m']:g} m."
-        )
-        found.append(ViolationView("mission.draft_distance_m", text))
-    if age_s > document["draft_age_s"]:
-        text = (
-            f"The plan was made {age_s / 60.0:.0f} min ago; "
-            f"the limit is {document['draft_age_s'] / 60.0:g} min."
-        )
+    if age_s > limit_s:
+        text = f"The plan was made {age_s / 60.0:.0f} min ago; the limit is {limit_s / 60.0:g} min."
         found.append(ViolationView("mission.draft_age_s", text))
     return found
 

@@ -85,7 +85,6 @@ class TrackPlanning:
             "legs": [],
             "target_path": target_path(config),
             "draft_age_s": planner.mission.draft_age_s,
-            "draft_distance_m": planner.mission.draft_distance_m,
         }
         return await self._keep(robot, config, mission, document, by)
 

@@ -1,14 +1,17 @@
 """Plans that follow a target, from the request to what the robot says of its end."""
 
 import sqlite3
+from datetime import timedelta
 
 import pytest
 
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
+from db.query.plans import get_plan
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState, RobotMode
 from robot_link.mission import TRACKING_FORMAT
 from robot_link.tracking_order import TrackingOrder
 from server.service.plan_document import mission_of
+from server.service.track_check import outdated_track
 from tests.server.service.conftest import GRACE, MINI, open_station, until
 from tests.server.service.fake_link import state_report
 from tests.server.service.test_upload import plan_in, transfer_in, upload
@@ -248,11 +251,28 @@ async def test_check_says_what_changed_since_it_was_made(client, world):
     fields = [
         one["field"] for one in (await client.post(f"/api/plans/{plan}/check")).json()["violations"]
     ]
-    assert fields == ["start", "mission.draft_distance_m"]
+    assert fields == ["start"]
     outdated = (await client.get(f"/api/plans/{plan}")).json()["outdated"]
-    assert [one["field"] for one in outdated] == ["mission.draft_distance_m"]
-    answer = await upload(client, plan)
-    assert answer.status_code == 409
+    assert [one["field"] for one in outdated] == fields
+    assert (await upload(client, plan)).status_code == 409
+
+
+async def test_a_robot_that_drifted_since_may_follow_its_target_as_planned(client, world):
+    plan = (await draft(client))["id"]
+    world.tell(state_report(MINI, (3.0, 2.0, 0.0)))
+    checked = (await client.post(f"/api/plans/{plan}/check")).json()
+    assert checked["violations"] == []
+    assert (await client.get(f"/api/plans/{plan}")).json()["outdated"] == []
+
+
+async def test_a_draft_grows_old(client, station):
+    plan = (await draft(client))["id"]
+    record = await station.foundation.store.query(lambda session: get_plan(session, plan))
+    limit = timedelta(seconds=record.document["draft_age_s"])
+    picture = station.fleet.picture(MINI)
+    assert outdated_track(record, picture, record.created_at + limit) == []
+    late = outdated_track(record, picture, record.created_at + 2 * limit)
+    assert [one.field for one in late] == ["mission.draft_age_s"]
 
 
 async def test_satellite_quotes_it_as_any_plan(client):
