@@ -13,6 +13,7 @@ import {
 import { batteryText, trackFacts } from './account';
 import { barrierSentence, knowable, knowableFigure, lately, observability } from './observability';
 import { advice, isAstray, isFollowing, isTeachingNow, phaseSince, phaseWord } from './phase';
+import { pingOrders } from './ping';
 import { distanceOf, rangeOrigin, trackColumns } from './series';
 
 const START = Date.parse('2026-11-21T04:00:00Z');
@@ -203,6 +204,37 @@ describe('how well a target can be known', () => {
     expect(barrierSentence(report(0, { phase: 'lost' })).text).toContain('waits');
     expect(barrierSentence(report(0, { is_feasible: false })).text).toContain('cannot be kept');
     expect(barrierSentence(report(0, { is_barrier_on: false })).text).toContain('teaching');
+  });
+});
+
+describe('the orders to ping and to be silent', () => {
+  const said = { isSilenced: false, isOld: false, isOver: false, order: undefined };
+  const order = (level: 'queued' | 'applied', kind: 'ping' | 'quiet' | 'surface' = 'quiet') => ({
+    kind,
+    refusal: null,
+    command: { id: 'command-1', robot: 'mini-1', kind, level, levels: [], created_at: '', expires_at: null, text: '' },
+  }); // prettier-ignore
+
+  test('are offered only where they change something', () => {
+    expect(pingOrders(said)).toEqual({ ping: false, quiet: true });
+    expect(pingOrders({ ...said, isSilenced: true })).toEqual({ ping: true, quiet: false });
+    expect(pingOrders({ ...said, isOver: true })).toEqual({ ping: false, quiet: false });
+    expect(pingOrders({ ...said, isOver: true, isSilenced: true })).toEqual({
+      ping: true,
+      quiet: false,
+    });
+  });
+
+  test('are both offered where it is not known whether the robot pings', () => {
+    const both = { ping: true, quiet: true };
+    expect(pingOrders({ ...said, isOld: true })).toEqual(both);
+    expect(pingOrders({ ...said, isSilenced: true, isOld: true })).toEqual(both);
+    expect(pingOrders({ ...said, order: order('queued') })).toEqual(both);
+    expect(pingOrders({ ...said, order: { ...order('queued'), command: null } })).toEqual(both);
+    expect(pingOrders({ ...said, order: order('applied') }).ping).toBe(false);
+    expect(pingOrders({ ...said, order: order('queued', 'surface') }).ping).toBe(false);
+    const refused = { kind: 'quiet' as const, command: null, refusal: 'It has no modem.' };
+    expect(pingOrders({ ...said, order: refused }).ping).toBe(false);
   });
 });
 
