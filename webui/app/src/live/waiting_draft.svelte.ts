@@ -43,14 +43,19 @@ function newestDraft(plans: readonly PlanListing[], kind: string): PlanListing |
 }
 
 /**
- * Whether a draft is to be looked at beside what the robot has in hand.
+ * The draft that is to be looked at beside what the robot has in hand, if it is to be.
  *
- * A newer plan of the same kind in hand has taken its place; one of another kind has not.
+ * A newer plan of the same kind in hand has taken its place; one of another kind has not. While
+ * that plan is still being fetched nobody knows, unless it is this draft itself: then it stays in
+ * sight, with whatever is opened of it.
  */
-export function isToBeSeen(
-  draft: Pick<Plan, 'id' | 'kind' | 'created_at'>,
+export function besideHand<Draft extends Pick<Plan, 'id' | 'kind' | 'state' | 'created_at'>>(
+  draft: Draft | null,
+  handId: string | null,
   hand: Pick<Plan, 'id' | 'kind' | 'created_at'> | null,
-): boolean {
-  if (hand === null) return true;
-  return hand.id !== draft.id && (hand.kind !== draft.kind || hand.created_at < draft.created_at);
+): Draft | null {
+  if (draft?.state !== 'draft') return null;
+  if (hand === null) return handId === null || handId === draft.id ? draft : null;
+  if (hand.id === draft.id) return null;
+  return hand.kind !== draft.kind || hand.created_at < draft.created_at ? draft : null;
 }

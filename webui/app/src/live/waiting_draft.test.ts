@@ -1,7 +1,7 @@
 import { describe, expect, test, vi } from 'vitest';
 import type { PlanListing } from '../api/types';
 import type { Station } from './station.svelte';
-import { isToBeSeen, WaitingDraft } from './waiting_draft.svelte';
+import { besideHand, WaitingDraft } from './waiting_draft.svelte';
 
 function plan(number: number, more: Partial<PlanListing> = {}): PlanListing {
   return {
@@ -30,10 +30,19 @@ describe('a draft that waits', () => {
 
   test('is seen beside an older plan of its kind, or any of another kind', () => {
     const [older, newer] = [plan(1), plan(2)];
-    expect(isToBeSeen(newer, null)).toBe(true);
-    expect(isToBeSeen(newer, older)).toBe(true);
-    expect(isToBeSeen(older, newer)).toBe(false);
-    expect(isToBeSeen(newer, newer)).toBe(false);
-    expect(isToBeSeen(older, plan(3, { kind: 'adaptive_survey' }))).toBe(true);
+    expect(besideHand(newer, null, null)).toBe(newer);
+    expect(besideHand(newer, older.id, older)).toBe(newer);
+    expect(besideHand(older, newer.id, newer)).toBeNull();
+    expect(besideHand(newer, newer.id, newer)).toBeNull();
+    const survey = plan(3, { kind: 'adaptive_survey' });
+    expect(besideHand(older, survey.id, survey)).toBe(older);
+    expect(besideHand(plan(4, { state: 'sent' }), null, null)).toBeNull();
+    expect(besideHand(null, null, null)).toBeNull();
+  });
+
+  test('stays in sight while it is fetched as what the robot has in hand', () => {
+    const [older, newer] = [plan(1), plan(2)];
+    expect(besideHand(newer, newer.id, null)).toBe(newer);
+    expect(besideHand(newer, older.id, null)).toBeNull();
   });
 });
