@@ -63,7 +63,11 @@ def test_a_target_is_held_lost_in_silence_and_found_again(demo):
     assert held["is_barrier_on"]
     assert held["hypotheses"]
     assert held["true_ne_m"] is not None
-    assert demo.get(f"/api/plans/{plan}")["state"] == "running"
+    demo.wait(
+        "the robot's word on the plan",
+        lambda: demo.get(f"/api/plans/{plan}")["state"] == "running",
+        10.0,
+    )
 
     told(demo, "quiet")
     lost = demo.wait("the loss of the target", lambda: in_phase(demo, "lost"), 30.0)
