@@ -110,3 +110,13 @@ async def order(client, kind="hold"):
     answer = await client.post(ORDERS, json={"kind": kind})
     assert answer.status_code == 202, answer.text
     return f"/api/commands/{answer.json()['id']}"
+
+
+async def queued(station, client, sky, plan, **body):
+    """Send a plan by satellite and wait until the gateway has it all."""
+    path = await transfer_of(client, plan, **body)
+    await until(lambda: sky.calls)
+    await settled(station)
+    found = (await client.get(path)).json()
+    assert found["level"] == "queued", found
+    return path, found

@@ -3,7 +3,6 @@
 from dataclasses import replace
 
 import pytest
-import pytest_asyncio
 from sqlalchemy import select
 
 from db.query.events import newest_events
@@ -23,29 +22,11 @@ from tests.server.service.far import (
     RADIO,
     far_station,
     order,
-    place_under,
     settled,
 )
-from tests.server.service.sky import URI, ManualClock, Sky
+from tests.server.service.sky import URI
 
-
-@pytest.fixture
-def sky():
-    return Sky(ManualClock())
-
-
-@pytest.fixture
-def robot(sky, tmp_path):
-    return place_under(sky, tmp_path)
-
-
-@pytest_asyncio.fixture
-async def far(tmp_path, world, sky, robot, monkeypatch):
-    async with far_station(tmp_path, world, sky, monkeypatch) as (station, client):
-        world.in_reach = False
-        await robot.call()
-        await settled(station)
-        yield station, client
+pytestmark = pytest.mark.usefixtures("no_radio")
 
 
 async def test_robot_heard_by_satellite_is_heard(far, sky, robot):

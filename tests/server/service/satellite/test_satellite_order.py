@@ -1,7 +1,6 @@
 """Orders by satellite: said until they are answered, acted on once."""
 
 import pytest
-import pytest_asyncio
 
 from db.query.outbox import open_outbox
 from robot_link.gateway.gateway import GatewayFault, GatewayRefusal
@@ -14,33 +13,14 @@ from tests.server.service.conftest import GRACE, until
 from tests.server.service.far import (
     ORDERS,
     PLUG,
-    far_station,
     hear_radio,
     lose_radio,
     order,
-    place_under,
     settled,
 )
-from tests.server.service.sky import IMEI, URI, ManualClock, Sky
+from tests.server.service.sky import IMEI, URI
 
-
-@pytest.fixture
-def sky():
-    return Sky(ManualClock())
-
-
-@pytest.fixture
-def robot(sky, tmp_path):
-    return place_under(sky, tmp_path)
-
-
-@pytest_asyncio.fixture
-async def far(tmp_path, world, sky, robot, monkeypatch):
-    async with far_station(tmp_path, world, sky, monkeypatch) as (station, client):
-        world.in_reach = False
-        await robot.call()
-        await settled(station)
-        yield station, client
+pytestmark = pytest.mark.usefixtures("no_radio")
 
 
 def carriers(found, level):

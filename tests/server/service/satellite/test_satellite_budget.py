@@ -1,52 +1,13 @@
 """What plans by satellite cost, and the budget of a day that stops them."""
 
-import pytest
-import pytest_asyncio
-
 from robot_link.messages import CommandKind
-from server.service import carriage
 from tests.server.service.conftest import until
 from tests.server.service.far import (
     draft,
-    far_station,
-    place_under,
+    queued,
     settled,
     transfer_of,
 )
-from tests.server.service.sky import ManualClock, Sky
-
-
-@pytest.fixture(autouse=True)
-def _hasty(monkeypatch):
-    monkeypatch.setattr(carriage, "_POLL_S", 0.02)
-
-
-@pytest.fixture
-def sky():
-    return Sky(ManualClock())
-
-
-@pytest.fixture
-def robot(sky, tmp_path):
-    return place_under(sky, tmp_path)
-
-
-@pytest_asyncio.fixture
-async def far(tmp_path, world, sky, robot, monkeypatch):
-    async with far_station(tmp_path, world, sky, monkeypatch) as (station, client):
-        await robot.call()
-        await settled(station)
-        yield station, client
-
-
-async def queued(station, client, sky, plan, **body):
-    """Send a plan by satellite and wait until the gateway has it all."""
-    path = await transfer_of(client, plan, **body)
-    await until(lambda: sky.calls)
-    await settled(station)
-    found = (await client.get(path)).json()
-    assert found["level"] == "queued", found
-    return path, found
 
 
 async def test_quote_is_what_the_gateway_is_asked_to_take(far, sky):
