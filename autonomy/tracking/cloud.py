@@ -1,4 +1,4 @@
-"""Cloud of places where a target may be: the judge of the filter bank.
+"""Cloud of places where a target may be: judges the filter bank, and finds a robot by its beacon.
 
 A hypothesis of the bank bends itself to whatever ranges come: misplaced by tens of metres, it still
 explains them by a false velocity of the target. The cloud forgets no place that all ranges since
