@@ -19,9 +19,9 @@ from db.query.robots import RobotRecord, add_robot
 from db.store import Store
 from db.tables import SampleRow, StateRow
 from robot_link.messages import RobotId, StateReport, SystemId
+from server.base.settings import Settings
 from server.composition import run_station
 from server.service.station import Station
-from server.settings import Settings
 
 ROBOTS = 20
 FULL_SPEED_MESSAGES = 30_000

@@ -38,11 +38,11 @@ from server.api import (
     view,
     whatifs,
 )
+from server.base.middleware import RequestGuard
+from server.base.problem import ProblemDetails, install_problem_handlers
+from server.base.settings import Settings
 from server.composition import MakeService, run_station
-from server.middleware import RequestGuard
-from server.problem import ProblemDetails, install_problem_handlers
 from server.service.station import Station
-from server.settings import Settings
 from webui.static import mount_app
 
 ROUTERS = (

@@ -8,17 +8,17 @@ from typing import Protocol
 
 from db.store import Store
 from robot_link.clock import SystemClock
-from server.alarm import AlarmBoard
-from server.background import Background
-from server.clock_file import read_clock
-from server.configuration import ConfigurationBook
+from server.base.alarm_board import AlarmBoard
+from server.base.background import Background
+from server.base.clock_file import read_clock
+from server.base.configuration import ConfigurationBook
+from server.base.job import JobBoard
+from server.base.secret import SecretStore
+from server.base.settings import Settings
+from server.base.storage_watch import watch_storage
 from server.foundation import Foundation
-from server.job import JobBoard
-from server.secret import SecretStore
 from server.security.access import Access
 from server.security.guard import Guard
-from server.settings import Settings
-from server.storage_watch import watch_storage
 
 _ALARM_TASK = "alarm about"
 

@@ -1,4 +1,4 @@
-"""Alarms as the database keeps them; their life cycle is ``server.alarm``'s."""
+"""Alarms as the database keeps them; their life cycle is ``server.base.alarm_board``'s."""
 
 from dataclasses import dataclass
 from datetime import datetime

@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query
 
 from db.query.alarms import AlarmRecord, closed_alarms
 from server.api.dependency import FoundationDep, Pilot, Viewer
-from server.service.view.base import View
+from server.base.view import View
 
 router = APIRouter(prefix="/api/alarms", tags=["alarms"])
 

@@ -10,9 +10,11 @@ from fastapi import APIRouter, Request
 from pydantic import Field, ValidationError
 from starlette.datastructures import UploadFile
 
-from server.api.body import Body
 from server.api.dependency import Pilot
 from server.api.station_dependency import StationDep
+from server.base.body import Body
+from server.base.problem import FieldError, Problem, invalid, unprocessable
+from server.base.view import View
 from server.coefficients import (
     COLUMNS,
     CoefficientTableError,
@@ -21,8 +23,6 @@ from server.coefficients import (
     fit_vehicle,
     json_rows,
 )
-from server.problem import FieldError, Problem, invalid, unprocessable
-from server.service.view.base import View
 
 router = APIRouter(prefix="/api/vehicles", tags=["vehicles"])
 

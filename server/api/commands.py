@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 
 from robot_link.messages import CommandKind
-from server.api.body import Body
 from server.api.dependency import Pilot, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
-from server.service.view.base import View
+from server.base.body import Body
+from server.base.view import View
 from server.service.view.command import CommandView
 
 router = APIRouter(prefix="/api", tags=["commands"], route_class=IdempotentRoute)

@@ -9,9 +9,9 @@ from fastapi import APIRouter, Header, Query, Response
 from db.query.configurations import configuration_history, get_configuration
 from db.query.robots import list_robots
 from server.api.dependency import FoundationDep, Pilot, StoreDep, Viewer
-from server.configuration import CurrentConfiguration
-from server.configuration_kind import KINDS, find_kind
-from server.service.view.base import View
+from server.base.configuration import CurrentConfiguration
+from server.base.configuration_kind import KINDS, find_kind
+from server.base.view import View
 
 router = APIRouter(prefix="/api/config", tags=["config"])
 RobotQuery = Annotated[

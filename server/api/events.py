@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query
 
 from db.query.events import EventRecord, events_after, newest_events
 from server.api.dependency import StoreDep, Viewer
-from server.service.view.base import View
+from server.base.view import View
 
 router = APIRouter(prefix="/api/events", tags=["events"])
 

@@ -21,19 +21,19 @@ from db.query.events import add_event
 from robot_link.gateway import cloudloop, rockblock
 from robot_link.gateway.gateway import HeldBackError, MobileOriginated
 from robot_link.gateway.push import PushRefusal
-from server.api.body import Body
 from server.api.dependency import Admin, FoundationDep
-from server.foundation import Foundation
-from server.problem import FieldError, Problem, invalid, not_found, unprocessable
-from server.secret import (
+from server.base.body import Body
+from server.base.problem import FieldError, Problem, invalid, not_found, unprocessable
+from server.base.secret import (
     DEFAULT_URLS,
     GATEWAY_KINDS,
     GatewayAccount,
     GatewayKind,
     SecretUnreadableError,
 )
+from server.base.view import View
+from server.foundation import Foundation
 from server.service.gateways import GATEWAY_TITLES, Gateways
-from server.service.view.base import View
 
 router = APIRouter(prefix="/api/gateways", tags=["gateways"])
 

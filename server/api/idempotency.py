@@ -11,8 +11,8 @@ from fastapi.routing import APIRoute
 
 from db.fault import StoreError, StoreUnavailableError
 from db.query.idempotency import GivenAnswer, claim, forget_before, release, settle
+from server.base.problem import Problem, conflict
 from server.foundation import Foundation
-from server.problem import Problem, conflict
 from server.security.role import Right
 
 HEADER: Final = "Idempotency-Key"

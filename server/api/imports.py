@@ -11,11 +11,11 @@ from typing import IO, Annotated, Any
 from fastapi import APIRouter, Form, UploadFile
 
 from server.api.dependency import FoundationDep, Pilot
-from server.job import JobProgress
+from server.base.job import JobProgress
+from server.base.view import View
 from server.recording.intake import ImportOrder, run_import
 from server.recording.robot_id import ROBOT_ID
 from server.recording.table import Policy
-from server.service.view.base import View
 
 router = APIRouter(prefix="/api/imports", tags=["data"])
 

@@ -15,8 +15,8 @@ from db.query.journal import JournalRange, iterate_frames
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.messages import RawFrame
 from server.api.dependency import FoundationDep, StoreDep, Viewer
+from server.base.view import View
 from server.recording.tlog import tlog_blocks
-from server.service.view.base import View
 
 router = APIRouter(prefix="/api", tags=["journal"])
 

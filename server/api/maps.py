@@ -10,7 +10,7 @@ from fastapi import APIRouter, Query, Response
 from server.api.dependency import FoundationDep, Pilot, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
-from server.problem import not_found
+from server.base.problem import not_found
 from server.service.map_export import ORDER, MapExport, archive, table
 from server.service.station import Station
 from server.service.view.map import (

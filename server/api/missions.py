@@ -6,13 +6,13 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 from pydantic import Field, field_validator
 
-from server.api.body import Body
 from server.api.dependency import Pilot, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.plans import PartialConfig
 from server.api.station_dependency import StationDep
+from server.base.body import Body
+from server.base.view import View
 from server.service.picture import TRACK_TARGET
-from server.service.view.base import View
 from server.service.view.mission import MissionView
 
 router = APIRouter(prefix="/api", tags=["missions"], route_class=IdempotentRoute)

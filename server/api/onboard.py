@@ -6,11 +6,11 @@ from fastapi import APIRouter
 from fastapi.responses import FileResponse
 from pydantic import Field
 
-from server.api.body import Body
 from server.api.dependency import FoundationDep, Pilot, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
-from server.service.view.base import View
+from server.base.body import Body
+from server.base.view import View
 from server.service.view.onboard import ParametersView, ParameterView, RobotLogsView
 
 router = APIRouter(prefix="/api/robots/{robot}", tags=["on board"], route_class=IdempotentRoute)

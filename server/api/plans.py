@@ -8,16 +8,16 @@ from pydantic import Field
 
 from autonomy.planner.plan import PrimitiveKind
 from db.query.plans import PlanRecord, list_plans
-from server.api.body import Body
 from server.api.dependency import Pilot, StoreDep, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
+from server.base.body import Body
+from server.base.view import View
 from server.service.plan_document import plan_summary
 from server.service.primitive_legs import LegRequest
 from server.service.search_request import SearchRequest
 from server.service.track_settings import Base
 from server.service.upload import RoadWish
-from server.service.view.base import View
 from server.service.view.link import SatelliteQuoteView
 from server.service.view.plan import PlanSummaryView, PlanView, ViolationView
 

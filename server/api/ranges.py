@@ -8,7 +8,7 @@ from fastapi import APIRouter, Query
 
 from db.query.ranges import list_ranges
 from server.api.dependency import StoreDep, Viewer
-from server.service.view.base import View
+from server.base.view import View
 
 router = APIRouter(prefix="/api/robots", tags=["robots"])
 

@@ -22,11 +22,11 @@ from db.query.sample_places import SamplePlaces, sample_places
 from db.query.telemetry import history, track
 from robot_link.gateway.address import check_link
 from robot_link.messages import RobotId, SystemId
-from server.api.body import Body
 from server.api.dependency import Admin, FoundationDep, StoreDep, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
-from server.problem import FieldError, conflict, not_found, unprocessable
+from server.base.body import Body
+from server.base.problem import FieldError, conflict, not_found, unprocessable
 from server.service.channel import CHANNELS
 from server.service.track import DRIFT_MODES
 from server.service.view.robot import RobotView, SamplesView, StateView, TrackView

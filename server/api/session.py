@@ -8,12 +8,12 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import RedirectResponse
 from pydantic import Field, SecretStr
 
-from server.api.body import Body
 from server.api.dependency import FoundationDep, Viewer
+from server.base.body import Body
+from server.base.problem import FieldError, Problem, unprocessable
+from server.base.view import View
 from server.foundation import Foundation
-from server.problem import FieldError, Problem, unprocessable
 from server.security.access import Caller, SignedIn
-from server.service.view.base import View
 
 router = APIRouter(tags=["session"])
 

@@ -5,12 +5,12 @@ from dataclasses import dataclass
 from fastapi import APIRouter
 from pydantic import Field
 
-from server.api.body import Body
 from server.api.dependency import Pilot
 from server.api.idempotency import IdempotentRoute
 from server.api.plans import PartialConfig
 from server.api.station_dependency import StationDep
-from server.service.view.base import View
+from server.base.body import Body
+from server.base.view import View
 
 router = APIRouter(prefix="/api", tags=["missions"], route_class=IdempotentRoute)
 

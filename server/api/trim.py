@@ -3,10 +3,10 @@
 from fastapi import APIRouter
 from pydantic import Field, field_validator
 
-from server.api.body import Body
 from server.api.dependency import Pilot
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
+from server.base.body import Body
 from server.service.trim import STEPS
 from server.service.view.identification import AdviceJobView, TrimView
 

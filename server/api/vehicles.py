@@ -8,6 +8,7 @@ from autonomy.vehicle.parameter_file import vehicle_document
 from server.api.dependency import Pilot, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
+from server.base.vehicle_catalogue import CatalogueEntry
 from server.service.station import Station
 from server.service.view.vehicle import (
     CapabilityView,
@@ -16,7 +17,6 @@ from server.service.view.vehicle import (
     VehiclesView,
     VehicleView,
 )
-from server.vehicle_catalogue import CatalogueEntry
 
 router = APIRouter(prefix="/api/vehicles", tags=["vehicles"], route_class=IdempotentRoute)
 

@@ -14,10 +14,10 @@ from fastapi.responses import RedirectResponse
 from pydantic import Field
 
 from robot_link.messages import RobotId
-from server.api.body import Body
 from server.api.dependency import Pilot, Viewer, WebSocketViewer
 from server.api.station_dependency import StationDep
-from server.problem import Problem, not_found
+from server.base.body import Body
+from server.base.problem import Problem, not_found
 from server.service.view.scene import SceneStateView
 from webui.scene.page import page
 from webui.scene.view import SceneChange, SceneState

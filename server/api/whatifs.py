@@ -6,10 +6,10 @@ from fastapi import APIRouter, Query, Response
 from pydantic import Field
 
 from db.query.whatifs import WhatIfRecord
-from server.api.body import Body
 from server.api.dependency import Pilot, Viewer
 from server.api.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
+from server.base.body import Body
 from server.service.station import Station
 from server.service.view.whatif import (
     StudyStartedView,

@@ -12,11 +12,11 @@ from db.fault import StoreError
 from db.migrate import NewerSchemaError
 from db.store import Store
 from robot_link.clock import Clock
-from server.clock_file import read_clock
+from server.base.clock_file import read_clock
+from server.base.data_folder import CLOCK_FILE
+from server.base.problem import Problem
+from server.base.settings import Settings
 from server.command.failure import CommandError
-from server.data_folder import CLOCK_FILE
-from server.problem import Problem
-from server.settings import Settings
 
 
 def add_data_option(parser: ArgumentParser) -> None:

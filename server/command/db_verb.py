@@ -8,9 +8,9 @@ from pathlib import Path
 from sqlalchemy import make_url
 
 from db.migrate import schema_version
+from server.base.settings import Settings
 from server.command.data import add_data_option, open_store, settings_of
 from server.command.failure import CommandError
-from server.settings import Settings
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -18,7 +18,7 @@ from pydantic import ValidationError
 
 from robot_link.messages import RobotId
 from robot_link.whole_file import replace_file
-from server.secret import GatewayAccount, SecretStore
+from server.base.secret import GatewayAccount, SecretStore
 from simulator.fleet import FLEET
 from simulator.settings import GatewaySettings
 

@@ -8,12 +8,12 @@ from pathlib import Path
 from db.fault import UnknownIdError
 from db.query.journal import JournalRange, iterate_frames
 from db.store import Store
+from server.base.secret import SecretStore
+from server.base.settings import Settings
 from server.command.data import add_data_option, clock_of, open_store, settings_of
 from server.command.failure import CommandError
 from server.recording.replay import compare, replay_into
 from server.recording.tlog import tlog_blocks
-from server.secret import SecretStore
-from server.settings import Settings
 
 _REBUILT = "station.sqlite3"
 

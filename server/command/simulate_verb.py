@@ -4,12 +4,12 @@ from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, Namespace
 
 from pydantic import ValidationError
 
-from server.clock_file import ClockAnchors, start_clock
+from server.base.clock_file import ClockAnchors, start_clock
+from server.base.data_folder import CLOCK_FILE
+from server.base.secret import SecretStore
 from server.command.console_log import log_to_console
 from server.command.data import add_data_option, settings_of
 from server.command.failure import CommandError
-from server.data_folder import CLOCK_FILE
-from server.secret import SecretStore
 
 LINK_FOLDER = "links"
 """Folder below the data folder where the station's ends of the radios appear."""

@@ -23,7 +23,8 @@ from db.query.maps import MapRecord, add_map
 from db.query.robots import get_robot
 from db.store import Store
 from robot_link.clock import Clock
-from server.job import JobError, JobProgress
+from server.base.job import JobError, JobProgress
+from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.recording.keep import keep_recording, positions_ned, recording_log
 from server.recording.map_fit import TASK, FitFailure, FitProblem, FittedMap
 from server.recording.table import (
@@ -34,7 +35,6 @@ from server.recording.table import (
     RowFault,
     read_recording,
 )
-from server.service.worker import WORKER_FAILURES, WorkerPool
 
 SHOWN_FAULTS = 100
 """So many broken rows are named in an answer; their number is always told."""

@@ -13,7 +13,7 @@ from autonomy.field.recorded import RecordedFit, fit_recording, recorded_map
 from autonomy.field.variable import VARIABLES
 
 TASK = f"{__name__}:run"
-"""Name of the task for ``server.service.worker``."""
+"""Name of the task for ``server.base.worker``."""
 _SEED = 20190718
 
 

@@ -12,7 +12,7 @@ from db.query.events import add_event
 from db.query.people import PersonRecord
 from db.store import Store
 from robot_link.clock import Clock
-from server.problem import FieldError, Problem, conflict, unprocessable
+from server.base.problem import FieldError, Problem, conflict, unprocessable
 from server.security.role import Role
 from server.security.secret import hash_password, new_code, new_secret, password_fits, secret_hash
 from server.security.throttle import Throttle

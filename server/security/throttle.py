@@ -3,7 +3,7 @@
 from http import HTTPStatus
 
 from robot_link.clock import monotonic_s
-from server.problem import Problem
+from server.base.problem import Problem
 
 FREE_FAILURES = 5
 PAUSE_S = 30.0

@@ -10,8 +10,8 @@ from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.trim import TrimConfig
 from db.query.identifications import IdentificationRecord
 from db.query.trim import add_advice
-from server.configuration import current
-from server.configuration_kind import find_kind
+from server.base.configuration import current
+from server.base.configuration_kind import find_kind
 from server.service.identified import ActuatorOffset, offered_trim
 from server.service.task.study import Document
 from server.service.trim_advice import advice_document, for_vehicle

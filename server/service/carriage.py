@@ -21,6 +21,7 @@ from robot_link.messages import (
 )
 from robot_link.mission import Mission
 from robot_link.station import UploadUnderWayError
+from server.base.retry_queue import until_stored
 from server.foundation import Foundation
 from server.service.command import Commands
 from server.service.fleet import Fleet
@@ -38,7 +39,6 @@ from server.service.transfer_row import (
     proceed_with_plan,
 )
 from server.service.transfer_view import RADIO_LIFE
-from server.service.turn import until_stored
 
 log = logging.getLogger(__name__)
 

@@ -23,13 +23,13 @@ from robot_link.messages import (
     PlanHash,
     RobotId,
 )
-from server.problem import conflict
+from server.base.problem import conflict
+from server.base.retry_queue import Turns
 from server.service.command_row import command_view, note_level, waiting_view
 from server.service.fleet import Fleet
 from server.service.link import Radio, SatelliteRoad
 from server.service.recorded import refuse_recording
 from server.service.routing import Wish
-from server.service.turn import Turns
 from server.service.view.command import CommandView
 from server.service.words import told_to
 

@@ -15,8 +15,8 @@ from db.query.plans import PlanRecord
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff
-from server.configuration import CurrentConfiguration
-from server.configuration_kind import ONBOARD_CONTROLLER
+from server.base.configuration import CurrentConfiguration
+from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.service.picture import TRACK_TARGET, Picture
 from server.service.plan_document import Draft, legs_of
 from server.service.track_check import outdated_track

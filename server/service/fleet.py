@@ -21,7 +21,7 @@ from robot_link.messages import (
     StateReport,
     TrackReport,
 )
-from server.problem import not_found
+from server.base.problem import not_found
 from server.service.channel import CHANNELS, FIELD_LIMIT_S, POSITION_LIMIT_S, Channel
 from server.service.link_panel import link_views
 from server.service.picture import Picture, PlanInHand

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from server.problem import FieldError, unprocessable
+from server.base.problem import FieldError, unprocessable
 from server.service.fleet import Fleet
 from server.service.map_samples import Water
 from server.service.survey import Surveys

@@ -12,7 +12,7 @@ from db.column import moment
 from db.query.deployments import DeploymentRecord, get_deployment, list_deployments
 from db.query.state_columns import StateColumns, begin_of_last_dives, state_columns
 from db.store import Store
-from server.problem import FieldError, Problem, conflict, unprocessable
+from server.base.problem import FieldError, Problem, conflict, unprocessable
 
 SURFACE_DEPTH_M = 0.05
 """A report from above this is one from the surface."""

@@ -32,8 +32,8 @@ from robot_link.gateway.gateway import (
     Taken,
 )
 from robot_link.gateway.rockblock import RockBlockGateway
+from server.base.secret import GATEWAY_KINDS, GatewayAccount, GatewayKind, SecretUnreadableError
 from server.foundation import Foundation
-from server.secret import GATEWAY_KINDS, GatewayAccount, GatewayKind, SecretUnreadableError
 from server.security.rate import RateLimit
 
 log = logging.getLogger(__name__)

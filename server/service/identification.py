@@ -20,9 +20,10 @@ from db.query import identifications as query
 from db.query.deployments import get_deployment
 from db.query.events import add_event
 from db.query.identifications import IdentificationRecord
+from server.base.job import JobError, JobProgress
+from server.base.problem import Problem, below, conflict
+from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.foundation import Foundation
-from server.job import JobError, JobProgress
-from server.problem import Problem, below, conflict
 from server.service.accepted import AcceptedIdentification, keep_offer
 from server.service.fleet import Fleet
 from server.service.flight_recording import find_deployment, read_flight
@@ -38,7 +39,6 @@ from server.service.task.study import (
 )
 from server.service.vehicles import Vehicles
 from server.service.whatif import vehicle_of
-from server.service.worker import WORKER_FAILURES, WorkerPool
 
 log = logging.getLogger(__name__)
 

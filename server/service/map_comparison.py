@@ -11,12 +11,13 @@ from db.column import moment
 from db.query.comparisons import keep_comparison
 from db.query.events import add_event
 from db.query.samples import SampleColumns, sample_columns
+from server.base.job import JobError, JobProgress
+from server.base.job_per_key import JobPerKey
+from server.base.problem import conflict, not_found
+from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.foundation import Foundation
-from server.job import JobError, JobProgress
-from server.problem import conflict, not_found
 from server.service.field_model import MODEL_TITLES
 from server.service.fleet import Fleet
-from server.service.job_per_key import JobPerKey
 from server.service.map_grid import grid_of
 from server.service.map_group import MapGroup
 from server.service.map_record import Comparison, comparison_record
@@ -25,7 +26,6 @@ from server.service.mapping import FieldMaps
 from server.service.site_map import basis_of, view_on_grid
 from server.service.task.map_problem import COMPARE_MAPS, Compared, ComparisonProblem
 from server.service.view.map import ComparedModelView, MapComparisonView
-from server.service.worker import WORKER_FAILURES, WorkerPool
 
 
 class MapComparisons:

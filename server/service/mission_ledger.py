@@ -12,10 +12,10 @@ from db.query.missions import MissionRecord
 from db.query.plans import PlanRecord, list_plans
 from db.store import Store
 from robot_link.clock import Clock
-from server.alarm import AlarmBoard
+from server.base.alarm_board import AlarmBoard
+from server.base.live_feed import LiveFeed
 from server.service.drafting import outdated_by
 from server.service.fleet import Fleet
-from server.service.live_feed import LiveFeed
 from server.service.plan_document import onboard_view
 from server.service.survey_round import counted, planned_energy, standing_of
 from server.service.view.mission import (

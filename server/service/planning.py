@@ -17,9 +17,11 @@ from autonomy.tracking.config import TrackingConfig
 from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
 from robot_link.satellite.config import SatelliteConfig
-from server.configuration_kind import ONBOARD_CONTROLLER
+from server.base.configuration_kind import ONBOARD_CONTROLLER
+from server.base.problem import conflict
+from server.base.retry_queue import until_stored
+from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.foundation import Foundation
-from server.problem import conflict
 from server.service.drafting import (
     broken_limits,
     broken_off,
@@ -39,9 +41,7 @@ from server.service.survey_round import NOTHING_FEASIBLE, REPLACES
 from server.service.task.problem import PLAN_SURVEY
 from server.service.track_battery import battery_violations, track_battery
 from server.service.track_check import track_violations
-from server.service.turn import until_stored
 from server.service.view.plan import ProgressView, RehearsalView, ViolationView
-from server.service.worker import WORKER_FAILURES, WorkerPool
 
 log = logging.getLogger(__name__)
 

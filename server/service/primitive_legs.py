@@ -9,7 +9,7 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.edge import Edge, legs_energy, planned_points
 from autonomy.planner.outcome import as_candidate
 from autonomy.planner.plan import Candidate, Leg, PositionNed, PrimitiveKind
-from server.problem import FieldError, unprocessable
+from server.base.problem import FieldError, unprocessable
 
 _SPEEDS = {
     PrimitiveKind.GLIDE: "glide_speed_m_s",

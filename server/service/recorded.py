@@ -1,6 +1,6 @@
 """Recordings are listed beside robots, but there is nobody behind them."""
 
-from server.problem import conflict
+from server.base.problem import conflict
 from server.service.picture import Picture
 
 

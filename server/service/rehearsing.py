@@ -16,12 +16,12 @@ from autonomy.vehicle.config import VEHICLES, Vehicle
 from db.query.plans import PlanRecord
 from robot_link.mission import Mission, MissionSettings
 from robot_link.rehearsal import REHEARSE, Rehearsal, RehearsalProblem
+from server.base.vehicle_catalogue import nearest_built_in
+from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.service.fleet import Fleet
 from server.service.plan_document import mission_of, points_of
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
 from server.service.view.plan import RehearsalView
-from server.service.worker import WORKER_FAILURES, WorkerPool
-from server.vehicle_catalogue import nearest_built_in
 
 log = logging.getLogger(__name__)
 

@@ -11,7 +11,7 @@ from robot_link.mavlink.signing import (
     Signing,
 )
 from robot_link.messages import RobotId
-from server.secret import SecretStore, SecretUnreadableError
+from server.base.secret import SecretStore, SecretUnreadableError
 
 _log = logging.getLogger(__name__)
 

@@ -28,16 +28,17 @@ from robot_link.messages import (
     TrackReport,
 )
 from robot_link.transport.opening import is_radio
+from server.base.job_watch import watch_jobs
+from server.base.live_feed import LiveFeed
+from server.base.problem import not_found
+from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.foundation import Foundation
-from server.problem import not_found
 from server.service.command import Commands
 from server.service.fleet import Fleet
 from server.service.fleet_survey import FleetSurveys
 from server.service.gateways import Gateways, KeepMessage
 from server.service.identification import Identifications
 from server.service.ingest import Ingest, Listeners
-from server.service.job_watch import watch_jobs
-from server.service.live_feed import LiveFeed
 from server.service.map_comparison import MapComparisons
 from server.service.map_group import MapSettings
 from server.service.map_learning import MapLearning
@@ -70,7 +71,6 @@ from server.service.upload import Uploads
 from server.service.vehicles import Vehicles
 from server.service.watch import watch_fleet
 from server.service.whatif import WhatIfs
-from server.service.worker import WORKER_FAILURES, WorkerPool
 from webui.scene.source import SceneSource
 
 log = logging.getLogger(__name__)

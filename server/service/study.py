@@ -16,8 +16,8 @@ from db.fault import StoreError, StoreUnavailableError
 from db.query.identifications import IdentificationRecord
 from db.query.whatifs import WhatIfRecord
 from db.store import Store
-from server.job import JobBoard, JobProgress
-from server.problem import Problem
+from server.base.job import JobBoard, JobProgress
+from server.base.problem import Problem
 
 log = logging.getLogger(__name__)
 

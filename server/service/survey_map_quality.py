@@ -6,6 +6,7 @@ from typing import Any
 
 from autonomy.planner.config import PlannerConfig
 from db.query.missions import MissionRecord
+from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.foundation import Foundation
 from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
@@ -13,7 +14,6 @@ from server.service.mission_ledger import MissionLedger
 from server.service.round_problem import RoundProblems
 from server.service.survey_score import map_scores
 from server.service.task.problem import MAP_STD
-from server.service.worker import WORKER_FAILURES, WorkerPool
 
 log = logging.getLogger(__name__)
 

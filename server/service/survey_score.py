@@ -4,13 +4,13 @@ from dataclasses import asdict
 
 from autonomy.planner.config import PlannerConfig
 from db.query.robots import get_robot
+from server.base.worker import WorkerPool
 from server.foundation import Foundation
 from server.service.field_model import MODEL_TITLES
 from server.service.map_samples import site_samples
 from server.service.round_problem import field_config_of
 from server.service.task.map_problem import COMPARE_MAPS, Compared, ComparisonProblem
 from server.service.view.mission import ScoresView
-from server.service.worker import WorkerPool
 
 
 async def map_scores(

@@ -11,7 +11,7 @@ from db.query.events import add_event
 from db.query.tracking import has_ended_within, lost_since, newest_event_of
 from db.store import Store
 from robot_link.messages import TrackReport
-from server.service.turn import Turns
+from server.base.retry_queue import Turns
 
 LOST: Final = "track.lost"
 FOUND: Final = "track.found"

@@ -8,7 +8,7 @@ from db.query.plans import get_plan, newest_begun
 from db.query.track_range import EVERYTHING, TrackRange, range_of_plan
 from db.query.tracking import track_reports
 from db.store import Store
-from server.problem import not_found
+from server.base.problem import not_found
 from server.service.picture import TRACK_TARGET
 from server.service.track_end import with_reasons
 from server.service.track_view import track_view

@@ -19,7 +19,7 @@ from robot_link.messages import CommandKind
 from robot_link.mission import Mission, MissionSettings
 from robot_link.satellite.config import SatelliteConfig
 from robot_link.tracking_order import TrackingOrder
-from server.configuration import CurrentConfiguration
+from server.base.configuration import CurrentConfiguration
 from server.foundation import Foundation
 from server.service.fleet import Fleet
 from server.service.picture import TRACK_TARGET, Picture

@@ -6,8 +6,8 @@ from typing import Any, Literal
 
 from autonomy.tracking.config import TrackingConfig
 from robot_link.tracking_order import TrackingOrder
-from server.configuration import ConfigurationBook, CurrentConfiguration, merge
-from server.problem import Problem, conflict
+from server.base.configuration import ConfigurationBook, CurrentConfiguration, merge
+from server.base.problem import Problem, conflict
 from server.service.plan_settings import below_config
 from server.service.view.plan import InheritedView
 

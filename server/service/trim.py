@@ -11,17 +11,17 @@ from db.query import trim as query
 from db.query.events import add_event
 from db.query.robots import get_robot
 from db.query.trim import TrimAdviceRecord
-from server.configuration import CurrentConfiguration
+from server.base.configuration import CurrentConfiguration
+from server.base.job import JobError, JobProgress
+from server.base.problem import Problem, conflict, not_found
+from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.foundation import Foundation
-from server.job import JobError, JobProgress
-from server.problem import Problem, conflict, not_found
 from server.service.fleet import Fleet
 from server.service.flight_recording import find_deployment, read_last_dives
 from server.service.task.study import ADVISE_TRIM, Document, Refusal, TrimProblem
 from server.service.trim_advice import advice_document, fits, for_vehicle, in_words
 from server.service.vehicles import Vehicles
 from server.service.whatif import vehicle_of
-from server.service.worker import WORKER_FAILURES, WorkerPool
 
 STEPS = {0.5: ("half_step", "half a trim step"), 1.0: ("full_step", "a whole trim step")}
 """Shares of an advice that can be taken: their names in its document, and in words."""

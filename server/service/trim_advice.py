@@ -6,7 +6,7 @@ from typing import Any
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.trim import TrimConfig
 from db.query.trim import TrimAdviceRecord
-from server.vehicle_catalogue import vehicle_digest
+from server.base.vehicle_catalogue import vehicle_digest
 
 _DIGEST = "vehicle_digest"
 

@@ -18,11 +18,11 @@ from db.query.events import add_event
 from db.query.vehicles import VehicleExistsError, VehicleRecord, add_vehicle, list_vehicles
 from db.store import Store
 from robot_link.clock import Clock
-from server.problem import FieldError, Problem, conflict, not_found, unprocessable
+from server.base.problem import FieldError, Problem, conflict, not_found, unprocessable
+from server.base.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of, vehicle_digest
+from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.service.task.problem import CAPABILITY, CapabilityProblem
 from server.service.task.study import POLAR, STEADY, Refusal, SteadyProblem
-from server.service.worker import WORKER_FAILURES, WorkerPool
-from server.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of, vehicle_digest
 
 ANSWERS_KEPT = 64
 """So many polars and capabilities stay in memory, the last asked for."""

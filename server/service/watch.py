@@ -8,7 +8,7 @@ from datetime import datetime, timedelta
 from autonomy.tracking.phase import TrackPhase
 from robot_link.clock import Clock
 from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState
-from server.alarm import AlarmBoard
+from server.base.alarm_board import AlarmBoard
 from server.service.fleet import Fleet
 from server.service.picture import Picture
 from server.service.track_words import search_text

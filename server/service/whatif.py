@@ -13,10 +13,11 @@ from db.fault import StoreError
 from db.query import whatifs as query
 from db.query.events import add_event
 from db.query.whatifs import WhatIfRecord
-from server.configuration_kind import KINDS
+from server.base.configuration_kind import KINDS
+from server.base.job import JobError, JobProgress
+from server.base.problem import FieldError, Problem, below, conflict, unprocessable
+from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.foundation import Foundation
-from server.job import JobError, JobProgress
-from server.problem import FieldError, Problem, below, conflict, unprocessable
 from server.service.comparison_view import ShownWhatIfs
 from server.service.fleet import Fleet
 from server.service.study import STOPPED, RunningStudies
@@ -29,7 +30,6 @@ from server.service.task.study import (
     WhatIfProblem,
 )
 from server.service.vehicles import Vehicles, not_worked_out
-from server.service.worker import WORKER_FAILURES, WorkerPool
 
 
 @dataclass(frozen=True, slots=True)

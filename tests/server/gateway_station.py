@@ -12,9 +12,9 @@ from db.query.robots import RobotRecord
 from db.store import Store
 from robot_link.messages import RobotId, SystemId
 from server.app import create_app
-from server.secret import GatewayAccount
+from server.base.secret import GatewayAccount
+from server.base.settings import Settings
 from server.service.gateways import Gateways
-from server.settings import Settings
 from tests.robot_link.signed_push import public_pem
 
 PASSWORD = "s3cret-word"

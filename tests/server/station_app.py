@@ -9,10 +9,10 @@ import httpx
 from fastapi import FastAPI
 
 from server.app import create_app
+from server.base.settings import Settings
 from server.foundation import Foundation
 from server.security import register
 from server.security.role import Role
-from server.settings import Settings
 
 PASSWORD = "correct horse battery"
 BASE_URL = "http://127.0.0.1:8000"

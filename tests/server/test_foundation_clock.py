@@ -3,8 +3,8 @@ from datetime import UTC, datetime, timedelta
 import pytest
 
 from robot_link.clock import SystemClock
-from server import clock_file
-from server.clock_file import read_clock, start_clock, stop_clock
+from server.base import clock_file
+from server.base.clock_file import read_clock, start_clock, stop_clock
 
 
 @pytest.fixture

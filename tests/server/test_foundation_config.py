@@ -5,8 +5,8 @@ import pytest
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK
 from db.query.robots import add_robot
-from server.configuration import merge
-from server.configuration_kind import KINDS
+from server.base.configuration import merge
+from server.base.configuration_kind import KINDS
 from tests.db.conftest import robot_record
 from tests.server.station_app import running, signed_in
 

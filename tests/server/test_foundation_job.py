@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from server.job import JobError
+from server.base.job import JobError
 from tests.server.station_app import running, signed_in
 
 

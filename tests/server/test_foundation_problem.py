@@ -6,10 +6,10 @@ import pytest
 from fastapi import APIRouter
 
 from db.fault import StoreUnavailableError, UnknownIdError
-from server.api.body import Body
 from server.api.dependency import Pilot
 from server.api.idempotency import IdempotentRoute
-from server.problem import FieldError, conflict
+from server.base.body import Body
+from server.base.problem import FieldError, conflict
 from tests.server.station_app import running, signed_in
 
 

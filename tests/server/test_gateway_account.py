@@ -7,7 +7,7 @@ import pytest
 
 from db.query.robots import add_robot
 from robot_link.gateway.gateway import GatewayFault, GatewayRefusal, Taken
-from server.secret import GatewayAccount, SecretStore, SecretUnreadableError
+from server.base.secret import GatewayAccount, SecretStore, SecretUnreadableError
 from server.security.rate import RateLimit
 from tests.robot_link.http_peer import http_peer
 from tests.robot_link.signed_push import IMEI, public_pem

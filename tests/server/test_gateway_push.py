@@ -14,7 +14,7 @@ from db.fault import StoreUnavailableError
 from db.query.events import newest_events
 from db.query.robots import add_robot
 from robot_link.gateway.gateway import HeldBackError
-from server.secret import GatewayAccount
+from server.base.secret import GatewayAccount
 from server.security.rate import RateLimit
 from tests.robot_link.signed_push import (
     FORM,

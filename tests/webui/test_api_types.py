@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from server.app import create_app
-from server.settings import Settings
+from server.base.settings import Settings
 from tests.webui.api_types import AppTypes, schema_kinds
 
 OTHERWISE = {

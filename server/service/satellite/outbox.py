@@ -25,11 +25,11 @@ from robot_link.gateway.gateway import (
     Taken,
     retry_after_s,
 )
+from server.base.retry_queue import until_stored
 from server.service.satellite import message_row
 from server.service.satellite.message_row import Call
 from server.service.satellite.order_row import SURFACE_PRIORITY, is_surface
 from server.service.satellite.preparing import Looked, Means, expire, needs_work, prepare
-from server.service.turn import until_stored
 
 log = logging.getLogger(__name__)
 

@@ -23,9 +23,10 @@ from robot_link.messages import (
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.ground import next_counter
 from robot_link.satellite.order import pack_order
+from server.base.problem import conflict
+from server.base.retry_queue import Turns, until_stored
+from server.base.secret import SecretUnreadableError
 from server.foundation import Foundation
-from server.problem import conflict
-from server.secret import SecretUnreadableError
 from server.service.fleet import Fleet
 from server.service.plan_document import mission_of
 from server.service.plug import Plugs
@@ -43,7 +44,6 @@ from server.service.satellite.preparing import Means
 from server.service.satellite.preview import Circumstances, has_mission, quote_view
 from server.service.satellite.standing import DEFAULT_SETTINGS, Settings, accounts
 from server.service.satellite.unwritten import UnwrittenOrders
-from server.service.turn import Turns, until_stored
 from server.service.view.link import SatelliteQuoteView, SatelliteView
 from server.service.words import sentence
 

@@ -10,8 +10,8 @@ from sqlalchemy.orm import Session
 from db.query.outbox import OutboxRecord, newest_outbox
 from db.query.satellite_messages import SENDING, messages_in
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
-from server.configuration import current
-from server.configuration_kind import find_kind
+from server.base.configuration import current
+from server.base.configuration_kind import find_kind
 from server.service.satellite.budget import Budget, budget_of
 
 _REMEMBERED: Final = timedelta(hours=24)

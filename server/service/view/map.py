@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from server.service.view.base import View
+from server.base.view import View
 from server.service.view.mission import ScoresView
 
 

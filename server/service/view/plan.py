@@ -4,7 +4,7 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Any
 
-from server.service.view.base import View
+from server.base.view import View
 from server.service.view.link import TransferPartView
 
 

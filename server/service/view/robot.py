@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from autonomy.site import Site
-from server.service.view.base import View
+from server.base.view import View
 from server.service.view.link import RobotLinkView
 from server.service.view.tracking import TargetTrackView
 

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import Self
 
-from server.service.view.base import View
+from server.base.view import View
 from webui.scene.view import SceneState
 
 

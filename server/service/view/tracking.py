@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from datetime import datetime
 
-from server.service.view.base import View
+from server.base.view import View
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,13 +6,13 @@ from db.query.robots import change_robot
 from db.store import Store
 from robot_link.messages import LinkState
 from server import composition
+from server.base.secret import SecretStore
+from server.base.settings import Settings
 from server.composition import run_station
-from server.secret import SecretStore
 from server.security.role import Role
 from server.service import command
 from server.service.satellite import outbox
 from server.service.station import Station
-from server.settings import Settings
 from tests.server.service.conftest import GRACE, api_client, until
 from tests.server.service.fake_link import state_report
 from tests.server.service.sky import URI

@@ -4,7 +4,7 @@ import asyncio
 import importlib
 import threading
 
-from server.service.worker import WorkerTaskError
+from server.base.worker import WorkerTaskError
 
 
 async def run_in_thread(pool, task, payload, *, on_progress=None):

@@ -22,11 +22,11 @@ from robot_link.onboard import RobotLink
 from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog
 from robot_link.transport.datagram import Address
+from server.base.settings import Settings
 from server.composition import run_station
 from server.recording.replay import compare, replay_into
 from server.recording.tlog import tlog_blocks
 from server.service.station import Station
-from server.settings import Settings
 from simulator.xbee_network import AirConditions, XBeeNetwork
 from tests.db.track import track_report
 from tests.server.service.conftest import MINI, until

@@ -9,9 +9,9 @@ from sqlalchemy.exc import OperationalError
 from db.query.events import add_event
 from db.store import Store
 from robot_link.clock import SystemClock
-from server.job import JobBoard
-from server.service.job_watch import watch_jobs
-from server.service.live_feed import EVENTS_IN_MEMORY, QUIET_S, LiveFeed
+from server.base.job import JobBoard
+from server.base.job_watch import watch_jobs
+from server.base.live_feed import EVENTS_IN_MEMORY, QUIET_S, LiveFeed
 from tests.server.service.conftest import until
 
 

@@ -11,8 +11,8 @@ import pytest
 from db.query.configurations import configuration_history
 from db.query.samples import sample_columns
 from db.store import Store
+from server.base.settings import Settings
 from server.service.site_map import SiteMap
-from server.settings import Settings
 from tests.server.service.conftest import MINI, open_station, until
 
 pytestmark = pytest.mark.process

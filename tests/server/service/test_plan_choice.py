@@ -4,8 +4,8 @@ import signal
 import pytest
 
 from robot_link.messages import OnboardPlanState
+from server.base.worker import WorkerEndedError
 from server.service.task.problem import PLAN_SURVEY
-from server.service.worker import WorkerEndedError
 from tests.server.service.conftest import FAST, MINI, until
 from tests.server.service.fake_worker import DEPTHS_M
 

@@ -7,7 +7,7 @@ import pytest
 from db.query.robots import list_robots
 from robot_link.clock import SystemClock
 from robot_link.messages import RobotId, SystemId
-from server.secret import SecretStore
+from server.base.secret import SecretStore
 from server.service.plug import Plugs
 from server.service.road import Road
 from server.service.signing import RobotSigning

@@ -12,7 +12,7 @@ from robot_link.service.error import (
 )
 from robot_link.service.file_store import FileEntry
 from robot_link.service.parameter_table import ParameterType, ParameterValue
-from server.problem import Problem
+from server.base.problem import Problem
 from server.service.parameters import Parameters
 from server.service.partial_file import PartialFile
 from server.service.robot_logs import RobotLogs

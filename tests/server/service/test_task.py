@@ -15,7 +15,7 @@ from autonomy.planner.objective import objective
 from autonomy.planner.plan import PlanStatus, PrimitiveKind
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Area
-from server.problem import Problem
+from server.base.problem import Problem
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
 from server.service.task import plan_survey
 from server.service.task.problem import MapProblem, SurveyProblem

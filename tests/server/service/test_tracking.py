@@ -8,7 +8,7 @@ import pytest
 from autonomy.tracking.phase import TrackPhase
 from db.query.tracking import newest_track_report
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, TargetEstimate
-from server.service.live_feed import LiveFeed
+from server.base.live_feed import LiveFeed
 from tests.server.service.conftest import MINI, open_station, until
 from tests.server.service.fake_link import state_report
 from tests.server.service.target_reports import events_of, now_report

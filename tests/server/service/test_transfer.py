@@ -21,8 +21,9 @@ from robot_link.messages import (
     OnboardPlanState,
     PlanReport,
 )
-from server.problem import Problem
-from server.service import road, turn
+from server.base import retry_queue as turn
+from server.base.problem import Problem
+from server.service import road
 from server.service.plan_document import mission_of
 from server.service.road import Road
 from tests.server.service.conftest import MINI, robot_record, until

@@ -9,9 +9,9 @@ from autonomy.vehicle.config import GRACE3, MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_document
 from db.fault import StoreUnavailableError
 from db.store import Store
+from server.base.worker import WorkerPool
 from server.security.role import Role
 from server.service import vehicles
-from server.service.worker import WorkerPool
 from tests.server.service.conftest import MINI, api_client, open_station
 
 pytestmark = pytest.mark.usefixtures("in_threads")

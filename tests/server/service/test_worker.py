@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable
 import pytest
 import pytest_asyncio
 
-from server.service.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+from server.base.worker import WorkerEndedError, WorkerPool, WorkerTaskError
 
 HERE = __name__
 

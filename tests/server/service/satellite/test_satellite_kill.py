@@ -11,9 +11,9 @@ from db.query.commands import get_command
 from db.query.satellite_messages import messages_of
 from db.store import Store
 from robot_link.messages import CommandKind
-from server.secret import SecretStore
+from server.base.secret import SecretStore
+from server.base.settings import Settings
 from server.service.satellite import plan_row
-from server.settings import Settings
 from tests.server.service.conftest import GRACE
 from tests.server.service.shore import Shore, begin_order, begin_plan
 from tests.server.service.sky import ManualClock, Sky

@@ -8,12 +8,12 @@ from db.query.satellite_messages import credits_spent, messages_of
 from db.store import Store
 from robot_link.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
 from robot_link.messages import CommandKind, CommandLevel
-from server.secret import SecretStore
+from server.base.secret import SecretStore
+from server.base.settings import Settings
 from server.service.command_row import note_level
 from server.service.satellite.budget import utc_day
 from server.service.satellite.withdrawal_row import called_back
 from server.service.transfer_row import end_by_satellite
-from server.settings import Settings
 from tests.server.service.conftest import GRACE
 from tests.server.service.shore import Shore, begin_order, begin_plan
 from tests.server.service.sky import IMEI, ManualClock, Sky

@@ -7,7 +7,7 @@ from db.fault import StoreUnavailableError
 from db.query.settings import put_setting
 from db.store import Store
 from robot_link.clock import Clock
-from server.alarm import AlarmBoard
+from server.base.alarm_board import AlarmBoard
 
 CAUSE = "storage"
 PROBE_PERIOD_S = 2.0

@@ -15,7 +15,7 @@ from db.query.alarms import AlarmRecord
 from db.query.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
-from server.problem import not_found
+from server.base.problem import not_found
 
 logger = logging.getLogger(__name__)
 LEVELS = ("watch", "warning", "critical")

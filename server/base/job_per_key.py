@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Awaitable, Callable, Hashable, Mapping
 from typing import Any, Generic, TypeVar
 
-from server.job import JobBoard, JobProgress
+from server.base.job import JobBoard, JobProgress
 
 Key = TypeVar("Key", bound=Hashable)
 

@@ -1,4 +1,4 @@
-"""The other side of ``server.service.worker``: a process that does one heavy task after another.
+"""The other side of ``server.base.worker``: a process that does one heavy task after another.
 
 It is the only place of the station where numba is loaded. Messages are pickles, each preceded by
 its length, on the pipes that the station opened; whoever can write to them is the station itself.

@@ -3,8 +3,8 @@
 import asyncio
 
 from db.query.jobs import JobRecord
-from server.job import JobBoard
-from server.service.live_feed import LiveFeed
+from server.base.job import JobBoard
+from server.base.live_feed import LiveFeed
 
 PERIOD_S = 0.2
 

@@ -5,7 +5,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from server.problem import problem_response
+from server.base.problem import problem_response
 
 _HEADERS = {
     "X-Content-Type-Options": "nosniff",

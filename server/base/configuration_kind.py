@@ -20,7 +20,7 @@ from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
 from db.query.robots import RobotRecord
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
-from server.problem import not_found
+from server.base.problem import not_found
 
 ONBOARD_CONTROLLER = "controller.backstepping"
 """The controller that flies the robots; the gains of the others are for what-if runs."""

@@ -17,9 +17,9 @@ from db.query.events import add_event
 from db.query.robots import get_robot
 from db.store import Store
 from robot_link.clock import Clock
-from server.configuration_kind import ConfigurationKind, find_kind
-from server.problem import Problem, invalid
-from server.vehicle_catalogue import preset_key
+from server.base.configuration_kind import ConfigurationKind, find_kind
+from server.base.problem import Problem, invalid
+from server.base.vehicle_catalogue import preset_key
 
 _Model = TypeVar("_Model", bound=Configuration)
 

@@ -13,7 +13,7 @@ import sys
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from server.service import worker_process as wire
+from server.base import worker_process as wire
 
 log = logging.getLogger(__name__)
 

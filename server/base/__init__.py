@@ -1,0 +1,1 @@
+"""What every capability stands on: settings, problems, jobs, workers, the live stream."""
