@@ -23,9 +23,9 @@ from autonomy.site import TANK
 from db.query.robots import RobotRecord, add_robot
 from db.store import Store
 from robot_link.messages import RobotId, SystemId
+from server.access.register import create_token
+from server.access.role import Role
 from server.base.settings import Settings
-from server.security.register import create_token
-from server.security.role import Role
 
 ROBOTS, RATE_HZ, CLIENTS = 20, 10.0, 20
 SETTLE_S, MEASURE_S = 4.0, 10.0

@@ -6,6 +6,8 @@ from importlib.metadata import version
 
 from fastapi import FastAPI
 
+from server.access import people_route as people
+from server.access import session_route as session
 from server.api import (
     alarms,
     coefficients,
@@ -25,11 +27,9 @@ from server.api import (
     maps,
     missions,
     onboard,
-    people,
     plans,
     ranges,
     robots,
-    session,
     surveys,
     tracking,
     transfers,

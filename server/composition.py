@@ -8,6 +8,9 @@ from typing import Protocol
 
 from db.store import Store
 from robot_link.clock import SystemClock
+from server.access.access import Access
+from server.access.foundation import Foundation
+from server.access.guard import Guard
 from server.base.alarm_board import AlarmBoard
 from server.base.background import Background
 from server.base.clock_file import read_clock
@@ -16,9 +19,6 @@ from server.base.job import JobBoard
 from server.base.secret import SecretStore
 from server.base.settings import Settings
 from server.base.storage_watch import watch_storage
-from server.foundation import Foundation
-from server.security.access import Access
-from server.security.guard import Guard
 
 _ALARM_TASK = "alarm about"
 

@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 
 from db.query.alarms import AlarmRecord, closed_alarms
-from server.api.dependency import FoundationDep, Pilot, Viewer
+from server.access.dependency import FoundationDep, Pilot, Viewer
 from server.base.view import View
 
 router = APIRouter(prefix="/api/alarms", tags=["alarms"])

@@ -10,7 +10,7 @@ from fastapi import APIRouter, Request
 from pydantic import Field, ValidationError
 from starlette.datastructures import UploadFile
 
-from server.api.dependency import Pilot
+from server.access.dependency import Pilot
 from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.problem import FieldError, Problem, invalid, unprocessable

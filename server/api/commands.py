@@ -6,8 +6,8 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 
 from robot_link.messages import CommandKind
-from server.api.dependency import Pilot, Viewer
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import Pilot, Viewer
+from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View

@@ -14,7 +14,7 @@ from db.query.robots import get_robot
 from db.query.samples import sampled_variables
 from db.query.track_range import TrackRange
 from db.store import Store
-from server.api.dependency import StoreDep, Viewer
+from server.access.dependency import StoreDep, Viewer
 from server.base.view import View
 from server.recording.export import csv_blocks, geojson, kml
 from server.recording.track_export import track_csv_blocks

@@ -8,7 +8,7 @@ from typing import Any
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
 
-from server.api.dependency import FoundationDep
+from server.access.dependency import FoundationDep
 
 router = APIRouter()
 _METHODS = ("get", "post", "patch", "put", "delete")

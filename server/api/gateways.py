@@ -21,7 +21,8 @@ from db.query.events import add_event
 from robot_link.gateway import cloudloop, rockblock
 from robot_link.gateway.gateway import HeldBackError, MobileOriginated
 from robot_link.gateway.push import PushRefusal
-from server.api.dependency import Admin, FoundationDep
+from server.access.dependency import Admin, FoundationDep
+from server.access.foundation import Foundation
 from server.base.body import Body
 from server.base.problem import FieldError, Problem, invalid, not_found, unprocessable
 from server.base.secret import (
@@ -32,7 +33,6 @@ from server.base.secret import (
     SecretUnreadableError,
 )
 from server.base.view import View
-from server.foundation import Foundation
 from server.service.gateways import GATEWAY_TITLES, Gateways
 
 router = APIRouter(prefix="/api/gateways", tags=["gateways"])

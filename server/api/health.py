@@ -8,7 +8,7 @@ from fastapi import APIRouter
 
 from db.fault import StoreUnavailableError
 from db.query.robots import list_robots
-from server.api.dependency import FoundationDep
+from server.access.dependency import FoundationDep
 from server.base.view import View
 
 router = APIRouter(prefix="/api/health", tags=["station"])

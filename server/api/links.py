@@ -5,8 +5,8 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 from pydantic import Field
 
-from server.api.dependency import Pilot, Viewer
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import Pilot, Viewer
+from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.service.link_panel import link_views

@@ -6,7 +6,7 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect, status
 
-from server.api.dependency import WebSocketViewer
+from server.access.dependency import WebSocketViewer
 from server.api.station_dependency import StationDep
 
 router = APIRouter(tags=["live"])

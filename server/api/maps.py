@@ -7,8 +7,8 @@ from typing import Annotated
 import numpy as np
 from fastapi import APIRouter, Query, Response
 
-from server.api.dependency import FoundationDep, Pilot, Viewer
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import FoundationDep, Pilot, Viewer
+from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.base.problem import not_found
 from server.service.map_export import ORDER, MapExport, archive, table

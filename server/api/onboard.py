@@ -6,8 +6,8 @@ from fastapi import APIRouter
 from fastapi.responses import FileResponse
 from pydantic import Field
 
-from server.api.dependency import FoundationDep, Pilot, Viewer
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import FoundationDep, Pilot, Viewer
+from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View

@@ -8,8 +8,8 @@ from pydantic import Field
 
 from autonomy.planner.plan import PrimitiveKind
 from db.query.plans import PlanRecord, list_plans
-from server.api.dependency import Pilot, StoreDep, Viewer
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import Pilot, StoreDep, Viewer
+from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View

@@ -22,8 +22,8 @@ from db.query.sample_places import SamplePlaces, sample_places
 from db.query.telemetry import history, track
 from robot_link.gateway.address import check_link
 from robot_link.messages import RobotId, SystemId
-from server.api.dependency import Admin, FoundationDep, StoreDep, Viewer
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import Admin, FoundationDep, StoreDep, Viewer
+from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.base.body import Body
 from server.base.problem import FieldError, conflict, not_found, unprocessable

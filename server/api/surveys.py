@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from fastapi import APIRouter
 from pydantic import Field
 
-from server.api.dependency import Pilot
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import Pilot
+from server.access.idempotency import IdempotentRoute
 from server.api.plans import PartialConfig
 from server.api.station_dependency import StationDep
 from server.base.body import Body

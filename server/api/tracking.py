@@ -7,7 +7,7 @@ from fastapi import APIRouter, Query, Response
 from fastapi.responses import StreamingResponse
 from pydantic import AwareDatetime
 
-from server.api.dependency import FoundationDep, Viewer
+from server.access.dependency import FoundationDep, Viewer
 from server.api.station_dependency import StationDep, encoded
 from server.recording.track_export import track_csv_blocks
 from server.service.track_history import TrackHistory

@@ -2,8 +2,8 @@
 
 from fastapi import APIRouter
 
-from server.api.dependency import Pilot, Viewer
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import Pilot, Viewer
+from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.service.view.plan import TransferView
 

@@ -3,8 +3,8 @@
 from fastapi import APIRouter
 from pydantic import Field, field_validator
 
-from server.api.dependency import Pilot
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import Pilot
+from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.service.trim import STEPS

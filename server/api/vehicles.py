@@ -5,8 +5,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Response
 
 from autonomy.vehicle.parameter_file import vehicle_document
-from server.api.dependency import Pilot, Viewer
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import Pilot, Viewer
+from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.base.vehicle_catalogue import CatalogueEntry
 from server.service.station import Station

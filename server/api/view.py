@@ -14,7 +14,7 @@ from fastapi.responses import RedirectResponse
 from pydantic import Field
 
 from robot_link.messages import RobotId
-from server.api.dependency import Pilot, Viewer, WebSocketViewer
+from server.access.dependency import Pilot, Viewer, WebSocketViewer
 from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.problem import Problem, not_found

@@ -6,8 +6,8 @@ from fastapi import APIRouter, Query, Response
 from pydantic import Field
 
 from db.query.whatifs import WhatIfRecord
-from server.api.dependency import Pilot, Viewer
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import Pilot, Viewer
+from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.base.body import Body
 from server.service.station import Station

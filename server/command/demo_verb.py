@@ -20,6 +20,8 @@ from db.query.people import add_person, find_person
 from db.query.robots import RobotRecord, add_robot, change_robot, list_robots
 from robot_link.clock import Clock
 from robot_link.messages import RobotId
+from server.access import register
+from server.access.role import Role
 from server.base.clock_file import read_clock, start_clock, stop_clock
 from server.base.data_folder import CLOCK_FILE
 from server.base.secret import SecretStore
@@ -28,8 +30,6 @@ from server.command.demo_gateway import prepare_gateway
 from server.command.failure import CommandError
 from server.command.simulate_verb import LINK_FOLDER, add_water_options, part
 from server.command.supervisor import Child, Supervisor
-from server.security import register
-from server.security.role import Role
 from simulator.fleet import (
     FLEET,
     STATION_ACOUSTIC,

@@ -4,9 +4,9 @@ from argparse import ArgumentParser, Namespace
 from datetime import timedelta
 
 from db.query.people import list_tokens
+from server.access import register
+from server.access.role import Role
 from server.command.data import add_data_option, clock_of, open_store, settings_of
-from server.security import register
-from server.security.role import Role
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -7,11 +7,11 @@ from datetime import datetime, timedelta
 
 from db.query.people import list_people
 from db.store import Store
+from server.access import register
+from server.access.role import Role
+from server.access.secret import hash_password
 from server.command.data import add_data_option, clock_of, open_store, settings_of
 from server.command.failure import CommandError
-from server.security import register
-from server.security.role import Role
-from server.security.secret import hash_password
 
 _BY = "command line"
 

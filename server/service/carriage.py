@@ -21,8 +21,8 @@ from robot_link.messages import (
 )
 from robot_link.mission import Mission
 from robot_link.station import UploadUnderWayError
+from server.access.foundation import Foundation
 from server.base.retry_queue import until_stored
-from server.foundation import Foundation
 from server.service.command import Commands
 from server.service.fleet import Fleet
 from server.service.link import Radio, SatelliteRoad

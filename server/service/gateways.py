@@ -32,9 +32,9 @@ from robot_link.gateway.gateway import (
     Taken,
 )
 from robot_link.gateway.rockblock import RockBlockGateway
+from server.access.foundation import Foundation
+from server.access.rate import RateLimit
 from server.base.secret import GATEWAY_KINDS, GatewayAccount, GatewayKind, SecretUnreadableError
-from server.foundation import Foundation
-from server.security.rate import RateLimit
 
 log = logging.getLogger(__name__)
 

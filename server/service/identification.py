@@ -20,10 +20,10 @@ from db.query import identifications as query
 from db.query.deployments import get_deployment
 from db.query.events import add_event
 from db.query.identifications import IdentificationRecord
+from server.access.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.problem import Problem, below, conflict
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.foundation import Foundation
 from server.service.accepted import AcceptedIdentification, keep_offer
 from server.service.fleet import Fleet
 from server.service.flight_recording import find_deployment, read_flight

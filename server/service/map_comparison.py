@@ -11,11 +11,11 @@ from db.column import moment
 from db.query.comparisons import keep_comparison
 from db.query.events import add_event
 from db.query.samples import SampleColumns, sample_columns
+from server.access.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import conflict, not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.foundation import Foundation
 from server.service.field_model import MODEL_TITLES
 from server.service.fleet import Fleet
 from server.service.map_grid import grid_of

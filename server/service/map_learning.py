@@ -17,13 +17,13 @@ from db.fault import StoreError
 from db.query import configurations as query
 from db.query.events import add_event
 from db.query.samples import count_received, sample_columns
+from server.access.foundation import Foundation
 from server.base.configuration import CurrentConfiguration, current
 from server.base.configuration_kind import find_kind
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import conflict
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.foundation import Foundation
 from server.service.fleet import Fleet
 from server.service.map_comparison import map_group
 from server.service.map_group import MapGroup

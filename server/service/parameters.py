@@ -14,10 +14,10 @@ from db.query.onboard import ParameterRecord
 from robot_link.messages import RobotId
 from robot_link.service.error import NoAnswerError, ServiceError
 from robot_link.service.parameter_table import ParameterType, ParameterValue
+from server.access.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import FieldError, Problem, conflict, not_found, unprocessable
-from server.foundation import Foundation
 from server.service.fleet import Fleet
 from server.service.recorded import refuse_recording
 from server.service.view.onboard import ParametersView, ParameterView

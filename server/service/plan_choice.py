@@ -4,8 +4,8 @@ from dataclasses import replace
 
 from autonomy.planner.config import PlannerConfig
 from db.query.plans import PlanRecord
+from server.access.foundation import Foundation
 from server.base.problem import FieldError, conflict, unprocessable
-from server.foundation import Foundation
 from server.service.drafting import outdated_by
 from server.service.fleet import Fleet
 from server.service.mission_ledger import MissionLedger

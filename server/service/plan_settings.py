@@ -8,8 +8,8 @@ from autonomy.planner.approach import approach_energy, way_in
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.outcome import least_energy
 from autonomy.site import Box
+from server.access.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
-from server.foundation import Foundation
 from server.service.fleet import Fleet
 from server.service.picture import Picture
 from server.service.recorded import refuse_recording

@@ -17,11 +17,11 @@ from autonomy.tracking.config import TrackingConfig
 from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
 from robot_link.satellite.config import SatelliteConfig
+from server.access.foundation import Foundation
 from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.base.problem import conflict
 from server.base.retry_queue import until_stored
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.foundation import Foundation
 from server.service.drafting import (
     broken_limits,
     broken_off,

@@ -29,7 +29,7 @@ from robot_link.gateway.address import (
 )
 from robot_link.messages import LinkReport, LinkState, RobotId
 from robot_link.transport.datagram import Garbled, PortChanged
-from server.foundation import Foundation
+from server.access.foundation import Foundation
 
 log = logging.getLogger(__name__)
 

@@ -12,10 +12,10 @@ from db.query.onboard import LogRecord
 from robot_link.messages import RobotId
 from robot_link.service.error import ServiceError
 from robot_link.service.file_store import FileEntry
+from server.access.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import not_found
-from server.foundation import Foundation
 from server.service.fleet import Fleet
 from server.service.partial_file import PartialFile
 from server.service.recorded import refuse_recording

@@ -13,8 +13,8 @@ from autonomy.planner.plan import Leg
 from db.query.missions import OPEN_STATES, get_mission
 from db.query.plans import PlanRecord, list_plans
 from robot_link.messages import PlanReport
+from server.access.foundation import Foundation
 from server.base.configuration import CurrentConfiguration
-from server.foundation import Foundation
 from server.service.fleet import Fleet
 from server.service.map_samples import Water, site_samples
 from server.service.plan_ahead import planned_rest

@@ -28,11 +28,11 @@ from robot_link.messages import (
     TrackReport,
 )
 from robot_link.transport.opening import is_radio
+from server.access.foundation import Foundation
 from server.base.job_watch import watch_jobs
 from server.base.live_feed import LiveFeed
 from server.base.problem import not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.foundation import Foundation
 from server.service.command import Commands
 from server.service.fleet import Fleet
 from server.service.fleet_survey import FleetSurveys

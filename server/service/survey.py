@@ -17,8 +17,8 @@ from db.fault import StoreError
 from db.query.events import add_event
 from db.query.missions import change_mission, list_missions
 from db.query.plans import PlanRecord
+from server.access.foundation import Foundation
 from server.base.problem import Problem, conflict
-from server.foundation import Foundation
 from server.service.mission_ledger import MissionLedger
 from server.service.plan_ledger import ON_THE_WAY
 from server.service.planning import Planning

@@ -6,8 +6,8 @@ from typing import Any
 
 from autonomy.planner.config import PlannerConfig
 from db.query.missions import MissionRecord
+from server.access.foundation import Foundation
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.foundation import Foundation
 from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
 from server.service.mission_ledger import MissionLedger

@@ -4,8 +4,8 @@ from dataclasses import asdict
 
 from autonomy.planner.config import PlannerConfig
 from db.query.robots import get_robot
+from server.access.foundation import Foundation
 from server.base.worker import WorkerPool
-from server.foundation import Foundation
 from server.service.field_model import MODEL_TITLES
 from server.service.map_samples import site_samples
 from server.service.round_problem import field_config_of

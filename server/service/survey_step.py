@@ -12,8 +12,8 @@ from autonomy.planner.plan import Leg
 from db.query.missions import MissionRecord, get_mission
 from db.query.plans import PlanRecord
 from robot_link.messages import PlanReport
+from server.access.foundation import Foundation
 from server.base.problem import Problem, conflict
-from server.foundation import Foundation
 from server.service.drafting import broken_off, outdated_by
 from server.service.fleet import Fleet
 from server.service.mission_ledger import ENDED, MissionLedger

@@ -19,8 +19,8 @@ from robot_link.messages import CommandKind
 from robot_link.mission import Mission, MissionSettings
 from robot_link.satellite.config import SatelliteConfig
 from robot_link.tracking_order import TrackingOrder
+from server.access.foundation import Foundation
 from server.base.configuration import CurrentConfiguration
-from server.foundation import Foundation
 from server.service.fleet import Fleet
 from server.service.picture import TRACK_TARGET, Picture
 from server.service.plan_ledger import PlanLedger, note_change

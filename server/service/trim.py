@@ -11,11 +11,11 @@ from db.query import trim as query
 from db.query.events import add_event
 from db.query.robots import get_robot
 from db.query.trim import TrimAdviceRecord
+from server.access.foundation import Foundation
 from server.base.configuration import CurrentConfiguration
 from server.base.job import JobError, JobProgress
 from server.base.problem import Problem, conflict, not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.foundation import Foundation
 from server.service.fleet import Fleet
 from server.service.flight_recording import find_deployment, read_last_dives
 from server.service.task.study import ADVISE_TRIM, Document, Refusal, TrimProblem

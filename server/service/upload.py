@@ -21,8 +21,8 @@ from db.query.plans import ENDED_STATES, PlanRecord, get_plan
 from db.query.transfers import TransferRecord
 from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import RobotId, UploadReport
+from server.access.foundation import Foundation
 from server.base.problem import FieldError, conflict
-from server.foundation import Foundation
 from server.service.carriage import Carriage
 from server.service.command import Check, Commands
 from server.service.drafting import SENDABLE, broken_off, outdated_by

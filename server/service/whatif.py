@@ -13,11 +13,11 @@ from db.fault import StoreError
 from db.query import whatifs as query
 from db.query.events import add_event
 from db.query.whatifs import WhatIfRecord
+from server.access.foundation import Foundation
 from server.base.configuration_kind import KINDS
 from server.base.job import JobError, JobProgress
 from server.base.problem import FieldError, Problem, below, conflict, unprocessable
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.foundation import Foundation
 from server.service.comparison_view import ShownWhatIfs
 from server.service.fleet import Fleet
 from server.service.study import STOPPED, RunningStudies

@@ -8,11 +8,11 @@ from pathlib import Path
 import httpx
 from fastapi import FastAPI
 
+from server.access import register
+from server.access.foundation import Foundation
+from server.access.role import Role
 from server.app import create_app
 from server.base.settings import Settings
-from server.foundation import Foundation
-from server.security import register
-from server.security.role import Role
 
 PASSWORD = "correct horse battery"
 BASE_URL = "http://127.0.0.1:8000"

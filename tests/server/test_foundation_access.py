@@ -9,9 +9,9 @@ import pytest
 from fastapi import WebSocketException
 from starlette.websockets import WebSocket
 
+from server.access import register, throttle
+from server.access.role import Role
 from server.base.settings import Settings
-from server.security import register, throttle
-from server.security.role import Role
 from tests.server.station_app import (
     BASE_URL,
     PASSWORD,

@@ -6,8 +6,8 @@ import pytest
 from fastapi import APIRouter
 
 from db.fault import StoreUnavailableError, UnknownIdError
-from server.api.dependency import Pilot
-from server.api.idempotency import IdempotentRoute
+from server.access.dependency import Pilot
+from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
 from server.base.problem import FieldError, conflict
 from tests.server.station_app import running, signed_in

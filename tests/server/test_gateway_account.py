@@ -7,8 +7,8 @@ import pytest
 
 from db.query.robots import add_robot
 from robot_link.gateway.gateway import GatewayFault, GatewayRefusal, Taken
+from server.access.rate import RateLimit
 from server.base.secret import GatewayAccount, SecretStore, SecretUnreadableError
-from server.security.rate import RateLimit
 from tests.robot_link.http_peer import http_peer
 from tests.robot_link.signed_push import IMEI, public_pem
 from tests.robot_link.test_directip import confirmation, gateway_saying
@@ -221,7 +221,7 @@ def test_a_signing_key_has_32_bytes(tmp_path):
 
 def test_a_rate_limit_admits_a_burst_and_then_as_time_goes(monkeypatch):
     now = [0.0]
-    monkeypatch.setattr("server.security.rate.monotonic_s", lambda: now[0])
+    monkeypatch.setattr("server.access.rate.monotonic_s", lambda: now[0])
     limit = RateLimit(3, 2.0)
     assert [limit.admits() for _ in range(4)] == [True, True, True, False]
     now[0] = 1.0

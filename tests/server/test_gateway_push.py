@@ -14,8 +14,8 @@ from db.fault import StoreUnavailableError
 from db.query.events import newest_events
 from db.query.robots import add_robot
 from robot_link.gateway.gateway import HeldBackError
+from server.access.rate import RateLimit
 from server.base.secret import GatewayAccount
-from server.security.rate import RateLimit
 from tests.robot_link.signed_push import (
     FORM,
     IMEI,

@@ -23,10 +23,10 @@ from robot_link.messages import (
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.ground import next_counter
 from robot_link.satellite.order import pack_order
+from server.access.foundation import Foundation
 from server.base.problem import conflict
 from server.base.retry_queue import Turns, until_stored
 from server.base.secret import SecretUnreadableError
-from server.foundation import Foundation
 from server.service.fleet import Fleet
 from server.service.plan_document import mission_of
 from server.service.plug import Plugs

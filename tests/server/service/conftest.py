@@ -13,12 +13,12 @@ from db import engine
 from db.query.robots import RobotRecord, add_robot
 from db.store import Store
 from robot_link.messages import RobotId, SystemId
+from server.access.register import create_token
+from server.access.role import Role
 from server.app import create_app
 from server.base.settings import Settings
 from server.base.worker import WorkerPool
 from server.composition import run_station
-from server.security.register import create_token
-from server.security.role import Role
 from server.service.rehearsing import Rehearsals
 from server.service.station import Station
 from tests.server.service.fake_link import World, state_report

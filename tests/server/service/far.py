@@ -6,10 +6,10 @@ from db.query.robots import change_robot
 from db.store import Store
 from robot_link.messages import LinkState
 from server import composition
+from server.access.role import Role
 from server.base.secret import SecretStore
 from server.base.settings import Settings
 from server.composition import run_station
-from server.security.role import Role
 from server.service import command
 from server.service.satellite import outbox
 from server.service.station import Station

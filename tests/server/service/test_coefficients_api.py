@@ -2,7 +2,7 @@
 
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_document
-from server.security.role import Role
+from server.access.role import Role
 from tests.server.service.conftest import api_client
 from tests.server.test_coefficients import FOUND, csv_text, rows
 

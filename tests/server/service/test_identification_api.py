@@ -17,7 +17,7 @@ from db.fault import StoreUnavailableError
 from db.query import identifications as query
 from db.tables import Deployment
 from robot_link.messages import RobotMode
-from server.security.role import Role
+from server.access.role import Role
 from server.service import flight_recording
 from server.service.task import identification as identification_task
 from server.service.task.study import IdentificationProblem, Refusal

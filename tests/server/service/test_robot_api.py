@@ -8,7 +8,7 @@ import websockets
 from pydantic import TypeAdapter
 
 from robot_link.messages import LinkReport, LinkState, OnboardPlanState, RobotMode
-from server.security.role import Role
+from server.access.role import Role
 from server.service import watch
 from server.service.view.mission import LiveMissionView
 from server.service.view.plan import LivePlanView

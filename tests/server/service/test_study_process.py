@@ -2,7 +2,7 @@
 
 import asyncio
 
-from server.security.role import Role
+from server.access.role import Role
 from tests.server.service import test_identification_api as identification
 from tests.server.service.conftest import api_client, open_station, until
 from tests.server.service.test_whatif_api import LONG, SHORT, ended, start

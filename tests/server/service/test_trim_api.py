@@ -12,7 +12,7 @@ from autonomy.vehicle.trim import TrimConfig
 from db.fault import StoreUnavailableError
 from db.query import trim as query
 from db.query.state_columns import state_columns
-from server.security.role import Role
+from server.access.role import Role
 from server.service import flight_recording, trim
 from server.service.trim_advice import in_words
 from tests.server.service.conftest import api_client, until

@@ -9,8 +9,8 @@ from autonomy.vehicle.config import GRACE3, MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_document
 from db.fault import StoreUnavailableError
 from db.store import Store
+from server.access.role import Role
 from server.base.worker import WorkerPool
-from server.security.role import Role
 from server.service import vehicles
 from tests.server.service.conftest import MINI, api_client, open_station
 

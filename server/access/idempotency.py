@@ -11,9 +11,9 @@ from fastapi.routing import APIRoute
 
 from db.fault import StoreError, StoreUnavailableError
 from db.query.idempotency import GivenAnswer, claim, forget_before, release, settle
+from server.access.foundation import Foundation
+from server.access.role import Right
 from server.base.problem import Problem, conflict
-from server.foundation import Foundation
-from server.security.role import Right
 
 HEADER: Final = "Idempotency-Key"
 KEPT: Final = timedelta(days=1)

@@ -4,14 +4,14 @@ from dataclasses import dataclass
 
 from db.store import Store
 from robot_link.clock import Clock
+from server.access.access import Access
+from server.access.guard import Guard
 from server.base.alarm_board import AlarmBoard
 from server.base.background import Background
 from server.base.configuration import ConfigurationBook
 from server.base.job import JobBoard
 from server.base.secret import SecretStore
 from server.base.settings import Settings
-from server.security.access import Access
-from server.security.guard import Guard
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,10 +6,10 @@ from urllib.parse import urlsplit
 from fastapi import Request, WebSocket, WebSocketException, status
 from starlette.requests import HTTPConnection
 
+from server.access.access import Access, Caller
+from server.access.role import Right
 from server.base.problem import Problem
 from server.base.settings import Settings
-from server.security.access import Access, Caller
-from server.security.role import Right
 
 CSRF_HEADER: Final = "X-CSRF-Token"
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})

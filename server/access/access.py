@@ -12,10 +12,10 @@ from db.query.events import add_event
 from db.query.people import PersonRecord
 from db.store import Store
 from robot_link.clock import Clock
+from server.access.role import Role
+from server.access.secret import hash_password, new_code, new_secret, password_fits, secret_hash
+from server.access.throttle import Throttle
 from server.base.problem import FieldError, Problem, conflict, unprocessable
-from server.security.role import Role
-from server.security.secret import hash_password, new_code, new_secret, password_fits, secret_hash
-from server.security.throttle import Throttle
 
 _WRONG = "Name or password is wrong."
 

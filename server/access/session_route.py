@@ -8,12 +8,12 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import RedirectResponse
 from pydantic import Field, SecretStr
 
-from server.api.dependency import FoundationDep, Viewer
+from server.access.access import Caller, SignedIn
+from server.access.dependency import FoundationDep, Viewer
+from server.access.foundation import Foundation
 from server.base.body import Body
 from server.base.problem import FieldError, Problem, unprocessable
 from server.base.view import View
-from server.foundation import Foundation
-from server.security.access import Caller, SignedIn
 
 router = APIRouter(tags=["session"])
 

@@ -8,12 +8,12 @@ from pydantic import Field, SecretStr
 
 from db.query import people as query
 from db.query.people import PersonRecord, TokenRecord
-from server.api.dependency import Admin, ClockDep, StoreDep
+from server.access import register
+from server.access.access import password_hash_of
+from server.access.dependency import Admin, ClockDep, StoreDep
+from server.access.role import Role
 from server.base.body import Body
 from server.base.view import View
-from server.security import register
-from server.security.access import password_hash_of
-from server.security.role import Role
 
 router = APIRouter(tags=["people"])
 

@@ -12,9 +12,9 @@ from sqlalchemy.orm import Session
 from db.query import people as query
 from db.query.events import add_event
 from db.query.people import PersonRecord, TokenRecord
+from server.access.role import Role
+from server.access.secret import new_secret, secret_hash
 from server.base.problem import conflict
-from server.security.role import Role
-from server.security.secret import new_secret, secret_hash
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,9 +13,9 @@ from starlette.requests import HTTPConnection
 
 from db.store import Store
 from robot_link.clock import Clock
-from server.foundation import Foundation
-from server.security.access import Caller
-from server.security.role import Right
+from server.access.access import Caller
+from server.access.foundation import Foundation
+from server.access.role import Right
 
 
 def get_foundation(connection: HTTPConnection) -> Foundation:
