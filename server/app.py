@@ -12,18 +12,12 @@ from server.api import (
     alarms,
     coefficients,
     commands,
-    config,
     deployments,
-    docs,
-    events,
     gateways,
-    health,
     identifications,
     imports,
-    jobs,
     journal,
     links,
-    live,
     maps,
     missions,
     onboard,
@@ -43,6 +37,12 @@ from server.base.problem import ProblemDetails, install_problem_handlers
 from server.base.settings import Settings
 from server.composition import MakeService, run_station
 from server.service.station import Station
+from server.system import configuration_route as config
+from server.system import docs_route as docs
+from server.system import event_route as events
+from server.system import health_route as health
+from server.system import job_route as jobs
+from server.system import live_route as live
 from webui.static import mount_app
 
 ROUTERS = (

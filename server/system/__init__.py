@@ -1,0 +1,1 @@
+"""What the station says of itself: health, events, jobs, settings, the live stream."""
