@@ -10,7 +10,6 @@ from server.access import people_route as people
 from server.access import session_route as session
 from server.api import (
     alarms,
-    coefficients,
     commands,
     deployments,
     gateways,
@@ -28,7 +27,6 @@ from server.api import (
     tracking,
     transfers,
     trim,
-    vehicles,
     view,
     whatifs,
 )
@@ -43,6 +41,8 @@ from server.system import event_route as events
 from server.system import health_route as health
 from server.system import job_route as jobs
 from server.system import live_route as live
+from server.vehicle import coefficients_route as coefficients
+from server.vehicle import route as vehicles
 from webui.static import mount_app
 
 ROUTERS = (

@@ -10,7 +10,8 @@ from rich.table import Column, Table
 
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES, Vehicle
 from autonomy.vehicle.parameter_file import VehicleFileError, vehicle_from_document
-from server.coefficients import (
+from server.command.failure import CommandError
+from server.vehicle.coefficients import (
     COLUMNS,
     CoefficientTableError,
     FittedVehicle,
@@ -18,7 +19,6 @@ from server.coefficients import (
     fit_vehicle,
     place_of,
 )
-from server.command.failure import CommandError
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -28,7 +28,6 @@ from server.service.picture import Picture, PlanInHand
 from server.service.track import Track
 from server.service.track_end import reason_by
 from server.service.track_view import track_view
-from server.service.vehicles import Vehicles
 from server.service.view.robot import (
     ChannelView,
     ContactView,
@@ -41,6 +40,7 @@ from server.service.view.robot import (
 )
 from server.service.view.tracking import TargetTrackView
 from server.service.words import activity, clock_time, onboard_plan_state, surface_forecast
+from server.vehicle.vehicles import Vehicles
 
 _SAME_PLACE_M = 0.02
 _ENDED_LIMIT_S = 600.0

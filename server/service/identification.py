@@ -37,8 +37,8 @@ from server.service.task.study import (
     IdentificationProblem,
     Refusal,
 )
-from server.service.vehicles import Vehicles
 from server.service.whatif import vehicle_of
+from server.vehicle.vehicles import Vehicles
 
 log = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from server.service.comparison_view import ShownWhatIfs
 from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
 from server.service.picture import Picture, PlanInHand
-from server.service.vehicles import Vehicles
+from server.vehicle.vehicles import Vehicles
 from webui.scene.source import (
     ComparisonView,
     MapView,

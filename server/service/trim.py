@@ -20,8 +20,8 @@ from server.service.fleet import Fleet
 from server.service.flight_recording import find_deployment, read_last_dives
 from server.service.task.study import ADVISE_TRIM, Document, Refusal, TrimProblem
 from server.service.trim_advice import advice_document, fits, for_vehicle, in_words
-from server.service.vehicles import Vehicles
 from server.service.whatif import vehicle_of
+from server.vehicle.vehicles import Vehicles
 
 STEPS = {0.5: ("half_step", "half a trim step"), 1.0: ("full_step", "a whole trim step")}
 """Shares of an advice that can be taken: their names in its document, and in words."""

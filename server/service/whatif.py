@@ -29,7 +29,7 @@ from server.service.task.study import (
     WhatIfController,
     WhatIfProblem,
 )
-from server.service.vehicles import Vehicles, not_worked_out
+from server.vehicle.vehicles import Vehicles, not_worked_out
 
 
 @dataclass(frozen=True, slots=True)

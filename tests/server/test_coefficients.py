@@ -8,8 +8,14 @@ import pytest
 
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_from_document
-from server.coefficients import COLUMNS, CoefficientTableError, csv_rows, fit_vehicle, json_rows
 from server.command.main import main
+from server.vehicle.coefficients import (
+    COLUMNS,
+    CoefficientTableError,
+    csv_rows,
+    fit_vehicle,
+    json_rows,
+)
 from tests.autonomy.test_identification_polynomial import table
 
 KNOWN = MINIGLIDER.parameters

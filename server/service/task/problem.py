@@ -23,7 +23,7 @@ PLAN_SURVEY: Final = "server.service.task.plan_survey:run"
 """Takes a ``SurveyProblem``, reports ``ObjectivePoint``, leaves a ``PlanResult``."""
 MAP_STD: Final = "server.service.task.plan_survey:mean_std"
 """Takes a ``MapProblem``, leaves the mean standard deviation of the map over the domain."""
-CAPABILITY: Final = "server.service.task.vehicle_capability:run"
+CAPABILITY: Final = "server.vehicle.capability_task:run"
 """Takes a ``CapabilityProblem``, leaves primitives and energies as a JSON document."""
 
 

@@ -14,9 +14,9 @@ from autonomy.trial.config import TrialConfig
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.trim import TrimConfig
 
-POLAR: Final = "server.service.task.vehicle_motion:polar_document"
+POLAR: Final = "server.vehicle.motion_task:polar_document"
 """Takes a ``Vehicle``, leaves the JSON document of its polar."""
-STEADY: Final = "server.service.task.vehicle_motion:steady_document"
+STEADY: Final = "server.vehicle.motion_task:steady_document"
 """Takes a ``SteadyProblem``, leaves a JSON document or a ``Refusal``."""
 CHECK_WHATIF: Final = "server.service.task.whatif:check"
 """Takes a ``WhatIfProblem``, leaves ``None`` or a ``Refusal``."""

@@ -11,7 +11,7 @@ from db.fault import StoreUnavailableError
 from db.store import Store
 from server.access.role import Role
 from server.base.worker import WorkerPool
-from server.service import vehicles
+from server.vehicle import vehicles
 from tests.server.service.conftest import MINI, api_client, open_station
 
 pytestmark = pytest.mark.usefixtures("in_threads")

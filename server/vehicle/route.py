@@ -10,7 +10,7 @@ from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.base.vehicle_catalogue import CatalogueEntry
 from server.service.station import Station
-from server.service.view.vehicle import (
+from server.vehicle.view import (
     CapabilityView,
     PolarView,
     SteadyView,

@@ -15,7 +15,7 @@ from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.problem import FieldError, Problem, invalid, unprocessable
 from server.base.view import View
-from server.coefficients import (
+from server.vehicle.coefficients import (
     COLUMNS,
     CoefficientTableError,
     Row,

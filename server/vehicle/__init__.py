@@ -1,0 +1,1 @@
+"""The catalogue of vehicles, and how each of them moves."""
