@@ -22,7 +22,6 @@ from server.api import (
     onboard,
     plans,
     ranges,
-    robots,
     surveys,
     tracking,
     transfers,
@@ -34,6 +33,7 @@ from server.base.middleware import RequestGuard
 from server.base.problem import ProblemDetails, install_problem_handlers
 from server.base.settings import Settings
 from server.composition import MakeService, run_station
+from server.fleet import route as robots
 from server.service.station import Station
 from server.system import configuration_route as config
 from server.system import docs_route as docs

@@ -9,8 +9,8 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.base.body import Body
-from server.service.link_panel import link_views
-from server.service.view.link import RobotLinkView, SatelliteView
+from server.fleet.link_panel import link_views
+from server.fleet.link_view import RobotLinkView, SatelliteView
 
 router = APIRouter(prefix="/api/robots", tags=["links"], route_class=IdempotentRoute)
 

@@ -12,7 +12,7 @@ from server.api.plans import PartialConfig
 from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View
-from server.service.picture import TRACK_TARGET
+from server.fleet.picture import TRACK_TARGET
 from server.service.view.mission import MissionView
 
 router = APIRouter(prefix="/api", tags=["missions"], route_class=IdempotentRoute)

@@ -9,9 +9,9 @@ from pydantic import AwareDatetime
 
 from server.access.dependency import FoundationDep, Viewer
 from server.api.station_dependency import StationDep, encoded
+from server.fleet.target_view import TrackReportsView
 from server.recording.track_export import track_csv_blocks
 from server.service.track_history import TrackHistory
-from server.service.view.tracking import TrackReportsView
 
 router = APIRouter(prefix="/api/robots", tags=["tracking"])
 

@@ -33,8 +33,8 @@ from robot_link.messages import (
 )
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
-from server.service.believable import fault_of_sample, fault_of_state, fault_of_track
-from server.service.clock_fault import ClockJudge
+from server.fleet.clock_fault import ClockJudge
+from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_track
 from server.service.satellite.content import Telling, values_of
 
 TABLES: tuple[type[Base], ...] = (StateRow, SampleRow, PlanReportRow, TrackReportRow)

@@ -9,8 +9,8 @@ from db.query.robots import RobotRecord
 from db.query.track_range import TrackRange
 from db.query.tracking import iterate_track_reports
 from robot_link.messages import TargetEstimate, TrackReport
+from server.fleet.target_end import with_reasons
 from server.recording.table import COMMENT
-from server.service.track_end import with_reasons
 
 _ESTIMATES = 2
 _OF_ESTIMATE = (

@@ -7,7 +7,7 @@ from db.query import whatifs as query
 from db.query.whatifs import Position, WhatIfRecord
 from db.store import Store
 from server.base.problem import conflict, not_found
-from server.service.fleet import Fleet
+from server.fleet.fleet import Fleet
 from server.service.task.study import Document
 from webui.scene.source import ComparisonTrack, ComparisonView
 

@@ -17,7 +17,7 @@ from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff
 from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import ONBOARD_CONTROLLER
-from server.service.picture import TRACK_TARGET, Picture
+from server.fleet.picture import TRACK_TARGET, Picture
 from server.service.plan_document import Draft, legs_of
 from server.service.track_check import outdated_track
 from server.service.view.plan import ViolationView

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from server.base.problem import FieldError, unprocessable
-from server.service.fleet import Fleet
+from server.fleet.fleet import Fleet
 from server.service.map_samples import Water
 from server.service.survey import Surveys
 

@@ -24,8 +24,8 @@ from server.access.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.problem import Problem, below, conflict
 from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.fleet.fleet import Fleet
 from server.service.accepted import AcceptedIdentification, keep_offer
-from server.service.fleet import Fleet
 from server.service.flight_recording import find_deployment, read_flight
 from server.service.identified import note_of, offsets_of
 from server.service.study import STOPPED, RunningStudies

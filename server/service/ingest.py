@@ -29,9 +29,9 @@ from robot_link.messages import (
     TrackReport,
     UploadReport,
 )
-from server.service.believable import fault_of_sample, fault_of_state, fault_of_track
-from server.service.clock_fault import ClockJudge
-from server.service.fleet import Fleet
+from server.fleet.clock_fault import ClockJudge
+from server.fleet.fleet import Fleet
+from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_track
 
 log = logging.getLogger(__name__)
 

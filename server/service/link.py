@@ -19,7 +19,7 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
-from server.service.routing import Choice, MessageKind, Wish
+from server.fleet.routing import Choice, MessageKind, Wish
 
 
 class Radio(Protocol):

@@ -16,8 +16,8 @@ from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import conflict, not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.fleet.fleet import Fleet
 from server.service.field_model import MODEL_TITLES
-from server.service.fleet import Fleet
 from server.service.map_grid import grid_of
 from server.service.map_group import MapGroup
 from server.service.map_record import Comparison, comparison_record

@@ -24,7 +24,7 @@ from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import conflict
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.service.fleet import Fleet
+from server.fleet.fleet import Fleet
 from server.service.map_comparison import map_group
 from server.service.map_group import MapGroup
 from server.service.map_samples import Water, field_samples

@@ -14,8 +14,8 @@ from db.store import Store
 from robot_link.clock import Clock
 from server.base.alarm_board import AlarmBoard
 from server.base.live_feed import LiveFeed
+from server.fleet.fleet import Fleet
 from server.service.drafting import outdated_by
-from server.service.fleet import Fleet
 from server.service.plan_document import onboard_view
 from server.service.survey_round import counted, planned_energy, standing_of
 from server.service.view.mission import (

@@ -18,10 +18,10 @@ from server.access.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import FieldError, Problem, conflict, not_found, unprocessable
-from server.service.fleet import Fleet
-from server.service.recorded import refuse_recording
+from server.fleet.fleet import Fleet
+from server.fleet.recorded import refuse_recording
+from server.fleet.words import sentence
 from server.service.view.onboard import ParametersView, ParameterView
-from server.service.words import sentence
 
 
 class ParameterRadio(Protocol):

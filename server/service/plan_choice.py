@@ -6,10 +6,10 @@ from autonomy.planner.config import PlannerConfig
 from db.query.plans import PlanRecord
 from server.access.foundation import Foundation
 from server.base.problem import FieldError, conflict, unprocessable
+from server.fleet.fleet import Fleet
+from server.fleet.picture import TRACK_TARGET
 from server.service.drafting import outdated_by
-from server.service.fleet import Fleet
 from server.service.mission_ledger import MissionLedger
-from server.service.picture import TRACK_TARGET
 from server.service.plan_document import (
     candidate_of_draft,
     candidates_of,

@@ -8,11 +8,11 @@ from db.query.telemetry import newest_plan_report
 from db.store import Store
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanReport
 from server.base.retry_queue import Turns
-from server.service.picture import TRACK_TARGET
+from server.fleet.picture import TRACK_TARGET
+from server.fleet.words import TEACHING
 from server.service.plan_document import onboard_by, teaches
 from server.service.plan_ledger import ON_THE_WAY, PlanLedger
 from server.service.view.plan import OnboardView
-from server.service.words import TEACHING
 
 _STATES = {
     OnboardPlanState.ON_BOARD: "on_board",

@@ -16,9 +16,9 @@ from db.query.plans import PlanRecord, PlanStateError
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.live_feed import LiveFeed
+from server.fleet.fleet import Fleet
+from server.fleet.picture import PlanInHand
 from server.service.drafting import outdated_by
-from server.service.fleet import Fleet
-from server.service.picture import PlanInHand
 from server.service.plan_document import legs_of, live_plan_view, plan_view, points_of
 from server.service.survey_round import AHEAD_OF
 from server.service.view.plan import PlanView, ProgressView, TransferView, ViolationView

@@ -10,9 +10,9 @@ from autonomy.planner.outcome import least_energy
 from autonomy.site import Box
 from server.access.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
-from server.service.fleet import Fleet
-from server.service.picture import Picture
-from server.service.recorded import refuse_recording
+from server.fleet.fleet import Fleet
+from server.fleet.picture import Picture
+from server.fleet.recorded import refuse_recording
 
 
 class PlanSettings:

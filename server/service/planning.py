@@ -22,14 +22,14 @@ from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.base.problem import conflict
 from server.base.retry_queue import until_stored
 from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.fleet.fleet import Fleet
+from server.fleet.picture import TRACK_TARGET
 from server.service.drafting import (
     broken_limits,
     broken_off,
     draft_of,
     outdated_by,
 )
-from server.service.fleet import Fleet
-from server.service.picture import TRACK_TARGET
 from server.service.plan_document import Draft, draft_document, mission_of, search_document
 from server.service.plan_ledger import PlanLedger
 from server.service.plan_settings import PlanSettings

@@ -18,7 +18,7 @@ from robot_link.mission import Mission, MissionSettings
 from robot_link.rehearsal import REHEARSE, Rehearsal, RehearsalProblem
 from server.base.vehicle_catalogue import nearest_built_in
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.service.fleet import Fleet
+from server.fleet.fleet import Fleet
 from server.service.plan_document import mission_of, points_of
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
 from server.service.view.plan import RehearsalView

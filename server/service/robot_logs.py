@@ -16,11 +16,11 @@ from server.access.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import not_found
-from server.service.fleet import Fleet
+from server.fleet.fleet import Fleet
+from server.fleet.recorded import refuse_recording
+from server.fleet.words import sentence
 from server.service.partial_file import PartialFile
-from server.service.recorded import refuse_recording
 from server.service.view.onboard import FetchedLogView, RobotLogsView, RobotLogView
-from server.service.words import sentence
 
 FOLDER = "robot-logs"
 """Where in the data folder the copies lie."""

@@ -8,10 +8,10 @@ from autonomy.tracking.phase import TrackPhase
 from autonomy.vehicle.hull import Hull
 from db.query.plans import ENDED_STATES
 from robot_link.messages import RobotId, TrackReport
+from server.fleet.fleet import Fleet
+from server.fleet.picture import Picture, PlanInHand
 from server.service.comparison_view import ShownWhatIfs
-from server.service.fleet import Fleet
 from server.service.mapping import FieldMaps
-from server.service.picture import Picture, PlanInHand
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import (
     ComparisonView,

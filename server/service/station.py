@@ -33,8 +33,10 @@ from server.base.job_watch import watch_jobs
 from server.base.live_feed import LiveFeed
 from server.base.problem import not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.fleet.fleet import Fleet
+from server.fleet.picture import remembered_link
+from server.fleet.plug import Plugs
 from server.service.command import Commands
-from server.service.fleet import Fleet
 from server.service.fleet_survey import FleetSurveys
 from server.service.gateways import Gateways, KeepMessage
 from server.service.identification import Identifications
@@ -45,12 +47,10 @@ from server.service.map_learning import MapLearning
 from server.service.mapping import FieldMaps
 from server.service.mission_ledger import MissionLedger
 from server.service.parameters import Parameters
-from server.service.picture import remembered_link
 from server.service.plan_choice import PlanChoices
 from server.service.plan_follow import PlanFollower
 from server.service.plan_ledger import PlanLedger
 from server.service.planning import Planning
-from server.service.plug import Plugs
 from server.service.ranging import Ranging
 from server.service.rehearsing import Rehearsals
 from server.service.road import LinkFactory, Road, open_link

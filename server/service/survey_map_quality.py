@@ -8,7 +8,7 @@ from autonomy.planner.config import PlannerConfig
 from db.query.missions import MissionRecord
 from server.access.foundation import Foundation
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.service.fleet import Fleet
+from server.fleet.fleet import Fleet
 from server.service.mapping import FieldMaps
 from server.service.mission_ledger import MissionLedger
 from server.service.round_problem import RoundProblems

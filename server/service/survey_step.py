@@ -14,8 +14,8 @@ from db.query.plans import PlanRecord
 from robot_link.messages import PlanReport
 from server.access.foundation import Foundation
 from server.base.problem import Problem, conflict
+from server.fleet.fleet import Fleet
 from server.service.drafting import broken_off, outdated_by
-from server.service.fleet import Fleet
 from server.service.mission_ledger import ENDED, MissionLedger
 from server.service.plan_ahead import is_due, unflown
 from server.service.plan_document import candidates_of, legs_of

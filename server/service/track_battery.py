@@ -8,7 +8,7 @@ from autonomy.vehicle.battery import RESERVE, BatteryConfig, swimming_power_w
 from autonomy.vehicle.config import Vehicle
 from robot_link.messages import StateReport
 from server.base.configuration import ConfigurationBook
-from server.service.fleet import Fleet
+from server.fleet.fleet import Fleet
 from server.service.track_account import dives_of, is_deep
 from server.service.view.plan import BatteryView, ViolationView
 

@@ -12,7 +12,7 @@ from autonomy.tracking.config import BarrierConfig, TrackingConfig
 from autonomy.tracking.target_path import place
 from db.query.plans import PlanRecord
 from robot_link.gateway.address import acoustic_address, is_acoustic
-from server.service.picture import SURFACE_DEPTH_M, Picture
+from server.fleet.picture import SURFACE_DEPTH_M, Picture
 from server.service.view.plan import ViolationView
 
 TEACHING = "teaching"

@@ -9,10 +9,10 @@ from db.query.track_range import EVERYTHING, TrackRange, range_of_plan
 from db.query.tracking import track_reports
 from db.store import Store
 from server.base.problem import not_found
-from server.service.picture import TRACK_TARGET
-from server.service.track_end import with_reasons
-from server.service.track_view import track_view
-from server.service.view.tracking import TargetTrackView, TrackReportsView
+from server.fleet.picture import TRACK_TARGET
+from server.fleet.target_end import with_reasons
+from server.fleet.target_report import track_view
+from server.fleet.target_view import TargetTrackView, TrackReportsView
 
 
 class TrackHistory:

@@ -21,18 +21,18 @@ from robot_link.satellite.config import SatelliteConfig
 from robot_link.tracking_order import TrackingOrder
 from server.access.foundation import Foundation
 from server.base.configuration import CurrentConfiguration
-from server.service.fleet import Fleet
-from server.service.picture import TRACK_TARGET, Picture
+from server.fleet.fleet import Fleet
+from server.fleet.picture import TRACK_TARGET, Picture
+from server.fleet.recorded import refuse_recording
+from server.fleet.words import TEACHING
 from server.service.plan_ledger import PlanLedger, note_change
 from server.service.plan_settings import PlanSettings
-from server.service.recorded import refuse_recording
 from server.service.satellite.fare import mission_credits
 from server.service.track_account import track_account
 from server.service.track_battery import battery_violations, track_battery
 from server.service.track_check import target_path, track_violations, track_warnings
 from server.service.track_settings import Base, configure_track, unfit
 from server.service.view.plan import ViolationView
-from server.service.words import TEACHING
 
 _TARGETS = {"virtual": "a virtual target", "tag": "tag {address}", "beacon": "beacon {address}"}
 

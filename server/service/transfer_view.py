@@ -14,12 +14,12 @@ from db.query.satellite_messages import credits_of, messages_of
 from db.query.transfers import TransferRecord, get_transfer, newest_transfer
 from robot_link.satellite.fare import credits
 from robot_link.satellite.ground import Part
+from server.fleet.link_view import TransferPartView
+from server.fleet.words import carrier_title
 from server.service.satellite.plan_row import ground_of
 from server.service.satellite.standing import settings_of
 from server.service.satellite.withdrawal_row import called_back
-from server.service.view.link import TransferPartView
 from server.service.view.plan import TransferView
-from server.service.words import carrier_title
 
 NOTHING_WAITS: Final[Mapping[str, str]] = MappingProxyType({})
 RADIO_LIFE: Final = timedelta(hours=24)

@@ -16,7 +16,7 @@ from server.base.configuration import CurrentConfiguration
 from server.base.job import JobError, JobProgress
 from server.base.problem import Problem, conflict, not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.service.fleet import Fleet
+from server.fleet.fleet import Fleet
 from server.service.flight_recording import find_deployment, read_last_dives
 from server.service.task.study import ADVISE_TRIM, Document, Refusal, TrimProblem
 from server.service.trim_advice import advice_document, fits, for_vehicle, in_words

@@ -23,14 +23,14 @@ from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import RobotId, UploadReport
 from server.access.foundation import Foundation
 from server.base.problem import FieldError, conflict
+from server.fleet.fleet import Fleet
+from server.fleet.routing import Wish
 from server.service.carriage import Carriage
 from server.service.command import Check, Commands
 from server.service.drafting import SENDABLE, broken_off, outdated_by
-from server.service.fleet import Fleet
 from server.service.link import Radio, SatelliteRoad
 from server.service.plan_document import mission_of
 from server.service.plan_ledger import PlanLedger
-from server.service.routing import Wish
 from server.service.transfer_row import close_all, withdraw_in
 from server.service.transfer_view import transfer_of_plan, transfer_view
 from server.service.view.plan import TransferView

@@ -9,10 +9,10 @@ from autonomy.tracking.phase import TrackPhase
 from robot_link.clock import Clock
 from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState
 from server.base.alarm_board import AlarmBoard
-from server.service.fleet import Fleet
-from server.service.picture import Picture
-from server.service.track_words import search_text
-from server.service.words import clock_time
+from server.fleet.fleet import Fleet
+from server.fleet.picture import Picture
+from server.fleet.target_words import search_text
+from server.fleet.words import clock_time
 
 PERIOD_S = 1.0
 _BATTERY_WARNING, _BATTERY_CRITICAL = 0.20, 0.10

@@ -18,8 +18,8 @@ from server.base.configuration_kind import KINDS
 from server.base.job import JobError, JobProgress
 from server.base.problem import FieldError, Problem, below, conflict, unprocessable
 from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.fleet.fleet import Fleet
 from server.service.comparison_view import ShownWhatIfs
-from server.service.fleet import Fleet
 from server.service.study import STOPPED, RunningStudies
 from server.service.task.study import (
     CHECK_WHATIF,

@@ -8,7 +8,7 @@ from db.query.track_end import mission_end
 from db.query.track_range import EVERYTHING
 from db.query.tracking import iterate_track_reports
 from robot_link.messages import OnboardPlanState
-from server.service.track_end import with_reasons
+from server.fleet.target_end import with_reasons
 from tests.db.test_track_range import (
     DONE,
     ENDED,

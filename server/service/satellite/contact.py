@@ -6,7 +6,7 @@ from typing import Final
 
 from robot_link.messages import LinkReport, LinkState
 from robot_link.satellite.config import SatelliteConfig
-from server.service.picture import UNDER_WATER, Picture
+from server.fleet.picture import UNDER_WATER, Picture
 from server.service.satellite.modem import Modem
 
 _MISSED: Final = 2

@@ -4,9 +4,9 @@ from db.query.inbox import newest_session
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.gateway.gateway import MobileOriginated
-from server.service.fleet import Fleet
-from server.service.picture import Picture, SatelliteStanding
-from server.service.plug import Plugs
+from server.fleet.fleet import Fleet
+from server.fleet.picture import Picture, SatelliteStanding
+from server.fleet.plug import Plugs
 from server.service.satellite.contact import Heard, link_report, next_session_at
 from server.service.satellite.modem import Modem, modems_of
 from server.service.satellite.standing import Account, Settings

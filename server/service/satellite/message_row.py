@@ -13,8 +13,8 @@ from db.query.outbox import OutboxRecord
 from db.query.satellite_messages import SENDING, SatelliteMessage
 from robot_link.gateway.gateway import Taken
 from robot_link.messages import RawFrame, RobotId
+from server.fleet.words import carrier_title
 from server.service.satellite import order_row, plan_row, withdrawal_row
-from server.service.words import carrier_title
 
 
 @dataclass(frozen=True, slots=True)

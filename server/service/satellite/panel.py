@@ -12,14 +12,14 @@ from db.query.outbox import OutboxRecord, get_outbox
 from db.query.satellite_messages import SatelliteMessage, messages_to
 from robot_link.satellite.config import Tariff
 from robot_link.satellite.fare import credits
-from server.service.picture import Picture
+from server.fleet.link_view import IncomingMessageView, OutgoingMessageView, SatelliteView
+from server.fleet.picture import Picture
+from server.fleet.words import carrier_title
 from server.service.satellite import plan_row
 from server.service.satellite.budget import budget_of
 from server.service.satellite.message_row import what
 from server.service.satellite.modem import modems_of
 from server.service.satellite.standing import settings_of
-from server.service.view.link import IncomingMessageView, OutgoingMessageView, SatelliteView
-from server.service.words import carrier_title
 
 _ENDS: Final = MappingProxyType(
     {

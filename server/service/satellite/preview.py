@@ -9,16 +9,16 @@ from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import sizes
 from robot_link.satellite.config import Tariff
 from robot_link.satellite.fare import credits, quote
-from server.service.picture import Picture
-from server.service.plan_document import mission_of
-from server.service.routing import Choice
-from server.service.satellite.budget import Budget
-from server.service.view.link import (
+from server.fleet.link_view import (
     AutoRouteView,
     SatelliteMessageCostView,
     SatelliteQuoteView,
 )
-from server.service.words import carrier_title, clock_time
+from server.fleet.picture import Picture
+from server.fleet.routing import Choice
+from server.fleet.words import carrier_title, clock_time
+from server.service.plan_document import mission_of
+from server.service.satellite.budget import Budget
 
 _PLANNED: Final = ("draft", "sent", "on_board", "running")
 

@@ -27,10 +27,12 @@ from server.access.foundation import Foundation
 from server.base.problem import conflict
 from server.base.retry_queue import Turns, until_stored
 from server.base.secret import SecretUnreadableError
-from server.service.fleet import Fleet
+from server.fleet.fleet import Fleet
+from server.fleet.link_view import SatelliteQuoteView, SatelliteView
+from server.fleet.plug import Plugs
+from server.fleet.routing import Choice, MessageKind, Wish, carriers_for
+from server.fleet.words import sentence
 from server.service.plan_document import mission_of
-from server.service.plug import Plugs
-from server.service.routing import Choice, MessageKind, Wish, carriers_for
 from server.service.satellite import order_row, plan_row
 from server.service.satellite.budget import budget_of
 from server.service.satellite.contact import is_out_of_contact, out_of_contact_text
@@ -44,8 +46,6 @@ from server.service.satellite.preparing import Means
 from server.service.satellite.preview import Circumstances, has_mission, quote_view
 from server.service.satellite.standing import DEFAULT_SETTINGS, Settings, accounts
 from server.service.satellite.unwritten import UnwrittenOrders
-from server.service.view.link import SatelliteQuoteView, SatelliteView
-from server.service.words import sentence
 
 log = logging.getLogger(__name__)
 

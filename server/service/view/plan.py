@@ -5,7 +5,7 @@ from datetime import datetime
 from typing import Any
 
 from server.base.view import View
-from server.service.view.link import TransferPartView
+from server.fleet.link_view import TransferPartView
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,7 +7,7 @@ import pytest
 
 from db.query.samples import newest_samples
 from robot_link.messages import StateReport
-from server.service.clock_fault import ClockJudge
+from server.fleet.clock_fault import ClockJudge
 from tests.server.service.conftest import MINI, until
 from tests.server.service.fake_link import state_report
 

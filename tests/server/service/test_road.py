@@ -8,7 +8,7 @@ from db.query.robots import list_robots
 from robot_link.clock import SystemClock
 from robot_link.messages import RobotId, SystemId
 from server.base.secret import SecretStore
-from server.service.plug import Plugs
+from server.fleet.plug import Plugs
 from server.service.road import Road
 from server.service.signing import RobotSigning
 from tests.server.service.conftest import MINI

@@ -1,7 +1,7 @@
 import pytest
 
 from robot_link.messages import LinkState
-from server.service.routing import RADIO_ONLY, Roads, carriers_for
+from server.fleet.routing import RADIO_ONLY, Roads, carriers_for
 from tests.server.service.sky import ManualClock
 
 NOW = ManualClock().now()

@@ -18,18 +18,18 @@ from robot_link.messages import (
     TargetEstimate,
 )
 from robot_link.satellite.content import MobileOriginatedContent
-from server.service.picture import Picture, PlanInHand
+from server.fleet.picture import Picture, PlanInHand
+from server.fleet.target_words import track_text, within_95_m
+from server.fleet.trail import Track
+from server.fleet.words import activity
 from server.service.plan_document import points_of
 from server.service.satellite.content import values_of
-from server.service.track import Track
 from server.service.track_check import (
     target_path,
     track_violations,
     track_warnings,
 )
-from server.service.track_words import track_text, within_95_m
 from server.service.watch import RULES, Watch
-from server.service.words import activity
 from tests.db.track import track_report
 from tests.server.service.fake_link import state_report
 

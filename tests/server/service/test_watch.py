@@ -14,9 +14,9 @@ from robot_link.messages import (
     RobotId,
     RobotMode,
 )
-from server.service.clock_fault import ClockFault
-from server.service.picture import Picture, SatelliteStanding
-from server.service.track import POINTS_MAX, Track
+from server.fleet.clock_fault import ClockFault
+from server.fleet.picture import Picture, SatelliteStanding
+from server.fleet.trail import POINTS_MAX, Track
 from server.service.watch import RULES, Watch
 from tests.server.service.fake_link import state_report
 

@@ -3,7 +3,7 @@ from datetime import UTC, datetime
 import pytest
 
 from robot_link.messages import CommandKind, LinkState, RobotMode
-from server.service.words import activity, command_text, surface_forecast
+from server.fleet.words import activity, command_text, surface_forecast
 from tests.server.service.fake_link import state_report
 
 DOWN, UP, LEVEL = (0.1, 0.0, 0.05), (0.1, 0.0, -0.05), (0.1, 0.0, 0.0)

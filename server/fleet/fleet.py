@@ -22,13 +22,14 @@ from robot_link.messages import (
     TrackReport,
 )
 from server.base.problem import not_found
-from server.service.channel import CHANNELS, FIELD_LIMIT_S, POSITION_LIMIT_S, Channel
-from server.service.link_panel import link_views
-from server.service.picture import Picture, PlanInHand
-from server.service.track import Track
-from server.service.track_end import reason_by
-from server.service.track_view import track_view
-from server.service.view.robot import (
+from server.fleet.channel import CHANNELS, FIELD_LIMIT_S, POSITION_LIMIT_S, Channel
+from server.fleet.link_panel import link_views
+from server.fleet.picture import Picture, PlanInHand
+from server.fleet.target_end import reason_by
+from server.fleet.target_report import track_view
+from server.fleet.target_view import TargetTrackView
+from server.fleet.trail import Track
+from server.fleet.view import (
     ChannelView,
     ContactView,
     LinkView,
@@ -38,8 +39,7 @@ from server.service.view.robot import (
     RobotView,
     StateView,
 )
-from server.service.view.tracking import TargetTrackView
-from server.service.words import activity, clock_time, onboard_plan_state, surface_forecast
+from server.fleet.words import activity, clock_time, onboard_plan_state, surface_forecast
 from server.vehicle.vehicles import Vehicles
 
 _SAME_PLACE_M = 0.02

@@ -1,7 +1,7 @@
 """Recordings are listed beside robots, but there is nobody behind them."""
 
 from server.base.problem import conflict
-from server.service.picture import Picture
+from server.fleet.picture import Picture
 
 
 def refuse_recording(picture: Picture, what: str) -> None:

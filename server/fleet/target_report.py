@@ -3,8 +3,8 @@
 import math
 
 from robot_link.messages import TrackReport
-from server.service.track_words import track_text
-from server.service.view.tracking import TargetHypothesisView, TargetTrackView
+from server.fleet.target_view import TargetHypothesisView, TargetTrackView
+from server.fleet.target_words import track_text
 
 
 def track_view(report: TrackReport, reason: str = "") -> TargetTrackView:

@@ -5,8 +5,8 @@ from datetime import datetime
 
 from autonomy.site import Site
 from server.base.view import View
-from server.service.view.link import RobotLinkView
-from server.service.view.tracking import TargetTrackView
+from server.fleet.link_view import RobotLinkView
+from server.fleet.target_view import TargetTrackView
 
 
 @dataclass(frozen=True, slots=True)

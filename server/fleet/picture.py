@@ -20,9 +20,9 @@ from robot_link.messages import (
     TrackReport,
 )
 from robot_link.transport.opening import is_radio
-from server.service.clock_fault import ClockFault
-from server.service.routing import Roads
-from server.service.track import Track
+from server.fleet.clock_fault import ClockFault
+from server.fleet.routing import Roads
+from server.fleet.trail import Track
 
 SURFACE_DEPTH_M = 0.3
 """A leg that ends above this brings the robot to the surface, where radio reaches it."""
@@ -96,7 +96,7 @@ class Picture:
     satellite: SatelliteStanding | None = None
     """Where the satellite link stands; ``None`` for a robot without one."""
     unplugged: frozenset[str] = frozenset()
-    """Plugs that the operator has pulled; see ``server.service.plug``."""
+    """Plugs that the operator has pulled; see ``server.fleet.plug``."""
     clock_fault: ClockFault | None = None
     """What is wrong with the robot's clock; ``None`` while it is right."""
     remembered: LinkReport | None = None

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from autonomy.site import Site
 from robot_link.messages import Sample, StateReport, TrackReport
 from robot_link.track_check import track_fault
-from server.service.clock_fault import AHEAD_MAX
+from server.fleet.clock_fault import AHEAD_MAX
 
 _EARLIEST = datetime(2000, 1, 1, tzinfo=UTC)
 _SURFACE_NOISE_M = 0.5

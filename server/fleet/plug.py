@@ -10,7 +10,7 @@ from db.query.settings import get_setting, put_setting
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.path import RadioPath
-from server.service.words import carrier_title
+from server.fleet.words import carrier_title
 
 _SETTING = "unplugged links"
 

@@ -27,9 +27,9 @@ from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.base.body import Body
 from server.base.problem import FieldError, conflict, not_found, unprocessable
-from server.service.channel import CHANNELS
-from server.service.track import DRIFT_MODES
-from server.service.view.robot import RobotView, SamplesView, StateView, TrackView
+from server.fleet.channel import CHANNELS
+from server.fleet.trail import DRIFT_MODES
+from server.fleet.view import RobotView, SamplesView, StateView, TrackView
 
 router = APIRouter(prefix="/api/robots", tags=["robots"], route_class=IdempotentRoute)
 

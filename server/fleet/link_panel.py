@@ -2,10 +2,10 @@
 
 from robot_link.gateway.address import is_acoustic, is_satellite
 from robot_link.messages import LinkReport, LinkState
-from server.service.picture import Picture
-from server.service.plug import plug_of
-from server.service.view.link import RobotLinkView
-from server.service.words import carrier_title, clock_time
+from server.fleet.link_view import RobotLinkView
+from server.fleet.picture import Picture
+from server.fleet.plug import plug_of
+from server.fleet.words import carrier_title, clock_time
 
 _DIALOGUE = ["telemetry", "plan", "command", "surface", "parameters", "files"]
 _SATELLITE = ["plan", "command", "surface"]

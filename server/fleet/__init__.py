@@ -1,0 +1,1 @@
+"""What is known of each robot right now."""
