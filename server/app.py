@@ -16,12 +16,9 @@ from server.api import (
     identifications,
     imports,
     journal,
-    links,
     maps,
     missions,
-    onboard,
     plans,
-    ranges,
     surveys,
     tracking,
     transfers,
@@ -34,6 +31,9 @@ from server.base.problem import ProblemDetails, install_problem_handlers
 from server.base.settings import Settings
 from server.composition import MakeService, run_station
 from server.fleet import route as robots
+from server.link import onboard_route as onboard
+from server.link import range_route as ranges
+from server.link import route as links
 from server.service.station import Station
 from server.system import configuration_route as config
 from server.system import docs_route as docs

@@ -25,8 +25,8 @@ from server.access.foundation import Foundation
 from server.base.retry_queue import until_stored
 from server.fleet.fleet import Fleet
 from server.fleet.routing import Wish
+from server.link.link import Radio, SatelliteRoad
 from server.service.command import Commands
-from server.service.link import Radio, SatelliteRoad
 from server.service.plan_document import mission_of
 from server.service.plan_ledger import PlanLedger
 from server.service.satellite.plan_row import ground_of

@@ -29,8 +29,8 @@ from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
 from server.fleet.routing import Wish
 from server.fleet.words import told_to
+from server.link.link import Radio, SatelliteRoad
 from server.service.command_row import command_view, note_level, waiting_view
-from server.service.link import Radio, SatelliteRoad
 from server.service.view.command import CommandView
 
 log = logging.getLogger(__name__)

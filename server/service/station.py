@@ -36,30 +36,30 @@ from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
 from server.fleet.picture import remembered_link
 from server.fleet.plug import Plugs
+from server.link.ingest import Ingest, Listeners
+from server.link.parameters import Parameters
+from server.link.ranging import Ranging
+from server.link.road import LinkFactory, Road, open_link
+from server.link.robot_logs import RobotLogs
+from server.link.signing import RobotSigning
 from server.service.command import Commands
 from server.service.fleet_survey import FleetSurveys
 from server.service.gateways import Gateways, KeepMessage
 from server.service.identification import Identifications
-from server.service.ingest import Ingest, Listeners
 from server.service.map_comparison import MapComparisons
 from server.service.map_group import MapSettings
 from server.service.map_learning import MapLearning
 from server.service.mapping import FieldMaps
 from server.service.mission_ledger import MissionLedger
-from server.service.parameters import Parameters
 from server.service.plan_choice import PlanChoices
 from server.service.plan_follow import PlanFollower
 from server.service.plan_ledger import PlanLedger
 from server.service.planning import Planning
-from server.service.ranging import Ranging
 from server.service.rehearsing import Rehearsals
-from server.service.road import LinkFactory, Road, open_link
-from server.service.robot_logs import RobotLogs
 from server.service.round_problem import field_config_of
 from server.service.satellite.satellite import Satellite, SatelliteListeners
 from server.service.scene_host import SceneHost
 from server.service.scene_source import StationSceneSource
-from server.service.signing import RobotSigning
 from server.service.survey import Surveys, purge_in
 from server.service.survey_map_quality import SurveyMaps
 from server.service.survey_step import SurveySteps

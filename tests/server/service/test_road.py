@@ -9,8 +9,8 @@ from robot_link.clock import SystemClock
 from robot_link.messages import RobotId, SystemId
 from server.base.secret import SecretStore
 from server.fleet.plug import Plugs
-from server.service.road import Road
-from server.service.signing import RobotSigning
+from server.link.road import Road
+from server.link.signing import RobotSigning
 from tests.server.service.conftest import MINI
 from tests.server.service.fake_link import World
 

@@ -13,9 +13,9 @@ from robot_link.service.error import (
 from robot_link.service.file_store import FileEntry
 from robot_link.service.parameter_table import ParameterType, ParameterValue
 from server.base.problem import Problem
-from server.service.parameters import Parameters
-from server.service.partial_file import PartialFile
-from server.service.robot_logs import RobotLogs
+from server.link.parameters import Parameters
+from server.link.partial_file import PartialFile
+from server.link.robot_logs import RobotLogs
 from tests.server.service.conftest import MINI, until
 
 LOG = b"depth,pitch\n" * 400

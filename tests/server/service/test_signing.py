@@ -6,7 +6,7 @@ from robot_link.mavlink.signing import MemorySigningMemory, Signing, Verdict
 from robot_link.mavlink.wire import grace
 from robot_link.messages import RobotId, SystemId
 from server.base.secret import SecretStore
-from server.service.signing import RobotSigning
+from server.link.signing import RobotSigning
 
 ONE, TWO, THREE = RobotId("grace-1"), RobotId("grace-2"), RobotId("grace-3")
 KEY = bytes(range(32))

@@ -23,9 +23,9 @@ from robot_link.messages import (
 )
 from server.base import retry_queue as turn
 from server.base.problem import Problem
-from server.service import road
+from server.link import road
+from server.link.road import Road
 from server.service.plan_document import mission_of
-from server.service.road import Road
 from tests.server.service.conftest import MINI, robot_record, until
 from tests.server.service.fake_link import World, state_report
 from tests.server.service.test_upload import draft, plan_in, transfer_in, upload

@@ -19,8 +19,8 @@ from server.base.problem import not_found
 from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
 from server.fleet.words import sentence
-from server.service.partial_file import PartialFile
-from server.service.view.onboard import FetchedLogView, RobotLogsView, RobotLogView
+from server.link.onboard_view import FetchedLogView, RobotLogsView, RobotLogView
+from server.link.partial_file import PartialFile
 
 FOLDER = "robot-logs"
 """Where in the data folder the copies lie."""

@@ -11,7 +11,7 @@ from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View
-from server.service.view.onboard import ParametersView, ParameterView, RobotLogsView
+from server.link.onboard_view import ParametersView, ParameterView, RobotLogsView
 
 router = APIRouter(prefix="/api/robots/{robot}", tags=["on board"], route_class=IdempotentRoute)
 

@@ -29,10 +29,10 @@ from robot_link.service.parameter_table import ParameterValue
 from robot_link.station import RobotEndpoint, StationLink
 from robot_link.transport.datagram import DatagramTransport
 from robot_link.transport.opening import is_radio, open_transport
-from server.service.link import Radio
-from server.service.parameters import ParameterRadio
-from server.service.robot_logs import FileRadio
-from server.service.signing import RobotSigning
+from server.link.link import Radio
+from server.link.parameters import ParameterRadio
+from server.link.robot_logs import FileRadio
+from server.link.signing import RobotSigning
 
 log = logging.getLogger(__name__)
 

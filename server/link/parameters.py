@@ -21,7 +21,7 @@ from server.base.problem import FieldError, Problem, conflict, not_found, unproc
 from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
 from server.fleet.words import sentence
-from server.service.view.onboard import ParametersView, ParameterView
+from server.link.onboard_view import ParametersView, ParameterView
 
 
 class ParameterRadio(Protocol):

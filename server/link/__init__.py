@@ -1,0 +1,1 @@
+"""The radios, modems and acoustic ranges by which the station reaches robots."""
