@@ -12,7 +12,6 @@ from server.api import (
     alarms,
     commands,
     deployments,
-    gateways,
     identifications,
     imports,
     journal,
@@ -34,6 +33,7 @@ from server.fleet import route as robots
 from server.link import onboard_route as onboard
 from server.link import range_route as ranges
 from server.link import route as links
+from server.satellite import gateway_route as gateways
 from server.service.station import Station
 from server.system import configuration_route as config
 from server.system import docs_route as docs

@@ -50,7 +50,7 @@ class Radio(Protocol):
 
 
 class SatelliteRoad(Protocol):
-    """The part of ``server.service.satellite.Satellite`` that services use; see there."""
+    """The part of ``server.satellite.Satellite`` that services use; see there."""
 
     @property
     def waits(self) -> Mapping[str, str]:

@@ -35,7 +35,7 @@ from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 from server.fleet.clock_fault import ClockJudge
 from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_track
-from server.service.satellite.content import Telling, values_of
+from server.satellite.content import Telling, values_of
 
 TABLES: tuple[type[Base], ...] = (StateRow, SampleRow, PlanReportRow, TrackReportRow)
 """What is built from the journal."""

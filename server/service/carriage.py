@@ -26,10 +26,10 @@ from server.base.retry_queue import until_stored
 from server.fleet.fleet import Fleet
 from server.fleet.routing import Wish
 from server.link.link import Radio, SatelliteRoad
+from server.satellite.plan_row import ground_of
 from server.service.command import Commands
 from server.service.plan_document import mission_of
 from server.service.plan_ledger import PlanLedger
-from server.service.satellite.plan_row import ground_of
 from server.service.transfer_row import (
     WithdrawnError,
     check_open,

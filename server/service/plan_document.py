@@ -16,7 +16,7 @@ from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff
 from robot_link.tracking_order import TrackingOrder
-from server.service.satellite.fare import mission_credits
+from server.satellite.cost import mission_credits
 from server.service.track_check import TEACHING
 from server.service.view.plan import (
     AccountView,

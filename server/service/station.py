@@ -42,9 +42,10 @@ from server.link.ranging import Ranging
 from server.link.road import LinkFactory, Road, open_link
 from server.link.robot_logs import RobotLogs
 from server.link.signing import RobotSigning
+from server.satellite.gateways import Gateways, KeepMessage
+from server.satellite.satellite import Satellite, SatelliteListeners
 from server.service.command import Commands
 from server.service.fleet_survey import FleetSurveys
-from server.service.gateways import Gateways, KeepMessage
 from server.service.identification import Identifications
 from server.service.map_comparison import MapComparisons
 from server.service.map_group import MapSettings
@@ -57,7 +58,6 @@ from server.service.plan_ledger import PlanLedger
 from server.service.planning import Planning
 from server.service.rehearsing import Rehearsals
 from server.service.round_problem import field_config_of
-from server.service.satellite.satellite import Satellite, SatelliteListeners
 from server.service.scene_host import SceneHost
 from server.service.scene_source import StationSceneSource
 from server.service.survey import Surveys, purge_in

@@ -25,9 +25,9 @@ from server.fleet.fleet import Fleet
 from server.fleet.picture import TRACK_TARGET, Picture
 from server.fleet.recorded import refuse_recording
 from server.fleet.words import TEACHING
+from server.satellite.cost import mission_credits
 from server.service.plan_ledger import PlanLedger, note_change
 from server.service.plan_settings import PlanSettings
-from server.service.satellite.fare import mission_credits
 from server.service.track_account import track_account
 from server.service.track_battery import battery_violations, track_battery
 from server.service.track_check import target_path, track_violations, track_warnings

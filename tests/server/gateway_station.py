@@ -14,7 +14,7 @@ from robot_link.messages import RobotId, SystemId
 from server.app import create_app
 from server.base.secret import GatewayAccount
 from server.base.settings import Settings
-from server.service.gateways import Gateways
+from server.satellite.gateways import Gateways
 from tests.robot_link.signed_push import public_pem
 
 PASSWORD = "s3cret-word"

@@ -22,8 +22,8 @@ from server.fleet.picture import Picture, PlanInHand
 from server.fleet.target_words import track_text, within_95_m
 from server.fleet.trail import Track
 from server.fleet.words import activity
+from server.satellite.content import values_of
 from server.service.plan_document import points_of
-from server.service.satellite.content import values_of
 from server.service.track_check import (
     target_path,
     track_violations,

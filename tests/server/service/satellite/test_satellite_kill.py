@@ -13,7 +13,7 @@ from db.store import Store
 from robot_link.messages import CommandKind
 from server.base.secret import SecretStore
 from server.base.settings import Settings
-from server.service.satellite import plan_row
+from server.satellite import plan_row
 from tests.server.service.conftest import GRACE
 from tests.server.service.shore import Shore, begin_order, begin_plan
 from tests.server.service.sky import ManualClock, Sky

@@ -7,9 +7,9 @@ from robot_link.gateway.gateway import MobileOriginated
 from server.fleet.fleet import Fleet
 from server.fleet.picture import Picture, SatelliteStanding
 from server.fleet.plug import Plugs
-from server.service.satellite.contact import Heard, link_report, next_session_at
-from server.service.satellite.modem import Modem, modems_of
-from server.service.satellite.standing import Account, Settings
+from server.satellite.contact import Heard, link_report, next_session_at
+from server.satellite.modem import Modem, modems_of
+from server.satellite.standing import Account, Settings
 
 
 class Hearing:

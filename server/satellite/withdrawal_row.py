@@ -17,9 +17,9 @@ from robot_link.satellite.content import ShortPlanReport, TransferAck
 from robot_link.satellite.ground import GroundState, GroundTransfer, next_counter
 from robot_link.satellite.withdrawal import pack_withdrawal
 from server.fleet.words import carrier_title
-from server.service.satellite import order_row, plan_row, repeating
-from server.service.satellite.ending import end_row
-from server.service.satellite.modem import Modem
+from server.satellite import order_row, plan_row, repeating
+from server.satellite.ending import end_row
+from server.satellite.modem import Modem
 
 _LIFE: Final = timedelta(days=5)
 """A gateway keeps nothing longer, so nothing is left to be refused."""

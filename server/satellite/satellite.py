@@ -32,20 +32,20 @@ from server.fleet.link_view import SatelliteQuoteView, SatelliteView
 from server.fleet.plug import Plugs
 from server.fleet.routing import Choice, MessageKind, Wish, carriers_for
 from server.fleet.words import sentence
+from server.satellite import order_row, plan_row
+from server.satellite.budget import budget_of
+from server.satellite.contact import is_out_of_contact, out_of_contact_text
+from server.satellite.content import Telling
+from server.satellite.hearing import Hearing
+from server.satellite.inbox import Inbox
+from server.satellite.modem import Modem, modems_of
+from server.satellite.outbox import LOOK_S, Outbox, Sender
+from server.satellite.panel import satellite_view
+from server.satellite.preparing import Means
+from server.satellite.preview import Circumstances, has_mission, quote_view
+from server.satellite.standing import DEFAULT_SETTINGS, Settings, accounts
+from server.satellite.unwritten import UnwrittenOrders
 from server.service.plan_document import mission_of
-from server.service.satellite import order_row, plan_row
-from server.service.satellite.budget import budget_of
-from server.service.satellite.contact import is_out_of_contact, out_of_contact_text
-from server.service.satellite.content import Telling
-from server.service.satellite.hearing import Hearing
-from server.service.satellite.inbox import Inbox
-from server.service.satellite.modem import Modem, modems_of
-from server.service.satellite.outbox import LOOK_S, Outbox, Sender
-from server.service.satellite.panel import satellite_view
-from server.service.satellite.preparing import Means
-from server.service.satellite.preview import Circumstances, has_mission, quote_view
-from server.service.satellite.standing import DEFAULT_SETTINGS, Settings, accounts
-from server.service.satellite.unwritten import UnwrittenOrders
 
 log = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from db.query.satellite_messages import SENDING, messages_in
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from server.base.configuration import current
 from server.base.configuration_kind import find_kind
-from server.service.satellite.budget import Budget, budget_of
+from server.satellite.budget import Budget, budget_of
 
 _REMEMBERED: Final = timedelta(hours=24)
 """A plan that was refused or expired concerns the operator this long."""

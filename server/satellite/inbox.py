@@ -24,10 +24,10 @@ from robot_link.clock import Clock
 from robot_link.gateway.gateway import MobileOriginated
 from robot_link.messages import PlanHash, RawFrame
 from server.fleet.words import carrier_title
-from server.service.satellite import order_row, plan_row, withdrawal_row
-from server.service.satellite.content import FindPlan, Reading, Telling, read, values_of
-from server.service.satellite.message_row import fetched
-from server.service.satellite.modem import Modem
+from server.satellite import order_row, plan_row, withdrawal_row
+from server.satellite.content import FindPlan, Reading, Telling, read, values_of
+from server.satellite.message_row import fetched
+from server.satellite.modem import Modem
 
 _IN_QUEUE: Final = timedelta(days=5)
 """A gateway keeps a message no longer, so an older one cannot be meant by its number."""

@@ -14,8 +14,8 @@ from robot_link.messages import OnboardPlanState
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.content import ShortPlanReport, TransferAck, TransferState
 from robot_link.satellite.ground import GroundState, GroundTransfer, PartLevel, next_counter
-from server.service.satellite.ending import end_row
-from server.service.satellite.modem import Modem
+from server.satellite.ending import end_row
+from server.satellite.modem import Modem
 
 HOLDS: Final = (OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING, OnboardPlanState.DONE)
 PLAN_DIGITS: Final = 16

@@ -15,11 +15,11 @@ from robot_link.satellite.fare import credits
 from server.fleet.link_view import IncomingMessageView, OutgoingMessageView, SatelliteView
 from server.fleet.picture import Picture
 from server.fleet.words import carrier_title
-from server.service.satellite import plan_row
-from server.service.satellite.budget import budget_of
-from server.service.satellite.message_row import what
-from server.service.satellite.modem import modems_of
-from server.service.satellite.standing import settings_of
+from server.satellite import plan_row
+from server.satellite.budget import budget_of
+from server.satellite.message_row import what
+from server.satellite.modem import modems_of
+from server.satellite.standing import settings_of
 
 _ENDS: Final = MappingProxyType(
     {

@@ -33,7 +33,7 @@ from server.base.secret import (
     SecretUnreadableError,
 )
 from server.base.view import View
-from server.service.gateways import GATEWAY_TITLES, Gateways
+from server.satellite.gateways import GATEWAY_TITLES, Gateways
 
 router = APIRouter(prefix="/api/gateways", tags=["gateways"])
 

@@ -8,9 +8,9 @@ from typing import Final
 from robot_link.clock import Clock
 from robot_link.gateway.gateway import GatewayRefusal, GatewayUnreachableError, retry_after_s
 from robot_link.messages import CommandLevel, CommandNumber, CommandReport
-from server.service.satellite.modem import Modem
-from server.service.satellite.order_row import SURFACE_PRIORITY
-from server.service.satellite.outbox import Sender
+from server.satellite.modem import Modem
+from server.satellite.order_row import SURFACE_PRIORITY
+from server.satellite.outbox import Sender
 
 log = logging.getLogger(__name__)
 

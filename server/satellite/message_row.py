@@ -14,7 +14,7 @@ from db.query.satellite_messages import SENDING, SatelliteMessage
 from robot_link.gateway.gateway import Taken
 from robot_link.messages import RawFrame, RobotId
 from server.fleet.words import carrier_title
-from server.service.satellite import order_row, plan_row, withdrawal_row
+from server.satellite import order_row, plan_row, withdrawal_row
 
 
 @dataclass(frozen=True, slots=True)

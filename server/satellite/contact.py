@@ -7,7 +7,7 @@ from typing import Final
 from robot_link.messages import LinkReport, LinkState
 from robot_link.satellite.config import SatelliteConfig
 from server.fleet.picture import UNDER_WATER, Picture
-from server.service.satellite.modem import Modem
+from server.satellite.modem import Modem
 
 _MISSED: Final = 2
 """Sessions that may fail before a robot counts as overdue: the next word is due after two."""

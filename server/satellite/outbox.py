@@ -26,10 +26,10 @@ from robot_link.gateway.gateway import (
     retry_after_s,
 )
 from server.base.retry_queue import until_stored
-from server.service.satellite import message_row
-from server.service.satellite.message_row import Call
-from server.service.satellite.order_row import SURFACE_PRIORITY, is_surface
-from server.service.satellite.preparing import Looked, Means, expire, needs_work, prepare
+from server.satellite import message_row
+from server.satellite.message_row import Call
+from server.satellite.order_row import SURFACE_PRIORITY, is_surface
+from server.satellite.preparing import Looked, Means, expire, needs_work, prepare
 
 log = logging.getLogger(__name__)
 
@@ -38,7 +38,7 @@ LOOK_S: Final = 1.0
 
 
 class Sender(Protocol):
-    """Hands messages to the gateway of a carrier; ``server.service.gateways.Gateways``."""
+    """Hands messages to the gateway of a carrier; ``server.satellite.gateways.Gateways``."""
 
     async def send(
         self,
