@@ -97,7 +97,7 @@ def _station(robots: int, rate_hz: float) -> Iterator[_Station]:
         with socket.socket() as probe:
             probe.bind(("127.0.0.1", 0))
             port = probe.getsockname()[1]
-        command = [sys.executable, "-m", "server.command", "serve", "--data", folder]
+        command = [sys.executable, "-m", "server.cli", "serve", "--data", folder]
         with (Path(folder) / "station.log").open("wb") as log:
             process = subprocess.Popen([*command, "--port", str(port)], stdout=log, stderr=log)
         with _ended(process):

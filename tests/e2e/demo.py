@@ -29,7 +29,7 @@ class Demo:
         self.data = data
         self._lines: list[str] = []
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "server.command", "demo", "--data", str(data), "--port", "0",
+            [sys.executable, "-m", "server.cli", "demo", "--data", str(data), "--port", "0",
              "--no-browser", *options],
             cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
             start_new_session=True,

@@ -100,7 +100,7 @@ def samples(demo):
 
 def test_the_example_script_plans_and_sends_nothing_by_default(demo):
     token = subprocess.run(
-        [sys.executable, "-m", "server.command", "token", "create", "--role", "pilot", "--data",
+        [sys.executable, "-m", "server.cli", "token", "create", "--role", "pilot", "--data",
          str(demo.data)],
         cwd=ROOT, capture_output=True, text=True, check=True, timeout=300,
     ).stdout.split()[-1]  # fmt: skip

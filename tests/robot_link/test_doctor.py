@@ -27,7 +27,7 @@ from robot_link.transport.opening import open_transport
 from robot_link.transport.port import SerialPort
 from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee_frame import ReceivePacket, encode
-from server.command.main import main
+from server.cli.main import main
 from simulator.xbee_network import AirConditions, XBeeNetwork
 from tests.robot_link.far_end import heartbeat, line, running
 

@@ -8,7 +8,7 @@ import pytest
 
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_from_document
-from server.command.main import main
+from server.cli.main import main
 from server.vehicle.coefficients import (
     COLUMNS,
     CoefficientTableError,

@@ -8,7 +8,7 @@ from alembic.script import ScriptDirectory
 
 from db.migrate import configuration
 from server.base.data_folder import hold_data_folder
-from server.command.main import VERBS, main
+from server.cli.main import VERBS, main
 from tests.server.test_foundation_import import dive_csv
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import pytest
 
-from server.command.supervisor import Child, Supervisor
+from server.cli.supervisor import Child, Supervisor
 from tests.server.test_foundation_import import dive_csv
 
 pytestmark = pytest.mark.process
@@ -39,7 +39,7 @@ def wait_until(condition, limit_s=60.0):
 
 def serve(folder, *options):
     process = subprocess.Popen(
-        [sys.executable, "-m", "server.command", "serve", "--data", str(folder), "--port", "0",
+        [sys.executable, "-m", "server.cli", "serve", "--data", str(folder), "--port", "0",
          *options],
         cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True,
     )  # fmt: skip
@@ -79,7 +79,7 @@ def test_a_recording_comes_in_through_a_running_station(tmp_path):
     def grace(*words, token=None):
         environment = os.environ | ({} if token is None else {"GRACE_TOKEN": token})
         return subprocess.run(
-            [sys.executable, "-m", "server.command", *words],
+            [sys.executable, "-m", "server.cli", *words],
             cwd=ROOT, env=environment, capture_output=True, text=True, check=False,
         )  # fmt: skip
 
@@ -103,7 +103,7 @@ def test_a_station_ends_when_whoever_started_it_is_killed(tmp_path):
     parent = subprocess.Popen(
         [sys.executable, "-c",
          "import os,subprocess,sys,time\n"
-         "p = subprocess.Popen([sys.executable,'-m','server.command','serve','--data',sys.argv[1],"
+         "p = subprocess.Popen([sys.executable,'-m','server.cli','serve','--data',sys.argv[1],"
          "'--port','0','--parent-pid',str(os.getpid())], stderr=subprocess.DEVNULL)\n"
          "print(p.pid, flush=True); time.sleep(60)", str(tmp_path)],
         cwd=ROOT, stdout=subprocess.PIPE, text=True,

@@ -7,8 +7,8 @@ import sys
 import numpy as np
 import pytest
 
-from server.command import reproduce_verb
-from server.command.main import main
+from server.cli import reproduce_verb
+from server.cli.main import main
 from server.reproduction import catalogue, claims
 from server.reproduction.catalogue import REPRODUCTIONS
 from server.reproduction.result import Figure, Hue, Mark, Panel, Reproduction, Row, Series

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from autonomy.tracking.run import Case
-from server.command.main import main
+from server.cli.main import main
 from server.reproduction import catalogue, drawing, experiment_4_5, table_4_1, table_4_2
 from server.reproduction.catalogue import REPRODUCTIONS
 from server.reproduction.writer import document, write

@@ -2,8 +2,8 @@
 
 import pytest
 
-from server.command import demo_verb
-from server.command.main import main
+from server.cli import demo_verb
+from server.cli.main import main
 from simulator import process
 from simulator.fleet import GRACE_1, MINI_1
 

@@ -142,7 +142,7 @@ def test_the_telemetry_log_is_read_by_another_program(tmp_path):
 
 @pytest.mark.process
 async def test_the_command_line_says_whether_journal_and_rows_agree(folder, tmp_path):
-    grace = [sys.executable, "-m", "server.command", "journal"]
+    grace = [sys.executable, "-m", "server.cli", "journal"]
     root = Path(__file__).parents[3]
 
     def run(*words, **environment):

@@ -9,8 +9,8 @@ from sqlalchemy import make_url
 
 from db.migrate import schema_version
 from server.base.settings import Settings
-from server.command.data import add_data_option, open_store, settings_of
-from server.command.failure import CommandError
+from server.cli.data import add_data_option, open_store, settings_of
+from server.cli.failure import CommandError
 
 
 def add_arguments(parser: ArgumentParser) -> None:

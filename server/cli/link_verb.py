@@ -12,9 +12,9 @@ from db.query.robots import list_robots
 from robot_link.gateway.address import check_link
 from robot_link.transport.doctor import Doctor
 from robot_link.transport.opening import RADIO_SCHEMES, is_radio
-from server.command.data import add_data_option, open_store, settings_of
-from server.command.failure import CommandError
-from server.command.remote import add_remote_options, checked, open_remote
+from server.cli.data import add_data_option, open_store, settings_of
+from server.cli.failure import CommandError
+from server.cli.remote import add_remote_options, checked, open_remote
 
 _LONGEST_LISTENING_S = 3600.0
 

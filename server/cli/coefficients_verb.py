@@ -10,7 +10,7 @@ from rich.table import Column, Table
 
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES, Vehicle
 from autonomy.vehicle.parameter_file import VehicleFileError, vehicle_from_document
-from server.command.failure import CommandError
+from server.cli.failure import CommandError
 from server.vehicle.coefficients import (
     COLUMNS,
     CoefficientTableError,

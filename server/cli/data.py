@@ -16,7 +16,7 @@ from server.base.clock_file import read_clock
 from server.base.data_folder import CLOCK_FILE
 from server.base.problem import Problem
 from server.base.settings import Settings
-from server.command.failure import CommandError
+from server.cli.failure import CommandError
 
 
 def add_data_option(parser: ArgumentParser) -> None:

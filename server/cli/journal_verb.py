@@ -10,8 +10,8 @@ from db.query.journal import JournalRange, iterate_frames
 from db.store import Store
 from server.base.secret import SecretStore
 from server.base.settings import Settings
-from server.command.data import add_data_option, clock_of, open_store, settings_of
-from server.command.failure import CommandError
+from server.cli.data import add_data_option, clock_of, open_store, settings_of
+from server.cli.failure import CommandError
 from server.recording.replay import compare, replay_into
 from server.recording.tlog import tlog_blocks
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pydantic import ValidationError
 
-from server.command.console_log import log_to_console
-from server.command.failure import CommandError
+from server.cli.console_log import log_to_console
+from server.cli.failure import CommandError
 
 
 def add_arguments(parser: ArgumentParser) -> None:

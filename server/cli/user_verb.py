@@ -10,8 +10,8 @@ from db.store import Store
 from server.access import register
 from server.access.role import Role
 from server.access.secret import hash_password
-from server.command.data import add_data_option, clock_of, open_store, settings_of
-from server.command.failure import CommandError
+from server.cli.data import add_data_option, clock_of, open_store, settings_of
+from server.cli.failure import CommandError
 
 _BY = "command line"
 

@@ -6,7 +6,7 @@ from datetime import timedelta
 from db.query.people import list_tokens
 from server.access import register
 from server.access.role import Role
-from server.command.data import add_data_option, clock_of, open_store, settings_of
+from server.cli.data import add_data_option, clock_of, open_store, settings_of
 
 
 def add_arguments(parser: ArgumentParser) -> None:

@@ -10,7 +10,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from rich.table import Column, Table
 from rich.text import Text
 
-from server.command.failure import CommandError
+from server.cli.failure import CommandError
 from server.reproduction.catalogue import REPRODUCTIONS, reproduce
 from server.reproduction.result import Reproduction, Row
 from server.reproduction.writer import write

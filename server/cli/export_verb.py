@@ -6,8 +6,8 @@ from pathlib import Path
 from db.query.deployments import get_deployment, list_deployments
 from db.query.robots import get_robot
 from db.store import Store
-from server.command.data import add_data_option, open_store, settings_of
-from server.command.failure import CommandError
+from server.cli.data import add_data_option, open_store, settings_of
+from server.cli.failure import CommandError
 from server.recording.export import csv_blocks, geojson, kml
 
 

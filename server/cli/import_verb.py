@@ -14,9 +14,9 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from db.query.deployments import DeploymentExistsError
 from server.base.data_folder import DataFolderTakenError, hold_data_folder
 from server.base.job import JobError
-from server.command.data import add_data_option, clock_of, open_store, settings_of
-from server.command.failure import CommandError
-from server.command.remote import add_remote_options, checked, open_remote
+from server.cli.data import add_data_option, clock_of, open_store, settings_of
+from server.cli.failure import CommandError
+from server.cli.remote import add_remote_options, checked, open_remote
 from server.recording import intake
 from server.recording.flight_column import FLIGHT_COLUMNS
 from server.recording.map_fit import run as fit_maps

@@ -25,11 +25,11 @@ from server.access.role import Role
 from server.base.clock_file import read_clock, start_clock, stop_clock
 from server.base.data_folder import CLOCK_FILE
 from server.base.secret import SecretStore
-from server.command.data import add_data_option, open_store, settings_of
-from server.command.demo_gateway import prepare_gateway
-from server.command.failure import CommandError
-from server.command.simulate_verb import LINK_FOLDER, add_water_options, part
-from server.command.supervisor import Child, Supervisor
+from server.cli.data import add_data_option, open_store, settings_of
+from server.cli.demo_gateway import prepare_gateway
+from server.cli.failure import CommandError
+from server.cli.simulate_verb import LINK_FOLDER, add_water_options, part
+from server.cli.supervisor import Child, Supervisor
 from simulator.fleet import (
     FLEET,
     STATION_ACOUSTIC,
@@ -105,7 +105,7 @@ async def _supervise(
     arguments: Namespace, folder: Path, listener: socket.socket, sign_in: str
 ) -> int:
     url = _url(listener)
-    grace = (sys.executable, "-m", "server.command")
+    grace = (sys.executable, "-m", "server.cli")
     data = ("--data", str(folder), "--parent-pid", str(os.getpid()))
     clock = ("--clock-file", str(folder / CLOCK_FILE))
     port = ("--port", str(listener.getsockname()[1]), "--listen-fd", str(listener.fileno()))

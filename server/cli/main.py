@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from importlib.metadata import version
 from types import MappingProxyType
 
-from server.command.failure import CommandError
+from server.cli.failure import CommandError
 
 VERBS: Mapping[str, str] = MappingProxyType(
     {
@@ -51,7 +51,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
             verb, help=help_text, description=f"{help_text[0].upper()}{help_text[1:]}."
         )
         if verb == asked:
-            module = importlib.import_module(f"server.command.{verb}_verb")
+            module = importlib.import_module(f"server.cli.{verb}_verb")
             module.add_arguments(verb_parser)
             verb_parser.set_defaults(run=module.run)
     parsed = parser.parse_args(words)

@@ -7,9 +7,9 @@ from pydantic import ValidationError
 from server.base.clock_file import ClockAnchors, start_clock
 from server.base.data_folder import CLOCK_FILE
 from server.base.secret import SecretStore
-from server.command.console_log import log_to_console
-from server.command.data import add_data_option, settings_of
-from server.command.failure import CommandError
+from server.cli.console_log import log_to_console
+from server.cli.data import add_data_option, settings_of
+from server.cli.failure import CommandError
 
 LINK_FOLDER = "links"
 """Folder below the data folder where the station's ends of the radios appear."""
@@ -74,7 +74,7 @@ def part(text: str) -> float:
 def run(arguments: Namespace) -> int:
     """Simulate until told to stop."""
     # The simulator is heavy to import; no other verb but this one runs it.
-    from server.command.demo_gateway import MEMORY_FOLDER, NETWORK_FILE, give_keys, read_gateway
+    from server.cli.demo_gateway import MEMORY_FOLDER, NETWORK_FILE, give_keys, read_gateway
     from simulator.process import run as run_simulator
     from simulator.settings import SimulatorSettings
 

@@ -15,10 +15,10 @@ from db.migrate import NewerSchemaError
 from server.app import create_app
 from server.base.data_folder import DataFolderTakenError, hold_data_folder
 from server.base.settings import Settings
-from server.command.console_log import log_to_console
-from server.command.data import add_data_option, settings_of
-from server.command.failure import CommandError
-from server.command.parent import end_with_parent
+from server.cli.console_log import log_to_console
+from server.cli.data import add_data_option, settings_of
+from server.cli.failure import CommandError
+from server.cli.parent import end_with_parent
 
 GRACEFUL_STOP_S = 3
 LISTEN_BACKLOG = 128

@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 import httpx
 
-from server.command.failure import CommandError
+from server.cli.failure import CommandError
 
 TOKEN_VARIABLE = "GRACE_TOKEN"
 
