@@ -10,7 +10,6 @@ from server.access import people_route as people
 from server.access import session_route as session
 from server.api import (
     alarms,
-    commands,
     deployments,
     identifications,
     imports,
@@ -28,6 +27,7 @@ from server.api import (
 from server.base.middleware import RequestGuard
 from server.base.problem import ProblemDetails, install_problem_handlers
 from server.base.settings import Settings
+from server.command import route as commands
 from server.composition import MakeService, run_station
 from server.fleet import route as robots
 from server.link import onboard_route as onboard

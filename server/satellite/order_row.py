@@ -14,10 +14,10 @@ from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.content import CommandAnswer
 from robot_link.satellite.ground import next_counter
 from robot_link.satellite.order import pack_order
+from server.command.row import note_level
 from server.satellite import repeating
 from server.satellite.ending import end_row
 from server.satellite.modem import Modem
-from server.service.command_row import note_level
 
 SURFACE_PRIORITY: Final = 1
 ORDER_PRIORITY: Final = 3

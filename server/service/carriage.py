@@ -23,11 +23,11 @@ from robot_link.mission import Mission
 from robot_link.station import UploadUnderWayError
 from server.access.foundation import Foundation
 from server.base.retry_queue import until_stored
+from server.command.command import Commands
 from server.fleet.fleet import Fleet
 from server.fleet.routing import Wish
 from server.link.link import Radio, SatelliteRoad
 from server.satellite.plan_row import ground_of
-from server.service.command import Commands
 from server.service.plan_document import mission_of
 from server.service.plan_ledger import PlanLedger
 from server.service.transfer_row import (

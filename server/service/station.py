@@ -33,6 +33,7 @@ from server.base.job_watch import watch_jobs
 from server.base.live_feed import LiveFeed
 from server.base.problem import not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.command.command import Commands
 from server.fleet.fleet import Fleet
 from server.fleet.picture import remembered_link
 from server.fleet.plug import Plugs
@@ -44,7 +45,6 @@ from server.link.robot_logs import RobotLogs
 from server.link.signing import RobotSigning
 from server.satellite.gateways import Gateways, KeepMessage
 from server.satellite.satellite import Satellite, SatelliteListeners
-from server.service.command import Commands
 from server.service.fleet_survey import FleetSurveys
 from server.service.identification import Identifications
 from server.service.map_comparison import MapComparisons

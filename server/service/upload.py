@@ -23,11 +23,11 @@ from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import RobotId, UploadReport
 from server.access.foundation import Foundation
 from server.base.problem import FieldError, conflict
+from server.command.command import Check, Commands
 from server.fleet.fleet import Fleet
 from server.fleet.routing import Wish
 from server.link.link import Radio, SatelliteRoad
 from server.service.carriage import Carriage
-from server.service.command import Check, Commands
 from server.service.drafting import SENDABLE, broken_off, outdated_by
 from server.service.plan_document import mission_of
 from server.service.plan_ledger import PlanLedger

@@ -9,9 +9,9 @@ from server import composition
 from server.access.role import Role
 from server.base.secret import SecretStore
 from server.base.settings import Settings
+from server.command import command
 from server.composition import run_station
 from server.satellite import outbox
-from server.service import command
 from server.service.station import Station
 from tests.server.service.conftest import GRACE, api_client, until
 from tests.server.service.fake_link import state_report

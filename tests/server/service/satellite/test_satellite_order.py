@@ -8,7 +8,7 @@ from robot_link.messages import (
     CommandKind,
     CommandLevel,
 )
-from server.service import command as command_service
+from server.command import command as command_service
 from tests.server.service.conftest import GRACE, until
 from tests.server.service.far import (
     ORDERS,

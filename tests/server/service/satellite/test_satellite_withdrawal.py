@@ -10,9 +10,9 @@ from robot_link.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnre
 from robot_link.messages import CommandKind, CommandLevel
 from server.base.secret import SecretStore
 from server.base.settings import Settings
+from server.command.row import note_level
 from server.satellite.budget import utc_day
 from server.satellite.withdrawal_row import called_back
-from server.service.command_row import note_level
 from server.service.transfer_row import end_by_satellite
 from tests.server.service.conftest import GRACE
 from tests.server.service.shore import Shore, begin_order, begin_plan

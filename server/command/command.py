@@ -25,13 +25,13 @@ from robot_link.messages import (
 )
 from server.base.problem import conflict
 from server.base.retry_queue import Turns
+from server.command.row import command_view, note_level, waiting_view
+from server.command.view import CommandView
 from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
 from server.fleet.routing import Wish
 from server.fleet.words import told_to
 from server.link.link import Radio, SatelliteRoad
-from server.service.command_row import command_view, note_level, waiting_view
-from server.service.view.command import CommandView
 
 log = logging.getLogger(__name__)
 

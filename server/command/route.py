@@ -11,7 +11,7 @@ from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View
-from server.service.view.command import CommandView
+from server.command.view import CommandView
 
 router = APIRouter(prefix="/api", tags=["commands"], route_class=IdempotentRoute)
 

@@ -12,9 +12,9 @@ from db.query.commands import CommandRecord
 from db.query.events import add_event
 from db.query.outbox import open_outbox
 from robot_link.messages import CommandLevel
+from server.command.view import CommandView, LevelView
 from server.fleet.words import command_text
 from server.satellite.ending import end_row
-from server.service.view.command import CommandView, LevelView
 
 _SETTLED: Final = ("applied", "refused", "expired")
 

@@ -1,0 +1,1 @@
+"""Orders to robots, followed level by level until they are proved."""
