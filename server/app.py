@@ -14,7 +14,6 @@ from server.api import (
     identifications,
     imports,
     journal,
-    maps,
     missions,
     plans,
     surveys,
@@ -33,6 +32,7 @@ from server.fleet import route as robots
 from server.link import onboard_route as onboard
 from server.link import range_route as ranges
 from server.link import route as links
+from server.map import route as maps
 from server.satellite import gateway_route as gateways
 from server.service.station import Station
 from server.system import configuration_route as config

@@ -16,7 +16,7 @@ from robot_link.messages import PlanReport
 from server.access.foundation import Foundation
 from server.base.configuration import CurrentConfiguration
 from server.fleet.fleet import Fleet
-from server.service.map_samples import Water, site_samples
+from server.map.samples import Water, site_samples
 from server.service.plan_ahead import planned_rest
 from server.service.task.problem import MapProblem, SurveyProblem
 

@@ -10,8 +10,8 @@ from db.query.plans import ENDED_STATES
 from robot_link.messages import RobotId, TrackReport
 from server.fleet.fleet import Fleet
 from server.fleet.picture import Picture, PlanInHand
+from server.map.field_maps import FieldMaps
 from server.service.comparison_view import ShownWhatIfs
-from server.service.mapping import FieldMaps
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import (
     ComparisonView,

@@ -43,14 +43,14 @@ from server.link.ranging import Ranging
 from server.link.road import LinkFactory, Road, open_link
 from server.link.robot_logs import RobotLogs
 from server.link.signing import RobotSigning
+from server.map.comparison import MapComparisons
+from server.map.field_maps import FieldMaps
+from server.map.group import MapSettings
+from server.map.learning import MapLearning
 from server.satellite.gateways import Gateways, KeepMessage
 from server.satellite.satellite import Satellite, SatelliteListeners
 from server.service.fleet_survey import FleetSurveys
 from server.service.identification import Identifications
-from server.service.map_comparison import MapComparisons
-from server.service.map_group import MapSettings
-from server.service.map_learning import MapLearning
-from server.service.mapping import FieldMaps
 from server.service.mission_ledger import MissionLedger
 from server.service.plan_choice import PlanChoices
 from server.service.plan_follow import PlanFollower

@@ -9,7 +9,7 @@ from db.query.missions import MissionRecord
 from server.access.foundation import Foundation
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
-from server.service.mapping import FieldMaps
+from server.map.field_maps import FieldMaps
 from server.service.mission_ledger import MissionLedger
 from server.service.round_problem import RoundProblems
 from server.service.survey_score import map_scores

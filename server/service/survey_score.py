@@ -6,10 +6,10 @@ from autonomy.planner.config import PlannerConfig
 from db.query.robots import get_robot
 from server.access.foundation import Foundation
 from server.base.worker import WorkerPool
-from server.service.field_model import MODEL_TITLES
-from server.service.map_samples import site_samples
+from server.map.field_model import MODEL_TITLES
+from server.map.samples import site_samples
+from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
 from server.service.round_problem import field_config_of
-from server.service.task.map_problem import COMPARE_MAPS, Compared, ComparisonProblem
 from server.service.view.mission import ScoresView
 
 

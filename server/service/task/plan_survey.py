@@ -17,8 +17,8 @@ from autonomy.planner.outcome import nothing_feasible
 from autonomy.planner.plan import Leg, ObjectivePoint, PlanResult
 from autonomy.planner.search import plan
 from autonomy.site import Box, Site
+from server.map.task_model import PLANNING, SCORING, domain_points, map_of
 from server.service.task.problem import MapProblem, SurveyProblem
-from server.service.task.survey_map import PLANNING, SCORING, domain_points, map_of
 
 _BELIEF_SAMPLES = 4000
 

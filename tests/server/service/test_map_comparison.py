@@ -12,10 +12,10 @@ from autonomy.field.synthetic import measure
 from autonomy.site import TANK
 from db.query.robots import add_robot
 from robot_link.messages import RobotId, Sample
-from server.service.field_model import MODEL_TITLES, MODELS
-from server.service.task import compare_maps
-from server.service.task.compare_maps import held_out_parts
-from server.service.task.map_problem import ComparisonProblem
+from server.map import comparison_task as compare_maps
+from server.map.comparison_task import held_out_parts
+from server.map.field_model import MODEL_TITLES, MODELS
+from server.map.task import ComparisonProblem
 from tests.server.service.conftest import MINI, open_station, robot_record, until
 from tests.server.service.dive import begin_of, dive
 

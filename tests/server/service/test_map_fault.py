@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from db.fault import StoreUnavailableError
-from server.service import mapping
-from server.service.mapping import FieldMaps
-from server.service.site_map import SiteMap
+from server.map import field_maps as mapping
+from server.map.field_maps import FieldMaps
+from server.map.site_map import SiteMap
 from tests.server.service.conftest import MINI, until
 
 PATH = "/api/robots/mini-1/maps/blue_light"

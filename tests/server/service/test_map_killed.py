@@ -12,7 +12,7 @@ from db.query.configurations import configuration_history
 from db.query.samples import sample_columns
 from db.store import Store
 from server.base.settings import Settings
-from server.service.site_map import SiteMap
+from server.map.site_map import SiteMap
 from tests.server.service.conftest import MINI, open_station, until
 
 pytestmark = pytest.mark.process

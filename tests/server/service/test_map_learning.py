@@ -11,8 +11,8 @@ from db.query.configurations import configuration_history
 from db.query.events import newest_events
 from db.query.robots import add_robot
 from robot_link.messages import LogId, RobotId, Sample
-from server.service import mapping
-from server.service.task import learn_field
+from server.map import field_maps as mapping
+from server.map import learning_task as learn_field
 from tests.server.service.conftest import MINI, open_station, robot_record, until
 from tests.server.service.fake_link import state_report
 

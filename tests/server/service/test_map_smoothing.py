@@ -13,11 +13,12 @@ from db.query.events import newest_events
 from db.query.samples import sample_columns
 from robot_link.clock import SystemClock
 from robot_link.messages import Sample
-from server.service import mapping, smoothing
-from server.service.map_samples import field_samples, site_samples
-from server.service.smoothing import Smoothing
-from server.service.task import compare_maps
-from server.service.task.map_problem import ComparisonProblem
+from server.map import comparison_task as compare_maps
+from server.map import field_maps as mapping
+from server.map import smoothing
+from server.map.samples import field_samples, site_samples
+from server.map.smoothing import Smoothing
+from server.map.task import ComparisonProblem
 from tests.server.service.conftest import MINI, open_station, until
 from tests.server.service.dive import DRIFT_M_S, STEP_S, begin_of, dive
 

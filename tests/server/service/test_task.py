@@ -16,10 +16,10 @@ from autonomy.planner.plan import PlanStatus, PrimitiveKind
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Area
 from server.base.problem import Problem
+from server.map.task_model import PLANNING, SCORING, domain_points
 from server.service.primitive_legs import LegRequest, candidate_of, legs_from
 from server.service.task import plan_survey
 from server.service.task.problem import MapProblem, SurveyProblem
-from server.service.task.survey_map import PLANNING, SCORING, domain_points
 
 MINI = PLANNER_PRESETS["miniglider"]
 FIELD = FIELD_PRESETS["blue_light"]

@@ -11,9 +11,8 @@ from server.access.dependency import FoundationDep, Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.base.problem import not_found
-from server.service.map_export import ORDER, MapExport, archive, table
-from server.service.station import Station
-from server.service.view.map import (
+from server.map.export import ORDER, MapExport, archive, table
+from server.map.view import (
     AxesView,
     FieldMapView,
     MapComparisonView,
@@ -21,6 +20,7 @@ from server.service.view.map import (
     MapJobView,
     SampleCountView,
 )
+from server.service.station import Station
 from webui.scene.source import MapView
 
 router = APIRouter(prefix="/api/robots/{robot}/maps", tags=["maps"], route_class=IdempotentRoute)

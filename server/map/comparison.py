@@ -17,15 +17,15 @@ from server.base.job_per_key import JobPerKey
 from server.base.problem import conflict, not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
-from server.service.field_model import MODEL_TITLES
-from server.service.map_grid import grid_of
-from server.service.map_group import MapGroup
-from server.service.map_record import Comparison, comparison_record
-from server.service.map_samples import field_samples, usable
-from server.service.mapping import FieldMaps
-from server.service.site_map import basis_of, view_on_grid
-from server.service.task.map_problem import COMPARE_MAPS, Compared, ComparisonProblem
-from server.service.view.map import ComparedModelView, MapComparisonView
+from server.map.field_maps import FieldMaps
+from server.map.field_model import MODEL_TITLES
+from server.map.grid import grid_of
+from server.map.group import MapGroup
+from server.map.record import Comparison, comparison_record
+from server.map.samples import field_samples, usable
+from server.map.site_map import basis_of, view_on_grid
+from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
+from server.map.view import ComparedModelView, MapComparisonView
 
 
 class MapComparisons:

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 
 from autonomy.field.learning_model import learn_config
-from server.service.task.map_problem import LearnedField, LearningProblem
+from server.map.task import LearnedField, LearningProblem
 
 
 def run(

@@ -21,9 +21,9 @@ from autonomy.site import Box
 from db.column import moment
 from db.query.samples import SampleColumns
 from robot_link.messages import Sample
-from server.service.field_model import MODEL_TITLES
-from server.service.map_samples import field_samples, first_dive, usable
-from server.service.seen import Seen
+from server.map.field_model import MODEL_TITLES
+from server.map.samples import field_samples, first_dive, usable
+from server.map.seen import Seen
 from webui.scene.source import MapView, SampleView
 
 log = logging.getLogger(__name__)

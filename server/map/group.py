@@ -9,10 +9,10 @@ from autonomy.field.grid import Grid
 from autonomy.site import Box, Site
 from db.query.robots import RobotRecord
 from robot_link.messages import Sample
-from server.service.map_grid import grid_of
-from server.service.map_record import Comparison
-from server.service.map_samples import Water
-from server.service.site_map import SiteMap, basis_of
+from server.map.grid import grid_of
+from server.map.record import Comparison
+from server.map.samples import Water
+from server.map.site_map import SiteMap, basis_of
 from server.service.view.mission import ScoresView
 from webui.scene.source import MapView
 

@@ -25,11 +25,11 @@ from server.base.job_per_key import JobPerKey
 from server.base.problem import conflict
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
-from server.service.map_comparison import map_group
-from server.service.map_group import MapGroup
-from server.service.map_samples import Water, field_samples
-from server.service.mapping import FieldMaps
-from server.service.task.map_problem import LEARN_FIELD, LearnedField, LearningProblem
+from server.map.comparison import map_group
+from server.map.field_maps import FieldMaps
+from server.map.group import MapGroup
+from server.map.samples import Water, field_samples
+from server.map.task import LEARN_FIELD, LearnedField, LearningProblem
 
 log = logging.getLogger(__name__)
 

@@ -12,9 +12,9 @@ from autonomy.field.samples import FieldSamples
 from autonomy.field.score import Scores
 from autonomy.site import Box, Site
 
-COMPARE_MAPS: Final = "server.service.task.compare_maps:run"
+COMPARE_MAPS: Final = "server.map.comparison_task:run"
 """Takes a ``ComparisonProblem``, reports share and message, leaves ``Compared``."""
-LEARN_FIELD: Final = "server.service.task.learn_field:run"
+LEARN_FIELD: Final = "server.map.learning_task:run"
 """Takes a ``LearningProblem``, reports share and message, leaves a ``LearnedField``."""
 
 Against = Literal["truth", "held-out samples"]

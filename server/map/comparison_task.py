@@ -19,10 +19,10 @@ from autonomy.field.samples import FieldSamples
 from autonomy.field.scale import to_model
 from autonomy.field.score import Scores, score
 from autonomy.field.synthetic import truth
-from server.service.field_model import MODEL_TITLES, MODELS
-from server.service.map_grid import grid_of
-from server.service.task.map_problem import Against, Compared, ComparedModel, ComparisonProblem
-from server.service.task.survey_map import SCORING, domain_points, map_of
+from server.map.field_model import MODEL_TITLES, MODELS
+from server.map.grid import grid_of
+from server.map.task import Against, Compared, ComparedModel, ComparisonProblem
+from server.map.task_model import SCORING, domain_points, map_of
 
 FOLDS = 4
 """Parts into which dives are dealt; each is held out once."""

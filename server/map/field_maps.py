@@ -24,11 +24,11 @@ from db.query.samples import sample_columns
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import Sample
-from server.service.map_group import MapGroup, MapKey, MapSettings
-from server.service.map_record import Comparison, comparison_of, record_of, scores_of, view_of
-from server.service.map_samples import site_robots
-from server.service.site_map import SiteMap
-from server.service.smoothing import Smoothing
+from server.map.group import MapGroup, MapKey, MapSettings
+from server.map.record import Comparison, comparison_of, record_of, scores_of, view_of
+from server.map.samples import site_robots
+from server.map.site_map import SiteMap
+from server.map.smoothing import Smoothing
 from server.service.view.mission import ScoresView
 from webui.scene.source import MapView, SampleView
 

@@ -13,7 +13,7 @@ from autonomy.field.variable import VARIABLES
 from db.column import microseconds
 from db.query.comparisons import ComparisonRecord
 from db.query.maps import MapRecord
-from server.service.field_model import MODEL_TITLES
+from server.map.field_model import MODEL_TITLES
 from server.service.view.mission import ScoresView
 from webui.scene.source import MapView
 
@@ -26,7 +26,7 @@ class Comparison:
 
     compared_at: datetime
     basis: str
-    """Name of what the maps are made of (``server.service.site_map.basis_of``)."""
+    """Name of what the maps are made of (``server.map.site_map.basis_of``)."""
     samples: int
     against: str | None
     """``truth`` or ``held-out samples``; ``None`` where nothing could be scored."""

@@ -1,0 +1,1 @@
+"""Field maps: grown, smoothed, learned, compared, exported."""
