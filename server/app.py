@@ -15,7 +15,6 @@ from server.api import (
     imports,
     journal,
     missions,
-    plans,
     surveys,
     tracking,
     transfers,
@@ -33,6 +32,7 @@ from server.link import onboard_route as onboard
 from server.link import range_route as ranges
 from server.link import route as links
 from server.map import route as maps
+from server.plan import route as plans
 from server.satellite import gateway_route as gateways
 from server.service.station import Station
 from server.system import configuration_route as config

@@ -5,7 +5,7 @@ from fastapi import APIRouter
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
-from server.service.view.plan import TransferView
+from server.plan.view import TransferView
 
 router = APIRouter(prefix="/api/transfers", tags=["transfers"], route_class=IdempotentRoute)
 

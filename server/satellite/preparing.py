@@ -19,11 +19,11 @@ from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import cut
 from robot_link.satellite.config import Tariff
 from robot_link.satellite.fare import credits
+from server.plan.document import mission_of
 from server.satellite import order_row, plan_row, withdrawal_row
 from server.satellite.budget import budget_of
 from server.satellite.ending import end_row
 from server.satellite.modem import Modem
-from server.service.plan_document import mission_of
 
 _FORGOTTEN: Final = timedelta(days=10)
 """What is older than this cannot be in any queue, nor can the robot's word on it."""

@@ -17,8 +17,8 @@ from server.fleet.link_view import (
 from server.fleet.picture import Picture
 from server.fleet.routing import Choice
 from server.fleet.words import carrier_title, clock_time
+from server.plan.document import mission_of
 from server.satellite.budget import Budget
-from server.service.plan_document import mission_of
 
 _PLANNED: Final = ("draft", "sent", "on_board", "running")
 

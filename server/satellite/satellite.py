@@ -32,6 +32,7 @@ from server.fleet.link_view import SatelliteQuoteView, SatelliteView
 from server.fleet.plug import Plugs
 from server.fleet.routing import Choice, MessageKind, Wish, carriers_for
 from server.fleet.words import sentence
+from server.plan.document import mission_of
 from server.satellite import order_row, plan_row
 from server.satellite.budget import budget_of
 from server.satellite.contact import is_out_of_contact, out_of_contact_text
@@ -45,7 +46,6 @@ from server.satellite.preparing import Means
 from server.satellite.preview import Circumstances, has_mission, quote_view
 from server.satellite.standing import DEFAULT_SETTINGS, Settings, accounts
 from server.satellite.unwritten import UnwrittenOrders
-from server.service.plan_document import mission_of
 
 log = logging.getLogger(__name__)
 

@@ -27,9 +27,9 @@ from server.command.command import Commands
 from server.fleet.fleet import Fleet
 from server.fleet.routing import Wish
 from server.link.link import Radio, SatelliteRoad
+from server.plan.document import mission_of
+from server.plan.ledger import PlanLedger
 from server.satellite.plan_row import ground_of
-from server.service.plan_document import mission_of
-from server.service.plan_ledger import PlanLedger
 from server.service.transfer_row import (
     WithdrawnError,
     check_open,

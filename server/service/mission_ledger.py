@@ -15,9 +15,9 @@ from robot_link.clock import Clock
 from server.base.alarm_board import AlarmBoard
 from server.base.live_feed import LiveFeed
 from server.fleet.fleet import Fleet
-from server.service.drafting import outdated_by
-from server.service.plan_document import onboard_view
-from server.service.survey_round import counted, planned_energy, standing_of
+from server.plan.document import onboard_view
+from server.plan.drafting import outdated_by
+from server.plan.survey_round import counted, planned_energy, standing_of
 from server.service.view.mission import (
     BudgetView,
     LiveMissionView,

@@ -8,18 +8,18 @@ from server.access.foundation import Foundation
 from server.base.problem import FieldError, conflict, unprocessable
 from server.fleet.fleet import Fleet
 from server.fleet.picture import TRACK_TARGET
-from server.service.drafting import outdated_by
-from server.service.mission_ledger import MissionLedger
-from server.service.plan_document import (
+from server.plan.document import (
     candidate_of_draft,
     candidates_of,
     legs_of,
     search_document,
 )
-from server.service.plan_ledger import PlanLedger
-from server.service.planning import Planning
-from server.service.search_request import SearchRequest
-from server.service.survey_round import AHEAD_OF
+from server.plan.drafting import outdated_by
+from server.plan.ledger import PlanLedger
+from server.plan.planning import Planning
+from server.plan.search_request import SearchRequest
+from server.plan.survey_round import AHEAD_OF
+from server.service.mission_ledger import MissionLedger
 
 _WAITS = ("ready", "stopped", "failed")
 """States of a mission whose draft a person may exchange."""

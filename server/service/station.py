@@ -47,23 +47,23 @@ from server.map.comparison import MapComparisons
 from server.map.field_maps import FieldMaps
 from server.map.group import MapSettings
 from server.map.learning import MapLearning
+from server.plan.dry_run import Rehearsals
+from server.plan.follow import PlanFollower
+from server.plan.ledger import PlanLedger
+from server.plan.planning import Planning
+from server.plan.round_problem import field_config_of
+from server.plan.task import LOAD_PLANNER
 from server.satellite.gateways import Gateways, KeepMessage
 from server.satellite.satellite import Satellite, SatelliteListeners
 from server.service.fleet_survey import FleetSurveys
 from server.service.identification import Identifications
 from server.service.mission_ledger import MissionLedger
 from server.service.plan_choice import PlanChoices
-from server.service.plan_follow import PlanFollower
-from server.service.plan_ledger import PlanLedger
-from server.service.planning import Planning
-from server.service.rehearsing import Rehearsals
-from server.service.round_problem import field_config_of
 from server.service.scene_host import SceneHost
 from server.service.scene_source import StationSceneSource
 from server.service.survey import Surveys, purge_in
 from server.service.survey_map_quality import SurveyMaps
 from server.service.survey_step import SurveySteps
-from server.service.task.problem import LOAD_PLANNER
 from server.service.track_follow import TrackFollower
 from server.service.track_planning import TrackPlanning
 from server.service.trim import TrimAdvices

@@ -19,11 +19,11 @@ from db.query.missions import change_mission, list_missions
 from db.query.plans import PlanRecord
 from server.access.foundation import Foundation
 from server.base.problem import Problem, conflict
+from server.plan.ledger import ON_THE_WAY
+from server.plan.planning import Planning
+from server.plan.search_request import SearchRequest
+from server.plan.survey_round import ENDED_BADLY, config_of_round, standing_of
 from server.service.mission_ledger import MissionLedger
-from server.service.plan_ledger import ON_THE_WAY
-from server.service.planning import Planning
-from server.service.search_request import SearchRequest
-from server.service.survey_round import ENDED_BADLY, config_of_round, standing_of
 from server.service.survey_step import SurveySteps, request_of
 from server.service.upload import Uploads
 

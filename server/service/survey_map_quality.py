@@ -10,10 +10,10 @@ from server.access.foundation import Foundation
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
 from server.map.field_maps import FieldMaps
+from server.plan.round_problem import RoundProblems
+from server.plan.task import MAP_STD
 from server.service.mission_ledger import MissionLedger
-from server.service.round_problem import RoundProblems
 from server.service.survey_score import map_scores
-from server.service.task.problem import MAP_STD
 
 log = logging.getLogger(__name__)
 

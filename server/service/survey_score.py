@@ -9,7 +9,7 @@ from server.base.worker import WorkerPool
 from server.map.field_model import MODEL_TITLES
 from server.map.samples import site_samples
 from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
-from server.service.round_problem import field_config_of
+from server.plan.round_problem import field_config_of
 from server.service.view.mission import ScoresView
 
 

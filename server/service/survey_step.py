@@ -15,15 +15,13 @@ from robot_link.messages import PlanReport
 from server.access.foundation import Foundation
 from server.base.problem import Problem, conflict
 from server.fleet.fleet import Fleet
-from server.service.drafting import broken_off, outdated_by
-from server.service.mission_ledger import ENDED, MissionLedger
-from server.service.plan_ahead import is_due, unflown
-from server.service.plan_document import candidates_of, legs_of
-from server.service.plan_ledger import PlanLedger
-from server.service.planning import Planning
-from server.service.search_request import SearchRequest
-from server.service.survey_map_quality import SurveyMaps
-from server.service.survey_round import (
+from server.plan.ahead import is_due, unflown
+from server.plan.document import candidates_of, legs_of
+from server.plan.drafting import broken_off, outdated_by
+from server.plan.ledger import PlanLedger
+from server.plan.planning import Planning
+from server.plan.search_request import SearchRequest
+from server.plan.survey_round import (
     AHEAD_OF,
     ENDED_BADLY,
     Standing,
@@ -32,6 +30,8 @@ from server.service.survey_round import (
     standing_of,
     unusable_rest,
 )
+from server.service.mission_ledger import ENDED, MissionLedger
+from server.service.survey_map_quality import SurveyMaps
 from server.service.upload import Uploads
 
 QUIET_S = 1.5

@@ -25,14 +25,14 @@ from server.fleet.fleet import Fleet
 from server.fleet.picture import TRACK_TARGET, Picture
 from server.fleet.recorded import refuse_recording
 from server.fleet.words import TEACHING
+from server.plan.ledger import PlanLedger, note_change
+from server.plan.settings import PlanSettings
+from server.plan.target_account import track_account
+from server.plan.target_battery import battery_violations, track_battery
+from server.plan.target_check import target_path, track_violations, track_warnings
+from server.plan.view import ViolationView
 from server.satellite.cost import mission_credits
-from server.service.plan_ledger import PlanLedger, note_change
-from server.service.plan_settings import PlanSettings
-from server.service.track_account import track_account
-from server.service.track_battery import battery_violations, track_battery
-from server.service.track_check import target_path, track_violations, track_warnings
 from server.service.track_settings import Base, configure_track, unfit
-from server.service.view.plan import ViolationView
 
 _TARGETS = {"virtual": "a virtual target", "tag": "tag {address}", "beacon": "beacon {address}"}
 

@@ -8,8 +8,8 @@ from autonomy.tracking.config import TrackingConfig
 from robot_link.tracking_order import TrackingOrder
 from server.base.configuration import ConfigurationBook, CurrentConfiguration, merge
 from server.base.problem import Problem, conflict
-from server.service.plan_settings import below_config
-from server.service.view.plan import InheritedView
+from server.plan.settings import below_config
+from server.plan.view import InheritedView
 
 Base = Literal["kept", "preset"]
 """What a request's settings are laid over."""

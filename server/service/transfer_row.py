@@ -8,8 +8,8 @@ from db.query import transfers as query
 from db.query.outbox import outbox_of_transfer
 from db.query.plans import PlanRecord, change_plan, get_plan
 from db.query.transfers import TransferRecord
+from server.plan.ledger import note_change
 from server.satellite import plan_row, withdrawal_row
-from server.service.plan_ledger import note_change
 
 
 class WithdrawnError(Exception):

@@ -16,10 +16,10 @@ from robot_link.satellite.fare import credits
 from robot_link.satellite.ground import Part
 from server.fleet.link_view import TransferPartView
 from server.fleet.words import carrier_title
+from server.plan.view import TransferView
 from server.satellite.plan_row import ground_of
 from server.satellite.standing import settings_of
 from server.satellite.withdrawal_row import called_back
-from server.service.view.plan import TransferView
 
 NOTHING_WAITS: Final[Mapping[str, str]] = MappingProxyType({})
 RADIO_LIFE: Final = timedelta(hours=24)

@@ -27,13 +27,13 @@ from server.command.command import Check, Commands
 from server.fleet.fleet import Fleet
 from server.fleet.routing import Wish
 from server.link.link import Radio, SatelliteRoad
+from server.plan.document import mission_of
+from server.plan.drafting import SENDABLE, broken_off, outdated_by
+from server.plan.ledger import PlanLedger
+from server.plan.view import TransferView
 from server.service.carriage import Carriage
-from server.service.drafting import SENDABLE, broken_off, outdated_by
-from server.service.plan_document import mission_of
-from server.service.plan_ledger import PlanLedger
 from server.service.transfer_row import close_all, withdraw_in
 from server.service.transfer_view import transfer_of_plan, transfer_view
-from server.service.view.plan import TransferView
 
 _NAMED_MAX = 3
 """Limits that a refusal names; the others are in its list."""

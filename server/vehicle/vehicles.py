@@ -21,7 +21,7 @@ from robot_link.clock import Clock
 from server.base.problem import FieldError, Problem, conflict, not_found, unprocessable
 from server.base.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of, vehicle_digest
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.service.task.problem import CAPABILITY, CapabilityProblem
+from server.plan.task import CAPABILITY, CapabilityProblem
 from server.service.task.study import POLAR, STEADY, Refusal, SteadyProblem
 
 ANSWERS_KEPT = 64

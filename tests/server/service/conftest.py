@@ -19,7 +19,7 @@ from server.app import create_app
 from server.base.settings import Settings
 from server.base.worker import WorkerPool
 from server.composition import run_station
-from server.service.rehearsing import Rehearsals
+from server.plan.dry_run import Rehearsals
 from server.service.station import Station
 from tests.server.service.fake_link import World, state_report
 from tests.server.service.fake_worker import FakeWorkers

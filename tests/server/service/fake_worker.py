@@ -8,8 +8,8 @@ from autonomy.planner.plan import ObjectivePoint, PlanResult, PlanStatus, Primit
 from robot_link.rehearsal import REHEARSE, Rehearsal, RehearsedTrack
 from server.base.worker import WorkerPool, WorkerTaskError
 from server.map.task import COMPARE_MAPS
-from server.service.primitive_legs import LegRequest, candidate_of, legs_from
-from server.service.task.problem import MAP_STD, PLAN_SURVEY
+from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
+from server.plan.task import MAP_STD, PLAN_SURVEY
 
 DEPTHS_M = (0.30, 0.28, 0.26)
 """Of the best plan's dives and of its runners-up's."""

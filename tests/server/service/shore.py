@@ -11,12 +11,12 @@ from robot_link.messages import CommandKind
 from robot_link.mission import Mission, MissionSettings
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.config import Tariff
+from server.plan.document import mission_of
 from server.satellite import order_row, plan_row
 from server.satellite.inbox import Inbox
 from server.satellite.modem import Modem
 from server.satellite.outbox import Outbox
 from server.satellite.preparing import Means
-from server.service.plan_document import mission_of
 from tests.server.service.conftest import GRACE
 from tests.server.service.sky import IMEI, URI
 

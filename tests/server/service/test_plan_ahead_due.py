@@ -7,10 +7,10 @@ import pytest
 from autonomy.planner.preset import MINIGLIDER
 from db.query.plans import PlanRecord
 from robot_link.messages import OnboardPlanState, PlanReport
-from server.service.plan_ahead import is_due, planned_rest, remaining_s, unflown
-from server.service.plan_document import legs_of, points_of
-from server.service.search_request import SearchRequest
-from server.service.survey_round import standing_of
+from server.plan.ahead import is_due, planned_rest, remaining_s, unflown
+from server.plan.document import legs_of, points_of
+from server.plan.search_request import SearchRequest
+from server.plan.survey_round import standing_of
 from tests.server.service.conftest import FAST, MINI, until
 
 NOW = datetime(2026, 5, 1, tzinfo=UTC)

@@ -5,7 +5,7 @@ import pytest
 
 from robot_link.messages import OnboardPlanState
 from server.base.worker import WorkerEndedError
-from server.service.task.problem import PLAN_SURVEY
+from server.plan.task import PLAN_SURVEY
 from tests.server.service.conftest import FAST, MINI, until
 from tests.server.service.fake_worker import DEPTHS_M
 

@@ -6,9 +6,10 @@ import pytest
 
 from robot_link.rehearsal import REHEARSE
 from server.base.worker import WorkerEndedError
-from server.service import rehearsing, survey_step
-from server.service.rehearsing import Rehearsals
-from server.service.search_request import SearchRequest
+from server.plan import dry_run as rehearsing
+from server.plan.dry_run import Rehearsals
+from server.plan.search_request import SearchRequest
+from server.service import survey_step
 from tests.server.service.conftest import FAST, MINI, open_station, until
 from tests.server.service.fake_link import state_report
 from tests.server.service.test_plan_choice import drafted, mission_in, plan_in

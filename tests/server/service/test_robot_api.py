@@ -10,9 +10,9 @@ from pydantic import TypeAdapter
 from robot_link.messages import LinkReport, LinkState, OnboardPlanState, RobotMode
 from server.access.role import Role
 from server.fleet.view import LiveRobotView
+from server.plan.view import LivePlanView
 from server.service import watch
 from server.service.view.mission import LiveMissionView
-from server.service.view.plan import LivePlanView
 from tests.server.service.conftest import FAST, GRACE, MINI, api_client, open_station, until
 from tests.server.service.fake_link import state_report
 

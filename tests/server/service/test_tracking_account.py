@@ -12,8 +12,8 @@ from autonomy.vehicle.config import VEHICLES
 from robot_link.messages import RobotMode
 from robot_link.mission import Mission, MissionSettings
 from robot_link.tracking_order import TrackingOrder
-from server.service.track_account import dives_of, track_account
-from server.service.track_battery import battery_of, battery_violations
+from server.plan.target_account import dives_of, track_account
+from server.plan.target_battery import battery_of, battery_violations
 from tests.server.service.conftest import GRACE, MINI
 from tests.server.service.fake_link import state_report
 from tests.server.service.test_tracking_plan import draft, upload

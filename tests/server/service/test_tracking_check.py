@@ -22,13 +22,13 @@ from server.fleet.picture import Picture, PlanInHand
 from server.fleet.target_words import track_text, within_95_m
 from server.fleet.trail import Track
 from server.fleet.words import activity
-from server.satellite.content import values_of
-from server.service.plan_document import points_of
-from server.service.track_check import (
+from server.plan.document import points_of
+from server.plan.target_check import (
     target_path,
     track_violations,
     track_warnings,
 )
+from server.satellite.content import values_of
 from server.service.watch import RULES, Watch
 from tests.db.track import track_report
 from tests.server.service.fake_link import state_report

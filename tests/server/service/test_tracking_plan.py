@@ -10,8 +10,8 @@ from db.query.plans import get_plan
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState, RobotMode
 from robot_link.mission import TRACKING_FORMAT
 from robot_link.tracking_order import TrackingOrder
-from server.service.plan_document import mission_of
-from server.service.track_check import outdated_track
+from server.plan.document import mission_of
+from server.plan.target_check import outdated_track
 from tests.server.service.conftest import GRACE, MINI, open_station, until
 from tests.server.service.fake_link import state_report
 from tests.server.service.test_upload import plan_in, transfer_in, upload

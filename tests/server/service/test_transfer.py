@@ -25,7 +25,7 @@ from server.base import retry_queue as turn
 from server.base.problem import Problem
 from server.link import road
 from server.link.road import Road
-from server.service.plan_document import mission_of
+from server.plan.document import mission_of
 from tests.server.service.conftest import MINI, robot_record, until
 from tests.server.service.fake_link import World, state_report
 from tests.server.service.test_upload import draft, plan_in, transfer_in, upload

@@ -5,8 +5,8 @@ import pytest
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.planner.preset import MINIGLIDER
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState
-from server.service.plan_document import mission_of
-from server.service.primitive_legs import LegRequest
+from server.plan.document import mission_of
+from server.plan.primitive_legs import LegRequest
 from tests.server.service.conftest import MINI, open_station, until
 from tests.server.service.fake_link import state_report
 

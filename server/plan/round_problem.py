@@ -17,8 +17,8 @@ from server.access.foundation import Foundation
 from server.base.configuration import CurrentConfiguration
 from server.fleet.fleet import Fleet
 from server.map.samples import Water, site_samples
-from server.service.plan_ahead import planned_rest
-from server.service.task.problem import MapProblem, SurveyProblem
+from server.plan.ahead import planned_rest
+from server.plan.task import MapProblem, SurveyProblem
 
 _WAITING = ("draft", "sent", "on_board")
 

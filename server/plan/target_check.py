@@ -13,7 +13,7 @@ from autonomy.tracking.target_path import place
 from db.query.plans import PlanRecord
 from robot_link.gateway.address import acoustic_address, is_acoustic
 from server.fleet.picture import SURFACE_DEPTH_M, Picture
-from server.service.view.plan import ViolationView
+from server.plan.view import ViolationView
 
 TEACHING = "teaching"
 """Field of the warning that marks a plan which lets the estimate diverge."""

@@ -18,7 +18,7 @@ from autonomy.planner.plan import Leg, ObjectivePoint, PlanResult
 from autonomy.planner.search import plan
 from autonomy.site import Box, Site
 from server.map.task_model import PLANNING, SCORING, domain_points, map_of
-from server.service.task.problem import MapProblem, SurveyProblem
+from server.plan.task import MapProblem, SurveyProblem
 
 _BELIEF_SAMPLES = 4000
 

@@ -17,11 +17,11 @@ from autonomy.planner.plan import Leg
 from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 
-LOAD_PLANNER: Final = "server.service.task.plan_survey:load"
+LOAD_PLANNER: Final = "server.plan.search_task:load"
 """Takes nothing and leaves nothing."""
-PLAN_SURVEY: Final = "server.service.task.plan_survey:run"
+PLAN_SURVEY: Final = "server.plan.search_task:run"
 """Takes a ``SurveyProblem``, reports ``ObjectivePoint``, leaves a ``PlanResult``."""
-MAP_STD: Final = "server.service.task.plan_survey:mean_std"
+MAP_STD: Final = "server.plan.search_task:mean_std"
 """Takes a ``MapProblem``, leaves the mean standard deviation of the map over the domain."""
 CAPABILITY: Final = "server.vehicle.capability_task:run"
 """Takes a ``CapabilityProblem``, leaves primitives and energies as a JSON document."""

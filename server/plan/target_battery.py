@@ -9,8 +9,8 @@ from autonomy.vehicle.config import Vehicle
 from robot_link.messages import StateReport
 from server.base.configuration import ConfigurationBook
 from server.fleet.fleet import Fleet
-from server.service.track_account import dives_of, is_deep
-from server.service.view.plan import BatteryView, ViolationView
+from server.plan.target_account import dives_of, is_deep
+from server.plan.view import BatteryView, ViolationView
 
 _S_PER_H = 3600.0
 

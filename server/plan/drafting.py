@@ -18,9 +18,9 @@ from robot_link.satellite.config import Tariff
 from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.fleet.picture import TRACK_TARGET, Picture
-from server.service.plan_document import Draft, legs_of
-from server.service.track_check import outdated_track
-from server.service.view.plan import ViolationView
+from server.plan.document import Draft, legs_of
+from server.plan.target_check import outdated_track
+from server.plan.view import ViolationView
 
 SENDABLE = ("draft", "on_board")
 """States of a plan that can be sent; one that is on board already is only started."""

@@ -7,7 +7,7 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg
 from db.query.plans import PlanRecord
 from robot_link.messages import PlanReport
-from server.service.plan_document import legs_of, points_of, report_of
+from server.plan.document import legs_of, points_of, report_of
 
 MARGIN_S = 10.0
 """Wall time that a round ahead may take beyond its search: its rehearsal, and a map to make."""

@@ -16,9 +16,8 @@ from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff
 from robot_link.tracking_order import TrackingOrder
-from server.satellite.cost import mission_credits
-from server.service.track_check import TEACHING
-from server.service.view.plan import (
+from server.plan.target_check import TEACHING
+from server.plan.view import (
     AccountView,
     BatteryView,
     InheritedView,
@@ -34,6 +33,7 @@ from server.service.view.plan import (
     RunnerUpView,
     ViolationView,
 )
+from server.satellite.cost import mission_credits
 
 OBJECTIVE_UNITS = {"information_gain": "nat"}
 """Of the objectives that have a unit."""

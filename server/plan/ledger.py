@@ -18,10 +18,10 @@ from robot_link.clock import Clock
 from server.base.live_feed import LiveFeed
 from server.fleet.fleet import Fleet
 from server.fleet.picture import PlanInHand
-from server.service.drafting import outdated_by
-from server.service.plan_document import legs_of, live_plan_view, plan_view, points_of
-from server.service.survey_round import AHEAD_OF
-from server.service.view.plan import PlanView, ProgressView, TransferView, ViolationView
+from server.plan.document import legs_of, live_plan_view, plan_view, points_of
+from server.plan.drafting import outdated_by
+from server.plan.survey_round import AHEAD_OF
+from server.plan.view import PlanView, ProgressView, TransferView, ViolationView
 
 ON_THE_WAY = ("sent", "on_board", "running")
 """States in which a plan has left the station and has not ended."""

@@ -24,24 +24,24 @@ from server.base.retry_queue import until_stored
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
 from server.fleet.picture import TRACK_TARGET
-from server.service.drafting import (
+from server.plan.document import Draft, draft_document, mission_of, search_document
+from server.plan.drafting import (
     broken_limits,
     broken_off,
     draft_of,
     outdated_by,
 )
-from server.service.plan_document import Draft, draft_document, mission_of, search_document
-from server.service.plan_ledger import PlanLedger
-from server.service.plan_settings import PlanSettings
-from server.service.primitive_legs import LegRequest, candidate_of, legs_from
-from server.service.rehearsing import Rehearsals
-from server.service.round_problem import RoundProblems
-from server.service.search_request import SearchRequest
-from server.service.survey_round import NOTHING_FEASIBLE, REPLACES
-from server.service.task.problem import PLAN_SURVEY
-from server.service.track_battery import battery_violations, track_battery
-from server.service.track_check import track_violations
-from server.service.view.plan import ProgressView, RehearsalView, ViolationView
+from server.plan.dry_run import Rehearsals
+from server.plan.ledger import PlanLedger
+from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
+from server.plan.round_problem import RoundProblems
+from server.plan.search_request import SearchRequest
+from server.plan.settings import PlanSettings
+from server.plan.survey_round import NOTHING_FEASIBLE, REPLACES
+from server.plan.target_battery import battery_violations, track_battery
+from server.plan.target_check import track_violations
+from server.plan.task import PLAN_SURVEY
+from server.plan.view import ProgressView, RehearsalView, ViolationView
 
 log = logging.getLogger(__name__)
 

@@ -10,9 +10,9 @@ from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanRepor
 from server.base.retry_queue import Turns
 from server.fleet.picture import TRACK_TARGET
 from server.fleet.words import TEACHING
-from server.service.plan_document import onboard_by, teaches
-from server.service.plan_ledger import ON_THE_WAY, PlanLedger
-from server.service.view.plan import OnboardView
+from server.plan.document import onboard_by, teaches
+from server.plan.ledger import ON_THE_WAY, PlanLedger
+from server.plan.view import OnboardView
 
 _STATES = {
     OnboardPlanState.ON_BOARD: "on_board",

@@ -9,7 +9,7 @@ from autonomy.planner.plan import PrimitiveKind
 from autonomy.tracking.config import TrackingConfig
 from autonomy.vehicle.config import Vehicle
 from robot_link.messages import StateReport
-from server.service.view.plan import AccountView, BatteryView
+from server.plan.view import AccountView, BatteryView
 
 _LEAST_S = 1.0
 """No robot comes up more often."""

@@ -19,9 +19,9 @@ from robot_link.rehearsal import REHEARSE, Rehearsal, RehearsalProblem
 from server.base.vehicle_catalogue import nearest_built_in
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
-from server.service.plan_document import mission_of, points_of
-from server.service.primitive_legs import LegRequest, candidate_of, legs_from
-from server.service.view.plan import RehearsalView
+from server.plan.document import mission_of, points_of
+from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
+from server.plan.view import RehearsalView
 
 log = logging.getLogger(__name__)
 

@@ -14,12 +14,12 @@ from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View
 from server.fleet.link_view import SatelliteQuoteView
-from server.service.plan_document import plan_summary
-from server.service.primitive_legs import LegRequest
-from server.service.search_request import SearchRequest
+from server.plan.document import plan_summary
+from server.plan.primitive_legs import LegRequest
+from server.plan.search_request import SearchRequest
+from server.plan.view import PlanSummaryView, PlanView, ViolationView
 from server.service.track_settings import Base
 from server.service.upload import RoadWish
-from server.service.view.plan import PlanSummaryView, PlanView, ViolationView
 
 router = APIRouter(prefix="/api", tags=["plans"], route_class=IdempotentRoute)
 

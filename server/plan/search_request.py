@@ -5,7 +5,7 @@ from typing import Any
 
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg
-from server.service.survey_round import AHEAD_OF, REPLACES
+from server.plan.survey_round import AHEAD_OF, REPLACES
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,0 +1,1 @@
+"""Plans: made, checked, flown ahead, and moved from state to state."""
