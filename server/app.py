@@ -17,7 +17,6 @@ from server.api import (
     missions,
     surveys,
     tracking,
-    transfers,
     trim,
     view,
     whatifs,
@@ -41,6 +40,7 @@ from server.system import event_route as events
 from server.system import health_route as health
 from server.system import job_route as jobs
 from server.system import live_route as live
+from server.transfer import route as transfers
 from server.vehicle import coefficients_route as coefficients
 from server.vehicle import route as vehicles
 from webui.static import mount_app

@@ -19,7 +19,7 @@ from server.plan.primitive_legs import LegRequest
 from server.plan.search_request import SearchRequest
 from server.plan.view import PlanSummaryView, PlanView, ViolationView
 from server.service.track_settings import Base
-from server.service.upload import RoadWish
+from server.transfer.upload import RoadWish
 
 router = APIRouter(prefix="/api", tags=["plans"], route_class=IdempotentRoute)
 

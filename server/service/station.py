@@ -67,9 +67,9 @@ from server.service.survey_step import SurveySteps
 from server.service.track_follow import TrackFollower
 from server.service.track_planning import TrackPlanning
 from server.service.trim import TrimAdvices
-from server.service.upload import Uploads
 from server.service.watch import watch_fleet
 from server.service.whatif import WhatIfs
+from server.transfer.upload import Uploads
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import SceneSource
 

@@ -25,7 +25,7 @@ from server.plan.search_request import SearchRequest
 from server.plan.survey_round import ENDED_BADLY, config_of_round, standing_of
 from server.service.mission_ledger import MissionLedger
 from server.service.survey_step import SurveySteps, request_of
-from server.service.upload import Uploads
+from server.transfer.upload import Uploads
 
 log = logging.getLogger(__name__)
 

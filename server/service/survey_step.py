@@ -32,7 +32,7 @@ from server.plan.survey_round import (
 )
 from server.service.mission_ledger import ENDED, MissionLedger
 from server.service.survey_map_quality import SurveyMaps
-from server.service.upload import Uploads
+from server.transfer.upload import Uploads
 
 QUIET_S = 1.5
 QUIET_LIMIT_S = 20.0

@@ -8,7 +8,7 @@ from db.query.commands import add_command, list_commands
 from db.query.missions import get_mission
 from db.query.transfers import get_transfer
 from robot_link.messages import CommandKind, CommandLevel, CommandNumber, CommandReport
-from server.service.transfer_row import WithdrawnError, proceed_with_plan
+from server.transfer.row import WithdrawnError, proceed_with_plan
 from tests.server.service.conftest import FAST, GRACE, MINI, open_station, until
 
 

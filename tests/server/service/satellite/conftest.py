@@ -3,7 +3,7 @@
 import pytest
 import pytest_asyncio
 
-from server.service import carriage
+from server.transfer import carriage
 from tests.server.service.far import far_station, place_under, settled
 from tests.server.service.sky import ManualClock, Sky
 

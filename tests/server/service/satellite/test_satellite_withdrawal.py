@@ -13,7 +13,7 @@ from server.base.settings import Settings
 from server.command.row import note_level
 from server.satellite.budget import utc_day
 from server.satellite.withdrawal_row import called_back
-from server.service.transfer_row import end_by_satellite
+from server.transfer.row import end_by_satellite
 from tests.server.service.conftest import GRACE
 from tests.server.service.shore import Shore, begin_order, begin_plan
 from tests.server.service.sky import IMEI, ManualClock, Sky

@@ -30,7 +30,8 @@ from server.link.link import Radio, SatelliteRoad
 from server.plan.document import mission_of
 from server.plan.ledger import PlanLedger
 from server.satellite.plan_row import ground_of
-from server.service.transfer_row import (
+from server.transfer.progress import RADIO_LIFE
+from server.transfer.row import (
     WithdrawnError,
     check_open,
     close,
@@ -38,7 +39,6 @@ from server.service.transfer_row import (
     proceed,
     proceed_with_plan,
 )
-from server.service.transfer_view import RADIO_LIFE
 
 log = logging.getLogger(__name__)
 

@@ -31,9 +31,9 @@ from server.plan.document import mission_of
 from server.plan.drafting import SENDABLE, broken_off, outdated_by
 from server.plan.ledger import PlanLedger
 from server.plan.view import TransferView
-from server.service.carriage import Carriage
-from server.service.transfer_row import close_all, withdraw_in
-from server.service.transfer_view import transfer_of_plan, transfer_view
+from server.transfer.carriage import Carriage
+from server.transfer.progress import transfer_of_plan, transfer_view
+from server.transfer.row import close_all, withdraw_in
 
 _NAMED_MAX = 3
 """Limits that a refusal names; the others are in its list."""
