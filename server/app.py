@@ -16,7 +16,6 @@ from server.api import (
     journal,
     missions,
     surveys,
-    tracking,
     trim,
     view,
     whatifs,
@@ -40,6 +39,7 @@ from server.system import event_route as events
 from server.system import health_route as health
 from server.system import job_route as jobs
 from server.system import live_route as live
+from server.target import route as tracking
 from server.transfer import route as transfers
 from server.vehicle import coefficients_route as coefficients
 from server.vehicle import route as vehicles

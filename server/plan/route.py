@@ -18,7 +18,7 @@ from server.plan.document import plan_summary
 from server.plan.primitive_legs import LegRequest
 from server.plan.search_request import SearchRequest
 from server.plan.view import PlanSummaryView, PlanView, ViolationView
-from server.service.track_settings import Base
+from server.target.settings import Base
 from server.transfer.upload import RoadWish
 
 router = APIRouter(prefix="/api", tags=["plans"], route_class=IdempotentRoute)

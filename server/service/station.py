@@ -64,11 +64,11 @@ from server.service.scene_source import StationSceneSource
 from server.service.survey import Surveys, purge_in
 from server.service.survey_map_quality import SurveyMaps
 from server.service.survey_step import SurveySteps
-from server.service.track_follow import TrackFollower
-from server.service.track_planning import TrackPlanning
 from server.service.trim import TrimAdvices
 from server.service.watch import watch_fleet
 from server.service.whatif import WhatIfs
+from server.target.follow import TrackFollower
+from server.target.planning import TrackPlanning
 from server.transfer.upload import Uploads
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import SceneSource

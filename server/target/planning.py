@@ -32,7 +32,7 @@ from server.plan.target_battery import battery_violations, track_battery
 from server.plan.target_check import target_path, track_violations, track_warnings
 from server.plan.view import ViolationView
 from server.satellite.cost import mission_credits
-from server.service.track_settings import Base, configure_track, unfit
+from server.target.settings import Base, configure_track, unfit
 
 _TARGETS = {"virtual": "a virtual target", "tag": "tag {address}", "beacon": "beacon {address}"}
 

@@ -11,7 +11,7 @@ from server.access.dependency import FoundationDep, Viewer
 from server.api.station_dependency import StationDep, encoded
 from server.fleet.target_view import TrackReportsView
 from server.recording.track_export import track_csv_blocks
-from server.service.track_history import TrackHistory
+from server.target.history import TrackHistory
 
 router = APIRouter(prefix="/api/robots", tags=["tracking"])
 

@@ -1,0 +1,1 @@
+"""Following a target that is known by its range alone."""
