@@ -29,7 +29,7 @@ from server.map.record import Comparison, comparison_of, record_of, scores_of, v
 from server.map.samples import site_robots
 from server.map.site_map import SiteMap
 from server.map.smoothing import Smoothing
-from server.service.view.mission import ScoresView
+from server.survey.view import ScoresView
 from webui.scene.source import MapView, SampleView
 
 log = logging.getLogger(__name__)

@@ -13,7 +13,7 @@ from server.map.grid import grid_of
 from server.map.record import Comparison
 from server.map.samples import Water
 from server.map.site_map import SiteMap, basis_of
-from server.service.view.mission import ScoresView
+from server.survey.view import ScoresView
 from webui.scene.source import MapView
 
 MapKey = tuple[str, str]

@@ -14,7 +14,7 @@ from db.column import microseconds
 from db.query.comparisons import ComparisonRecord
 from db.query.maps import MapRecord
 from server.map.field_model import MODEL_TITLES
-from server.service.view.mission import ScoresView
+from server.survey.view import ScoresView
 from webui.scene.source import MapView
 
 _SCORES = tuple(field.name for field in fields(ScoresView))

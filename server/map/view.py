@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from server.base.view import View
-from server.service.view.mission import ScoresView
+from server.survey.view import ScoresView
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,18 +55,18 @@ from server.plan.round_problem import field_config_of
 from server.plan.task import LOAD_PLANNER
 from server.satellite.gateways import Gateways, KeepMessage
 from server.satellite.satellite import Satellite, SatelliteListeners
-from server.service.fleet_survey import FleetSurveys
 from server.service.identification import Identifications
-from server.service.mission_ledger import MissionLedger
-from server.service.plan_choice import PlanChoices
 from server.service.scene_host import SceneHost
 from server.service.scene_source import StationSceneSource
-from server.service.survey import Surveys, purge_in
-from server.service.survey_map_quality import SurveyMaps
-from server.service.survey_step import SurveySteps
 from server.service.trim import TrimAdvices
 from server.service.watch import watch_fleet
 from server.service.whatif import WhatIfs
+from server.survey.fleet_survey import FleetSurveys
+from server.survey.map_quality import SurveyMaps
+from server.survey.mission_ledger import MissionLedger
+from server.survey.plan_choice import PlanChoices
+from server.survey.step import SurveySteps
+from server.survey.surveys import Surveys, purge_in
 from server.target.follow import TrackFollower
 from server.target.planning import TrackPlanning
 from server.transfer.upload import Uploads

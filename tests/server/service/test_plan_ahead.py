@@ -8,8 +8,8 @@ import pytest
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState
 from server.base.worker import WorkerTaskError
 from server.plan.task import MAP_STD
-from server.service import survey_step
-from server.service.survey_map_quality import SurveyMaps
+from server.survey import step as survey_step
+from server.survey.map_quality import SurveyMaps
 from tests.server.service.conftest import FAST, MINI, open_station, until
 from tests.server.service.fake_link import state_report
 

@@ -9,7 +9,7 @@ from server.base.worker import WorkerEndedError
 from server.plan import dry_run as rehearsing
 from server.plan.dry_run import Rehearsals
 from server.plan.search_request import SearchRequest
-from server.service import survey_step
+from server.survey import step as survey_step
 from tests.server.service.conftest import FAST, MINI, open_station, until
 from tests.server.service.fake_link import state_report
 from tests.server.service.test_plan_choice import drafted, mission_in, plan_in

@@ -12,7 +12,7 @@ from server.access.role import Role
 from server.fleet.view import LiveRobotView
 from server.plan.view import LivePlanView
 from server.service import watch
-from server.service.view.mission import LiveMissionView
+from server.survey.view import LiveMissionView
 from tests.server.service.conftest import FAST, GRACE, MINI, api_client, open_station, until
 from tests.server.service.fake_link import state_report
 

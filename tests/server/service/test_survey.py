@@ -12,7 +12,7 @@ from db.query.events import newest_events
 from db.query.maps import newest_maps
 from db.query.samples import sample_columns
 from robot_link.messages import OnboardPlanState
-from server.service import survey_step
+from server.survey import step as survey_step
 from tests.server.service.conftest import FAST, GRACE, MINI, open_station, until
 from tests.server.service.fake_link import state_report
 

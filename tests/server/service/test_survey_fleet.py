@@ -6,7 +6,7 @@ import pytest
 from autonomy.site import TANK
 from db.query.robots import add_robot
 from robot_link.messages import RobotId
-from server.service import survey_step
+from server.survey import step as survey_step
 from tests.server.service.conftest import FAST, GRACE, MINI, open_station, robot_record, until
 from tests.server.service.fake_link import state_report
 from tests.server.service.test_plan_choice import mission_in

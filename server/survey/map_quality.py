@@ -12,8 +12,8 @@ from server.fleet.fleet import Fleet
 from server.map.field_maps import FieldMaps
 from server.plan.round_problem import RoundProblems
 from server.plan.task import MAP_STD
-from server.service.mission_ledger import MissionLedger
-from server.service.survey_score import map_scores
+from server.survey.mission_ledger import MissionLedger
+from server.survey.score import map_scores
 
 log = logging.getLogger(__name__)
 

@@ -18,7 +18,7 @@ from server.fleet.fleet import Fleet
 from server.plan.document import onboard_view
 from server.plan.drafting import outdated_by
 from server.plan.survey_round import counted, planned_energy, standing_of
-from server.service.view.mission import (
+from server.survey.view import (
     BudgetView,
     LiveMissionView,
     MissionView,

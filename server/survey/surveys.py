@@ -23,8 +23,8 @@ from server.plan.ledger import ON_THE_WAY
 from server.plan.planning import Planning
 from server.plan.search_request import SearchRequest
 from server.plan.survey_round import ENDED_BADLY, config_of_round, standing_of
-from server.service.mission_ledger import MissionLedger
-from server.service.survey_step import SurveySteps, request_of
+from server.survey.mission_ledger import MissionLedger
+from server.survey.step import SurveySteps, request_of
 from server.transfer.upload import Uploads
 
 log = logging.getLogger(__name__)

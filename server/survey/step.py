@@ -30,8 +30,8 @@ from server.plan.survey_round import (
     standing_of,
     unusable_rest,
 )
-from server.service.mission_ledger import ENDED, MissionLedger
-from server.service.survey_map_quality import SurveyMaps
+from server.survey.map_quality import SurveyMaps
+from server.survey.mission_ledger import ENDED, MissionLedger
 from server.transfer.upload import Uploads
 
 QUIET_S = 1.5

@@ -19,7 +19,7 @@ from server.plan.ledger import PlanLedger
 from server.plan.planning import Planning
 from server.plan.search_request import SearchRequest
 from server.plan.survey_round import AHEAD_OF
-from server.service.mission_ledger import MissionLedger
+from server.survey.mission_ledger import MissionLedger
 
 _WAITS = ("ready", "stopped", "failed")
 """States of a mission whose draft a person may exchange."""

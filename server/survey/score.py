@@ -10,7 +10,7 @@ from server.map.field_model import MODEL_TITLES
 from server.map.samples import site_samples
 from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
 from server.plan.round_problem import field_config_of
-from server.service.view.mission import ScoresView
+from server.survey.view import ScoresView
 
 
 async def map_scores(

@@ -6,7 +6,7 @@ from typing import Any
 from server.base.problem import FieldError, unprocessable
 from server.fleet.fleet import Fleet
 from server.map.samples import Water
-from server.service.survey import Surveys
+from server.survey.surveys import Surveys
 
 
 class FleetSurveys:

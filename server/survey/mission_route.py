@@ -13,7 +13,7 @@ from server.base.body import Body
 from server.base.view import View
 from server.fleet.picture import TRACK_TARGET
 from server.plan.route import PartialConfig
-from server.service.view.mission import MissionView
+from server.survey.view import MissionView
 
 router = APIRouter(prefix="/api", tags=["missions"], route_class=IdempotentRoute)
 

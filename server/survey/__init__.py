@@ -1,0 +1,1 @@
+"""Adaptive surveys: missions whose rounds are planned, flown and mapped."""
