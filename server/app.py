@@ -8,7 +8,7 @@ from fastapi import FastAPI
 
 from server.access import people_route as people
 from server.access import session_route as session
-from server.api import alarms, deployments, identifications, imports, journal, trim, view, whatifs
+from server.api import alarms, deployments, imports, journal, view
 from server.base.middleware import RequestGuard
 from server.base.problem import ProblemDetails, install_problem_handlers
 from server.base.settings import Settings
@@ -22,6 +22,9 @@ from server.map import route as maps
 from server.plan import route as plans
 from server.satellite import gateway_route as gateways
 from server.service.station import Station
+from server.study import identification_route as identifications
+from server.study import trim_route as trim
+from server.study import whatif_route as whatifs
 from server.survey import mission_route as missions
 from server.survey import route as surveys
 from server.system import configuration_route as config

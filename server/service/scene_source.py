@@ -11,7 +11,7 @@ from robot_link.messages import RobotId, TrackReport
 from server.fleet.fleet import Fleet
 from server.fleet.picture import Picture, PlanInHand
 from server.map.field_maps import FieldMaps
-from server.service.comparison_view import ShownWhatIfs
+from server.study.comparison_view import ShownWhatIfs
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import (
     ComparisonView,

@@ -55,12 +55,12 @@ from server.plan.round_problem import field_config_of
 from server.plan.task import LOAD_PLANNER
 from server.satellite.gateways import Gateways, KeepMessage
 from server.satellite.satellite import Satellite, SatelliteListeners
-from server.service.identification import Identifications
 from server.service.scene_host import SceneHost
 from server.service.scene_source import StationSceneSource
-from server.service.trim import TrimAdvices
 from server.service.watch import watch_fleet
-from server.service.whatif import WhatIfs
+from server.study.identification import Identifications
+from server.study.trim import TrimAdvices
+from server.study.whatif import WhatIfs
 from server.survey.fleet_survey import FleetSurveys
 from server.survey.map_quality import SurveyMaps
 from server.survey.mission_ledger import MissionLedger

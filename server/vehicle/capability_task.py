@@ -6,7 +6,7 @@ from typing import Any
 from autonomy.planner.capability import energy_of, joules_per_unit, motion_of
 from autonomy.vehicle.steady import NoSteadyGlideError
 from server.plan.task import CapabilityProblem
-from server.service.task.study import Refusal
+from server.study.task import Refusal
 
 
 def run(

@@ -11,7 +11,7 @@ from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.polar import polar
 from autonomy.vehicle.stability import stability
 from autonomy.vehicle.steady import NoSteadyGlideError, steady_glide
-from server.service.task.study import Refusal, SteadyProblem
+from server.study.task import Refusal, SteadyProblem
 
 _TABLES = (
     "speed_m_s",

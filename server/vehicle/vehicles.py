@@ -22,7 +22,7 @@ from server.base.problem import FieldError, Problem, conflict, not_found, unproc
 from server.base.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of, vehicle_digest
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.plan.task import CAPABILITY, CapabilityProblem
-from server.service.task.study import POLAR, STEADY, Refusal, SteadyProblem
+from server.study.task import POLAR, STEADY, Refusal, SteadyProblem
 
 ANSWERS_KEPT = 64
 """So many polars and capabilities stay in memory, the last asked for."""

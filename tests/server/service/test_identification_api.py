@@ -18,9 +18,8 @@ from db.query import identifications as query
 from db.tables import Deployment
 from robot_link.messages import RobotMode
 from server.access.role import Role
-from server.service import flight_recording
-from server.service.task import identification as identification_task
-from server.service.task.study import IdentificationProblem, Refusal
+from server.study import flight_recording, identification_task
+from server.study.task import IdentificationProblem, Refusal
 from tests.server.service.conftest import MINI, api_client, open_station, until
 from tests.server.service.fake_link import state_report
 

@@ -7,7 +7,7 @@ import pytest
 
 from db.fault import StoreUnavailableError
 from db.query import identifications, whatifs
-from server.service import study
+from server.study import study
 from tests.server.service import test_identification_api as searches
 from tests.server.service import test_whatif_api as runs
 from tests.server.service.conftest import MINI, until

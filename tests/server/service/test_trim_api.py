@@ -13,8 +13,8 @@ from db.fault import StoreUnavailableError
 from db.query import trim as query
 from db.query.state_columns import state_columns
 from server.access.role import Role
-from server.service import flight_recording, trim
-from server.service.trim_advice import in_words
+from server.study import flight_recording, trim
+from server.study.trim_advice import in_words
 from tests.server.service.conftest import api_client, until
 from tests.server.service.test_identification_api import BEGIN, deployed
 

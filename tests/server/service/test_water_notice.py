@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from autonomy.site import LAKE, TANK
-from server.service.water_notice import water_notices
+from server.study.water_notice import water_notices
 from tests.server.service.test_whatif_api import SHORT, ended, start
 
 pytestmark = pytest.mark.usefixtures("in_threads")

@@ -5,8 +5,8 @@ import pytest
 from autonomy.control.catalogue import CONTROLLERS
 from autonomy.trial.config import TrialConfig
 from autonomy.vehicle.config import MINIGLIDER
-from server.service.task.study import WhatIfController, WhatIfProblem
-from server.service.task.whatif import check
+from server.study.task import WhatIfController, WhatIfProblem
+from server.study.whatif_task import check
 
 
 def refusal(scenario, **settings):

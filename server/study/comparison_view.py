@@ -8,7 +8,7 @@ from db.query.whatifs import Position, WhatIfRecord
 from db.store import Store
 from server.base.problem import conflict, not_found
 from server.fleet.fleet import Fleet
-from server.service.task.study import Document
+from server.study.task import Document
 from webui.scene.source import ComparisonTrack, ComparisonView
 
 

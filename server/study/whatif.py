@@ -19,9 +19,9 @@ from server.base.job import JobError, JobProgress
 from server.base.problem import FieldError, Problem, below, conflict, unprocessable
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
-from server.service.comparison_view import ShownWhatIfs
-from server.service.study import STOPPED, RunningStudies
-from server.service.task.study import (
+from server.study.comparison_view import ShownWhatIfs
+from server.study.study import STOPPED, RunningStudies
+from server.study.task import (
     CHECK_WHATIF,
     WHATIF,
     Document,

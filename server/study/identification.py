@@ -25,11 +25,11 @@ from server.base.job import JobError, JobProgress
 from server.base.problem import Problem, below, conflict
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
-from server.service.accepted import AcceptedIdentification, keep_offer
-from server.service.flight_recording import find_deployment, read_flight
-from server.service.identified import note_of, offsets_of
-from server.service.study import STOPPED, RunningStudies
-from server.service.task.study import (
+from server.study.accepted import AcceptedIdentification, keep_offer
+from server.study.flight_recording import find_deployment, read_flight
+from server.study.identified import note_of, offsets_of
+from server.study.study import STOPPED, RunningStudies
+from server.study.task import (
     CHECKPOINT,
     IDENTIFY,
     Document,
@@ -37,7 +37,7 @@ from server.service.task.study import (
     IdentificationProblem,
     Refusal,
 )
-from server.service.whatif import vehicle_of
+from server.study.whatif import vehicle_of
 from server.vehicle.vehicles import Vehicles
 
 log = logging.getLogger(__name__)

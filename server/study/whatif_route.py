@@ -11,14 +11,14 @@ from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.base.body import Body
 from server.service.station import Station
-from server.service.view.whatif import (
+from server.study.water_notice import water_notices
+from server.study.whatif import ControllerRequest
+from server.study.whatif_view import (
     StudyStartedView,
     WhatIfSummaryView,
     WhatIfsView,
     WhatIfView,
 )
-from server.service.water_notice import water_notices
-from server.service.whatif import ControllerRequest
 
 router = APIRouter(prefix="/api", tags=["what-if"], route_class=IdempotentRoute)
 

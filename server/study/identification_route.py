@@ -10,7 +10,7 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep, encoded
 from server.base.body import Body
-from server.service.view.identification import (
+from server.study.identification_view import (
     AcceptedVehicleView,
     ActuatorOffsetView,
     ConvergenceView,
@@ -18,7 +18,7 @@ from server.service.view.identification import (
     IdentificationsView,
     IdentificationView,
 )
-from server.service.view.whatif import StudyStartedView
+from server.study.whatif_view import StudyStartedView
 
 router = APIRouter(prefix="/api", tags=["identification"], route_class=IdempotentRoute)
 

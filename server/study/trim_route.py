@@ -7,8 +7,8 @@ from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
 from server.api.station_dependency import StationDep
 from server.base.body import Body
-from server.service.trim import STEPS
-from server.service.view.identification import AdviceJobView, TrimView
+from server.study.identification_view import AdviceJobView, TrimView
+from server.study.trim import STEPS
 
 router = APIRouter(prefix="/api/robots/{robot}/trim", tags=["trim"], route_class=IdempotentRoute)
 

@@ -6,7 +6,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from autonomy.identification.trim_advice import NoAdviceError, advise
-from server.service.task.study import Refusal, TrimProblem
+from server.study.task import Refusal, TrimProblem
 
 
 def run(

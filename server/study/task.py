@@ -18,14 +18,14 @@ POLAR: Final = "server.vehicle.motion_task:polar_document"
 """Takes a ``Vehicle``, leaves the JSON document of its polar."""
 STEADY: Final = "server.vehicle.motion_task:steady_document"
 """Takes a ``SteadyProblem``, leaves a JSON document or a ``Refusal``."""
-CHECK_WHATIF: Final = "server.service.task.whatif:check"
+CHECK_WHATIF: Final = "server.study.whatif_task:check"
 """Takes a ``WhatIfProblem``, leaves ``None`` or a ``Refusal``."""
-WHATIF: Final = "server.service.task.whatif:run"
+WHATIF: Final = "server.study.whatif_task:run"
 """Takes a ``WhatIfProblem``, reports share and message, leaves a JSON document or a ``Refusal``."""
-IDENTIFY: Final = "server.service.task.identification:run"
+IDENTIFY: Final = "server.study.identification_task:run"
 """Takes an ``IdentificationProblem``, reports ``IdentificationNews``, leaves a JSON document or a
 ``Refusal``."""
-ADVISE_TRIM: Final = "server.service.task.trim_advice:run"
+ADVISE_TRIM: Final = "server.study.trim_task:run"
 """Takes a ``TrimProblem``, leaves a JSON document or a ``Refusal``."""
 
 Document = Mapping[str, Any]

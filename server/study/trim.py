@@ -17,10 +17,10 @@ from server.base.job import JobError, JobProgress
 from server.base.problem import Problem, conflict, not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
-from server.service.flight_recording import find_deployment, read_last_dives
-from server.service.task.study import ADVISE_TRIM, Document, Refusal, TrimProblem
-from server.service.trim_advice import advice_document, fits, for_vehicle, in_words
-from server.service.whatif import vehicle_of
+from server.study.flight_recording import find_deployment, read_last_dives
+from server.study.task import ADVISE_TRIM, Document, Refusal, TrimProblem
+from server.study.trim_advice import advice_document, fits, for_vehicle, in_words
+from server.study.whatif import vehicle_of
 from server.vehicle.vehicles import Vehicles
 
 STEPS = {0.5: ("half_step", "half a trim step"), 1.0: ("full_step", "a whole trim step")}

@@ -14,7 +14,7 @@ from autonomy.identification.progress import (
     Progress,
 )
 from autonomy.identification.run import identify
-from server.service.task.study import (
+from server.study.task import (
     CHECKPOINT,
     IdentificationNews,
     IdentificationProblem,

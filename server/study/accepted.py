@@ -12,9 +12,9 @@ from db.query.identifications import IdentificationRecord
 from db.query.trim import add_advice
 from server.base.configuration import current
 from server.base.configuration_kind import find_kind
-from server.service.identified import ActuatorOffset, offered_trim
-from server.service.task.study import Document
-from server.service.trim_advice import advice_document, for_vehicle
+from server.study.identified import ActuatorOffset, offered_trim
+from server.study.task import Document
+from server.study.trim_advice import advice_document, for_vehicle
 
 
 @dataclass(frozen=True, slots=True)

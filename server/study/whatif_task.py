@@ -8,7 +8,7 @@ from autonomy.trial.check import UnfitControllerError, check_scenario
 from autonomy.trial.comparison import TrialCancelledError, compare
 from autonomy.trial.run import ControllerChoice
 from autonomy.trial.work import TooMuchWorkError
-from server.service.task.study import Refusal, WhatIfProblem
+from server.study.task import Refusal, WhatIfProblem
 
 POINTS_MAX = 400
 

@@ -1,0 +1,1 @@
+"""Studies of vehicles: what-if runs, identification, trim."""
