@@ -8,7 +8,8 @@ from fastapi import FastAPI
 
 from server.access import people_route as people
 from server.access import session_route as session
-from server.api import alarms, deployments, imports, journal, view
+from server.alarm import route as alarms
+from server.api import deployments, imports, journal, view
 from server.base.middleware import RequestGuard
 from server.base.problem import ProblemDetails, install_problem_handlers
 from server.base.settings import Settings

@@ -29,6 +29,7 @@ from robot_link.messages import (
 )
 from robot_link.transport.opening import is_radio
 from server.access.foundation import Foundation
+from server.alarm.rules import watch_fleet
 from server.base.job_watch import watch_jobs
 from server.base.live_feed import LiveFeed
 from server.base.problem import not_found
@@ -57,7 +58,6 @@ from server.satellite.gateways import Gateways, KeepMessage
 from server.satellite.satellite import Satellite, SatelliteListeners
 from server.service.scene_host import SceneHost
 from server.service.scene_source import StationSceneSource
-from server.service.watch import watch_fleet
 from server.study.identification import Identifications
 from server.study.trim import TrimAdvices
 from server.study.whatif import WhatIfs

@@ -9,9 +9,9 @@ from pydantic import TypeAdapter
 
 from robot_link.messages import LinkReport, LinkState, OnboardPlanState, RobotMode
 from server.access.role import Role
+from server.alarm import rules as watch
 from server.fleet.view import LiveRobotView
 from server.plan.view import LivePlanView
-from server.service import watch
 from server.survey.view import LiveMissionView
 from tests.server.service.conftest import FAST, GRACE, MINI, api_client, open_station, until
 from tests.server.service.fake_link import state_report

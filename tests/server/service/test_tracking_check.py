@@ -18,6 +18,7 @@ from robot_link.messages import (
     TargetEstimate,
 )
 from robot_link.satellite.content import MobileOriginatedContent
+from server.alarm.rules import RULES, Watch
 from server.fleet.picture import Picture, PlanInHand
 from server.fleet.target_words import track_text, within_95_m
 from server.fleet.trail import Track
@@ -29,7 +30,6 @@ from server.plan.target_check import (
     track_warnings,
 )
 from server.satellite.content import values_of
-from server.service.watch import RULES, Watch
 from tests.db.track import track_report
 from tests.server.service.fake_link import state_report
 

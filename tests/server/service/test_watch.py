@@ -14,10 +14,10 @@ from robot_link.messages import (
     RobotId,
     RobotMode,
 )
+from server.alarm.rules import RULES, Watch
 from server.fleet.clock_fault import ClockFault
 from server.fleet.picture import Picture, SatelliteStanding
 from server.fleet.trail import POINTS_MAX, Track
-from server.service.watch import RULES, Watch
 from tests.server.service.fake_link import state_report
 
 NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
