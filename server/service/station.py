@@ -56,8 +56,8 @@ from server.plan.round_problem import field_config_of
 from server.plan.task import LOAD_PLANNER
 from server.satellite.gateways import Gateways, KeepMessage
 from server.satellite.satellite import Satellite, SatelliteListeners
-from server.service.scene_host import SceneHost
-from server.service.scene_source import StationSceneSource
+from server.scene.host import SceneHost
+from server.scene.source import StationSceneSource
 from server.study.identification import Identifications
 from server.study.trim import TrimAdvices
 from server.study.whatif import WhatIfs

@@ -11,7 +11,7 @@ from db.query.maps import MapRecord, add_map
 from db.query.robots import add_robot
 from robot_link.messages import RobotId
 from server.map.seen import Seen
-from server.service.scene_source import StationSceneSource
+from server.scene.source import StationSceneSource
 from tests.server.service.conftest import GRACE, MINI, open_station, robot_record, until
 from tests.server.service.fake_link import state_report
 

@@ -18,7 +18,7 @@ from server.access.dependency import Pilot, Viewer, WebSocketViewer
 from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.problem import Problem, not_found
-from server.service.view.scene import SceneStateView
+from server.scene.view import SceneStateView
 from webui.scene.page import page
 from webui.scene.view import SceneChange, SceneState
 
