@@ -9,7 +9,6 @@ from fastapi import FastAPI
 from server.access import people_route as people
 from server.access import session_route as session
 from server.alarm import route as alarms
-from server.api import deployments, imports, journal
 from server.base.middleware import RequestGuard
 from server.base.problem import ProblemDetails, install_problem_handlers
 from server.base.settings import Settings
@@ -21,6 +20,9 @@ from server.link import range_route as ranges
 from server.link import route as links
 from server.map import route as maps
 from server.plan import route as plans
+from server.recording import deployment_route as deployments
+from server.recording import import_route as imports
+from server.recording import journal_route as journal
 from server.satellite import gateway_route as gateways
 from server.scene import route as view
 from server.service.station import Station
