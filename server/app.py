@@ -25,7 +25,7 @@ from server.recording import import_route as imports
 from server.recording import journal_route as journal
 from server.satellite import gateway_route as gateways
 from server.scene import route as view
-from server.service.station import Station
+from server.station import Station
 from server.study import identification_route as identifications
 from server.study import trim_route as trim
 from server.study import whatif_route as whatifs

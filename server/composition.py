@@ -24,7 +24,7 @@ _ALARM_TASK = "alarm about"
 
 
 class Service(Protocol):
-    """What runs on a foundation: ``server.service.station.Station``, or a test's stand-in."""
+    """What runs on a foundation: ``server.station.Station``, or a test's stand-in."""
 
     async def start(self) -> None:
         """Begin to work."""

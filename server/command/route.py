@@ -8,10 +8,10 @@ from fastapi import APIRouter, Query
 from robot_link.messages import CommandKind
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View
 from server.command.view import CommandView
+from server.station_dependency import StationDep
 
 router = APIRouter(prefix="/api", tags=["commands"], route_class=IdempotentRoute)
 

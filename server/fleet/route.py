@@ -24,12 +24,12 @@ from robot_link.gateway.address import check_link
 from robot_link.messages import RobotId, SystemId
 from server.access.dependency import Admin, FoundationDep, StoreDep, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep, encoded
 from server.base.body import Body
 from server.base.problem import FieldError, conflict, not_found, unprocessable
 from server.fleet.channel import CHANNELS
 from server.fleet.trail import DRIFT_MODES
 from server.fleet.view import RobotView, SamplesView, StateView, TrackView
+from server.station_dependency import StationDep, encoded
 
 router = APIRouter(prefix="/api/robots", tags=["robots"], route_class=IdempotentRoute)
 

@@ -8,10 +8,10 @@ from pydantic import Field
 
 from server.access.dependency import FoundationDep, Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View
 from server.link.onboard_view import ParametersView, ParameterView, RobotLogsView
+from server.station_dependency import StationDep
 
 router = APIRouter(prefix="/api/robots/{robot}", tags=["on board"], route_class=IdempotentRoute)
 

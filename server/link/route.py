@@ -7,10 +7,10 @@ from pydantic import Field
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.fleet.link_panel import link_views
 from server.fleet.link_view import RobotLinkView, SatelliteView
+from server.station_dependency import StationDep
 
 router = APIRouter(prefix="/api/robots", tags=["links"], route_class=IdempotentRoute)
 

@@ -9,7 +9,6 @@ from fastapi import APIRouter, Query, Response
 
 from server.access.dependency import FoundationDep, Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep, encoded
 from server.base.problem import not_found
 from server.map.export import ORDER, MapExport, archive, table
 from server.map.view import (
@@ -20,7 +19,8 @@ from server.map.view import (
     MapJobView,
     SampleCountView,
 )
-from server.service.station import Station
+from server.station import Station
+from server.station_dependency import StationDep, encoded
 from webui.scene.source import MapView
 
 router = APIRouter(prefix="/api/robots/{robot}/maps", tags=["maps"], route_class=IdempotentRoute)

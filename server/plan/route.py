@@ -10,7 +10,6 @@ from autonomy.planner.plan import PrimitiveKind
 from db.query.plans import PlanRecord, list_plans
 from server.access.dependency import Pilot, StoreDep, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View
 from server.fleet.link_view import SatelliteQuoteView
@@ -18,6 +17,7 @@ from server.plan.document import plan_summary
 from server.plan.primitive_legs import LegRequest
 from server.plan.search_request import SearchRequest
 from server.plan.view import PlanSummaryView, PlanView, ViolationView
+from server.station_dependency import StationDep
 from server.target.settings import Base
 from server.transfer.upload import RoadWish
 

@@ -15,10 +15,10 @@ from pydantic import Field
 
 from robot_link.messages import RobotId
 from server.access.dependency import Pilot, Viewer, WebSocketViewer
-from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.problem import Problem, not_found
 from server.scene.view import SceneStateView
+from server.station_dependency import StationDep
 from webui.scene.page import page
 from webui.scene.view import SceneChange, SceneState
 

@@ -8,8 +8,8 @@ from pydantic import AwareDatetime, Field
 from db.query.identifications import IdentificationRecord
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep, encoded
 from server.base.body import Body
+from server.station_dependency import StationDep, encoded
 from server.study.identification_view import (
     AcceptedVehicleView,
     ActuatorOffsetView,

@@ -5,8 +5,8 @@ from pydantic import Field, field_validator
 
 from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep
 from server.base.body import Body
+from server.station_dependency import StationDep
 from server.study.identification_view import AdviceJobView, TrimView
 from server.study.trim import STEPS
 

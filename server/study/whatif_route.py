@@ -8,9 +8,9 @@ from pydantic import Field
 from db.query.whatifs import WhatIfRecord
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep, encoded
 from server.base.body import Body
-from server.service.station import Station
+from server.station import Station
+from server.station_dependency import StationDep, encoded
 from server.study.water_notice import water_notices
 from server.study.whatif import ControllerRequest
 from server.study.whatif_view import (

@@ -8,11 +8,11 @@ from pydantic import Field, field_validator
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View
 from server.fleet.picture import TRACK_TARGET
 from server.plan.route import PartialConfig
+from server.station_dependency import StationDep
 from server.survey.view import MissionView
 
 router = APIRouter(prefix="/api", tags=["missions"], route_class=IdempotentRoute)

@@ -7,10 +7,10 @@ from pydantic import Field
 
 from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.view import View
 from server.plan.route import PartialConfig
+from server.station_dependency import StationDep
 
 router = APIRouter(prefix="/api", tags=["missions"], route_class=IdempotentRoute)
 

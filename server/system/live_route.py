@@ -7,7 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect, status
 
 from server.access.dependency import WebSocketViewer
-from server.api.station_dependency import StationDep
+from server.station_dependency import StationDep
 
 router = APIRouter(tags=["live"])
 

@@ -8,9 +8,9 @@ from fastapi.responses import StreamingResponse
 from pydantic import AwareDatetime
 
 from server.access.dependency import FoundationDep, Viewer
-from server.api.station_dependency import StationDep, encoded
 from server.fleet.target_view import TrackReportsView
 from server.recording.track_export import track_csv_blocks
+from server.station_dependency import StationDep, encoded
 from server.target.history import TrackHistory
 
 router = APIRouter(prefix="/api/robots", tags=["tracking"])

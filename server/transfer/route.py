@@ -4,8 +4,8 @@ from fastapi import APIRouter
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep
 from server.plan.view import TransferView
+from server.station_dependency import StationDep
 
 router = APIRouter(prefix="/api/transfers", tags=["transfers"], route_class=IdempotentRoute)
 

@@ -11,10 +11,10 @@ from pydantic import Field, ValidationError
 from starlette.datastructures import UploadFile
 
 from server.access.dependency import Pilot
-from server.api.station_dependency import StationDep
 from server.base.body import Body
 from server.base.problem import FieldError, Problem, invalid, unprocessable
 from server.base.view import View
+from server.station_dependency import StationDep
 from server.vehicle.coefficients import (
     COLUMNS,
     CoefficientTableError,

@@ -7,9 +7,9 @@ from fastapi import APIRouter, Query, Response
 from autonomy.vehicle.parameter_file import vehicle_document
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.api.station_dependency import StationDep, encoded
 from server.base.vehicle_catalogue import CatalogueEntry
-from server.service.station import Station
+from server.station import Station
+from server.station_dependency import StationDep, encoded
 from server.vehicle.view import (
     CapabilityView,
     PolarView,

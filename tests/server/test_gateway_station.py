@@ -8,7 +8,7 @@ from robot_link.clock import SystemClock
 from server.app import create_app
 from server.base.secret import GatewayAccount, SecretStore
 from server.base.settings import Settings
-from server.service.station import Station
+from server.station import Station
 from tests.robot_link.signed_push import FORM, IMEI, form_push, public_pem, push_fields
 from tests.server.gateway_station import _tables, blank_database, robot
 from tests.server.service.fake_link import World

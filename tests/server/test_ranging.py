@@ -16,7 +16,7 @@ from robot_link.messages import LinkState, RobotId, SystemId
 from server.app import create_app
 from server.base.settings import Settings
 from server.link.ranging import Ranging
-from server.service.station import Station
+from server.station import Station
 from simulator.acoustic_modem import AcousticConditions, AcousticModem, AcousticNode
 from tests.robot_link.test_acoustic_modem import SOON_SILENT, FakeModem, replying, scaled_clock
 from tests.server.gateway_station import _tables, blank_database, robot, station

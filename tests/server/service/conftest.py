@@ -20,7 +20,7 @@ from server.base.settings import Settings
 from server.base.worker import WorkerPool
 from server.composition import run_station
 from server.plan.dry_run import Rehearsals
-from server.service.station import Station
+from server.station import Station
 from tests.server.service.fake_link import World, state_report
 from tests.server.service.fake_worker import FakeWorkers
 from tests.server.service.in_thread import run_in_thread

@@ -12,7 +12,7 @@ from server.base.settings import Settings
 from server.command import command
 from server.composition import run_station
 from server.satellite import outbox
-from server.service.station import Station
+from server.station import Station
 from tests.server.service.conftest import GRACE, api_client, until
 from tests.server.service.fake_link import state_report
 from tests.server.service.sky import URI

@@ -26,7 +26,7 @@ from server.base.settings import Settings
 from server.composition import run_station
 from server.recording.replay import compare, replay_into
 from server.recording.tlog import tlog_blocks
-from server.service.station import Station
+from server.station import Station
 from simulator.xbee_network import AirConditions, XBeeNetwork
 from tests.db.track import track_report
 from tests.server.service.conftest import MINI, until

@@ -24,7 +24,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from server.service import mapping, smoothing
-from server.service.station import Station
+from server.station import Station
 from tests.server.service.conftest import MINI, open_station, until
 from tests.server.service.dive import begin_of, dive
 from tests.server.service.fake_link import World

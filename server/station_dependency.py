@@ -6,7 +6,7 @@ import msgspec
 from fastapi import Depends, Response
 from starlette.requests import HTTPConnection
 
-from server.service.station import Station
+from server.station import Station
 
 
 def get_station(connection: HTTPConnection) -> Station:
