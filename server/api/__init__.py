@@ -1,1 +1,0 @@
-"""REST resources and live streams, one module a resource."""

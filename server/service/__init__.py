@@ -1,1 +1,0 @@
-"""What the station does between requests, one module a duty."""
