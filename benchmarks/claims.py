@@ -5,8 +5,8 @@ from typing import Any
 import numpy as np
 
 from autonomy.trial import kernel
-from server.reproduction import claims, fig_3_3_cases, fig_3_10
-from server.reproduction.table_3_3 import OSCILLATION_RAD
+from reproduction import claims, fig_3_3_cases, fig_3_10
+from reproduction.table_3_3 import OSCILLATION_RAD
 
 DRAWS = 8
 """Sets of starts on the sawtooth. One set of 200 leaves a share of 99 % uncertain by 1.4 %, so all

@@ -32,7 +32,7 @@ from benchmarks.predictive_peer import (
     random_problems,
     slsqp,
 )
-from server.reproduction.table_4_3 import WARM, Steps, timed_run
+from reproduction.table_4_3 import WARM, Steps, timed_run
 
 AREA = "tracking_predictive"
 STEP_BAR_US, RATIO_BAR = 600.0, 12.0

@@ -10,10 +10,10 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from rich.table import Column, Table
 from rich.text import Text
 
+from reproduction.catalogue import REPRODUCTIONS, reproduce
+from reproduction.result import Reproduction, Row
+from reproduction.writer import write
 from server.cli.failure import CommandError
-from server.reproduction.catalogue import REPRODUCTIONS, reproduce
-from server.reproduction.result import Reproduction, Row
-from server.reproduction.writer import write
 
 DEFAULT_SEED = 1
 

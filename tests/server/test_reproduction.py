@@ -7,12 +7,12 @@ import sys
 import numpy as np
 import pytest
 
+from reproduction import catalogue, claims
+from reproduction.catalogue import REPRODUCTIONS
+from reproduction.result import Figure, Hue, Mark, Panel, Reproduction, Row, Series
+from reproduction.writer import document, write
 from server.cli import reproduce_verb
 from server.cli.main import main
-from server.reproduction import catalogue, claims
-from server.reproduction.catalogue import REPRODUCTIONS
-from server.reproduction.result import Figure, Hue, Mark, Panel, Reproduction, Row, Series
-from server.reproduction.writer import document, write
 
 PNG = b"\x89PNG\r\n\x1a\n"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from server.reproduction.appendix_c import (
+from reproduction.appendix_c import (
     CHOICES,
     FAR_START_M,
     INDEPENDENT,
@@ -12,8 +12,8 @@ from server.reproduction.appendix_c import (
     detour_share,
     run,
 )
-from server.reproduction.catalogue import reproduce
-from server.reproduction.writer import document, write
+from reproduction.catalogue import reproduce
+from reproduction.writer import document, write
 
 BY_TITLE = {choice.title: choice for choice in CHOICES}
 

@@ -6,9 +6,9 @@ import json
 import numpy as np
 import pytest
 
-from server.reproduction import fig_5_7, fig_5_9
-from server.reproduction.fig_5_surveys import Sweep
-from server.reproduction.writer import write
+from reproduction import fig_5_7, fig_5_9
+from reproduction.fig_5_surveys import Sweep
+from reproduction.writer import write
 
 SMALL = Sweep(drifts_m_sqrt_s=(0.01, 0.03), trials=1, iterations=20)
 ONE_DRIFT = Sweep(drifts_m_sqrt_s=(0.03,), trials=1, iterations=20)

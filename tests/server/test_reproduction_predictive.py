@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
-from server.reproduction import table_4_2, table_4_3
-from server.reproduction.drawing import png
-from server.reproduction.rival import (
+from reproduction import table_4_2, table_4_3
+from reproduction.drawing import png
+from reproduction.rival import (
     BARRIER,
     COARSE,
     HUES,
@@ -17,8 +17,8 @@ from server.reproduction.rival import (
     slsqp,
     steered_by,
 )
-from server.reproduction.table_4_2 import INDEPENDENT, KAPPA, TAU, THESIS, Trials
-from server.reproduction.writer import document
+from reproduction.table_4_2 import INDEPENDENT, KAPPA, TAU, THESIS, Trials
+from reproduction.writer import document
 
 
 def silent(done, doing):

@@ -7,11 +7,11 @@ import pytest
 
 from autonomy.control.config import PID_EXPERIMENT, BacksteppingConfig
 from autonomy.trial.config import TABLE_3_3_DIAGONAL
-from server.reproduction import fig_3_3_cases, fig_3_10, table_3_1, table_3_3
-from server.reproduction.catalogue import REPRODUCTIONS, reproduce
-from server.reproduction.contender import CONTENDERS
-from server.reproduction.trials import Job, run_jobs, with_actuator
-from server.reproduction.writer import document
+from reproduction import fig_3_3_cases, fig_3_10, table_3_1, table_3_3
+from reproduction.catalogue import REPRODUCTIONS, reproduce
+from reproduction.contender import CONTENDERS
+from reproduction.trials import Job, run_jobs, with_actuator
+from reproduction.writer import document
 
 PROPOSED, BASELINE, PID = range(3)
 HORIZONTAL, PITCH = 1, 2

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from autonomy.tracking.run import Case
+from reproduction import catalogue, drawing, experiment_4_5, table_4_1, table_4_2
+from reproduction.catalogue import REPRODUCTIONS
+from reproduction.writer import document, write
 from server.cli.main import main
-from server.reproduction import catalogue, drawing, experiment_4_5, table_4_1, table_4_2
-from server.reproduction.catalogue import REPRODUCTIONS
-from server.reproduction.writer import document, write
 
 NAMES = ("table-4.1", "table-4.2", "table-4.3", "appendix-c", "experiment-4.5")
 

@@ -4,7 +4,7 @@ import numpy as np
 
 from autonomy.adaptive.scenario import SCENARIOS
 from autonomy.arrays import FloatArray
-from server.reproduction.fig_5_surveys import (
+from reproduction.fig_5_surveys import (
     Sweep,
     fly_all,
     panels_of,
@@ -12,7 +12,7 @@ from server.reproduction.fig_5_surveys import (
     scenario_of,
     table,
 )
-from server.reproduction.result import Figure, Hue, Report, Reproduction
+from reproduction.result import Figure, Hue, Report, Reproduction
 
 HUES = (Hue.MFE, Hue.MFIG, Hue.SFE, Hue.SFIG)
 

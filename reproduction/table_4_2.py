@@ -12,8 +12,8 @@ from autonomy.tracking.predictive import SOLVER
 from autonomy.tracking.predictive_config import PredictiveConfig
 from autonomy.tracking.run import Outcome
 from autonomy.tracking.scenario import Scenario
-from server.reproduction.result import Figure, Mark, Panel, Report, Reproduction, Row, Series
-from server.reproduction.rival import (
+from reproduction.result import Figure, Mark, Panel, Report, Reproduction, Row, Series
+from reproduction.rival import (
     BARRIER,
     COARSE,
     DOUBTFUL,

@@ -4,7 +4,7 @@ import importlib
 from collections.abc import Mapping
 from types import MappingProxyType, ModuleType
 
-from server.reproduction.result import Report, Reproduction
+from reproduction.result import Report, Reproduction
 
 REPRODUCTIONS: Mapping[str, str] = MappingProxyType(
     {

@@ -10,7 +10,7 @@ from autonomy.control.config import (
     BacksteppingConfig,
     PidConfig,
 )
-from server.reproduction.result import Hue
+from reproduction.result import Hue
 
 Gains = BacksteppingConfig | PidConfig
 

@@ -2,7 +2,7 @@
 
 from autonomy.adaptive.comparison import MODELS
 from autonomy.arrays import FloatArray
-from server.reproduction.fig_5_surveys import (
+from reproduction.fig_5_surveys import (
     QUANTITIES,
     Sweep,
     fly_all,
@@ -11,7 +11,7 @@ from server.reproduction.fig_5_surveys import (
     scenario_of,
     table,
 )
-from server.reproduction.result import Figure, Hue, Report, Reproduction
+from reproduction.result import Figure, Hue, Report, Reproduction
 
 COLUMNS = ("single", "recursive", "joint", "position noise")
 HUES = (Hue.SINGLE, Hue.RECURSIVE, Hue.JOINT, Hue.POSITION_NOISE)

@@ -11,10 +11,10 @@ from autonomy.trial.config import (
     TrialConfig,
 )
 from autonomy.trial.run import Trial
-from server.reproduction.contender import CONTENDERS
-from server.reproduction.error_chart import error_chart
-from server.reproduction.result import Figure, Hue, Panel, Report, Reproduction, Row, Series
-from server.reproduction.trials import ERRORS, Job, run_jobs, with_actuator
+from reproduction.contender import CONTENDERS
+from reproduction.error_chart import error_chart
+from reproduction.result import Figure, Hue, Panel, Report, Reproduction, Row, Series
+from reproduction.trials import ERRORS, Job, run_jobs, with_actuator
 
 TRIALS = 10
 

@@ -21,7 +21,7 @@ from autonomy.arrays import FloatArray
 from autonomy.field.config import FieldModelKey
 from autonomy.field.score import Scores
 from autonomy.planner import kernel
-from server.reproduction.result import Hue, Mark, Panel, Report, Row, Series
+from reproduction.result import Hue, Mark, Panel, Report, Row, Series
 
 QUANTITIES = ("WMSE", "RMSE", "NLPD", "90 % coverage")
 UNITS = ("", "", "nats", "%")

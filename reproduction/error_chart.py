@@ -3,9 +3,9 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from server.reproduction.contender import CONTENDERS
-from server.reproduction.result import Mark, Panel, Series
-from server.reproduction.trials import ERRORS
+from reproduction.contender import CONTENDERS
+from reproduction.result import Mark, Panel, Series
+from reproduction.trials import ERRORS
 
 _SPREAD = 0.22
 """Distance of the controllers' lines within one error, of the distance between two errors."""

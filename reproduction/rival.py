@@ -13,7 +13,7 @@ from autonomy.tracking.predictive_run import Steer, run_steered
 from autonomy.tracking.predictive_search import resting_plan
 from autonomy.tracking.run import Case, Outcome, run
 from autonomy.tracking.scenario import FIT, Scenario
-from server.reproduction.result import Hue
+from reproduction.result import Hue
 
 ITERATIONS, MANY_ITERATIONS = 10, 100
 OBJECTIVES: dict[str, ObjectiveName] = {

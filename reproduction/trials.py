@@ -9,8 +9,8 @@ from autonomy.trial import kernel
 from autonomy.trial.config import TrialConfig
 from autonomy.trial.run import ControllerChoice, Trial, run_trial
 from autonomy.vehicle.config import MINIGLIDER
-from server.reproduction.contender import Contender, Gains
-from server.reproduction.result import Report
+from reproduction.contender import Contender, Gains
+from reproduction.result import Report
 
 ERRORS = (
     ("depth error", "m"),

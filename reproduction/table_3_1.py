@@ -5,10 +5,10 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.trial.config import TABLE_3_1_LINEAR, TABLE_3_1_SAWTOOTH, TrialConfig
 from autonomy.trial.run import Trial
-from server.reproduction.contender import CONTENDERS
-from server.reproduction.error_chart import error_chart
-from server.reproduction.result import Figure, Panel, Report, Reproduction, Row, Series
-from server.reproduction.trials import ERRORS, Job, run_jobs
+from reproduction.contender import CONTENDERS
+from reproduction.error_chart import error_chart
+from reproduction.result import Figure, Panel, Report, Reproduction, Row, Series
+from reproduction.trials import ERRORS, Job, run_jobs
 
 SCENARIOS: dict[str, TrialConfig] = {
     "linear glide": TABLE_3_1_LINEAR,

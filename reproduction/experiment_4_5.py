@@ -20,7 +20,7 @@ from autonomy.tracking.predictive import SOLVER
 from autonomy.tracking.predictive_config import PredictiveConfig
 from autonomy.tracking.tail_beat_trial import TailBeatOutcome, TailBeatTrial, run_trial
 from autonomy.vehicle.config import MINIGLIDER
-from server.reproduction.result import (
+from reproduction.result import (
     Figure,
     Hue,
     Mark,

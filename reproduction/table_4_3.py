@@ -12,8 +12,8 @@ from autonomy.tracking.control_kernel import control_step
 from autonomy.tracking.pack_control import pack_control
 from autonomy.tracking.predictive import SOLVER
 from autonomy.tracking.predictive_config import PredictiveConfig
-from server.reproduction.result import Figure, Mark, Panel, Report, Reproduction, Row, Series
-from server.reproduction.rival import (
+from reproduction.result import Figure, Mark, Panel, Report, Reproduction, Row, Series
+from reproduction.rival import (
     BARRIER,
     COARSE,
     HUES,

@@ -8,8 +8,8 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-from server.reproduction.drawing import png
-from server.reproduction.result import Reproduction
+from reproduction.drawing import png
+from reproduction.result import Reproduction
 
 COLUMNS = ("row", "column", "ours", "thesis", "unit")
 

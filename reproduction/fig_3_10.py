@@ -8,8 +8,8 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.trial.config import TABLE_3_3_DIAGONAL
 from autonomy.trial.run import Trial
-from server.reproduction.contender import CONTENDERS
-from server.reproduction.result import (
+from reproduction.contender import CONTENDERS
+from reproduction.result import (
     Figure,
     Hue,
     Mark,
@@ -19,8 +19,8 @@ from server.reproduction.result import (
     Row,
     Series,
 )
-from server.reproduction.table_3_3 import OSCILLATION_RAD, TRIALS
-from server.reproduction.trials import Job, run_jobs, with_actuator
+from reproduction.table_3_3 import OSCILLATION_RAD, TRIALS
+from reproduction.trials import Job, run_jobs, with_actuator
 
 RATE_SHARES = (1.0, 0.5, 0.25)
 DELAYS_S = (0.0, 0.1, 0.2, 0.4)

@@ -3,7 +3,7 @@
 import io
 from typing import TYPE_CHECKING, Any
 
-from server.reproduction.result import Figure, Hue, Mark, Panel, Reproduction, Series
+from reproduction.result import Figure, Hue, Mark, Panel, Reproduction, Series
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

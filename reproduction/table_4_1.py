@@ -14,7 +14,7 @@ from autonomy.tracking.metrics import LOST_RANGE_M
 from autonomy.tracking.run import Case, Outcome, run
 from autonomy.tracking.scenario import FIT
 from autonomy.tracking.tracker_run import run_tracker
-from server.reproduction.result import Figure, Hue, Mark, Panel, Report, Reproduction, Row, Series
+from reproduction.result import Figure, Hue, Mark, Panel, Report, Reproduction, Row, Series
 
 TRIALS = 10
 HELD_OUT = 200

@@ -14,8 +14,8 @@ from autonomy.trial.config import ReferenceName, StartConfig, TrialConfig
 from autonomy.trial.run import ControllerChoice, fly
 from autonomy.trial.setting import packed_references
 from autonomy.vehicle.config import MINIGLIDER
-from server.reproduction.contender import CONTENDERS, Contender
-from server.reproduction.result import Figure, Hue, Mark, Panel, Report, Reproduction, Row, Series
+from reproduction.contender import CONTENDERS, Contender
+from reproduction.result import Figure, Hue, Mark, Panel, Report, Reproduction, Row, Series
 
 STARTS = 200
 DURATIONS_S = (100.0, 200.0, 300.0, 400.0, 600.0)

@@ -10,8 +10,8 @@ from autonomy.trial.config import StartConfig, StraightConfig, TrialConfig
 from autonomy.trial.run import Trial
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.steady import angle_of_attack
-from server.reproduction.contender import CONTENDERS
-from server.reproduction.result import (
+from reproduction.contender import CONTENDERS
+from reproduction.result import (
     Figure,
     Hue,
     Mark,
@@ -21,7 +21,7 @@ from server.reproduction.result import (
     Row,
     Series,
 )
-from server.reproduction.trials import Job, run_jobs
+from reproduction.trials import Job, run_jobs
 
 GAP_M = 1.0
 GLIDE_ANGLE_RAD = math.radians(45.0)
