@@ -17,13 +17,13 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
+from onboard.link.robot_link import RobotLink
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.mavlink.frame import MavlinkFrameReader
 from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import LinkState, LogId, OnboardPlanState, UploadReport
 from robot_link.mission import Mission
-from robot_link.onboard import RobotLink
 from robot_link.sample_log import MemorySampleLog
 from robot_link.station import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming

@@ -13,13 +13,13 @@ from datetime import UTC, datetime, timedelta
 from statistics import median
 
 from benchmarks.satellite_mission import usual_mission, worst_mission
+from onboard.satellite.receiver import Complete, MemoryStore, Receiver
 from robot_link.messages import RobotId, SystemId
 from robot_link.mission import Mission
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import cut, sizes
 from robot_link.satellite.fare import quote
 from robot_link.satellite.ground import GroundState, GroundTransfer, PartLevel, next_counter
-from robot_link.satellite.receiver import Complete, MemoryStore, Receiver
 from robot_link.satellite.record import (
     MobileOriginatedContent,
     compose,

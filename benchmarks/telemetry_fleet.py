@@ -10,11 +10,11 @@ import random
 import sys
 from datetime import UTC, datetime
 
+from onboard.link.plan_store import MemoryPlanStore
+from onboard.link.robot_link import CommandOutcome, RobotLink
 from robot_link.clock import SystemClock
 from robot_link.messages import CommandKind, LogId, RobotId, RobotMode, StateReport, SystemId
 from robot_link.mission import Mission
-from robot_link.onboard import CommandOutcome, RobotLink
-from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog
 from robot_link.transport.datagram import Address
 from simulator.xbee_network import AirConditions, XBeeNetwork

@@ -6,14 +6,14 @@ from datetime import datetime
 from pathlib import Path
 
 from autonomy.control.config import BACKSTEPPING_PRESETS, BacksteppingConfig
+from onboard.computer import KEY_FILE, Computer
+from onboard.flight.hardware import Hardware
+from onboard.memory import read_key
+from onboard.node.client import NodeClient
+from onboard.program import OnboardProgram
 from robot_link.clock import Clock
 from robot_link.transport.datagram import DatagramTransport
 from simulator.fleet import RobotDefinition
-from simulator.node.client import NodeClient
-from simulator.onboard.computer import KEY_FILE, Computer
-from simulator.onboard.hardware import Hardware
-from simulator.onboard.memory import read_key
-from simulator.onboard.program import OnboardProgram
 
 
 def program_of(

@@ -4,6 +4,7 @@ import random
 from collections.abc import AsyncGenerator, Callable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 
+from onboard.node.acoustic import AcousticNode
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.acoustic.modem_line import ModemTiming
 from robot_link.clock import Clock
@@ -11,7 +12,6 @@ from robot_link.messages import RobotId
 from simulator.acoustic_modem import AcousticModem, Point
 from simulator.acoustic_modem import AcousticNode as WaterNode
 from simulator.fleet import STATION_ACOUSTIC, STATION_ADDRESS, RobotDefinition
-from simulator.node.acoustic import AcousticNode
 from simulator.robot import SimulatedBody
 from simulator.settings import SimulatorSettings
 

@@ -10,6 +10,13 @@ from pathlib import Path
 
 import numpy as np
 
+from onboard.clock import ClockModel, OnboardClock, Oscillator, RunningClock
+from onboard.node.client import NodeClient
+from onboard.node.gps_clock import GpsClockNode, discipline
+from onboard.node.satellite import SatelliteNode
+from onboard.node.satellite_9602 import Driver9602
+from onboard.node.server import NodeServer
+from onboard.node.wire import NodeAddress
 from robot_link.clock import Clock
 from robot_link.whole_file import replace_file
 from simulator.acoustics import acoustic_modems, acoustic_node
@@ -18,13 +25,6 @@ from simulator.fleet import RobotDefinition
 from simulator.iridium.modem_9602 import Modem9602
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.session import Place
-from simulator.node.client import NodeClient
-from simulator.node.gps_clock import GpsClockNode, discipline
-from simulator.node.satellite import SatelliteNode
-from simulator.node.satellite_9602 import Driver9602
-from simulator.node.server import NodeServer
-from simulator.node.wire import NodeAddress
-from simulator.onboard.clock import ClockModel, OnboardClock, Oscillator, RunningClock
 from simulator.robot import SimulatedBody
 from simulator.settings import SimulatorSettings
 

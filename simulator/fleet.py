@@ -10,12 +10,12 @@ from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Site
 from autonomy.vehicle.battery import BATTERY_PRESETS
 from autonomy.vehicle.config import VEHICLES, Vehicle
+from onboard.clock import ClockModel
 from robot_link.messages import RobotId, SystemId
 from robot_link.satellite.config import SatelliteConfig
 from robot_link.transport.datagram import Address
 from simulator.acoustic_modem import AcousticConditions
 from simulator.battery import BatteryModel
-from simulator.onboard.clock import ClockModel
 from simulator.sensor import SensorModel
 from simulator.target import LAKE_TARGETS, TANK_TARGETS, AcousticTarget
 

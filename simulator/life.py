@@ -3,10 +3,10 @@
 import asyncio
 from typing import Protocol
 
+from onboard.computer import Computer
+from onboard.node.body import BodyNode
+from onboard.program import PERIOD_S
 from robot_link.clock import Clock
-from simulator.node.body import BodyNode
-from simulator.onboard.computer import Computer
-from simulator.onboard.program import PERIOD_S
 from simulator.robot import SimulatedBody, SimulatedRobot
 
 _STATE_INTERVAL_S = 0.1

@@ -7,8 +7,8 @@ from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.extended_kernel import advance
 from autonomy.vehicle.surroundings import Surroundings
+from onboard.flight.hardware import SetPoints
 from simulator.current import DriftingCurrent
-from simulator.onboard.hardware import SetPoints
 
 PHYSICS_STEP_S = 0.02
 """Runge-Kutta step: accurate to micrometres and stable in contact with floor and walls."""

@@ -7,12 +7,12 @@ import random
 from collections.abc import AsyncGenerator
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 
+from onboard.node.body import BodyNode
 from simulator.aboard import computer_of
 from simulator.equipment import Timekeeping, disciplined, equipped
 from simulator.fleet import RobotDefinition
 from simulator.iridium.network import IridiumNetwork
 from simulator.life import BareBody, WholeRobot, live
-from simulator.node.body import BodyNode
 from simulator.robot import SimulatedBody, SimulatedRobot
 from simulator.satellite_service import gateway, satellites
 from simulator.settings import SimulatorSettings

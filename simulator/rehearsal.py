@@ -15,11 +15,11 @@ import numpy as np
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.planner.plan import PositionNed
 from autonomy.site import Area
+from onboard.link.robot_link import CommandOutcome
+from onboard.profile import FLIGHT_PROFILES
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, StateReport
-from robot_link.onboard import CommandOutcome
 from robot_link.rehearsal import Rehearsal, RehearsalProblem, RehearsedTrack
 from simulator.fleet import FLEET, RobotDefinition
-from simulator.onboard.profile import FLIGHT_PROFILES
 from simulator.robot import SimulatedRobot
 
 _EPOCH = datetime(2000, 1, 1, tzinfo=UTC)

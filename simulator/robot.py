@@ -6,13 +6,13 @@ from datetime import datetime
 import numpy as np
 
 from autonomy.frames import wgs84_from_ned
+from onboard.flight.hardware import Readings, SetPoints
+from onboard.program import PERIOD_S, Radio
 from simulator.aboard import program_of
 from simulator.battery import Battery
 from simulator.conditions import WaterConditions
 from simulator.current import DriftingCurrent
 from simulator.fleet import RobotDefinition
-from simulator.onboard.hardware import Readings, SetPoints
-from simulator.onboard.program import PERIOD_S, Radio
 from simulator.plant import Plant
 from simulator.sensor import Sensors
 

@@ -15,18 +15,18 @@ from pathlib import Path
 from pydantic import Field, field_validator
 
 from autonomy.configuration import Configuration
+from onboard.clock import OnboardClock, RunningClock
+from onboard.computer import Computer
+from onboard.node.body import RemoteBody
+from onboard.node.client import NodeClient
+from onboard.node.gps_clock import discipline
+from onboard.node.wire import NodeAddress, NodeError, NodeGoneError, NodeSilentError
+from onboard.program import PERIOD_S
 from robot_link.messages import RobotId
 from robot_link.transport.opening import open_transport
 from simulator.aboard import computer_of, program_of
 from simulator.background import alongside
 from simulator.fleet import FLEET, robots_named
-from simulator.node.body import RemoteBody
-from simulator.node.client import NodeClient
-from simulator.node.gps_clock import discipline
-from simulator.node.wire import NodeAddress, NodeError, NodeGoneError, NodeSilentError
-from simulator.onboard.clock import OnboardClock, RunningClock
-from simulator.onboard.computer import Computer
-from simulator.onboard.program import PERIOD_S
 from simulator.until_told import run_until_told
 
 _FIRST_PULSE_S = 3.0

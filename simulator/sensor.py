@@ -6,7 +6,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.field.synthetic import measure
-from simulator.onboard.hardware import Readings, SetPoints
+from onboard.flight.hardware import Readings, SetPoints
 
 
 @dataclass(frozen=True, slots=True)

@@ -39,7 +39,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(arguments: Namespace) -> int:
     """Fly the robot until told to stop."""
     # The onboard program is heavy to import; few other verbs run it.
-    from simulator.onboard.memory import KeyUnreadableError
+    from onboard.memory import KeyUnreadableError
     from simulator.robot_process import RobotSettings
     from simulator.robot_process import run as run_robot
 

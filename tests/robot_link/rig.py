@@ -11,6 +11,8 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from autonomy.planner.plan import Leg, PrimitiveKind
+from onboard.link.plan_store import MemoryPlanStore
+from onboard.link.robot_link import CommandOutcome, RobotLink
 from robot_link.clock import Clock, SystemClock
 from robot_link.mavlink.signing import Signing
 from robot_link.messages import (
@@ -24,8 +26,6 @@ from robot_link.messages import (
     SystemId,
 )
 from robot_link.mission import Mission, MissionSettings
-from robot_link.onboard import CommandOutcome, RobotLink
-from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog, SampleLog
 from robot_link.station import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming

@@ -8,6 +8,11 @@ from dataclasses import dataclass, field
 
 import pytest
 
+from onboard.link.plan_desk import PlanDesk
+from onboard.link.plan_store import MemoryPlanStore
+from onboard.link.robot_link import RobotLink
+from onboard.link.service_desk import ServiceDesk
+from onboard.link.waypoint_mission import WaypointRules
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import (
     ROBOT_COMPONENT,
@@ -18,17 +23,12 @@ from robot_link.mavlink.codec import (
 )
 from robot_link.mavlink.wire import grace
 from robot_link.messages import CommandKind, LogId, SystemId
-from robot_link.onboard import RobotLink
-from robot_link.plan_desk import PlanDesk
-from robot_link.plan_store import MemoryPlanStore
 from robot_link.robot_program import CommandOutcome
 from robot_link.sample_log import MemorySampleLog
 from robot_link.service.command_client import CommandClient, StandardCommand
 from robot_link.service.error import NoAnswerError, ServiceRefusedError
 from robot_link.service.file_store import NoFiles
 from robot_link.service.parameter_table import Parameter, ParameterTable, ParameterType
-from robot_link.service.service_desk import ServiceDesk
-from robot_link.service.waypoint_mission import WaypointRules
 from robot_link.transport.datagram import Address
 from simulator.xbee_network import XBeeNetwork
 from tests.robot_link.rig import CALM, HASTE, Program, mission, running, state, until

@@ -11,10 +11,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autonomy.planner.plan import Leg, PrimitiveKind
+from onboard.link.mission_receiver import Complete, MissionReceiver, Refused, Request
+from onboard.link.sample_queue import SampleQueue
 from robot_link.mavlink import build, telemetry
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_SYSTEM, Codec, packets
 from robot_link.mavlink.mission_item import mission_from_items, mission_items
-from robot_link.mavlink.mission_receiver import Complete, MissionReceiver, Refused, Request
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     LogId,
@@ -27,7 +28,6 @@ from robot_link.messages import (
 from robot_link.mission import Mission, MissionSettings
 from robot_link.sample_gate import SequenceSet
 from robot_link.sample_log import Measurement, SampleKey
-from robot_link.sample_queue import SampleQueue
 from tests.robot_link.rig import mission, state
 
 ROBOT = SystemId(7)

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from onboard.link.plan_store import MemoryPlanStore
+from onboard.link.robot_link import RobotLink
+from onboard.link.waypoint_mission import WaypointRules
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import (
     ROBOT_COMPONENT,
@@ -17,14 +20,11 @@ from robot_link.mavlink.codec import (
 )
 from robot_link.mavlink.wire import grace
 from robot_link.messages import LinkEvent, LogId, SystemId
-from robot_link.onboard import RobotLink
 from robot_link.path import RadioPath
-from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog
 from robot_link.service.error import ServiceError
 from robot_link.service.file_store import FolderFiles
 from robot_link.service.parameter_table import Parameter, ParameterTable, ParameterType
-from robot_link.service.waypoint_mission import WaypointRules
 from robot_link.station import RobotEndpoint, StationLink
 from robot_link.transport.datagram import (
     Address,

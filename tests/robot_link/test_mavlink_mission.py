@@ -8,20 +8,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from autonomy.planner.plan import PrimitiveKind
-from robot_link.clock import monotonic_s
-from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, WireMessage
-from robot_link.mavlink.wire import grace
-from robot_link.service.error import NoAnswerError, ServiceRefusedError
-from robot_link.service.mission_client import MissionClient
-from robot_link.service.mission_server import Asker, MissionServer, MissionVerdict
-from robot_link.service.standard_item import StandardItem
-from robot_link.service.status_text import status_texts
-from robot_link.service.waypoint_mission import (
+from onboard.link.mission_server import Asker, MissionServer, MissionVerdict
+from onboard.link.status_text import status_texts
+from onboard.link.waypoint_mission import (
     WaypointRefusal,
     WaypointRules,
     mission_of_waypoints,
     waypoints_of_mission,
 )
+from robot_link.clock import monotonic_s
+from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, WireMessage
+from robot_link.mavlink.wire import grace
+from robot_link.service.error import NoAnswerError, ServiceRefusedError
+from robot_link.service.mission_client import MissionClient
+from robot_link.service.standard_item import StandardItem
 from tests.robot_link.service_pair import HASTY, Wire
 
 RULES = WaypointRules(origin_latitude_deg=43.0, origin_longitude_deg=-84.0)

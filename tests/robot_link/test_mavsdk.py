@@ -11,18 +11,18 @@ from typing import Any
 
 import pytest
 
+from onboard.link.plan_store import MemoryPlanStore
+from onboard.link.robot_link import RobotLink
+from onboard.link.waypoint_mission import WaypointRules
 from robot_link.clock import SystemClock
 from robot_link.mavlink.wire import grace
 from robot_link.messages import LinkState, LogId, RobotId, SystemId
-from robot_link.onboard import RobotLink
 from robot_link.path import RadioPath
-from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog
 from robot_link.service.error import ServiceRefusedError
 from robot_link.service.file_store import FolderFiles
 from robot_link.service.parameter_table import Parameter, ParameterTable, ParameterType
 from robot_link.service.standard_item import StandardItem
-from robot_link.service.waypoint_mission import WaypointRules
 from robot_link.station import RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.opening import open_transport

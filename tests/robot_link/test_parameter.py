@@ -6,11 +6,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.link.parameter_server import ParameterServer
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
 from robot_link.service.error import NoAnswerError, ServiceRefusedError
 from robot_link.service.parameter_client import ParameterClient
-from robot_link.service.parameter_server import ParameterServer
 from robot_link.service.parameter_table import (
     Parameter,
     ParameterRefusal,

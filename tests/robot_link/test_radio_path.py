@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from onboard.link.plan_store import MemoryPlanStore
+from onboard.link.robot_link import RobotLink
 from robot_link.clock import SystemClock
 from robot_link.messages import (
     CommandKind,
@@ -19,8 +21,6 @@ from robot_link.messages import (
     LinkState,
     RawFrame,
 )
-from robot_link.onboard import RobotLink
-from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog
 from robot_link.station import RadioPath, RobotEndpoint, StationLink
 from robot_link.transport.datagram import Address

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from onboard.link.sample_file import FileSampleLog
 from robot_link.messages import LogId, Sample
-from robot_link.sample_file import FileSampleLog
 from robot_link.sample_log import Measurement, SampleKey
 from tests.robot_link.rig import MINI, rig, until
 

@@ -7,14 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_link.messages import CommandKind, CommandNumber, PlanHash
-from robot_link.mission import Mission
-from robot_link.robot_program import CommandOutcome
-from robot_link.satellite.blob import Blob, BlobCodec, transfer_id_of
-from robot_link.satellite.chunk import cut
-from robot_link.satellite.content import Reason, TransferState
-from robot_link.satellite.order import pack_order
-from robot_link.satellite.receiver import (
+from onboard.satellite.receiver import (
     Complete,
     FileStore,
     MemoryStore,
@@ -22,6 +15,13 @@ from robot_link.satellite.receiver import (
     OrderReceived,
     Receiver,
 )
+from robot_link.messages import CommandKind, CommandNumber, PlanHash
+from robot_link.mission import Mission
+from robot_link.robot_program import CommandOutcome
+from robot_link.satellite.blob import Blob, BlobCodec, transfer_id_of
+from robot_link.satellite.chunk import cut
+from robot_link.satellite.content import Reason, TransferState
+from robot_link.satellite.order import pack_order
 from robot_link.satellite.withdrawal import pack_withdrawal
 from tests.robot_link.satellite_case import (
     KEY,

@@ -7,17 +7,17 @@ from datetime import timedelta
 
 import pytest
 
-from robot_link.clock import SystemClock, monotonic_s
-from robot_link.mavlink.wire import grace
-from robot_link.messages import SystemId
-from robot_link.service.pace import Pace
-from robot_link.service.standard_telemetry import (
+from onboard.link.standard_telemetry import (
     TelemetrySource,
     autopilot_version,
     telemetry_message,
 )
-from robot_link.service.stream import DEFAULT_PERIODS_S, StreamBudget, Streams, frame_bytes
-from robot_link.service.waypoint_mission import WaypointRules
+from onboard.link.stream import DEFAULT_PERIODS_S, StreamBudget, Streams, frame_bytes
+from onboard.link.waypoint_mission import WaypointRules
+from robot_link.clock import SystemClock, monotonic_s
+from robot_link.mavlink.wire import grace
+from robot_link.messages import SystemId
+from robot_link.service.pace import Pace
 from tests.robot_link.rig import state
 from tests.robot_link.service_pair import Wire
 

@@ -12,7 +12,7 @@ import struct
 from collections.abc import Callable
 from contextlib import suppress
 
-from simulator.node.satellite import SessionOutcome
+from onboard.node.satellite import SessionOutcome
 
 _RECORD_MAX = 340
 _ANSWER = struct.Struct(">BHH")

@@ -10,9 +10,9 @@ import numpy as np
 from autonomy.planner import primitive
 from autonomy.planner.plan import Leg, PositionNed
 from autonomy.planner.preset import PLANNER_PRESETS
+from onboard.link.robot_link import CommandOutcome
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, StateReport
 from robot_link.mission import Mission, MissionSettings
-from robot_link.onboard import CommandOutcome
 from simulator.fleet import MINI_1, RobotDefinition
 from simulator.robot import SimulatedRobot
 

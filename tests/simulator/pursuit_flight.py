@@ -2,9 +2,9 @@
 
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.tracking.phase import TrackPhase
+from onboard.link.robot_link import CommandOutcome
 from robot_link.messages import OnboardPlanState, TrackReport
 from robot_link.mission import Mission, MissionSettings
-from robot_link.onboard import CommandOutcome
 from robot_link.tracking_order import TrackingOrder
 from tests.simulator.flight import Life, horizontal
 

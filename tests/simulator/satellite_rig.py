@@ -6,15 +6,15 @@ import struct
 from contextlib import AsyncExitStack, asynccontextmanager
 from datetime import UTC, datetime
 
+from onboard.node.client import NodeClient
+from onboard.node.satellite import SatelliteNode
+from onboard.node.satellite_9602 import Driver9602
 from robot_link.clock import ScaledClock
 from simulator.background import alongside
 from simulator.iridium.conditions import SatelliteConditions
 from simulator.iridium.modem_9602 import Modem9602
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.subscriber import Account
-from simulator.node.client import NodeClient
-from simulator.node.satellite import SatelliteNode
-from simulator.node.satellite_9602 import Driver9602
 from tests.simulator.cellular_device import CellularDevice
 from tests.simulator.flight import EPOCH
 

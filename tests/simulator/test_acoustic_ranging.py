@@ -14,15 +14,15 @@ from pathlib import Path
 import pytest
 
 from autonomy.tracking.config import RangingConfig
+from onboard.node.client import NodeClient
+from onboard.node.server import NodeServer
+from onboard.node.wire import NodeAddress, NodeError, NodeFault
+from onboard.target.pinger import Pinger
 from robot_link.clock import ScaledClock
 from simulator.acoustic_modem import AcousticModem, AcousticNode
 from simulator.background import alongside
 from simulator.equipment import Timekeeping, equipped
 from simulator.fleet import GRACE_1, MINI_1, STATION_ADDRESS, RobotDefinition
-from simulator.node.client import NodeClient
-from simulator.node.server import NodeServer
-from simulator.node.wire import NodeAddress, NodeError, NodeFault
-from simulator.onboard.pinger import Pinger
 from simulator.robot import SimulatedBody
 from simulator.satellite_service import satellites
 from simulator.settings import SimulatorSettings

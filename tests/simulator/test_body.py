@@ -10,11 +10,11 @@ from pydantic import ValidationError
 
 from autonomy.field.synthetic import measurement_noise, truth
 from autonomy.vehicle.surroundings import Surroundings
+from onboard.flight.hardware import SetPoints
 from simulator.battery import Battery
 from simulator.conditions import WaterConditions
 from simulator.current import DriftingCurrent
 from simulator.fleet import FLEET, GRACE_1, MINI_1
-from simulator.onboard.hardware import SetPoints
 from simulator.plant import Plant
 from simulator.robot import SimulatedBody
 from simulator.sensor import Sensors

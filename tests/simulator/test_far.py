@@ -17,6 +17,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 from autonomy.control.config import BacksteppingConfig
 from autonomy.field.config import FIELD_PRESETS
 from autonomy.planner import primitive
+from onboard.memory import FilePlanStore
 from robot_link.gateway.gateway import MobileOriginated
 from robot_link.gateway.rockblock import RockBlockGateway, read_push
 from robot_link.messages import CommandKind, CommandNumber, OnboardPlanState
@@ -29,7 +30,6 @@ from robot_link.satellite.order import pack_order
 from robot_link.satellite.record import read_mobile_originated
 from simulator.fleet import GRACE_1
 from simulator.iridium.http_server import Answer, Request, http_server
-from simulator.onboard.memory import FilePlanStore
 from simulator.process import serve
 from simulator.settings import GatewaySettings, SimulatorSettings
 from tests.robot_link import signed_push

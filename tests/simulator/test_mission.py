@@ -8,8 +8,8 @@ import pytest
 from autonomy.planner import primitive
 from autonomy.planner.edge import legs_duration_s, legs_energy
 from autonomy.planner.plan import Leg, PrimitiveKind
+from onboard.link.robot_link import CommandOutcome
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode
-from robot_link.onboard import CommandOutcome
 from simulator.fleet import GRACE_1
 from tests.simulator.flight import (
     LAKE_PLANNER,

@@ -8,9 +8,9 @@ import pytest
 
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.site import TANK
+from onboard.flight.hardware import Readings, SetPoints
+from onboard.flight.navigation import Navigator
 from simulator.fleet import MINI_1, RobotDefinition
-from simulator.onboard.hardware import Readings, SetPoints
-from simulator.onboard.navigation import Navigator
 from tests.simulator.flight import Life, mission, two_dives
 
 REST = Readings(0.0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), 0.0, 0.0, 0.0, 1.0, 10.0, (1.0, 0.5))

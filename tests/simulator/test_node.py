@@ -6,9 +6,9 @@ from contextlib import asynccontextmanager, suppress
 
 import pytest
 
-from simulator.node.client import NodeClient
-from simulator.node.server import NodeServer
-from simulator.node.wire import (
+from onboard.node.client import NodeClient
+from onboard.node.server import NodeServer
+from onboard.node.wire import (
     LINE_MAX,
     NodeAddress,
     NodeError,

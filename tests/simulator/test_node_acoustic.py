@@ -8,14 +8,14 @@ from pathlib import Path
 
 import pytest
 
+from onboard.node.client import NodeClient
+from onboard.node.wire import NodeError, NodeFault
 from robot_link.acoustic.micromodem import open_modem
 from robot_link.clock import ScaledClock
 from simulator.background import alongside
 from simulator.equipment import Timekeeping, equipped
 from simulator.fleet import GRACE_1, STATION_ACOUSTIC, STATION_ADDRESS
 from simulator.iridium.network import IridiumNetwork
-from simulator.node.client import NodeClient
-from simulator.node.wire import NodeError, NodeFault
 from simulator.robot import SimulatedBody
 from simulator.satellite_service import satellites
 from simulator.settings import SimulatorSettings

@@ -4,13 +4,13 @@ import asyncio
 
 import pytest
 
+from onboard.node.at_dialogue import Block, Dialogue, checksum
+from onboard.node.client import NodeClient
+from onboard.node.satellite import SatelliteClient
+from onboard.node.satellite_9602 import Driver9602
+from onboard.node.wire import NodeError, NodeFault
 from simulator.background import alongside
 from simulator.iridium.modem_9602 import Modem9602
-from simulator.node.at_dialogue import Block, Dialogue, checksum
-from simulator.node.client import NodeClient
-from simulator.node.satellite import SatelliteClient
-from simulator.node.satellite_9602 import Driver9602
-from simulator.node.wire import NodeError, NodeFault
 from tests.robot_link.rig import until
 from tests.simulator.satellite_rig import (
     FAST,

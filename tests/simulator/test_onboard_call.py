@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from simulator.onboard.satellite_policy import CallLimits, CallPolicy, Situation
+from onboard.satellite.policy import CallLimits, CallPolicy, Situation
 
 LIMITS = CallLimits(radio_silence_s=20.0, session_period_s=600.0, sessions_per_day=30)
 POLICY = CallPolicy(LIMITS)

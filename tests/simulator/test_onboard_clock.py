@@ -6,11 +6,11 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 import pytest
 
+from onboard.clock import ClockModel, OnboardClock, Oscillator
+from onboard.node.client import NodeClient
+from onboard.node.gps_clock import GpsClockNode, discipline
 from robot_link.clock import ScaledClock
 from simulator.background import alongside
-from simulator.node.client import NodeClient
-from simulator.node.gps_clock import GpsClockNode, discipline
-from simulator.onboard.clock import ClockModel, OnboardClock, Oscillator
 from tests.robot_link.rig import until
 from tests.simulator.flight import EPOCH
 

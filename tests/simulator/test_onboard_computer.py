@@ -8,14 +8,8 @@ import pytest
 
 from autonomy.control.config import BacksteppingConfig, PidConfig
 from autonomy.field.config import FIELD_PRESETS
-from robot_link.messages import CommandNumber, OnboardPlanState
-from robot_link.mission import Mission
-from robot_link.onboard_settings import OnboardSettings
-from robot_link.robot_program import CommandOutcome
-from robot_link.service.parameter_table import ParameterRefusal
-from simulator.fleet import GRACE_1
-from simulator.onboard.log import FileLog
-from simulator.onboard.memory import (
+from onboard.log import FileLog
+from onboard.memory import (
     FileCommandMemory,
     FilePlanStore,
     FileValues,
@@ -24,10 +18,16 @@ from simulator.onboard.memory import (
     new_log,
     read_key,
 )
-from simulator.onboard.own_parameters import OwnParameters
-from simulator.onboard.profile import FLIGHT_PROFILES
-from simulator.onboard.satellite_policy import CallLimits
-from simulator.onboard.satellite_talk import TalkSettings
+from onboard.own_parameters import OwnParameters
+from onboard.profile import FLIGHT_PROFILES
+from onboard.satellite.policy import CallLimits
+from onboard.satellite.talk import TalkSettings
+from robot_link.messages import CommandNumber, OnboardPlanState
+from robot_link.mission import Mission
+from robot_link.onboard_settings import OnboardSettings
+from robot_link.robot_program import CommandOutcome
+from robot_link.service.parameter_table import ParameterRefusal
+from simulator.fleet import GRACE_1
 from tests.simulator.flight import EPOCH, TANK_PLANNER, Life, horizontal, mission, vee
 
 OWN = BacksteppingConfig()

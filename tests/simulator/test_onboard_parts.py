@@ -10,17 +10,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import simulator.node
-import simulator.onboard
+import onboard
+import onboard.node
 from autonomy.planner import primitive
 from autonomy.vehicle.config import VEHICLES
+from onboard.flight.account import EnergyAccount
+from onboard.flight.course import anchored_end, dive_ends
+from onboard.flight.depth_change import DepthProfile
+from onboard.flight.hardware import Readings, SetPoints
+from onboard.flight.navigation import Navigator
+from onboard.flight.pitch_aim import GlidePolar
 from simulator.fleet import MINI_1
-from simulator.onboard.account import EnergyAccount
-from simulator.onboard.course import anchored_end, dive_ends
-from simulator.onboard.depth_change import DepthProfile
-from simulator.onboard.hardware import Readings, SetPoints
-from simulator.onboard.navigation import Navigator
-from simulator.onboard.pitch_aim import GlidePolar
 from tests.simulator.flight import TANK_PLANNER, horizontal, vee
 
 offsets = st.floats(min_value=-1.0, max_value=1.0)
@@ -143,7 +143,7 @@ def test_robot_that_never_had_a_fix_does_not_claim_a_position():
 
 
 def test_onboard_program_and_nodes_know_nothing_of_the_truth():
-    folders = [Path(package.__file__).parent for package in (simulator.onboard, simulator.node)]
+    folders = [Path(package.__file__).parent for package in (onboard, onboard.node)]
     for path in [path for folder in folders for path in folder.glob("*.py")]:
         nodes = list(ast.walk(ast.parse(path.read_text())))
         imported = [node.module or "" for node in nodes if isinstance(node, ast.ImportFrom)]
@@ -152,5 +152,5 @@ def test_onboard_program_and_nodes_know_nothing_of_the_truth():
                 imported += [alias.name for alias in node.names]
         for name in imported:
             is_foreign = not name.startswith("simulator")
-            assert is_foreign or name.startswith(("simulator.onboard", "simulator.node"))
+            assert is_foreign or name.startswith(("onboard", "onboard.node"))
             assert name != "autonomy.field.synthetic"

@@ -8,6 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from onboard.computer import KEY_FILE, Computer
+from onboard.node.client import NodeClient
+from onboard.node.wire import NodeAddress
 from robot_link.clock import SystemClock
 from robot_link.messages import CommandKind, CommandNumber, OnboardPlanState
 from robot_link.robot_program import CommandOutcome
@@ -18,9 +21,6 @@ from robot_link.satellite.order import pack_order
 from robot_link.transport.opening import open_transport
 from simulator.aboard import computer_of
 from simulator.fleet import MINI_1
-from simulator.node.client import NodeClient
-from simulator.node.wire import NodeAddress
-from simulator.onboard.computer import KEY_FILE, Computer
 from simulator.robot import SimulatedRobot
 from tests.simulator.flight import EPOCH, mission, two_dives
 

@@ -10,6 +10,12 @@ from itertools import pairwise
 import pytest
 
 from autonomy.planner import primitive
+from onboard.link.plan_desk import PlanOnBoard
+from onboard.link.plan_store import MemoryPlanStore
+from onboard.node.satellite import SatelliteClient
+from onboard.satellite.policy import CallLimits
+from onboard.satellite.receiver import MemoryStore, Receiver
+from onboard.satellite.talk import SatelliteTalk, TalkSettings
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
@@ -22,20 +28,14 @@ from robot_link.messages import (
     TrackReport,
 )
 from robot_link.mission import Mission
-from robot_link.plan_desk import PlanOnBoard
-from robot_link.plan_store import MemoryPlanStore
 from robot_link.robot_program import CommandOutcome
 from robot_link.sample_log import Measurement, MemorySampleLog
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import cut
 from robot_link.satellite.content import Reason, TransferState
 from robot_link.satellite.order import pack_order
-from robot_link.satellite.receiver import MemoryStore, Receiver
 from robot_link.satellite.record import read_mobile_originated
 from simulator.background import alongside
-from simulator.node.satellite import SatelliteClient
-from simulator.onboard.satellite_policy import CallLimits
-from simulator.onboard.satellite_talk import SatelliteTalk, TalkSettings
 from tests.robot_link.rig import until
 from tests.robot_link.track_case import track
 from tests.simulator.flight import EPOCH, TANK_PLANNER, mission, two_dives

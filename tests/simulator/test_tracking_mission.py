@@ -9,8 +9,8 @@ import pytest
 from autonomy.planner import primitive
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.tracking.phase import TrackPhase
+from onboard.link.robot_link import CommandOutcome
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode
-from robot_link.onboard import CommandOutcome
 from simulator.fleet import GRACE_1, MINI_1
 from tests.simulator.flight import TANK_PLANNER, Life, horizontal
 from tests.simulator.pursuit_flight import (

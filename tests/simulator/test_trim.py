@@ -8,11 +8,11 @@ import pytest
 
 from autonomy.planner import primitive
 from autonomy.planner.plan import Leg
+from onboard.flight.hardware import SetPoints
+from onboard.flight.trim import Trim
+from onboard.link.robot_link import CommandOutcome
 from robot_link.messages import CommandKind, OnboardPlanState
-from robot_link.onboard import CommandOutcome
 from simulator.fleet import MINI_1
-from simulator.onboard.hardware import SetPoints
-from simulator.onboard.trim import Trim
 from tests.simulator.flight import TANK_PLANNER, Life, mission, vee
 
 LIMITS = MINI_1.vehicle.limits

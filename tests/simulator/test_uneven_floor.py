@@ -5,11 +5,11 @@ import pytest
 
 from autonomy.site import LAKE
 from autonomy.vehicle.surroundings import Surroundings
+from onboard.flight.hardware import SetPoints
+from onboard.flight.safety import danger
 from robot_link.mission import MissionSettings
 from simulator.current import DriftingCurrent
 from simulator.fleet import GRACE_1, MINI_1
-from simulator.onboard.hardware import SetPoints
-from simulator.onboard.safety import danger
 from simulator.plant import Plant
 from tests.simulator.flight import Life
 

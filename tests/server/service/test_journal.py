@@ -16,10 +16,10 @@ from benchmarks.telemetry_fleet import Program, state
 from db.query.journal import JournalRange, iterate_frames
 from db.query.robots import change_robot
 from db.store import Store
+from onboard.link.plan_store import MemoryPlanStore
+from onboard.link.robot_link import RobotLink
 from robot_link.clock import SystemClock
 from robot_link.messages import LogId, RawFrame, RobotId, SystemId
-from robot_link.onboard import RobotLink
-from robot_link.plan_store import MemoryPlanStore
 from robot_link.sample_log import MemorySampleLog
 from robot_link.transport.datagram import Address
 from server.base.settings import Settings

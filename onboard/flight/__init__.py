@@ -1,0 +1,1 @@
+"""Flies one plan: maneuvers, guidance, navigation, safety."""

@@ -1,0 +1,402 @@
+"""The mission executive: flies the plan on board, keeps its limits, obeys commands."""
+
+from dataclasses import replace
+from enum import Enum, auto
+
+from autonomy.control.catalogue import CONTROLLERS
+from autonomy.control.controller import Controller
+from autonomy.planner.config import EnergyConfig
+from autonomy.planner.plan import Leg, PrimitiveKind
+from onboard.flight.account import EnergyAccount
+from onboard.flight.course import dive_ends, is_surface
+from onboard.flight.hardware import SetPoints
+from onboard.flight.leg import begin_leg, first_course
+from onboard.flight.maneuver import (
+    Flight,
+    Float,
+    LegManeuver,
+    Maneuver,
+    Rise,
+    Swim,
+    Turn,
+    distance,
+)
+from onboard.flight.navigation import Estimate
+from onboard.flight.safety import danger, mission_over, plan_flaw
+from onboard.flight.trim import Trim
+from onboard.link.robot_link import CommandOutcome
+from onboard.profile import FlightProfile
+from onboard.target.tracking_desk import TrackingDesk
+from robot_link.messages import (
+    SURFACED_BY_COMMAND,
+    CommandKind,
+    OnboardPlanState,
+    RobotMode,
+)
+from robot_link.mission import Mission
+from robot_link.onboard_settings import DigestSettings
+
+DIGITS = 12
+"""Digits of a plan's hash that START names."""
+_TALK_MAX_S = 400.0
+"""Longest stay at the surface for a call by satellite that does not end."""
+
+
+class Stage(Enum):
+    """Where the robot stands in its mission."""
+
+    IDLE = auto()
+    APPROACH = auto()
+    """Swimming to the planned start of the next dive."""
+    TURN = auto()
+    """Turning towards the first leg of the next dive."""
+    SURFACED = auto()
+    """Waiting for a fix and, before a dive, for the station to acknowledge samples."""
+    HELD = auto()
+    LEG = auto()
+    PURSUIT = auto()
+    """Following a target."""
+    NEXT = auto()
+    """On the way to the surface, where the next dive begins."""
+    ABORT = auto()
+    """Coming up for good."""
+
+
+_BEFORE_A_DIVE = (Stage.APPROACH, Stage.TURN, Stage.SURFACED)
+
+
+class Executive:
+    """Decides what the robot does, one maneuver at a time.
+
+    A *dive* is the legs from one surfacing to the next. Each begins with a turn towards its first
+    leg and leads to its planned end, wherever the robot really starts. Between two dives the robot
+    waits for a fix and until its samples are acknowledged, but not for long.
+
+    Args:
+        flight: The robot.
+        energy: Prices of its primitives.
+        period_s: Time between two steps.
+    """
+
+    def __init__(self, flight: Flight, energy: EnergyConfig, period_s: float = 0.1) -> None:
+        self._flight = flight
+        self._own_controller = flight.pilot.controller
+        self._energy = energy
+        self._prices = energy
+        self._account = EnergyAccount(energy)
+        self._mission: Mission | None = None
+        self._ends: tuple[int, ...] = ()
+        self._stage = Stage.IDLE
+        self._maneuver: Maneuver = Float(flight, RobotMode.IDLE)
+        self._flown: LegManeuver | None = None
+        self._hold = False
+        self.tracking = TrackingDesk(period_s)
+        """What is heard, done and told of a target, where the mission follows one."""
+        self._abort_reason = ""
+        self._mission_s = 0.0
+        self._surfaced_s = 0.0
+        self.plan_state = OnboardPlanState.NONE
+        """State of the plan on board."""
+        self.reason = ""
+        """Why the plan failed, one sentence; empty otherwise."""
+        self.leg = 0
+        """Leg being flown or next."""
+        self.trim = Trim()
+        """Trim of the mission that was started last."""
+
+    @property
+    def mode(self) -> RobotMode:
+        """What the robot does."""
+        return self._maneuver.mode
+
+    @property
+    def surfaced_s(self) -> float:
+        """How long the robot has been at the surface; 0 under water."""
+        return self._surfaced_s
+
+    @property
+    def energy_used(self) -> float:
+        """Energy units spent since the mission began."""
+        return self._account.used
+
+    @property
+    def digest_settings(self) -> DigestSettings | None:
+        """What tells which samples change the map most, where the mission on board brought it."""
+        onboard = None if self._mission is None else self._mission.onboard
+        return None if onboard is None else onboard.digest_settings()
+
+    @property
+    def is_sampling(self) -> bool:
+        """Whether the field is worth measuring: a leg is being flown, or a target followed."""
+        return self._stage in {Stage.LEG, Stage.PURSUIT}
+
+    def plan_refusal(self) -> str:
+        """Return why no new plan can be taken now, or ""."""
+        if self.plan_state is OnboardPlanState.RUNNING:
+            return "a mission is running: wait for its end, or surface the robot"
+        return "the robot is coming up" if self._stage is Stage.ABORT else ""
+
+    def take_plan(self, mission: Mission) -> None:
+        """Replace the plan on board; it waits for START."""
+        self._mission = mission
+        self._ends = dive_ends(mission.legs)
+        self.plan_state = OnboardPlanState.ON_BOARD
+        self.reason = ""
+        self.leg = 0
+        self._account = EnergyAccount(self._energy)
+
+    def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
+        """Act on a command; the same command again changes nothing."""
+        running = self.plan_state is OnboardPlanState.RUNNING
+        match kind:
+            case CommandKind.SURFACE:
+                if running:
+                    self._abort(SURFACED_BY_COMMAND)
+                return CommandOutcome.DONE
+            case CommandKind.HOLD | CommandKind.RESUME:
+                if not running:
+                    return CommandOutcome.NOT_NOW
+                self._hold = kind is CommandKind.HOLD
+                return CommandOutcome.DONE
+            case CommandKind.QUIET | CommandKind.PING:
+                self.tracking.obey(is_quiet=kind is CommandKind.QUIET)
+                return CommandOutcome.DONE
+            case CommandKind.START:
+                return self._start(plan_digits)
+
+    def step(
+        self,
+        estimate: Estimate,
+        dt_s: float,
+        *,
+        samples_waiting: bool,
+        is_talking: bool = False,
+    ) -> SetPoints:
+        """Return the set points for the next ``dt_s`` seconds, before trim.
+
+        Args:
+            estimate: Where the robot is.
+            dt_s: Length of the step.
+            samples_waiting: Whether some samples are not yet known to be stored ashore.
+            is_talking: Whether a call by satellite is due or under way.
+        """
+        is_surfaced = self._flight.is_surfaced(estimate)
+        self._surfaced_s = self._surfaced_s + dt_s if is_surfaced else 0.0
+        if self.plan_state is OnboardPlanState.RUNNING:
+            self._mission_s += dt_s
+            self._account.pass_time(dt_s)
+            if self._flown is not None:
+                self._account.fly_leg(self._flown.share(estimate))
+            self._keep_limits(estimate)
+        self.tracking.pass_time(estimate, dt_s)
+        self._proceed(estimate, samples_waiting, is_talking=is_talking)
+        set_points = self._maneuver.step(estimate, dt_s)
+        if self._stage is Stage.PURSUIT:
+            amplitude, frequency = set_points.tail_amplitude_rad, set_points.tail_frequency_hz
+            self._account.beat_tail(amplitude, frequency, dt_s)
+        return set_points
+
+    def _start(self, plan_digits: str) -> CommandOutcome:
+        mission = self._mission
+        if mission is None or not mission.sha256().startswith(plan_digits[:DIGITS] or "-"):
+            return CommandOutcome.WRONG_PLAN
+        if self.plan_state is OnboardPlanState.RUNNING:
+            return CommandOutcome.DONE
+        if self._stage is not Stage.IDLE:
+            return CommandOutcome.NOT_NOW
+        flaw = plan_flaw(mission, self._flight.site, self._flight.vehicle.limits)
+        if flaw:
+            self.plan_state, self.reason = OnboardPlanState.FAILED, flaw
+            return CommandOutcome.NOT_NOW
+        self.plan_state = OnboardPlanState.RUNNING
+        self.trim = Trim.of(mission.settings)
+        self._take_settings(mission)
+        self.reason = ""
+        self.leg = 0
+        self._hold = False
+        self._mission_s = 0.0
+        self._account = EnergyAccount(self._prices)
+        self.tracking.begin(mission)
+        self._enter(Stage.NEXT, Float(self._flight, RobotMode.SURFACED))
+        return CommandOutcome.DONE
+
+    def set_controller(self, controller: Controller) -> None:
+        """Fly with this controller, except while a mission brings its own."""
+        self._own_controller = controller
+        if self._mission is None or self._mission.onboard is None:
+            self._flight.pilot.controller = controller
+
+    def set_profile(self, profile: FlightProfile) -> None:
+        """Keep to these manners from the next maneuver on."""
+        self._flight = replace(self._flight, profile=profile)
+
+    def _take_settings(self, mission: Mission) -> None:
+        """Fly with what the mission brought; what it does not bring is the robot's own."""
+        pilot, onboard = self._flight.pilot, mission.onboard
+        if onboard is None:
+            pilot.controller, self._prices = self._own_controller, self._energy
+            return
+        kind = CONTROLLERS[onboard.controller_kind]
+        pilot.controller = kind.make(self._flight.vehicle, onboard.controller_config())
+        self._prices = onboard.energy_config()
+
+    def _keep_limits(self, estimate: Estimate) -> None:
+        """Come up where a limit is met: for this dive, or for good."""
+        mission = self._mission
+        if mission is None or self._stage is Stage.ABORT:
+            return
+        over = mission_over(mission.settings, self._mission_s, estimate)
+        if over:
+            self._abort(over)
+        elif (
+            self._stage is Stage.LEG
+            and not self._comes_up()
+            and danger(self._flight, mission.settings, estimate)
+        ):
+            self._account.end_leg()
+            self.leg = self._ends[self.leg] + 1
+            self._enter(Stage.NEXT, Rise(self._flight))
+
+    def _comes_up(self) -> bool:
+        leg = self._legs[self.leg]
+        return is_surface(leg.end_ned[2]) and not is_surface(leg.start_ned[2])
+
+    def _abort(self, reason: str) -> None:
+        self._account.end_leg()
+        self._abort_reason = reason
+        self.tracking.end()
+        self._enter(Stage.ABORT, Rise(self._flight))
+
+    def _proceed(self, estimate: Estimate, samples_waiting: bool, *, is_talking: bool) -> None:
+        """Go on to the next stage if this one is over."""
+        if self._hold and self._stage in _BEFORE_A_DIVE:
+            self._enter(Stage.HELD, Float(self._flight, RobotMode.HOLDING))
+        match self._stage:
+            case Stage.IDLE:
+                pass
+            case Stage.NEXT:
+                if self._flight.is_surfaced(estimate):
+                    self._begin_dive(estimate)
+            case Stage.HELD:
+                if not self._hold:
+                    self._begin_dive(estimate)
+            case Stage.APPROACH:
+                if self._maneuver.is_done(estimate):
+                    self._turn(estimate)
+            case Stage.TURN:
+                if self._maneuver.is_done(estimate):
+                    self._enter(Stage.SURFACED, Float(self._flight, RobotMode.SURFACED))
+            case Stage.SURFACED:
+                if self._may_set_out(estimate, samples_waiting, is_talking=is_talking):
+                    self._set_out(estimate)
+            case Stage.LEG:
+                if self._maneuver.is_done(estimate):
+                    self._end_leg(estimate)
+            case Stage.PURSUIT:
+                self._keep_up(estimate)
+            case Stage.ABORT:
+                if self._maneuver.is_done(estimate):
+                    self._end_mission(OnboardPlanState.FAILED, self._abort_reason)
+
+    def _begin_dive(self, estimate: Estimate) -> None:
+        """Prepare the dive that the next leg begins, or the pursuit, or end the mission."""
+        if self.leg >= len(self._legs) and not self.tracking.is_wanted:
+            self._end_mission(OnboardPlanState.DONE, "")
+        elif self._hold:
+            self._enter(Stage.HELD, Float(self._flight, RobotMode.HOLDING))
+        elif self.tracking.is_wanted:
+            self._enter(Stage.SURFACED, Float(self._flight, RobotMode.SURFACED))
+        else:
+            start = self._legs[self.leg].start_ned[:2]
+            if distance(estimate, start) > self._flight.profile.start_tolerance_m:
+                self._enter(Stage.APPROACH, Swim(self._flight, start, estimate))
+            else:
+                self._turn(estimate)
+
+    def _keep_up(self, estimate: Estimate) -> None:
+        """End or suspend the pursuit of a target if it is time to."""
+        if self.tracking.failure:
+            self._abort(self.tracking.failure)
+        elif self._hold or self._maneuver.is_done(estimate) or self._is_unsure(estimate):
+            self.tracking.pause()
+            self._enter(Stage.NEXT, Rise(self._flight))
+
+    def _is_unsure(self, estimate: Estimate) -> bool:
+        """Tell whether a pursuit under water needs a fix before it may go on."""
+        mission = self._mission
+        if mission is None or self._flight.is_surfaced(estimate):
+            return False
+        return estimate.position_std_m > mission.settings.max_uncertainty_m
+
+    def _turn(self, estimate: Estimate) -> None:
+        """Turn towards the next leg that has a heading, if the dive does not begin by swimming."""
+        legs = self._dive()
+        flight = self._flight
+        # a flat dive sinks with any heading, and keeps it
+        headed = next((leg for leg in legs if leg.kind is not PrimitiveKind.DIVE), None)
+        if headed is None or legs[0].kind is PrimitiveKind.SWIM:
+            self._enter(Stage.SURFACED, Float(flight, RobotMode.SURFACED))
+        else:
+            self._enter(
+                Stage.TURN, Turn(flight, lambda now: first_course(flight, legs, headed, now))
+            )
+
+    def _may_set_out(self, estimate: Estimate, samples_waiting: bool, *, is_talking: bool) -> bool:
+        """Tell whether nothing keeps the robot any more where it waits at the surface."""
+        if not estimate.has_fix:
+            return False
+        if self.tracking.stays_up:
+            return True
+        profile = self._flight.profile
+        if self._surfaced_s < profile.surface_min_s:
+            return False
+        if is_talking and self._surfaced_s < _TALK_MAX_S:
+            return False
+        return not samples_waiting or self._surfaced_s > profile.surface_max_s
+
+    def _set_out(self, estimate: Estimate) -> None:
+        if self.leg < len(self._legs):
+            self._begin_leg(estimate)
+        elif self.tracking.is_wanted:
+            self._enter(Stage.PURSUIT, self.tracking.pursue(self._flight, estimate))
+        else:
+            self._end_mission(OnboardPlanState.DONE, "")
+
+    def _begin_leg(self, estimate: Estimate) -> None:
+        legs = self._dive()
+        self._account.begin_leg(legs[0])
+        self._flight.pilot.controller.reset()
+        flown = begin_leg(self._flight, legs, estimate)
+        self._enter(Stage.LEG, flown)
+        self._flown = flown
+
+    def _end_leg(self, estimate: Estimate) -> None:
+        self._account.fly_leg(1.0)
+        self._account.end_leg()
+        is_last_of_dive = self.leg == self._ends[self.leg]
+        self.leg += 1
+        if not is_last_of_dive:
+            self._begin_leg(estimate)
+        elif self._flight.is_surfaced(estimate):
+            self._begin_dive(estimate)
+        else:
+            self._enter(Stage.NEXT, Rise(self._flight))
+
+    def _end_mission(self, state: OnboardPlanState, reason: str) -> None:
+        self.plan_state = state
+        self.reason = reason
+        self.tracking.end()
+        self._enter(Stage.IDLE, Float(self._flight, RobotMode.IDLE))
+
+    def _enter(self, stage: Stage, maneuver: Maneuver) -> None:
+        self._stage = stage
+        self._maneuver = maneuver
+        self._flown = None
+
+    @property
+    def _legs(self) -> tuple[Leg, ...]:
+        return self._mission.legs if self._mission else ()
+
+    def _dive(self) -> tuple[Leg, ...]:
+        """Return the next leg and those after it until the next surfacing."""
+        return self._legs[self.leg : self._ends[self.leg] + 1]

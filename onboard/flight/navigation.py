@@ -1,0 +1,341 @@
+"""What the robot believes of itself: attitude, velocity and position from its own readings."""
+
+import math
+from collections import deque
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.estimation.attitude import AttitudeFilter
+from autonomy.estimation.config import MODEL_FILTER_PRESETS, EstimatorConfig, ModelFilterConfig
+from autonomy.estimation.model_filter import ModelFilter
+from autonomy.estimation.position_filter import PositionFilter
+from autonomy.estimation.velocity_observer import VelocityObserver
+from autonomy.site import Site
+from autonomy.vehicle.config import Vehicle
+from onboard.flight.hardware import Readings, SetPoints
+
+_FIX_HOLDS_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Estimate:
+    """The robot's belief at one moment."""
+
+    position_ned: tuple[float, float, float]
+    position_std_m: float
+    """Of the horizontal position, larger axis."""
+    velocity_ned: tuple[float, float, float]
+    """Through the water, which is all that a robot without a fix knows."""
+    state: FloatArray
+    """The 12 states of the vehicle model as the controllers take them, shape ``(12,)``."""
+    readings: Readings
+    course_heading_rad: float
+    """Heading averaged over one beat of the tail, whose wiggle no controller should fight."""
+    has_fix: bool
+    """Whether a fix arrived within the last two seconds."""
+
+    @property
+    def depth_m(self) -> float:
+        """Depth below the surface, never negative."""
+        return self.position_ned[2]
+
+    @property
+    def heading_rad(self) -> float:
+        """Heading, in -pi..pi."""
+        return float(self.state[5])
+
+    @property
+    def pitch_rad(self) -> float:
+        """Pitch, nose up positive."""
+        return float(self.state[4])
+
+
+@dataclass(frozen=True, slots=True)
+class WaterState:
+    """Where the robot is and how it moves through the water."""
+
+    position_ned: tuple[float, float, float]
+    position_std_m: float
+    """Of the horizontal position, larger axis."""
+    velocity_body: tuple[float, float, float]
+    """Through the water in body axes, m/s."""
+    velocity_ned: tuple[float, float, float]
+    """Through the water in NED, m/s."""
+
+
+class WaterTrack(Protocol):
+    """What tells position and velocity, from one step to the next."""
+
+    def step(
+        self,
+        dt_s: float,
+        command: SetPoints,
+        time_s: float,
+        attitude: AttitudeFilter,
+        readings: Readings,
+    ) -> WaterState:
+        """Let ``dt_s`` pass under set points, then take in the readings at its end."""
+        ...
+
+
+class ObserverTrack:
+    """Velocity observer and position filter, which see no current.
+
+    Args:
+        config: Noise and gains that both assume.
+        vehicle: Model of the velocity observer.
+        position_ned: First position, m.
+        position_std_m: How well it is known.
+        readings: First readings.
+    """
+
+    def __init__(
+        self,
+        config: EstimatorConfig,
+        vehicle: Vehicle,
+        position_ned: tuple[float, float, float],
+        position_std_m: float,
+        readings: Readings,
+    ) -> None:
+        self._surface_depth_m = config.surface_depth_m
+        self._filter = PositionFilter(config, position_ned, position_std_m)
+        self._observer = VelocityObserver(config, vehicle, readings.depth_m)
+
+    def step(
+        self,
+        dt_s: float,
+        command: SetPoints,
+        time_s: float,
+        attitude: AttitudeFilter,
+        readings: Readings,
+    ) -> WaterState:
+        """Let ``dt_s`` pass under set points, then take in the readings at its end."""
+        net_buoyancy = readings.net_buoyancy_kg
+        if readings.depth_m < self._surface_depth_m:
+            # the air carries no robot: what would lift it out of the water does not accelerate it
+            net_buoyancy = max(net_buoyancy, 0.0)
+        observer, position = self._observer, self._filter
+        observer.step(
+            dt_s,
+            _packed(command, net_buoyancy),
+            time_s,
+            attitude_rad=attitude.attitude_rad,
+            angular_velocity_rad_s=attitude.rates_rad_s,
+            actuators=(net_buoyancy, readings.mass_position_m, readings.tail_rad),
+            depth_m=readings.depth_m,
+        )
+        velocity_ned = observer.velocity_ned
+        position.step(dt_s, velocity_ned, readings.depth_m, readings.fix_ne_m)
+        return WaterState(
+            position.position_ned, position.position_std_m, observer.velocity_body, velocity_ned
+        )
+
+
+class ModelTrack:
+    """The filter on the vehicle's model, which learns current and ballast error.
+
+    Args:
+        config: Noise of depth and fixes, drift and steady current.
+        vehicle: Its model.
+        position_ned: First position, m.
+        position_std_m: How well it is known.
+        readings: First readings.
+    """
+
+    def __init__(
+        self,
+        config: EstimatorConfig,
+        vehicle: Vehicle,
+        position_ned: tuple[float, float, float],
+        position_std_m: float,
+        readings: Readings,
+    ) -> None:
+        model = MODEL_FILTER_PRESETS.get(vehicle.key, ModelFilterConfig())
+        water = model.current.model_copy(update={"steady_std_m_s": config.steady_current_m_s})
+        self._filter = ModelFilter(
+            config,
+            model.model_copy(update={"current": water}),
+            vehicle,
+            position_ned,
+            position_std_m,
+            attitude_rad=_angles(readings),
+            angular_velocity_rad_s=readings.gyro_rad_s,
+            actuators=_actuators(readings),
+        )
+
+    def step(
+        self,
+        dt_s: float,
+        command: SetPoints,
+        time_s: float,
+        attitude: AttitudeFilter,
+        readings: Readings,
+    ) -> WaterState:
+        """Let ``dt_s`` pass under set points, then take in the readings at its end."""
+        belief = self._filter
+        belief.step(
+            dt_s,
+            _packed(command, readings.net_buoyancy_kg),
+            time_s,
+            attitude_rad=attitude.attitude_rad,
+            # the smoothed rates lag behind the swing between two glides
+            angular_velocity_rad_s=readings.gyro_rad_s,
+            actuators=_actuators(readings),
+            depth_m=readings.depth_m,
+            fix_ne=readings.fix_ne_m,
+        )
+        return WaterState(
+            belief.position_ned, belief.position_std_m, belief.velocity_body, belief.velocity_ned
+        )
+
+
+class Navigator:
+    """Attitude filter and what tells velocity and position, stepped together at 10 Hz.
+
+    A number that is not finite is replaced by the sensor's last good one, and a fix that repeats
+    the last one to the last digit is left out: one bad message must not end a flight.
+
+    Args:
+        config: Method, noise and gains that the filters assume.
+        vehicle: Model of the velocity observer or the model filter.
+        site: Bounds the first position when there is no fix yet.
+        readings: First readings.
+        period_s: Time between two steps.
+
+    Raises:
+        ValueError: If the first readings are not finite.
+    """
+
+    def __init__(
+        self,
+        config: EstimatorConfig,
+        vehicle: Vehicle,
+        site: Site,
+        readings: Readings,
+        period_s: float,
+    ) -> None:
+        water = site.water
+        unknown_m = math.hypot(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m) / 2.0
+        centre = (0.5 * (water.x_min_m + water.x_max_m), 0.5 * (water.y_min_m + water.y_max_m))
+        fix = readings.fix_ne_m
+        if not np.isfinite([*_numbers(readings), *(fix or ())]).all():
+            raise ValueError("navigation must begin with finite readings")
+        make = ModelTrack if config.method == "model" else ObserverTrack
+        self._track: WaterTrack = make(
+            config,
+            vehicle,
+            (*(fix or centre), max(readings.depth_m, 0.0)),
+            config.fix_std_m if fix else unknown_m,
+            readings,
+        )
+        self._attitude = AttitudeFilter(_angles(readings), readings.gyro_rad_s)
+        self._headings: deque[float] = deque(
+            maxlen=round(1.0 / (vehicle.swim.frequency_hz * period_s))
+        )
+        self._period_s = period_s
+        self._since_fix_s = 0.0 if fix else math.inf
+        self._good = readings
+        self._newest_fix: tuple[float, float] | None = None
+
+    def step(self, readings: Readings, command: SetPoints, time_s: float) -> Estimate:
+        """Take in one set of readings.
+
+        Args:
+            readings: Sensors at the end of the step.
+            command: Set points that were in force during the step.
+            time_s: Time at the beginning of the step, on the clock of the tail's beat.
+        """
+        dt_s = self._period_s
+        readings = self._usable(readings)
+        self._attitude.step(dt_s, _angles(readings), readings.gyro_rad_s)
+        now = self._track.step(dt_s, command, time_s, self._attitude, readings)
+        self._since_fix_s = 0.0 if readings.fix_ne_m else self._since_fix_s + dt_s
+        north, east, down = now.position_ned
+        position = (north, east, max(down, 0.0))
+        attitude, rates = self._attitude.attitude_rad, self._attitude.rates_rad_s
+        return Estimate(
+            position_ned=position,
+            position_std_m=now.position_std_m,
+            velocity_ned=now.velocity_ned,
+            state=np.concatenate([position, attitude, now.velocity_body, rates]),
+            readings=readings,
+            course_heading_rad=self._mean_heading(),
+            has_fix=self._since_fix_s < _FIX_HOLDS_S,
+        )
+
+    def _usable(self, readings: Readings) -> Readings:
+        """Return the readings without repeated fixes and without numbers that are none."""
+        fix = readings.fix_ne_m
+        if fix is not None and (fix == self._newest_fix or not np.isfinite(fix).all()):
+            fix = None
+        self._newest_fix = fix or self._newest_fix
+        if fix is not readings.fix_ne_m:
+            readings = replace(readings, fix_ne_m=fix)
+        if not np.isfinite(_numbers(readings)).all():
+            readings = _mended(readings, self._good)
+        self._good = readings
+        return readings
+
+    def _mean_heading(self) -> float:
+        newest = float(self._attitude.attitude_rad[2])
+        self._headings.append(newest)
+        wiggle = sum(math.remainder(angle - newest, math.tau) for angle in self._headings)
+        return math.remainder(newest + wiggle / len(self._headings), math.tau)
+
+
+def _angles(readings: Readings) -> tuple[float, float, float]:
+    return readings.roll_rad, readings.pitch_rad, readings.heading_rad
+
+
+def _actuators(readings: Readings) -> tuple[float, float, float]:
+    return readings.net_buoyancy_kg, readings.mass_position_m, readings.tail_rad
+
+
+def _packed(command: SetPoints, net_buoyancy_kg: float) -> FloatArray:
+    """Return set points as ``extended_kernel.advance`` takes them, shape ``(5,)``."""
+    return np.array(
+        [
+            net_buoyancy_kg,
+            command.mass_position_m,
+            command.tail_rad,
+            command.tail_amplitude_rad,
+            command.tail_frequency_hz,
+        ]
+    )
+
+
+def _numbers(readings: Readings) -> tuple[float, ...]:
+    """Return every number but the fix."""
+    return (
+        readings.depth_m,
+        *_angles(readings),
+        *readings.gyro_rad_s,
+        *_actuators(readings),
+        readings.battery_fraction,
+        readings.battery_v,
+    )
+
+
+def _mended(readings: Readings, good: Readings) -> Readings:
+    """Replace each number that is not finite by the one in ``good``."""
+
+    def sound(new: float, old: float) -> float:
+        return new if math.isfinite(new) else old
+
+    roll_rate, pitch_rate, yaw_rate = map(sound, readings.gyro_rad_s, good.gyro_rad_s)
+    return replace(
+        readings,
+        depth_m=sound(readings.depth_m, good.depth_m),
+        roll_rad=sound(readings.roll_rad, good.roll_rad),
+        pitch_rad=sound(readings.pitch_rad, good.pitch_rad),
+        heading_rad=sound(readings.heading_rad, good.heading_rad),
+        gyro_rad_s=(roll_rate, pitch_rate, yaw_rate),
+        net_buoyancy_kg=sound(readings.net_buoyancy_kg, good.net_buoyancy_kg),
+        mass_position_m=sound(readings.mass_position_m, good.mass_position_m),
+        tail_rad=sound(readings.tail_rad, good.tail_rad),
+        battery_fraction=sound(readings.battery_fraction, good.battery_fraction),
+        battery_v=sound(readings.battery_v, good.battery_v),
+    )

@@ -1,0 +1,246 @@
+"""How the robot moves: floats, swims, glides; from what is wanted to actuator set points."""
+
+import math
+from dataclasses import dataclass
+
+from autonomy.control.config import BacksteppingConfig
+from autonomy.control.controller import BacksteppingController, Controller
+from autonomy.control.reference import Reference
+from autonomy.tracking.inner_loop import TailBeat
+from autonomy.vehicle.config import Vehicle
+from onboard.flight.course import wrap
+from onboard.flight.hardware import SetPoints
+from onboard.flight.navigation import Estimate
+
+_FLOATING_SHARE = 0.15
+"""Part of the greatest buoyancy that keeps the robot at the surface and is quickly pumped away."""
+_SWIMMING_PITCH_RAD = math.radians(4.0)
+"""Nose up at the surface: a swimming robot dives otherwise. Kept by the sliding mass."""
+_RISING_SHARE = 0.6
+_RISING_MASS_SHARE = 0.5
+"""Parts of buoyancy and sliding mass for coming up: fast, yet far from a vertical attitude."""
+_SWIMMING_GAIN = 2.0
+_SWIMMING_BIAS_MAX_RAD = 1.35
+"""Tail bias by heading error; a flapping robot turns at a rate nearly proportional to the bias."""
+_RUDDER_GAIN = 1.5
+_RUDDER_MAX_RAD = 0.6
+_SPIRAL_RUDDER_RAD = 0.8
+_SPIRAL_RUDDER_MAX_RAD = 1.7
+_FLAP_AT_RAD = math.radians(25.0)
+_GLIDE_AT_RAD = math.radians(8.0)
+"""A gliding robot turns slowly by its rudder: it flaps until the heading error is small again."""
+_BRAKING_GAIN_S_M = 25.0
+_BRAKING_PITCH_MAX_RAD = math.radians(35.0)
+"""Pitch of a flat dive by the horizontal speed that it should not have."""
+_AHEAD_M = 0.1
+"""Distance of the tracked point ahead of the robot; it only sets the direction to go."""
+
+
+@dataclass(frozen=True, slots=True)
+class DepthReference:
+    """Depth to hold at this moment, and its derivatives; positive down."""
+
+    depth_m: float
+    rate_m_s: float = 0.0
+    acceleration_m_s2: float = 0.0
+
+
+class Pilot:
+    """Turns what is wanted of the motion into set points.
+
+    Depth and pitch are controlled by a law that tracks a point just ahead on the course; by the
+    proposed backstepping law (thesis Eq. 3.19) unless a mission brings another. The tail is the
+    pilot's own, because it also flaps.
+
+    Args:
+        vehicle: The robot.
+        config: Gains of the backstepping law.
+        period_s: Time between two steps, for laws that remember.
+    """
+
+    def __init__(self, vehicle: Vehicle, config: BacksteppingConfig, period_s: float = 0.1) -> None:
+        self._vehicle = vehicle
+        self._period_s = period_s
+        self.controller: Controller = BacksteppingController(vehicle, config)
+        """The law; may be replaced between two steps."""
+        self._flaps = False
+
+    def rest(self) -> SetPoints:
+        """Lie at the surface."""
+        return SetPoints(_FLOATING_SHARE * self._vehicle.limits.m0_min_kg, self._vehicle.swim.rp1_m)
+
+    def rise(self) -> SetPoints:
+        """Come up as fast as is safe, wherever that leads."""
+        limits = self._vehicle.limits
+        return SetPoints(_RISING_SHARE * limits.m0_min_kg, _RISING_MASS_SHARE * limits.rp1_min_m)
+
+    def swim(self, estimate: Estimate, course_rad: float) -> SetPoints:
+        """Swim at the surface and turn towards a course, on the spot if it is far off.
+
+        Args:
+            estimate: Where the robot believes to be.
+            course_rad: Wanted heading.
+        """
+        return self._flapping(estimate, course_rad, self._afloat(estimate))
+
+    def swim_at_depth(
+        self, estimate: Estimate, course_rad: float, depth: DepthReference
+    ) -> SetPoints:
+        """Swim level at a depth; arguments as of ``swim``."""
+        level = self._track(estimate, depth, 0.0)
+        return self._flapping(estimate, course_rad, level)
+
+    def beat(self, estimate: Estimate, beat: TailBeat, level: SetPoints | None = None) -> SetPoints:
+        """Swim with a given beat of the tail, at the surface or at a depth.
+
+        Args:
+            estimate: Where the robot believes to be.
+            beat: What the tail does.
+            level: Net mass and sliding mass that keep the depth; None is the surface.
+        """
+        trim = self._afloat(estimate) if level is None else level
+        return SetPoints(
+            trim.net_buoyancy_kg,
+            trim.mass_position_m,
+            tail_rad=beat.bias_rad,
+            tail_amplitude_rad=beat.amplitude_rad,
+            tail_frequency_hz=beat.frequency_hz,
+        )
+
+    def sink(
+        self, estimate: Estimate, depth: DepthReference, forward_speed_m_s: float
+    ) -> SetPoints:
+        """Change depth with nearly level hull and straight tail.
+
+        A hull that sinks or rises nose up or nose down slides sideways through the water; that is
+        the brake against the speed that the robot brought along.
+
+        Args:
+            estimate: Where the robot believes to be.
+            depth: Depth to be at.
+            forward_speed_m_s: Wanted horizontal speed along the heading.
+        """
+        excess = forward_speed(estimate) - forward_speed_m_s
+        down = math.copysign(1.0, depth.rate_m_s)
+        pitch = down * _clip(_BRAKING_GAIN_S_M * excess, _BRAKING_PITCH_MAX_RAD)
+        return self._track(estimate, depth, pitch)
+
+    def glide(
+        self,
+        estimate: Estimate,
+        course_rad: float,
+        depth: DepthReference,
+        pitch_rad: float,
+        *,
+        net_buoyancy_max_kg: float,
+        thrust: bool,
+    ) -> SetPoints:
+        """Glide towards a course.
+
+        Args:
+            estimate: Where the robot believes to be.
+            course_rad: Wanted heading.
+            depth: Depth to be at.
+            pitch_rad: Wanted pitch.
+            net_buoyancy_max_kg: Greatest magnitude of the net mass.
+            thrust: Whether the tail shall push as well.
+        """
+        tracked = self._track(estimate, depth, pitch_rad, net_buoyancy_max_kg)
+        if self._needs_flap(estimate, course_rad) or thrust:
+            return self._flapping(estimate, course_rad, tracked)
+        rudder = -_RUDDER_GAIN * heading_error(estimate, course_rad)
+        return _with_tail(tracked, _clip(rudder, _RUDDER_MAX_RAD))
+
+    def spiral(
+        self,
+        estimate: Estimate,
+        heading_rad: float,
+        turn_sign: float,
+        depth: DepthReference,
+        pitch_rad: float,
+        *,
+        net_buoyancy_max_kg: float,
+    ) -> SetPoints:
+        """Glide around a bend by the rudder alone.
+
+        Args:
+            estimate: Where the robot believes to be.
+            heading_rad: Heading at this point of the bend.
+            turn_sign: +1 to starboard, -1 to port.
+            depth: Depth to be at.
+            pitch_rad: Wanted pitch.
+            net_buoyancy_max_kg: Greatest magnitude of the net mass.
+        """
+        error = heading_error(estimate, heading_rad)
+        tail = -_SPIRAL_RUDDER_RAD * turn_sign - _SWIMMING_GAIN * error
+        tracked = self._track(estimate, depth, pitch_rad, net_buoyancy_max_kg)
+        return _with_tail(tracked, _clip(tail, _SPIRAL_RUDDER_MAX_RAD))
+
+    def _afloat(self, estimate: Estimate) -> SetPoints:
+        """Return net mass and sliding mass of swimming at the surface."""
+        limits = self._vehicle.limits
+        excess = estimate.pitch_rad - _SWIMMING_PITCH_RAD
+        return SetPoints(
+            _FLOATING_SHARE * limits.m0_min_kg,
+            self._vehicle.swim.rp1_m + abs(limits.rp1_min_m) * excess,
+        )
+
+    def _track(
+        self,
+        estimate: Estimate,
+        depth: DepthReference,
+        pitch_rad: float,
+        net_buoyancy_max_kg: float = math.inf,
+    ) -> SetPoints:
+        """Return net mass and sliding mass of the backstepping law, tail straight."""
+        heading = estimate.heading_rad
+        north, east, _ = estimate.position_ned
+        speed = forward_speed(estimate)
+        ahead = (math.cos(heading), math.sin(heading))
+        command = self.controller.command(
+            estimate.state,
+            Reference(
+                (north + _AHEAD_M * ahead[0], east + _AHEAD_M * ahead[1], depth.depth_m),
+                pitch_rad,
+                (speed * ahead[0], speed * ahead[1], depth.rate_m_s),
+                acceleration_ned=(0.0, 0.0, depth.acceleration_m_s2),
+            ),
+            self._period_s,
+        )
+        return SetPoints(_clip(command.m0_kg, net_buoyancy_max_kg), command.rp1_m)
+
+    def _needs_flap(self, estimate: Estimate, course_rad: float) -> bool:
+        """Tell whether only the flapping tail turns the robot soon enough; with hysteresis."""
+        limit = _GLIDE_AT_RAD if self._flaps else _FLAP_AT_RAD
+        self._flaps = abs(heading_error(estimate, course_rad)) > limit
+        return self._flaps
+
+    def _flapping(self, estimate: Estimate, course_rad: float, trim: SetPoints) -> SetPoints:
+        error = heading_error(estimate, course_rad)
+        return SetPoints(
+            trim.net_buoyancy_kg,
+            trim.mass_position_m,
+            tail_rad=_clip(-_SWIMMING_GAIN * error, _SWIMMING_BIAS_MAX_RAD),
+            tail_amplitude_rad=self._vehicle.swim.amplitude_rad,
+            tail_frequency_hz=self._vehicle.swim.frequency_hz,
+        )
+
+
+def heading_error(estimate: Estimate, course_rad: float) -> float:
+    """Return how far to starboard a course lies of the mean heading, in -pi..pi."""
+    return wrap(course_rad - estimate.course_heading_rad)
+
+
+def forward_speed(estimate: Estimate) -> float:
+    """Return the horizontal speed through the water along the heading."""
+    north, east, _ = estimate.velocity_ned
+    heading = estimate.heading_rad
+    return north * math.cos(heading) + east * math.sin(heading)
+
+
+def _with_tail(trim: SetPoints, tail_rad: float) -> SetPoints:
+    return SetPoints(trim.net_buoyancy_kg, trim.mass_position_m, tail_rad=tail_rad)
+
+
+def _clip(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)

@@ -1,0 +1,398 @@
+"""The robot's side of every service; what the onboard program talks through."""
+
+import asyncio
+import logging
+import math
+from contextlib import suppress
+from datetime import datetime
+from functools import partial
+
+from onboard.link.command_desk import CommandDesk, CommandMemory
+from onboard.link.newest_sender import NewestSender
+from onboard.link.plan_desk import PlanDesk, PlanOnBoard
+from onboard.link.plan_store import PlanStore
+from onboard.link.sample_sender import SampleSender
+from onboard.link.service_desk import ServiceDesk
+from onboard.link.waypoint_mission import WaypointRules
+from robot_link.clock import Clock, monotonic_s, set_or_after
+from robot_link.delivery import deliver
+from robot_link.mavlink import telemetry, track
+from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_SYSTEM, Codec, WireMessage
+from robot_link.mavlink.command import (
+    ReceivedCommand,
+    received_command,
+    result_of,
+)
+from robot_link.mavlink.signing import Signing, Verdict
+from robot_link.mavlink.wire import grace
+from robot_link.messages import (
+    CommandKind,
+    LogId,
+    OnboardPlanState,
+    PlanHash,
+    PositionNed,
+    RobotMode,
+    StateReport,
+    SystemId,
+    TrackReport,
+)
+from robot_link.mission import Mission
+from robot_link.robot_program import CommandOutcome, RobotProgram
+from robot_link.sample_log import Measurement, SampleLog
+from robot_link.service.double import DoubleWatch
+from robot_link.service.file_store import FileStore, NoFiles
+from robot_link.service.heartbeat import robot_heartbeat
+from robot_link.service.pace import Pace
+from robot_link.service.parameter_table import ParameterTable
+from robot_link.timing import LinkTiming
+from robot_link.transport.datagram import BROADCAST, Address, DatagramTransport, Received
+
+__all__ = ["CommandOutcome", "RobotLink", "RobotProgram"]
+
+_ATTEMPTS = 3
+_SILENCES_BEFORE_ANOTHER_STATION = 3
+_ANYONE = 0
+_REPLIES = 512
+"""Answers that may wait for the radio; whoever gets none asks again."""
+_STREAM_SHARE = 0.5
+"""What standard telemetry may take of a radio; the rest is for what our own station asks."""
+
+
+_log = logging.getLogger(__name__)
+_Command = grace.MAVLink_command_long_message
+
+
+class RobotLink:
+    """Heartbeat, state, samples, plan and commands of one robot; belongs to one event loop.
+
+    Samples are kept and sent again until the station says that they are stored. A command acts
+    once, however often it is heard. A plan replaces the one on board only when it is complete and
+    its hash is the offered one. Time-outs are wall seconds; time stamps are the clock's.
+
+    Args:
+        system: The robot's MAVLink system id.
+        transport: Its radio, which the link runs.
+        clock: The robot's clock.
+        program: What flies the robot.
+        log: Memory of samples.
+        plans: Memory of the plan on board; a plan found in it is reported as ON_BOARD.
+        parameters: What can be read and set from outside; none without.
+        files: What can be downloaded; nothing without.
+        command_memory: What the robot remembers of commands when it is restarted.
+        waypoints: How it flies missions of other makers' ground stations; without, those are not
+            served at all.
+        signing: Signs every frame and lets none in that is not signed alike; without, no frame is
+            signed or refused for it.
+        timing: Time-outs.
+    """
+
+    def __init__(
+        self,
+        system: SystemId,
+        transport: DatagramTransport,
+        clock: Clock,
+        program: RobotProgram,
+        *,
+        log: SampleLog,
+        plans: PlanStore,
+        parameters: ParameterTable | None = None,
+        files: FileStore | None = None,
+        command_memory: CommandMemory | None = None,
+        waypoints: WaypointRules | None = None,
+        signing: Signing | None = None,
+        timing: LinkTiming | None = None,
+    ) -> None:
+        self.parameters = ParameterTable(()) if parameters is None else parameters
+        self.files: FileStore = NoFiles() if files is None else files
+        self._system = system
+        self._transport = transport
+        self._clock = clock
+        self._timing = timing or LinkTiming()
+        self._patience_s = _SILENCES_BEFORE_ANOTHER_STATION * self._timing.stale_s
+        self._signing = signing
+        self._codec = Codec(system, ROBOT_COMPONENT, signing)
+        self._pace = Pace(lambda: transport.bytes_per_s)
+        self._samples = SampleSender(log, self._codec, transport, self._timing, self._pace)
+        self._station: Address | None = None
+        self._station_heard_s = -math.inf
+        self._station_known = asyncio.Event()
+        self._replies: asyncio.Queue[tuple[Address | None, WireMessage]] = asyncio.Queue(_REPLIES)
+        self._commands = CommandDesk(program, command_memory)
+        self._mode = RobotMode.IDLE
+        self._mode_changed = asyncio.Event()
+        self._states = self._newest_sender(telemetry.STATE_FRAME_BYTES)
+        self._tracks = self._newest_sender(track.TRACK_FRAME_BYTES)
+        self._plan = PlanDesk(
+            plans, program, clock, self._timing, lambda message: self._answer(None, message)
+        )
+        self._services = ServiceDesk(
+            system,
+            clock,
+            program,
+            self._plan,
+            parameters=self.parameters,
+            files=self.files,
+            rules=waypoints,
+            answer_s=self._timing.answer_s,
+            master_s=self._patience_s,
+            reply=self._answer,
+            station_heard_s=lambda: self.last_heard_station_s,
+        )
+        self._doubles = DoubleWatch()
+        self.frames_bad = 0
+        """Frames dropped for a bad checksum, a foreign sender or impossible content."""
+
+    @property
+    def conflict(self) -> str:
+        """Sentence on another robot that speaks under this one's system id, or ""."""
+        return self._doubles.sentence(self._system, monotonic_s())
+
+    @property
+    def plan_hash(self) -> PlanHash | None:
+        """Hash of the plan on board."""
+        return self._plan.plan_hash
+
+    @property
+    def unacknowledged_samples(self) -> int:
+        """Samples not yet known to be stored ashore."""
+        return len(self._samples)
+
+    @property
+    def last_heard_station_s(self) -> float:
+        """Seconds of the wall since the station was heard; infinite before the first time."""
+        return monotonic_s() - self._station_heard_s
+
+    def plan_report(self) -> PlanOnBoard:
+        """Return what is to be said of the plan on board, by whatever road."""
+        return self._plan.on_board()
+
+    def take_mission(self, mission: Mission, *, start: bool) -> str:
+        """Put a mission on board that came complete by another road than the radio.
+
+        The mission that is on board already, waiting or being flown, is left as it is.
+
+        Args:
+            mission: What replaces the plan on board.
+            start: Whether to fly it at once.
+
+        Returns:
+            Why it was refused, a sentence; empty if it is on board (and flown, where asked).
+        """
+        return self._plan.take_mission(mission, start=start)
+
+    def take_command(self, command: ReceivedCommand) -> CommandOutcome:
+        """Act on a command that came by another road; one heard by several roads acts once."""
+        return self._commands.take(command, monotonic_s())
+
+    async def run(self) -> None:
+        """Serve until cancelled."""
+        async with asyncio.TaskGroup() as group:
+            for name, work in (
+                ("radio", self._transport.run()),
+                ("listen", self._listen()),
+                ("heartbeat", self._beat()),
+                ("states", self._states.run()),
+                ("tracks", self._tracks.run()),
+                ("plan reports", self._report_plan()),
+                ("samples", self._samples.run()),
+                ("replies", self._reply()),
+                ("mission", self._ask_again()),
+                ("services", self._services.run(self._budget, self._send_service)),
+            ):
+                group.create_task(work, name=f"system {self._system} {name}")
+
+    def set_mode(self, mode: RobotMode) -> None:
+        """Say what the robot does now; a change is sent at once, and then in each heartbeat.
+
+        Announce a dive before the antenna goes under: silence after it counts as submerged.
+        """
+        if mode is not self._mode:
+            self._mode = mode
+            self._mode_changed.set()
+
+    def report_state(self, state: StateReport) -> None:
+        """Send a state once; while the radio is busy a newer one replaces it.
+
+        ``robot`` and ``received_at`` do not travel.
+        """
+        self._services.state = state
+        self._states.put(partial(telemetry.state_message, state))
+
+    def report_track(self, report: TrackReport) -> None:
+        """Send what is known of a target once; while the radio is busy a newer one replaces it.
+
+        ``robot`` and ``received_at`` do not travel. A report that says what cannot be, such as a
+        number that is not finite, is dropped: the far side could only drop it too.
+        """
+        if track.can_travel(report):
+            self._tracks.put(partial(track.track_message, report))
+
+    def record_sample(
+        self,
+        variable: str,
+        value: float,
+        position_ned: PositionNed,
+        position_std_m: float,
+        measured_at: datetime,
+    ) -> int:
+        """Keep a sample until it is stored ashore, and send it when the station is in reach.
+
+        Returns:
+            Its number in the log.
+
+        Raises:
+            ValueError: If a number is not finite.
+            KeyError: If no such variable is declared.
+        """
+        return self._samples.record(
+            Measurement(variable, value, position_ned, position_std_m, measured_at)
+        )
+
+    def report_plan(
+        self, state: OnboardPlanState, *, leg: int = 0, energy_used: float = 0.0, reason: str = ""
+    ) -> None:
+        """Say how the plan on board fares; sent at once, and again every few seconds."""
+        self._plan.report(state, leg=leg, energy_used=energy_used, reason=reason)
+
+    async def _listen(self) -> None:
+        async for event in self._transport.events():
+            if isinstance(event, Received):
+                self._receive(event)
+
+    def _receive(self, received: Received) -> None:
+        messages, bad = self._codec.unpack(received.data)
+        self.frames_bad += bad
+        for message in messages:
+            if not self._is_welcome(message, received.address):
+                self.frames_bad += 1
+            elif getattr(message, "target_system", _ANYONE) in (_ANYONE, self._system):
+                self._obey(message, received.address)
+
+    def _is_welcome(self, message: WireMessage, address: Address) -> bool:
+        """Tell whether a message is to be believed: signed where it must be, of a known master."""
+        if self._signing is not None:
+            verdict = self._signing.check(bytes(message.get_msgbuf()))
+            if verdict is not Verdict.GOOD:
+                return False
+        speaker = message.get_srcSystem()
+        if speaker == self._system:
+            if self._doubles.note(self._system, address, monotonic_s()):
+                _log.warning("%s", self.conflict)
+            return False
+        if speaker == STATION_SYSTEM:
+            return self._is_from_station(address)
+        return self._services.welcomes(message, address)
+
+    def _is_from_station(self, address: Address) -> bool:
+        """Hold to one station's radio; another may take over when it has been silent long."""
+        now_s = monotonic_s()
+        is_free = self._station is None or now_s - self._station_heard_s > self._patience_s
+        if address != self._station and not is_free:
+            return False
+        self._station, self._station_heard_s = address, now_s
+        self._station_known.set()
+        self._samples.contact(address)
+        return True
+
+    def _obey(self, message: WireMessage, address: Address) -> None:
+        now_s = monotonic_s()
+        is_station = message.get_srcSystem() == STATION_SYSTEM
+        match message:
+            case _Command():
+                self._take_command(message, address, now_s)
+            case grace.MAVLink_grace_plan_offer_message() if is_station:
+                self._plan.take_offer(message, now_s)
+            case grace.MAVLink_mission_count_message() if is_station and self._plan.expects(
+                message
+            ):
+                self._plan.take_count(message, now_s)
+            case grace.MAVLink_mission_item_int_message() if is_station and self._plan.expects(
+                message
+            ):
+                self._plan.take_item(message, now_s)
+            case grace.MAVLink_grace_sample_ack_message() if is_station:
+                sequences = telemetry.acknowledged_sequences(message)
+                self._samples.stored(LogId(message.log), sequences)
+            case grace.MAVLink_heartbeat_message() if is_station:
+                return
+            case _:
+                self._services.hear(message, address)
+
+    def _take_command(self, message: _Command, address: Address, now_s: float) -> None:
+        try:
+            command = received_command(message)
+        except ValueError:
+            self.frames_bad += 1
+            return
+        if command is None:
+            self._services.hear(message, address)
+            return
+        is_master = message.get_srcSystem() == STATION_SYSTEM
+        is_free = self.last_heard_station_s > self._patience_s
+        outcome = CommandOutcome.NOT_NOW
+        if is_master or is_free or command.kind is CommandKind.SURFACE:
+            outcome = self._commands.take(command, now_s)
+        self._answer(
+            address,
+            grace.MAVLink_command_ack_message(
+                command=message.command,
+                result=result_of(outcome),
+                progress=0,
+                result_param2=command.number,
+                target_system=message.get_srcSystem(),
+                target_component=message.get_srcComponent(),
+            ),
+        )
+
+    def _answer(self, address: Address | None, message: WireMessage) -> None:
+        """Queue an answer to a radio, the station's where it is None; too many are dropped."""
+        with suppress(asyncio.QueueFull):
+            self._replies.put_nowait((address, message))
+
+    async def _ask_again(self) -> None:
+        while True:
+            await asyncio.sleep(self._timing.answer_s / 4)
+            self._plan.tick(monotonic_s())
+
+    async def _reply(self) -> None:
+        while True:
+            address, message = await self._replies.get()
+            await self._send(message, _ATTEMPTS, address)
+
+    def _newest_sender(self, frame_bytes: int) -> NewestSender:
+        async def wait_for_room() -> None:
+            await self._station_known.wait()
+            await self._pace.spend(frame_bytes + self._codec.trailer_bytes)
+
+        return NewestSender(wait_for_room, lambda message: self._send(message, 1))
+
+    async def _report_plan(self) -> None:
+        await self._station_known.wait()
+        while True:
+            self._plan.changed.clear()
+            await self._send(self._plan.said, _ATTEMPTS)
+            await set_or_after(self._plan.changed, self._timing.plan_report_s)
+
+    async def _beat(self) -> None:
+        while True:
+            self._mode_changed.clear()
+            heartbeat = robot_heartbeat(self._mode)
+            await self._send(heartbeat, _ATTEMPTS)
+            for address in self._services.guests() if self._station is not None else ():
+                if address != self._station:
+                    await self._send(heartbeat, 1, address)
+            await set_or_after(self._mode_changed, self._timing.heartbeat_s)
+
+    def _budget(self) -> float:
+        """Return what standard telemetry may take of the radio, bytes per second."""
+        return self._transport.bytes_per_s * _STREAM_SHARE
+
+    async def _send_service(self, address: Address, message: WireMessage) -> None:
+        await self._send(message, 1, address)
+
+    async def _send(
+        self, message: WireMessage, attempts: int, address: Address | None = None
+    ) -> None:
+        if address is None:
+            address = BROADCAST if self._station is None else self._station
+        await deliver(self._transport, address, self._codec.pack(message), attempts=attempts)

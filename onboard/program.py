@@ -1,0 +1,256 @@
+"""The onboard program: ten times a second from readings to set points, never seeing the truth."""
+
+from collections.abc import Callable
+from datetime import datetime, timedelta
+from typing import Protocol
+
+from autonomy.control.config import BacksteppingConfig
+from autonomy.estimation.config import EstimatorConfig
+from autonomy.planner.config import EnergyConfig
+from autonomy.site import Site
+from autonomy.tracking.config import RangingConfig
+from autonomy.vehicle.battery import RESERVE
+from autonomy.vehicle.config import Vehicle
+from onboard.flight.executive import Executive
+from onboard.flight.hardware import Hardware
+from onboard.flight.maneuver import Flight
+from onboard.flight.navigation import Estimate, Navigator
+from onboard.flight.pilot import Pilot
+from onboard.link.robot_link import CommandOutcome
+from onboard.profile import FLIGHT_PROFILES
+from robot_link.messages import (
+    CommandKind,
+    OnboardPlanState,
+    PositionNed,
+    RobotId,
+    RobotMode,
+    StateReport,
+    TrackReport,
+)
+from robot_link.mission import Mission
+from robot_link.onboard_settings import DigestSettings
+
+PERIOD_S = 0.1
+"""Time between two steps of the program."""
+
+
+class Radio(Protocol):
+    """What the program says to the station; ``onboard.link.robot_link.RobotLink`` is one."""
+
+    @property
+    def unacknowledged_samples(self) -> int:
+        """Samples not yet known to be stored ashore."""
+        ...
+
+    def set_mode(self, mode: RobotMode) -> None:
+        """Say what the robot does from now on."""
+        ...
+
+    def report_state(self, state: StateReport) -> None:
+        """Send a state once."""
+        ...
+
+    def record_sample(
+        self,
+        variable: str,
+        value: float,
+        position_ned: PositionNed,
+        position_std_m: float,
+        measured_at: datetime,
+    ) -> int:
+        """Keep a sample until it is stored ashore; return its number."""
+        ...
+
+    def report_plan(
+        self, state: OnboardPlanState, *, leg: int = 0, energy_used: float = 0.0, reason: str = ""
+    ) -> None:
+        """Say how the plan on board fares."""
+        ...
+
+
+class OnboardProgram:
+    """Estimator, executive and pilot of one robot, and what it tells the station.
+
+    Args:
+        robot: Its name.
+        vehicle: Its model.
+        site: Where it works.
+        estimator: Settings of its filters.
+        controller: Gains of its controller.
+        energy: Prices of its primitives.
+        hardware: Its body.
+        started_at: Its clock now.
+        stamp: Tells the time by the robot's own clock; without it the steps are counted.
+    """
+
+    def __init__(
+        self,
+        robot: RobotId,
+        vehicle: Vehicle,
+        site: Site,
+        *,
+        estimator: EstimatorConfig,
+        controller: BacksteppingConfig,
+        energy: EnergyConfig,
+        hardware: Hardware,
+        started_at: datetime,
+        stamp: Callable[[], datetime] | None = None,
+    ) -> None:
+        self._robot = robot
+        self._stamp = stamp
+        self._variable = site.variable
+        self._limits = vehicle.limits
+        self._hardware = hardware
+        self._started_at = started_at
+        self._steps = 0
+        self._readings = hardware.read()
+        self._navigator = Navigator(estimator, vehicle, site, self._readings, PERIOD_S)
+        pilot = Pilot(vehicle, controller, PERIOD_S)
+        self.executive = Executive(
+            Flight(vehicle, FLIGHT_PROFILES[vehicle.key], site, pilot), energy, PERIOD_S
+        )
+        self._set_points = pilot.rest()
+        self.estimate: Estimate = self._read(0.0)
+        self._sample_period_s = 0.0
+        self._next_sample_s = 0.0
+        self._told_mode: RobotMode | None = None
+        self._told_plan: tuple[OnboardPlanState, int] | None = None
+        self.is_talking = False
+        """Whether a call by satellite is due or under way, for which the robot stays up."""
+
+    @property
+    def time_s(self) -> float:
+        """Seconds since the program began."""
+        return self._steps * PERIOD_S
+
+    @property
+    def now(self) -> datetime:
+        """The robot's clock."""
+        if self._stamp is not None:
+            return self._stamp()
+        return self._started_at + timedelta(seconds=self.time_s)
+
+    @property
+    def surfaced_s(self) -> float:
+        """How long the robot has been at the surface; 0 under water."""
+        return self.executive.surfaced_s
+
+    @property
+    def digest_settings(self) -> DigestSettings | None:
+        """What tells which samples change the map most, where the mission on board brought it."""
+        return self.executive.digest_settings
+
+    def plan_refusal(self) -> str:
+        """Return why no new plan can be taken now, or ""."""
+        return self.executive.plan_refusal()
+
+    def take_plan(self, mission: Mission) -> None:
+        """Replace the plan on board; it waits for START."""
+        self.executive.take_plan(mission)
+        self._sample_period_s = mission.settings.sample_period_s
+
+    def obey(self, kind: CommandKind, plan_digits: str) -> CommandOutcome:
+        """Act on a command."""
+        if kind is CommandKind.START and (self.estimate.readings.battery_fraction < RESERVE):
+            return CommandOutcome.NOT_NOW
+        return self.executive.obey(kind, plan_digits)
+
+    def hear_range(self, range_m: float | None, age_s: float) -> None:
+        """Take a slant range of the target from outside, or None for a ping without an answer.
+
+        Args:
+            range_m: From the robot to the target, m; one that is no range is counted and rejected.
+            age_s: How long ago it was measured.
+        """
+        self.executive.tracking.hear(range_m, age_s)
+
+    def wants_range(self) -> int | None:
+        """Return the acoustic address to ping now, or None."""
+        return self.executive.tracking.wants_range()
+
+    @property
+    def ranging(self) -> RangingConfig | None:
+        """How the mission takes ranges; None for one that follows no target."""
+        return self.executive.tracking.ranging
+
+    def track_report(self) -> TrackReport | None:
+        """Return how the robot holds its target; None without a mission that follows one.
+
+        ``received_at`` is the receiver's to fill.
+        """
+        return self.executive.tracking.report(self._robot, self.now, self.estimate)
+
+    def step(self, radio: Radio) -> None:
+        """Read, estimate, decide, act, measure and tell; call it every ``PERIOD_S``."""
+        began_s = self.time_s
+        self._steps += 1
+        self.estimate = self.executive.tracking.located(self._read(began_s))
+        self._set_points = self.executive.step(
+            self.estimate,
+            PERIOD_S,
+            samples_waiting=radio.unacknowledged_samples > 0,
+            is_talking=self.is_talking,
+        )
+        self._hardware.actuate(self.executive.trim.command(self._set_points, self._limits))
+        self._measure(radio)
+        self._tell(radio)
+
+    def state_report(self) -> StateReport:
+        """Return what the robot believes of itself; ``received_at`` is the receiver's to fill."""
+        estimate = self.estimate
+        readings = self._readings
+        roll, pitch, heading = estimate.state[3:6].tolist()
+        return StateReport(
+            robot=self._robot,
+            measured_at=self.now,
+            received_at=self.now,
+            position_ned=estimate.position_ned,
+            position_std_m=estimate.position_std_m,
+            velocity_ned=estimate.velocity_ned,
+            roll_rad=roll,
+            pitch_rad=pitch,
+            heading_rad=heading,
+            net_buoyancy_kg=readings.net_buoyancy_kg,
+            mass_position_m=readings.mass_position_m,
+            tail_rad=readings.tail_rad,
+            battery_fraction=readings.battery_fraction,
+            battery_v=readings.battery_v,
+            mode=self.executive.mode,
+            has_fix=estimate.has_fix,
+            energy_used=self.executive.energy_used,
+        )
+
+    def _read(self, began_s: float) -> Estimate:
+        """Read the sensors and return what the step that began then leads to."""
+        self._readings = self._hardware.read()
+        readings = self.executive.trim.in_model_terms(self._readings)
+        return self._navigator.step(readings, self._set_points, began_s)
+
+    def _measure(self, radio: Radio) -> None:
+        """Take a sample of the field when one is due on a leg or a pursuit."""
+        if not self.executive.is_sampling or self.time_s < self._next_sample_s:
+            return
+        self._next_sample_s = self.time_s + self._sample_period_s
+        radio.record_sample(
+            self._variable,
+            self._hardware.measure_field(),
+            self.estimate.position_ned,
+            self.estimate.position_std_m,
+            self.now,
+        )
+
+    def _tell(self, radio: Radio) -> None:
+        """Say at once what has changed."""
+        executive = self.executive
+        if executive.mode is not self._told_mode:
+            self._told_mode = executive.mode
+            radio.set_mode(executive.mode)
+        plan = (executive.plan_state, executive.leg)
+        if plan != self._told_plan:
+            self._told_plan = plan
+            radio.report_plan(
+                executive.plan_state,
+                leg=executive.leg,
+                energy_used=executive.energy_used,
+                reason=executive.reason,
+            )

@@ -1,0 +1,1 @@
+"""The robot's end of satellite links."""

@@ -1,0 +1,1 @@
+"""Follows a target that is known by its range alone."""

@@ -1,1 +1,0 @@
-"""The program that flies on the robot: estimator, controller, mission executive."""
