@@ -25,7 +25,7 @@ from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import LinkState, LogId, OnboardPlanState, UploadReport
 from robot_link.mission import Mission
 from robot_link.sample_log import MemorySampleLog
-from robot_link.station import RadioPath, RobotEndpoint, StationLink
+from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.port import SerialPort
 from robot_link.transport.xbee import XBeeTiming, XBeeTransport

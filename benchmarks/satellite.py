@@ -18,13 +18,13 @@ from robot_link.messages import RobotId, SystemId
 from robot_link.mission import Mission
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import cut, sizes
-from robot_link.satellite.fare import quote
-from robot_link.satellite.ground import GroundState, GroundTransfer, PartLevel, next_counter
+from robot_link.satellite.cost import quote
 from robot_link.satellite.record import (
     MobileOriginatedContent,
     compose,
     read_mobile_originated,
 )
+from robot_link.station.ground import GroundState, GroundTransfer, PartLevel, next_counter
 
 TRANSFERS = 1000
 SIZED = 50

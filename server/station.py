@@ -16,8 +16,6 @@ from db.query.telemetry import Track as StoredTrack
 from db.query.telemetry import newest_plan_report, newest_state
 from db.query.telemetry import track as stored_track
 from db.query.tracking import newest_track_report
-from robot_link.gateway.address import is_acoustic
-from robot_link.gateway.gateway import MobileOriginated
 from robot_link.messages import (
     CommandReport,
     LinkEvent,
@@ -27,6 +25,8 @@ from robot_link.messages import (
     StateReport,
     TrackReport,
 )
+from robot_link.station.gateway.address import is_acoustic
+from robot_link.station.gateway.gateway import MobileOriginated
 from robot_link.transport.opening import is_radio
 from server.access.foundation import Foundation
 from server.alarm.rules import watch_fleet

@@ -11,7 +11,7 @@ from db.identity import key_of, public_id
 from db.link_tables import InboxRow
 from db.query.robots import robot_key
 from db.tables import Robot
-from robot_link.gateway.gateway import MobileOriginated
+from robot_link.station.gateway.gateway import MobileOriginated
 
 
 @dataclass(frozen=True, slots=True)

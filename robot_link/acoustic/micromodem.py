@@ -34,8 +34,8 @@ from robot_link.acoustic.sentence import (
     PingReply,
 )
 from robot_link.clock import Clock, monotonic_s, set_or_after
-from robot_link.gateway.address import AcousticAddress, acoustic_address
 from robot_link.messages import RobotId
+from robot_link.station.gateway.address import AcousticAddress, acoustic_address
 from robot_link.transport.datagram import PortClosedError, TransportEvent
 from robot_link.transport.port import Port, SerialPort, TcpPort
 

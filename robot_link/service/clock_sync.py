@@ -12,8 +12,8 @@ from enum import StrEnum
 from robot_link.clock import Clock
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.service.error import NoAnswerError
-from robot_link.service.exchange import Correspondent, Exchange, Patience
+from robot_link.station.error import NoAnswerError
+from robot_link.station.exchange import Correspondent, Exchange, Patience
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _NANOSECONDS = 10**9

@@ -9,7 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from db.query.robots import list_robots
-from robot_link.gateway.address import check_link
+from robot_link.station.gateway.address import check_link
 from robot_link.transport.doctor import Doctor
 from robot_link.transport.opening import RADIO_SCHEMES, is_radio
 from server.cli.data import add_data_option, open_store, settings_of

@@ -1,7 +1,7 @@
 """The links of a robot as an operator sees them: state, age, what each carries, in words."""
 
-from robot_link.gateway.address import is_acoustic, is_satellite
 from robot_link.messages import LinkReport, LinkState
+from robot_link.station.gateway.address import is_acoustic, is_satellite
 from server.fleet.link_view import RobotLinkView
 from server.fleet.picture import Picture
 from server.fleet.plug import plug_of

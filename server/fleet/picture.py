@@ -8,7 +8,6 @@ from autonomy.arrays import FloatArray
 from autonomy.planner.plan import Leg, PositionNed
 from db.query.plans import PlanRecord
 from db.query.robots import RobotRecord
-from robot_link.gateway.address import ACOUSTIC_CARRIER, SATELLITE_CARRIERS
 from robot_link.messages import (
     LinkReport,
     LinkState,
@@ -19,6 +18,7 @@ from robot_link.messages import (
     StateReport,
     TrackReport,
 )
+from robot_link.station.gateway.address import ACOUSTIC_CARRIER, SATELLITE_CARRIERS
 from robot_link.transport.opening import is_radio
 from server.fleet.clock_fault import ClockFault
 from server.fleet.routing import Roads

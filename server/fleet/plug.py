@@ -9,7 +9,7 @@ from db.query.events import add_event
 from db.query.settings import get_setting, put_setting
 from db.store import Store
 from robot_link.clock import Clock
-from robot_link.path import RadioPath
+from robot_link.station.path import RadioPath
 from server.fleet.words import carrier_title
 
 _SETTING = "unplugged links"

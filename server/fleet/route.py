@@ -20,8 +20,8 @@ from db.query.robots import (
 )
 from db.query.sample_places import SamplePlaces, sample_places
 from db.query.telemetry import history, track
-from robot_link.gateway.address import check_link
 from robot_link.messages import RobotId, SystemId
+from robot_link.station.gateway.address import check_link
 from server.access.dependency import Admin, FoundationDep, StoreDep, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body

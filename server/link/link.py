@@ -23,7 +23,7 @@ from server.fleet.routing import Choice, MessageKind, Wish
 
 
 class Radio(Protocol):
-    """The part of ``robot_link.station.StationLink`` that services use; see there."""
+    """The part of ``robot_link.station.link.StationLink`` that services use; see there."""
 
     async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
         """Put a mission on board; return the last report."""

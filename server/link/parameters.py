@@ -12,8 +12,8 @@ from db.query import onboard as query
 from db.query.events import add_event
 from db.query.onboard import ParameterRecord
 from robot_link.messages import RobotId
-from robot_link.service.error import NoAnswerError, ServiceError
 from robot_link.service.parameter_table import ParameterType, ParameterValue
+from robot_link.station.error import NoAnswerError, ServiceError
 from server.access.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey

@@ -21,13 +21,13 @@ from robot_link.acoustic.config import AcousticConfig
 from robot_link.acoustic.measurement import RangeMeasurement
 from robot_link.acoustic.micromodem import MicroModem, modem_of, open_modem
 from robot_link.clock import Clock
-from robot_link.gateway.address import (
+from robot_link.messages import LinkReport, LinkState, RobotId
+from robot_link.station.gateway.address import (
     ACOUSTIC_CARRIER,
     AcousticAddress,
     acoustic_address,
     is_acoustic,
 )
-from robot_link.messages import LinkReport, LinkState, RobotId
 from robot_link.transport.datagram import Garbled, PortChanged
 from server.access.foundation import Foundation
 

@@ -22,11 +22,11 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
-from robot_link.path import RadioPath
-from robot_link.service.error import OutOfContactError
 from robot_link.service.file_store import FileEntry
 from robot_link.service.parameter_table import ParameterValue
-from robot_link.station import RobotEndpoint, StationLink
+from robot_link.station.error import OutOfContactError
+from robot_link.station.link import RobotEndpoint, StationLink
+from robot_link.station.path import RadioPath
 from robot_link.transport.datagram import DatagramTransport
 from robot_link.transport.opening import is_radio, open_transport
 from server.link.link import Radio
@@ -41,7 +41,7 @@ _LOOK_S = 1.0
 
 
 class Link(Radio, ParameterRadio, FileRadio, Protocol):
-    """A radio that must be run; ``robot_link.station.StationLink`` is one."""
+    """A radio that must be run; ``robot_link.station.link.StationLink`` is one."""
 
     def set_robots(
         self,

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 from db.query import onboard as query
 from db.query.onboard import LogRecord
 from robot_link.messages import RobotId
-from robot_link.service.error import ServiceError
 from robot_link.service.file_store import FileEntry
+from robot_link.station.error import ServiceError
 from server.access.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey

@@ -11,7 +11,7 @@ from autonomy.site import Site
 from autonomy.tracking.config import BarrierConfig, TrackingConfig
 from autonomy.tracking.target_path import place
 from db.query.plans import PlanRecord
-from robot_link.gateway.address import acoustic_address, is_acoustic
+from robot_link.station.gateway.address import acoustic_address, is_acoustic
 from server.fleet.picture import SURFACE_DEPTH_M, Picture
 from server.plan.view import ViolationView
 

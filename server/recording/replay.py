@@ -18,7 +18,6 @@ from db.query.robots import RobotRecord, add_robot, list_robots
 from db.store import Store
 from db.tables import Base, PlanReportRow, Robot, SampleRow, StateRow
 from db.tracking_tables import TrackReportRow
-from robot_link.gateway.address import SATELLITE_CARRIERS
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.decode import Value, decoded
 from robot_link.messages import (
@@ -33,6 +32,7 @@ from robot_link.messages import (
 )
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
+from robot_link.station.gateway.address import SATELLITE_CARRIERS
 from server.fleet.clock_fault import ClockJudge
 from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_track
 from server.satellite.content import Telling, values_of

@@ -4,7 +4,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
-from robot_link.gateway.gateway import MobileOriginated
 from robot_link.messages import (
     OnboardPlanState,
     PlanHash,
@@ -18,6 +17,7 @@ from robot_link.messages import (
 from robot_link.satellite.content import MobileOriginatedContent, ShortPlanReport
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
+from robot_link.station.gateway.gateway import MobileOriginated
 
 Telling = StateReport | Sample | PlanReport | TrackReport
 FindPlan = Callable[[str], PlanHash | None]

@@ -4,7 +4,7 @@ from robot_link.mission import Mission
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import sizes
 from robot_link.satellite.config import Tariff
-from robot_link.satellite.fare import quote
+from robot_link.satellite.cost import quote
 
 
 def mission_credits(mission: Mission, tariff: Tariff) -> int | None:

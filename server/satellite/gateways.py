@@ -20,10 +20,10 @@ from db.fault import StoreError
 from db.query.events import add_event
 from db.query.robots import list_robots
 from robot_link.clock import monotonic_s
-from robot_link.gateway.address import cloudloop_thing, is_satellite, satellite_address
-from robot_link.gateway.cloudloop import CloudloopGateway
-from robot_link.gateway.directip import DirectIpGateway, Listener
-from robot_link.gateway.gateway import (
+from robot_link.station.gateway.address import cloudloop_thing, is_satellite, satellite_address
+from robot_link.station.gateway.cloudloop import CloudloopGateway
+from robot_link.station.gateway.directip import DirectIpGateway, Listener
+from robot_link.station.gateway.gateway import (
     GatewayFault,
     GatewayRefusal,
     HeldBackError,
@@ -31,7 +31,7 @@ from robot_link.gateway.gateway import (
     SatelliteGateway,
     Taken,
 )
-from robot_link.gateway.rockblock import RockBlockGateway
+from robot_link.station.gateway.rockblock import RockBlockGateway
 from server.access.foundation import Foundation
 from server.access.rate import RateLimit
 from server.base.secret import GATEWAY_KINDS, GatewayAccount, GatewayKind, SecretUnreadableError

@@ -3,7 +3,7 @@
 from db.query.inbox import newest_session
 from db.store import Store
 from robot_link.clock import Clock
-from robot_link.gateway.gateway import MobileOriginated
+from robot_link.station.gateway.gateway import MobileOriginated
 from server.fleet.fleet import Fleet
 from server.fleet.picture import Picture, SatelliteStanding
 from server.fleet.plug import Plugs

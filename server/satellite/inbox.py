@@ -21,8 +21,8 @@ from db.query.plans import plan_by_hash
 from db.query.satellite_messages import message_of_mtmsn
 from db.store import Store
 from robot_link.clock import Clock
-from robot_link.gateway.gateway import MobileOriginated
 from robot_link.messages import PlanHash, RawFrame
+from robot_link.station.gateway.gateway import MobileOriginated
 from server.fleet.words import carrier_title
 from server.satellite import order_row, plan_row, withdrawal_row
 from server.satellite.content import FindPlan, Reading, Telling, read, values_of

@@ -11,8 +11,8 @@ from db.query import satellite_messages as query
 from db.query.events import add_event
 from db.query.outbox import OutboxRecord
 from db.query.satellite_messages import SENDING, SatelliteMessage
-from robot_link.gateway.gateway import Taken
 from robot_link.messages import RawFrame, RobotId
+from robot_link.station.gateway.gateway import Taken
 from server.fleet.words import carrier_title
 from server.satellite import order_row, plan_row, withdrawal_row
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 
 from db.query.robots import RobotRecord
-from robot_link.gateway.address import is_satellite, satellite_address
 from robot_link.messages import RobotId, SystemId
+from robot_link.station.gateway.address import is_satellite, satellite_address
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from db.query.outbox import OutboxRecord
 from robot_link.messages import CommandKind, CommandLevel, CommandNumber, PlanHash
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.content import CommandAnswer
-from robot_link.satellite.ground import next_counter
 from robot_link.satellite.order import pack_order
+from robot_link.station.ground import next_counter
 from server.command.row import note_level
 from server.satellite import repeating
 from server.satellite.ending import end_row

@@ -19,7 +19,7 @@ from db.query.outbox import OutboxRecord, get_outbox, open_outbox
 from db.query.satellite_messages import SENDING, SatelliteMessage, messages_in
 from db.store import Store
 from robot_link.clock import Clock
-from robot_link.gateway.gateway import (
+from robot_link.station.gateway.gateway import (
     GatewayRefusal,
     GatewayUnreachableError,
     Taken,
@@ -50,7 +50,7 @@ class Sender(Protocol):
         flush: bool = False,
         priority: int = 5,
     ) -> Taken:
-        """Hand one message over; raises as ``robot_link.gateway.gateway.SatelliteGateway``."""
+        """Hand one message over; raises as ``robot_link.station.gateway.gateway.SatelliteGateway``."""
         ...
 
 

@@ -11,7 +11,7 @@ from db.query.inbox import InboxRecord, inbox_of, inbox_sizes
 from db.query.outbox import OutboxRecord, get_outbox
 from db.query.satellite_messages import SatelliteMessage, messages_to
 from robot_link.satellite.config import Tariff
-from robot_link.satellite.fare import credits
+from robot_link.satellite.cost import credits
 from server.fleet.link_view import IncomingMessageView, OutgoingMessageView, SatelliteView
 from server.fleet.picture import Picture
 from server.fleet.words import carrier_title

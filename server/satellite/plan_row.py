@@ -13,7 +13,7 @@ from db.query.transfers import TransferRecord
 from robot_link.messages import OnboardPlanState
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.content import ShortPlanReport, TransferAck, TransferState
-from robot_link.satellite.ground import GroundState, GroundTransfer, PartLevel, next_counter
+from robot_link.station.ground import GroundState, GroundTransfer, PartLevel, next_counter
 from server.satellite.ending import end_row
 from server.satellite.modem import Modem
 

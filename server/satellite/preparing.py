@@ -18,7 +18,7 @@ from db.query.satellite_messages import SENDING
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import cut
 from robot_link.satellite.config import Tariff
-from robot_link.satellite.fare import credits
+from robot_link.satellite.cost import credits
 from server.plan.document import mission_of
 from server.satellite import order_row, plan_row, withdrawal_row
 from server.satellite.budget import budget_of

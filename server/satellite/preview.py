@@ -8,7 +8,7 @@ from db.query.plans import PlanRecord
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import sizes
 from robot_link.satellite.config import Tariff
-from robot_link.satellite.fare import credits, quote
+from robot_link.satellite.cost import credits, quote
 from server.fleet.link_view import (
     AutoRouteView,
     SatelliteMessageCostView,

@@ -13,7 +13,6 @@ from db.query.commands import CommandRecord
 from db.query.outbox import OutboxRecord
 from db.query.plans import PlanRecord
 from db.query.transfers import TransferRecord, open_transfers
-from robot_link.gateway.gateway import HeldBackError, MobileOriginated
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
@@ -21,8 +20,9 @@ from robot_link.messages import (
     PlanReport,
 )
 from robot_link.satellite.blob import Blob
-from robot_link.satellite.ground import next_counter
 from robot_link.satellite.order import pack_order
+from robot_link.station.gateway.gateway import HeldBackError, MobileOriginated
+from robot_link.station.ground import next_counter
 from server.access.foundation import Foundation
 from server.base.problem import conflict
 from server.base.retry_queue import Turns, until_stored

@@ -6,8 +6,12 @@ from collections.abc import Callable
 from typing import Final
 
 from robot_link.clock import Clock
-from robot_link.gateway.gateway import GatewayRefusal, GatewayUnreachableError, retry_after_s
 from robot_link.messages import CommandLevel, CommandNumber, CommandReport
+from robot_link.station.gateway.gateway import (
+    GatewayRefusal,
+    GatewayUnreachableError,
+    retry_after_s,
+)
 from server.satellite.modem import Modem
 from server.satellite.order_row import SURFACE_PRIORITY
 from server.satellite.outbox import Sender

@@ -14,8 +14,8 @@ from db.query import outbox as query
 from db.query.outbox import OutboxRecord
 from db.query.satellite_messages import messages_of
 from robot_link.satellite.content import ShortPlanReport, TransferAck
-from robot_link.satellite.ground import GroundState, GroundTransfer, next_counter
 from robot_link.satellite.withdrawal import pack_withdrawal
+from robot_link.station.ground import GroundState, GroundTransfer, next_counter
 from server.fleet.words import carrier_title
 from server.satellite import order_row, plan_row, repeating
 from server.satellite.ending import end_row

@@ -8,7 +8,6 @@ from sqlalchemy.orm import Session
 from db.fault import StoreError
 from db.query.plans import PlanRecord
 from db.query.transfers import TransferRecord
-from robot_link.gateway.address import SATELLITE_CARRIERS
 from robot_link.messages import (
     CommandKind,
     CommandLevel,
@@ -20,7 +19,8 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
-from robot_link.station import UploadUnderWayError
+from robot_link.station.gateway.address import SATELLITE_CARRIERS
+from robot_link.station.link import UploadUnderWayError
 from server.access.foundation import Foundation
 from server.base.retry_queue import until_stored
 from server.command.command import Commands

@@ -12,8 +12,8 @@ from db.query.outbox import OutboxRecord, outbox_of_transfer
 from db.query.plans import get_plan
 from db.query.satellite_messages import credits_of, messages_of
 from db.query.transfers import TransferRecord, get_transfer, newest_transfer
-from robot_link.satellite.fare import credits
-from robot_link.satellite.ground import Part
+from robot_link.satellite.cost import credits
+from robot_link.station.ground import Part
 from server.fleet.link_view import TransferPartView
 from server.fleet.words import carrier_title
 from server.plan.view import TransferView

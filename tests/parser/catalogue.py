@@ -14,8 +14,6 @@ from datetime import UTC, datetime
 from functools import partial
 
 from robot_link.acoustic import nmea, sentence
-from robot_link.gateway import cloudloop, directip_wire, rockblock
-from robot_link.gateway.push import PushRefusal
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.command import command_message, received_command
@@ -41,6 +39,8 @@ from robot_link.satellite.record import (
     read_mobile_originated,
 )
 from robot_link.service.file_wire import FileRequest, read_file_request, read_listing
+from robot_link.station.gateway.push import PushRefusal
+from robot_link.station.link.gateway import cloudloop, directip_wire, rockblock
 from robot_link.transport.advice import byte_advice
 from robot_link.transport.datagram import Address
 from robot_link.transport.uri import LinkUri

@@ -27,7 +27,7 @@ from robot_link.messages import (
 )
 from robot_link.mission import Mission, MissionSettings
 from robot_link.sample_log import MemorySampleLog, SampleLog
-from robot_link.station import RadioPath, RobotEndpoint, StationLink
+from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address
 from robot_link.transport.opening import open_transport

@@ -13,7 +13,7 @@ from robot_link.mavlink.codec import (
     WireMessage,
 )
 from robot_link.messages import SystemId
-from robot_link.service.exchange import Patience
+from robot_link.station.exchange import Patience
 
 HASTY = Patience(answer_s=0.02, attempts=25)
 ROBOT = SystemId(7)

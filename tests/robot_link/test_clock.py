@@ -8,7 +8,7 @@ import pytest
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
 from robot_link.service.clock_sync import ClockOffset, ClockSource, ClockWatch, time_answer, time_ns
-from robot_link.service.error import NoAnswerError
+from robot_link.station.error import NoAnswerError
 from tests.robot_link.service_pair import HASTY, Wire
 
 NOON = datetime(2026, 6, 1, 12, tzinfo=UTC)

@@ -10,14 +10,14 @@ from urllib.parse import parse_qs
 
 import pytest
 
-from robot_link.gateway.cloudloop import CloudloopGateway, read_push
-from robot_link.gateway.gateway import (
+from robot_link.station.gateway.cloudloop import CloudloopGateway, read_push
+from robot_link.station.gateway.gateway import (
     GatewayFault,
     GatewayRefusal,
     GatewayUnreachableError,
     Taken,
 )
-from robot_link.gateway.push import PushRefusal
+from robot_link.station.gateway.push import PushRefusal
 from tests.robot_link.http_peer import http_peer
 
 NOW = datetime(2026, 11, 21, 10, 2, 5, tzinfo=UTC)

@@ -11,7 +11,6 @@ from onboard.link import robot_link as onboard
 from onboard.link.command_desk import CommandDesk
 from onboard.link.robot_link import CommandOutcome
 from robot_link.clock import ScaledClock, SystemClock, monotonic_s
-from robot_link.command_lane import Command, CommandLane
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.command import ReceivedCommand, command_message, received_command
 from robot_link.mavlink.wire import grace
@@ -28,7 +27,8 @@ from robot_link.messages import (
     RobotId,
     SystemId,
 )
-from robot_link.station import StationLink
+from robot_link.station.command_lane import Command, CommandLane
+from robot_link.station.link import StationLink
 from robot_link.transport.datagram import Address
 from simulator.xbee_network import AirConditions
 from tests.robot_link.rig import (

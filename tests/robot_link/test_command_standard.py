@@ -25,10 +25,10 @@ from robot_link.mavlink.wire import grace
 from robot_link.messages import CommandKind, LogId, SystemId
 from robot_link.robot_program import CommandOutcome
 from robot_link.sample_log import MemorySampleLog
-from robot_link.service.command_client import CommandClient, StandardCommand
-from robot_link.service.error import NoAnswerError, ServiceRefusedError
 from robot_link.service.file_store import NoFiles
 from robot_link.service.parameter_table import Parameter, ParameterTable, ParameterType
+from robot_link.station.command_client import CommandClient, StandardCommand
+from robot_link.station.error import NoAnswerError, ServiceRefusedError
 from robot_link.transport.datagram import Address
 from simulator.xbee_network import XBeeNetwork
 from tests.robot_link.rig import CALM, HASTE, Program, mission, running, state, until

@@ -7,8 +7,8 @@ from random import Random
 import pytest
 
 from robot_link.clock import SystemClock
-from robot_link.gateway.directip import DirectIpGateway, Listener, ListenerTiming
-from robot_link.gateway.directip_wire import (
+from robot_link.station.gateway.directip import DirectIpGateway, Listener, ListenerTiming
+from robot_link.station.gateway.directip_wire import (
     DirectIpMessage,
     Disposition,
     MtConfirmation,
@@ -17,7 +17,7 @@ from robot_link.gateway.directip_wire import (
     length_of,
     parse,
 )
-from robot_link.gateway.gateway import (
+from robot_link.station.gateway.gateway import (
     GatewayFault,
     GatewayRefusal,
     GatewayUnreachableError,

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from robot_link.gateway.directip import read_message
-from robot_link.gateway.directip_wire import (
+from robot_link.station.gateway.directip import read_message
+from robot_link.station.gateway.directip_wire import (
     DirectIpMessage,
     Location,
     MoHeader,

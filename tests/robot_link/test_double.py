@@ -13,7 +13,7 @@ from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.mavlink.telemetry import state_message
 from robot_link.messages import LinkReport
 from robot_link.service.double import NumberWatch
-from robot_link.station import RadioPath, RobotEndpoint, StationLink
+from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.transport.datagram import Address
 from robot_link.transport.opening import open_transport
 from tests.robot_link.rig import HASTE, MINI, STATION, SYSTEMS, Heard, rig, running, state, until

@@ -7,10 +7,10 @@ import pytest
 from onboard.link.file_server import FileServer
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.service.error import NoAnswerError, ServiceRefusedError
-from robot_link.service.file_client import FileClient
 from robot_link.service.file_store import FileEntry, FileStore, FolderFiles, NoFiles
 from robot_link.service.file_wire import FileRequest, file_crc32, read_file_request
+from robot_link.station.error import NoAnswerError, ServiceRefusedError
+from robot_link.station.file_client import FileClient
 from tests.robot_link.service_pair import HASTY, Wire
 
 

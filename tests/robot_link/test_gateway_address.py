@@ -2,7 +2,7 @@
 
 import pytest
 
-from robot_link.gateway.address import (
+from robot_link.station.gateway.address import (
     AcousticAddress,
     acoustic_address,
     check_link,

@@ -30,7 +30,7 @@ from robot_link.messages import (
     StateReport,
 )
 from robot_link.sample_log import Measurement
-from robot_link.station import RadioPath, RobotEndpoint, StationLink
+from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import (
     BROADCAST,

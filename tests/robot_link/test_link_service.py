@@ -17,12 +17,12 @@ from robot_link.messages import (
     OnboardPlanState,
     UploadReport,
 )
-from robot_link.path import RadioPath
 from robot_link.service.clock_sync import ClockSource
-from robot_link.service.error import NoAnswerError, OutOfContactError, ServiceRefusedError
 from robot_link.service.file_store import FolderFiles
 from robot_link.service.parameter_table import Parameter, ParameterTable, ParameterType
-from robot_link.station import RobotEndpoint, StationLink
+from robot_link.station.error import NoAnswerError, OutOfContactError, ServiceRefusedError
+from robot_link.station.link import RobotEndpoint, StationLink
+from robot_link.station.path import RadioPath
 from tests.robot_link.rig import (
     GRACE,
     MINI,

@@ -26,8 +26,8 @@ from robot_link.messages import (
     SystemId,
 )
 from robot_link.mission import Mission, MissionSettings
-from robot_link.sample_gate import SequenceSet
 from robot_link.sample_log import Measurement, SampleKey
+from robot_link.station.sample_gate import SequenceSet
 from tests.robot_link.rig import mission, state
 
 ROBOT = SystemId(7)

@@ -20,12 +20,12 @@ from robot_link.mavlink.codec import (
 )
 from robot_link.mavlink.wire import grace
 from robot_link.messages import LinkEvent, LogId, SystemId
-from robot_link.path import RadioPath
 from robot_link.sample_log import MemorySampleLog
-from robot_link.service.error import ServiceError
 from robot_link.service.file_store import FolderFiles
 from robot_link.service.parameter_table import Parameter, ParameterTable, ParameterType
-from robot_link.station import RobotEndpoint, StationLink
+from robot_link.station.error import ServiceError
+from robot_link.station.link import RobotEndpoint, StationLink
+from robot_link.station.path import RadioPath
 from robot_link.transport.datagram import (
     Address,
     Delivery,

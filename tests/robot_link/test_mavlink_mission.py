@@ -19,9 +19,9 @@ from onboard.link.waypoint_mission import (
 from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.service.error import NoAnswerError, ServiceRefusedError
-from robot_link.service.mission_client import MissionClient
 from robot_link.service.standard_item import StandardItem
+from robot_link.station.error import NoAnswerError, ServiceRefusedError
+from robot_link.station.mission_client import MissionClient
 from tests.robot_link.service_pair import HASTY, Wire
 
 RULES = WaypointRules(origin_latitude_deg=43.0, origin_longitude_deg=-84.0)

@@ -17,13 +17,13 @@ from onboard.link.waypoint_mission import WaypointRules
 from robot_link.clock import SystemClock
 from robot_link.mavlink.wire import grace
 from robot_link.messages import LinkState, LogId, RobotId, SystemId
-from robot_link.path import RadioPath
 from robot_link.sample_log import MemorySampleLog
-from robot_link.service.error import ServiceRefusedError
 from robot_link.service.file_store import FolderFiles
 from robot_link.service.parameter_table import Parameter, ParameterTable, ParameterType
 from robot_link.service.standard_item import StandardItem
-from robot_link.station import RobotEndpoint, StationLink
+from robot_link.station.error import ServiceRefusedError
+from robot_link.station.link import RobotEndpoint, StationLink
+from robot_link.station.path import RadioPath
 from robot_link.timing import LinkTiming
 from robot_link.transport.opening import open_transport
 from tests.robot_link.rig import Program, running, state, until

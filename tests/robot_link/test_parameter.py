@@ -9,8 +9,6 @@ from hypothesis import strategies as st
 from onboard.link.parameter_server import ParameterServer
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.service.error import NoAnswerError, ServiceRefusedError
-from robot_link.service.parameter_client import ParameterClient
 from robot_link.service.parameter_table import (
     Parameter,
     ParameterRefusal,
@@ -18,6 +16,8 @@ from robot_link.service.parameter_table import (
     ParameterType,
 )
 from robot_link.service.parameter_wire import IntegerEncoding, from_wire, guessed_encoding, to_wire
+from robot_link.station.error import NoAnswerError, ServiceRefusedError
+from robot_link.station.parameter_client import ParameterClient
 from tests.robot_link.service_pair import HASTY, ROBOT, Wire
 
 REAL, WHOLE = ParameterType.REAL32, ParameterType.INT32

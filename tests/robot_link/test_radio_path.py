@@ -22,7 +22,7 @@ from robot_link.messages import (
     RawFrame,
 )
 from robot_link.sample_log import MemorySampleLog
-from robot_link.station import RadioPath, RobotEndpoint, StationLink
+from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.transport.datagram import Address
 from robot_link.transport.opening import open_transport
 from simulator.xbee_network import XBeeNetwork

@@ -11,15 +11,15 @@ from urllib.parse import parse_qs
 
 import pytest
 
-from robot_link.gateway.gateway import (
+from robot_link.station.gateway.gateway import (
     GatewayFault,
     GatewayRefusal,
     GatewayUnreachableError,
     Taken,
     retry_after_s,
 )
-from robot_link.gateway.push import PushRefusal
-from robot_link.gateway.rockblock import RockBlockGateway, public_key_of, read_push
+from robot_link.station.gateway.push import PushRefusal
+from robot_link.station.gateway.rockblock import RockBlockGateway, public_key_of, read_push
 from tests.robot_link.http_peer import http_peer
 from tests.robot_link.signed_push import (
     FORM,

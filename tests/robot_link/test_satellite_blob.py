@@ -12,7 +12,7 @@ from benchmarks.satellite_mission import usual_mission
 from robot_link.satellite.blob import MOST_BYTES, Blob, BlobCodec, mission_of, transfer_id_of
 from robot_link.satellite.cbor_reader import CborReader
 from robot_link.satellite.chunk import sizes
-from robot_link.satellite.fare import quote
+from robot_link.satellite.cost import quote
 from robot_link.satellite.frame import WireError
 from tests.robot_link.satellite_case import SURVEY, missions, short_mission
 

@@ -12,7 +12,7 @@ from robot_link.messages import CommandKind, CommandNumber, PlanHash
 from robot_link.satellite.blob import Blob, BlobCodec, TransferId, mission_of
 from robot_link.satellite.chunk import MOST_CHUNKS, Chunk, cut, read_mobile_terminated, sizes
 from robot_link.satellite.config import Tariff
-from robot_link.satellite.fare import credits, quote
+from robot_link.satellite.cost import credits, quote
 from robot_link.satellite.frame import MAC_BYTES, WireError, sealed_down, sealed_up
 from robot_link.satellite.order import Order, pack_order
 from robot_link.satellite.withdrawal import Withdrawal, pack_withdrawal

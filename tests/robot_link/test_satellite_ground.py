@@ -10,7 +10,7 @@ from benchmarks.satellite import run
 from robot_link.satellite.blob import Blob, TransferId
 from robot_link.satellite.config import SatelliteConfig
 from robot_link.satellite.content import Reason, TransferAck, TransferState
-from robot_link.satellite.ground import GroundState, GroundTransfer, PartLevel, next_counter
+from robot_link.station.ground import GroundState, GroundTransfer, PartLevel, next_counter
 from tests.robot_link.satellite_case import NOW, SURVEY
 
 BLOB = Blob.of(SURVEY)

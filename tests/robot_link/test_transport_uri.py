@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from robot_link.path import RadioPath
+from robot_link.station.path import RadioPath
 from robot_link.transport.mavlink_stream import MavlinkStream
 from robot_link.transport.opening import is_radio, open_transport
 from robot_link.transport.udp import UdpTransport

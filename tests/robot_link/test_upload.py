@@ -7,7 +7,6 @@ from pathlib import Path
 
 import pytest
 
-from robot_link import upload as upload_module
 from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.mission_item import mission_items
@@ -23,7 +22,8 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
-from robot_link.station import StationLink, UploadUnderWayError
+from robot_link.station.link import StationLink, UploadUnderWayError
+from robot_link.station.link import upload as upload_module
 from simulator.xbee_network import AirConditions
 from tests.robot_link.rig import (
     ADDRESSES,

@@ -6,7 +6,7 @@ import stat
 import pytest
 
 from db.query.robots import add_robot
-from robot_link.gateway.gateway import GatewayFault, GatewayRefusal, Taken
+from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal, Taken
 from server.access.rate import RateLimit
 from server.base.secret import GatewayAccount, SecretStore, SecretUnreadableError
 from tests.robot_link.http_peer import http_peer

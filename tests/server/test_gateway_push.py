@@ -13,7 +13,7 @@ import pytest
 from db.fault import StoreUnavailableError
 from db.query.events import newest_events
 from db.query.robots import add_robot
-from robot_link.gateway.gateway import HeldBackError
+from robot_link.station.gateway.gateway import HeldBackError
 from server.access.rate import RateLimit
 from server.base.secret import GatewayAccount
 from tests.robot_link.signed_push import (

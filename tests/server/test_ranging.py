@@ -11,8 +11,8 @@ from db.query.ranges import list_ranges
 from db.query.robots import add_robot
 from db.store import Store
 from robot_link.acoustic.micromodem import MicroModem
-from robot_link.gateway.address import acoustic_address
 from robot_link.messages import LinkState, RobotId, SystemId
+from robot_link.station.gateway.address import acoustic_address
 from server.app import create_app
 from server.base.settings import Settings
 from server.link.ranging import Ranging

@@ -15,7 +15,7 @@ from robot_link.messages import (
     TrackReport,
 )
 from robot_link.mission import Mission, MissionSettings
-from robot_link.station import StationLink
+from robot_link.station.link import StationLink
 from robot_link.tracking_order import TrackingOrder
 from simulator.fleet import MINI_1
 from simulator.process import serve

@@ -18,8 +18,6 @@ from autonomy.control.config import BacksteppingConfig
 from autonomy.field.config import FIELD_PRESETS
 from autonomy.planner import primitive
 from onboard.memory import FilePlanStore
-from robot_link.gateway.gateway import MobileOriginated
-from robot_link.gateway.rockblock import RockBlockGateway, read_push
 from robot_link.messages import CommandKind, CommandNumber, OnboardPlanState
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
@@ -28,6 +26,8 @@ from robot_link.satellite.chunk import cut
 from robot_link.satellite.content import MobileOriginatedContent, TransferState
 from robot_link.satellite.order import pack_order
 from robot_link.satellite.record import read_mobile_originated
+from robot_link.station.gateway.gateway import MobileOriginated
+from robot_link.station.gateway.rockblock import RockBlockGateway, read_push
 from simulator.fleet import GRACE_1
 from simulator.iridium.http_server import Answer, Request, http_server
 from simulator.process import serve

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from robot_link.satellite import fare
+from robot_link.satellite import cost as fare
 from simulator.iridium.acceptance import Reason, RefusedError
 from simulator.iridium.conditions import SatelliteConditions
 from simulator.iridium.message_queue import CAPACITY, MessageQueue, QueuedMessage

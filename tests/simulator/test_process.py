@@ -26,7 +26,7 @@ from robot_link.messages import (
     Sample,
     StateReport,
 )
-from robot_link.station import RadioPath, RobotEndpoint, StationLink
+from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.transport.opening import open_transport
 from simulator.fleet import FLEET, GRACE_1, MINI_1, USUAL_ROBOTS
 from simulator.process import serve

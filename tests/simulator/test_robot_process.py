@@ -14,7 +14,7 @@ from robot_link.messages import (
     PlanReport,
     StateReport,
 )
-from robot_link.station import RadioPath, RobotEndpoint, StationLink
+from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.transport.opening import open_transport
 from simulator.fleet import GRACE_1, MINI_1
 from simulator.process import serve as serve_bodies

@@ -5,10 +5,11 @@ from dataclasses import replace
 
 import pytest
 
-from robot_link.gateway.rockblock import RockBlockGateway as StationGateway
 from robot_link.messages import SystemId
-from robot_link.satellite import chunk, fare
+from robot_link.satellite import chunk
+from robot_link.satellite import cost as fare
 from robot_link.satellite.blob import Blob, mission_of
+from robot_link.station.gateway.rockblock import RockBlockGateway as StationGateway
 from simulator.iridium.rockblock_gateway import RockBlockGateway
 from tests.robot_link.rig import mission
 from tests.robot_link.signed_push import private_key

@@ -10,11 +10,11 @@ from dataclasses import dataclass, field, replace
 from datetime import UTC, datetime, timedelta
 
 from onboard.satellite.receiver import Complete, MemoryStore, OrderReceived, Receiver
-from robot_link.gateway.gateway import MobileOriginated, Taken
 from robot_link.messages import OnboardPlanState, RobotMode, SystemId
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.content import MobileOriginatedContent, ShortPlanReport
 from robot_link.satellite.record import compose
+from robot_link.station.gateway.gateway import MobileOriginated, Taken
 from tests.server.service.fake_link import state_report
 
 IMEI = "300234010753370"

@@ -5,13 +5,13 @@ from datetime import UTC, datetime
 
 import pytest
 
-from robot_link.service.error import (
+from robot_link.service.file_store import FileEntry
+from robot_link.service.parameter_table import ParameterType, ParameterValue
+from robot_link.station.error import (
     NoAnswerError,
     OutOfContactError,
     ServiceRefusedError,
 )
-from robot_link.service.file_store import FileEntry
-from robot_link.service.parameter_table import ParameterType, ParameterValue
 from server.base.problem import Problem
 from server.link.parameters import Parameters
 from server.link.partial_file import PartialFile

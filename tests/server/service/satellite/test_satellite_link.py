@@ -8,13 +8,13 @@ from sqlalchemy import select
 from db.query.events import newest_events
 from db.query.samples import newest_samples
 from db.tables import RawFrameRow
-from robot_link.gateway.gateway import HeldBackError
 from robot_link.messages import (
     LogId,
     OnboardPlanState,
     RobotMode,
     Sample,
 )
+from robot_link.station.gateway.gateway import HeldBackError
 from tests.server.service.conftest import GRACE, until
 from tests.server.service.far import (
     LINKS,

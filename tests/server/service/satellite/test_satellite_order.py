@@ -3,11 +3,11 @@
 import pytest
 
 from db.query.outbox import open_outbox
-from robot_link.gateway.gateway import GatewayFault, GatewayRefusal
 from robot_link.messages import (
     CommandKind,
     CommandLevel,
 )
+from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal
 from server.command import command as command_service
 from tests.server.service.conftest import GRACE, until
 from tests.server.service.far import (

@@ -5,8 +5,8 @@ import asyncio
 import pytest
 
 from db.query.events import newest_events
-from robot_link.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
 from robot_link.messages import CommandKind, OnboardPlanState
+from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
 from tests.server.service.conftest import until
 from tests.server.service.far import (
     draft,

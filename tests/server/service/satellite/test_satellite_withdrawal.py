@@ -6,8 +6,8 @@ from db.query import outbox as query
 from db.query.commands import get_command
 from db.query.satellite_messages import credits_spent, messages_of
 from db.store import Store
-from robot_link.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
 from robot_link.messages import CommandKind, CommandLevel
+from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
 from server.base.secret import SecretStore
 from server.base.settings import Settings
 from server.command.row import note_level

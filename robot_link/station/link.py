@@ -6,7 +6,6 @@ from datetime import datetime
 from functools import partial
 
 from robot_link.clock import Clock
-from robot_link.command_lane import Command, CommandLane
 from robot_link.mavlink import telemetry
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.signing import Signing
@@ -22,22 +21,23 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
-from robot_link.path import RadioPath, RobotEndpoint
-from robot_link.peer import Peer
-from robot_link.sample_gate import SampleGate
 from robot_link.service.file_store import FileEntry
 from robot_link.service.heartbeat import beat
-from robot_link.service.link_watch import LinkWatch
-from robot_link.service.owned_tasks import OwnedTasks
 from robot_link.service.parameter_table import ParameterValue
-from robot_link.service.reception import Reception
-from robot_link.service.robot_services import RobotServices
-from robot_link.service.roster import Member, Roster
+from robot_link.station.command_lane import Command, CommandLane
+from robot_link.station.link_watch import LinkWatch
+from robot_link.station.owned_tasks import OwnedTasks
+from robot_link.station.path import RadioPath, RobotEndpoint
+from robot_link.station.peer import Peer
+from robot_link.station.reception import Reception
+from robot_link.station.robot_services import RobotServices
+from robot_link.station.roster import Member, Roster
+from robot_link.station.sample_gate import SampleGate
+from robot_link.station.upload import Upload
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import (
     DatagramTransport,
 )
-from robot_link.upload import Upload
 
 __all__ = ["RadioPath", "RobotEndpoint", "StationLink", "UploadUnderWayError"]
 

@@ -3,7 +3,7 @@
 import math
 from typing import Literal
 
-from robot_link.gateway.gateway import MO_BYTES_MAX
+from robot_link.station.gateway.gateway import MO_BYTES_MAX
 
 
 class PushRefusal(Exception):  # noqa: N818 - an answer, not a fault of the program

@@ -10,7 +10,7 @@ from robot_link.clock import Clock
 from robot_link.delivery import deliver
 from robot_link.mavlink.codec import Codec, WireMessage, packets
 from robot_link.messages import LinkReport, LinkState, RawFrame, RobotId, RobotMode
-from robot_link.path import PeerPath, RobotEndpoint
+from robot_link.station.path import PeerPath, RobotEndpoint
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import (
     BROADCAST,

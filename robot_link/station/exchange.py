@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar
 from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import WireMessage
 from robot_link.messages import SystemId
-from robot_link.service.error import NoAnswerError
+from robot_link.station.error import NoAnswerError
 
 Answer = TypeVar("Answer")
 

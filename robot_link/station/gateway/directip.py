@@ -3,7 +3,7 @@
 From a robot, the gateway connects to the station and delivers; where it is provisioned so, it
 waits for a confirmation, and delivers again when it gets none. To a robot, the station connects
 to the gateway and waits for a confirmation. The layouts are in
-``robot_link.gateway.directip_wire``.
+``robot_link.station.gateway.directip_wire``.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ from ipaddress import ip_address, ip_network
 from typing import Final
 
 from robot_link.clock import Clock
-from robot_link.gateway.directip_wire import (
+from robot_link.station.gateway.directip_wire import (
     HEAD_BYTES,
     DirectIpMessage,
     Disposition,
@@ -31,7 +31,7 @@ from robot_link.gateway.directip_wire import (
     parse,
     read_message,
 )
-from robot_link.gateway.gateway import (
+from robot_link.station.gateway.gateway import (
     GatewayFault,
     GatewayRefusal,
     GatewayUnreachableError,

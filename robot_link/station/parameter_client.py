@@ -5,8 +5,6 @@ from collections.abc import Sequence
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
 from robot_link.messages import SystemId
-from robot_link.service.error import NoAnswerError, OutOfContactError, ServiceRefusedError
-from robot_link.service.exchange import Correspondent, Exchange, Patience
 from robot_link.service.parameter_table import NAME_BYTES, ParameterType, ParameterValue
 from robot_link.service.parameter_wire import (
     IntegerEncoding,
@@ -16,6 +14,8 @@ from robot_link.service.parameter_wire import (
     parameter_value,
     to_wire,
 )
+from robot_link.station.error import NoAnswerError, OutOfContactError, ServiceRefusedError
+from robot_link.station.exchange import Correspondent, Exchange, Patience
 
 _ASKED_AT_ONCE = 8
 """Missing parameters that are asked for together."""

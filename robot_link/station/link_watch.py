@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from robot_link.messages import LinkReport, LinkState, RobotId
-from robot_link.service.roster import Member, Roster
+from robot_link.station.roster import Member, Roster
 
 
 class LinkWatch:

@@ -8,8 +8,6 @@ from collections.abc import AsyncIterator, Callable
 
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.service.error import NoAnswerError, ServiceRefusedError
-from robot_link.service.exchange import Correspondent, Exchange, Patience
 from robot_link.service.file_store import FileEntry
 from robot_link.service.file_wire import (
     MAX_DATA,
@@ -18,6 +16,8 @@ from robot_link.service.file_wire import (
     read_file_request,
     read_listing,
 )
+from robot_link.station.error import NoAnswerError, ServiceRefusedError
+from robot_link.station.exchange import Correspondent, Exchange, Patience
 
 _REASONS = {
     grace.MAV_FTP_ERR_FILENOTFOUND: "there is no such file on board",

@@ -17,7 +17,7 @@ from collections.abc import Awaitable, Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any, Final, cast
 
-from robot_link.gateway.gateway import (
+from robot_link.station.gateway.gateway import (
     GatewayFault,
     GatewayRefusal,
     MobileOriginated,
@@ -26,8 +26,8 @@ from robot_link.gateway.gateway import (
     check_message,
     is_imei,
 )
-from robot_link.gateway.http import FormPoster
-from robot_link.gateway.push import PushRefusal, payload_fault, place_of, whole_number
+from robot_link.station.gateway.http import FormPoster
+from robot_link.station.gateway.push import PushRefusal, payload_fault, place_of, whole_number
 
 CARRIER: Final = "cloudloop"
 _STATUS_OK: Final = "SESSION_STATUS_OK"

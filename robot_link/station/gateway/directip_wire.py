@@ -16,8 +16,8 @@ from datetime import UTC, datetime
 from enum import IntEnum, IntFlag
 from typing import Final
 
-from robot_link.gateway.gateway import MobileOriginated, is_imei
-from robot_link.gateway.push import payload_fault
+from robot_link.station.gateway.gateway import MobileOriginated, is_imei
+from robot_link.station.gateway.push import payload_fault
 
 REVISION: Final = 1
 HEAD_BYTES: Final = 3

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.service.error import NoAnswerError, ServiceRefusedError
-from robot_link.service.exchange import Correspondent, Exchange, Patience
+from robot_link.station.error import NoAnswerError, ServiceRefusedError
+from robot_link.station.exchange import Correspondent, Exchange, Patience
 
 _LONGEST_WORK_S = 60.0
 """A command that has been in progress without a word for so long counts as not answered."""

@@ -23,7 +23,7 @@ import jwt
 from cryptography.hazmat.primitives.asymmetric.rsa import RSAPublicKey
 from cryptography.hazmat.primitives.serialization import load_pem_public_key
 
-from robot_link.gateway.gateway import (
+from robot_link.station.gateway.gateway import (
     GatewayFault,
     GatewayRefusal,
     GatewayUnreachableError,
@@ -32,8 +32,8 @@ from robot_link.gateway.gateway import (
     check_message,
     is_imei,
 )
-from robot_link.gateway.http import FormPoster
-from robot_link.gateway.push import PushRefusal, payload_fault, place_of, whole_number
+from robot_link.station.gateway.http import FormPoster
+from robot_link.station.gateway.push import PushRefusal, payload_fault, place_of, whole_number
 
 CARRIER: Final = "rockblock"
 _ALGORITHM: Final = "RS256"

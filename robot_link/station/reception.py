@@ -18,9 +18,9 @@ from robot_link.messages import (
     StateReport,
     TrackReport,
 )
-from robot_link.sample_gate import SampleGate
-from robot_link.service.link_watch import LinkWatch
-from robot_link.service.roster import Member, Roster
+from robot_link.station.link_watch import LinkWatch
+from robot_link.station.roster import Member, Roster
+from robot_link.station.sample_gate import SampleGate
 from robot_link.transport.datagram import DatagramTransport, Garbled, PortChanged, Received
 
 

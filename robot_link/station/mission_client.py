@@ -6,9 +6,9 @@ from collections.abc import Callable, Sequence
 from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.service.error import NoAnswerError, ServiceRefusedError
-from robot_link.service.exchange import Correspondent, Exchange, Listening, Patience
 from robot_link.service.standard_item import RESULTS, StandardItem, standard_item
+from robot_link.station.error import NoAnswerError, ServiceRefusedError
+from robot_link.station.exchange import Correspondent, Exchange, Listening, Patience
 
 _Request = grace.MAVLink_mission_request_int_message | grace.MAVLink_mission_request_message
 _Ack = grace.MAVLink_mission_ack_message
@@ -23,7 +23,7 @@ _STARTS = 3
 class MissionClient:
     """One transfer at a time. Whoever asks for items goes on with the next one after a silence.
 
-    This project's own robots take missions by their hash (``robot_link.upload``); a vehicle that
+    This project's own robots take missions by their hash (``robot_link.station.upload``); a vehicle that
     knows no hash proves what it holds by being read back.
     """
 

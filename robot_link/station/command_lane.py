@@ -14,7 +14,7 @@ from robot_link.messages import (
     CommandReport,
     PlanHash,
 )
-from robot_link.peer import Peer
+from robot_link.station.peer import Peer
 
 _LEAST_PAUSE_S = 0.2
 

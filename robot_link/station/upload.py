@@ -9,7 +9,7 @@ from robot_link.mavlink.telemetry import hash_octets
 from robot_link.mavlink.wire import grace
 from robot_link.messages import OnboardPlanState, PlanReport, UploadReport
 from robot_link.mission import Mission
-from robot_link.peer import Peer
+from robot_link.station.peer import Peer
 
 UploadMessage = grace.MAVLink_mission_request_int_message | PlanReport
 

@@ -4,16 +4,16 @@ import logging
 from collections.abc import Iterator
 
 from robot_link.clock import monotonic_s
-from robot_link.command_lane import CommandLane
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec, WireMessage
 from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.messages import RobotId, SystemId
-from robot_link.path import RobotEndpoint
-from robot_link.peer import Peer
 from robot_link.service.double import DoubleWatch
-from robot_link.service.robot_services import RobotServices
+from robot_link.station.command_lane import CommandLane
+from robot_link.station.path import RobotEndpoint
+from robot_link.station.peer import Peer
+from robot_link.station.robot_services import RobotServices
+from robot_link.station.upload import Upload
 from robot_link.transport.datagram import FAR_END, Address, DatagramTransport, Received
-from robot_link.upload import Upload
 
 _log = logging.getLogger(__name__)
 

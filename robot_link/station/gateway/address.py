@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Final
 from urllib.parse import parse_qsl, urlsplit
 
-from robot_link.gateway.gateway import is_imei
+from robot_link.station.gateway.gateway import is_imei
 from robot_link.transport.opening import open_transport
 
 SATELLITE_CARRIERS: Final = ("rockblock", "directip", "cloudloop")

@@ -7,7 +7,7 @@ from urllib.parse import urlsplit
 
 import httpx
 
-from robot_link.gateway.gateway import GatewayUnreachableError
+from robot_link.station.gateway.gateway import GatewayUnreachableError
 
 CONNECT_S: Final = 5.0
 TOTAL_S: Final = 15.0

@@ -8,14 +8,14 @@ from typing import Final
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
 from robot_link.messages import LinkState
-from robot_link.peer import Peer
 from robot_link.service.clock_sync import ClockWatch
-from robot_link.service.command_client import CommandClient
-from robot_link.service.error import NoAnswerError, OutOfContactError
-from robot_link.service.exchange import Patience
-from robot_link.service.file_client import FileClient
-from robot_link.service.mission_client import MissionClient
-from robot_link.service.parameter_client import ParameterClient
+from robot_link.station.command_client import CommandClient
+from robot_link.station.error import NoAnswerError, OutOfContactError
+from robot_link.station.exchange import Patience
+from robot_link.station.file_client import FileClient
+from robot_link.station.mission_client import MissionClient
+from robot_link.station.parameter_client import ParameterClient
+from robot_link.station.peer import Peer
 
 _CLOCK_PERIOD_S = 30.0
 _CLOCK_LOOK_S = 1.0
