@@ -15,6 +15,7 @@ from server.base.alarm_board import AlarmBoard
 from server.base.background import Background
 from server.base.clock_file import read_clock
 from server.base.configuration import ConfigurationBook
+from server.base.event_bus import EventBus
 from server.base.job import JobBoard
 from server.base.secret import SecretStore
 from server.base.settings import Settings
@@ -85,6 +86,7 @@ async def _open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundat
         settings=settings,
         clock=clock,
         store=store,
+        bus=EventBus(),
         access=access,
         guard=Guard(access, settings),
         background=background,

@@ -23,8 +23,8 @@ _STARTS = 3
 class MissionClient:
     """One transfer at a time. Whoever asks for items goes on with the next one after a silence.
 
-    This project's own robots take missions by their hash (``robot_link.station.upload``); a vehicle that
-    knows no hash proves what it holds by being read back.
+    This project's own robots take missions by their hash (``robot_link.station.upload``); a
+    vehicle that knows no hash proves what it holds by being read back.
     """
 
     def __init__(

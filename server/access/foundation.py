@@ -9,6 +9,7 @@ from server.access.guard import Guard
 from server.base.alarm_board import AlarmBoard
 from server.base.background import Background
 from server.base.configuration import ConfigurationBook
+from server.base.event_bus import EventBus
 from server.base.job import JobBoard
 from server.base.secret import SecretStore
 from server.base.settings import Settings
@@ -22,6 +23,8 @@ class Foundation:
     clock: Clock
     """Time of the robots: events, plans and measurements. A demo's runs faster than the wall."""
     store: Store
+    bus: EventBus
+    """What happened, told after it was committed."""
     access: Access
     guard: Guard
     background: Background

@@ -18,9 +18,9 @@ from starlette.requests import ClientDisconnect, HTTPConnection
 
 from db.fault import StoreError
 from db.query.events import add_event
+from robot_link.station.gateway import cloudloop, rockblock
 from robot_link.station.gateway.gateway import HeldBackError, MobileOriginated
 from robot_link.station.gateway.push import PushRefusal
-from robot_link.station.link.gateway import cloudloop, rockblock
 from server.access.dependency import Admin, FoundationDep
 from server.access.foundation import Foundation
 from server.base.body import Body

@@ -1,7 +1,7 @@
 """The satellite gateways of one station: accounts, messages out, messages in, and what was refused.
 
-Messages come in by two doors, the routes of ``server.satellite.gateway_route`` and the DirectIP port; both
-end in ``take``. Nothing of an account but its name and address is ever told.
+Messages come in by two doors, the routes of ``server.satellite.gateway_route`` and the DirectIP
+port; both end in ``take``. Nothing of an account but its name and address is ever told.
 """
 
 import asyncio

@@ -50,7 +50,7 @@ class Sender(Protocol):
         flush: bool = False,
         priority: int = 5,
     ) -> Taken:
-        """Hand one message over; raises as ``robot_link.station.gateway.gateway.SatelliteGateway``."""
+        """Hand one message over; raises as the ``SatelliteGateway`` of ``robot_link``."""
         ...
 
 

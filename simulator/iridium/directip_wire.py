@@ -3,8 +3,8 @@
 A message is ``u8 1 | u16 length of the rest | elements``; an element is ``u8 id | u16 length |
 bytes``.
 
-``robot_link.station.gateway.directip_wire`` describes the same wire for the station. The two share nothing:
-each is written from the guide, so that one program's mistake cannot hide in the other's.
+``robot_link.station.gateway.directip_wire`` describes the same wire for the station. The two share
+nothing: each is written from the guide, so that one program's mistake cannot hide in the other's.
 
 Source: Iridium Short Burst Data Service Developers Guide 3.0, sections 6 and 7. Its table 6-7
 prints 20 bytes for the location; messages of the real gateway have 11.

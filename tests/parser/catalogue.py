@@ -39,8 +39,8 @@ from robot_link.satellite.record import (
     read_mobile_originated,
 )
 from robot_link.service.file_wire import FileRequest, read_file_request, read_listing
+from robot_link.station.gateway import cloudloop, directip_wire, rockblock
 from robot_link.station.gateway.push import PushRefusal
-from robot_link.station.link.gateway import cloudloop, directip_wire, rockblock
 from robot_link.transport.advice import byte_advice
 from robot_link.transport.datagram import Address
 from robot_link.transport.uri import LinkUri
@@ -61,7 +61,7 @@ from tests.robot_link.rig import mission
 from tests.robot_link.signed_push import form_push, json_push, private_key
 from tests.robot_link.test_cloudloop import lingo
 from tests.robot_link.track_case import track, tracking_mission
-from tests.server.service.fake_link import state_report
+from tests.server.fake_link import state_report
 
 AT = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
 ROBOT, SYSTEM, KEY = RobotId("mini-1"), SystemId(1), bytes(range(32))

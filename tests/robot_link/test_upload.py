@@ -22,8 +22,8 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
+from robot_link.station import upload as upload_module
 from robot_link.station.link import StationLink, UploadUnderWayError
-from robot_link.station.link import upload as upload_module
 from simulator.xbee_network import AirConditions
 from tests.robot_link.rig import (
     ADDRESSES,

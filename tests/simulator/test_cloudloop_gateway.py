@@ -9,8 +9,8 @@ from datetime import UTC, datetime
 import httpx
 import pytest
 
+from robot_link.station.gateway import cloudloop
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
-from robot_link.station.link.gateway import cloudloop
 from simulator.iridium.cloudloop_gateway import CloudloopGateway
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.session import Place

@@ -7,13 +7,13 @@ from dataclasses import replace
 import pytest
 
 from robot_link.clock import SystemClock
+from robot_link.station.gateway import directip
 from robot_link.station.gateway.gateway import (
     GatewayFault,
     GatewayRefusal,
     GatewayUnreachableError,
     MobileOriginated,
 )
-from robot_link.station.link.gateway import directip
 from simulator.iridium import directip_wire as wire
 from simulator.iridium.directip_gateway import DirectIpGateway
 from simulator.iridium.message_queue import CAPACITY

@@ -16,8 +16,8 @@ import rockblock_tools
 from cryptography.hazmat.primitives.serialization import load_pem_public_key
 from rockblock_tools.exception import ApiException
 
+from robot_link.station.gateway import rockblock
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
-from robot_link.station.link.gateway import rockblock
 from simulator.iridium.message_queue import CAPACITY
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.rockblock_gateway import RockBlockGateway

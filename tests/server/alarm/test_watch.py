@@ -1,0 +1,180 @@
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from autonomy.site import TANK
+from db.query.robots import RobotRecord
+from robot_link.messages import (
+    SURFACED_BY_COMMAND,
+    LinkReport,
+    LinkState,
+    OnboardPlanState,
+    PlanReport,
+    RobotId,
+    RobotMode,
+)
+from server.alarm.rules import RULES, Watch
+from server.fleet.clock_fault import ClockFault
+from server.fleet.picture import Picture, SatelliteStanding
+from server.fleet.trail import POINTS_MAX, Track
+from tests.server.fake_link import state_report
+
+NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
+LONG_AGO = NOW - timedelta(hours=2)
+MINI = RobotId("mini-1")
+
+
+@pytest.fixture
+def picture():
+    record = RobotRecord(MINI, "mini-1", "miniglider", "real", None, (), TANK, LONG_AGO)
+    return Picture(record, Track(0.01, (0.05, 0.12)))
+
+
+def verdicts(picture, since=LONG_AGO, speed=1.0):
+    watch = Watch(NOW, since, speed)
+    found = {rule.cause: rule.judge(picture, watch) for rule in RULES}
+    return {cause: verdict for cause, verdict in found.items() if verdict is not None}
+
+
+def link(state, age_s=60.0):
+    return {"xbee": LinkReport(MINI, "xbee", state, NOW - timedelta(seconds=age_s), None, 1, 0)}
+
+
+def test_robot_that_was_never_heard_raises_nothing(picture):
+    assert verdicts(picture) == {}
+
+
+def test_silence_alarms_after_its_limit_and_not_just_after_a_start(picture):
+    picture.links = link(LinkState.STALE)
+    assert verdicts(picture)["silence"].text == "mini-1 does not answer; last heard at 11:59Z."
+    assert verdicts(picture, since=NOW - timedelta(seconds=5)) == {}
+    picture.links = link(LinkState.STALE, age_s=10)
+    assert verdicts(picture) == {}
+    picture.links = link(LinkState.STALE, age_s=200)
+    assert verdicts(picture, speed=20.0) == {}
+
+
+def test_silence_of_a_robot_that_said_it_would_dive_is_no_alarm(picture):
+    picture.links = link(LinkState.SUBMERGED, age_s=600)
+    assert verdicts(picture) == {}
+
+
+def test_closed_port_alarms(picture):
+    picture.links = link(LinkState.PORT_CLOSED)
+    assert "plug it in" in verdicts(picture)["port"].text
+
+
+@pytest.mark.parametrize(("late_min", "level"), [(5, None), (15, "watch"), (50, "critical")])
+def test_overdue_robot_alarms_by_how_late_it_is(picture, monkeypatch, late_min, level):
+    due = NOW - timedelta(minutes=late_min)
+    monkeypatch.setattr(Picture, "next_surfacing", lambda self: due)
+    picture.links = link(LinkState.SUBMERGED)
+    found = verdicts(picture).get("overdue")
+    assert (found.level if found else None) == level
+
+
+def test_plan_that_ended_early_alarms_with_its_reason(picture):
+    report = PlanReport(
+        MINI, None, OnboardPlanState.FAILED, 1, 3, 2.0, "the floor was near", NOW, NOW
+    )
+    picture.plan_report = report
+    assert "the floor was near" in verdicts(picture)["plan ended early"].text
+    picture.plan_report = replace(report, state=OnboardPlanState.RUNNING)
+    assert verdicts(picture) == {}
+
+
+def test_plan_that_a_person_ended_is_no_cause_of_alarm(picture):
+    picture.plan_report = PlanReport(
+        MINI, None, OnboardPlanState.FAILED, 1, 3, 2.0, SURFACED_BY_COMMAND, NOW, NOW
+    )
+    assert verdicts(picture) == {}
+
+
+def test_battery_alarms_by_its_charge(picture):
+    for charge, level in ((0.5, None), (0.15, "warning"), (0.05, "critical")):
+        picture.state = state_report(MINI, battery_fraction=charge)
+        found = verdicts(picture).get("battery")
+        assert (found.level if found else None) == level
+
+
+def test_long_track_is_thinned_and_asks_to_be_drawn_anew():
+    track = Track(0.5, (0.05, 0.12))
+    for number in range(POINTS_MAX):
+        track.add((float(number), 0.0, 0.0), 0.02, RobotMode.GLIDING)
+    before = track.since(0)
+    track.add((float(POINTS_MAX), 0.0, 0.0), 0.02, RobotMode.GLIDING)
+    after = track.since(before.cursor)
+    assert after.restarted
+    assert len(after.position_ned) == POINTS_MAX // 2 + 1
+    assert after.position_ned[-1, 0] == POINTS_MAX
+
+
+def test_track_sorts_its_points_anew_when_thresholds_change():
+    track = Track(0.01, (0.05, 0.12))
+    track.add((0.0, 0.0, 0.0), 0.08, None)
+    assert track.since(0).fidelity.tolist() == [1]
+    track.set_thresholds((0.1, 0.2))
+    assert track.since(0).fidelity.tolist() == [2]
+    assert track.levels == 3
+
+
+def test_track_tells_what_floated_from_what_was_flown():
+    track = Track(0.01, (0.05, 0.12))
+    modes = [RobotMode.IDLE, RobotMode.SWIMMING, RobotMode.SURFACED, None, RobotMode.HOLDING]
+    for number, mode in enumerate(modes):
+        track.add((float(number), 0.0, 0.0), 0.02, mode)
+    assert track.since(0).is_adrift.tolist() == [True, False, True, False, True]
+
+
+def standing(**changes):
+    values = {
+        "credits_today": 4,
+        "credits_per_day": 100,
+        "waits_for_budget": False,
+        "next_session_at": None,
+        "fault": "",
+    }
+    return SatelliteStanding(**{**values, **changes})
+
+
+@pytest.mark.parametrize(("late_min", "level"), [(5, None), (15, "watch"), (50, "critical")])
+def test_robot_that_misses_its_call_by_satellite_alarms_once(picture, late_min, level):
+    due = NOW - timedelta(minutes=late_min)
+    picture.links = link(LinkState.STALE, age_s=7200)
+    picture.satellite = standing(next_session_at=due)
+    found = verdicts(picture)
+    assert (found["contact"].level if level else None) == level
+    assert set(found) == ({"contact"} if level else set()), "silence is not alarmed as well"
+
+
+def test_spent_budget_alarms_only_while_something_waits_for_it(picture):
+    picture.satellite = standing(credits_today=100)
+    assert verdicts(picture) == {}
+    picture.satellite = standing(credits_today=100, waits_for_budget=True)
+    assert "100 of 100 credits" in verdicts(picture)["satellite budget"].text
+
+
+def test_refused_plan_by_satellite_alarms_with_the_gateways_sentence(picture):
+    picture.satellite = standing(fault="plan-3 refused: RockBLOCK did not take it: no credit.")
+    assert verdicts(picture)["satellite"].text == (
+        "Satellite to mini-1: plan-3 refused: RockBLOCK did not take it: no credit."
+    )
+
+
+def test_wrong_clock_alarms(picture):
+    picture.clock_fault = ClockFault(timedelta(days=-400), "The clock of mini-1 is behind.")
+    assert verdicts(picture)["clock"].text == "The clock of mini-1 is behind."
+
+
+def test_another_robot_under_the_same_system_id_alarms(picture):
+    now = NOW - timedelta(seconds=1)
+    conflict = "another radio (00000000000000A2) speaks as system 1; it is not obeyed"
+    picture.links = {
+        "xbee": LinkReport(MINI, "xbee", LinkState.LIVE, now, None, 1, 0, conflict=conflict)
+    }
+    assert verdicts(picture)["system id"].text == (
+        f"mini-1 is not alone under its system id: {conflict}."
+    )
+    picture.links = link(LinkState.LIVE)
+    assert "system id" not in verdicts(picture)

@@ -1,0 +1,242 @@
+import asyncio
+import json
+from datetime import UTC, datetime
+
+import pytest
+import pytest_asyncio
+from sqlalchemy.exc import OperationalError
+
+from db.query.events import add_event
+from db.store import Store
+from robot_link.clock import SystemClock
+from server.base.job import JobBoard
+from server.base.job_watch import watch_jobs
+from server.base.live_feed import EVENTS_IN_MEMORY, QUIET_S, LiveFeed
+from tests.server.conftest import until
+
+
+@pytest.fixture
+def store(tmp_path):
+    store = Store.open(f"sqlite:///{tmp_path / 'station.sqlite3'}")
+    yield store
+    store.close()
+
+
+@pytest_asyncio.fixture
+async def feed(store):
+    feed = LiveFeed(store, SystemClock(), lambda: 3)
+    beat = asyncio.create_task(feed.run())
+    await until(lambda: feed._ticks)
+    yield feed
+    feed.close()
+    beat.cancel()
+    await asyncio.gather(beat, return_exceptions=True)
+
+
+class Client:
+    """Keeps what it gets; ``pause`` makes it slow."""
+
+    def __init__(self, feed, robots=None, after=None):
+        self.batches = []
+        self.taken_s = []
+        self.free = asyncio.Event()
+        self.free.set()
+        self.task = asyncio.create_task(feed.follow(self.take, robots, after))
+
+    async def take(self, text):
+        self.taken_s.append(asyncio.get_running_loop().time())
+        self.batches.append(json.loads(text))
+        await self.free.wait()
+
+    @property
+    def events(self):
+        return [event["text"] for batch in self.batches for event in batch["events"]]
+
+    def last(self, job):
+        told = [batch["jobs"][job] for batch in self.batches if job in batch["jobs"]]
+        return told[-1] if told else {}
+
+    async def until(self, condition):
+        await until(condition)
+
+
+async def happen(store, *texts):
+    at = datetime.now(UTC)
+    await store.write(lambda session: [add_event(session, at, "test", text) for text in texts])
+
+
+async def test_first_batch_has_every_part_and_later_ones_only_what_changed(feed):
+    feed.put("robots", "mini-1", lambda: {"depth_m": 1.0}, "mini-1")
+    feed.put("robots", "grace-1", lambda: {"depth_m": 5.0}, "grace-1")
+    await until(lambda: not feed._due)
+    client = Client(feed)
+    await client.until(lambda: client.batches)
+    assert client.batches[0]["robots"] == {"mini-1": {"depth_m": 1.0}, "grace-1": {"depth_m": 5.0}}
+    assert client.batches[0]["alarms"] == {"unacknowledged": 3}
+    feed.put("robots", "mini-1", lambda: {"depth_m": 1.1}, "mini-1")
+    await client.until(lambda: any(batch["robots"] for batch in client.batches[1:]))
+    (changed,) = [batch["robots"] for batch in client.batches[1:] if batch["robots"]]
+    assert changed == {"mini-1": {"depth_m": 1.1}}
+
+
+async def test_slow_client_conflates_gauges_but_gets_every_event_in_order(feed, store):
+    client = Client(feed)
+    await client.until(lambda: client.batches)
+    client.free.clear()
+    for number in range(30):
+        feed.put("robots", "mini-1", lambda number=number: {"depth_m": number}, "mini-1")
+        await happen(store, f"event {number}")
+        await asyncio.sleep(0.02)
+    await asyncio.sleep(0.2)
+    client.free.set()
+    await client.until(lambda: len(client.events) == 30)
+    assert client.events == [f"event {number}" for number in range(30)]
+    depths = [batch["robots"]["mini-1"]["depth_m"] for batch in client.batches if batch["robots"]]
+    assert depths[-1] == 29
+    assert len(depths) < 10
+
+
+async def test_client_that_returns_with_its_cursor_misses_nothing(feed, store):
+    await happen(store, *(f"event {number}" for number in range(EVENTS_IN_MEMORY + 700)))
+    await asyncio.sleep(0.3)
+    client = Client(feed, after=100)
+    await client.until(lambda: len(client.events) == EVENTS_IN_MEMORY + 600)
+    assert client.events[0] == "event 100"
+    assert client.events[-1] == f"event {EVENTS_IN_MEMORY + 699}"
+    assert client.batches[-1]["cursor"] == EVENTS_IN_MEMORY + 700
+
+
+async def test_client_that_knows_more_than_the_feed_gets_nothing_twice(feed, store):
+    await happen(store, "one", "two", "three")
+    client = Client(feed, after=2)
+    await client.until(lambda: client.events)
+    assert client.events == ["three"]
+
+
+async def test_gauges_go_on_while_the_log_cannot_be_read_and_no_event_is_lost(
+    feed, store, monkeypatch
+):
+    client = Client(feed)
+    await client.until(lambda: client.batches)
+
+    async def fail(function):
+        raise OperationalError("select", {}, OSError("disk I/O error"))
+
+    with monkeypatch.context() as broken:
+        broken.setattr(store, "query", fail)
+        await happen(store, "while it failed")
+        feed.put("robots", "mini-1", lambda: {"depth_m": 2.0}, "mini-1")
+        await client.until(lambda: any(batch["robots"] for batch in client.batches))
+        await asyncio.sleep(0.3)
+        assert client.events == []
+    await client.until(lambda: client.events == ["while it failed"])
+
+
+async def test_stream_begins_once_the_log_can_be_read_and_tells_nobody_what_was_before(
+    store, monkeypatch
+):
+    await happen(store, "long ago")
+    query, tries = store.query, []
+
+    async def fail_twice(function):
+        tries.append(function)
+        if len(tries) <= 2:
+            raise OperationalError("select", {}, OSError("disk I/O error"))
+        return await query(function)
+
+    monkeypatch.setattr(store, "query", fail_twice)
+    feed = LiveFeed(store, SystemClock(), lambda: 0)
+    client = Client(feed)
+    beat = asyncio.create_task(feed.run())
+    await client.until(lambda: client.batches)
+    await happen(store, "now")
+    await client.until(lambda: client.events)
+    assert client.events == ["now"]
+    feed.close()
+    beat.cancel()
+    await asyncio.gather(beat, client.task, return_exceptions=True)
+
+
+async def test_client_of_a_stream_that_never_began_is_let_go_when_it_closes(store):
+    feed = LiveFeed(store, SystemClock(), lambda: 0)
+    client = Client(feed)
+    await asyncio.sleep(0)
+    feed.close()
+    async with asyncio.timeout(10):
+        await client.task
+    assert client.batches == []
+
+
+async def test_client_that_asked_for_one_robot_hears_nothing_of_another(feed):
+    client = Client(feed, robots=frozenset({"mini-1"}))
+    feed.put("robots", "grace-1", lambda: {"depth_m": 5.0}, "grace-1")
+    feed.put("plans", "plan-1", lambda: {"state": "draft"}, "grace-1")
+    feed.put("robots", "mini-1", lambda: {"depth_m": 1.0}, "mini-1")
+    await client.until(lambda: any(batch["robots"] for batch in client.batches))
+    assert all("grace-1" not in batch["robots"] for batch in client.batches)
+    assert all(not batch["plans"] for batch in client.batches)
+
+
+async def test_quiet_feed_speaks_once_a_second_so_that_a_dead_road_is_noticed(feed):
+    client = Client(feed)
+    await client.until(lambda: len(client.batches) == 3)
+    first, second, third = client.taken_s
+    assert min(second - first, third - second) > 0.5 * QUIET_S
+
+
+async def test_value_is_asked_for_once_a_tick_however_often_it_changed(feed):
+    asked = []
+    for _ in range(50):
+        feed.put("robots", "mini-1", lambda: asked.append(1) or {}, "mini-1")
+    client = Client(feed)
+    await client.until(lambda: any(batch["robots"] for batch in client.batches))
+    assert len(asked) == 1
+
+
+async def test_many_clients_share_one_encoding(feed):
+    clients = [Client(feed) for _ in range(5)]
+    for client in clients:
+        await client.until(lambda client=client: client.batches)
+    texts = []
+
+    async def keep(text):
+        texts.append(text)
+
+    more = [asyncio.create_task(feed.follow(keep, None, None)) for _ in range(3)]
+    await until(lambda: len(texts) >= 3)
+    feed.put("robots", "mini-1", lambda: {"depth_m": 1.0}, "mini-1")
+
+    def newest():
+        return [text for text in texts if "depth_m" in text]
+
+    await until(lambda: len(newest()) == 3)
+    assert all(text is newest()[0] for text in newest())
+    for task in more:
+        task.cancel()
+
+
+async def test_closing_the_feed_lets_every_client_go(feed):
+    client = Client(feed)
+    await client.until(lambda: client.batches)
+    feed.close()
+    await asyncio.wait_for(client.task, 60)
+
+
+async def test_running_job_is_shown_until_it_ends(feed, store):
+    jobs = JobBoard(store, SystemClock())
+    watch = asyncio.create_task(watch_jobs(jobs, feed))
+    client = Client(feed)
+    may_end = asyncio.Event()
+
+    async def work(progress):
+        progress.report(0.5, "half way")
+        await may_end.wait()
+        return {"rows": 3}
+
+    job = await jobs.start("import", work, by="test")
+    await client.until(lambda: client.last(job.id).get("message") == "half way")
+    may_end.set()
+    await client.until(lambda: client.last(job.id).get("state") == "done")
+    assert client.last(job.id)["result"] == {"rows": 3}
+    watch.cancel()
+    await jobs.stop()

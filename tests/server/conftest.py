@@ -1,0 +1,189 @@
+import asyncio
+import shutil
+from contextlib import asynccontextmanager
+from datetime import UTC, datetime, timedelta
+from functools import cache, partialmethod
+
+import httpx
+import pytest
+import pytest_asyncio
+
+from autonomy.site import LAKE, TANK
+from db import engine
+from db.query.robots import RobotRecord, add_robot
+from db.store import Store
+from robot_link.messages import RobotId, SystemId
+from server.access.register import create_token
+from server.access.role import Role
+from server.app import create_app
+from server.base.settings import Settings
+from server.base.worker import WorkerPool
+from server.composition import run_station
+from server.plan.dry_run import Rehearsals
+from server.station import Station
+from tests.server.fake_link import World, state_report
+from tests.server.fake_worker import FakeWorkers
+from tests.server.in_thread import run_in_thread
+
+MINI = RobotId("mini-1")
+GRACE = RobotId("grace-1")
+DATABASE = "station.sqlite3"
+FAST = {
+    "planning_time_s": 30.0,
+    "total_budget": 24.0,
+    "round_budget": 12.0,
+    "search": {"iterations_max": 100},
+}
+"""A survey of two short rounds; the search ends by its iterations on a machine of any speed."""
+
+
+async def until(condition, timeout_s=60.0):
+    """Wait for something to become true; a coroutine function is awaited each time."""
+    async with asyncio.timeout(timeout_s):
+        while True:
+            found = condition()
+            if asyncio.iscoroutine(found):
+                found = await found
+            if found:
+                return found
+            await asyncio.sleep(0.02)
+
+
+def robot_record(robot, system_id, model, site):
+    return RobotRecord(
+        id=robot,
+        name=robot,
+        model=model,
+        kind="simulated",
+        system_id=SystemId(system_id),
+        links=("xbee://127.0.0.1:9",),
+        site=site,
+        created_at=datetime.now(UTC),
+    )
+
+
+@asynccontextmanager
+async def open_station(tmp_path, world):
+    """Run a station with two robots on a data folder; closing it is an orderly stop."""
+    settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
+    async with run_station(
+        settings, lambda foundation: Station(foundation, world.make_link)
+    ) as running:
+        running.station.foundation = running.foundation
+        yield running.station
+
+
+def _add_fleet(session):
+    add_robot(session, robot_record(MINI, 1, "miniglider", TANK))
+    add_robot(session, robot_record(GRACE, 2, "grace3", LAKE))
+
+
+@pytest.fixture(scope="session")
+def prepared_database(tmp_path_factory):
+    """A database that knows two robots, made once: laying out the tables takes its time."""
+    folder = tmp_path_factory.mktemp("prepared")
+    store = Store.open(Settings(data_dir=folder).resolved_database_url)
+    store.change(_add_fleet).result()
+    store.close()
+    return folder / DATABASE
+
+
+@pytest.fixture(autouse=True)
+def _known_fleet(prepared_database, tmp_path):
+    shutil.copy(prepared_database, tmp_path / DATABASE)
+
+
+@pytest.fixture(autouse=True)
+def _impatient_database(monkeypatch):
+    """Tests that lock the database need not wait a second for each try."""
+    monkeypatch.setattr(engine, "BUSY_TIMEOUT_MS", 100)
+
+
+@pytest.fixture(autouse=True)
+def _cold_worker(monkeypatch):
+    """Few tests plan; the others need not pay for the planner's machine code."""
+
+    async def stay_cold(station):
+        del station
+
+    monkeypatch.setattr(Station, "_warm_up", stay_cold)
+
+
+@pytest.fixture(autouse=True)
+def _unrehearsed(monkeypatch):
+    """Few tests are about rehearsals; the others need not wait for the simulated robot."""
+    monkeypatch.setattr(Rehearsals, "before", lambda *_: None)
+
+
+@pytest.fixture
+def in_threads(monkeypatch):
+    """Let tasks run here: a process of its own takes a second to load its compiled code."""
+    monkeypatch.setattr(WorkerPool, "run", run_in_thread)
+
+
+@pytest_asyncio.fixture
+async def workers(monkeypatch):
+    """Let plans be made at once, by nobody; everything else goes to worker processes."""
+    fake = FakeWorkers()
+    monkeypatch.setattr(WorkerPool, "run", partialmethod(FakeWorkers.run_for, fake))
+    return fake
+
+
+@pytest_asyncio.fixture
+async def world():
+    world = World()
+    yield world
+    await world.close()
+
+
+@pytest_asyncio.fixture
+async def station(tmp_path, world):
+    async with open_station(tmp_path, world) as station:
+        world.hear(MINI)
+        world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        yield station
+
+
+@pytest.fixture
+def foundation(station):
+    return station.foundation
+
+
+@pytest.fixture
+def still(station, monkeypatch):
+    """Let the station's clock stand, so that what is new stays new on a busy machine."""
+    now = datetime.now(UTC)
+    monkeypatch.setattr(type(station.foundation.clock), "now", lambda _: now)
+    return now
+
+
+@pytest_asyncio.fixture
+async def client(station):
+    """Speaks REST to the station as a pilot."""
+    async with api_client(station, Role.ADMIN) as client:
+        yield client
+
+
+@cache
+def application():
+    """The routes, built once: all that they know of a station is in ``app.state``."""
+    return create_app(Settings(simulation=True))
+
+
+@asynccontextmanager
+async def api_client(station, role):
+    foundation = station.foundation
+    app = application()
+    app.state.foundation, app.state.station = foundation, station
+    issued = await foundation.store.write(
+        lambda session: create_token(
+            session, f"test {role}", role, timedelta(hours=1), at=datetime.now(UTC), by="test"
+        )
+    )
+    async with httpx.AsyncClient(
+        transport=httpx.ASGITransport(app),
+        base_url="http://127.0.0.1",
+        headers={"Authorization": f"Bearer {issued.secret}"},
+    ) as client:
+        client.app, client.secret = app, issued.secret
+        yield client

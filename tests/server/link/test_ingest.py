@@ -1,0 +1,187 @@
+import math
+import sqlite3
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from db.query.events import newest_events
+from db.query.samples import newest_samples, sample_columns
+from db.tables import RawFrameRow, SampleRow, StateRow
+from tests.server.conftest import MINI, open_station, until
+from tests.server.fake_link import state_report
+
+
+async def count(foundation, table):
+    return await foundation.store.query(lambda session: session.query(table).count())
+
+
+async def stored_samples(foundation):
+    return await foundation.store.query(lambda session: sample_columns(session, MINI, "blue_light"))
+
+
+async def test_sample_is_acknowledged_only_after_it_was_committed(station, foundation, world):
+    world.robots[MINI].sample((1.0, 0.5, 0.2))
+    assert world.acknowledged == []
+    await until(lambda: world.acknowledged)
+    assert world.acknowledged == [(MINI, 1, 0)]
+    assert len(await stored_samples(foundation)) == 1
+
+
+async def test_sample_that_comes_twice_is_stored_once_and_acknowledged_again(
+    station, foundation, world
+):
+    sample = world.robots[MINI].sample((1.0, 0.5, 0.2))
+    await until(lambda: world.acknowledged)
+    world.tell(sample)
+    await until(lambda: len(world.acknowledged) == 2)
+    assert await count(foundation, SampleRow) == 1
+
+
+async def test_no_sample_is_acknowledged_while_the_database_is_locked(
+    station, foundation, world, tmp_path
+):
+    other = sqlite3.connect(tmp_path / "station.sqlite3", isolation_level=None)
+    other.execute("BEGIN EXCLUSIVE")
+    world.robots[MINI].sample((1.0, 0.5, 0.2))
+    await until(lambda: foundation.store.fault is not None)
+    assert world.acknowledged == []
+    other.execute("ROLLBACK")
+    other.close()
+    await until(lambda: world.acknowledged)
+    assert len(await stored_samples(foundation)) == 1
+
+
+async def test_raw_frames_of_both_directions_are_journaled(station, foundation, world):
+    world.frame(MINI, b"\x01")
+    world.frame(None, b"garbage")
+    station.ingest.flush()
+
+    async def both():
+        return await count(foundation, RawFrameRow) == 2
+
+    await until(both)
+
+
+IMPOSSIBLE = {
+    "depth": {"position_ned": (1.0, 0.5, 9.0)},
+    "above the surface": {"position_ned": (1.0, 0.5, -3.0)},
+    "far away": {"position_ned": (900.0, 0.5, 0.2)},
+    "not a number": {"pitch_rad": math.nan},
+    "battery": {"battery_fraction": 7.0},
+}
+
+
+@pytest.mark.parametrize("changes", IMPOSSIBLE.values(), ids=IMPOSSIBLE)
+async def test_impossible_state_reaches_no_gauge_and_no_track(station, foundation, world, changes):
+    before = station.fleet.picture(MINI).state
+    world.tell(state_report(MINI, **changes))
+    assert station.fleet.picture(MINI).state is before
+    assert station.fleet.picture(MINI).refused == 1
+    assert await count(foundation, StateRow) <= 1
+
+
+async def test_impossible_values_are_told_once_until_a_good_one_came(station, foundation, world):
+    for _ in range(5):
+        world.tell(state_report(MINI, (1.0, 0.5, 9.0)))
+
+    async def told():
+        events = await foundation.store.query(newest_events)
+        return [event.text for event in events if event.kind == "state.refused"]
+
+    texts = await until(told)
+    assert len(texts) == 1
+    assert "9.00 m in 1.2 m of water" in texts[0]
+    world.tell(state_report(MINI))
+    world.tell(state_report(MINI, (1.0, 0.5, 9.0)))
+
+    async def told_again():
+        return len(await told()) == 2
+
+    await until(told_again)
+
+
+async def test_impossible_sample_stays_out_of_the_map_but_is_not_sent_for_ever(
+    station, foundation, world
+):
+    world.robots[MINI].sample((1.0, 0.5, 0.2), value=math.inf)
+    world.robots[MINI].sample((1.0, 0.5, 0.2))
+    await until(lambda: len(world.acknowledged) == 2)
+    assert len(await stored_samples(foundation)) == 1
+
+
+async def test_word_of_a_robot_that_is_not_of_the_fleet_is_ignored(station, foundation, world):
+    await station.ingest.settle()
+    before = await count(foundation, StateRow)
+    world.tell(state_report("stranger-9"))
+    await station.ingest.settle()
+    assert await count(foundation, StateRow) == before
+
+
+async def test_late_report_is_stored_but_moves_no_gauge_back(station, foundation, world):
+    newest = state_report(MINI, (1.4, 0.5, 0.3))
+    world.tell(newest)
+    world.tell(replace(newest, measured_at=newest.measured_at - timedelta(seconds=30)))
+    assert station.fleet.picture(MINI).state is newest
+
+    async def all_stored():
+        return await count(foundation, StateRow) == 3
+
+    await until(all_stored)
+
+
+WRONG_CLOCKS = {
+    "years behind": (datetime(1980, 1, 6, tzinfo=UTC), "years behind the station's"),
+    "days ahead": (datetime.now(UTC) + timedelta(days=30), "30 days ahead of the station's"),
+}
+
+
+@pytest.mark.parametrize(("said_at", "words"), WRONG_CLOCKS.values(), ids=WRONG_CLOCKS)
+async def test_robot_with_a_wrong_clock_is_shown_as_such_and_ordered_by_arrival(
+    client, station, world, said_at, words
+):
+    now = datetime.now(UTC)
+    for later_s, depth_m in enumerate((0.2, 0.3, 0.1)):
+        arrived = now + timedelta(seconds=later_s)
+        at = said_at - timedelta(seconds=later_s)
+        world.tell(state_report(MINI, (1.0, 0.5, depth_m), at=arrived, measured_at=at))
+    found = (await client.get("/api/robots/mini-1/state")).json()
+    assert words in found["clock_fault"]
+    assert "mini-1" in found["clock_fault"]
+    assert found["channels"]["depth_m"]["value"] == 0.1, "the newest by arrival"
+    assert station.fleet.picture(MINI).state.measured_at == now + timedelta(seconds=2)
+    world.tell(state_report(MINI, at=now + timedelta(seconds=3)))
+    assert (await client.get("/api/robots/mini-1/state")).json()["clock_fault"] is None
+
+
+async def test_samples_of_a_robot_with_a_wrong_clock_are_kept_as_long_ago_as_it_says(
+    foundation, world
+):
+    long_ago, now = datetime(1980, 1, 6, tzinfo=UTC), datetime.now(UTC)
+    world.tell(state_report(MINI, at=now, measured_at=long_ago))
+    under_water = long_ago - timedelta(seconds=10)
+    world.robots[MINI].sample((1.0, 0.5, 0.2), measured_at=under_water)
+    await until(lambda: world.acknowledged)
+    kept = await foundation.store.query(lambda session: newest_samples(session, MINI))
+    assert [sample.measured_at for sample in kept] == [now - timedelta(seconds=10)]
+
+
+async def test_both_clocks_of_a_value_are_kept_apart(client, world):
+    report = state_report(MINI)
+    late = replace(report, received_at=report.measured_at + timedelta(seconds=0.8))
+    world.tell(replace(late, measured_at=late.measured_at + timedelta(milliseconds=1)))
+    depth = (await client.get("/api/robots/mini-1/state")).json()["channels"]["depth_m"]
+    assert depth["measured_at"] < depth["received_at"]
+    assert depth["unit"] == "m"
+
+
+async def test_what_robots_said_is_there_after_a_restart(tmp_path, world):
+    async with open_station(tmp_path, world) as station:
+        world.tell(state_report(MINI, (1.3, 0.7, 0.4)))
+        world.robots[MINI].sample((1.3, 0.7, 0.4), value=77.0)
+        await until(lambda: world.acknowledged)
+    async with open_station(tmp_path, world) as station:
+        picture = station.fleet.picture(MINI)
+        assert picture.state.position_ned == (1.3, 0.7, 0.4)
+        assert picture.samples["blue_light"].value == 77.0
+        assert len(picture.track.since(0).position_ned) == 1

@@ -1,0 +1,71 @@
+"""The plug of a radio that several robots share."""
+
+from dataclasses import replace
+
+import pytest
+
+from db.query.robots import list_robots
+from robot_link.clock import SystemClock
+from robot_link.messages import RobotId, SystemId
+from server.base.secret import SecretStore
+from server.fleet.plug import Plugs
+from server.link.road import Road
+from server.link.signing import RobotSigning
+from tests.server.conftest import MINI
+from tests.server.fake_link import World
+
+RADIO = "xbee:///dev/ttyUSB0"
+FIRST, SECOND = f"{RADIO}#1", f"{RADIO}#2"
+
+
+@pytest.fixture
+def world():
+    return World()
+
+
+@pytest.fixture
+def road(world, tmp_path):
+    clock = SystemClock()
+    signing = RobotSigning(SecretStore(tmp_path), clock)
+    return Road(clock, lambda _event: None, world.make_link, signing)
+
+
+@pytest.fixture
+def robots(foundation):
+    with foundation.store.read() as session:
+        mini = next(robot for robot in list_robots(session) if robot.id == MINI)
+    other = replace(mini, id=RobotId("mini-2"), system_id=SystemId(7), links=(SECOND,))
+    return [replace(mini, links=(FIRST,)), other]
+
+
+def is_open(world):
+    """Return whether the shared radio was left plugged in."""
+    return world.plugs[-1][1]
+
+
+async def test_robots_that_share_a_radio_share_its_plug(road, world, robots):
+    road.set_robots(robots)
+    road.set_plugged(FIRST, is_plugged=False)
+    assert not is_open(world)
+    road.set_plugged(SECOND, is_plugged=True)
+    assert is_open(world)
+
+
+async def test_both_robots_links_show_a_shared_plug_as_it_is(foundation):
+    plugs = Plugs(foundation.store, foundation.clock)
+    await plugs.set(FIRST, is_plugged=False, robot="mini-1", by="test")
+    assert not plugs.is_plugged(SECOND)
+    again = Plugs(foundation.store, foundation.clock)
+    await again.load()
+    assert not again.is_plugged(FIRST)
+    await again.set(SECOND, is_plugged=True, robot="mini-1", by="test")
+    assert again.is_plugged(FIRST)
+
+
+async def test_a_radio_that_comes_back_finds_its_plug_as_it_was_left(road, world, robots):
+    road.set_robots(robots)
+    road.set_plugged(FIRST, is_plugged=False)
+    road.set_robots([])
+    world.plugs.clear()
+    road.set_robots(robots)
+    assert world.plugs == [(RADIO, False)]

@@ -1,0 +1,214 @@
+import asyncio
+import os
+import signal
+
+import pytest
+
+from robot_link.rehearsal import REHEARSE
+from server.base.worker import WorkerEndedError
+from server.plan import dry_run as rehearsing
+from server.plan.dry_run import Rehearsals
+from server.plan.search_request import SearchRequest
+from server.survey import step as survey_step
+from tests.server.conftest import FAST, MINI, open_station, until
+from tests.server.fake_link import state_report
+from tests.server.survey.test_plan_choice import drafted, mission_in, plan_in
+
+LEGS = [{"kind": "dive", "end_ned": [0, 0, depth_m]} for depth_m in (0.3, 0.0)]
+_BEFORE = Rehearsals.before
+
+
+@pytest.fixture(autouse=True)
+def _rehearsed(monkeypatch, _unrehearsed):
+    monkeypatch.setattr(Rehearsals, "before", _BEFORE)
+    monkeypatch.setattr(survey_step, "QUIET_S", 0.05)
+
+
+async def laid_out(client, **config):
+    body = {"kind": "primitives", "legs": LEGS, "config": config}
+    answer = await client.post("/api/robots/mini-1/plans", json=body)
+    assert answer.status_code == 202, answer.text
+    return answer.json()["id"]
+
+
+async def rehearses(client, plan):
+    async def stage():
+        return (await client.get(f"/api/plans/{plan}")).json()["stage"] == "rehearsing"
+
+    await until(stage)
+
+
+async def test_found_plan_is_flown_ahead_before_it_is_a_draft(client, workers):
+    workers.may_plan.clear()
+    workers.may_rehearse.clear()
+    body = {"kind": "adaptive_survey", "config": FAST}
+    plan = (await client.post("/api/robots/mini-1/plans", json=body)).json()["id"]
+    searching = (await client.get(f"/api/plans/{plan}")).json()
+    assert (searching["state"], searching["stage"]) == ("planning", "searching")
+    assert searching["rehearsal"] is None
+    workers.may_plan.set()
+    await rehearses(client, plan)
+    working = (await client.get(f"/api/plans/{plan}")).json()
+    assert working["state"] == "planning"
+    assert working["legs"]
+    assert working["rehearsal"]["state"] == "working"
+    workers.may_rehearse.set()
+    draft = await plan_in(client, plan, "draft")
+    found = draft["rehearsal"]
+    assert draft["stage"] is None
+    assert found["state"] == "done"
+    assert found["completed"]
+    assert (found["position_error_m"], found["predicted_error_m"]) == (0.03, 0.04)
+    assert len(found["flown"]) == len(draft["points"])
+    problem = workers.rehearsed[0]
+    assert problem.mission.sha256() == draft["sha256"]
+    assert problem.start_ne_m == (1.2, 0.6)
+    assert problem.drift_m_sqrt_s == draft["config"]["position_filter"]["drift_m_sqrt_s"]
+
+
+async def test_legs_laid_out_by_hand_are_rehearsed_too(client, workers):
+    draft = await plan_in(client, await laid_out(client), "draft")
+    assert draft["rehearsal"]["state"] == "done"
+
+
+async def test_long_plan_is_flown_fewer_times_so_that_nobody_waits(client, workers, monkeypatch):
+    draft = await plan_in(client, await laid_out(client), "draft")
+    monkeypatch.setattr(rehearsing, "FLOWN_S", 2.5 * draft["account"]["duration_s"])
+    await plan_in(client, await laid_out(client), "draft")
+    monkeypatch.setattr(rehearsing, "FLOWN_S", 0.5 * draft["account"]["duration_s"])
+    await plan_in(client, await laid_out(client), "draft")
+    assert [problem.runs for problem in workers.rehearsed] == [3, 2, 1]
+
+
+async def test_rehearsal_is_left_out_where_it_is_switched_off(client, workers):
+    draft = await plan_in(client, await laid_out(client, adaptive={"rehearse": False}), "draft")
+    assert draft["rehearsal"] is None
+    assert workers.rehearsed == []
+
+
+async def test_rehearsal_whose_process_dies_leaves_a_draft_that_says_so(client, workers):
+    workers.fails[REHEARSE] = WorkerEndedError("The working process ended unexpectedly.")
+    draft = await drafted(client)
+    assert draft["rehearsal"]["state"] == "failed"
+    assert draft["rehearsal"]["message"].startswith("Not rehearsed: The working process ended")
+    assert draft["rehearsal"]["rms_error_m"] is None
+    assert draft["violations"] == []
+
+
+async def test_rehearsal_that_takes_too_long_is_left_out(client, workers, monkeypatch):
+    monkeypatch.setattr(rehearsing, "LIMIT_S", 0.05)
+    workers.may_rehearse.clear()
+    draft = await plan_in(client, await laid_out(client), "draft")
+    assert draft["rehearsal"]["state"] == "skipped"
+    assert draft["rehearsal"]["message"].startswith("Not rehearsed: that would have taken")
+
+
+async def test_plan_can_be_cancelled_while_it_is_rehearsed(client, workers):
+    workers.may_rehearse.clear()
+    plan = await laid_out(client)
+    await rehearses(client, plan)
+    assert (await client.post(f"/api/plans/{plan}/cancel")).status_code == 202
+    workers.may_rehearse.set()
+    await asyncio.sleep(0.05)
+    assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "cancelled"
+
+
+async def test_station_that_stops_during_a_rehearsal_keeps_the_plan(tmp_path, world, workers):
+    workers.may_rehearse.clear()
+    async with open_station(tmp_path, world) as station:
+        world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        config_id, config = await station.planning.configure(MINI, FAST, by="test")
+        plan = await station.planning.plan_survey(SearchRequest(MINI, config, config_id, "test"))
+        await until(lambda: workers.rehearsed)
+    async with open_station(tmp_path, world) as station:
+        view = station.plans.view(await station.plans.get(plan.id))
+        assert view.state == "draft"
+        assert view.legs
+        assert view.rehearsal.state == "failed"
+        assert "The station stopped" in view.rehearsal.message
+
+
+async def test_plan_whose_rehearsal_broke_off_is_sent_after_a_second_word_only(
+    client, workers, world
+):
+    workers.breaks_off = 1
+    draft = await plan_in(client, await laid_out(client), "draft")
+    assert draft["rehearsal"]["completed"] is False
+    (found,) = (await client.post(f"/api/plans/{draft['id']}/check")).json()["violations"]
+    assert found["field"] == "adaptive.rehearse"
+    assert found["message"].endswith("The robot did not fly the whole plan: it was lost.")
+    refused = await client.post(f"/api/plans/{draft['id']}/upload")
+    assert refused.status_code == 409
+    assert "may not be flown to its end" in refused.json()["detail"]
+    assert refused.json()["errors"] == [{"loc": [found["field"]], "msg": found["message"]}]
+    assert world.uploads == []
+    body = {"confirmed": True}
+    sent = await client.post(f"/api/plans/{draft['id']}/upload", json=body)
+    assert sent.status_code == 202
+    await plan_in(client, draft["id"], "on_board")
+
+
+async def test_survey_plans_once_more_where_a_rehearsal_broke_off(client, workers, world):
+    workers.breaks_off = 1
+    body = {"kind": "adaptive_survey", "config": FAST, "automation": True}
+    mission = (await client.post("/api/robots/mini-1/missions", json=body)).json()["id"]
+    done = await mission_in(client, mission, "done")
+    assert [problem.attempt for problem in workers.problems[:2]] == [0, 1]
+    assert workers.problems[1].warm == ()
+    assert len(world.uploads) == len(done["rounds"]) == 2
+    first = (await client.get("/api/plans/plan-1")).json()
+    assert (first["state"], first["ladder"]["sent_at"]) == ("cancelled", None)
+
+
+async def test_survey_leaves_a_plan_to_a_person_where_rehearsals_break_off_again(
+    client, workers, world
+):
+    workers.breaks_off = 2
+    body = {"kind": "adaptive_survey", "config": FAST, "automation": True}
+    mission = (await client.post("/api/robots/mini-1/missions", json=body)).json()["id"]
+    stopped = await mission_in(client, mission, "stopped")
+    assert "is not sent without a person's word" in stopped["message"]
+    assert stopped["message"].endswith("it was lost.")
+    assert not stopped["automation"]
+    assert world.uploads == []
+    draft = (await client.get(f"/api/plans/{stopped['plan_id']}")).json()
+    assert draft["state"] == "draft"
+    sent = {"confirmed": True, "start": True}
+    assert (await client.post(f"/api/plans/{draft['id']}/upload", json=sent)).status_code == 202
+    await plan_in(client, draft["id"], "done")
+
+
+async def test_plan_that_leads_into_a_keep_out_when_rehearsed_is_left_to_a_person(client, workers):
+    workers.enters = ("reeds",)
+    reeds = {"name": "reeds", "corners_m": [[3.0, 1.0], [3.0, 1.5], [3.5, 1.5]]}
+    plan = (await plan_in(client, await laid_out(client, keep_outs=[reeds]), "draft"))["id"]
+    assert [area.name for area in workers.rehearsed[0].keep_outs] == ["reeds"]
+    assert (await client.get(f"/api/plans/{plan}")).json()["rehearsal"]["entered"] == ["reeds"]
+    (one,) = (await client.post(f"/api/plans/{plan}/check")).json()["violations"]
+    assert one["field"] == "adaptive.rehearse"
+    assert (await client.post(f"/api/plans/{plan}/upload", json={})).status_code == 409
+    wanted = {"confirmed": True}
+    assert (await client.post(f"/api/plans/{plan}/upload", json=wanted)).status_code == 202
+
+
+async def test_killed_rehearsal_process_leaves_the_draft(client, station):
+    """A real process and the real rehearsal."""
+    plan = await laid_out(client)
+    await until(station.workers.process_ids)
+    os.kill(station.workers.process_ids()[0], signal.SIGKILL)
+    draft = await plan_in(client, plan, "draft")
+    assert draft["rehearsal"]["state"] == "failed"
+    assert "nothing was changed" in draft["rehearsal"]["message"]
+
+
+async def test_simulated_robot_rehearses_dives_near_to_the_plan(client, station, monkeypatch):
+    """The real rehearsal, in a process of its own."""
+    monkeypatch.setattr(rehearsing, "LIMIT_S", 60.0)
+    monkeypatch.setattr(rehearsing, "RUNS", 1)
+    draft = await plan_in(client, await laid_out(client), "draft")
+    found = draft["rehearsal"]
+    assert found["state"] == "done", found["message"]
+    assert found["completed"]
+    assert 0.0 < found["rms_error_m"] < 0.5
+    assert 0.5 < found["duration_s"] / draft["account"]["duration_s"] < 2.0
+    assert len(found["flown"][0]) == 5

@@ -1,0 +1,201 @@
+"""Recorded deployments come in whole or not at all, and go out as they came."""
+
+import asyncio
+import io
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from db.query.maps import newest_maps
+from db.query.robots import add_robot, get_robot
+from db.query.telemetry import history, newest_state, track
+from server.recording import keep
+from server.recording.map_fit import FitProblem, run
+from server.recording.table import Policy, read_recording
+from tests.db.conftest import report, robot_record, sample
+from tests.server.station_app import running, signed_in
+
+REAL = Path(__file__).parents[4] / "shared" / "data" / "eva035_chl_temp.csv"
+
+
+def dive_csv(rows=60, broken=(), start_s=1_563_751_502):
+    """One yo of a glider in a field that falls with depth."""
+    lines = ["time,latitude,longitude,depth,chlorophyll"]
+    for row in range(rows):
+        depth_m = 40.0 * math.sin(math.pi * row / rows)
+        value = 3.0 * math.exp(-depth_m / 20.0) + 0.01 * math.sin(row)
+        cells = [start_s + 30.1 * row, 48.9 + 1e-4 * row, -130.6 + 5e-5 * row, depth_m, value]
+        lines.append(",".join("oops" if row in broken else repr(cell) for cell in cells))
+    return "\n".join(lines) + "\n"
+
+
+@pytest.fixture
+async def app(tmp_path):
+    async with running(tmp_path) as app:
+        yield app
+
+
+@pytest.fixture
+async def pilot(app):
+    async with signed_in(app) as client:
+        yield client
+
+
+async def import_file(client, text, robot="eva", **form):
+    answer = await client.post(
+        "/api/imports",
+        data={"robot": robot, **form},
+        files={"file": ("dive.csv", io.BytesIO(text.encode()))},
+    )
+    assert answer.status_code == 202, answer.text
+    async with asyncio.timeout(60):
+        while True:
+            job = (await client.get(f"/api/jobs/{answer.json()['id']}")).json()
+            if job["state"] not in {"queued", "running"}:
+                return job
+            await asyncio.sleep(0.1)
+
+
+async def test_an_import_becomes_a_robot_a_track_samples_and_a_map(app, pilot):
+    job = await import_file(pilot, dive_csv())
+    assert (job["state"], job["progress"]) == ("done", 1.0), job["message"]
+    result = job["result"]
+    assert (result["deployment"], result["rows"], result["skipped"]) == ("deployment-1", 60, [])
+    [score] = result["scores"]
+    assert (score["variable"], score["unit"]) == ("chlorophyll", "ug/L")
+    assert 0 < score["rmse"] < 1.0
+    with app.state.foundation.store.read() as session:
+        robot = get_robot(session, "eva")
+        points = track(session, "eva").points
+        assert len(history(session, "eva", "chlorophyll").value) == 60
+        assert newest_state(session, "eva") is None
+        [field_map] = newest_maps(session, "eva")
+    assert (robot.kind, robot.site.kind) == ("recorded", "sea")
+    assert len(points) == 60
+    assert all(robot.site.water.contains(*point.position_ned) for point in points)
+    north_m = points[-1].position_ned[0] - points[0].position_ned[0]
+    assert north_m == pytest.approx(59e-4 * 111_200, rel=0.01)
+    assert field_map.document["scores"]["held_out"] == score["held_out"]
+    kinds = [e["kind"] for e in (await pilot.get("/api/events?robot=eva")).json()["events"]]
+    assert kinds == ["deployment.imported", "deployment.mapped"]
+
+
+async def test_a_file_with_broken_rows_is_refused_whole_unless_told_to_skip(app, pilot):
+    text = dive_csv(broken=(3, 10))
+    job = await import_file(pilot, text)
+    assert job["state"] == "failed"
+    assert job["message"].startswith("2 rows are broken, the first in line 5")
+    assert [error["line"] for error in job["result"]["errors"]] == [5, 12]
+    assert (await pilot.get("/api/deployments")).json()["deployments"] == []
+    job = await import_file(pilot, text, policy="skip")
+    assert (job["state"], job["result"]["rows"]) == ("done", 58)
+    assert [fault["line"] for fault in job["result"]["skipped"]] == [5, 12]
+    [deployment] = (await pilot.get("/api/deployments")).json()["deployments"]
+    assert (deployment["samples"], deployment["skipped_rows"]) == (58, 2)
+
+
+async def test_the_same_file_twice_is_one_deployment(pilot):
+    text = dive_csv(rows=10)
+    assert (await import_file(pilot, text))["state"] == "done"
+    again = await import_file(pilot, text)
+    assert again["state"] == "failed"
+    assert again["message"] == "This recording is there already, as deployment-1 of eva."
+    later = await import_file(pilot, dive_csv(rows=10, start_s=1_600_000_000))
+    assert later["result"]["deployment"] == "deployment-2"
+
+
+async def test_too_few_samples_make_no_map_and_that_is_said(pilot):
+    result = (await import_file(pilot, dive_csv(rows=10)))["result"]
+    assert result["scores"] == []
+    assert result["without_map"][0]["reason"].startswith("a map needs at least 20 samples")
+
+
+async def test_nothing_is_kept_when_the_last_row_cannot_be_written(app, pilot, monkeypatch):
+    """The rows go in one transaction: a failure at the end takes the begin with it."""
+
+    def fail(*args, **kwargs):
+        raise RuntimeError("on purpose")
+
+    monkeypatch.setattr(keep, "add_event", fail)
+    job = await import_file(pilot, dive_csv())
+    assert job["state"] == "failed"
+    assert (await pilot.get("/api/deployments")).json()["deployments"] == []
+    assert (await pilot.get("/api/config/planner?robot=eva")).status_code == 404
+
+
+async def test_a_name_that_no_robot_can_have_is_refused_at_its_field(pilot):
+    answer = await pilot.post(
+        "/api/imports", data={"robot": "../Eva"}, files={"file": ("d.csv", b"x")}
+    )
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["loc"] == ["robot"]
+
+
+async def test_a_deployment_goes_out_as_it_came_in(app, pilot):
+    await import_file(pilot, dive_csv(rows=10))
+    answer = await pilot.get("/api/deployments/deployment-1/export")
+    assert answer.headers["content-disposition"] == 'attachment; filename="eva_deployment-1.csv"'
+    job = await import_file(pilot, answer.text, robot="again")
+    assert job["result"]["rows"] == 10
+    with app.state.foundation.store.read() as session:
+        first, second = (history(session, robot, "chlorophyll") for robot in ("eva", "again"))
+        tracks = [track(session, robot).points for robot in ("eva", "again")]
+    assert first == second
+    for one, other in zip(*tracks, strict=True):
+        assert one.position_ned == pytest.approx(other.position_ned, abs=0.01)
+
+
+async def test_the_track_goes_out_for_maps(pilot):
+    await import_file(pilot, dive_csv(rows=10))
+    feature = (await pilot.get("/api/deployments/deployment-1/export?format=geojson")).json()
+    longitude, latitude, height = feature["geometry"]["coordinates"][0]
+    assert (longitude, latitude, height) == pytest.approx((-130.6, 48.9, 0.0), abs=1e-6)
+    assert feature["properties"]["simulation"] is False
+    kml = (await pilot.get("/api/deployments/deployment-1/export?format=kml")).text
+    assert "-130.6000000,48.9000000,-0.00" in kml
+    wrong = await pilot.get("/api/deployments/deployment-1/export?format=netcdf")
+    assert wrong.status_code == 422
+
+
+async def test_what_a_simulated_robot_measured_is_marked_wherever_it_goes(app, pilot):
+    store = app.state.foundation.store
+    await store.write(lambda session: add_robot(session, robot_record()))
+    measured = [sample(0), sample(1), replace(sample(1, variable="temperature"), sequence=2)]
+    await asyncio.wrap_future(store.append([report(0), report(1), *measured]))
+    [deployment] = (await pilot.get("/api/deployments?robot=mini-1")).json()["deployments"]
+    assert (deployment["kind"], deployment["samples"]) == ("live", 3)
+    assert deployment["variables"] == ["blue_light", "temperature"]
+    path = f"/api/deployments/{deployment['id']}/export"
+    csv = await pilot.get(path)
+    assert "SIMULATION_mini-1" in csv.headers["content-disposition"]
+    lines = csv.text.splitlines()
+    assert lines[0] == "# SIMULATION: this robot does not exist"
+    assert [line.rsplit(",", 2)[1:] for line in lines[-2:]] == [["3.0", ""], ["3.0", "3.0"]]
+    feature = (await pilot.get(f"{path}?format=geojson")).json()
+    assert feature["properties"]["simulation"] is True
+    assert "<name>SIMULATION: " in (await pilot.get(f"{path}?format=kml")).text
+
+
+def test_maps_are_fitted_until_the_work_is_called_off():
+    problem = FitProblem(points=[[0.0, 0.0, 0.0]], values={"chlorophyll": [], "temperature": []})
+    assert run(problem, lambda news: None, lambda: True) == []
+
+
+@pytest.mark.skipif(not REAL.exists(), reason="the SeaExplorer recording is not on this machine")
+async def test_a_real_glider_comes_in(app, pilot):
+    """Every sample is read; every tenth is imported, for the map's sake."""
+    with REAL.open("rb") as file:
+        recording = read_recording(file, REAL.stat().st_size, Policy.REFUSE)
+    assert len(recording.time_s) == 5044
+    assert recording.depth_m.max() == pytest.approx(705.17)
+    header, *rows = REAL.read_text().splitlines()
+    job = await import_file(pilot, "\n".join([header, *rows[::10]]), robot="eva035")
+    assert job["state"] == "done", job["message"]
+    scores = {score["variable"]: score for score in job["result"]["scores"]}
+    assert set(scores) == {"chlorophyll", "temperature"}
+    assert all(score["rmse_in_std"] < 1.0 for score in scores.values())
+    with app.state.foundation.store.read() as session:
+        depths = history(session, "eva035", "depth_m", max_points=100)
+    assert max(depths.value) > 690.0

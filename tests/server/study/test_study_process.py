@@ -1,0 +1,65 @@
+"""Studies in processes of their own: side by side, called off, killed, and over a restart."""
+
+import asyncio
+
+from server.access.role import Role
+from tests.server.conftest import api_client, open_station, until
+from tests.server.study import test_identification_api as identification
+from tests.server.study.test_whatif_api import LONG, SHORT, ended, start
+
+
+async def test_a_run_is_called_off_by_its_job(client):
+    begun = await start(client, LONG)
+
+    async def running():
+        return (await client.get(f"/api/jobs/{begun['job']}")).json()["state"] == "running"
+
+    await until(running)
+    answer = await client.delete(f"/api/jobs/{begun['job']}")
+    assert answer.json()["state"] == "cancelled"
+    found = (await client.get(f"/api/whatifs/{begun['id']}")).json()
+    assert (found["state"], found["result"]) == ("cancelled", None)
+    after = await ended(client, await start(client))
+    assert after["state"] == "done"
+
+
+async def test_two_runs_at_once_do_not_disturb_each_other(client, station):
+    station.study_workers._places = asyncio.Semaphore(2)
+    alone = await ended(client, await start(client))
+    begun = await asyncio.gather(start(client), start(client, {**SHORT, "seed": 7}))
+    assert begun[0]["id"] != begun[1]["id"]
+    same, other = [await ended(client, one) for one in begun]
+    assert len(station.study_workers.process_ids()) == 2
+    assert same["result"] == alone["result"]
+    assert other["result"]["seeds"] == [7, 8]
+
+
+async def test_a_worker_that_dies_fails_the_run_in_words(client, station):
+    begun = await start(client, LONG)
+    (process,) = await until(lambda: list(station.study_workers._busy))
+    process.process.kill()
+    found = await ended(client, begun)
+    assert found["state"] == "failed"
+    assert "ended unexpectedly" in found["message"]
+
+
+async def test_a_search_goes_on_after_a_restart_of_the_station(tmp_path, world):
+    recording = identification.flown()
+    async with open_station(tmp_path, world) as station, api_client(station, Role.PILOT) as pilot:
+        begun = await identification.start(
+            pilot, await identification.deployed(station, recording), identification.SLOW
+        )
+        before = await identification.checkpointed(pilot, begun)
+    async with open_station(tmp_path, world) as station, api_client(station, Role.PILOT) as pilot:
+        found = await identification.get(pilot, begun)
+        assert (found["state"], found["has_checkpoint"]) == ("interrupted", True)
+        assert len(found["convergence"]) >= 1
+        resumed = (await pilot.post(f"/api/identifications/{begun['id']}/resume")).json()
+
+        async def further():
+            now = await identification.get(pilot, begun)
+            return now["state"] == "running" and now["progress"] > before["progress"]
+
+        await until(further)
+        await pilot.delete(f"/api/jobs/{resumed['job']}")
+        assert (await identification.get(pilot, begun))["state"] == "cancelled"

@@ -1,0 +1,329 @@
+"""What speaks against following a target, and the words for how well that goes."""
+
+from dataclasses import replace
+from datetime import UTC, datetime, timedelta
+
+import pytest
+
+from autonomy.site import LAKE, TANK
+from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
+from autonomy.tracking.phase import TrackPhase
+from db.query.plans import PlanRecord
+from db.query.robots import RobotRecord
+from robot_link.messages import (
+    OnboardPlanState,
+    PlanReport,
+    RobotId,
+    RobotMode,
+    TargetEstimate,
+)
+from robot_link.satellite.content import MobileOriginatedContent
+from server.alarm.rules import RULES, Watch
+from server.fleet.picture import Picture, PlanInHand
+from server.fleet.target_words import track_text, within_95_m
+from server.fleet.trail import Track
+from server.fleet.words import activity
+from server.plan.document import points_of
+from server.plan.target_check import (
+    target_path,
+    track_violations,
+    track_warnings,
+)
+from server.satellite.content import values_of
+from tests.db.track import track_report
+from tests.server.fake_link import state_report
+
+NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
+MINI = RobotId("mini-1")
+MODEM = "micromodem://127.0.0.1:5005?us=1&peer=2"
+
+
+def picture_in(site, position_ned=(1.0, 0.5, 0.0), **state):
+    record = RobotRecord(MINI, "mini-1", "miniglider", "real", None, (MODEM,), site, NOW)
+    picture = Picture(record, Track(0.01, (0.05, 0.12)))
+    picture.state = state_report(MINI, position_ned, **state)
+    return picture
+
+
+def changed(**groups):
+    value = TRACKING_PRESETS["miniglider"].model_dump()
+    for group, fields in groups.items():
+        value[group].update(fields)
+    return TrackingConfig.model_validate(value)
+
+
+def fields(found):
+    return [one.field for one in found]
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "site", "position"),
+    [("miniglider", TANK, (1.0, 0.5, 0.0)), ("grace3", LAKE, (110.0, 140.0, 0.0))],
+)
+def test_the_presets_break_no_limit_and_need_no_warning(vehicle, site, position):
+    picture, config = picture_in(site, position), TRACKING_PRESETS[vehicle]
+    assert track_violations(picture, config) == []
+    assert track_warnings(picture, config, is_quiet=False) == []
+
+
+@pytest.mark.parametrize(
+    ("groups", "field", "words"),
+    [
+        ({"target": {"north_m": 9.0}}, "target.north_m", "outside of the water"),
+        ({"target": {"depth_m": 1.5}}, "target.depth_m", "floor there is 1.2 m"),
+        (
+            {"target": {"path": "line", "speed_m_s": 0.02}, "motion": {"duration_s": 900.0}},
+            "target.path",
+            "leaves the water",
+        ),
+        (
+            {"target": {"kind": "tag"}, "filter": {"target_velocity": "known"}},
+            "filter.target_velocity",
+            "have it estimated",
+        ),
+        ({"target": {"kind": "tag", "address": 16}}, "target.address", "0 to 15"),
+        ({"target": {"kind": "beacon", "address": 2}}, "target.address", "of mini-1 itself"),
+        ({"target": {"kind": "tag", "address": 1}}, "target.address", "the station's modem"),
+        ({"motion": {"depth_m": 1.3}}, "motion.depth_m", "1.2 m deep"),
+        ({"motion": {"margin_m": 1.6}}, "motion.margin_m", "3.1 m wide"),
+        (
+            {"target": {"path": "circle", "speed_m_s": 0.7, "width_m": 0.1}},
+            "target.speed_m_s",
+            "speed cap",
+        ),
+        (
+            {"target": {"path": "sine", "speed_m_s": 0.0, "width_m": 0.4, "period_s": 1.0}},
+            "target.speed_m_s",
+            "2.51 m/s",
+        ),
+    ],
+)
+def test_each_limit_is_named_by_its_field(groups, field, words):
+    found = track_violations(picture_in(TANK), changed(**groups))
+    assert fields(found) == [field]
+    assert words in found[0].message
+
+
+def test_land_within_the_box_of_a_lake_is_no_water():
+    picture = picture_in(LAKE, (250.0, 250.0, 0.0))
+    found = track_violations(picture, changed(target={"north_m": 10.0, "east_m": 490.0}))
+    assert fields(found) == ["target.north_m"]
+
+
+def test_a_robot_that_cannot_do_it_now_is_named():
+    far = picture_in(TANK, (30.0, 0.0, 0.0))
+    assert fields(track_violations(far, TRACKING_PRESETS["miniglider"])) == ["start"]
+    empty = picture_in(TANK, battery_fraction=0.15)
+    (one,) = track_violations(empty, TRACKING_PRESETS["miniglider"])
+    assert one.field == "start"
+    assert "15% of its battery" in one.message
+
+
+@pytest.mark.parametrize(
+    ("barrier", "field"),
+    [
+        ({"controller": "nominal"}, "teaching"),
+        ({"controller": "mpc_none"}, "barrier.controller"),
+        ({"alpha": "negative"}, "barrier.alpha"),
+        ({"fallback": "nominal"}, "barrier.fallback"),
+    ],
+)
+def test_what_a_person_should_know_is_a_warning_and_no_limit(barrier, field):
+    config = changed(barrier=barrier)
+    assert fields(track_warnings(picture_in(TANK), config, is_quiet=False)) == [field]
+    assert track_violations(picture_in(TANK), config) == []
+
+
+def test_swimming_out_of_radios_reach_and_silence_are_warned_of():
+    lake = picture_in(LAKE, (250.0, 250.0, 0.0))
+    deep = changed(motion={"depth_m": 2.0})
+    assert fields(track_warnings(lake, deep, is_quiet=False)) == ["motion.depth_m"]
+    shallow = changed(motion={"depth_m": 0.5})
+    assert track_warnings(picture_in(TANK), shallow, is_quiet=False) == []
+    assert fields(track_warnings(picture_in(TANK), changed(), is_quiet=True)) == ["quiet"]
+
+
+def test_path_of_a_target_that_turns_comes_back():
+    config = changed(
+        target={"path": "circle", "speed_m_s": 0.01, "width_m": 0.3},
+        motion={"duration_s": 60.0 * 3.14159265},
+    )
+    path = target_path(config)
+    assert path[-1][1:] == pytest.approx(path[0][1:], abs=1e-3)
+    assert len(path) == 301
+
+
+def test_path_of_long_missions_keeps_its_shape():
+    day = {"duration_s": 86400.0}
+    around = target_path(changed(target={"speed_m_s": 0.01, "width_m": 0.3}, motion=day))
+    assert around[-1][0] == pytest.approx(60.0 * 3.14159265, abs=1e-3)
+    swing = {"path": "sine", "speed_m_s": 0.0, "period_s": 30.0, "width_m": 0.2}
+    swings = target_path(changed(target=swing, motion=day))
+    assert len(swings) == 1001
+    norths = [north for _, north, _ in swings]
+    easts = [east for _, _, east in swings]
+    assert max(norths) - min(norths) < 1e-9
+    assert max(easts) - min(easts) == pytest.approx(0.4)
+
+
+def test_swing_out_of_the_water_is_found_however_short():
+    swing = {"path": "sine", "speed_m_s": 0.00001, "period_s": 144.0, "width_m": 1.3}
+    config = changed(
+        target={**swing, "east_m": 0.385}, motion={"duration_s": 43200.0, "speed_max_m_s": 0.2}
+    )
+    (one,) = track_violations(picture_in(TANK), config)
+    assert one.field == "target.path"
+    late = changed(
+        target={"path": "sine", "heading_rad": 0.0, "north_m": 0.5, "speed_m_s": 1e-4,
+                "period_s": 30.0, "width_m": 0.1},
+        motion={"duration_s": 80000.0, "speed_max_m_s": 0.2},
+    )  # fmt: skip
+    (one,) = track_violations(picture_in(TANK), late)
+    assert one.field == "target.path"
+
+
+def in_hand(duration_s, kind="track_target"):
+    document = {"account": {"duration_s": duration_s}}
+    record = PlanRecord(
+        "plan-1", MINI, kind, None, 1, "running", "a" * 64, {}, document, NOW, "me",
+        NOW, NOW, NOW, NOW, None,
+    )  # fmt: skip
+    return PlanInHand(record, (), points_of(document), "")
+
+
+def test_robot_that_follows_a_target_under_water_surfaces_when_that_ends():
+    picture = picture_in(LAKE)
+    picture.plan = in_hand(400.0)
+    assert picture.next_surfacing() is None
+    picture.plan_report = PlanReport(
+        MINI, "a" * 64, OnboardPlanState.RUNNING, 0, 0, 1.0, "", NOW, NOW
+    )
+    assert picture.next_surfacing() == NOW + timedelta(seconds=400.0)
+
+
+def alarm(picture):
+    (rule,) = (rule for rule in RULES if rule.cause == "target")
+    return rule.judge(picture, Watch(NOW, NOW, 1.0))
+
+
+def test_a_lost_target_is_an_alarm_as_long_as_the_mission_lasts():
+    picture = picture_in(TANK)
+    assert alarm(picture) is None
+    picture.track_report = track_report(0, TrackPhase.LOST)
+    assert alarm(picture).text == "mini-1 lost its target; it circles to find it."
+    picture.track_report = replace(picture.track_report, is_barrier_on=False)
+    assert alarm(picture).text == "mini-1 lost its target; it does not search for it."
+    picture.track_report = replace(picture.track_report, is_quiet=True)
+    assert alarm(picture).text == "mini-1 lost its target; it was told not to ping."
+    picture.plan_report = PlanReport(
+        MINI, "a" * 64, OnboardPlanState.FAILED, 0, 0, 1.0, "lost", NOW, NOW
+    )
+    assert alarm(picture) is None
+
+
+def test_the_alarm_of_a_lost_target_says_how_that_ended():
+    (rule,) = (rule for rule in RULES if rule.cause == "target")
+    picture = picture_in(TANK)
+    for phase, how in (
+        (TrackPhase.TRACKING, "found again"),
+        (TrackPhase.COASTING, "found again"),
+        (TrackPhase.WAITING, "its pursuit ended"),
+        (TrackPhase.ENDED, "its pursuit ended"),
+    ):
+        picture.track_report = track_report(0, phase)
+        assert rule.over(picture) == f"mini-1 lost its target; {how}."
+    picture.track_report = track_report(0, TrackPhase.TRACKING)
+    picture.plan_report = PlanReport(
+        MINI, "a" * 64, OnboardPlanState.FAILED, 0, 0, 1.0, "lost", NOW, NOW
+    )
+    assert rule.over(picture) == "mini-1 lost its target; its pursuit ended."
+
+
+def test_a_loss_in_an_earlier_mission_is_no_alarm_while_another_is_flown():
+    picture = picture_in(TANK)
+    picture.track_report = track_report(0, TrackPhase.LOST)
+    picture.plan_report = PlanReport(
+        MINI, "a" * 64, OnboardPlanState.RUNNING, 0, 0, 1.0, "", NOW, NOW
+    )
+    picture.plan = in_hand(400.0)
+    assert alarm(picture) is not None
+    picture.plan = in_hand(400.0, kind="survey")
+    assert alarm(picture) is None
+
+
+def test_a_satellite_record_tells_of_the_target_as_radio_does():
+    state, report = state_report(MINI), track_report(0, TrackPhase.LOST)
+    content = MobileOriginatedContent(counter=3, state=state, track=report)
+    assert values_of(content, MINI, NOW, NOW, lambda digits: None) == [state, report]
+
+
+ROUND = TargetEstimate((1.4, 0.8), (0.0, 0.0), (0.01, 0.0, 0.01), 1.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        (
+            {"phase": TrackPhase.WAITING, "hypotheses": (), "range_m": None},
+            "mini-1 has heard no range of its target yet.",
+        ),
+        (
+            {"phase": TrackPhase.WAITING, "hypotheses": (), "is_quiet": True},
+            "mini-1 has heard no range of its target yet; it was told not to ping.",
+        ),
+        (
+            {"hypotheses": (ROUND,)},
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m.",
+        ),
+        (
+            {"hypotheses": (replace(ROUND, weight=0.9), replace(ROUND, weight=0.1))},
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m if it is not mirrored "
+            "(10%).",
+        ),
+        (
+            {"hypotheses": (replace(ROUND, weight=0.9),)},
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m if it is not mirrored "
+            "(10%).",
+        ),
+        (
+            {"hypotheses": (replace(ROUND, weight=0.999), replace(ROUND, weight=0.001))},
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m.",
+        ),
+        (
+            {"phase": TrackPhase.COASTING, "hypotheses": (ROUND,), "range_age_s": 4.2},
+            "mini-1 goes on by dead reckoning; the newest range is 4.2 s old, known within 0.24 m.",
+        ),
+        (
+            {"phase": TrackPhase.LOST, "range_age_s": 21.3},
+            "mini-1 lost its target; the newest range is 21 s old; it circles to find it.",
+        ),
+        (
+            {"phase": TrackPhase.LOST, "is_quiet": True},
+            "mini-1 lost its target, for it was told not to ping; it circles to find it.",
+        ),
+        ({"phase": TrackPhase.ENDED}, "mini-1 follows its target no longer."),
+        (
+            {"hypotheses": (ROUND,), "is_barrier_on": False},
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m. Nothing keeps the target "
+            "observable: the mission is for teaching.",
+        ),
+    ],
+)
+def test_each_phase_has_its_sentence(changes, text):
+    assert track_text(replace(track_report(0), **changes)) == text
+
+
+def test_larger_axis_of_an_ellipse_does_not_depend_on_how_it_lies():
+    lying = TargetEstimate((0.0, 0.0), (0.0, 0.0), (0.09, 0.0, 0.01), 1.0)
+    turned = TargetEstimate((0.0, 0.0), (0.0, 0.0), (0.05, 0.04, 0.05), 1.0)
+    assert within_95_m(lying) == pytest.approx(within_95_m(turned))
+    assert within_95_m(lying) == pytest.approx(2.4477 * 0.3)
+
+
+def test_a_robot_that_follows_or_searches_says_so():
+    assert activity(state_report(MINI, mode=RobotMode.TRACKING), "", False) == (
+        "Following its target"
+    )
+    assert activity(state_report(MINI, mode=RobotMode.SEARCHING), "", True) == (
+        "Last heard: searching for its target"
+    )
