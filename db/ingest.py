@@ -9,10 +9,10 @@ from sqlalchemy.orm import Session
 
 from db.fault import UnknownIdError
 from db.tables import Base, PlanReportRow, RawFrameRow, Robot, SampleRow, StateRow
-from db.tracking_tables import TrackReportRow
-from robot_link.messages import PlanReport, RawFrame, Sample, StateReport, TrackReport
+from db.target_tables import TargetReportRow
+from robot_link.messages import PlanReport, RawFrame, Sample, StateReport, TargetReport
 
-Telemetry = StateReport | Sample | PlanReport | TrackReport | RawFrame
+Telemetry = StateReport | Sample | PlanReport | TargetReport | RawFrame
 """What the writer takes in batches."""
 
 
@@ -61,8 +61,8 @@ def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:
                 "energy_used": value.energy_used,
                 "reason": value.reason,
             }
-        case TrackReport():
-            return TrackReportRow, _track_row(value)
+        case TargetReport():
+            return TargetReportRow, _target_row(value)
         case RawFrame():
             return RawFrameRow, {
                 "robot_key": None,
@@ -118,7 +118,7 @@ def _sample_row(sample: Sample) -> dict[str, Any]:
     }
 
 
-def _track_row(report: TrackReport) -> dict[str, Any]:
+def _target_row(report: TargetReport) -> dict[str, Any]:
     true_north_m, true_east_m = report.true_ne_m or (None, None)
     return {
         "measured_at": report.measured_at,

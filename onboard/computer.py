@@ -187,8 +187,8 @@ class Computer:
         report = self.program.state_report()
         self.link.report_state(report)
         self.log.track(report)
-        if (track := self.program.track_report()) is not None:
-            self.link.report_track(track)
+        if (target := self.program.target_report()) is not None:
+            self.link.report_target(target)
 
 
 def _talk_settings(config: SatelliteConfig) -> TalkSettings:

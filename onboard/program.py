@@ -25,7 +25,7 @@ from robot_link.messages import (
     RobotId,
     RobotMode,
     StateReport,
-    TrackReport,
+    TargetReport,
 )
 from robot_link.mission import Mission
 from robot_link.onboard_settings import DigestSettings
@@ -173,7 +173,7 @@ class OnboardProgram:
         """How the mission takes ranges; None for one that follows no target."""
         return self.executive.tracking.ranging
 
-    def track_report(self) -> TrackReport | None:
+    def target_report(self) -> TargetReport | None:
         """Return how the robot holds its target; None without a mission that follows one.
 
         ``received_at`` is the receiver's to fill.

@@ -9,7 +9,7 @@ from datetime import datetime
 from enum import IntEnum, StrEnum
 from typing import NewType
 
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 
 RobotId = NewType("RobotId", str)
 """Operator's name of a robot, such as ``mini-1``: lower case letters, digits and dashes."""
@@ -167,13 +167,13 @@ class TargetEstimate:
 
 
 @dataclass(frozen=True, slots=True)
-class TrackReport:
+class TargetReport:
     """What a robot that follows a target says of its hold on it, and of what it does for it."""
 
     robot: RobotId
     measured_at: datetime
     received_at: datetime
-    phase: TrackPhase
+    phase: TargetPhase
     position_ne_m: tuple[float, float]
     """Where the robot believed to be itself."""
     hypotheses: tuple[TargetEstimate, ...]
@@ -294,7 +294,7 @@ LinkEvent = (
     StateReport
     | Sample
     | PlanReport
-    | TrackReport
+    | TargetReport
     | CommandReport
     | UploadReport
     | LinkReport

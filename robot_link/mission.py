@@ -24,13 +24,13 @@ import cbor2
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 from robot_link.messages import PlanHash
 from robot_link.onboard_settings import OnboardSettings
-from robot_link.tracking_order import TrackingOrder
+from robot_link.target_settings import TargetSettings
 
 FORMAT_VERSION = 2
 """Format of new missions without onboard settings."""
 ONBOARD_FORMAT = 3
 """Format of missions with onboard settings."""
-TRACKING_FORMAT = 4
+TARGET_FORMAT = 4
 """Format of missions that follow a target."""
 _KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
 _FLOAT32_EXACT = 2**24
@@ -38,7 +38,7 @@ _GAP_M = 2e-3
 """Greatest distance between two ends that meet, a little more than rounding makes."""
 _SURFACE_M = 1e-3
 _SPIRAL = _KINDS.index(PrimitiveKind.SPIRAL)
-SETTINGS_FIELDS = {1: 5, 2: 7, ONBOARD_FORMAT: 7, TRACKING_FORMAT: 7}
+SETTINGS_FIELDS = {1: 5, 2: 7, ONBOARD_FORMAT: 7, TARGET_FORMAT: 7}
 """Integers of the settings in the canonical form, by format."""
 ITEM_FIELDS = 10
 """Integers in one leg of the canonical form."""
@@ -68,7 +68,7 @@ class MissionSettings:
 class Mission:
     """Settings and legs, quantized to what the wire can carry exactly.
 
-    Build it with ``from_legs`` or ``from_tracking`` so that equality and hash hold on both sides of
+    Build it with ``from_legs`` or ``for_target`` so that equality and hash hold on both sides of
     a link.
     """
 
@@ -78,7 +78,7 @@ class Mission:
     """Which canonical form names it; format 1 has no trim."""
     onboard: OnboardSettings | None = None
     """What else the robot flies by, of format 3; without it the robot has its own."""
-    tracking: TrackingOrder | None = None
+    tracking: TargetSettings | None = None
     """What the robot follows, of format 4, which has no legs."""
 
     @classmethod
@@ -117,12 +117,12 @@ class Mission:
         rounded = _settings_integers(settings, version)
         if (onboard is not None) != (version == ONBOARD_FORMAT):
             raise ValueError(f"only format {ONBOARD_FORMAT} of missions carries onboard settings")
-        if version == TRACKING_FORMAT:
-            raise ValueError(f"format {TRACKING_FORMAT} of missions has an order and no legs")
+        if version == TARGET_FORMAT:
+            raise ValueError(f"format {TARGET_FORMAT} of missions has an order and no legs")
         return cls.from_integers(rounded, tuple(integers), onboard)
 
     @classmethod
-    def from_tracking(cls, settings: MissionSettings, tracking: TrackingOrder) -> Self:
+    def for_target(cls, settings: MissionSettings, tracking: TargetSettings) -> Self:
         """Quantize the settings of a mission that follows a target.
 
         Args:
@@ -132,7 +132,7 @@ class Mission:
         Raises:
             ValueError: If a number does not fit the wire; the message names it.
         """
-        return cls.from_integers(_settings_integers(settings, TRACKING_FORMAT), (), None, tracking)
+        return cls.from_integers(_settings_integers(settings, TARGET_FORMAT), (), None, tracking)
 
     @classmethod
     def from_integers(
@@ -140,7 +140,7 @@ class Mission:
         settings: tuple[int, ...],
         legs: tuple[tuple[int, ...], ...],
         onboard: OnboardSettings | None = None,
-        tracking: TrackingOrder | None = None,
+        tracking: TargetSettings | None = None,
     ) -> Self:
         """Rebuild a mission from its wire integers (see ``leg_integers``).
 
@@ -251,8 +251,8 @@ def _is_surfacing(start: PositionNed, end_before: PositionNed) -> bool:
 
 def _format_of(settings: int, *, has_onboard: bool, is_tracking: bool) -> int:
     """Return the format of a mission with that many integers of settings."""
-    if is_tracking and settings == SETTINGS_FIELDS[TRACKING_FORMAT]:
-        return TRACKING_FORMAT
+    if is_tracking and settings == SETTINGS_FIELDS[TARGET_FORMAT]:
+        return TARGET_FORMAT
     if has_onboard and settings == SETTINGS_FIELDS[ONBOARD_FORMAT]:
         return ONBOARD_FORMAT
     for version in (1, FORMAT_VERSION):

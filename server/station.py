@@ -12,10 +12,10 @@ from db.fault import StoreError
 from db.query.events import EventRecord
 from db.query.robots import RobotRecord, get_robot, list_robots
 from db.query.samples import newest_samples
+from db.query.target_reports import newest_target_report
 from db.query.telemetry import Track as StoredTrack
 from db.query.telemetry import newest_plan_report, newest_state
 from db.query.telemetry import track as stored_track
-from db.query.tracking import newest_track_report
 from robot_link.messages import (
     CommandReport,
     LinkEvent,
@@ -23,7 +23,7 @@ from robot_link.messages import (
     RobotId,
     Sample,
     StateReport,
-    TrackReport,
+    TargetReport,
 )
 from robot_link.station.gateway.address import is_acoustic
 from robot_link.station.gateway.gateway import MobileOriginated
@@ -67,8 +67,8 @@ from server.survey.mission_ledger import MissionLedger
 from server.survey.plan_choice import PlanChoices
 from server.survey.step import SurveySteps
 from server.survey.surveys import Surveys, purge_in
-from server.target.follow import TrackFollower
-from server.target.planning import TrackPlanning
+from server.target.follow import TargetFollower
+from server.target.planning import TargetPlanning
 from server.transfer.upload import Uploads
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import SceneSource
@@ -114,7 +114,7 @@ class Station:
         self.robot_logs = RobotLogs(foundation, self.fleet, self.road)
         self.plans = PlanLedger(store, clock, self.fleet, self.feed)
         self.planning = Planning(foundation, self.fleet, self.plans, self.workers)
-        self.tracks = TrackPlanning(foundation, self.fleet, self.plans, self.planning.settings)
+        self.tracks = TargetPlanning(foundation, self.fleet, self.plans, self.planning.settings)
         self.plugs = Plugs(store, clock)
         self.gateways = make_gateways(foundation, self._take_message)
         self.ranging = Ranging(foundation, self._take_event)
@@ -143,7 +143,7 @@ class Station:
         )
         self.trim = TrimAdvices(foundation, self.fleet, self.vehicles, self.study_workers)
         self._follower = PlanFollower(store, self.plans)
-        self._target_follower = TrackFollower(store, self._settle)
+        self._target_follower = TargetFollower(store, self._settle)
         self.ingest = Ingest(store, self.fleet, clock, self._listeners())
         self.scenes = SceneHost(self._scene_source)
         self._connect()
@@ -291,9 +291,9 @@ class Station:
         if picture.state is not None:
             return
         memory = await self._foundation.store.query(lambda session: _memory(session, robot.id))
-        picture.state, picture.plan_report, samples, track, picture.track_report = memory
-        if picture.track_report is not None:
-            self._target_follower.take(picture.track_report)
+        picture.state, picture.plan_report, samples, track, picture.target_report = memory
+        if picture.target_report is not None:
+            self._target_follower.take(picture.target_report)
         picture.samples = {sample.variable: sample for sample in samples}
         if picture.state is not None:
             picture.remembered = remembered_link(
@@ -381,12 +381,12 @@ class Station:
 def _memory(
     session: Session, robot: str
 ) -> tuple[
-    StateReport | None, PlanReport | None, Sequence[Sample], StoredTrack, TrackReport | None
+    StateReport | None, PlanReport | None, Sequence[Sample], StoredTrack, TargetReport | None
 ]:
     return (
         newest_state(session, robot),
         newest_plan_report(session, robot),
         newest_samples(session, robot),
         stored_track(session, robot, max_points=_TRACK_POINTS),
-        newest_track_report(session, robot),
+        newest_target_report(session, robot),
     )

@@ -3,7 +3,7 @@
 from enum import IntEnum
 
 
-class TrackPhase(IntEnum):
+class TargetPhase(IntEnum):
     """Where a robot stands with its target."""
 
     WAITING = 0

@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass
 
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 
 Pair = tuple[float, float]
 
@@ -73,7 +73,7 @@ class TargetHypothesis:
 class TrackerStep:
     """What the tracker believes and wants after one step."""
 
-    phase: TrackPhase
+    phase: TargetPhase
     command: Pair
     """Turn rate rad/s and acceleration m/s2 for the robot; always finite and within the limits."""
     nominal: Pair

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 
 STANDING_REACH_M = 0.05
 """A robot that stays within this distance of one place for ``lost_after_s`` stands."""
@@ -52,7 +52,7 @@ class TrackWatch:
     def __init__(self, config: TrackingConfig) -> None:
         self._config = config
         self._now_s = 0.0
-        self._phase = TrackPhase.WAITING
+        self._phase = TargetPhase.WAITING
         self._lost_for_s = 0.0
         self._unmeasured_s = 0.0
         self._anchor: tuple[float, float] | None = None
@@ -63,7 +63,7 @@ class TrackWatch:
         self._note = ""
 
     @property
-    def phase(self) -> TrackPhase:
+    def phase(self) -> TargetPhase:
         """Where the robot stands with its target."""
         return self._phase
 
@@ -80,23 +80,23 @@ class TrackWatch:
     def step(self, dt_s: float, evidence: Evidence) -> None:
         """Let time pass and judge."""
         self._now_s += dt_s
-        if self._phase is TrackPhase.ENDED:
+        if self._phase is TargetPhase.ENDED:
             return
         self._watch_own(dt_s, evidence)
         self._note_range(evidence)
         self._note = self._wrong(evidence)
-        self._lost_for_s = self._lost_for_s + dt_s if self._phase is TrackPhase.LOST else 0.0
+        self._lost_for_s = self._lost_for_s + dt_s if self._phase is TargetPhase.LOST else 0.0
         self._give_up()
 
     def _wrong(self, evidence: Evidence) -> str:
         """Set the phase and return what is wrong."""
         ranging = self._config.ranging
         if evidence.newest_range is None:
-            self._phase = TrackPhase.WAITING
+            self._phase = TargetPhase.WAITING
             quiet = "the robot was told not to ping; " if evidence.is_quiet else ""
             return f"{quiet}no range of the target was heard yet"
-        was_lost = self._phase is TrackPhase.LOST
-        self._phase = TrackPhase.LOST
+        was_lost = self._phase is TargetPhase.LOST
+        self._phase = TargetPhase.LOST
         if evidence.silence_s > ranging.lost_after_s:
             return _silent(evidence)
         if evidence.is_searching:
@@ -107,19 +107,19 @@ class TrackWatch:
             return f"heading and speed were not measured for {self._unmeasured_s:.0f} s"
         if was_lost and evidence.streak < CONVINCING:
             return "ranges came back, too few of them to be sure"
-        self._phase = TrackPhase.COASTING
+        self._phase = TargetPhase.COASTING
         if evidence.silence_s > ranging.coast_after_s:
             return _silent(evidence)
         if self._unmeasured_s > ranging.coast_after_s:
             return f"heading and speed were not measured for {self._unmeasured_s:.0f} s"
-        self._phase = TrackPhase.TRACKING
+        self._phase = TargetPhase.TRACKING
         return ""
 
     def _watch_own(self, dt_s: float, evidence: Evidence) -> None:
         self._unmeasured_s = 0.0 if evidence.is_own_measured else self._unmeasured_s + dt_s
         anchor = self._anchor
         is_held = anchor is not None and math.dist(anchor, evidence.own_ne_m) < STANDING_REACH_M
-        if self._phase is TrackPhase.WAITING or not is_held:
+        if self._phase is TargetPhase.WAITING or not is_held:
             self._anchor, self._stood_s = evidence.own_ne_m, 0.0
         else:
             self._stood_s += dt_s
@@ -177,12 +177,12 @@ class TrackWatch:
             self._reason = (
                 f"the target is faster than the robot: {speed:.2f} m/s against {most:.2f} m/s"
             )
-        elif self._phase is TrackPhase.WAITING and self._now_s > given_up:
+        elif self._phase is TargetPhase.WAITING and self._now_s > given_up:
             self._reason = f"no range of the target was heard in {given_up:.0f} s"
         elif self._lost_for_s > given_up:
             self._reason = f"track lost for {given_up:.0f} s: {self._note}"
         if self._reason:
-            self._phase, self._note = TrackPhase.ENDED, ""
+            self._phase, self._note = TargetPhase.ENDED, ""
 
 
 def _silent(evidence: Evidence) -> str:

@@ -21,7 +21,7 @@ from autonomy.tracking.filter_kernel import full_covariance
 from autonomy.tracking.hypothesis import Hypothesis
 from autonomy.tracking.late_range import Timeline
 from autonomy.tracking.pack_control import pack_control
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from autonomy.tracking.predictive import PredictiveController
 from autonomy.tracking.reacquire import SearchCircle
 from autonomy.tracking.reading import (
@@ -175,7 +175,7 @@ class Tracker:
             The same step; with another command where the robot could not keep ``motion.margin_m``
             off walls and shore any more (``wall``).
         """
-        if step.phase in {TrackPhase.WAITING, TrackPhase.ENDED} or not _is_place(own_ne_m):
+        if step.phase in {TargetPhase.WAITING, TargetPhase.ENDED} or not _is_place(own_ne_m):
             return step
         h = self._timeline.bank.best.h
         pace = abs(float(h[3])) + 2.0 * math.sqrt(max(float(h[hk.SPEED_VARIANCE]), 0.0))
@@ -232,7 +232,7 @@ class Tracker:
                 is_searching=bank.hearing.is_searching,
             ),
         )
-        if self._watch.phase is TrackPhase.LOST and was is not TrackPhase.LOST:
+        if self._watch.phase is TargetPhase.LOST and was is not TargetPhase.LOST:
             self._search = SearchCircle(self._config)
             self._predictive = self._new_predictive()
 
@@ -249,9 +249,9 @@ class Tracker:
             x_r, y_r, psi, v, vt_n, vt_e, 0.0, 0.0, self._p
         )
         command = (u1, u2)
-        if phase in {TrackPhase.WAITING, TrackPhase.ENDED}:
+        if phase in {TargetPhase.WAITING, TargetPhase.ENDED}:
             command = (0.0, 0.0)
-        elif phase is TrackPhase.LOST and not self._config.barrier.is_teaching:
+        elif phase is TargetPhase.LOST and not self._config.barrier.is_teaching:
             command = self._search.command(v, dt_s)
         elif self._predictive is not None:
             P = full_covariance(h[hk.COVARIANCE : hk.VELOCITY])

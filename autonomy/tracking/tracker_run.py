@@ -8,7 +8,7 @@ from autonomy.tracking import metrics, unicycle
 from autonomy.tracking.barrier import ControlStatus
 from autonomy.tracking.config import TrackingConfig
 from autonomy.tracking.observability import inverse_condition
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from autonomy.tracking.run import Case, Outcome, first_estimate, settings
 from autonomy.tracking.scenario import Draws, Scenario, draws
 from autonomy.tracking.target_path import place
@@ -96,5 +96,5 @@ def _believed(
 
 def _status(step: TrackerStep) -> float:
     """Return the controller's status; a step that searches or has ended keeps no barrier either."""
-    is_kept = step.is_feasible and step.phase in {TrackPhase.TRACKING, TrackPhase.COASTING}
+    is_kept = step.is_feasible and step.phase in {TargetPhase.TRACKING, TargetPhase.COASTING}
     return float(ControlStatus.ACTIVE if is_kept else ControlStatus.INFEASIBLE)

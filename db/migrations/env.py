@@ -2,15 +2,8 @@
 
 from alembic import context
 
-from db import (
-    link_tables,
-    map_tables,
-    onboard_tables,
-    person_tables,
-    study_tables,
-    tables,
-    tracking_tables,
-)
+from db import link_tables, map_tables, onboard_tables, person_tables, study_tables, tables
+from db import target_tables as tracking_tables
 
 KNOWN = (
     tables,

@@ -26,7 +26,7 @@ from onboard.flight.safety import danger, mission_over, plan_flaw
 from onboard.flight.trim import Trim
 from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FlightProfile
-from onboard.target.tracking_desk import TrackingDesk
+from onboard.target.target_desk import TargetDesk
 from robot_link.messages import (
     SURFACED_BY_COMMAND,
     CommandKind,
@@ -90,7 +90,7 @@ class Executive:
         self._maneuver: Maneuver = Float(flight, RobotMode.IDLE)
         self._flown: LegManeuver | None = None
         self._hold = False
-        self.tracking = TrackingDesk(period_s)
+        self.tracking = TargetDesk(period_s)
         """What is heard, done and told of a target, where the mission follows one."""
         self._abort_reason = ""
         self._mission_s = 0.0

@@ -45,7 +45,7 @@ def plan_flaw(mission: Mission, site: Site, limits: ActuatorLimits) -> str:
     settings = mission.settings
     trim = trim_flaw(settings.net_buoyancy_offset_kg, settings.mass_position_offset_m, limits)
     if mission.tracking is not None:
-        return _tracking_flaw(mission.tracking.config(), site) or trim
+        return _target_flaw(mission.tracking.config(), site) or trim
     if not mission.legs:
         return "the plan has no legs"
     for number, leg in enumerate(mission.legs, start=1):
@@ -56,7 +56,7 @@ def plan_flaw(mission: Mission, site: Site, limits: ActuatorLimits) -> str:
     return trim
 
 
-def _tracking_flaw(config: TrackingConfig, site: Site) -> str:
+def _target_flaw(config: TrackingConfig, site: Site) -> str:
     """Return why a target cannot be followed here at all, or ""."""
     target = config.target
     if (

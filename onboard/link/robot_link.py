@@ -16,7 +16,7 @@ from onboard.link.service_desk import ServiceDesk
 from onboard.link.waypoint_mission import WaypointRules
 from robot_link.clock import Clock, monotonic_s, set_or_after
 from robot_link.delivery import deliver
-from robot_link.mavlink import telemetry, track
+from robot_link.mavlink import target, telemetry
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_SYSTEM, Codec, WireMessage
 from robot_link.mavlink.command import (
     ReceivedCommand,
@@ -34,7 +34,7 @@ from robot_link.messages import (
     RobotMode,
     StateReport,
     SystemId,
-    TrackReport,
+    TargetReport,
 )
 from robot_link.mission import Mission
 from robot_link.robot_program import CommandOutcome, RobotProgram
@@ -121,7 +121,7 @@ class RobotLink:
         self._mode = RobotMode.IDLE
         self._mode_changed = asyncio.Event()
         self._states = self._newest_sender(telemetry.STATE_FRAME_BYTES)
-        self._tracks = self._newest_sender(track.TRACK_FRAME_BYTES)
+        self._targets = self._newest_sender(target.TARGET_FRAME_BYTES)
         self._plan = PlanDesk(
             plans, program, clock, self._timing, lambda message: self._answer(None, message)
         )
@@ -192,7 +192,7 @@ class RobotLink:
                 ("listen", self._listen()),
                 ("heartbeat", self._beat()),
                 ("states", self._states.run()),
-                ("tracks", self._tracks.run()),
+                ("targets", self._targets.run()),
                 ("plan reports", self._report_plan()),
                 ("samples", self._samples.run()),
                 ("replies", self._reply()),
@@ -218,14 +218,14 @@ class RobotLink:
         self._services.state = state
         self._states.put(partial(telemetry.state_message, state))
 
-    def report_track(self, report: TrackReport) -> None:
+    def report_target(self, report: TargetReport) -> None:
         """Send what is known of a target once; while the radio is busy a newer one replaces it.
 
         ``robot`` and ``received_at`` do not travel. A report that says what cannot be, such as a
         number that is not finite, is dropped: the far side could only drop it too.
         """
-        if track.can_travel(report):
-            self._tracks.put(partial(track.track_message, report))
+        if target.can_travel(report):
+            self._targets.put(partial(target.target_message, report))
 
     def record_sample(
         self,

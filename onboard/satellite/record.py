@@ -5,8 +5,8 @@ from typing import Protocol
 
 from onboard.link.plan_desk import PlanOnBoard
 from robot_link.clock import Clock
-from robot_link.mavlink.track import can_travel
-from robot_link.messages import RobotId, Sample, StateReport, SystemId, TrackReport
+from robot_link.mavlink.target import can_travel
+from robot_link.messages import RobotId, Sample, StateReport, SystemId, TargetReport
 from robot_link.onboard_settings import DigestSettings
 from robot_link.sample_log import SampleKey, SampleLog
 from robot_link.satellite.digest import choose
@@ -45,7 +45,7 @@ class StateTeller(Protocol):
         """Return what the robot believes of itself."""
         ...
 
-    def track_report(self) -> TrackReport | None:
+    def target_report(self) -> TargetReport | None:
         """Return how the robot holds its target; None while it follows none."""
         ...
 
@@ -98,9 +98,9 @@ class RecordWriter:
             acks: Words on missions.
             answers: Words on orders.
             most_bytes: How long it may be.
-            is_full: Whether it carries the state, the track, and as many samples as fit, too.
+            is_full: Whether it carries the state, the target, and as many samples as fit, too.
         """
-        track = self._program.track_report() if is_full else None
+        target = self._program.target_report() if is_full else None
         plan = self._link.plan_report()
         content = MobileOriginatedContent(
             counter=counter,
@@ -115,7 +115,7 @@ class RecordWriter:
             ),
             acks=acks,
             answers=answers,
-            track=track if track is not None and can_travel(track) else None,
+            target=target if target is not None and can_travel(target) else None,
         )
         if is_full:
             room = sample_room(content, most_bytes)

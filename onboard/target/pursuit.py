@@ -3,7 +3,7 @@
 from autonomy.tracking.config import TrackingConfig
 from autonomy.tracking.inner_loop import BeatAverage, InnerLoop, Swimming, TailBeat
 from autonomy.tracking.inner_loop_config import INNER_LOOP_PRESETS
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from autonomy.tracking.reading import (
     RangeHeard,
     TrackerReading,
@@ -75,7 +75,7 @@ class Pursuit:
     @property
     def mode(self) -> RobotMode:
         """Tracking, or searching for a target that was lost; who teaches does not search."""
-        is_lost = self.newest is not None and self.newest.phase is TrackPhase.LOST
+        is_lost = self.newest is not None and self.newest.phase is TargetPhase.LOST
         is_searching = is_lost and not self._config.barrier.is_teaching
         return RobotMode.SEARCHING if is_searching else RobotMode.TRACKING
 
@@ -91,7 +91,7 @@ class Pursuit:
         step = self._tracker.keep_inside(wanted, estimate.position_ned[:2], self._flight.site)
         self.newest = step
         self.failure = step.reason or self._trouble(estimate)
-        if step.phase is TrackPhase.WAITING:
+        if step.phase is TargetPhase.WAITING:
             return self._flight.pilot.rest()
         turn_rate, acceleration = step.command
         is_turning_away = step is not wanted

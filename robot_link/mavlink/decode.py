@@ -3,12 +3,12 @@
 from collections.abc import Iterable
 from datetime import datetime
 
-from robot_link.mavlink import telemetry, track
+from robot_link.mavlink import target, telemetry
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.messages import PlanReport, RobotId, RobotMode, Sample, StateReport, TrackReport
+from robot_link.messages import PlanReport, RobotId, RobotMode, Sample, StateReport, TargetReport
 
-Value = RobotMode | StateReport | Sample | PlanReport | TrackReport | None
+Value = RobotMode | StateReport | Sample | PlanReport | TargetReport | None
 """What one message means; None for what the station does not keep."""
 
 
@@ -35,7 +35,7 @@ def decoded(message: WireMessage, robot: RobotId, received_at: datetime) -> Valu
         case grace.MAVLink_grace_plan_report_message():
             return telemetry.plan_report(message, robot, received_at)
         case grace.MAVLink_grace_track_message():
-            return track.track_report(message, robot, received_at)
+            return target.target_report(message, robot, received_at)
         case _:
             return None
 

@@ -11,7 +11,7 @@ from robot_link.mavlink.wire import grace
 from robot_link.messages import SystemId
 from robot_link.mission import Mission
 from robot_link.onboard_settings import OnboardSettings
-from robot_link.tracking_order import TrackingOrder
+from robot_link.target_settings import TargetSettings
 
 MissionItem = grace.MAVLink_mission_item_int_message
 
@@ -93,7 +93,7 @@ def mission_from_items(items: Sequence[MissionItem]) -> Mission:
             raise ValueError(f"item {number} with command {item.command} does not belong there")
     tuning, track = numbers[_TUNING], numbers[_TRACK]
     onboard = OnboardSettings.from_integers(tuning) if tuning else None
-    tracking = TrackingOrder.from_integers(track) if track else None
+    tracking = TargetSettings.from_integers(track) if track else None
     return Mission.from_integers(settings, tuple(legs), onboard, tracking)
 
 

@@ -17,12 +17,12 @@ import cbor2
 
 from autonomy.planner.config import EnergyConfig
 from robot_link.messages import PlanHash
-from robot_link.mission import ONBOARD_FORMAT, SETTINGS_FIELDS, TRACKING_FORMAT, Mission
+from robot_link.mission import ONBOARD_FORMAT, SETTINGS_FIELDS, TARGET_FORMAT, Mission
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.cbor_reader import CborReader
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.leg_code import MOST_LEGS, packed_legs, unpacked_legs
-from robot_link.tracking_order import TrackingOrder
+from robot_link.target_settings import TargetSettings
 
 TransferId = NewType("TransferId", int)
 """First four bytes of the SHA-256 of a blob; names a transfer to both ends."""
@@ -95,11 +95,11 @@ def mission_of(packed: bytes, codec: int) -> Mission:
     version, settings, onboard, rows, check = _content(plain)
     if version not in SETTINGS_FIELDS or len(settings) != SETTINGS_FIELDS[version]:
         raise WireError(f"format {version} of missions is unknown, or its settings are not its")
-    if version not in (ONBOARD_FORMAT, TRACKING_FORMAT) and onboard:
+    if version not in (ONBOARD_FORMAT, TARGET_FORMAT) and onboard:
         raise WireError(f"format {version} of missions brings no onboard settings")
     try:
         tuning = OnboardSettings.from_integers(onboard) if version == ONBOARD_FORMAT else None
-        order = TrackingOrder.from_integers(onboard) if version == TRACKING_FORMAT else None
+        order = TargetSettings.from_integers(onboard) if version == TARGET_FORMAT else None
         start = (settings[_START], settings[_START + 1])
         legs = unpacked_legs(rows, start, _prices(tuning))
         mission = Mission.from_integers(tuple(settings), legs, tuning, order)

@@ -9,7 +9,7 @@ from robot_link.messages import (
     OnboardPlanState,
     Sample,
     StateReport,
-    TrackReport,
+    TargetReport,
 )
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.blob import TransferId
@@ -144,5 +144,5 @@ class MobileOriginatedContent:
     answers: tuple[CommandAnswer, ...] = ()
     samples: tuple[Sample, ...] = ()
     """To ``compose``: the most telling first; as read: by log and number."""
-    track: TrackReport | None = None
+    target: TargetReport | None = None
     """What it knows of its target; goes with the state alone, and without the second hypothesis."""

@@ -3,7 +3,7 @@
 A record, big endian, before the code of ``frame``:
 
     u8   version << 4 | 3
-    u8   flags: bit 0 words, 1 state, 2 plan, 3 samples, 4 track
+    u8   flags: bit 0 words, 1 state, 2 plan, 3 samples, 4 target
     u32  counter
     words    u8 acks << 4 | answers; of each ack u32 transfer id, u8 chunks, u8 state << 5 | reason
              and, while receiving, a bit for each chunk, the first in the lowest bit of the first
@@ -11,7 +11,7 @@ A record, big endian, before the code of ``frame``:
              u8 outcome
     state    ``state_code``
     plan     ``state_code``
-    track    ``track_code``; only with a state
+    target   ``target_code``; only with a state
     samples  ``sample_code``
 
 One ack, state and plan take 70 bytes (of a mission of more than eight chunks that comes in, more),
@@ -52,7 +52,7 @@ from robot_link.satellite.state_code import (
     unpacked_plan,
     unpacked_state,
 )
-from robot_link.satellite.track_code import packed_track, unpacked_track
+from robot_link.satellite.target_code import packed_target, unpacked_target
 
 __all__ = [
     "BEST_SIZES",
@@ -73,7 +73,7 @@ SMALLEST = 70
 
 _HEADER = struct.Struct(">BBI")
 _ACK = struct.Struct(">IBB")
-_WORDS, _STATE, _PLAN, _SAMPLES, _TRACK = 1, 2, 4, 8, 16
+_WORDS, _STATE, _PLAN, _SAMPLES, _TARGET = 1, 2, 4, 8, 16
 _FLAGS_MAX = 31
 _WORDS_MAX = 15
 """Acks, and answers, of one record."""
@@ -93,7 +93,7 @@ def compose(
 ) -> bytes:
     """Return one message of at most ``max_bytes`` that says as much of the content as fits.
 
-    What proves a level comes first: acks, answers, state, plan, track; samples fill the rest.
+    What proves a level comes first: acks, answers, state, plan, target; samples fill the rest.
 
     Args:
         content: What there is to say.
@@ -117,10 +117,10 @@ def compose(
     if content.plan is not None and room >= PLAN_BYTES:
         parts.append((_PLAN, packed_plan(content.plan)))
         room -= PLAN_BYTES
-    track = _packed_track(content, room)
-    if track and any(flag == _STATE for flag, _ in parts):
-        parts.append((_TRACK, track))
-        room -= len(track)
+    target = _packed_target(content, room)
+    if target and any(flag == _STATE for flag, _ in parts):
+        parts.append((_TARGET, target))
+        room -= len(target)
     samples = most_that_fit(content.samples, room)
     if samples:
         parts.append((_SAMPLES, packed_samples(samples)))
@@ -135,7 +135,7 @@ def sample_room(content: MobileOriginatedContent, max_bytes: int) -> int:
     room -= len(_packed_words(content.acks, content.answers, room))
     room -= 0 if content.state is None else STATE_BYTES
     room -= 0 if content.plan is None else PLAN_BYTES
-    room -= len(_packed_track(content, room))
+    room -= len(_packed_target(content, room))
     return max(0, room)
 
 
@@ -161,20 +161,20 @@ def read_mobile_originated(
     if state_bytes is not None:
         energy_used = 0.0 if plan is None else plan.energy_used
         state = unpacked_state(state_bytes, robot, received_at, energy_used)
-    if flags & _TRACK and state is None:
+    if flags & _TARGET and state is None:
         raise WireError("a record tells a track without a state")
-    track = unpacked_track(reader, state) if flags & _TRACK and state is not None else None
+    target = unpacked_target(reader, state) if flags & _TARGET and state is not None else None
     samples = unpacked_samples(reader, robot, received_at) if flags & _SAMPLES else ()
     if not reader.is_at_end:
         raise WireError("something follows the end of a record")
-    return MobileOriginatedContent(counter, state, plan, acks, answers, samples, track)
+    return MobileOriginatedContent(counter, state, plan, acks, answers, samples, target)
 
 
-def _packed_track(content: MobileOriginatedContent, room: int) -> bytes:
+def _packed_target(content: MobileOriginatedContent, room: int) -> bytes:
     """Return what is known of a target; nothing where no state says when that was."""
-    if content.track is None or content.state is None:
+    if content.target is None or content.state is None:
         return b""
-    return packed_track(content.track, room)
+    return packed_target(content.target, room)
 
 
 def _packed_words(

@@ -16,7 +16,7 @@ from robot_link.messages import (
     RobotMode,
     Sample,
     StateReport,
-    TrackReport,
+    TargetReport,
 )
 from robot_link.station.link_watch import LinkWatch
 from robot_link.station.roster import Member, Roster
@@ -125,7 +125,7 @@ class Reception:
                     self._samples_owed.set()
             case PlanReport():
                 self._take_plan_report(sender, value)
-            case TrackReport():
+            case TargetReport():
                 self._on_event(value)
             case None:
                 pass

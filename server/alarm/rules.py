@@ -5,7 +5,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from robot_link.clock import Clock
 from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState
 from server.base.alarm_board import AlarmBoard
@@ -155,8 +155,8 @@ def _ended_early(picture: Picture, watch: Watch) -> Verdict | None:
 def _target(picture: Picture, watch: Watch) -> Verdict | None:
     """Judge the hold on a target while a mission to follow it lasts."""
     del watch
-    track, plan = picture.track_report, picture.plan_report
-    if track is None or track.phase is not TrackPhase.LOST or picture.flies_no_target:
+    track, plan = picture.target_report, picture.plan_report
+    if track is None or track.phase is not TargetPhase.LOST or picture.flies_no_target:
         return None
     if plan is not None and plan.state is not OnboardPlanState.RUNNING:
         return None
@@ -166,9 +166,9 @@ def _target(picture: Picture, watch: Watch) -> Verdict | None:
 
 def _target_over(picture: Picture) -> str:
     """Say how the loss of a target ended."""
-    track, plan = picture.track_report, picture.plan_report
+    track, plan = picture.target_report, picture.plan_report
     flies = plan is None or plan.state is OnboardPlanState.RUNNING
-    is_held = track is not None and track.phase in (TrackPhase.TRACKING, TrackPhase.COASTING)
+    is_held = track is not None and track.phase in (TargetPhase.TRACKING, TargetPhase.COASTING)
     found = flies and is_held and not picture.flies_no_target
     how = "found again" if found else "its pursuit ended"
     return f"{picture.record.id} lost its target; {how}."

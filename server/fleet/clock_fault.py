@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from typing import Final, TypeVar
 
-from robot_link.messages import PlanReport, Sample, StateReport, TrackReport
+from robot_link.messages import PlanReport, Sample, StateReport, TargetReport
 
-Told = TypeVar("Told", bound=StateReport | Sample | PlanReport | TrackReport)
+Told = TypeVar("Told", bound=StateReport | Sample | PlanReport | TargetReport)
 
 AHEAD_MAX: Final = timedelta(seconds=60)
 """Nothing is told before it happens: a clock that is farther ahead is wrong."""

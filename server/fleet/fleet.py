@@ -8,7 +8,7 @@ from datetime import datetime
 from autonomy.field.variable import VARIABLES
 from autonomy.frames import wgs84_from_ned
 from autonomy.planner.plan import PositionNed
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from autonomy.vehicle.config import Vehicle
 from db.query.robots import RobotRecord
 from robot_link.clock import Clock
@@ -19,15 +19,15 @@ from robot_link.messages import (
     PlanReport,
     Sample,
     StateReport,
-    TrackReport,
+    TargetReport,
 )
 from server.base.problem import not_found
 from server.fleet.channel import CHANNELS, FIELD_LIMIT_S, POSITION_LIMIT_S, Channel
 from server.fleet.link_panel import link_views
 from server.fleet.picture import Picture, PlanInHand
 from server.fleet.target_end import reason_by
-from server.fleet.target_report import track_view
-from server.fleet.target_view import TargetTrackView
+from server.fleet.target_report import target_view
+from server.fleet.target_view import TargetReportView
 from server.fleet.trail import Track
 from server.fleet.view import (
     ChannelView,
@@ -132,15 +132,15 @@ class Fleet:
         picture = self._pictures[report.robot]
         picture.plan_report = report
         if report.state is OnboardPlanState.RUNNING and picture.flies_no_target:
-            picture.track_report = None
+            picture.target_report = None
         self.touch(report.robot)
 
-    def take_track(self, report: TrackReport) -> None:
+    def take_target(self, report: TargetReport) -> None:
         """Take a report on a target; one that is older than the newest changes nothing."""
         picture = self._pictures[report.robot]
-        newest = picture.track_report
+        newest = picture.target_report
         if newest is None or report.measured_at >= newest.measured_at:
-            picture.track_report = report
+            picture.target_report = report
             self.touch(report.robot)
 
     def take_link(self, report: LinkReport) -> None:
@@ -174,21 +174,21 @@ class Fleet:
         state = picture.state
         return state is None or self._age_s(state.measured_at) > self.limit_s(POSITION_LIMIT_S)
 
-    def track_shown(self, picture: Picture) -> TrackReport | None:
+    def target_shown(self, picture: Picture) -> TargetReport | None:
         """Return a robot's newest report on its target, ``None`` once that concerns nobody."""
-        report = picture.track_report
+        report = picture.target_report
         if report is None or picture.flies_no_target:
             return None
         plan = picture.plan_report
         has_ended = plan is not None and plan.state is not OnboardPlanState.RUNNING
-        is_over = has_ended or report.phase is TrackPhase.ENDED
+        is_over = has_ended or report.phase is TargetPhase.ENDED
         if is_over and self._age_s(report.measured_at) > self.limit_s(_ENDED_LIMIT_S):
             return None
         return report
 
-    def is_track_old(self, report: TrackReport) -> bool:
+    def is_target_old(self, report: TargetReport) -> bool:
         """Tell whether a report on a target must look old."""
-        is_over = report.phase is TrackPhase.ENDED
+        is_over = report.phase is TargetPhase.ENDED
         return is_over or self._age_s(report.measured_at) > self.limit_s(POSITION_LIMIT_S)
 
     def robot_view(self, robot: str) -> RobotView:
@@ -263,14 +263,14 @@ class Fleet:
             return "Recording"
         plan = picture.plan
         flying = plan is not None and plan.state == "running"
-        track = self.track_shown(picture)
+        track = self.target_shown(picture)
         return activity(
             picture.state,
             plan.round_text if plan and flying else "",
             self.is_old(picture),
             is_teaching=track is not None
             and not track.is_barrier_on
-            and track.phase is not TrackPhase.ENDED,
+            and track.phase is not TargetPhase.ENDED,
         )
 
     def _next_contact(self, picture: Picture) -> ContactView | None:
@@ -366,11 +366,11 @@ class Fleet:
             picture.geodetic = known
         return known[1]
 
-    def _tracking(self, picture: Picture) -> TargetTrackView | None:
-        report = self.track_shown(picture)
+    def _tracking(self, picture: Picture) -> TargetReportView | None:
+        report = self.target_shown(picture)
         if report is None:
             return None
-        return track_view(report, reason_by(report, picture.plan_report))
+        return target_view(report, reason_by(report, picture.plan_report))
 
     def _onboard_plan(self, picture: Picture) -> OnboardPlanView | None:
         report = picture.plan_report

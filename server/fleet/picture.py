@@ -16,7 +16,7 @@ from robot_link.messages import (
     RobotMode,
     Sample,
     StateReport,
-    TrackReport,
+    TargetReport,
 )
 from robot_link.station.gateway.address import ACOUSTIC_CARRIER, SATELLITE_CARRIERS
 from robot_link.transport.opening import is_radio
@@ -26,7 +26,7 @@ from server.fleet.trail import Track
 
 SURFACE_DEPTH_M = 0.3
 """A leg that ends above this brings the robot to the surface, where radio reaches it."""
-TRACK_TARGET = "track_target"
+FOLLOW_TARGET = "track_target"
 """Kind of the plans that follow a target; they have no legs."""
 UNDER_WATER = (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING)
 _FOLLOWING = (RobotMode.TRACKING, RobotMode.SEARCHING)
@@ -89,7 +89,7 @@ class Picture:
     track: Track
     state: StateReport | None = None
     plan_report: PlanReport | None = None
-    track_report: TrackReport | None = None
+    target_report: TargetReport | None = None
     """Newest report on its target; ``None`` once it flies a plan that follows none."""
     links: dict[str, LinkReport] = field(default_factory=dict)
     """Newest report of each link, by its URI, or by its carrier where the report names no URI."""
@@ -170,7 +170,7 @@ class Picture:
         report, hand = self.plan_report, self.plan
         if hand is None or report is None or report.state is not OnboardPlanState.RUNNING:
             return False
-        return report.sha256 == hand.record.sha256 and hand.record.kind != TRACK_TARGET
+        return report.sha256 == hand.record.sha256 and hand.record.kind != FOLLOW_TARGET
 
     @property
     def leg_now(self) -> int | None:
@@ -186,7 +186,7 @@ class Picture:
         state, hand = self.state, self.plan
         if state is None or hand is None or self.leg_now is None:
             return False
-        if state.mode not in _FOLLOWING or hand.record.kind != TRACK_TARGET:
+        if state.mode not in _FOLLOWING or hand.record.kind != FOLLOW_TARGET:
             return False
         is_deep = hand.record.config["motion"]["depth_m"] > SURFACE_DEPTH_M
         return is_deep and not self.record.site.radio_under_water
@@ -197,7 +197,7 @@ class Picture:
         if self.plan is None or report is None or leg_now is None:
             return None
         record = self.plan.record
-        if record.kind == TRACK_TARGET and record.running_at is not None:
+        if record.kind == FOLLOW_TARGET and record.running_at is not None:
             return record.running_at + timedelta(seconds=record.document["account"]["duration_s"])
         remaining_s = 0.0
         for leg in self.plan.legs[leg_now:]:

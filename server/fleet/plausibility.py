@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from autonomy.site import Site
-from robot_link.messages import Sample, StateReport, TrackReport
-from robot_link.track_check import track_fault
+from robot_link.messages import Sample, StateReport, TargetReport
+from robot_link.target_check import target_fault
 from server.fleet.clock_fault import AHEAD_MAX
 
 _EARLIEST = datetime(2000, 1, 1, tzinfo=UTC)
@@ -53,12 +53,12 @@ def fault_of_sample(sample: Sample, site: Site, now: datetime, speed: float) -> 
     )
 
 
-def fault_of_track(report: TrackReport, site: Site, now: datetime, speed: float) -> str | None:
+def fault_of_target(report: TargetReport, site: Site, now: datetime, speed: float) -> str | None:
     """Return why a report on a target cannot be true, or ``None``.
 
     An estimate that diverged may be anywhere; that is for people to see.
     """
-    if fault := track_fault(report):
+    if fault := target_fault(report):
         return fault
     return _fault_of_time(report.measured_at, now, speed) or _fault_of_position(
         (*report.position_ne_m, 0.0), 0.0, site

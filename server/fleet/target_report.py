@@ -2,14 +2,14 @@
 
 import math
 
-from robot_link.messages import TrackReport
-from server.fleet.target_view import TargetHypothesisView, TargetTrackView
-from server.fleet.target_words import track_text
+from robot_link.messages import TargetReport
+from server.fleet.target_view import TargetHypothesisView, TargetReportView
+from server.fleet.target_words import target_text
 
 
-def track_view(report: TrackReport, reason: str = "") -> TargetTrackView:
+def target_view(report: TargetReport, reason: str = "") -> TargetReportView:
     """Return a report as REST says it, with why the mission ended if it has."""
-    return TargetTrackView(
+    return TargetReportView(
         measured_at=report.measured_at,
         received_at=report.received_at,
         phase=report.phase.name.lower(),
@@ -35,11 +35,11 @@ def track_view(report: TrackReport, reason: str = "") -> TargetTrackView:
         true_ne_m=report.true_ne_m,
         error_m=error_m(report),
         reason=reason,
-        text=track_text(report, reason),
+        text=target_text(report, reason),
     )
 
 
-def error_m(report: TrackReport) -> float | None:
+def error_m(report: TargetReport) -> float | None:
     """Return how far the likeliest hypothesis is from the truth, where that is known."""
     if report.true_ne_m is None or not report.hypotheses:
         return None

@@ -21,7 +21,7 @@ class TargetHypothesisView(View):
 
 
 @dataclass(frozen=True, slots=True)
-class TargetTrackView(View):
+class TargetReportView(View):
     """One report of a robot that follows a target."""
 
     measured_at: datetime
@@ -68,7 +68,7 @@ class TargetTrackView(View):
 
 
 @dataclass(frozen=True, slots=True)
-class TrackReportsView(View):
+class TargetReportsView(View):
     """Reports of one robot, the oldest first."""
 
     robot: str
@@ -76,4 +76,4 @@ class TrackReportsView(View):
     """The plan that they belong to where one was asked for; else the newest plan of kind
     ``track_target`` that the robot began, and earlier reports may be those of earlier plans;
     ``null`` where there is none."""
-    reports: list[TargetTrackView]
+    reports: list[TargetReportView]

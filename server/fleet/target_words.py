@@ -3,8 +3,8 @@
 import math
 
 from autonomy.estimation.position import STD_95
-from autonomy.tracking.phase import TrackPhase
-from robot_link.messages import TargetEstimate, TrackReport
+from autonomy.tracking.phase import TargetPhase
+from robot_link.messages import TargetEstimate, TargetReport
 
 _TEACHING = "Nothing keeps the target observable: the mission is for teaching."
 _SMALL = 0.005
@@ -14,7 +14,7 @@ _LONG_M, _LONG_S = 10.0, 10.0
 _QUIET = "it was told not to ping"
 
 
-def track_text(report: TrackReport, reason: str = "") -> str:
+def target_text(report: TargetReport, reason: str = "") -> str:
     """Say in one sentence, or two in the teaching mode, what a report on a target means.
 
     Args:
@@ -22,45 +22,45 @@ def track_text(report: TrackReport, reason: str = "") -> str:
         reason: Why the mission ended, "" while it goes on or where nobody knows.
     """
     text = _phase_text(report, reason)
-    if report.is_barrier_on or report.phase is TrackPhase.ENDED:
+    if report.is_barrier_on or report.phase is TargetPhase.ENDED:
         return text
     return f"{text} {_TEACHING}"
 
 
-def _phase_text(report: TrackReport, reason: str) -> str:
+def _phase_text(report: TargetReport, reason: str) -> str:
     robot = report.robot
     match report.phase:
-        case TrackPhase.WAITING:
+        case TargetPhase.WAITING:
             why = f"; {_QUIET}" if report.is_quiet else ""
             return f"{robot} has heard no range of its target yet{why}."
-        case TrackPhase.TRACKING:
+        case TargetPhase.TRACKING:
             return f"{robot} follows its target, {_distance(report)}{_known(report)}."
-        case TrackPhase.COASTING:
+        case TargetPhase.COASTING:
             # a range that was heard may not have been believed
             return (
                 f"{robot} goes on by dead reckoning{_reason(report)}; the newest range is "
                 f"{_seconds(report.range_age_s)} old{_known(report)}."
             )
-        case TrackPhase.LOST:
+        case TargetPhase.LOST:
             return f"{robot} lost its target{_lost_reason(report)}; {search_text(report)}."
-        case TrackPhase.ENDED:
+        case TargetPhase.ENDED:
             why = f": {reason}" if reason else ""
             return f"{robot} follows its target no longer{why}."
 
 
-def search_text(report: TrackReport) -> str:
+def search_text(report: TargetReport) -> str:
     """Say what a robot that lost its target does about it."""
     return "it circles to find it" if report.is_barrier_on else "it does not search for it"
 
 
-def _distance(report: TrackReport) -> str:
+def _distance(report: TargetReport) -> str:
     if not report.hypotheses:
         return "where it is not known"
     away_m = math.dist(report.hypotheses[0].position_ne_m, report.position_ne_m)
     return f"{_metres(away_m)} away"
 
 
-def _known(report: TrackReport) -> str:
+def _known(report: TargetReport) -> str:
     if not report.hypotheses:
         return ""
     known = f", known within {_metres(within_95_m(report.hypotheses[0]))}"
@@ -72,11 +72,11 @@ def _metres(length_m: float) -> str:
     return f"{length_m:.2f} m" if length_m < _LONG_M else f"{length_m:.0f} m"
 
 
-def _reason(report: TrackReport) -> str:
+def _reason(report: TargetReport) -> str:
     return f" ({_QUIET})" if report.is_quiet else ""
 
 
-def _lost_reason(report: TrackReport) -> str:
+def _lost_reason(report: TargetReport) -> str:
     if report.is_quiet:
         return f", for {_QUIET}"
     if report.range_m is None:

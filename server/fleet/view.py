@@ -6,7 +6,7 @@ from datetime import datetime
 from autonomy.site import Site
 from server.base.view import View
 from server.fleet.link_view import RobotLinkView
-from server.fleet.target_view import TargetTrackView
+from server.fleet.target_view import TargetReportView
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +99,7 @@ class StateView(View):
     """Every link that the robot has; ``link`` is the best of them."""
     clock_fault: str | None
     """What is wrong with the robot's clock; its values are then in the order of their arrival."""
-    tracking: TargetTrackView | None
+    tracking: TargetReportView | None
     """Newest report on the target that the robot follows, or followed last; ``null`` for one that
     flies something else."""
 

@@ -26,12 +26,12 @@ from robot_link.messages import (
     RobotId,
     Sample,
     StateReport,
-    TrackReport,
+    TargetReport,
     UploadReport,
 )
 from server.fleet.clock_fault import ClockJudge
 from server.fleet.fleet import Fleet
-from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_track
+from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_target
 
 log = logging.getLogger(__name__)
 
@@ -50,7 +50,7 @@ class Listeners:
     plan: Callable[[PlanReport], None]
     upload: Callable[[UploadReport], None]
     command: Callable[[CommandReport], None]
-    track: Callable[[TrackReport], None]
+    track: Callable[[TargetReport], None]
     """Believable; its row is on its way to the database."""
 
 
@@ -92,8 +92,8 @@ class Ingest:
                 self._take_plan_report(event)
             case LinkReport():
                 self._fleet.take_link(event)
-            case TrackReport():
-                self._take_track(event)
+            case TargetReport():
+                self._take_target(event)
             case UploadReport():
                 self._listeners.upload(event)
             case CommandReport():
@@ -165,16 +165,16 @@ class Ingest:
         self._append(report)
         self._fleet.take_state(report)
 
-    def _take_track(self, report: TrackReport) -> None:
+    def _take_target(self, report: TargetReport) -> None:
         site = self._fleet.picture(report.robot).record.site
         report = self._clock_of(report.robot).dated(report)
-        fault = fault_of_track(report, site, self._clock.now(), self._clock.speed)
+        fault = fault_of_target(report, site, self._clock.now(), self._clock.speed)
         if fault is not None:
             self._refuse(report.robot, "track", fault)
             return
         self._told_faults.discard((report.robot, "track"))
         self._append(report)
-        self._fleet.take_track(report)
+        self._fleet.take_target(report)
         self._listeners.track(report)
 
     def _take_sample(self, sample: Sample) -> None:

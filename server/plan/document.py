@@ -15,7 +15,7 @@ from robot_link.messages import OnboardPlanState, PlanReport
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff
-from robot_link.tracking_order import TrackingOrder
+from robot_link.target_settings import TargetSettings
 from server.plan.target_check import TEACHING
 from server.plan.view import (
     AccountView,
@@ -175,7 +175,7 @@ def mission_of(plan: PlanRecord) -> Mission:
     settings = MissionSettings(**document["settings"])
     order = document.get("tracking")
     if order is not None:
-        return Mission.from_tracking(settings, TrackingOrder.from_integers(order))
+        return Mission.for_target(settings, TargetSettings.from_integers(order))
     integers = document.get("onboard_settings")
     return Mission.from_legs(
         settings,

@@ -17,9 +17,9 @@ from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff
 from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import ONBOARD_CONTROLLER
-from server.fleet.picture import TRACK_TARGET, Picture
+from server.fleet.picture import FOLLOW_TARGET, Picture
 from server.plan.document import Draft, legs_of
-from server.plan.target_check import outdated_track
+from server.plan.target_check import outdated_target
 from server.plan.view import ViolationView
 
 SENDABLE = ("draft", "on_board")
@@ -114,8 +114,8 @@ def outdated_by(picture: Picture, plan: PlanRecord, now: datetime) -> tuple[Viol
     state = picture.state
     if plan.state not in SENDABLE or state is None:
         return ()
-    if plan.kind == TRACK_TARGET:
-        return tuple(outdated_track(plan, picture, now))
+    if plan.kind == FOLLOW_TARGET:
+        return tuple(outdated_target(plan, picture, now))
     found = outdated(
         legs_of(plan.document),
         PlannerConfig.model_validate(plan.config),

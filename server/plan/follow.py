@@ -8,7 +8,7 @@ from db.query.telemetry import newest_plan_report
 from db.store import Store
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanReport
 from server.base.retry_queue import Turns
-from server.fleet.picture import TRACK_TARGET
+from server.fleet.picture import FOLLOW_TARGET
 from server.fleet.words import TEACHING
 from server.plan.document import onboard_by, teaches
 from server.plan.ledger import ON_THE_WAY, PlanLedger
@@ -132,7 +132,7 @@ def _state_of(report: PlanReport) -> str | None:
 
 def _completed(plan: PlanRecord) -> str:
     """Return what a robot did that reached a plan's end: only time ends a pursuit as planned."""
-    if plan.kind == TRACK_TARGET:
+    if plan.kind == FOLLOW_TARGET:
         return f"followed the target of {plan.id} until its time was over"
     return f"flew {plan.id} to its end"
 

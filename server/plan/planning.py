@@ -23,7 +23,7 @@ from server.base.problem import conflict
 from server.base.retry_queue import until_stored
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
-from server.fleet.picture import TRACK_TARGET
+from server.fleet.picture import FOLLOW_TARGET
 from server.plan.document import Draft, draft_document, mission_of, search_document
 from server.plan.drafting import (
     broken_limits,
@@ -38,8 +38,8 @@ from server.plan.round_problem import RoundProblems
 from server.plan.search_request import SearchRequest
 from server.plan.settings import PlanSettings
 from server.plan.survey_round import NOTHING_FEASIBLE, REPLACES
-from server.plan.target_battery import battery_violations, track_battery
-from server.plan.target_check import track_violations
+from server.plan.target_battery import battery_violations, target_battery
+from server.plan.target_check import target_violations
 from server.plan.task import PLAN_SURVEY
 from server.plan.view import ProgressView, RehearsalView, ViolationView
 
@@ -195,12 +195,12 @@ class Planning:
         """
         record = await self._ledger.get(plan)
         picture = self._fleet.picture(record.robot)
-        if record.kind == TRACK_TARGET:
+        if record.kind == FOLLOW_TARGET:
             tracking = TrackingConfig.model_validate(record.config)
             book = self._foundation.configurations
-            battery = await track_battery(book, self._fleet, record.robot, tracking)
+            battery = await target_battery(book, self._fleet, record.robot, tracking)
             found = [
-                *track_violations(picture, tracking),
+                *target_violations(picture, tracking),
                 *battery_violations(record.robot, battery),
             ]
             outdated = outdated_by(picture, record, self._foundation.clock.now())

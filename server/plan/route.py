@@ -65,7 +65,7 @@ class PrimitivesPlanRequest(Body):
     config: PartialConfig = Field(default_factory=dict)
 
 
-class TrackPlanRequest(Body):
+class TargetPlanRequest(Body):
     """A target that the robot is to follow by its range alone."""
 
     kind: Literal["track_target"]
@@ -82,7 +82,7 @@ class TrackPlanRequest(Body):
 
 
 PlanRequest = Annotated[
-    SurveyPlanRequest | PrimitivesPlanRequest | TrackPlanRequest, Field(discriminator="kind")
+    SurveyPlanRequest | PrimitivesPlanRequest | TargetPlanRequest, Field(discriminator="kind")
 ]
 
 
@@ -143,7 +143,7 @@ async def create_plan(
     if isinstance(body, SurveyPlanRequest) and body.mission is not None:
         plan = await station.surveys.plan_again(robot, body.mission, body.config, by=caller.name)
         return PlanIdView(plan.id)
-    if isinstance(body, TrackPlanRequest):
+    if isinstance(body, TargetPlanRequest):
         plan = await station.tracks.plan(robot, body.config, by=caller.name, base=body.base)
         return PlanIdView(plan.id)
     config_id, config = await station.planning.configure(robot, body.config, by=caller.name)

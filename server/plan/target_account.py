@@ -61,7 +61,7 @@ def dives_of(config: TrackingConfig, planner: PlannerConfig, vehicle: Vehicle | 
     return Dives(max(blind_s + up_s, _LEAST_S), ballast_s)
 
 
-def track_account(
+def target_account(
     config: TrackingConfig,
     planner: PlannerConfig,
     vehicle: Vehicle | None,

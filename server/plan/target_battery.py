@@ -15,7 +15,7 @@ from server.plan.view import BatteryView, ViolationView
 _S_PER_H = 3600.0
 
 
-async def track_battery(
+async def target_battery(
     book: ConfigurationBook, fleet: Fleet, robot: str, config: TrackingConfig
 ) -> BatteryView | None:
     """Return what a mission takes from a robot's battery, by the settings that hold now.

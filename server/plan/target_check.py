@@ -69,7 +69,7 @@ def _places(config: TrackingConfig, times: FloatArray) -> TargetPath:
     ]
 
 
-def track_violations(picture: Picture, config: TrackingConfig) -> list[ViolationView]:
+def target_violations(picture: Picture, config: TrackingConfig) -> list[ViolationView]:
     """Return every limit that a mission to follow a target breaks now, by its field's path."""
     site = picture.record.site
     found = [
@@ -81,7 +81,7 @@ def track_violations(picture: Picture, config: TrackingConfig) -> list[Violation
     return [ViolationView(field, message) for field, message in found]
 
 
-def track_warnings(
+def target_warnings(
     picture: Picture, config: TrackingConfig, *, is_quiet: bool
 ) -> list[ViolationView]:
     """Return what a person should know before the mission is sent; none of it forbids that.
@@ -137,7 +137,7 @@ def _of_barrier(barrier: BarrierConfig) -> Iterator[tuple[str, str]]:
         )
 
 
-def outdated_track(plan: PlanRecord, picture: Picture, now: datetime) -> list[ViolationView]:
+def outdated_target(plan: PlanRecord, picture: Picture, now: datetime) -> list[ViolationView]:
     """Return why a plan that was made some time ago is not to be sent as it is.
 
     How far the robot is from where it was does not matter: it swims to its target from anywhere.

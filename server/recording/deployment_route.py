@@ -12,12 +12,12 @@ from db.query.deployments import DeploymentRecord, get_deployment
 from db.query.deployments import list_deployments as query_deployments
 from db.query.robots import get_robot
 from db.query.samples import sampled_variables
-from db.query.track_range import TrackRange
+from db.query.target_span import TargetSpan
 from db.store import Store
 from server.access.dependency import StoreDep, Viewer
 from server.base.view import View
 from server.recording.export import csv_blocks, geojson, kml
-from server.recording.track_export import track_csv_blocks
+from server.recording.target_export import target_csv_blocks
 
 router = APIRouter(prefix="/api/deployments", tags=["data"])
 Format = Literal["csv", "geojson", "kml", "tracking"]
@@ -114,8 +114,8 @@ async def export(
                 if format == "csv":
                     yield from csv_blocks(session, record, robot)
                 else:
-                    wanted = TrackRange(record.started_at - _INSTANT, record.ended_at)
-                    yield from track_csv_blocks(session, robot, wanted)
+                    wanted = TargetSpan(record.started_at - _INSTANT, record.ended_at)
+                    yield from target_csv_blocks(session, robot, wanted)
 
         return StreamingResponse(blocks(), media_type=media_type, headers=headers)
     write = geojson if format == "geojson" else kml

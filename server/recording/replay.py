@@ -17,7 +17,7 @@ from db.query.plans import plan_by_hash
 from db.query.robots import RobotRecord, add_robot, list_robots
 from db.store import Store
 from db.tables import Base, PlanReportRow, Robot, SampleRow, StateRow
-from db.tracking_tables import TrackReportRow
+from db.target_tables import TargetReportRow
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.decode import Value, decoded
 from robot_link.messages import (
@@ -28,16 +28,16 @@ from robot_link.messages import (
     Sample,
     StateReport,
     SystemId,
-    TrackReport,
+    TargetReport,
 )
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 from robot_link.station.gateway.address import SATELLITE_CARRIERS
 from server.fleet.clock_fault import ClockJudge
-from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_track
+from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_target
 from server.satellite.content import Telling, values_of
 
-TABLES: tuple[type[Base], ...] = (StateRow, SampleRow, PlanReportRow, TrackReportRow)
+TABLES: tuple[type[Base], ...] = (StateRow, SampleRow, PlanReportRow, TargetReportRow)
 """What is built from the journal."""
 _ROWS_AT_ONCE = 5000
 _NOT_KEPT = (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED)
@@ -140,8 +140,8 @@ class Replay:
                 return fault_of_state(value, robot.site, frame.at, self._speed) is None
             case Sample():
                 return fault_of_sample(value, robot.site, frame.at, self._speed) is None
-            case TrackReport():
-                return fault_of_track(value, robot.site, frame.at, self._speed) is None
+            case TargetReport():
+                return fault_of_target(value, robot.site, frame.at, self._speed) is None
             case PlanReport():
                 return True
 
@@ -149,7 +149,7 @@ class Replay:
 def _is_kept(value: Value) -> TypeGuard[Telling]:
     if isinstance(value, PlanReport):
         return value.state not in _NOT_KEPT
-    return isinstance(value, StateReport | Sample | TrackReport)
+    return isinstance(value, StateReport | Sample | TargetReport)
 
 
 def replay_into(source: Session, target: Store, speed: float, key: Callable[[str], bytes]) -> int:

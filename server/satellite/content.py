@@ -12,14 +12,14 @@ from robot_link.messages import (
     Sample,
     StateReport,
     SystemId,
-    TrackReport,
+    TargetReport,
 )
 from robot_link.satellite.content import MobileOriginatedContent, ShortPlanReport
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 from robot_link.station.gateway.gateway import MobileOriginated
 
-Telling = StateReport | Sample | PlanReport | TrackReport
+Telling = StateReport | Sample | PlanReport | TargetReport
 FindPlan = Callable[[str], PlanHash | None]
 """Returns the full hash of a plan that the station knows by its first digits."""
 
@@ -71,8 +71,8 @@ def values_of(
     if content.plan is not None:
         said_at = session_at if content.state is None else content.state.measured_at
         told.append(_plan_report(content.plan, robot, said_at, arrived_at, find_plan))
-    if content.track is not None:
-        told.append(content.track)
+    if content.target is not None:
+        told.append(content.target)
     told.extend(content.samples)
     return told
 
@@ -109,8 +109,8 @@ def _summary(content: MobileOriginatedContent) -> str:
     if content.plan is not None and content.plan.state is not OnboardPlanState.NONE:
         plan = content.plan
         parts.append(f"plan {plan.digits[:8]} {plan.state.name.lower().replace('_', ' ')}")
-    if content.track is not None:
-        parts.append(f"target {content.track.phase.name.lower()}")
+    if content.target is not None:
+        parts.append(f"target {content.target.phase.name.lower()}")
     parts.extend(
         f"transfer {ack.transfer_id:08x} {ack.state.name.lower()}, "
         f"{len(ack.received)} of {ack.count} parts"

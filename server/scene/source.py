@@ -4,10 +4,10 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.site import Area, Site
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from autonomy.vehicle.hull import Hull
 from db.query.plans import ENDED_STATES
-from robot_link.messages import RobotId, TrackReport
+from robot_link.messages import RobotId, TargetReport
 from server.fleet.fleet import Fleet
 from server.fleet.picture import Picture, PlanInHand
 from server.map.field_maps import FieldMaps
@@ -44,7 +44,7 @@ class StationSceneSource:
         self._plan: tuple[PlanInHand, int | None, PlanView] | None = None
         self._kept_out_by: PlanInHand | None = None
         self._keep_outs: tuple[Area, ...] = ()
-        self._target: tuple[TrackReport, bool, TargetView] | None = None
+        self._target: tuple[TargetReport, bool, TargetView] | None = None
         self._path_of: PlanInHand | None = None
         self._path: FloatArray | None = None
 
@@ -135,10 +135,10 @@ class StationSceneSource:
 
     def target(self) -> TargetView | None:
         """Return the target that the robot follows; the same object as long as nothing changed."""
-        report = self._fleet.track_shown(self._picture)
+        report = self._fleet.target_shown(self._picture)
         if report is None:
             return None
-        is_old = self._fleet.is_track_old(report)
+        is_old = self._fleet.is_target_old(report)
         if self._target is None or self._target[:2] != (report, is_old):
             self._target = (report, is_old, self._target_view(report, is_old=is_old))
         return self._target[2]
@@ -151,10 +151,10 @@ class StationSceneSource:
             self._path = None if hand is None else _target_path(hand)
         return self._path
 
-    def _target_view(self, report: TrackReport, *, is_old: bool) -> TargetView:
+    def _target_view(self, report: TargetReport, *, is_old: bool) -> TargetView:
         hand, state = self._picture.plan, self._picture.state
         depth_m = 0.0 if hand is None else _target_depth_m(hand)
-        hears = report.phase in (TrackPhase.TRACKING, TrackPhase.WAITING)
+        hears = report.phase in (TargetPhase.TRACKING, TargetPhase.WAITING)
         return TargetView(
             measured_at=report.measured_at,
             robot_ned=(*report.position_ne_m, 0.0 if state is None else state.position_ned[2]),
@@ -164,8 +164,8 @@ class StationSceneSource:
             ),
             range_m=report.range_m if hears and not is_old else None,
             true_ned=None if report.true_ne_m is None else (*report.true_ne_m, depth_m),
-            is_old=is_old or report.phase is TrackPhase.LOST,
-            is_barrier_on=report.is_barrier_on or report.phase is TrackPhase.ENDED,
+            is_old=is_old or report.phase is TargetPhase.LOST,
+            is_barrier_on=report.is_barrier_on or report.phase is TargetPhase.ENDED,
         )
 
     @property

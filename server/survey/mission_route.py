@@ -10,7 +10,7 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
 from server.base.view import View
-from server.fleet.picture import TRACK_TARGET
+from server.fleet.picture import FOLLOW_TARGET
 from server.plan.route import PartialConfig
 from server.station_dependency import StationDep
 from server.survey.view import MissionView
@@ -29,7 +29,7 @@ class MissionRequest(Body):
     @field_validator("kind", mode="before")
     @classmethod
     def _is_a_survey(cls, kind: object) -> object:
-        if kind == TRACK_TARGET:
+        if kind == FOLLOW_TARGET:
             raise ValueError(
                 "following a target is one plan: POST /api/robots/{robot}/plans with this kind"
             )

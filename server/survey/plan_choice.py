@@ -7,7 +7,7 @@ from db.query.plans import PlanRecord
 from server.access.foundation import Foundation
 from server.base.problem import FieldError, conflict, unprocessable
 from server.fleet.fleet import Fleet
-from server.fleet.picture import TRACK_TARGET
+from server.fleet.picture import FOLLOW_TARGET
 from server.plan.document import (
     candidate_of_draft,
     candidates_of,
@@ -115,7 +115,7 @@ class PlanChoices:
         if record.state != "draft":
             state = record.state.replace("_", " ")
             raise conflict(f"{plan} is {state}; only a draft can be exchanged. Plan again.")
-        if record.kind == TRACK_TARGET:
+        if record.kind == FOLLOW_TARGET:
             raise conflict(f"{plan} follows a target; there is no search to go on with.")
         if record.document.get("objective") is None:
             raise conflict(f"{plan} was laid out by hand; there is no search to go on with.")

@@ -6,27 +6,27 @@ from typing import Final
 
 from sqlalchemy.orm import Session
 
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from db.query.events import add_event
-from db.query.tracking import has_ended_within, lost_since, newest_event_of
+from db.query.target_reports import has_ended_within, lost_since, newest_event_of
 from db.store import Store
-from robot_link.messages import TrackReport
+from robot_link.messages import TargetReport
 from server.base.retry_queue import Turns
 
 LOST: Final = "track.lost"
 FOUND: Final = "track.found"
 ENDED: Final = "track.ended"
 _SAYS: Final = {
-    TrackPhase.WAITING: ENDED,
-    TrackPhase.TRACKING: FOUND,
-    TrackPhase.LOST: LOST,
-    TrackPhase.ENDED: ENDED,
+    TargetPhase.WAITING: ENDED,
+    TargetPhase.TRACKING: FOUND,
+    TargetPhase.LOST: LOST,
+    TargetPhase.ENDED: ENDED,
 }
 """Coasting is in between: neither a loss nor the end of one. Who waits for a first range has begun
 another mission, or goes on with one that was held."""
 
 
-class TrackFollower:
+class TargetFollower:
     """Tells what becomes of targets. Belongs to one event loop.
 
     What was told last is asked of the database in the transaction that tells more, so a station
@@ -42,14 +42,14 @@ class TrackFollower:
         self._store = store
         self._settle = settle
         self._turns = Turns("reports on targets")
-        self._heard: dict[str, TrackReport] = {}
+        self._heard: dict[str, TargetReport] = {}
         """The newest report of each robot that led to a word."""
 
     async def run(self) -> None:
         """Follow until cancelled."""
         await self._turns.run()
 
-    def take(self, report: TrackReport) -> None:
+    def take(self, report: TargetReport) -> None:
         """Take a report; only news is worked on."""
         said, before = _SAYS.get(report.phase), self._heard.get(report.robot)
         if said is None or (before is not None and before.measured_at > report.measured_at):
@@ -58,11 +58,11 @@ class TrackFollower:
             self._turns.add(lambda: self._follow(report))
         self._heard[report.robot] = report
 
-    async def _follow(self, report: TrackReport) -> None:
+    async def _follow(self, report: TargetReport) -> None:
         await self._settle()
         await self._store.write(lambda session: self._tell(session, report))
 
-    def _tell(self, session: Session, report: TrackReport) -> None:
+    def _tell(self, session: Session, report: TargetReport) -> None:
         robot, said = report.robot, _SAYS[report.phase]
         last = newest_event_of(session, robot, (LOST, FOUND, ENDED))
         if said == last or (said != LOST and last != LOST):
@@ -88,12 +88,12 @@ class TrackFollower:
 _SECOND: Final = timedelta(seconds=1)
 
 
-def _text(report: TrackReport, said: str, since: datetime | None) -> str:
+def _text(report: TargetReport, said: str, since: datetime | None) -> str:
     robot = report.robot
     if said == LOST:
         why = "; it was told not to ping" if report.is_quiet else ""
         return f"{robot} lost its target{why}."
-    if said == ENDED and report.phase is TrackPhase.WAITING:
+    if said == ENDED and report.phase is TargetPhase.WAITING:
         return f"{robot} begins to listen for its target anew; it had not found it again."
     if said == ENDED:
         return f"{robot} ended without finding its target again."

@@ -5,17 +5,17 @@ from datetime import datetime
 from sqlalchemy.orm import Session
 
 from db.query.plans import get_plan, newest_begun
-from db.query.track_range import EVERYTHING, TrackRange, range_of_plan
-from db.query.tracking import track_reports
+from db.query.target_reports import target_reports
+from db.query.target_span import EVERYTHING, TargetSpan, range_of_plan
 from db.store import Store
 from server.base.problem import not_found
-from server.fleet.picture import TRACK_TARGET
+from server.fleet.picture import FOLLOW_TARGET
 from server.fleet.target_end import with_reasons
-from server.fleet.target_report import track_view
-from server.fleet.target_view import TargetTrackView, TrackReportsView
+from server.fleet.target_report import target_view
+from server.fleet.target_view import TargetReportsView, TargetReportView
 
 
-class TrackHistory:
+class TargetHistory:
     """Reads reports on targets; may be used from any event loop."""
 
     def __init__(self, store: Store) -> None:
@@ -23,7 +23,7 @@ class TrackHistory:
 
     async def reports(
         self, robot: str, plan: str | None, after: datetime | None, limit: int
-    ) -> TrackReportsView:
+    ) -> TargetReportsView:
         """Return reports of a robot in order of time.
 
         Args:
@@ -37,20 +37,20 @@ class TrackHistory:
             UnknownIdError: If there is no such robot or plan.
         """
 
-        def read(session: Session) -> tuple[str | None, list[TargetTrackView]]:
-            named = newest_begun(session, robot, TRACK_TARGET) if plan is None else plan
+        def read(session: Session) -> tuple[str | None, list[TargetReportView]]:
+            named = newest_begun(session, robot, FOLLOW_TARGET) if plan is None else plan
             wanted = _range(session, robot, plan)
             if wanted is None:
                 return named, []
             begin = max((one for one in (wanted.after, after) if one is not None), default=None)
-            within = TrackRange(begin, wanted.until)
-            found = track_reports(session, robot, within, limit, newest=after is None)
-            return named, [track_view(*told) for told in with_reasons(session, found)]
+            within = TargetSpan(begin, wanted.until)
+            found = target_reports(session, robot, within, limit, newest=after is None)
+            return named, [target_view(*told) for told in with_reasons(session, found)]
 
         named, reports = await self._store.query(read)
-        return TrackReportsView(robot, named, reports)
+        return TargetReportsView(robot, named, reports)
 
-    async def range_of(self, robot: str, plan: str | None) -> TrackRange | None:
+    async def range_of(self, robot: str, plan: str | None) -> TargetSpan | None:
         """Return the time of a plan, of everything for no plan, ``None`` if it never began.
 
         Raises:
@@ -60,10 +60,10 @@ class TrackHistory:
         return await self._store.query(lambda session: _range(session, robot, plan))
 
 
-def _range(session: Session, robot: str, plan: str | None) -> TrackRange | None:
+def _range(session: Session, robot: str, plan: str | None) -> TargetSpan | None:
     if plan is None:
         return EVERYTHING
     record = get_plan(session, plan)
-    if record.robot != robot or record.kind != TRACK_TARGET:
+    if record.robot != robot or record.kind != FOLLOW_TARGET:
         raise not_found(f"{plan} is no plan of {robot} that follows a target.")
     return None if record.sha256 is None else range_of_plan(session, robot, record.sha256)

@@ -18,26 +18,26 @@ from db.query.plans import PlanRecord
 from robot_link.messages import CommandKind
 from robot_link.mission import Mission, MissionSettings
 from robot_link.satellite.config import SatelliteConfig
-from robot_link.tracking_order import TrackingOrder
+from robot_link.target_settings import TargetSettings
 from server.access.foundation import Foundation
 from server.base.configuration import CurrentConfiguration
 from server.fleet.fleet import Fleet
-from server.fleet.picture import TRACK_TARGET, Picture
+from server.fleet.picture import FOLLOW_TARGET, Picture
 from server.fleet.recorded import refuse_recording
 from server.fleet.words import TEACHING
 from server.plan.ledger import PlanLedger, note_change
 from server.plan.settings import PlanSettings
-from server.plan.target_account import track_account
-from server.plan.target_battery import battery_violations, track_battery
-from server.plan.target_check import target_path, track_violations, track_warnings
+from server.plan.target_account import target_account
+from server.plan.target_battery import battery_violations, target_battery
+from server.plan.target_check import target_path, target_violations, target_warnings
 from server.plan.view import ViolationView
 from server.satellite.cost import mission_credits
-from server.target.settings import Base, configure_track, unfit
+from server.target.settings import Base, configure_target, unfit
 
 _TARGETS = {"virtual": "a virtual target", "tag": "tag {address}", "beacon": "beacon {address}"}
 
 
-class TrackPlanning:
+class TargetPlanning:
     """Makes plans that follow a target. Belongs to one event loop."""
 
     def __init__(
@@ -66,7 +66,7 @@ class TrackPlanning:
         self._settings.refuse_while_storage_fails()
         position = self._settings.position(robot)
         book = self._foundation.configurations
-        settings = await configure_track(book, robot, patch, base, by=by)
+        settings = await configure_target(book, robot, patch, base, by=by)
         config = settings.order.config()  # as both ends compute with it
         planner = (await book.current("planner", robot)).value_as(PlannerConfig)
         trim = await book.current("trim", robot)
@@ -99,8 +99,8 @@ class TrackPlanning:
         """Return the part of a plan's document that an operator decides by."""
         book, picture = self._foundation.configurations, self._fleet.picture(robot)
         tariff = (await book.current("satellite", robot)).value_as(SatelliteConfig).tariff
-        battery = await track_battery(book, self._fleet, robot, config)
-        account = track_account(
+        battery = await target_battery(book, self._fleet, robot, config)
+        account = target_account(
             config,
             planner,
             self._fleet.vehicle(robot),
@@ -109,8 +109,8 @@ class TrackPlanning:
             credits=mission_credits(mission, tariff),
             battery=battery,
         )
-        limits = [*track_violations(picture, config), *battery_violations(robot, battery), *flaws]
-        warnings = track_warnings(picture, config, is_quiet=await self._is_quiet(picture))
+        limits = [*target_violations(picture, config), *battery_violations(robot, battery), *flaws]
+        warnings = target_warnings(picture, config, is_quiet=await self._is_quiet(picture))
         return {
             "account": asdict(account),
             "violations": [asdict(one) for one in limits],
@@ -119,7 +119,7 @@ class TrackPlanning:
 
     async def _is_quiet(self, picture: Picture) -> bool:
         """Tell whether the robot was told not to ping, by what it said last of that."""
-        robot, report = picture.record.id, picture.track_report
+        robot, report = picture.record.id, picture.target_report
         told = await self._foundation.store.query(
             lambda session: newest_applied(session, robot, (CommandKind.QUIET, CommandKind.PING))
         )
@@ -148,7 +148,7 @@ class TrackPlanning:
 
         def write(session: Session) -> PlanRecord:
             value = config.model_dump(mode="json")
-            plan = query.add_plan(session, robot, TRACK_TARGET, config=value, at=at, by=by)
+            plan = query.add_plan(session, robot, FOLLOW_TARGET, config=value, at=at, by=by)
             named = _named(session, robot, mission)
             record = query.change_plan(
                 session,
@@ -177,7 +177,7 @@ def mission_document(mission: Mission) -> dict[str, Any]:
 
 
 def _mission(
-    order: TrackingOrder,
+    order: TargetSettings,
     planner: PlannerConfig,
     trim: TrimConfig,
     position: tuple[float, float, float],
@@ -192,7 +192,7 @@ def _mission(
         net_buoyancy_offset_kg=trim.net_buoyancy_offset_kg,
         mass_position_offset_m=trim.mass_position_offset_m,
     )
-    return Mission.from_tracking(settings, order)
+    return Mission.for_target(settings, order)
 
 
 def _named(session: Session, robot: str, mission: Mission) -> Mission:
@@ -201,7 +201,7 @@ def _named(session: Session, robot: str, mission: Mission) -> Mission:
         settings = replace(mission.settings, timeout_s=mission.settings.timeout_s + 1.0)
         if mission.tracking is None:
             raise TypeError("a mission that follows a target has an order")
-        mission = Mission.from_tracking(settings, mission.tracking)
+        mission = Mission.for_target(settings, mission.tracking)
     return mission
 
 

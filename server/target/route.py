@@ -8,10 +8,10 @@ from fastapi.responses import StreamingResponse
 from pydantic import AwareDatetime
 
 from server.access.dependency import FoundationDep, Viewer
-from server.fleet.target_view import TrackReportsView
-from server.recording.track_export import track_csv_blocks
+from server.fleet.target_view import TargetReportsView
+from server.recording.target_export import target_csv_blocks
 from server.station_dependency import StationDep, encoded
-from server.target.history import TrackHistory
+from server.target.history import TargetHistory
 
 router = APIRouter(prefix="/api/robots", tags=["tracking"])
 
@@ -20,7 +20,7 @@ PlanQuery = Annotated[
 ]
 
 
-@router.get("/{robot}/tracking", response_model=TrackReportsView)
+@router.get("/{robot}/tracking", response_model=TargetReportsView)
 async def get_tracking(
     caller: Viewer,
     robot: str,
@@ -39,7 +39,7 @@ async def get_tracking(
     """
     del caller
     station.fleet.picture(robot)
-    found = await TrackHistory(foundation.store).reports(robot, plan, after, limit)
+    found = await TargetHistory(foundation.store).reports(robot, plan, after, limit)
     return encoded(found)
 
 
@@ -59,13 +59,13 @@ async def export_tracking(
     del caller
     record = station.fleet.picture(robot).record
     store = foundation.store
-    wanted = await TrackHistory(store).range_of(robot, plan)
+    wanted = await TargetHistory(store).range_of(robot, plan)
     mark = "SIMULATION_" if record.simulated else ""
     name = f"{mark}{robot}_{plan or 'all'}_tracking.csv"
 
     def blocks() -> Generator[str]:
         with store.read() as session:
-            yield from track_csv_blocks(session, record, wanted)
+            yield from target_csv_blocks(session, record, wanted)
 
     return StreamingResponse(
         blocks(),

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from autonomy.tracking.config import TrackingConfig
-from robot_link.tracking_order import TrackingOrder
+from robot_link.target_settings import TargetSettings
 from server.base.configuration import ConfigurationBook, CurrentConfiguration, merge
 from server.base.problem import Problem, conflict
 from server.plan.settings import below_config
@@ -16,18 +16,18 @@ Base = Literal["kept", "preset"]
 
 
 @dataclass(frozen=True, slots=True)
-class TrackSettings:
+class KeptTargetSettings:
     """What holds for a plan, as a kept version."""
 
     config_id: str
-    order: TrackingOrder
+    order: TargetSettings
     """As both ends compute with it."""
     inherited: list[InheritedView]
 
 
-async def configure_track(
+async def configure_target(
     book: ConfigurationBook, robot: str, patch: Mapping[str, Any], base: Base, *, by: str
-) -> TrackSettings:
+) -> KeptTargetSettings:
     """Keep the settings of a robot with a patch on top, unless they are refused.
 
     Raises:
@@ -48,7 +48,7 @@ async def configure_track(
         order = _order(holds)  # somebody may have changed another field meanwhile
     if holds.id is None:
         raise TypeError("a kept version has an id")
-    return TrackSettings(holds.id, order, list(_inherited(before, wish)))
+    return KeptTargetSettings(holds.id, order, list(_inherited(before, wish)))
 
 
 def unfit(error: ValueError) -> Problem:
@@ -75,9 +75,9 @@ def _unless_asked(before: CurrentConfiguration, patch: Mapping[str, Any]) -> Map
     return {**patch, "barrier": {**barrier, "controller": "barrier"}}
 
 
-def _order(settings: CurrentConfiguration) -> TrackingOrder:
+def _order(settings: CurrentConfiguration) -> TargetSettings:
     try:
-        return TrackingOrder.of(settings.value_as(TrackingConfig))
+        return TargetSettings.of(settings.value_as(TrackingConfig))
     except ValueError as error:
         raise unfit(error) from error
 

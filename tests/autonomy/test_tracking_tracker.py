@@ -15,7 +15,7 @@ from autonomy.tracking.config import (
     MotionConfig,
     RangingConfig,
 )
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from autonomy.tracking.tracker import RangeHeard, Tracker, TrackerReading, TrackerStart
 from tests.autonomy.tracking_water import DT_S, QUICK, Water, settings, silent
 
@@ -30,7 +30,7 @@ def spread(step):
 def test_a_target_near_the_first_guess_is_orbited_and_known():
     water = Water(settings(guess_ne_m=(0.3, -0.2)))
     step = water.swim(60.0)
-    assert step.phase is TrackPhase.TRACKING
+    assert step.phase is TargetPhase.TRACKING
     assert (step.reason, step.note) == ("", "")
     assert water.error < 0.3
     assert water.distance < 1.0
@@ -41,17 +41,17 @@ def test_a_target_near_the_first_guess_is_orbited_and_known():
 def test_before_the_first_range_it_waits_and_then_gives_up_with_a_sentence():
     water = Water(settings())
     step = water.swim(39.0, silent)
-    assert (step.phase, step.command, step.hypotheses) == (TrackPhase.WAITING, (0.0, 0.0), ())
+    assert (step.phase, step.command, step.hypotheses) == (TargetPhase.WAITING, (0.0, 0.0), ())
     step = water.swim(2.0, silent)
-    assert step.phase is TrackPhase.ENDED
+    assert step.phase is TargetPhase.ENDED
     assert step.reason == "no range of the target was heard in 40 s"
 
 
 def test_a_target_far_from_the_first_guess_is_found():
     water = Water(settings(guess_ne_m=(-3.0, 8.0)))
-    assert water.swim(0.1).phase is TrackPhase.LOST
+    assert water.swim(0.1).phase is TargetPhase.LOST
     step = water.swim(50.0)
-    assert step.phase is TrackPhase.TRACKING
+    assert step.phase is TargetPhase.TRACKING
     assert water.error < 0.5
 
 
@@ -60,14 +60,14 @@ def test_silence_for_a_minute_widens_the_estimate_and_the_target_is_found_again(
     water.swim(40.0)
     before = spread(water.newest)
     phases = [water.swim(1.0, silent).phase for _ in range(60)]
-    assert phases[:2] == [TrackPhase.TRACKING] * 2
-    assert phases[3:14] == [TrackPhase.COASTING] * 11
-    assert phases[15:] == [TrackPhase.LOST] * 45
+    assert phases[:2] == [TargetPhase.TRACKING] * 2
+    assert phases[3:14] == [TargetPhase.COASTING] * 11
+    assert phases[15:] == [TargetPhase.LOST] * 45
     assert spread(water.newest) > 3.0 * before
     assert "no range was believed" in water.newest.note
     assert water.newest.range_age_s == pytest.approx(60.0, abs=0.2)
     step = water.swim(40.0)
-    assert step.phase is TrackPhase.TRACKING
+    assert step.phase is TargetPhase.TRACKING
     assert water.error < 0.5
 
 
@@ -75,10 +75,10 @@ def test_silence_without_end_ends_the_track_with_a_sentence():
     water = Water(settings())
     water.swim(10.0)
     step = water.swim(60.0, silent)
-    assert step.phase is TrackPhase.ENDED
+    assert step.phase is TargetPhase.ENDED
     assert step.reason.startswith("track lost for 40 s: no range was believed")
     assert step.command == (0.0, 0.0)
-    assert water.swim(1.0).phase is TrackPhase.ENDED
+    assert water.swim(1.0).phase is TargetPhase.ENDED
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -1.0, 1e300, -math.inf])
@@ -98,23 +98,23 @@ def test_a_range_of_no_time_is_counted_and_not_used(age_s):
     water.swim(1.0)
     step = water.swim(5.0, lambda range_m: (RangeHeard(range_m, age_s),))
     assert step.ranges_rejected == 50
-    assert step.phase is TrackPhase.COASTING
+    assert step.phase is TargetPhase.COASTING
 
 
 def test_only_bad_ranges_end_the_track_as_silence_does():
     water = Water(settings())
     step = water.swim(41.0, lambda _: (RangeHeard(math.nan),))
-    assert (step.phase, step.ranges_rejected) == (TrackPhase.ENDED, 410)
+    assert (step.phase, step.ranges_rejected) == (TargetPhase.ENDED, 410)
     assert "no range of the target was heard" in step.reason
 
 
 def test_a_target_on_top_of_the_robot_measures_zero_and_is_survived():
     water = Water(settings(guess_std_m=0.2), pose=(0.0, 0.0, 0.3, 0.1))
     step = water.swim(3.0, lambda _: (RangeHeard(0.0),))
-    assert step.phase in {TrackPhase.TRACKING, TrackPhase.LOST}
+    assert step.phase in {TargetPhase.TRACKING, TargetPhase.LOST}
     assert np.isfinite(step.hypotheses[0].position_ne_m).all()
     step = water.swim(40.0)
-    assert step.phase is TrackPhase.TRACKING
+    assert step.phase is TargetPhase.TRACKING
     assert water.error < 0.5
 
 
@@ -124,7 +124,7 @@ def test_single_jumps_of_the_range_are_not_believed():
     rejected = water.newest.ranges_rejected
     jumps = iter(range(100_000))
     step = water.swim(20.0, lambda r: (RangeHeard(r + (25.0 if next(jumps) % 4 == 0 else 0.0)),))
-    assert step.phase is TrackPhase.TRACKING
+    assert step.phase is TargetPhase.TRACKING
     assert step.ranges_rejected - rejected >= 50
     assert water.error < 0.4
 
@@ -134,10 +134,10 @@ def test_a_range_that_jumps_and_stays_is_believed_and_the_target_found_there():
     water.swim(30.0)
     water.target = np.array([9.0, 7.0])
     water.swim(1.5)
-    assert water.newest.phase is TrackPhase.LOST
+    assert water.newest.phase is TargetPhase.LOST
     assert "contradict" in water.newest.note
     step = water.swim(60.0)
-    assert step.phase is TrackPhase.TRACKING
+    assert step.phase is TargetPhase.TRACKING
     assert water.error < 0.5
 
 
@@ -146,7 +146,7 @@ def test_ranges_without_sense_end_the_track():
     water.swim(10.0)
     wild = np.random.default_rng(4)
     step = water.swim(70.0, lambda _: (RangeHeard(wild.uniform(0.0, 5000.0)),))
-    assert step.phase is TrackPhase.ENDED
+    assert step.phase is TargetPhase.ENDED
     assert step.reason.startswith("track lost for 40 s")
 
 
@@ -155,11 +155,11 @@ def test_a_standing_robot_says_so_and_ends():
     water.is_moved = False
     first = spread(water.swim(1.0))
     step = water.swim(20.0)
-    assert step.phase is TrackPhase.LOST
+    assert step.phase is TargetPhase.LOST
     assert "the robot stands" in step.note
     assert spread(step) > first
     step = water.swim(40.0)
-    assert step.phase is TrackPhase.ENDED
+    assert step.phase is TargetPhase.ENDED
     assert "the robot stands" in step.reason
 
 
@@ -168,21 +168,21 @@ def test_a_target_faster_than_the_robot_is_left_alone():
     water.swim(10.0)
     water.velocity = np.array([2.0, 0.0])
     step = water.swim(40.0)
-    assert step.phase is TrackPhase.ENDED
+    assert step.phase is TargetPhase.ENDED
     assert step.reason.startswith("the target is faster than the robot")
 
 
 def test_a_robot_that_does_not_know_its_heading_coasts_then_is_lost():
     water = Water(settings())
     water.swim(10.0)
-    for phase, seconds in ((TrackPhase.COASTING, 4.0), (TrackPhase.LOST, 6.0)):
+    for phase, seconds in ((TargetPhase.COASTING, 4.0), (TargetPhase.LOST, 6.0)):
         for _ in range(round(seconds / DT_S)):
             reading = replace(water.measured(), heading_rad=math.nan, own_ne_m=(math.nan, 0.0))
             step = water.tracker.step(reading, DT_S)
             assert np.isfinite([*step.command, *step.hypotheses[0].position_ne_m]).all()
         assert step.phase is phase
     assert "heading and speed" in step.note
-    assert water.swim(20.0).phase is TrackPhase.TRACKING
+    assert water.swim(20.0).phase is TargetPhase.TRACKING
 
 
 @pytest.mark.parametrize("controller", ["nominal", "mpc_condition", "mpc_trace"])
@@ -273,8 +273,8 @@ def test_thresholds_are_those_of_the_settings():
     ranging = QUICK.model_copy(update={"coast_after_s": 1.0, "lost_after_s": 2.0})
     water = Water(settings(ranging=ranging))
     water.swim(5.0)
-    assert water.swim(1.5, silent).phase is TrackPhase.COASTING
-    assert water.swim(1.0, silent).phase is TrackPhase.LOST
+    assert water.swim(1.5, silent).phase is TargetPhase.COASTING
+    assert water.swim(1.0, silent).phase is TargetPhase.LOST
 
 
 def test_a_robot_told_not_to_ping_says_so():
@@ -282,7 +282,7 @@ def test_a_robot_told_not_to_ping_says_so():
     water.swim(5.0)
     for _ in range(50):
         step = water.tracker.step(replace(water.measured(silent), is_quiet=True), DT_S)
-    assert step.phase is TrackPhase.COASTING
+    assert step.phase is TargetPhase.COASTING
     assert step.note == "the robot was told not to ping; no range was believed for 5 s"
 
 
@@ -319,7 +319,7 @@ def test_the_teaching_mode_tells_a_contradiction_and_does_not_search():
     config = settings(guess_ne_m=(-6.0, 2.0), barrier=BarrierConfig(controller="nominal"))
     water = Water(config)
     water.swim(15.0)
-    lost = [step for step in water.steps if step.phase is TrackPhase.LOST]
+    lost = [step for step in water.steps if step.phase is TargetPhase.LOST]
     assert lost
     assert all(step.command == step.nominal for step in lost)
     assert water.newest.ranges_rejected == 0
@@ -329,7 +329,7 @@ def test_a_robot_that_runs_away_by_mistake_does_not_blame_the_target():
     water = Water(settings(ranging=MINUTE, barrier=BarrierConfig(controller="nominal")))
     water.swim(160.0)
     assert water.distance > 20.0
-    assert water.newest.phase is TrackPhase.ENDED
+    assert water.newest.phase is TargetPhase.ENDED
     assert water.newest.reason.startswith("track lost for 120 s: the ranges contradict")
 
 

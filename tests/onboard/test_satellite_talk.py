@@ -25,7 +25,7 @@ from robot_link.messages import (
     RobotMode,
     StateReport,
     SystemId,
-    TrackReport,
+    TargetReport,
 )
 from robot_link.mission import Mission
 from robot_link.robot_program import CommandOutcome
@@ -37,7 +37,7 @@ from robot_link.satellite.order import pack_order
 from robot_link.satellite.record import read_mobile_originated
 from simulator.background import alongside
 from tests.robot_link.rig import until
-from tests.robot_link.track_case import track
+from tests.robot_link.target_case import track
 from tests.simulator.flight import EPOCH, TANK_PLANNER, mission, two_dives
 from tests.simulator.satellite_rig import IMEI, cellular, fast_clock, heard, iridium, network
 
@@ -106,7 +106,7 @@ class Afloat:
     surfaced_s: float = 20_000.0
     is_talking: bool = False
     digest_settings: None = None
-    track: TrackReport | None = None
+    track: TargetReport | None = None
 
     @property
     def time_s(self) -> float:
@@ -115,7 +115,7 @@ class Afloat:
     def state_report(self) -> StateReport:
         return STATE
 
-    def track_report(self) -> TrackReport | None:
+    def target_report(self) -> TargetReport | None:
         return self.track
 
 
@@ -215,11 +215,11 @@ async def test_one_program_calls_and_takes_a_mission_over_either_device(kind, tm
 async def test_record_of_a_robot_that_follows_a_target_tells_its_hold_on_it(tmp_path):
     async with talking(iridium, tmp_path) as rig:
         await until(lambda: bool(rig.records()))
-        assert rig.records()[0].track is None
+        assert rig.records()[0].target is None
         rig.program.track = track(ranges_heard=5000)
         rig.sky.accept(IMEI, b"garbage that only rings")
-        await until(lambda: rig.records()[-1].track is not None)
-        told = rig.records()[-1].track
+        await until(lambda: rig.records()[-1].target is not None)
+        told = rig.records()[-1].target
         assert told.ranges_heard == 5000
         assert told.hypotheses[0].weight == pytest.approx(0.75, abs=0.01)
 

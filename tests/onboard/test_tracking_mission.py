@@ -8,7 +8,7 @@ import pytest
 
 from autonomy.planner import primitive
 from autonomy.planner.plan import PrimitiveKind
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from onboard.link.robot_link import CommandOutcome
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode
 from simulator.fleet import GRACE_1, MINI_1
@@ -63,12 +63,12 @@ def test_robot_that_teaches_says_of_no_silence_that_it_searches():
     life = begin(changed(TANK, barrier={"controller": "nominal"}), seed=1)
     life.live(20.0)
     assert life.robot.program.obey(CommandKind.QUIET, "") is CommandOutcome.DONE
-    assert life.live_until(lambda: phase(life) is TrackPhase.LOST, 30.0)
+    assert life.live_until(lambda: phase(life) is TargetPhase.LOST, 30.0)
     assert life.executive.mode is RobotMode.TRACKING
 
 
 def is_wrong(life: Life) -> bool:
-    told = life.robot.program.track_report()
+    told = life.robot.program.target_report()
     return told is not None and len(told.hypotheses) > 0 and error_m(told) > 1.0
 
 
@@ -78,14 +78,14 @@ def test_target_that_falls_silent_is_lost_and_found_again():
     program = life.robot.program
     assert program.obey(CommandKind.QUIET, "") is CommandOutcome.DONE
     heard = report(life).ranges_heard
-    assert life.live_until(lambda: phase(life) is TrackPhase.COASTING, 10.0)
-    assert life.live_until(lambda: phase(life) is TrackPhase.LOST, 30.0)
+    assert life.live_until(lambda: phase(life) is TargetPhase.COASTING, 10.0)
+    assert life.live_until(lambda: phase(life) is TargetPhase.LOST, 30.0)
     assert life.executive.mode is RobotMode.SEARCHING
     assert report(life).is_quiet
     life.live(20.0)
     assert report(life).ranges_heard == heard
     assert program.obey(CommandKind.PING, "") is CommandOutcome.DONE
-    assert life.live_until(lambda: phase(life) is TrackPhase.TRACKING, 60.0)
+    assert life.live_until(lambda: phase(life) is TargetPhase.TRACKING, 60.0)
     life.live(60.0)
     assert error_m(report(life)) < 0.6
 
@@ -93,11 +93,11 @@ def test_target_that_falls_silent_is_lost_and_found_again():
 def test_mission_is_done_after_its_duration_and_the_report_falls_silent_soon_after():
     life = begin(changed(TANK, motion={"duration_s": 20.0}))
     assert end(life, 25.0) == (OnboardPlanState.DONE, "")
-    assert phase(life) is TrackPhase.ENDED
+    assert phase(life) is TargetPhase.ENDED
     life.live(30.0)
-    assert phase(life) is TrackPhase.ENDED
+    assert phase(life) is TargetPhase.ENDED
     life.live(40.0)
-    assert life.robot.program.track_report() is None
+    assert life.robot.program.target_report() is None
     assert life.executive.mode is RobotMode.IDLE
 
 
@@ -114,7 +114,7 @@ def test_held_robot_floats_without_pinging_and_goes_on_where_it_was():
     program = life.robot.program
     program.obey(CommandKind.HOLD, "")
     assert life.live_until(lambda: life.executive.mode is RobotMode.HOLDING, 20.0)
-    assert program.track_report() is None
+    assert program.target_report() is None
     assert program.wants_range() is None
     life.live(10.0)
     program.obey(CommandKind.RESUME, "")
@@ -188,7 +188,7 @@ def test_tag_that_never_answers_is_given_up_without_swimming_away():
     where = life.robot.body.plant.position_ned
     life.live(10.0)
     life.robot.program.hear_range(None, 0.2)
-    assert phase(life) is TrackPhase.WAITING
+    assert phase(life) is TargetPhase.WAITING
     state, reason = end(life, 20.0)
     assert state is OnboardPlanState.FAILED
     assert "no range of the target was heard" in reason

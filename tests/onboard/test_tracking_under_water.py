@@ -7,7 +7,7 @@ import pytest
 
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode
 from robot_link.mission import Mission, MissionSettings
-from robot_link.tracking_order import TrackingOrder
+from robot_link.target_settings import TargetSettings
 from simulator.fleet import GRACE_1, MINI_1
 from tests.simulator.flight import Life, horizontal
 from tests.simulator.pursuit_flight import (
@@ -71,7 +71,7 @@ def test_robot_under_water_comes_up_for_a_fix_when_it_is_unsure_and_goes_on():
     settings = MissionSettings(2.0, 0.15, 80000.0, 0.5, 0.5)
     config = changed(TANK, motion={"depth_m": 0.3})
     life = Life()
-    life.start(Mission.from_tracking(settings, TrackingOrder.of(config)))
+    life.start(Mission.for_target(settings, TargetSettings.of(config)))
     life.live(240.0)
     after = life.notebook.modes[life.notebook.modes.index(RobotMode.TRACKING) :]
     ups = [RobotMode.TRACKING, RobotMode.ABORTING, RobotMode.SURFACED, RobotMode.TRACKING]

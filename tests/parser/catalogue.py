@@ -20,7 +20,7 @@ from robot_link.mavlink.command import command_message, received_command
 from robot_link.mavlink.decode import decoded, robot_time
 from robot_link.mavlink.frame import MavlinkFrameReader
 from robot_link.mavlink.mission_item import mission_from_items, mission_items
-from robot_link.mavlink.track import track_message
+from robot_link.mavlink.target import target_message
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
@@ -59,8 +59,8 @@ from robot_link.transport.xbee_neighbour import (
 )
 from tests.robot_link.rig import mission
 from tests.robot_link.signed_push import form_push, json_push, private_key
+from tests.robot_link.target_case import track, tracking_mission
 from tests.robot_link.test_cloudloop import lingo
-from tests.robot_link.track_case import track, tracking_mission
 from tests.server.fake_link import state_report
 
 AT = datetime(2026, 11, 21, 8, 0, tzinfo=UTC)
@@ -97,7 +97,7 @@ def _radio() -> tuple[Parser, ...]:
             command_message(SYSTEM, CommandKind.SURFACE, CommandNumber(7), AT, None, confirmation=0)
         ),
         robot.pack(command_message(SYSTEM, CommandKind.QUIET, CommandNumber(8), AT, None)),
-        robot.pack(track_message(track())),
+        robot.pack(target_message(track())),
         b"".join(robot.pack(item) for item in mission_items(tracking_mission(), SYSTEM)),
     )
     packets = (
@@ -134,7 +134,7 @@ def _satellite() -> tuple[Parser, ...]:
     down = (*chunks, *orders)
     state = replace(state_report(ROBOT, at=AT))
     records = tuple(
-        compose(MobileOriginatedContent(counter=3, state=state, track=one), KEY, SYSTEM, 340)
+        compose(MobileOriginatedContent(counter=3, state=state, target=one), KEY, SYSTEM, 340)
         for one in (None, track(true_ne_m=(1.5, 0.75)))
     )
     return (

@@ -2,14 +2,14 @@
 
 from datetime import UTC, datetime, timedelta
 
-from autonomy.tracking.phase import TrackPhase
-from tests.db.track import track_report
+from autonomy.tracking.phase import TargetPhase
+from tests.db.target import target_report
 from tests.server.conftest import until
 
 
-def now_report(age_s=0.0, phase=TrackPhase.TRACKING, **changes):
+def now_report(age_s=0.0, phase=TargetPhase.TRACKING, **changes):
     at = datetime.now(UTC) - timedelta(seconds=age_s)
-    return track_report(0, phase, measured_at=at, received_at=at, **changes)
+    return target_report(0, phase, measured_at=at, received_at=at, **changes)
 
 
 async def tracking(client, **asked):

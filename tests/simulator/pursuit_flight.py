@@ -1,11 +1,11 @@
 """A simulated robot on a mission that follows a target, for tests."""
 
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from onboard.link.robot_link import CommandOutcome
-from robot_link.messages import OnboardPlanState, TrackReport
+from robot_link.messages import OnboardPlanState, TargetReport
 from robot_link.mission import Mission, MissionSettings
-from robot_link.tracking_order import TrackingOrder
+from robot_link.target_settings import TargetSettings
 from tests.simulator.flight import Life, horizontal
 
 TANK, LAKE = TRACKING_PRESETS["miniglider"], TRACKING_PRESETS["grace3"]
@@ -22,7 +22,7 @@ def changed(config: TrackingConfig, **groups) -> TrackingConfig:
 def order(config: TrackingConfig, number: int = 0) -> Mission:
     """Return a mission; another number is other noise of a virtual target's ranges."""
     settings = MissionSettings(2.0, 50.0, 80000.0 - number, 0.5, 0.5)
-    return Mission.from_tracking(settings, TrackingOrder.of(config))
+    return Mission.for_target(settings, TargetSettings.of(config))
 
 
 def begin(config: TrackingConfig, seed: int = 0, definition=None) -> Life:
@@ -31,17 +31,17 @@ def begin(config: TrackingConfig, seed: int = 0, definition=None) -> Life:
     return life
 
 
-def report(life: Life) -> TrackReport:
-    told = life.robot.program.track_report()
+def report(life: Life) -> TargetReport:
+    told = life.robot.program.target_report()
     assert told is not None
     return told
 
 
-def phase(life: Life) -> TrackPhase:
+def phase(life: Life) -> TargetPhase:
     return report(life).phase
 
 
-def error_m(told: TrackReport) -> float:
+def error_m(told: TargetReport) -> float:
     assert told.true_ne_m is not None
     return horizontal(told.hypotheses[0].position_ne_m, told.true_ne_m)
 

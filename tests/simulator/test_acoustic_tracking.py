@@ -6,17 +6,17 @@ from datetime import timedelta
 from statistics import median
 
 from autonomy.tracking.config import TRACKING_PRESETS
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
     OnboardPlanState,
     StateReport,
-    TrackReport,
+    TargetReport,
 )
 from robot_link.mission import Mission, MissionSettings
 from robot_link.station.link import StationLink
-from robot_link.tracking_order import TrackingOrder
+from robot_link.target_settings import TargetSettings
 from simulator.fleet import MINI_1
 from simulator.process import serve
 from simulator.target import TANK_TARGETS
@@ -39,8 +39,8 @@ FOLLOW = PRESET.model_copy(
         )
     }
 )
-PLAN = Mission.from_tracking(
-    MissionSettings(5.0, 50.0, 900.0, *MINI_1.start_ne_m), TrackingOrder.of(FOLLOW)
+PLAN = Mission.for_target(
+    MissionSettings(5.0, 50.0, 900.0, *MINI_1.start_ne_m), TargetSettings.of(FOLLOW)
 )
 
 
@@ -51,28 +51,28 @@ async def follow(link: StationLink, heard: Heard, expires) -> None:
     def tell(kind: CommandKind, plan=None) -> None:
         link.send_command(MINI_1.robot, kind, CommandNumber(next(numbers)), expires, plan)
 
-    def newest() -> TrackReport:
-        return heard.of(TrackReport)[-1]
+    def newest() -> TargetReport:
+        return heard.of(TargetReport)[-1]
 
     await until(lambda: heard.of(StateReport))
     report = await link.upload(MINI_1.robot, PLAN)
     assert report.state is OnboardPlanState.ON_BOARD
-    assert not heard.of(TrackReport)
+    assert not heard.of(TargetReport)
     tell(CommandKind.START, PLAN.sha256())
-    await until(lambda: heard.of(TrackReport) and newest().ranges_heard >= 15)
-    assert newest().phase is TrackPhase.TRACKING
+    await until(lambda: heard.of(TargetReport) and newest().ranges_heard >= 15)
+    assert newest().phase is TargetPhase.TRACKING
     check_ranges(heard)
     tell(CommandKind.QUIET)
     await until(lambda: newest().is_quiet)
     silent = newest().ranges_heard
-    reports = len(heard.of(TrackReport))
-    await until(lambda: len(heard.of(TrackReport)) > reports + 5)
+    reports = len(heard.of(TargetReport))
+    await until(lambda: len(heard.of(TargetReport)) > reports + 5)
     assert newest().ranges_heard == silent
     tell(CommandKind.PING)
     await until(lambda: newest().ranges_heard > silent + 2)
     assert not newest().is_quiet
     tell(CommandKind.SURFACE)
-    await until(lambda: newest().phase is TrackPhase.ENDED)
+    await until(lambda: newest().phase is TargetPhase.ENDED)
 
 
 def check_ranges(heard: Heard) -> None:
@@ -81,7 +81,7 @@ def check_ranges(heard: Heard) -> None:
     Not every one: the age of a range is worse known the longer the machine kept its answer.
     """
     errors_m = []
-    for report in heard.of(TrackReport):
+    for report in heard.of(TargetReport):
         assert report.true_ne_m is None
         if report.range_m is not None:
             at = report.measured_at - timedelta(seconds=report.range_age_s)
@@ -115,7 +115,7 @@ async def test_program_in_a_process_of_its_own_pings_by_its_acoustic_node(tmp_pa
         expires = chosen.clock().now() + timedelta(hours=1)
         number = CommandNumber(1)
         link.send_command(MINI_1.robot, CommandKind.START, number, expires, PLAN.sha256())
-        await until(lambda: any(one.ranges_heard >= 10 for one in heard.of(TrackReport)))
-        assert heard.of(TrackReport)[-1].phase is TrackPhase.TRACKING
+        await until(lambda: any(one.ranges_heard >= 10 for one in heard.of(TargetReport)))
+        assert heard.of(TargetReport)[-1].phase is TargetPhase.TRACKING
 
     await with_program(chosen, MINI_1, tmp_path / "memory", work)

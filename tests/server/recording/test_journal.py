@@ -28,7 +28,7 @@ from server.recording.replay import compare, replay_into
 from server.recording.tlog import tlog_blocks
 from server.station import Station
 from simulator.xbee_network import AirConditions, XBeeNetwork
-from tests.db.track import track_report
+from tests.db.target import target_report
 from tests.server.conftest import MINI, until
 
 STATION_RADIO = Address(0x0013A200_41F000FF)
@@ -41,7 +41,7 @@ async def talk(link):
     """Report states and samples for a while, one of them impossible, as a real robot would."""
     for number in range(SAMPLES):
         link.report_state(state(1, float(number)))
-        link.report_track(replace(track_report(number), measured_at=datetime.now(UTC)))
+        link.report_target(replace(target_report(number), measured_at=datetime.now(UTC)))
         at = datetime.now(UTC)
         depth_m = 900.0 if number == 7 else 0.4
         link.record_sample("blue_light", 0.1 * number, (1.0, 0.5, depth_m), 0.05, at)

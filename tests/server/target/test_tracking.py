@@ -5,8 +5,8 @@ from datetime import UTC, datetime, timedelta
 
 import pytest
 
-from autonomy.tracking.phase import TrackPhase
-from db.query.tracking import newest_track_report
+from autonomy.tracking.phase import TargetPhase
+from db.query.target_reports import newest_target_report
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, TargetEstimate
 from server.base.live_feed import LiveFeed
 from tests.server.conftest import MINI, open_station, until
@@ -67,7 +67,7 @@ async def test_an_estimate_that_diverged_is_shown(client, world):
     [
         ({"is_barrier_on": False}, "Following its target, teaching: barrier off"),
         ({"is_barrier_on": True}, "Following its target"),
-        ({"is_barrier_on": False, "phase": TrackPhase.ENDED}, "Following its target"),
+        ({"is_barrier_on": False, "phase": TargetPhase.ENDED}, "Following its target"),
     ],
 )
 async def test_every_page_says_in_the_robots_own_line_that_it_teaches(
@@ -84,7 +84,7 @@ async def test_a_robot_with_a_wrong_clock_is_shown_by_its_arrival(client, statio
     world.tell(state_report(MINI, at=years_ago, received_at=datetime.now(UTC)))
     report = replace(now_report(), measured_at=years_ago)
     world.tell(report)
-    shown = station.fleet.picture(MINI).track_report
+    shown = station.fleet.picture(MINI).target_report
     assert abs(shown.measured_at - report.received_at) < timedelta(minutes=1)
 
 
@@ -102,7 +102,7 @@ async def test_a_report_ends_with_the_flight_of_another_plan(client, station, wo
     await upload(client, plan, start=True)
     await plan_in(client, plan, "running")
     world.robots[MINI].say(OnboardPlanState.RUNNING)
-    assert station.fleet.picture(MINI).track_report is None
+    assert station.fleet.picture(MINI).target_report is None
     assert (await client.get("/api/robots/mini-1/state")).json()["tracking"] is None
 
 
@@ -111,14 +111,14 @@ async def test_a_mission_that_ended_long_ago_concerns_nobody(client, station, wo
     async def shown():
         return (await client.get("/api/robots/mini-1/state")).json()["tracking"]
 
-    world.tell(now_report(1000.0, TrackPhase.ENDED))
+    world.tell(now_report(1000.0, TargetPhase.ENDED))
     assert await shown() is None
     assert station._scene_source(MINI).target() is None
     world.tell(now_report(900.0))
     assert (await shown())["phase"] == "tracking", "for all one knows it goes on"
     world.robots[MINI].say(OnboardPlanState.DONE)
     assert await shown() is None
-    world.tell(now_report(30.0, TrackPhase.ENDED))
+    world.tell(now_report(30.0, TargetPhase.ENDED))
     assert (await shown())["phase"] == "ended"
 
 
@@ -133,10 +133,10 @@ async def test_scene_draws_what_the_robot_says_and_greys_what_is_old(station, wo
     assert shown.hypotheses[0].position_ned == (1.4, 0.8, 0.3)
     assert shown.true_ned == (1.43, 0.76, 0.3)
     assert (shown.range_m, shown.is_old) == (0.52, False)
-    world.tell(replace(now_report(), phase=TrackPhase.LOST))
+    world.tell(replace(now_report(), phase=TargetPhase.LOST))
     lost = source.target()
     assert (lost.range_m, lost.is_old) == (None, True)
-    world.tell(now_report(phase=TrackPhase.ENDED))
+    world.tell(now_report(phase=TargetPhase.ENDED))
     assert source.target().is_old
 
 
@@ -178,10 +178,10 @@ async def test_what_was_shown_is_shown_again_after_a_restart(tmp_path, world):
 
         async def stored():
             return await station.foundation.store.query(
-                lambda session: newest_track_report(session, MINI)
+                lambda session: newest_target_report(session, MINI)
             )
 
         assert await until(stored) == report
     async with open_station(tmp_path, world) as station:
-        assert station.fleet.picture(MINI).track_report == report
+        assert station.fleet.picture(MINI).target_report == report
         assert station.fleet.live_view(MINI).tracking.phase == "tracking"

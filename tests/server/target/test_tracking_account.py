@@ -11,8 +11,8 @@ from autonomy.vehicle.battery import BATTERY_PRESETS, RESERVE, swimming_power_w
 from autonomy.vehicle.config import VEHICLES
 from robot_link.messages import RobotMode
 from robot_link.mission import Mission, MissionSettings
-from robot_link.tracking_order import TrackingOrder
-from server.plan.target_account import dives_of, track_account
+from robot_link.target_settings import TargetSettings
+from server.plan.target_account import dives_of, target_account
 from server.plan.target_battery import battery_of, battery_violations
 from tests.server.conftest import GRACE, MINI
 from tests.server.fake_link import state_report
@@ -31,7 +31,7 @@ def changed(vehicle="miniglider", **groups):
 
 
 def account(config, planner=MINI_PLANNER, vehicle=MINI_MODEL, state=None):
-    return track_account(config, planner, vehicle, state, size=100, credits=3, battery=None)
+    return target_account(config, planner, vehicle, state, size=100, credits=3, battery=None)
 
 
 @pytest.mark.parametrize("depth_m", [0.0, 0.4])
@@ -43,9 +43,9 @@ def test_energy_surfacings_and_battery_are_near_what_a_robot_takes_that_flies_it
     life = Life()
     battery = life.robot.body.battery
     life.start(
-        Mission.from_tracking(
+        Mission.for_target(
             MissionSettings(2.0, planner.max_uncertainty_m, 80000.0, 0.5, 0.5),
-            TrackingOrder.of(config),
+            TargetSettings.of(config),
         )
     )
     full = battery.fraction

@@ -7,7 +7,7 @@ import pytest
 
 from autonomy.site import LAKE, TANK
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from db.query.plans import PlanRecord
 from db.query.robots import RobotRecord
 from robot_link.messages import (
@@ -20,17 +20,17 @@ from robot_link.messages import (
 from robot_link.satellite.content import MobileOriginatedContent
 from server.alarm.rules import RULES, Watch
 from server.fleet.picture import Picture, PlanInHand
-from server.fleet.target_words import track_text, within_95_m
+from server.fleet.target_words import target_text, within_95_m
 from server.fleet.trail import Track
 from server.fleet.words import activity
 from server.plan.document import points_of
 from server.plan.target_check import (
     target_path,
-    track_violations,
-    track_warnings,
+    target_violations,
+    target_warnings,
 )
 from server.satellite.content import values_of
-from tests.db.track import track_report
+from tests.db.target import target_report
 from tests.server.fake_link import state_report
 
 NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
@@ -62,8 +62,8 @@ def fields(found):
 )
 def test_the_presets_break_no_limit_and_need_no_warning(vehicle, site, position):
     picture, config = picture_in(site, position), TRACKING_PRESETS[vehicle]
-    assert track_violations(picture, config) == []
-    assert track_warnings(picture, config, is_quiet=False) == []
+    assert target_violations(picture, config) == []
+    assert target_warnings(picture, config, is_quiet=False) == []
 
 
 @pytest.mark.parametrize(
@@ -99,22 +99,22 @@ def test_the_presets_break_no_limit_and_need_no_warning(vehicle, site, position)
     ],
 )
 def test_each_limit_is_named_by_its_field(groups, field, words):
-    found = track_violations(picture_in(TANK), changed(**groups))
+    found = target_violations(picture_in(TANK), changed(**groups))
     assert fields(found) == [field]
     assert words in found[0].message
 
 
 def test_land_within_the_box_of_a_lake_is_no_water():
     picture = picture_in(LAKE, (250.0, 250.0, 0.0))
-    found = track_violations(picture, changed(target={"north_m": 10.0, "east_m": 490.0}))
+    found = target_violations(picture, changed(target={"north_m": 10.0, "east_m": 490.0}))
     assert fields(found) == ["target.north_m"]
 
 
 def test_a_robot_that_cannot_do_it_now_is_named():
     far = picture_in(TANK, (30.0, 0.0, 0.0))
-    assert fields(track_violations(far, TRACKING_PRESETS["miniglider"])) == ["start"]
+    assert fields(target_violations(far, TRACKING_PRESETS["miniglider"])) == ["start"]
     empty = picture_in(TANK, battery_fraction=0.15)
-    (one,) = track_violations(empty, TRACKING_PRESETS["miniglider"])
+    (one,) = target_violations(empty, TRACKING_PRESETS["miniglider"])
     assert one.field == "start"
     assert "15% of its battery" in one.message
 
@@ -130,17 +130,17 @@ def test_a_robot_that_cannot_do_it_now_is_named():
 )
 def test_what_a_person_should_know_is_a_warning_and_no_limit(barrier, field):
     config = changed(barrier=barrier)
-    assert fields(track_warnings(picture_in(TANK), config, is_quiet=False)) == [field]
-    assert track_violations(picture_in(TANK), config) == []
+    assert fields(target_warnings(picture_in(TANK), config, is_quiet=False)) == [field]
+    assert target_violations(picture_in(TANK), config) == []
 
 
 def test_swimming_out_of_radios_reach_and_silence_are_warned_of():
     lake = picture_in(LAKE, (250.0, 250.0, 0.0))
     deep = changed(motion={"depth_m": 2.0})
-    assert fields(track_warnings(lake, deep, is_quiet=False)) == ["motion.depth_m"]
+    assert fields(target_warnings(lake, deep, is_quiet=False)) == ["motion.depth_m"]
     shallow = changed(motion={"depth_m": 0.5})
-    assert track_warnings(picture_in(TANK), shallow, is_quiet=False) == []
-    assert fields(track_warnings(picture_in(TANK), changed(), is_quiet=True)) == ["quiet"]
+    assert target_warnings(picture_in(TANK), shallow, is_quiet=False) == []
+    assert fields(target_warnings(picture_in(TANK), changed(), is_quiet=True)) == ["quiet"]
 
 
 def test_path_of_a_target_that_turns_comes_back():
@@ -171,14 +171,14 @@ def test_swing_out_of_the_water_is_found_however_short():
     config = changed(
         target={**swing, "east_m": 0.385}, motion={"duration_s": 43200.0, "speed_max_m_s": 0.2}
     )
-    (one,) = track_violations(picture_in(TANK), config)
+    (one,) = target_violations(picture_in(TANK), config)
     assert one.field == "target.path"
     late = changed(
         target={"path": "sine", "heading_rad": 0.0, "north_m": 0.5, "speed_m_s": 1e-4,
                 "period_s": 30.0, "width_m": 0.1},
         motion={"duration_s": 80000.0, "speed_max_m_s": 0.2},
     )  # fmt: skip
-    (one,) = track_violations(picture_in(TANK), late)
+    (one,) = target_violations(picture_in(TANK), late)
     assert one.field == "target.path"
 
 
@@ -209,11 +209,11 @@ def alarm(picture):
 def test_a_lost_target_is_an_alarm_as_long_as_the_mission_lasts():
     picture = picture_in(TANK)
     assert alarm(picture) is None
-    picture.track_report = track_report(0, TrackPhase.LOST)
+    picture.target_report = target_report(0, TargetPhase.LOST)
     assert alarm(picture).text == "mini-1 lost its target; it circles to find it."
-    picture.track_report = replace(picture.track_report, is_barrier_on=False)
+    picture.target_report = replace(picture.target_report, is_barrier_on=False)
     assert alarm(picture).text == "mini-1 lost its target; it does not search for it."
-    picture.track_report = replace(picture.track_report, is_quiet=True)
+    picture.target_report = replace(picture.target_report, is_quiet=True)
     assert alarm(picture).text == "mini-1 lost its target; it was told not to ping."
     picture.plan_report = PlanReport(
         MINI, "a" * 64, OnboardPlanState.FAILED, 0, 0, 1.0, "lost", NOW, NOW
@@ -225,14 +225,14 @@ def test_the_alarm_of_a_lost_target_says_how_that_ended():
     (rule,) = (rule for rule in RULES if rule.cause == "target")
     picture = picture_in(TANK)
     for phase, how in (
-        (TrackPhase.TRACKING, "found again"),
-        (TrackPhase.COASTING, "found again"),
-        (TrackPhase.WAITING, "its pursuit ended"),
-        (TrackPhase.ENDED, "its pursuit ended"),
+        (TargetPhase.TRACKING, "found again"),
+        (TargetPhase.COASTING, "found again"),
+        (TargetPhase.WAITING, "its pursuit ended"),
+        (TargetPhase.ENDED, "its pursuit ended"),
     ):
-        picture.track_report = track_report(0, phase)
+        picture.target_report = target_report(0, phase)
         assert rule.over(picture) == f"mini-1 lost its target; {how}."
-    picture.track_report = track_report(0, TrackPhase.TRACKING)
+    picture.target_report = target_report(0, TargetPhase.TRACKING)
     picture.plan_report = PlanReport(
         MINI, "a" * 64, OnboardPlanState.FAILED, 0, 0, 1.0, "lost", NOW, NOW
     )
@@ -241,7 +241,7 @@ def test_the_alarm_of_a_lost_target_says_how_that_ended():
 
 def test_a_loss_in_an_earlier_mission_is_no_alarm_while_another_is_flown():
     picture = picture_in(TANK)
-    picture.track_report = track_report(0, TrackPhase.LOST)
+    picture.target_report = target_report(0, TargetPhase.LOST)
     picture.plan_report = PlanReport(
         MINI, "a" * 64, OnboardPlanState.RUNNING, 0, 0, 1.0, "", NOW, NOW
     )
@@ -252,8 +252,8 @@ def test_a_loss_in_an_earlier_mission_is_no_alarm_while_another_is_flown():
 
 
 def test_a_satellite_record_tells_of_the_target_as_radio_does():
-    state, report = state_report(MINI), track_report(0, TrackPhase.LOST)
-    content = MobileOriginatedContent(counter=3, state=state, track=report)
+    state, report = state_report(MINI), target_report(0, TargetPhase.LOST)
+    content = MobileOriginatedContent(counter=3, state=state, target=report)
     assert values_of(content, MINI, NOW, NOW, lambda digits: None) == [state, report]
 
 
@@ -264,11 +264,11 @@ ROUND = TargetEstimate((1.4, 0.8), (0.0, 0.0), (0.01, 0.0, 0.01), 1.0)
     ("changes", "text"),
     [
         (
-            {"phase": TrackPhase.WAITING, "hypotheses": (), "range_m": None},
+            {"phase": TargetPhase.WAITING, "hypotheses": (), "range_m": None},
             "mini-1 has heard no range of its target yet.",
         ),
         (
-            {"phase": TrackPhase.WAITING, "hypotheses": (), "is_quiet": True},
+            {"phase": TargetPhase.WAITING, "hypotheses": (), "is_quiet": True},
             "mini-1 has heard no range of its target yet; it was told not to ping.",
         ),
         (
@@ -290,18 +290,18 @@ ROUND = TargetEstimate((1.4, 0.8), (0.0, 0.0), (0.01, 0.0, 0.01), 1.0)
             "mini-1 follows its target, 0.50 m away, known within 0.24 m.",
         ),
         (
-            {"phase": TrackPhase.COASTING, "hypotheses": (ROUND,), "range_age_s": 4.2},
+            {"phase": TargetPhase.COASTING, "hypotheses": (ROUND,), "range_age_s": 4.2},
             "mini-1 goes on by dead reckoning; the newest range is 4.2 s old, known within 0.24 m.",
         ),
         (
-            {"phase": TrackPhase.LOST, "range_age_s": 21.3},
+            {"phase": TargetPhase.LOST, "range_age_s": 21.3},
             "mini-1 lost its target; the newest range is 21 s old; it circles to find it.",
         ),
         (
-            {"phase": TrackPhase.LOST, "is_quiet": True},
+            {"phase": TargetPhase.LOST, "is_quiet": True},
             "mini-1 lost its target, for it was told not to ping; it circles to find it.",
         ),
-        ({"phase": TrackPhase.ENDED}, "mini-1 follows its target no longer."),
+        ({"phase": TargetPhase.ENDED}, "mini-1 follows its target no longer."),
         (
             {"hypotheses": (ROUND,), "is_barrier_on": False},
             "mini-1 follows its target, 0.50 m away, known within 0.24 m. Nothing keeps the target "
@@ -310,7 +310,7 @@ ROUND = TargetEstimate((1.4, 0.8), (0.0, 0.0), (0.01, 0.0, 0.01), 1.0)
     ],
 )
 def test_each_phase_has_its_sentence(changes, text):
-    assert track_text(replace(track_report(0), **changes)) == text
+    assert target_text(replace(target_report(0), **changes)) == text
 
 
 def test_larger_axis_of_an_ellipse_does_not_depend_on_how_it_lies():

@@ -6,7 +6,7 @@ from datetime import datetime
 
 import pytest
 
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from robot_link.messages import OnboardPlanState
 from tests.server.conftest import MINI
 from tests.server.fake_link import state_report
@@ -111,12 +111,12 @@ async def flown_to_its_end(client, world, end):
     await upload(client, plan, start=True)
     await plan_in(client, plan, "running")
     world.tell(now_report())
-    rising = now_report(phase=TrackPhase.ENDED)
+    rising = now_report(phase=TargetPhase.ENDED)
     world.tell(rising)
     before = (await kept(client, 2))["reports"][-1]
     assert (before["reason"], before["text"]) == ("", "mini-1 follows its target no longer.")
     end(fake)
-    world.tell(now_report(phase=TrackPhase.ENDED))
+    world.tell(now_report(phase=TargetPhase.ENDED))
     listed = (await kept(client, 3))["reports"]
     assert [one["reason"] for one in listed] == ["", *[listed[-1]["reason"]] * 2]
     live = (await client.get("/api/robots/mini-1/state")).json()["tracking"]

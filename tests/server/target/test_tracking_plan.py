@@ -8,10 +8,10 @@ import pytest
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from db.query.plans import get_plan
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState, RobotMode
-from robot_link.mission import TRACKING_FORMAT
-from robot_link.tracking_order import TrackingOrder
+from robot_link.mission import TARGET_FORMAT
+from robot_link.target_settings import TargetSettings
 from server.plan.document import mission_of
-from server.plan.target_check import outdated_track
+from server.plan.target_check import outdated_target
 from tests.server.conftest import GRACE, MINI, open_station, until
 from tests.server.fake_link import state_report
 from tests.server.transfer.test_upload import plan_in, transfer_in, upload
@@ -34,7 +34,7 @@ async def test_it_is_a_draft_at_once_with_settings_account_and_hash(client):
     found = await draft(client, {"motion": {"duration_s": 300.0}})
     assert (found["state"], found["kind"]) == ("draft", "track_target")
     motion = PRESET.motion.model_copy(update={"duration_s": 300.0})
-    travels = TrackingOrder.of(PRESET.model_copy(update={"motion": motion})).config()
+    travels = TargetSettings.of(PRESET.model_copy(update={"motion": motion})).config()
     assert found["tracking"] == found["config"] == travels.model_dump(mode="json")
     assert found["violations"] == found["warnings"] == []
     assert found["legs"] == found["points"] == []
@@ -58,7 +58,7 @@ async def test_path_of_a_virtual_target_lasts_as_long_as_the_mission(client):
 async def test_what_travels_says_what_the_plan_says(client, station):
     found = await draft(client, {"barrier": {"slope": 0.5}})
     mission = mission_of(await station.plans.get(found["id"]))
-    assert mission.format == TRACKING_FORMAT
+    assert mission.format == TARGET_FORMAT
     assert mission.sha256() == found["sha256"]
     assert mission.legs == ()
     assert mission.tracking.config().barrier.slope == 0.5
@@ -270,8 +270,8 @@ async def test_a_draft_grows_old(client, station):
     record = await station.foundation.store.query(lambda session: get_plan(session, plan))
     limit = timedelta(seconds=record.document["draft_age_s"])
     picture = station.fleet.picture(MINI)
-    assert outdated_track(record, picture, record.created_at + limit) == []
-    late = outdated_track(record, picture, record.created_at + 2 * limit)
+    assert outdated_target(record, picture, record.created_at + limit) == []
+    late = outdated_target(record, picture, record.created_at + 2 * limit)
     assert [one.field for one in late] == ["mission.draft_age_s"]
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from db.query.events import events_after
 from robot_link.messages import OnboardPlanState, TargetEstimate
 from tests.server.conftest import MINI, open_station, until
@@ -11,10 +11,10 @@ from tests.server.target_reports import events_of, kept, now_report
 
 async def test_loss_and_return_of_a_target_are_told_once_each(client, world):
     world.tell(now_report(60.0))
-    first = now_report(40.0, TrackPhase.LOST)
-    for report in (first, now_report(39.0, TrackPhase.LOST), now_report(30.0, TrackPhase.LOST)):
+    first = now_report(40.0, TargetPhase.LOST)
+    for report in (first, now_report(39.0, TargetPhase.LOST), now_report(30.0, TargetPhase.LOST)):
         world.tell(report)
-    world.tell(now_report(28.0, TrackPhase.COASTING))
+    world.tell(now_report(28.0, TargetPhase.COASTING))
     await kept(client, 5)
     again = now_report(26.0)
     world.tell(again)
@@ -34,7 +34,7 @@ async def test_loss_and_return_of_a_target_are_told_once_each(client, world):
 
 
 async def test_a_silent_robot_says_why_it_lost_its_target(client, world):
-    world.tell(now_report(phase=TrackPhase.LOST, is_quiet=True))
+    world.tell(now_report(phase=TargetPhase.LOST, is_quiet=True))
 
     async def told():
         return await events_of(client, "track.lost")
@@ -44,8 +44,8 @@ async def test_a_silent_robot_says_why_it_lost_its_target(client, world):
 
 
 async def test_a_mission_that_ends_without_its_target_says_so(client, world):
-    world.tell(now_report(9.0, TrackPhase.LOST))
-    world.tell(now_report(5.0, TrackPhase.ENDED))
+    world.tell(now_report(9.0, TargetPhase.LOST))
+    world.tell(now_report(5.0, TargetPhase.ENDED))
 
     async def told():
         return await events_of(client, "track.ended")
@@ -58,7 +58,7 @@ async def test_a_mission_that_ends_without_its_target_says_so(client, world):
 
 
 async def test_a_target_of_the_next_mission_is_not_the_lost_one_found_again(client, world):
-    world.tell(now_report(9.0, TrackPhase.LOST))
+    world.tell(now_report(9.0, TargetPhase.LOST))
     world.robots[MINI].say(OnboardPlanState.FAILED)
     world.tell(now_report(-1.0))
 
@@ -70,8 +70,8 @@ async def test_a_target_of_the_next_mission_is_not_the_lost_one_found_again(clie
 
 
 async def test_a_held_mission_that_goes_on_has_not_ended(client, world):
-    world.tell(now_report(9.0, TrackPhase.LOST))
-    world.tell(now_report(5.0, TrackPhase.WAITING, hypotheses=(), range_m=None))
+    world.tell(now_report(9.0, TargetPhase.LOST))
+    world.tell(now_report(5.0, TargetPhase.WAITING, hypotheses=(), range_m=None))
 
     async def told():
         return await events_of(client, "track.ended")
@@ -85,7 +85,7 @@ async def test_a_held_mission_that_goes_on_has_not_ended(client, world):
 async def test_a_loss_that_a_killed_station_had_not_told_is_told_at_its_next_start(tmp_path, world):
     async with open_station(tmp_path, world) as station:
         # As after a kill between the row and its event.
-        report = now_report(20.0, TrackPhase.LOST)
+        report = now_report(20.0, TargetPhase.LOST)
         station.foundation.store.append([report]).result(60)
         assert await told_of(station, "track.lost") == 0
     for _ in range(2):
@@ -95,9 +95,9 @@ async def test_a_loss_that_a_killed_station_had_not_told_is_told_at_its_next_sta
                 return await told_of(station, "track.lost") == 1
 
             await until(told)
-            world.tell(now_report(10.0, TrackPhase.LOST))
+            world.tell(now_report(10.0, TargetPhase.LOST))
     async with open_station(tmp_path, world) as station:
-        assert station.fleet.picture(MINI).track_report.phase is TrackPhase.LOST
+        assert station.fleet.picture(MINI).target_report.phase is TargetPhase.LOST
         world.tell(now_report(0.0))
 
         async def found():
@@ -115,7 +115,7 @@ async def told_of(station, kind):
 
 
 async def test_a_lost_target_is_an_alarm_until_it_is_found(client, world):
-    world.tell(now_report(phase=TrackPhase.LOST))
+    world.tell(now_report(phase=TargetPhase.LOST))
 
     async def alarm(standing):
         alarms = (await client.get("/api/alarms")).json()
@@ -158,6 +158,6 @@ async def test_what_no_robot_can_mean_is_kept_out_and_told_once(client, station,
 
     await until(refused)
     assert len(await events_of(client, "track.refused")) == 1
-    assert station.fleet.picture(MINI).track_report is None
+    assert station.fleet.picture(MINI).target_report is None
     world.tell(now_report())
     await kept(client, 1)

@@ -10,11 +10,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.mavlink.decode import decoded
-from robot_link.mavlink.track import TRACK_FRAME_BYTES, can_travel, track_message, track_report
+from robot_link.mavlink.target import TARGET_FRAME_BYTES, can_travel, target_message, target_report
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
@@ -25,7 +25,7 @@ from robot_link.messages import (
     OnboardPlanState,
     SystemId,
     TargetEstimate,
-    TrackReport,
+    TargetReport,
 )
 from robot_link.satellite.frame import WireError, sealed_down, sealed_up
 from robot_link.satellite.order import pack_order, read_order
@@ -40,16 +40,16 @@ from robot_link.satellite.record import (
 from simulator.xbee_network import AirConditions
 from tests.robot_link import satellite_case
 from tests.robot_link.rig import MINI, ROUGH, rig, until
-from tests.robot_link.track_case import NOW, track, tracking_mission
+from tests.robot_link.target_case import NOW, track, tracking_mission
 
 ROBOT = Codec(SystemId(1), ROBOT_COMPONENT)
 ANSWERED = timedelta(hours=1)
 VIRTUAL = track(true_ne_m=(1.5, 0.75), is_quiet=True, is_feasible=True)
-WAITING = track(phase=TrackPhase.WAITING, hypotheses=(), range_m=None, range_age_s=0.0)
+WAITING = track(phase=TargetPhase.WAITING, hypotheses=(), range_m=None, range_age_s=0.0)
 
 
-def over_the_air(report: TrackReport) -> TrackReport:
-    (message,), bad = ROBOT.unpack(ROBOT.pack(track_message(report)))
+def over_the_air(report: TargetReport) -> TargetReport:
+    (message,), bad = ROBOT.unpack(ROBOT.pack(target_message(report)))
     assert bad == 0
     return decoded(message, report.robot, report.received_at)
 
@@ -62,7 +62,7 @@ def test_report_arrives_as_it_was(report):
     assert over_the_air(report) == report
 
 
-@given(st.sampled_from(TrackPhase), st.booleans(), st.booleans(), st.integers(0, 2**32 - 1))
+@given(st.sampled_from(TargetPhase), st.booleans(), st.booleans(), st.integers(0, 2**32 - 1))
 def test_every_phase_switch_and_count_arrives(phase, first, second, heard):
     report = track(
         phase=phase, is_barrier_on=first, is_feasible=second, is_quiet=first, ranges_heard=heard
@@ -72,7 +72,7 @@ def test_every_phase_switch_and_count_arrives(phase, first, second, heard):
 
 
 def test_bytes_of_a_report_stay_what_they_are():
-    payload = track_message(track()).pack(grace.MAVLink(None))[10:-2]
+    payload = target_message(track()).pack(grace.MAVLink(None))[10:-2]
     assert payload.hex() == (
         "009015ef2f530600"
         "0000a03f000000bf"  # time; x, y
@@ -93,7 +93,7 @@ def test_bytes_of_a_report_stay_what_they_are():
         "0c000000"
         "010203"  # heard, rejected; phase, hypotheses, flags
     )
-    assert len(payload) + 12 == TRACK_FRAME_BYTES == 147
+    assert len(payload) + 12 == TARGET_FRAME_BYTES == 147
 
 
 def test_age_of_no_range_does_not_travel():
@@ -104,10 +104,10 @@ def test_age_of_no_range_does_not_travel():
 
 @pytest.mark.parametrize("age_s", [math.nan, math.inf, -1.0])
 def test_age_that_came_without_a_range_is_not_kept(age_s):
-    message = track_message(WAITING)
+    message = target_message(WAITING)
     message.range_age = age_s
     (received,), _ = ROBOT.unpack(ROBOT.pack(message))
-    assert track_report(received, MINI, NOW).range_age_s == 0.0
+    assert target_report(received, MINI, NOW).range_age_s == 0.0
 
 
 def test_third_hypothesis_stays_on_board():
@@ -137,11 +137,11 @@ def test_third_hypothesis_stays_on_board():
     ],
 )
 def test_impossible_report_is_refused_with_a_sentence(field, value, sentence):
-    message = track_message(track())
+    message = target_message(track())
     setattr(message, field, value)
     (received,), _ = ROBOT.unpack(ROBOT.pack(message))
     with pytest.raises(ValueError, match=sentence):
-        track_report(received, MINI, NOW)
+        target_report(received, MINI, NOW)
 
 
 @pytest.mark.parametrize(
@@ -161,10 +161,10 @@ async def test_report_that_cannot_be_is_dropped_on_board_and_the_next_arrives(
     assert not can_travel(impossible)
     async with rig(tmp_path) as it, it.station() as (station, heard):
         await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
-        it.robots[MINI].link.report_track(impossible)
-        it.robots[MINI].link.report_track(track())
-        await until(lambda: heard.of(TrackReport))
-        (arrived,) = heard.of(TrackReport)
+        it.robots[MINI].link.report_target(impossible)
+        it.robots[MINI].link.report_target(track())
+        await until(lambda: heard.of(TargetReport))
+        (arrived,) = heard.of(TargetReport)
         assert replace(arrived, received_at=NOW) == track()
         assert station.link_report(MINI).frames_bad == 0
 
@@ -173,9 +173,9 @@ async def test_newer_report_replaces_those_that_a_busy_radio_did_not_take(tmp_pa
     async with rig(tmp_path, AirConditions(delay_s=0.05)) as it, it.station() as (station, heard):
         await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
         for number in range(20):
-            it.robots[MINI].link.report_track(track(ranges_heard=100 + number))
-        await until(lambda: [one.ranges_heard for one in heard.of(TrackReport)][-1:] == [119])
-        assert len(heard.of(TrackReport)) < 5
+            it.robots[MINI].link.report_target(track(ranges_heard=100 + number))
+        await until(lambda: [one.ranges_heard for one in heard.of(TargetReport)][-1:] == [119])
+        assert len(heard.of(TargetReport)) < 5
 
 
 async def test_reports_get_through_rough_air_unharmed(tmp_path: Path):
@@ -183,11 +183,11 @@ async def test_reports_get_through_rough_air_unharmed(tmp_path: Path):
         numbers = itertools.count(100)
 
         def enough() -> bool:
-            it.robots[MINI].link.report_track(track(ranges_heard=next(numbers)))
-            return len(heard.of(TrackReport)) > 5
+            it.robots[MINI].link.report_target(track(ranges_heard=next(numbers)))
+            return len(heard.of(TargetReport)) > 5
 
         await until(enough)
-        for one in heard.of(TrackReport):
+        for one in heard.of(TargetReport):
             assert replace(one, received_at=NOW) == track(ranges_heard=one.ranges_heard)
 
 
@@ -251,7 +251,7 @@ PLAN = ShortPlanReport("0123456789abcdef", OnboardPlanState.RUNNING, 0, 0, 1.0)
 
 @pytest.mark.parametrize("report", [track(), VIRTUAL, WAITING])
 def test_record_tells_every_estimate_and_the_rest_of_the_report(report):
-    found = told(MobileOriginatedContent(7, STATE, PLAN, track=report)).track
+    found = told(MobileOriginatedContent(7, STATE, PLAN, target=report)).target
     assert found is not None
     assert (found.robot, found.measured_at) == (STATE.robot, STATE.measured_at)
     assert found.position_ne_m == pytest.approx(STATE.position_ned[:2], abs=5e-4)
@@ -270,23 +270,23 @@ def test_record_tells_every_estimate_and_the_rest_of_the_report(report):
 
 def test_track_gives_way_to_what_proves_levels_and_samples_fill_the_rest():
     samples = tuple(satellite_case.sample(3 * number) for number in range(40))
-    content = MobileOriginatedContent(7, STATE, PLAN, samples=samples, track=track())
-    assert told(content, 70).track is None
+    content = MobileOriginatedContent(7, STATE, PLAN, samples=samples, target=track())
+    assert told(content, 70).target is None
     small, large = told(content, 120), told(content, 340)
-    assert small.track.hypotheses == large.track.hypotheses[:1], "both would not fit"
-    assert len(large.track.hypotheses) == 2
+    assert small.target.hypotheses == large.target.hypotheses[:1], "both would not fit"
+    assert len(large.target.hypotheses) == 2
     assert len(large.samples) > len(small.samples)
-    without = replace(content, track=None)
+    without = replace(content, target=None)
     assert sample_room(without, 340) - sample_room(content, 340) == 27 + 22 + 22 + 5
     for size in range(70, 341):
         assert sample_room(content, size) >= 0
-    assert told(replace(content, state=None)).track is None
+    assert told(replace(content, state=None)).target is None
 
 
 def test_numbers_beyond_a_field_of_the_record_stop_at_its_border():
     far = TargetEstimate((1e9, -1e9), (100.0, -100.0), (1.0, 0.0, 1.0), 1.0)
     report = track(hypotheses=(far,), range_m=1e6, range_age_s=1e6, ranges_heard=2**30)
-    found = told(MobileOriginatedContent(7, STATE, track=report)).track
+    found = told(MobileOriginatedContent(7, STATE, target=report)).target
     assert found.hypotheses[0].velocity_ne_m_s == (32.767, -32.767)
     assert found.hypotheses[0].position_ne_m[0] == pytest.approx(2_147_483.647)
     assert (found.range_m, found.range_age_s) == (16_777.215, 6553.5)
@@ -295,7 +295,7 @@ def test_numbers_beyond_a_field_of_the_record_stop_at_its_border():
 
 def record_with(track_bytes: bytes, *, has_state: bool = True) -> bytes:
     key, system = satellite_case.KEY, satellite_case.SYSTEM
-    whole = compose(MobileOriginatedContent(7, STATE, track=WAITING), key, system, 340)[:-8]
+    whole = compose(MobileOriginatedContent(7, STATE, target=WAITING), key, system, 340)[:-8]
     flags = 16 | 2 * has_state
     state = whole[6:39] if has_state else b""
     body = whole[:1] + bytes([flags]) + whole[2:6] + state + track_bytes
@@ -335,7 +335,7 @@ OLDER = (
 def test_track_of_an_older_robot_is_read():
     key, system = satellite_case.KEY, satellite_case.SYSTEM
     record = record_with(bytes.fromhex(OLDER))
-    found = read_mobile_originated(record, key, system, satellite_case.ROBOT, NOW).track
+    found = read_mobile_originated(record, key, system, satellite_case.ROBOT, NOW).target
     (only,) = found.hypotheses
     assert only.position_ne_m == (1.75, 0.625)
     assert only.weight == pytest.approx(0.75, abs=0.5 / 255)
@@ -345,8 +345,8 @@ def test_track_of_an_older_robot_is_read():
 def test_least_track_is_taken():
     key, system = satellite_case.KEY, satellite_case.SYSTEM
     record = record_with(GOOD)
-    found = read_mobile_originated(record, key, system, satellite_case.ROBOT, NOW).track
-    assert (found.phase, found.hypotheses, found.range_m) == (TrackPhase.WAITING, (), None)
+    found = read_mobile_originated(record, key, system, satellite_case.ROBOT, NOW).target
+    assert (found.phase, found.hypotheses, found.range_m) == (TargetPhase.WAITING, (), None)
 
 
 @settings(max_examples=300)
@@ -357,7 +357,7 @@ def test_any_bytes_are_a_possible_track_or_refused(data):
         content = read_mobile_originated(record_with(data), key, system, satellite_case.ROBOT, NOW)
     except WireError:
         return
-    assert can_travel(content.track)
+    assert can_travel(content.target)
 
 
 @pytest.mark.parametrize(

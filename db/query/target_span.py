@@ -8,10 +8,10 @@ from itertools import pairwise
 from sqlalchemy import ColumnElement, UnaryExpression, case, func, select
 from sqlalchemy.orm import Session
 
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from db.query.robots import robot_key
 from db.tables import PlanReportRow
-from db.tracking_tables import TrackReportRow
+from db.target_tables import TargetReportRow
 from robot_link.messages import OnboardPlanState
 
 _RUNNING = int(OnboardPlanState.RUNNING)
@@ -20,7 +20,7 @@ _FLOWN = (_RUNNING, int(OnboardPlanState.DONE), int(OnboardPlanState.FAILED))
 
 
 @dataclass(frozen=True, slots=True)
-class TrackRange:
+class TargetSpan:
     """Which reports are asked for, by the robot's clock."""
 
     after: datetime | None = None
@@ -29,7 +29,7 @@ class TrackRange:
     """Included."""
 
 
-EVERYTHING = TrackRange()
+EVERYTHING = TargetSpan()
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +51,7 @@ class _Mark:
     ranges_heard: int
 
 
-def range_of_plan(session: Session, robot: str, sha256: str) -> TrackRange | None:
+def range_of_plan(session: Session, robot: str, sha256: str) -> TargetSpan | None:
     """Return the time in which a robot flew a plan, ``None`` if it never began it.
 
     It ends where the next plan's begins. What a robot still says of its target once the mission is
@@ -68,8 +68,8 @@ def range_of_plan(session: Session, robot: str, sha256: str) -> TrackRange | Non
     for other in _flights(session, key, later & (PlanReportRow.sha256 != sha256)):
         end = _begin(session, key, other)
         if end is not None:
-            return TrackRange(begin.after, end.after)
-    return TrackRange(begin.after)
+            return TargetSpan(begin.after, end.after)
+    return TargetSpan(begin.after)
 
 
 def _flights(session: Session, key: int, which: ColumnElement[bool]) -> list[_Flight]:
@@ -86,14 +86,14 @@ def _flights(session: Session, key: int, which: ColumnElement[bool]) -> list[_Fl
     return [_Flight(at, bool(count)) for at, count in session.execute(statement)]
 
 
-def _begin(session: Session, key: int, flight: _Flight) -> TrackRange | None:
+def _begin(session: Session, key: int, flight: _Flight) -> TargetSpan | None:
     """Return what follows the last report of the mission before; ``None`` if this never began.
 
     Between the robot's last word of something else and its first of this flight, reports of both
     may lie. Another mission begins where one that was over is not, or where fewer ranges were heard
     than before. Where nothing tells, all of them belong to this flight.
     """
-    at = TrackReportRow.measured_at
+    at = TargetReportRow.measured_at
     told = select(func.max(PlanReportRow.measured_at)).where(
         PlanReportRow.robot_key == key, PlanReportRow.measured_at < flight.first
     )
@@ -105,11 +105,11 @@ def _begin(session: Session, key: int, flight: _Flight) -> TrackRange | None:
     marks = [*before, *between, *behind]
     for old, new in reversed(list(pairwise(marks))):
         if (old.is_over and not new.is_over) or new.ranges_heard < old.ranges_heard:
-            return TrackRange(old.at)
+            return TargetSpan(old.at)
     if not flight.has_run and (before or not between):
         return None
     is_over = bool(before) and bool(between) and all(mark.is_over for mark in between)
-    return TrackRange(between[-1].at if is_over else word)
+    return TargetSpan(between[-1].at if is_over else word)
 
 
 def _marks(
@@ -120,10 +120,10 @@ def _marks(
     limit: int | None = 1,
 ) -> Sequence[_Mark]:
     statement = (
-        select(TrackReportRow.measured_at, TrackReportRow.phase, TrackReportRow.ranges_heard)
-        .where(TrackReportRow.robot_key == key, which)
+        select(TargetReportRow.measured_at, TargetReportRow.phase, TargetReportRow.ranges_heard)
+        .where(TargetReportRow.robot_key == key, which)
         .order_by(order)
         .limit(limit)
     )
-    ended = int(TrackPhase.ENDED)
+    ended = int(TargetPhase.ENDED)
     return [_Mark(at, phase == ended, heard) for at, phase, heard in session.execute(statement)]

@@ -12,24 +12,24 @@ from alembic import command
 from sqlalchemy import inspect
 from sqlalchemy.orm import Session
 
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from db.engine import write_engine
 from db.ingest import append_telemetry
 from db.migrate import configuration, migrate, schema_version
 from db.query.events import add_event
 from db.query.robots import add_robot
-from db.query.telemetry import newest_state
-from db.query.track_range import TrackRange
-from db.query.tracking import (
-    iterate_track_reports,
+from db.query.target_reports import (
+    iterate_target_reports,
     lost_since,
     newest_event_of,
-    newest_track_report,
-    track_reports,
+    newest_target_report,
+    target_reports,
 )
+from db.query.target_span import TargetSpan
+from db.query.telemetry import newest_state
 from db.store import Store
 from tests.db.conftest import START, report, robot_record
-from tests.db.track import track_report
+from tests.db.target import target_report
 
 
 def kept(store, *values):
@@ -41,47 +41,49 @@ def at(second):
 
 
 def test_a_report_comes_back_as_it_was(store):
-    first = track_report(1)
-    bare = replace(track_report(2, TrackPhase.WAITING), hypotheses=(), range_m=None, true_ne_m=None)
+    first = target_report(1)
+    bare = replace(
+        target_report(2, TargetPhase.WAITING), hypotheses=(), range_m=None, true_ne_m=None
+    )
     kept(store, first, bare)
     with store.read() as session:
-        assert track_reports(session, "mini-1") == [first, bare]
-        assert newest_track_report(session, "mini-1") == bare
+        assert target_reports(session, "mini-1") == [first, bare]
+        assert newest_target_report(session, "mini-1") == bare
 
 
 def test_a_report_that_comes_twice_is_one_row(store):
-    kept(store, track_report(1))
-    kept(store, track_report(1), track_report(2))
+    kept(store, target_report(1))
+    kept(store, target_report(1), target_report(2))
     with store.read() as session:
-        assert [one.measured_at for one in track_reports(session, "mini-1")] == [at(1), at(2)]
+        assert [one.measured_at for one in target_reports(session, "mini-1")] == [at(1), at(2)]
 
 
 def test_a_robot_that_never_followed_a_target_has_no_report(store):
     with store.read() as session:
-        assert newest_track_report(session, "mini-1") is None
-        assert track_reports(session, "mini-1") == []
+        assert newest_target_report(session, "mini-1") is None
+        assert target_reports(session, "mini-1") == []
         assert lost_since(session, "mini-1", at(9)) is None
 
 
 def test_a_list_goes_on_where_it_ended(store):
-    kept(store, *(track_report(second) for second in range(10)))
+    kept(store, *(target_report(second) for second in range(10)))
 
     def seconds(session, **asked):
-        found = track_reports(session, "mini-1", **asked)
+        found = target_reports(session, "mini-1", **asked)
         return [round((one.measured_at - START).total_seconds()) for one in found]
 
     with store.read() as session:
         assert seconds(session, limit=3) == [7, 8, 9]
         assert seconds(session, limit=3, newest=False) == [0, 1, 2]
-        after = TrackRange(after=at(2), until=at(5))
+        after = TargetSpan(after=at(2), until=at(5))
         assert seconds(session, wanted=after, limit=2, newest=False) == [3, 4]
         assert seconds(session, wanted=after) == [3, 4, 5]
-        assert len(list(iterate_track_reports(session, "mini-1", after))) == 3
+        assert len(list(iterate_target_reports(session, "mini-1", after))) == 3
 
 
 def test_a_loss_lasts_from_its_first_report_however_the_robot_coasts(store):
     phases = ["TRACKING", "LOST", "TRACKING", "COASTING", "LOST", "LOST", "COASTING", "TRACKING"]
-    kept(store, *(track_report(i, TrackPhase[name]) for i, name in enumerate(phases)))
+    kept(store, *(target_report(i, TargetPhase[name]) for i, name in enumerate(phases)))
     with store.read() as session:
         assert lost_since(session, "mini-1", at(7)) == at(4)
         assert lost_since(session, "mini-1", at(2)) == at(1)
@@ -112,9 +114,9 @@ def test_a_database_of_the_version_before_keeps_its_rows_and_takes_reports(url):
     with Session(engine) as session:
         assert schema_version(session.connection()) == "0007"
         assert newest_state(session, "mini-1").position_ned[2] == 0.7
-        append_telemetry(session, [track_report(3)])
+        append_telemetry(session, [target_report(3)])
         session.commit()
-        assert newest_track_report(session, "mini-1") == track_report(3)
+        assert newest_target_report(session, "mini-1") == target_report(3)
     engine.dispose()
 
 
@@ -131,12 +133,12 @@ def test_the_migration_can_be_taken_back(url):
 CHILD = """
 import sys
 from db.store import Store
-from tests.db.track import track_report
+from tests.db.target import target_report
 
 store = Store.open(sys.argv[1])
 waiting = []
 for number in range(1_000_000):
-    waiting.append((number, store.append([track_report(number)])))
+    waiting.append((number, store.append([target_report(number)])))
     if len(waiting) > 50:
         done, future = waiting.pop(0)
         future.result()
@@ -157,7 +159,7 @@ def test_every_report_that_was_committed_survives_sigkill(url):
     assert child.wait() == -signal.SIGKILL
     store = Store.open(url)
     with store.read() as session:
-        found = list(iterate_track_reports(session, "mini-1"))
+        found = list(iterate_target_reports(session, "mini-1"))
     store.close()
     assert {at(number) for number in told} <= {one.measured_at for one in found}
-    assert found[0] == track_report(0)
+    assert found[0] == target_report(0)

@@ -2,12 +2,12 @@
 
 from datetime import timedelta
 
-from autonomy.tracking.phase import TrackPhase
-from robot_link.messages import RobotId, TargetEstimate, TrackReport
+from autonomy.tracking.phase import TargetPhase
+from robot_link.messages import RobotId, TargetEstimate, TargetReport
 from tests.db.conftest import START
 
 
-def track_report(second, phase=TrackPhase.TRACKING, robot="mini-1", **changes):
+def target_report(second, phase=TargetPhase.TRACKING, robot="mini-1", **changes):
     at = START + timedelta(seconds=second)
     values = {
         "robot": RobotId(robot),
@@ -33,4 +33,4 @@ def track_report(second, phase=TrackPhase.TRACKING, robot="mini-1", **changes):
         "is_quiet": False,
         "true_ne_m": (1.43, 0.76),
     }
-    return TrackReport(**{**values, **changes})
+    return TargetReport(**{**values, **changes})

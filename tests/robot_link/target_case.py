@@ -12,10 +12,10 @@ from autonomy.tracking.config import (
     TargetConfig,
     TrackingConfig,
 )
-from autonomy.tracking.phase import TrackPhase
-from robot_link.messages import RobotId, TargetEstimate, TrackReport
+from autonomy.tracking.phase import TargetPhase
+from robot_link.messages import RobotId, TargetEstimate, TargetReport
 from robot_link.mission import Mission, MissionSettings
-from robot_link.tracking_order import TrackingOrder
+from robot_link.target_settings import TargetSettings
 
 NOW = datetime(2026, 6, 1, 12, 0, tzinfo=UTC)
 SETTINGS = MissionSettings(1.0, 10.0, 900.0, 1.5, -2.25, 0.001, -0.002)
@@ -23,16 +23,16 @@ SETTINGS = MissionSettings(1.0, 10.0, 900.0, 1.5, -2.25, 0.001, -0.002)
 
 def tracking_mission(config: TrackingConfig | None = None) -> Mission:
     """Return a mission that follows a target."""
-    return Mission.from_tracking(SETTINGS, TrackingOrder.of(config or TrackingConfig()))
+    return Mission.for_target(SETTINGS, TargetSettings.of(config or TrackingConfig()))
 
 
-def track(**changes: object) -> TrackReport:
+def track(**changes: object) -> TargetReport:
     """Return a report with two hypotheses, each of its numbers exact in a float32."""
     values: dict[str, object] = {
         "robot": RobotId("mini-1"),
         "measured_at": NOW,
         "received_at": NOW,
-        "phase": TrackPhase.TRACKING,
+        "phase": TargetPhase.TRACKING,
         "position_ne_m": (1.25, -0.5),
         "hypotheses": (
             TargetEstimate((1.75, 0.625), (0.03125, -0.015625), (0.25, -0.0625, 0.5), 0.75),
@@ -52,7 +52,7 @@ def track(**changes: object) -> TrackReport:
         "is_quiet": False,
         "true_ne_m": None,
     }
-    return TrackReport(**(values | changes))
+    return TargetReport(**(values | changes))
 
 
 def _positive(least: float, most: float) -> st.SearchStrategy[float]:

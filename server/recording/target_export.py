@@ -6,9 +6,9 @@ from sqlalchemy.orm import Session
 
 from db.column import microseconds
 from db.query.robots import RobotRecord
-from db.query.track_range import TrackRange
-from db.query.tracking import iterate_track_reports
-from robot_link.messages import TargetEstimate, TrackReport
+from db.query.target_reports import iterate_target_reports
+from db.query.target_span import TargetSpan
+from robot_link.messages import TargetEstimate, TargetReport
 from server.fleet.target_end import with_reasons
 from server.recording.table import COMMENT
 
@@ -30,8 +30,8 @@ COLUMNS = (
 _BLOCK_ROWS = 500
 
 
-def track_csv_blocks(
-    session: Session, robot: RobotRecord, wanted: TrackRange | None
+def target_csv_blocks(
+    session: Session, robot: RobotRecord, wanted: TargetSpan | None
 ) -> Generator[str]:
     """Yield a robot's reports on its target as CSV.
 
@@ -50,7 +50,7 @@ def track_csv_blocks(
     if wanted is None:
         return
     block: list[str] = []
-    for told in with_reasons(session, iterate_track_reports(session, robot.id, wanted)):
+    for told in with_reasons(session, iterate_target_reports(session, robot.id, wanted)):
         block.append(_row(*told))
         if len(block) == _BLOCK_ROWS:
             yield "".join(block)
@@ -58,7 +58,7 @@ def track_csv_blocks(
     yield "".join(block)
 
 
-def _row(report: TrackReport, reason: str) -> str:
+def _row(report: TargetReport, reason: str) -> str:
     estimates = [_estimate(one) for one in report.hypotheses[:_ESTIMATES]]
     estimates += [[""] * len(_OF_ESTIMATE)] * (_ESTIMATES - len(estimates))
     cells = [

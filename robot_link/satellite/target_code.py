@@ -18,10 +18,10 @@ its field is shown as the field's end.
 import struct
 from collections.abc import Sequence
 
-from robot_link.messages import StateReport, TargetEstimate, TrackReport
+from robot_link.messages import StateReport, TargetEstimate, TargetReport
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.octets import OctetReader, float24, signed, unsigned
-from robot_link.track_check import MOST_HYPOTHESES, checked_track, track_phase
+from robot_link.target_check import MOST_HYPOTHESES, checked_target, target_phase
 
 _HEAD = struct.Struct(">BBB")
 _PLACE = struct.Struct(">ii")
@@ -34,49 +34,49 @@ _RANGE_BYTES = 3
 _AGE_BYTES = 2
 
 
-def packed_track(track: TrackReport, room: int) -> bytes:
-    """Return a track's bytes, none where there is no room for it.
+def packed_target(report: TargetReport, room: int) -> bytes:
+    """Return a report's bytes, none where there is no room for it.
 
     Args:
-        track: What to say; of two hypotheses the likeliest alone where both are too much.
+        report: What to say; of two hypotheses the likeliest alone where both are too much.
         room: How many bytes it may take.
 
     Raises:
         ValueError: If a number is not finite.
     """
     for count in range(MOST_HYPOTHESES, 0, -1):
-        octets = _packed(track, track.hypotheses[:count])
+        octets = _packed(report, report.hypotheses[:count])
         if len(octets) <= room:
             return octets
     return b""
 
 
-def _packed(track: TrackReport, hypotheses: Sequence[TargetEstimate]) -> bytes:
+def _packed(report: TargetReport, hypotheses: Sequence[TargetEstimate]) -> bytes:
     flags = (
         _ESTIMATE * bool(hypotheses)
         | _SECOND * (len(hypotheses) == MOST_HYPOTHESES)
-        | _RANGE * (track.range_m is not None)
-        | _TRUTH * (track.true_ne_m is not None)
-        | _BARRIER * track.is_barrier_on
-        | _FEASIBLE * track.is_feasible
-        | _QUIET * track.is_quiet
+        | _RANGE * (report.range_m is not None)
+        | _TRUTH * (report.true_ne_m is not None)
+        | _BARRIER * report.is_barrier_on
+        | _FEASIBLE * report.is_feasible
+        | _QUIET * report.is_quiet
     )
-    octets = _HEAD.pack(track.phase, flags, unsigned(track.inverse_condition * _SHARE, 1))
-    floats = (track.determinant_m2_s, track.barrier, *track.nominal, *track.command)
+    octets = _HEAD.pack(report.phase, flags, unsigned(report.inverse_condition * _SHARE, 1))
+    floats = (report.determinant_m2_s, report.barrier, *report.nominal, *report.command)
     octets += b"".join(map(float24, floats))
-    for count in (track.ranges_heard, track.ranges_rejected):
+    for count in (report.ranges_heard, report.ranges_rejected):
         octets += unsigned(count, _COUNT_BYTES).to_bytes(_COUNT_BYTES, "big")
     octets += b"".join(map(_packed_estimate, hypotheses))
-    if track.range_m is not None:
-        octets += unsigned(track.range_m * 1e3, _RANGE_BYTES).to_bytes(_RANGE_BYTES, "big")
-        octets += unsigned(track.range_age_s * 10.0, _AGE_BYTES).to_bytes(_AGE_BYTES, "big")
-    if track.true_ne_m is not None:
-        octets += _packed_place(track.true_ne_m)
+    if report.range_m is not None:
+        octets += unsigned(report.range_m * 1e3, _RANGE_BYTES).to_bytes(_RANGE_BYTES, "big")
+        octets += unsigned(report.range_age_s * 10.0, _AGE_BYTES).to_bytes(_AGE_BYTES, "big")
+    if report.true_ne_m is not None:
+        octets += _packed_place(report.true_ne_m)
     return octets
 
 
-def unpacked_track(reader: OctetReader, state: StateReport) -> TrackReport:
-    """Read a track.
+def unpacked_target(reader: OctetReader, state: StateReport) -> TargetReport:
+    """Read a report.
 
     Args:
         reader: Where it begins.
@@ -96,12 +96,12 @@ def unpacked_track(reader: OctetReader, state: StateReport) -> TrackReport:
     range_m, age_s = _range(reader) if flags & _RANGE else (None, 0.0)
     true_ne_m = _place(reader) if flags & _TRUTH else None
     try:
-        return checked_track(
-            TrackReport(
+        return checked_target(
+            TargetReport(
                 robot=state.robot,
                 measured_at=state.measured_at,
                 received_at=state.received_at,
-                phase=track_phase(phase),
+                phase=target_phase(phase),
                 position_ne_m=state.position_ned[:2],
                 hypotheses=hypotheses,
                 range_m=range_m,

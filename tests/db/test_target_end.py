@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import pytest
 
-from db.query.track_end import mission_end
-from db.query.track_range import EVERYTHING
-from db.query.tracking import iterate_track_reports
+from db.query.target_end import mission_end
+from db.query.target_reports import iterate_target_reports
+from db.query.target_span import EVERYTHING
 from robot_link.messages import OnboardPlanState
 from server.fleet.target_end import with_reasons
-from tests.db.test_track_range import (
+from tests.db.test_target_span import (
     DONE,
     ENDED,
     FAILED,
@@ -70,5 +70,5 @@ def test_the_end_of_a_later_plan_explains_no_report_that_follows_it_either(store
     said = word(1, RUNNING), row(2, 1, ENDED), word(3, RUNNING, SECOND), word(4, DONE, SECOND)
     store.append((*said, row(5, 1, ENDED))).result(60)
     with store.read() as session:
-        told_of = with_reasons(session, iterate_track_reports(session, "mini-1", EVERYTHING))
+        told_of = with_reasons(session, iterate_target_reports(session, "mini-1", EVERYTHING))
         assert [reason for _, reason in told_of] == ["", ""]

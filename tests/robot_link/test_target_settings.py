@@ -26,13 +26,13 @@ from robot_link.satellite.blob import Blob, BlobCodec, mission_of
 from robot_link.satellite.chunk import sizes
 from robot_link.satellite.frame import WireError
 from robot_link.short_model import field_count
-from robot_link.tracking_order import MOST_INTEGERS, TrackingOrder
+from robot_link.target_settings import MOST_INTEGERS, TargetSettings
 from tests.robot_link.satellite_case import ONBOARD, short_mission
-from tests.robot_link.track_case import SETTINGS, tracking_configs, tracking_mission
+from tests.robot_link.target_case import SETTINGS, tracking_configs, tracking_mission
 
 SYSTEM = SystemId(7)
 PRESETS = {**TRACKING_PRESETS, "thesis": THESIS_TRACKING, "default": TrackingConfig()}
-DEFAULT = TrackingOrder.of(TrackingConfig())
+DEFAULT = TargetSettings.of(TrackingConfig())
 ADDRESS, NORTH = 1, 3
 """Where the order names the target's address and northing."""
 
@@ -68,14 +68,14 @@ def test_any_order_is_the_same_mission_on_every_road(config):
     mission = tracking_mission(config)
     blob = Blob.of(mission)
     assert over_the_air(mission) == mission == mission_of(blob.packed, blob.codec)
-    assert TrackingOrder.of(mission.tracking.config()) == mission.tracking
+    assert TargetSettings.of(mission.tracking.config()) == mission.tracking
     assert all(abs(number) < 2**24 for number in mission.tracking.integers())
 
 
 @settings(deadline=None, max_examples=60)
 @given(tracking_configs())
 def test_order_says_what_was_meant_within_its_rounding(config):
-    meant, said = numbers(config), numbers(TrackingOrder.of(config).config())
+    meant, said = numbers(config), numbers(TargetSettings.of(config).config())
     assert list(meant) == list(said)
     for name, value in meant.items():
         if name in ("north_m", "east_m"):
@@ -101,7 +101,7 @@ def test_bytes_and_name_of_an_order_stay_what_they_are():
     config = TrackingConfig(
         target=TargetConfig(kind="tag", address=10, north_m=12.345, heading_rad=math.pi)
     )
-    integers = TrackingOrder.of(config).integers()
+    integers = TargetSettings.of(config).integers()
     # kind tag, address 10, depth 0, 12345 mm, 700 mm, 0.35 m, circle, 0.01 m/s, 3.141 rad, 0.3 m
     assert integers[:10] == (1, 27, 0, 12345, 700, 562, 3, 18, 50259, 49)
     items = mission_items(tracking_mission(config), SYSTEM)
@@ -117,7 +117,7 @@ def test_bytes_and_name_of_an_order_stay_what_they_are():
 
 def test_number_beyond_its_limit_by_rounding_is_rounded_towards_zero_and_no_other():
     config = TrackingConfig(target=TargetConfig(heading_rad=-math.pi, guess_std_m=0.35))
-    said = TrackingOrder.of(config).config().target
+    said = TargetSettings.of(config).config().target
     assert (said.heading_rad, said.guess_std_m) == (-3.141, 0.35)
 
 
@@ -142,7 +142,7 @@ def test_number_beyond_its_limit_by_rounding_is_rounded_towards_zero_and_no_othe
 )
 def test_order_that_cannot_travel_names_its_number(config, sentence):
     with pytest.raises(ValueError, match=sentence):
-        TrackingOrder.of(config)
+        TargetSettings.of(config)
 
 
 def changed(index: int, value: int) -> tuple[int, ...]:
@@ -168,11 +168,11 @@ def changed(index: int, value: int) -> tuple[int, ...]:
 )
 def test_impossible_integers_are_refused_with_a_sentence(integers, sentence):
     with pytest.raises(ValueError, match=sentence):
-        TrackingOrder.from_integers(integers)
+        TargetSettings.from_integers(integers)
 
 
 def test_zeros_that_fill_the_last_item_do_not_matter():
-    assert TrackingOrder.from_integers((*DEFAULT.integers(), 0, 0, 0)) == DEFAULT
+    assert TargetSettings.from_integers((*DEFAULT.integers(), 0, 0, 0)) == DEFAULT
     assert len(DEFAULT.integers()) == field_count(TrackingConfig)
 
 
@@ -186,7 +186,7 @@ def test_mission_has_either_legs_or_an_order():
     with pytest.raises(ValueError, match="no format of missions has 5 numbers"):
         Mission.from_integers(rounded[:5], (), None, DEFAULT)
     with pytest.raises(ValueError, match="timeout of the settings is out"):
-        Mission.from_tracking(replace(SETTINGS, timeout_s=1e9), DEFAULT)
+        Mission.for_target(replace(SETTINGS, timeout_s=1e9), DEFAULT)
 
 
 def test_items_in_another_order_or_torn_apart_are_refused_by_number():

@@ -5,10 +5,10 @@ from datetime import datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from db.query.robots import robot_key
 from db.tables import PlanReportRow
-from db.tracking_tables import TrackReportRow
+from db.target_tables import TargetReportRow
 from robot_link.messages import OnboardPlanState
 
 _RUNNING = int(OnboardPlanState.RUNNING)
@@ -43,10 +43,10 @@ def mission_end(session: Session, robot: str, moment: datetime) -> tuple[Onboard
 
 def _goes_on(session: Session, key: int, end: PlanReportRow, moment: datetime) -> bool:
     """Tell whether a target was followed again between the end of a plan and a moment."""
-    at = TrackReportRow.measured_at
+    at = TargetReportRow.measured_at
     again = select(at).where(
-        TrackReportRow.robot_key == key,
-        TrackReportRow.phase != int(TrackPhase.ENDED),
+        TargetReportRow.robot_key == key,
+        TargetReportRow.phase != int(TargetPhase.ENDED),
         at > end.measured_at,
         at <= moment,
     )

@@ -7,13 +7,13 @@ from datetime import datetime
 import numpy as np
 
 from autonomy.tracking.config import RangingConfig, TrackingConfig
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from autonomy.tracking.reading import TrackerStep
 from onboard.flight.maneuver import Flight
 from onboard.flight.navigation import Estimate
 from onboard.target.pursuit import Pursuit
 from onboard.target.ranging import Hearing
-from robot_link.messages import RobotId, TargetEstimate, TrackReport
+from robot_link.messages import RobotId, TargetEstimate, TargetReport
 from robot_link.mission import Mission
 
 _SEED_DIGITS = 12
@@ -21,7 +21,7 @@ _LAST_WORD_S = 60.0
 """How long a robot still says that its pursuit has ended; a link may be down for some of it."""
 
 
-class TrackingDesk:
+class TargetDesk:
     """Keeps what outlasts one pursuit; a mission that was held goes on with it.
 
     The mission's time, and with it a virtual target, goes on while the robot is held; what it
@@ -149,7 +149,7 @@ class TrackingDesk:
             return None
         return self._hearing.address
 
-    def report(self, robot: RobotId, now: datetime, estimate: Estimate) -> TrackReport | None:
+    def report(self, robot: RobotId, now: datetime, estimate: Estimate) -> TargetReport | None:
         """Return how the robot holds its target; None while it follows none.
 
         Args:
@@ -165,11 +165,11 @@ class TrackingDesk:
         is_told = self._pursuit is not None or (self._is_over and self._said_s < _LAST_WORD_S)
         if hearing is None or config is None or step is None or not is_told:
             return None
-        return TrackReport(
+        return TargetReport(
             robot=robot,
             measured_at=now,
             received_at=now,
-            phase=TrackPhase.ENDED if self._is_over else step.phase,
+            phase=TargetPhase.ENDED if self._is_over else step.phase,
             position_ne_m=estimate.position_ned[:2],
             hypotheses=tuple(
                 TargetEstimate(

@@ -4,17 +4,17 @@ from datetime import timedelta
 
 import pytest
 
-from autonomy.tracking.phase import TrackPhase
-from db.query.track_range import TrackRange, range_of_plan
-from db.query.tracking import track_reports
+from autonomy.tracking.phase import TargetPhase
+from db.query.target_reports import target_reports
+from db.query.target_span import TargetSpan, range_of_plan
 from robot_link.messages import OnboardPlanState, PlanHash, PlanReport, RobotId
 from tests.db.conftest import START
-from tests.db.track import track_report
+from tests.db.target import target_report
 
 FIRST, SECOND, THIRD = (PlanHash(letter * 64) for letter in "abc")
 ON_BOARD, RUNNING = OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING
 DONE, FAILED = OnboardPlanState.DONE, OnboardPlanState.FAILED
-WAITING, TRACKING, ENDED = TrackPhase.WAITING, TrackPhase.TRACKING, TrackPhase.ENDED
+WAITING, TRACKING, ENDED = TargetPhase.WAITING, TargetPhase.TRACKING, TargetPhase.ENDED
 
 
 def at(second):
@@ -26,7 +26,7 @@ def word(second, state, sha256=FIRST):
 
 
 def row(second, heard, phase=TRACKING):
-    return track_report(second, phase, ranges_heard=heard)
+    return target_report(second, phase, ranges_heard=heard)
 
 
 @pytest.fixture
@@ -40,7 +40,7 @@ def listed(store):
             wanted = range_of_plan(session, "mini-1", plan)
             if wanted is None:
                 return None
-            found = track_reports(session, "mini-1", wanted)
+            found = target_reports(session, "mini-1", wanted)
         return [round((one.measured_at - START).total_seconds()) for one in found]
 
     return of
@@ -57,8 +57,8 @@ def test_reports_belong_to_the_plan_that_was_flown(store):
     ]
     store.append(said).result(60)
     with store.read() as session:
-        assert range_of_plan(session, "mini-1", FIRST) == TrackRange(at(0), at(40))
-        assert range_of_plan(session, "mini-1", SECOND) == TrackRange(at(40), None)
+        assert range_of_plan(session, "mini-1", FIRST) == TargetSpan(at(0), at(40))
+        assert range_of_plan(session, "mini-1", SECOND) == TargetSpan(at(40), None)
         assert range_of_plan(session, "mini-1", THIRD) is None
 
 

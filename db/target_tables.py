@@ -8,7 +8,7 @@ from sqlalchemy.orm import Mapped, mapped_column
 from db.tables import CLUSTERED, Base
 
 
-class TrackReportRow(Base):
+class TargetReportRow(Base):
     """One report of a robot on its target."""
 
     __tablename__ = "track_report"

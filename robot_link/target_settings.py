@@ -21,7 +21,7 @@ _OWNER = "an order to follow a target"
 
 
 @dataclass(frozen=True, slots=True)
-class TrackingOrder:
+class TargetSettings:
     """Settings as the integers that travel; build it with ``of`` or ``from_integers``.
 
     What they say was checked then, so ``config`` does not fail.

@@ -6,41 +6,41 @@ from datetime import datetime
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-from autonomy.tracking.phase import TrackPhase
+from autonomy.tracking.phase import TargetPhase
 from db.query.robots import robot_key
-from db.query.track_range import EVERYTHING, TrackRange
+from db.query.target_span import EVERYTHING, TargetSpan
 from db.tables import Event, PlanReportRow
-from db.tracking_tables import TrackReportRow
-from robot_link.messages import OnboardPlanState, RobotId, TargetEstimate, TrackReport
+from db.target_tables import TargetReportRow
+from robot_link.messages import OnboardPlanState, RobotId, TargetEstimate, TargetReport
 
 _ROWS_AT_ONCE = 1000
 _ENDED = (int(OnboardPlanState.DONE), int(OnboardPlanState.FAILED))
-_NOT_HELD = (int(TrackPhase.LOST), int(TrackPhase.COASTING))
+_NOT_HELD = (int(TargetPhase.LOST), int(TargetPhase.COASTING))
 
 
-def newest_track_report(session: Session, robot: str) -> TrackReport | None:
+def newest_target_report(session: Session, robot: str) -> TargetReport | None:
     """Return the newest report of a robot on its target, ``None`` if it never followed one.
 
     Raises:
         UnknownIdError: If there is no such robot.
     """
     row = session.scalar(
-        select(TrackReportRow)
-        .where(TrackReportRow.robot_key == robot_key(session, robot))
-        .order_by(TrackReportRow.measured_at.desc())
+        select(TargetReportRow)
+        .where(TargetReportRow.robot_key == robot_key(session, robot))
+        .order_by(TargetReportRow.measured_at.desc())
         .limit(1)
     )
     return None if row is None else _report(row, robot)
 
 
-def track_reports(
+def target_reports(
     session: Session,
     robot: str,
-    wanted: TrackRange = EVERYTHING,
+    wanted: TargetSpan = EVERYTHING,
     limit: int = 1000,
     *,
     newest: bool = True,
-) -> list[TrackReport]:
+) -> list[TargetReport]:
     """Return reports in order of time.
 
     Args:
@@ -53,22 +53,22 @@ def track_reports(
     Raises:
         UnknownIdError: If there is no such robot.
     """
-    at = TrackReportRow.measured_at
+    at = TargetReportRow.measured_at
     order = at.desc() if newest else at
     statement = _within(session, robot, wanted).order_by(order).limit(limit)
     rows = list(session.scalars(statement))
     return [_report(row, robot) for row in (reversed(rows) if newest else rows)]
 
 
-def iterate_track_reports(
-    session: Session, robot: str, wanted: TrackRange = EVERYTHING
-) -> Generator[TrackReport]:
+def iterate_target_reports(
+    session: Session, robot: str, wanted: TargetSpan = EVERYTHING
+) -> Generator[TargetReport]:
     """Yield reports in order of time, without holding them all.
 
     Raises:
         UnknownIdError: If there is no such robot.
     """
-    statement = _within(session, robot, wanted).order_by(TrackReportRow.measured_at)
+    statement = _within(session, robot, wanted).order_by(TargetReportRow.measured_at)
     for row in session.scalars(statement.execution_options(yield_per=_ROWS_AT_ONCE)):
         yield _report(row, robot)
 
@@ -82,10 +82,10 @@ def lost_since(session: Session, robot: str, moment: datetime) -> datetime | Non
     Raises:
         UnknownIdError: If there is no such robot.
     """
-    at, phase = TrackReportRow.measured_at, TrackReportRow.phase
-    before = (TrackReportRow.robot_key == robot_key(session, robot), at < moment)
+    at, phase = TargetReportRow.measured_at, TargetReportRow.phase
+    before = (TargetReportRow.robot_key == robot_key(session, robot), at < moment)
     held = session.scalar(select(func.max(at)).where(*before, phase.not_in(_NOT_HELD)))
-    lost = select(func.min(at)).where(*before, phase == int(TrackPhase.LOST))
+    lost = select(func.min(at)).where(*before, phase == int(TargetPhase.LOST))
     return session.scalar(lost if held is None else lost.where(at > held))
 
 
@@ -119,24 +119,26 @@ def newest_event_of(session: Session, robot: str, kinds: tuple[str, ...]) -> str
     )
 
 
-def _within(session: Session, robot: str, wanted: TrackRange) -> Select[TrackReportRow]:
-    statement = select(TrackReportRow).where(TrackReportRow.robot_key == robot_key(session, robot))
+def _within(session: Session, robot: str, wanted: TargetSpan) -> Select[TargetReportRow]:
+    statement = select(TargetReportRow).where(
+        TargetReportRow.robot_key == robot_key(session, robot)
+    )
     if wanted.after is not None:
-        statement = statement.where(TrackReportRow.measured_at > wanted.after)
+        statement = statement.where(TargetReportRow.measured_at > wanted.after)
     if wanted.until is not None:
-        statement = statement.where(TrackReportRow.measured_at <= wanted.until)
+        statement = statement.where(TargetReportRow.measured_at <= wanted.until)
     return statement
 
 
-def _report(row: TrackReportRow, robot: str) -> TrackReport:
+def _report(row: TargetReportRow, robot: str) -> TargetReport:
     true_ne_m = None
     if row.true_north_m is not None and row.true_east_m is not None:
         true_ne_m = (row.true_north_m, row.true_east_m)
-    return TrackReport(
+    return TargetReport(
         robot=RobotId(robot),
         measured_at=row.measured_at,
         received_at=row.received_at,
-        phase=TrackPhase(row.phase),
+        phase=TargetPhase(row.phase),
         position_ne_m=(row.north_m, row.east_m),
         hypotheses=tuple(_estimate(one) for one in row.hypotheses),
         range_m=row.range_m,

@@ -5,11 +5,11 @@ from datetime import datetime
 
 from robot_link.mavlink.telemetry import check_finite, microseconds, moment
 from robot_link.mavlink.wire import grace
-from robot_link.messages import RobotId, TargetEstimate, TrackReport
-from robot_link.track_check import MOST_HYPOTHESES, checked_track, track_phase
+from robot_link.messages import RobotId, TargetEstimate, TargetReport
+from robot_link.target_check import MOST_HYPOTHESES, checked_target, target_phase
 
-TRACK_FRAME_BYTES = 12 + grace.MAVLink_grace_track_message.unpacker.size
-"""Bytes of one track's frame, at most."""
+TARGET_FRAME_BYTES = 12 + grace.MAVLink_grace_track_message.unpacker.size
+"""Bytes of one report's frame, at most."""
 
 _NOBODY = TargetEstimate((0.0, 0.0), (0.0, 0.0), (0.0, 0.0, 0.0), 0.0)
 _HAS_RANGE = grace.GRACE_TRACK_FLAGS_HAS_RANGE
@@ -20,15 +20,15 @@ _HAS_TRUTH = grace.GRACE_TRACK_FLAGS_HAS_TRUTH
 _FLAGS = _HAS_RANGE | _BARRIER_ON | _FEASIBLE | _QUIET | _HAS_TRUTH
 
 
-def track_message(track: TrackReport) -> grace.MAVLink_grace_track_message:
-    """Encode a track as float32; a third hypothesis and later ones do not travel."""
-    known = track.hypotheses[:MOST_HYPOTHESES]
+def target_message(report: TargetReport) -> grace.MAVLink_grace_track_message:
+    """Encode a report as float32; a third hypothesis and later ones do not travel."""
+    known = report.hypotheses[:MOST_HYPOTHESES]
     told = (*known, *(_NOBODY,) * (MOST_HYPOTHESES - len(known)))
-    true_x, true_y = track.true_ne_m or (0.0, 0.0)
+    true_x, true_y = report.true_ne_m or (0.0, 0.0)
     return grace.MAVLink_grace_track_message(
-        time_utc_us=microseconds(track.measured_at),
-        x=track.position_ne_m[0],
-        y=track.position_ne_m[1],
+        time_utc_us=microseconds(report.measured_at),
+        x=report.position_ne_m[0],
+        y=report.position_ne_m[1],
         target_x=[one.position_ne_m[0] for one in told],
         target_y=[one.position_ne_m[1] for one in told],
         target_vx=[one.velocity_ne_m_s[0] for one in told],
@@ -37,29 +37,29 @@ def track_message(track: TrackReport) -> grace.MAVLink_grace_track_message:
         covariance_xy=[one.covariance_m2[1] for one in told],
         covariance_yy=[one.covariance_m2[2] for one in told],
         weight=[one.weight for one in told],
-        range=track.range_m or 0.0,
-        range_age=0.0 if track.range_m is None else track.range_age_s,
-        determinant=track.determinant_m2_s,
-        barrier=track.barrier,
-        inverse_condition=track.inverse_condition,
-        nominal_turn_rate=track.nominal[0],
-        nominal_acceleration=track.nominal[1],
-        turn_rate=track.command[0],
-        acceleration=track.command[1],
+        range=report.range_m or 0.0,
+        range_age=0.0 if report.range_m is None else report.range_age_s,
+        determinant=report.determinant_m2_s,
+        barrier=report.barrier,
+        inverse_condition=report.inverse_condition,
+        nominal_turn_rate=report.nominal[0],
+        nominal_acceleration=report.nominal[1],
+        turn_rate=report.command[0],
+        acceleration=report.command[1],
         true_x=true_x,
         true_y=true_y,
-        ranges_heard=track.ranges_heard,
-        ranges_rejected=track.ranges_rejected,
-        phase=int(track.phase),
+        ranges_heard=report.ranges_heard,
+        ranges_rejected=report.ranges_rejected,
+        phase=int(report.phase),
         hypotheses=len(known),
-        flags=_flags(track),
+        flags=_flags(report),
     )
 
 
-def track_report(
+def target_report(
     message: grace.MAVLink_grace_track_message, robot: RobotId, received_at: datetime
-) -> TrackReport:
-    """Decode a track.
+) -> TargetReport:
+    """Decode a report.
 
     Raises:
         ValueError: If a number is not finite or impossible, or the phase, the time or a flag is
@@ -70,12 +70,12 @@ def track_report(
     hypotheses = tuple(_hypothesis(message, index) for index in range(message.hypotheses))
     flags = message.flags
     check_finite((message.range, message.true_x, message.true_y))
-    return checked_track(
-        TrackReport(
+    return checked_target(
+        TargetReport(
             robot=robot,
             measured_at=moment(message.time_utc_us),
             received_at=received_at,
-            phase=track_phase(message.phase),
+            phase=target_phase(message.phase),
             position_ne_m=(message.x, message.y),
             hypotheses=hypotheses,
             range_m=message.range if flags & _HAS_RANGE else None,
@@ -95,11 +95,11 @@ def track_report(
     )
 
 
-def can_travel(track: TrackReport) -> bool:
-    """Tell whether a track is possible, and each of its numbers fits its field."""
+def can_travel(report: TargetReport) -> bool:
+    """Tell whether a report is possible, and each of its numbers fits its field."""
     try:
-        checked_track(track)
-        track_message(track).pack(grace.MAVLink(None))
+        checked_target(report)
+        target_message(report).pack(grace.MAVLink(None))
     except (ValueError, ArithmeticError, struct.error, grace.MAVError):
         return False
     return True
@@ -118,11 +118,11 @@ def _hypothesis(message: grace.MAVLink_grace_track_message, index: int) -> Targe
     )
 
 
-def _flags(track: TrackReport) -> int:
+def _flags(report: TargetReport) -> int:
     return (
-        _HAS_RANGE * (track.range_m is not None)
-        | _BARRIER_ON * track.is_barrier_on
-        | _FEASIBLE * track.is_feasible
-        | _QUIET * track.is_quiet
-        | _HAS_TRUTH * (track.true_ne_m is not None)
+        _HAS_RANGE * (report.range_m is not None)
+        | _BARRIER_ON * report.is_barrier_on
+        | _FEASIBLE * report.is_feasible
+        | _QUIET * report.is_quiet
+        | _HAS_TRUTH * (report.true_ne_m is not None)
     )
