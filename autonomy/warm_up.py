@@ -13,29 +13,29 @@ KERNEL_MODULES = (
     "autonomy.control.kernel",
     "autonomy.estimation.kernel",
     "autonomy.estimation.model_kernel",
-    "autonomy.estimation.rehearsal_kernel",
+    "reproduction.estimation.trial_flight_kernel",
     "autonomy.control.integral_kernel",
     "autonomy.control.governor_kernel",
     "autonomy.control.swimming_kernel",
     "autonomy.control.law",
-    "autonomy.trial.kernel",
-    "autonomy.planner.kernel",
+    "autonomy.whatif.kernel",
+    "autonomy.planner.search.kernel",
     "autonomy.identification.kernel",
-    "autonomy.field.likelihood_kernel",
-    "autonomy.tracking.control_kernel",
-    "autonomy.tracking.filter_kernel",
-    "autonomy.tracking.hypothesis_kernel",
-    "autonomy.tracking.cloud_kernel",
-    "autonomy.tracking.target_path_kernel",
-    "autonomy.tracking.unicycle",
-    "autonomy.tracking.run_kernel",
-    "autonomy.tracking.predictive_kernel",
-    "autonomy.tracking.predictive_search",
+    "autonomy.field.learning.likelihood_kernel",
+    "autonomy.tracking.control.control_kernel",
+    "autonomy.tracking.filter.filter_kernel",
+    "autonomy.tracking.filter.hypothesis_kernel",
+    "autonomy.tracking.filter.cloud_kernel",
+    "reproduction.tracking.target_path_kernel",
+    "reproduction.tracking.unicycle",
+    "reproduction.tracking.run_kernel",
+    "autonomy.tracking.predictive.kernel",
+    "autonomy.tracking.predictive.search",
 )
 """Modules with compiled functions; each has ``warm_up()``, which calls every one of them."""
 
 
-LONGEST = "autonomy.planner.kernel"
+LONGEST = "autonomy.planner.search.kernel"
 """The module that takes about as long as all others; it calls no kernel of another package."""
 
 

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from autonomy.trial import kernel
+from autonomy.whatif import kernel
 from reproduction import claims, fig_3_3_cases, fig_3_10
 from reproduction.table_3_3 import OSCILLATION_RAD
 

@@ -16,18 +16,18 @@ from autonomy.control.catalogue import CONTROLLERS
 from autonomy.control.config import BACKSTEPPING_EXPERIMENT, BACKSTEPPING_SIMULATION
 from autonomy.control.governor_config import GOVERNOR_EXPERIMENT
 from autonomy.control.kernel import backstepping
-from autonomy.control.reference import THESIS_REFERENCES
-from autonomy.trial.comparison import compare
-from autonomy.trial.config import (
+from autonomy.control.trajectory import THESIS_REFERENCES
+from autonomy.vehicle.config import MINIGLIDER
+from autonomy.whatif.comparison import compare
+from autonomy.whatif.config import (
     TABLE_3_1_LINEAR,
     DisturbanceConfig,
     SensingConfig,
     StartConfig,
     TrialConfig,
 )
-from autonomy.trial.run import ControllerChoice, fly_setting, run_trial
-from autonomy.trial.setting import Setting, packed_references, setting
-from autonomy.vehicle.config import MINIGLIDER
+from autonomy.whatif.run import ControllerChoice, fly_setting, run_trial
+from autonomy.whatif.setting import Setting, packed_references, setting
 from benchmarks import robust_control
 
 GOLDEN = Path(__file__).parents[1] / "tests/autonomy/golden_vehicle.json"

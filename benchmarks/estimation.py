@@ -3,7 +3,8 @@
 Every flight is 600 s of true dynamics with the sensors and the current of a simulated robot. What
 uses the vehicle's model is judged with the right one and with one of which every coefficient of
 force and moment is 10 % too large or too small. An estimator must not be overconfident, by bounds
-from the spread between the flights (``autonomy.estimation.consistency``), and its doubt has an end.
+from the spread between the flights (``reproduction.estimation.consistency``), and its doubt
+has an end.
 """
 
 import math
@@ -16,7 +17,6 @@ from typing import Any, TypeVar
 
 import numpy as np
 
-from autonomy.estimation import rehearsal_kernel
 from autonomy.estimation.config import (
     DEAD_RECKONING_PRESETS,
     ESTIMATOR_PRESETS,
@@ -24,8 +24,11 @@ from autonomy.estimation.config import (
     CurrentConfig,
     TagFilterConfig,
 )
-from autonomy.estimation.consistency import consistency, normalized_error_squared
-from autonomy.estimation.follow import (
+from autonomy.vehicle.config import Vehicle
+from benchmarks import observer_table
+from reproduction.estimation import trial_flight_kernel
+from reproduction.estimation.consistency import consistency, normalized_error_squared
+from reproduction.estimation.follow import (
     Track,
     by_dead_reckoning,
     by_model_filter,
@@ -34,17 +37,15 @@ from autonomy.estimation.follow import (
     observed_velocity,
     observer_covariance,
 )
-from autonomy.estimation.rehearsal import (
+from reproduction.estimation.trial_flight import (
     Flight,
     SensorErrors,
     TagErrors,
     WaterMotion,
     dives,
-    rehearse,
+    fly_trial,
     sightings,
 )
-from autonomy.vehicle.config import Vehicle
-from benchmarks import observer_table
 from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
 
 RUNS = 24
@@ -114,11 +115,11 @@ def sensor_errors(robot: RobotDefinition) -> SensorErrors:
 
 
 def flight(robot: RobotDefinition, seed: int, steady_m_s: float, dive_s: float) -> Flight:
-    """Rehearse one flight of a simulated robot."""
+    """Fly a trial of a simulated robot."""
     rng = np.random.default_rng([seed, robot.system_id])
     water = WaterMotion(robot.drift_m_sqrt_s, robot.current_correlation_s, steady_m_s)
     command = dives(robot.vehicle, DURATION_S, dive_s, rng)
-    return rehearse(robot.vehicle, sensor_errors(robot), water, command, rng)
+    return fly_trial(robot.vehicle, sensor_errors(robot), water, command, rng)
 
 
 def wrong_model(vehicle: Vehicle, seed: int, error: float = MODEL_ERROR) -> Vehicle:
@@ -208,7 +209,7 @@ def in_parallel(call: Callable[[int], T], seeds: range) -> list[T]:
 
 def measure(runs: int = RUNS) -> list[dict[str, Any]]:
     """Judge every estimator over seeded flights of both robots."""
-    rehearsal_kernel.warm_up()
+    trial_flight_kernel.warm_up()
     begin = time.perf_counter()
     rows: list[dict[str, Any]] = []
     for robot in (MINI_1, GRACE_1):

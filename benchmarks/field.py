@@ -10,7 +10,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, GridShape
 from autonomy.field.grid import Grid
-from autonomy.field.live_map import LiveMap
+from autonomy.field.live.live_map import LiveMap
 from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure as sample_field
 from autonomy.site import TANK

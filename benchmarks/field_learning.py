@@ -8,10 +8,10 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.field import synthetic
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, KernelParameters
-from autonomy.field.inducing_model import InducingGaussianProcess
-from autonomy.field.learning import learn, learn_levels
-from autonomy.field.model import FieldAboutMean, FieldModel, centred_values, condition
-from autonomy.field.model_prior import JointPrior, Places
+from autonomy.field.learning.level import learn, learn_levels
+from autonomy.field.live.inducing_model import InducingGaussianProcess
+from autonomy.field.model.model import FieldAboutMean, FieldModel, centred_values, condition
+from autonomy.field.model.model_prior import JointPrior, Places
 from autonomy.field.samples import FieldSamples
 from benchmarks.field import at_least, at_most
 from benchmarks.field_peer import EmukitJoint, gpy_fit

@@ -18,19 +18,19 @@ from typing import Any
 
 import numpy as np
 
-from autonomy.adaptive.comparison import MODELS, mean_scores, scores_of, scoring_points
-from autonomy.adaptive.manual import manual_survey
-from autonomy.adaptive.scenario import SCENARIOS, VARIABLE, planner_config
-from autonomy.adaptive.trial import TRIALS, Models, Trial, fly_trial, models_at, trials_at
 from autonomy.arrays import FloatArray
 from autonomy.field import synthetic
 from autonomy.field.config import FieldConfig, KernelParameters
 from autonomy.field.fidelity import fidelity_level
-from autonomy.field.model import centred_values, condition
+from autonomy.field.model.model import centred_values, condition
 from autonomy.field.samples import FieldSamples
 from autonomy.field.scale import to_model
 from autonomy.field.score import Scores, score
-from autonomy.planner import kernel
+from autonomy.planner.search import kernel
+from reproduction.adaptive.comparison import MODELS, mean_scores, scores_of, scoring_points
+from reproduction.adaptive.manual import manual_survey
+from reproduction.adaptive.scenario import SCENARIOS, VARIABLE, planner_config
+from reproduction.adaptive.trial import TRIALS, Models, Trial, fly_trial, models_at, trials_at
 
 DRIFTS = (0.01, 0.015, 0.02, 0.03)
 SEED = 2

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.field.recorded import RecordedFit, fit_recording
+from autonomy.field.learning.recorded import RecordedFit, fit_recording
 from benchmarks.field import at_most, row
 
 AREA = "field_real"

@@ -12,8 +12,8 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.field.config import KernelParameters
-from autonomy.field.gaussian_process import GaussianProcess
-from autonomy.field.joint import JointGaussianProcess
+from autonomy.field.model.gaussian_process import GaussianProcess
+from autonomy.field.model.joint import JointGaussianProcess
 from benchmarks.field import at_least, at_most
 from benchmarks.field_peer import EmukitJoint, gpy_fit, scikit_learn_fit
 

@@ -17,9 +17,9 @@ from autonomy.identification.config import IdentificationConfig, NoiseLevels
 from autonomy.identification.problem import Problem, Workers, problem_from
 from autonomy.identification.result import IdentificationResult
 from autonomy.identification.run import identify
-from autonomy.identification.synthetic import open_loop_recording
 from autonomy.identification.unknown import free_names
 from autonomy.vehicle.config import MINIGLIDER, Vehicle
+from tests.autonomy.identification_flight import open_loop_recording
 
 PARTICLES = 100
 ROUNDS = 5

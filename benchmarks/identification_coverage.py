@@ -23,11 +23,11 @@ from autonomy.identification.problem import problem_from
 from autonomy.identification.recording import Recording
 from autonomy.identification.result import IdentificationResult
 from autonomy.identification.run import identify
-from autonomy.identification.synthetic import open_loop_recording
 from autonomy.identification.unknown import free_names
 from autonomy.vehicle.config import MINIGLIDER, Vehicle
 from robot_link.messages import OnboardPlanState
 from simulator.fleet import MINI_1
+from tests.autonomy.identification_flight import open_loop_recording
 from tests.simulator.flight import Life, mission, vee
 
 RECORDINGS = 100

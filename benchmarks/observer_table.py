@@ -10,9 +10,9 @@ from typing import Any
 
 import numpy as np
 
-from autonomy.estimation.rehearsal_kernel import fly, follow_observer
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.surroundings import Surroundings
+from reproduction.estimation.trial_flight_kernel import fly, follow_observer
 
 GAINS = ((0.0, 0.0), (0.25, 1.0), (1.0, 2.0), (4.0, 4.0), (25.0, 10.0))
 """K1 (1/s2) and K2 (1/s)."""

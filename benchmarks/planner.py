@@ -17,16 +17,17 @@ import numpy as np
 
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.field.config import GridShape
-from autonomy.field.gaussian_process import GaussianProcess
 from autonomy.field.grid import Grid
+from autonomy.field.model.gaussian_process import GaussianProcess
 from autonomy.field.scale import to_model
 from autonomy.field.synthetic import measure as sample_field
-from autonomy.planner import kernel, literal, search
 from autonomy.planner.belief import FieldBelief
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig
-from autonomy.planner.edge import propose_edge, random_shape
+from autonomy.planner.leg.edge import propose_edge, random_shape
 from autonomy.planner.objective import objective
 from autonomy.planner.plan import PlanResult
+from autonomy.planner.reference import literal
+from autonomy.planner.search import kernel, search
 
 SEEDS = (0, 1, 2)
 START = (0.3, 0.3)

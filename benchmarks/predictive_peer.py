@@ -9,7 +9,7 @@ import numpy as np
 from scipy.optimize import minimize
 
 from autonomy.arrays import FloatArray
-from autonomy.tracking import predictive_kernel as k
+from autonomy.tracking.predictive import kernel as k
 
 UNKNOWNS_PER_STEP = 2
 

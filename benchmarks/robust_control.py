@@ -10,7 +10,8 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.control.catalogue import CONTROLLERS
 from autonomy.control.governor_config import GOVERNOR_EXPERIMENT
-from autonomy.trial.config import (
+from autonomy.vehicle.config import MINIGLIDER
+from autonomy.whatif.config import (
     TABLE_3_1_LINEAR,
     TABLE_3_3_DIAGONAL,
     TABLE_3_3_FIGURE_EIGHT,
@@ -18,8 +19,7 @@ from autonomy.trial.config import (
     SensingConfig,
     TrialConfig,
 )
-from autonomy.trial.run import ControllerChoice, Trial, run_trial
-from autonomy.vehicle.config import MINIGLIDER
+from autonomy.whatif.run import ControllerChoice, Trial, run_trial
 
 OFFSET_BAR = 0.5
 SWING_BAR_RAD = 0.1

@@ -9,12 +9,12 @@ from typing import Any
 
 import numpy as np
 
-from autonomy.tracking import run_kernel
 from autonomy.tracking.config import BarrierConfig, TrackingConfig
-from autonomy.tracking.metrics import Score
-from autonomy.tracking.run import Case, run
-from autonomy.tracking.scenario import FIT, Scenario, random_scenarios
-from autonomy.tracking.tracker_run import run_tracker
+from reproduction.tracking import run_kernel
+from reproduction.tracking.metrics import Score
+from reproduction.tracking.run import Case, run
+from reproduction.tracking.scenario import FIT, Scenario, random_scenarios
+from reproduction.tracking.tracker_run import run_tracker
 
 SEEDS = range(1000, 1200)
 """None of them was looked at when FIT was chosen: the search used 0 to 5."""

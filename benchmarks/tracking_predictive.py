@@ -15,14 +15,15 @@ import numba
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.tracking import control_kernel, predictive_search
 from autonomy.tracking.config import THESIS_TRACKING
-from autonomy.tracking.control_kernel import control_step
-from autonomy.tracking.pack_control import pack_control
-from autonomy.tracking.predictive import NUMBERS, pack_predictive
-from autonomy.tracking.predictive_config import ObjectiveName, PredictiveConfig
-from autonomy.tracking.predictive_kernel import ITERATIONS
-from autonomy.tracking.predictive_search import empty_room, minimize, predictive_step
+from autonomy.tracking.control import control_kernel
+from autonomy.tracking.control.control_kernel import control_step
+from autonomy.tracking.control.pack_control import pack_control
+from autonomy.tracking.predictive import search as predictive_search
+from autonomy.tracking.predictive.config import ObjectiveName, PredictiveConfig
+from autonomy.tracking.predictive.kernel import ITERATIONS
+from autonomy.tracking.predictive.predictive import NUMBERS, pack_predictive
+from autonomy.tracking.predictive.search import empty_room, minimize, predictive_step
 from benchmarks.field import at_least, at_most, row
 from benchmarks.predictive_peer import (
     Problem,

@@ -11,11 +11,13 @@ import numpy as np
 import osqp
 from scipy import sparse
 
-from autonomy.tracking import control_kernel, filter_kernel, unicycle
 from autonomy.tracking.config import THESIS_TRACKING, BarrierConfig, TrackingConfig
-from autonomy.tracking.control_kernel import INFEASIBLE, closest, control_step
-from autonomy.tracking.orbit import follow
-from autonomy.tracking.pack_control import pack_control
+from autonomy.tracking.control import control_kernel
+from autonomy.tracking.control.control_kernel import INFEASIBLE, closest, control_step
+from autonomy.tracking.control.pack_control import pack_control
+from autonomy.tracking.filter import filter_kernel
+from reproduction.tracking import unicycle
+from reproduction.tracking.orbit import follow
 from tests.autonomy.closest_point import enumerated, problems
 
 CALL_BAR_US, LOOP_BAR_US = 2.0, 1.0

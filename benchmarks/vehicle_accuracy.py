@@ -6,8 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from autonomy.vehicle import dynamics, extended_kernel, kernel
+from autonomy.vehicle import extended_kernel, kernel
 from autonomy.vehicle.config import GRACE3, MINIGLIDER, VehicleParameters
+from autonomy.vehicle.reference import dynamics
 from autonomy.vehicle.steady import steady_glide
 from autonomy.vehicle.surroundings import Surroundings
 from autonomy.vehicle.water import CurrentGrid, CurrentProfile, WaterColumn, Wave

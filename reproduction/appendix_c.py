@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 
 from autonomy.tracking.config import THESIS_TRACKING, BarrierConfig, TrackingConfig
-from autonomy.tracking.orbit import Orbit, follow
 from reproduction.result import Figure, Hue, Mark, Panel, Report, Reproduction, Row, Series
+from reproduction.tracking.orbit import Orbit, follow
 
 EPSILON, HEADING_RAD, SPEED_M_S = 0.04, 0.6, 0.1
 NEAR_START_M, FAR_START_M = 5.0, 10.0

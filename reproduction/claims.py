@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import BoolArray, FloatArray
-from autonomy.trial import kernel
-from autonomy.trial.config import ReferenceName, StartConfig, TrialConfig
-from autonomy.trial.run import ControllerChoice, fly
-from autonomy.trial.setting import packed_references
 from autonomy.vehicle.config import MINIGLIDER
+from autonomy.whatif import kernel
+from autonomy.whatif.config import ReferenceName, StartConfig, TrialConfig
+from autonomy.whatif.run import ControllerChoice, fly
+from autonomy.whatif.setting import packed_references
 from reproduction.contender import CONTENDERS, Contender
 from reproduction.result import Figure, Hue, Mark, Panel, Report, Reproduction, Row, Series
 

@@ -8,17 +8,16 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.site import TANK
-from autonomy.tracking import predictive_search
 from autonomy.tracking.config import (
     TRACKING_PRESETS,
     BarrierConfig,
     MotionConfig,
     TrackingConfig,
 )
-from autonomy.tracking.inner_loop_config import INNER_LOOP_PRESETS
-from autonomy.tracking.predictive import SOLVER
-from autonomy.tracking.predictive_config import PredictiveConfig
-from autonomy.tracking.tail_beat_trial import TailBeatOutcome, TailBeatTrial, run_trial
+from autonomy.tracking.control.inner_loop_config import INNER_LOOP_PRESETS
+from autonomy.tracking.predictive import search as predictive_search
+from autonomy.tracking.predictive.config import PredictiveConfig
+from autonomy.tracking.predictive.predictive import SOLVER
 from autonomy.vehicle.config import MINIGLIDER
 from reproduction.result import (
     Figure,
@@ -30,6 +29,7 @@ from reproduction.result import (
     Row,
     Series,
 )
+from reproduction.tracking.tail_beat_trial import TailBeatOutcome, TailBeatTrial, run_trial
 
 TRIALS = 5
 DURATION_S = 300.0

@@ -6,8 +6,8 @@ from typing import Literal
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.trial.config import TABLE_3_3_DIAGONAL
-from autonomy.trial.run import Trial
+from autonomy.whatif.config import TABLE_3_3_DIAGONAL
+from autonomy.whatif.run import Trial
 from reproduction.contender import CONTENDERS
 from reproduction.result import (
     Figure,

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.control.config import BACKSTEPPING_SIMULATION, BacksteppingConfig
-from autonomy.trial.config import StartConfig, StraightConfig, TrialConfig
-from autonomy.trial.run import Trial
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.steady import angle_of_attack
+from autonomy.whatif.config import StartConfig, StraightConfig, TrialConfig
+from autonomy.whatif.run import Trial
 from reproduction.contender import CONTENDERS
 from reproduction.result import (
     Figure,

@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from autonomy.adaptive.scenario import SCENARIOS
 from autonomy.arrays import FloatArray
+from reproduction.adaptive.scenario import SCENARIOS
 from reproduction.fig_5_surveys import (
     Sweep,
     fly_all,

@@ -1,7 +1,7 @@
 """Thesis Figure 5.9: every model on the same data, so that the planner has no part in it."""
 
-from autonomy.adaptive.comparison import MODELS
 from autonomy.arrays import FloatArray
+from reproduction.adaptive.comparison import MODELS
 from reproduction.fig_5_surveys import (
     QUANTITIES,
     Sweep,

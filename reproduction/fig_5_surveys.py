@@ -7,8 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from autonomy.adaptive.comparison import scores_of
-from autonomy.adaptive.scenario import (
+from autonomy.arrays import FloatArray
+from autonomy.field.config import FieldModelKey
+from autonomy.field.score import Scores
+from autonomy.planner.search import kernel
+from reproduction.adaptive.comparison import scores_of
+from reproduction.adaptive.scenario import (
     ITERATIONS,
     LEAST_STATED_DRIFT,
     SCENARIOS,
@@ -16,11 +20,7 @@ from autonomy.adaptive.scenario import (
     TRUE_KERNEL,
     planner_config,
 )
-from autonomy.adaptive.trial import DRIFTS_M_SQRT_S, TRIALS, Models, Trial, fly_trial, models_at
-from autonomy.arrays import FloatArray
-from autonomy.field.config import FieldModelKey
-from autonomy.field.score import Scores
-from autonomy.planner import kernel
+from reproduction.adaptive.trial import DRIFTS_M_SQRT_S, TRIALS, Models, Trial, fly_trial, models_at
 from reproduction.result import Hue, Mark, Panel, Report, Row, Series
 
 QUANTITIES = ("WMSE", "RMSE", "NLPD", "90 % coverage")

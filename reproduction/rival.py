@@ -6,14 +6,14 @@ import numpy as np
 from scipy.optimize import minimize
 
 from autonomy.arrays import FloatArray
-from autonomy.tracking import predictive_kernel as k
-from autonomy.tracking.predictive import PredictiveController, pack_predictive
-from autonomy.tracking.predictive_config import ObjectiveName, PredictiveConfig
-from autonomy.tracking.predictive_run import Steer, run_steered
-from autonomy.tracking.predictive_search import resting_plan
-from autonomy.tracking.run import Case, Outcome, run
-from autonomy.tracking.scenario import FIT, Scenario
+from autonomy.tracking.predictive import kernel as k
+from autonomy.tracking.predictive.config import ObjectiveName, PredictiveConfig
+from autonomy.tracking.predictive.predictive import PredictiveController, pack_predictive
+from autonomy.tracking.predictive.search import resting_plan
 from reproduction.result import Hue
+from reproduction.tracking.predictive_run import Steer, run_steered
+from reproduction.tracking.run import Case, Outcome, run
+from reproduction.tracking.scenario import FIT, Scenario
 
 ITERATIONS, MANY_ITERATIONS = 10, 100
 OBJECTIVES: dict[str, ObjectiveName] = {

@@ -3,8 +3,8 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.trial.config import TABLE_3_1_LINEAR, TABLE_3_1_SAWTOOTH, TrialConfig
-from autonomy.trial.run import Trial
+from autonomy.whatif.config import TABLE_3_1_LINEAR, TABLE_3_1_SAWTOOTH, TrialConfig
+from autonomy.whatif.run import Trial
 from reproduction.contender import CONTENDERS
 from reproduction.error_chart import error_chart
 from reproduction.result import Figure, Panel, Report, Reproduction, Row, Series

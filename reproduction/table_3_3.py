@@ -5,12 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.trial.config import (
+from autonomy.whatif.config import (
     TABLE_3_3_DIAGONAL,
     TABLE_3_3_FIGURE_EIGHT,
     TrialConfig,
 )
-from autonomy.trial.run import Trial
+from autonomy.whatif.run import Trial
 from reproduction.contender import CONTENDERS
 from reproduction.error_chart import error_chart
 from reproduction.result import Figure, Hue, Panel, Report, Reproduction, Row, Series

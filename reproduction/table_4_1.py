@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.tracking import metrics, run_kernel
 from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.metrics import LOST_RANGE_M
-from autonomy.tracking.run import Case, Outcome, run
-from autonomy.tracking.scenario import FIT
-from autonomy.tracking.tracker_run import run_tracker
 from reproduction.result import Figure, Hue, Mark, Panel, Report, Reproduction, Row, Series
+from reproduction.tracking import metrics, run_kernel
+from reproduction.tracking.metrics import LOST_RANGE_M
+from reproduction.tracking.run import Case, Outcome, run
+from reproduction.tracking.scenario import FIT
+from reproduction.tracking.tracker_run import run_tracker
 
 TRIALS = 10
 HELD_OUT = 200

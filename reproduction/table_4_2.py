@@ -7,11 +7,9 @@ from types import MappingProxyType
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.tracking import metrics, predictive_search
-from autonomy.tracking.predictive import SOLVER
-from autonomy.tracking.predictive_config import PredictiveConfig
-from autonomy.tracking.run import Outcome
-from autonomy.tracking.scenario import Scenario
+from autonomy.tracking.predictive import search as predictive_search
+from autonomy.tracking.predictive.config import PredictiveConfig
+from autonomy.tracking.predictive.predictive import SOLVER
 from reproduction.result import Figure, Mark, Panel, Report, Reproduction, Row, Series
 from reproduction.rival import (
     BARRIER,
@@ -26,6 +24,9 @@ from reproduction.rival import (
     slsqp,
     steered_by,
 )
+from reproduction.tracking import metrics
+from reproduction.tracking.run import Outcome
+from reproduction.tracking.scenario import Scenario
 
 TRIALS = 10
 SCENARIOS: Mapping[str, Scenario] = MappingProxyType({"A": COARSE, "B": DOUBTFUL})

@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.tracking import predictive_search
-from autonomy.tracking.control_kernel import control_step
-from autonomy.tracking.pack_control import pack_control
-from autonomy.tracking.predictive import SOLVER
-from autonomy.tracking.predictive_config import PredictiveConfig
+from autonomy.tracking.control.control_kernel import control_step
+from autonomy.tracking.control.pack_control import pack_control
+from autonomy.tracking.predictive import search as predictive_search
+from autonomy.tracking.predictive.config import PredictiveConfig
+from autonomy.tracking.predictive.predictive import SOLVER
 from reproduction.result import Figure, Mark, Panel, Report, Reproduction, Row, Series
 from reproduction.rival import (
     BARRIER,

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from dataclasses import dataclass
 
-from autonomy.trial import kernel
-from autonomy.trial.config import TrialConfig
-from autonomy.trial.run import ControllerChoice, Trial, run_trial
 from autonomy.vehicle.config import MINIGLIDER
+from autonomy.whatif import kernel
+from autonomy.whatif.config import TrialConfig
+from autonomy.whatif.run import ControllerChoice, Trial, run_trial
 from reproduction.contender import Contender, Gains
 from reproduction.result import Report
 

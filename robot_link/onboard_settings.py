@@ -13,7 +13,7 @@ from typing import Self, get_args
 from autonomy.configuration import Configuration
 from autonomy.control.catalogue import CONTROLLERS
 from autonomy.field.config import FieldConfig, KernelParameters, KernelShape
-from autonomy.field.kernel import gradient_variance
+from autonomy.field.model.kernel import gradient_variance
 from autonomy.planner.config import EnergyConfig, PlannerConfig
 from robot_link.short_decimal import code_of, value_of
 from robot_link.short_model import CODE_MAX, codes_of, model_of

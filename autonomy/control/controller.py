@@ -8,7 +8,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.control import law, law_number
 from autonomy.control.config import BacksteppingConfig
-from autonomy.control.reference import Reference
+from autonomy.control.trajectory import Reference
 from autonomy.vehicle.config import Vehicle
 
 

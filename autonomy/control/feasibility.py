@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.control.reference import Reference
+from autonomy.control.trajectory import Reference
 from autonomy.vehicle.config import ActuatorLimits, Vehicle
 
 _SAMPLES = 400
@@ -55,7 +55,7 @@ def glide_envelope(vehicle: Vehicle, *, down: bool) -> GlideEnvelope:
     On one path every force grows with the square of the speed V: the net mass that it takes is
     proportional to V^2, and the position of the sliding mass is a constant and a multiple of V^2.
     """
-    from autonomy.vehicle.dynamics import hydrodynamic_wrench
+    from autonomy.vehicle.reference.dynamics import hydrodynamic_wrench
     from autonomy.vehicle.steady import NoSteadyGlideError, angle_of_attack
 
     p, sign = vehicle.parameters, -1.0 if down else 1.0
@@ -118,7 +118,7 @@ def check_swim(
     Raises:
         InfeasibleReferenceError: If it is faster at any time.
     """
-    from autonomy.control.swimming import swimming_speed
+    from autonomy.control.reference.swimming import swimming_speed
 
     times = np.linspace(0.0, duration_s, _SAMPLES)
     velocity = np.array([reference_function(float(t)).velocity_ned for t in times])

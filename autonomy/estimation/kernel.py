@@ -1,4 +1,4 @@
-"""Compiled steps of the estimators; the classes of this package and the rehearsals call them.
+"""Compiled steps of the estimators; the classes of this package call them.
 
 An *axis* is five numbers: value, its rate, and the covariance of both (variance of the value,
 cross term, variance of the rate). ``autonomy.estimation.position.AxisCovariance`` is the readable

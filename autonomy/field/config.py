@@ -243,7 +243,7 @@ FIELD_PRESETS: dict[str, FieldConfig] = {
     ),
 }
 """Settings by variable, derived from simulated manual surveys by
-``autonomy.field.manual_survey.derived_preset`` with a generator seeded 0.
+``tests.autonomy.manual_survey.derived_preset`` with a generator seeded 0.
 
 The default model is the one whose stated uncertainty agrees best with the truth on twelve other
 simulated surveys of 600 samples, of generators seeded 1 to 12. Single, recursive, joint and

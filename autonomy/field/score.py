@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.field.factorization import cholesky, solve_lower
+from autonomy.field.model.factorization import cholesky, solve_lower
 
 _JITTER = 1e-9
 _NORMAL_90 = 1.6448536269514722

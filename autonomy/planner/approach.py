@@ -7,13 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from autonomy.planner import primitive
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.detour import shortest_way
-from autonomy.planner.edge import legs_duration_s, legs_energy, planned_points
+from autonomy.planner.leg import primitive
+from autonomy.planner.leg.edge import legs_duration_s, legs_energy, planned_points
+from autonomy.planner.leg.waterway import Waterway, depth_at, waterway_of
 from autonomy.planner.outcome import least_spending, sentence, spending
 from autonomy.planner.plan import Candidate, Leg, PlanResult
-from autonomy.planner.waterway import Waterway, depth_at, waterway_of
 from autonomy.site import NorthEast, Site
 
 _INSET_SHARE = 0.05

@@ -7,8 +7,8 @@ import numpy as np
 
 from autonomy.arrays import BoolArray, FloatArray
 from autonomy.field.config import FieldConfig, KernelParameters, KernelShape
-from autonomy.field.kernel import covariance
 from autonomy.field.level_scale import scale_factors, shares
+from autonomy.field.model.kernel import covariance
 from autonomy.planner.config import PlannerConfig
 
 
@@ -65,7 +65,7 @@ class FieldBelief:
         The difference of the field across a displacement e has variance
         :math:`2 (\sigma^2 - k(e))`; e is the standard deviation along north and along east. For
         a small e this is :math:`e^2` times the prior variance of the horizontal gradient, as in
-        ``autonomy.field.position_noise``.
+        ``autonomy.field.model.position_noise``.
 
         Samples of one dive share the error of their positions, and the map counts that; here each
         counts as if its error were its own, because a search that judges edges one by one cannot

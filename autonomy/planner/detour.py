@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.planner.clearance import clearance_m
+from autonomy.planner.check.clearance import clearance_m
 from autonomy.site import Area, NorthEast
 
 _EXPANSIONS_MAX = 40

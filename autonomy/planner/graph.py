@@ -19,9 +19,9 @@ from autonomy.arrays import BoolArray, FloatArray, IntArray
 from autonomy.compiled import kernel
 from autonomy.planner import outcome
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.leg_kernel import LEG_COLUMNS
+from autonomy.planner.leg.leg_kernel import LEG_COLUMNS
+from autonomy.planner.leg.waterway import Waterway, waterway_of
 from autonomy.planner.limits import Limits, legs_max, limits_of, points_max, shape_size
-from autonomy.planner.waterway import Waterway, waterway_of
 from autonomy.site import Site
 
 Int32Array = npt.NDArray[np.int32]

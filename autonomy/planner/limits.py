@@ -5,9 +5,9 @@ from typing import NamedTuple
 
 from autonomy.estimation.position import surface_covariance
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.drift import has_current
-from autonomy.planner.edge import SHAPE_COLUMNS
-from autonomy.planner.primitive import HEADWAY_MIN
+from autonomy.planner.leg.drift import has_current
+from autonomy.planner.leg.edge import SHAPE_COLUMNS
+from autonomy.planner.leg.primitive import HEADWAY_MIN
 
 
 class Limits(NamedTuple):

@@ -7,7 +7,7 @@ from scipy.linalg import cho_factor, cho_solve, solve_triangular
 from scipy.special import rel_entr
 
 from autonomy.arrays import FloatArray
-from autonomy.field.kernel import covariance
+from autonomy.field.model.kernel import covariance
 from autonomy.planner.belief import FieldBelief, SampleNoise, averaged_samples, sample_noise
 from autonomy.planner.config import ErgodicConfig, PlannerConfig
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from autonomy.planner import drift
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import (
+from autonomy.planner.leg import drift
+from autonomy.planner.leg.edge import (
     POINT_STD,
     POINT_TIME,
     Edge,
@@ -16,6 +16,8 @@ from autonomy.planner.edge import (
     legs_energy,
     surfacings,
 )
+from autonomy.planner.leg.primitive import energy
+from autonomy.planner.leg.waterway import usable_depth_m
 from autonomy.planner.plan import (
     Candidate,
     Leg,
@@ -24,8 +26,6 @@ from autonomy.planner.plan import (
     PlanStatus,
     PrimitiveKind,
 )
-from autonomy.planner.primitive import energy
-from autonomy.planner.waterway import usable_depth_m
 from autonomy.site import Area, Site
 
 _PROGRESS_PERIOD_S = 0.2

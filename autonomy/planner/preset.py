@@ -88,7 +88,7 @@ From the scaled polar: at 0.06 m/s both down and up can be flown at 42 to 50 deg
 radian, with 25 to 35 degrees of tail, and swims at 0.15 m/s.
 
 The lake is a dozen dives wide, so a search begins with transects. A round of 40 units is seven
-dives and 210 m in an hour, which a rehearsal can fly ahead in time; six rounds, six hours in all,
+dives and 210 m in an hour, which a dry run can fly ahead in time; six rounds, six hours in all,
 come within one length scale of the field to all the water, within half of one to nine tenths of it.
 """
 

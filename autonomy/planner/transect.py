@@ -11,7 +11,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import (
+from autonomy.planner.leg.edge import (
     SHAPE_BEARING,
     SHAPE_COLUMNS,
     SHAPE_DEPTH,
@@ -20,9 +20,9 @@ from autonomy.planner.edge import (
     Edge,
     propose_edge,
 )
+from autonomy.planner.leg.waterway import Waterway
 from autonomy.planner.outcome import spending
 from autonomy.planner.plan import PrimitiveKind
-from autonomy.planner.waterway import Waterway
 
 _DEPTHS = (1.0, 0.8, 0.6, 0.4, 0.2)
 """Parts of the domain's depth that a dive may reach; the deepest that the floor allows is taken."""

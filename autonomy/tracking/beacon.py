@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from autonomy.tracking.cloud import TargetCloud
 from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.own_way import OwnWay
+from autonomy.tracking.filter.cloud import TargetCloud
+from autonomy.tracking.filter.own_way import OwnWay
 from autonomy.tracking.reading import Pair, RangeHeard
 
 

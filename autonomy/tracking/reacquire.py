@@ -8,7 +8,7 @@ by the circle's diameter, and where it does so gives the bearing.
 import math
 
 from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.control_kernel import SPEED_TIME_S
+from autonomy.tracking.control.control_kernel import SPEED_TIME_S
 
 CIRCLE_NOISES = 1.5
 """Radius of the circle, in standard deviations of one range."""

@@ -12,17 +12,19 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.site import Site
-from autonomy.tracking import control_kernel
-from autonomy.tracking import hypothesis_kernel as hk
-from autonomy.tracking.arbiter import Arbiter
-from autonomy.tracking.bank import Bank, BankInput
 from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.filter_kernel import full_covariance
-from autonomy.tracking.hypothesis import Hypothesis
-from autonomy.tracking.late_range import Timeline
-from autonomy.tracking.pack_control import pack_control
+from autonomy.tracking.control import control_kernel
+from autonomy.tracking.control.pack_control import pack_control
+from autonomy.tracking.control.wall import Helm, Motion, WallGuard
+from autonomy.tracking.filter import hypothesis_kernel as hk
+from autonomy.tracking.filter.arbiter import Arbiter
+from autonomy.tracking.filter.bank import Bank, BankInput
+from autonomy.tracking.filter.filter_kernel import full_covariance
+from autonomy.tracking.filter.hypothesis import Hypothesis
+from autonomy.tracking.filter.late_range import Timeline
+from autonomy.tracking.filter.track_watch import Evidence, TrackWatch
 from autonomy.tracking.phase import TargetPhase
-from autonomy.tracking.predictive import PredictiveController
+from autonomy.tracking.predictive.predictive import PredictiveController
 from autonomy.tracking.reacquire import SearchCircle
 from autonomy.tracking.reading import (
     LARGEST_M,
@@ -33,8 +35,6 @@ from autonomy.tracking.reading import (
     TrackerStart,
     TrackerStep,
 )
-from autonomy.tracking.track_watch import Evidence, TrackWatch
-from autonomy.tracking.wall import Helm, Motion, WallGuard
 
 __all__ = [
     "RangeHeard",

@@ -1,6 +1,6 @@
 """Compiled runs of the extended model: a robot with its actuators in its surroundings.
 
-``autonomy.vehicle.dynamics`` is the readable reference; arrays are packed as in
+``autonomy.vehicle.reference.dynamics`` is the readable reference; arrays are packed as in
 ``autonomy.vehicle.kernel``.
 """
 

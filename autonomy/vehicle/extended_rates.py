@@ -1,6 +1,6 @@
 """Compiled rates of the extended model: tail, contact and water around the rigid body.
 
-``autonomy.vehicle.dynamics`` is the readable reference; arrays are packed as in
+``autonomy.vehicle.reference.dynamics`` is the readable reference; arrays are packed as in
 ``autonomy.vehicle.kernel``.
 """
 

@@ -1,4 +1,4 @@
-"""Compiled 12-state model of the glider; ``autonomy.vehicle.dynamics`` is the readable reference.
+"""Compiled 12-state model of the glider; ``reference.dynamics`` is the readable one.
 
 Arrays are packed as ``Vehicle.packed`` makes them: parameters and limits, each in their order of
 declaration, what the hull displaces and how it gives, and the prices of energy; the names below

@@ -9,8 +9,8 @@ from scipy.optimize import OptimizeResult, brentq, root
 
 from autonomy.arrays import FloatArray
 from autonomy.vehicle.config import ActuatorLimits, Vehicle, VehicleParameters
-from autonomy.vehicle.dynamics import hydrodynamic_wrench, rigid_body_rates
 from autonomy.vehicle.kernel import rk4_step
+from autonomy.vehicle.reference.dynamics import hydrodynamic_wrench, rigid_body_rates
 
 _SETTLING_S = 300.0
 _STEP_S = 0.05

@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from autonomy.control.config import BacksteppingConfig
 from autonomy.control.controller import BacksteppingController, Controller
-from autonomy.control.reference import Reference
-from autonomy.tracking.inner_loop import TailBeat
+from autonomy.control.trajectory import Reference
+from autonomy.tracking.control.inner_loop import TailBeat
 from autonomy.vehicle.config import Vehicle
 from onboard.flight.course import wrap
 from onboard.flight.hardware import SetPoints

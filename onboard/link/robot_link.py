@@ -39,7 +39,7 @@ from robot_link.messages import (
 from robot_link.mission import Mission
 from robot_link.robot_program import CommandOutcome, RobotProgram
 from robot_link.sample_log import Measurement, SampleLog
-from robot_link.service.double import DoubleWatch
+from robot_link.service.duplicate import DuplicateWatch
 from robot_link.service.file_store import FileStore, NoFiles
 from robot_link.service.heartbeat import robot_heartbeat
 from robot_link.service.pace import Pace
@@ -138,14 +138,14 @@ class RobotLink:
             reply=self._answer,
             station_heard_s=lambda: self.last_heard_station_s,
         )
-        self._doubles = DoubleWatch()
+        self._duplicates = DuplicateWatch()
         self.frames_bad = 0
         """Frames dropped for a bad checksum, a foreign sender or impossible content."""
 
     @property
     def conflict(self) -> str:
         """Sentence on another robot that speaks under this one's system id, or ""."""
-        return self._doubles.sentence(self._system, monotonic_s())
+        return self._duplicates.sentence(self._system, monotonic_s())
 
     @property
     def plan_hash(self) -> PlanHash | None:
@@ -276,7 +276,7 @@ class RobotLink:
                 return False
         speaker = message.get_srcSystem()
         if speaker == self._system:
-            if self._doubles.note(self._system, address, monotonic_s()):
+            if self._duplicates.note(self._system, address, monotonic_s()):
                 _log.warning("%s", self.conflict)
             return False
         if speaker == STATION_SYSTEM:

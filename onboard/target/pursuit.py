@@ -1,8 +1,9 @@
 """Pursuit of a target that is known by its range alone: the tracker steers, the tail swims."""
 
 from autonomy.tracking.config import TrackingConfig
-from autonomy.tracking.inner_loop import BeatAverage, InnerLoop, Swimming, TailBeat
-from autonomy.tracking.inner_loop_config import INNER_LOOP_PRESETS
+from autonomy.tracking.control.inner_loop import BeatAverage, InnerLoop, Swimming, TailBeat
+from autonomy.tracking.control.inner_loop_config import INNER_LOOP_PRESETS
+from autonomy.tracking.control.wall import Helm
 from autonomy.tracking.phase import TargetPhase
 from autonomy.tracking.reading import (
     RangeHeard,
@@ -11,7 +12,6 @@ from autonomy.tracking.reading import (
     TrackerStep,
 )
 from autonomy.tracking.tracker import Tracker
-from autonomy.tracking.wall import Helm
 from onboard.flight.hardware import SetPoints
 from onboard.flight.level import LevelKeeper
 from onboard.flight.maneuver import Flight

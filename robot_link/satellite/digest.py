@@ -18,7 +18,7 @@ import numpy as np
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.field.config import KernelParameters
 from autonomy.field.fidelity import fidelity_level
-from autonomy.field.kernel import covariance
+from autonomy.field.model.kernel import covariance
 from autonomy.field.thinning import space_filling
 from robot_link.messages import Sample
 from robot_link.onboard_settings import DigestSettings

@@ -6,7 +6,7 @@ from typing import Self
 
 from robot_link.clock import Clock, monotonic_s
 from robot_link.messages import LinkReport, LinkState, RobotId, RobotMode, SystemId
-from robot_link.service.double import NumberWatch
+from robot_link.service.duplicate import NumberWatch
 from robot_link.timing import LinkTiming
 from robot_link.transport.datagram import Address, DatagramTransport, Received
 from robot_link.transport.uri import LinkUri

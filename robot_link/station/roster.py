@@ -7,7 +7,7 @@ from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec, WireMessage
 from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.messages import RobotId, SystemId
-from robot_link.service.double import DoubleWatch
+from robot_link.service.duplicate import DuplicateWatch
 from robot_link.station.command_lane import CommandLane
 from robot_link.station.path import RobotEndpoint
 from robot_link.station.peer import Peer
@@ -56,7 +56,7 @@ class Roster:
     def __init__(self) -> None:
         self._members: dict[RobotId, Member] = {}
         self._by_system: dict[SystemId, Member] = {}
-        self._doubles = DoubleWatch()
+        self._duplicates = DuplicateWatch()
 
     def __iter__(self) -> Iterator[Member]:
         return iter(self._members.values())
@@ -88,7 +88,7 @@ class Roster:
             for path in member.peer.paths
             if path.numbers.is_double(now_s)
         ]
-        return "; ".join(filter(None, (self._doubles.sentence(system, now_s), *mixed)))
+        return "; ".join(filter(None, (self._duplicates.sentence(system, now_s), *mixed)))
 
     def attributed(
         self, transport: DatagramTransport, received: Received, messages: list[WireMessage]
@@ -145,6 +145,6 @@ class Roster:
         if member.peer.is_unbound_on(transport):
             return member
         now_s = monotonic_s()
-        if self._doubles.note(system, address, now_s):
-            _log.warning("%s: %s", member.robot, self._doubles.sentence(system, now_s))
+        if self._duplicates.note(system, address, now_s):
+            _log.warning("%s: %s", member.robot, self._duplicates.sentence(system, now_s))
         return None

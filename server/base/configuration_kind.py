@@ -13,10 +13,10 @@ from autonomy.identification.config import IDENTIFICATION_PRESETS, Identificatio
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
-from autonomy.trial.config import TRIAL_PRESETS, TrialConfig
 from autonomy.vehicle.battery import BATTERY_PRESETS, BatteryConfig
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
+from autonomy.whatif.config import TRIAL_PRESETS, TrialConfig
 from db.query.robots import RobotRecord
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig

@@ -12,9 +12,9 @@ import numpy as np
 from autonomy.arrays import BoolArray, FloatArray
 from autonomy.field.config import FieldConfig
 from autonomy.field.fidelity import fidelity_level
-from autonomy.field.live_map import LiveMap
+from autonomy.field.live.live_map import LiveMap
 from autonomy.field.mask import water_mask
-from autonomy.field.model import FieldModel
+from autonomy.field.model.model import FieldModel
 from autonomy.field.samples import FieldSamples
 from autonomy.field.scale import to_model
 from autonomy.field.score import Scores, score

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from autonomy.field.learning_model import learn_config
+from autonomy.field.learning.model import learn_config
 from server.map.task import LearnedField, LearningProblem
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.field.config import FieldConfig
 from autonomy.field.grid import Grid
-from autonomy.field.live_map import LiveMap
+from autonomy.field.live.live_map import LiveMap
 from autonomy.field.samples import FieldSamples, joined
 from autonomy.field.variable import VARIABLES
 from autonomy.site import Box

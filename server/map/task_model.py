@@ -5,7 +5,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.field.config import FieldConfig, GridShape
 from autonomy.field.grid import Grid
-from autonomy.field.live_map import LiveMap
+from autonomy.field.live.live_map import LiveMap
 from autonomy.field.samples import FieldSamples
 from autonomy.site import Box
 

@@ -5,9 +5,9 @@ from datetime import datetime
 
 from autonomy.configuration import Configuration
 from autonomy.field.config import FieldConfig
-from autonomy.planner.check import outdated, violations
+from autonomy.planner.check.check import outdated, violations
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import surfacings
+from autonomy.planner.leg.edge import surfacings
 from autonomy.planner.plan import Candidate, Leg
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.trim import TrimConfig, trim_flaw

@@ -4,9 +4,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from autonomy.planner import primitive
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import Edge, legs_energy, planned_points
+from autonomy.planner.leg import primitive
+from autonomy.planner.leg.edge import Edge, legs_energy, planned_points
 from autonomy.planner.outcome import as_candidate
 from autonomy.planner.plan import Candidate, Leg, PositionNed, PrimitiveKind
 from server.base.problem import FieldError, unprocessable

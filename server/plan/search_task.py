@@ -10,12 +10,12 @@ from autonomy.arrays import FloatArray, evenly_spread
 from autonomy.field.config import FieldConfig
 from autonomy.field.mask import water_mask
 from autonomy.field.samples import FieldSamples
-from autonomy.planner import kernel
 from autonomy.planner.approach import after_approach, approach_energy, preceded, shortfall, way_in
 from autonomy.planner.belief import FieldBelief, planning_kernel
 from autonomy.planner.outcome import nothing_feasible
 from autonomy.planner.plan import Leg, ObjectivePoint, PlanResult
-from autonomy.planner.search import plan
+from autonomy.planner.search import kernel
+from autonomy.planner.search.search import plan
 from autonomy.site import Box, Site
 from server.map.task_model import PLANNING, SCORING, domain_points, map_of
 from server.plan.task import MapProblem, SurveyProblem

@@ -3,8 +3,8 @@
 import math
 from dataclasses import dataclass
 
-from autonomy.planner import primitive
 from autonomy.planner.config import EnergyConfig, PlannerConfig
+from autonomy.planner.leg import primitive
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.tracking.config import TrackingConfig
 from autonomy.vehicle.config import Vehicle

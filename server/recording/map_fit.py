@@ -9,7 +9,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.field.grid import Grid
-from autonomy.field.recorded import RecordedFit, fit_recording, recorded_map
+from autonomy.field.learning.recorded import RecordedFit, fit_recording, recorded_map
 from autonomy.field.variable import VARIABLES
 
 TASK = f"{__name__}:run"

@@ -10,9 +10,9 @@ from typing import Any, Final
 from autonomy.configuration import Configuration
 from autonomy.identification.config import IdentificationConfig
 from autonomy.identification.recording import Recording
-from autonomy.trial.config import TrialConfig
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.trim import TrimConfig
+from autonomy.whatif.config import TrialConfig
 
 POLAR: Final = "server.vehicle.motion_task:polar_document"
 """Takes a ``Vehicle``, leaves the JSON document of its polar."""

@@ -7,8 +7,8 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from autonomy.control.catalogue import CONTROLLERS
-from autonomy.trial.config import TrialConfig
 from autonomy.vehicle.config import Vehicle
+from autonomy.whatif.config import TrialConfig
 from db.fault import StoreError
 from db.query import whatifs as query
 from db.query.events import add_event

@@ -4,10 +4,10 @@ from collections.abc import Callable
 from typing import Any
 
 from autonomy.control.feasibility import InfeasibleReferenceError
-from autonomy.trial.check import UnfitControllerError, check_scenario
-from autonomy.trial.comparison import TrialCancelledError, compare
-from autonomy.trial.run import ControllerChoice
-from autonomy.trial.work import TooMuchWorkError
+from autonomy.whatif.check import UnfitControllerError, check_scenario
+from autonomy.whatif.comparison import TrialCancelledError, compare
+from autonomy.whatif.run import ControllerChoice
+from autonomy.whatif.work import TooMuchWorkError
 from server.study.task import Refusal, WhatIfProblem
 
 POINTS_MAX = 400

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from autonomy.planner import drift
 from autonomy.planner.config import CurrentConfig, PlannerConfig
-from autonomy.planner.edge import random_shape
+from autonomy.planner.leg import drift
+from autonomy.planner.leg.edge import random_shape
+from autonomy.planner.leg.waterway import usable_depth_m
 from autonomy.planner.plan import Leg
-from autonomy.planner.waterway import usable_depth_m
 from autonomy.site import TANK, Area, Bathymetry, Box, Site
 from tests.autonomy.planner_problem import THESIS_TANK
 

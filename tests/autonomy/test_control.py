@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 
 from autonomy.control import config, kernel, law_number
-from autonomy.control.backstepping import backstepping_inputs
 from autonomy.control.controller import BacksteppingController, CompiledController
-from autonomy.control.error import tracking_error
-from autonomy.control.pid import pid_inputs
-from autonomy.control.reference import THESIS_REFERENCES, Reference, straight_glide
+from autonomy.control.reference.backstepping import backstepping_inputs
+from autonomy.control.reference.error import tracking_error
+from autonomy.control.reference.pid import pid_inputs
+from autonomy.control.trajectory import THESIS_REFERENCES, Reference, straight_glide
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
-from autonomy.vehicle.dynamics import state_derivative
 from autonomy.vehicle.extended_kernel import advance
+from autonomy.vehicle.reference.dynamics import state_derivative
 from autonomy.vehicle.steady import angle_of_attack
 from autonomy.vehicle.surroundings import Surroundings
 

@@ -11,14 +11,14 @@ from autonomy.control.feasibility import (
     check_swim,
     glide_envelope,
 )
-from autonomy.control.reference import THESIS_REFERENCES, Reference, straight_glide
-from autonomy.control.swimming import swimming_speed
-from autonomy.trial.config import TRIAL_PRESETS
-from autonomy.trial.setting import reference_function
+from autonomy.control.reference.swimming import swimming_speed
+from autonomy.control.trajectory import THESIS_REFERENCES, Reference, straight_glide
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
 from autonomy.vehicle.extended_kernel import advance
 from autonomy.vehicle.steady import steady_glide
 from autonomy.vehicle.surroundings import Surroundings
+from autonomy.whatif.config import TRIAL_PRESETS
+from autonomy.whatif.setting import reference_function
 
 
 def glide(velocity, pitch):

@@ -5,16 +5,16 @@ import pytest
 
 from autonomy.control import governor_kernel, integral_kernel
 from autonomy.control.catalogue import CONTROLLERS
-from autonomy.control.governor import SentCommands, governor_inputs
 from autonomy.control.governor_config import (
     GOVERNOR_EXPERIMENT,
     MOST_DELAY_CALLS,
     GovernorConfig,
 )
 from autonomy.control.integral_config import INTEGRAL_EXPERIMENT
-from autonomy.trial.config import TABLE_3_3_DIAGONAL, TABLE_3_3_FIGURE_EIGHT, DisturbanceConfig
-from autonomy.trial.run import ControllerChoice, run_trial
+from autonomy.control.reference.governor import SentCommands, governor_inputs
 from autonomy.vehicle.config import MINIGLIDER
+from autonomy.whatif.config import TABLE_3_3_DIAGONAL, TABLE_3_3_FIGURE_EIGHT, DisturbanceConfig
+from autonomy.whatif.run import ControllerChoice, run_trial
 from tests.autonomy.test_control import PACKED, close, random_reference, random_state
 
 SLOW = DisturbanceConfig(

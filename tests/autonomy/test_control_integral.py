@@ -6,13 +6,13 @@ import pytest
 from autonomy.control import integral_kernel
 from autonomy.control.catalogue import CONTROLLERS
 from autonomy.control.governor_config import GovernorConfig
-from autonomy.control.integral import integral_inputs
 from autonomy.control.integral_config import INTEGRAL_EXPERIMENT, IntegralConfig
-from autonomy.control.reference import Reference
+from autonomy.control.reference.integral import integral_inputs
 from autonomy.control.swimming_config import SwimmingConfig
-from autonomy.trial.config import TABLE_3_1_LINEAR, TABLE_3_3_DIAGONAL, TrialConfig
-from autonomy.trial.run import ControllerChoice, run_trial
+from autonomy.control.trajectory import Reference
 from autonomy.vehicle.config import MINIGLIDER
+from autonomy.whatif.config import TABLE_3_1_LINEAR, TABLE_3_3_DIAGONAL, TrialConfig
+from autonomy.whatif.run import ControllerChoice, run_trial
 from tests.autonomy.test_control import PACKED, close, random_reference, random_state
 
 SEEDS = (1, 2)

@@ -7,11 +7,11 @@ import pytest
 
 from autonomy.control import swimming_kernel
 from autonomy.control.catalogue import CONTROLLERS
-from autonomy.control.swimming import amplitude_for, swimming_command
+from autonomy.control.reference.swimming import amplitude_for, swimming_command
 from autonomy.control.swimming_config import SWIMMING_PRESETS, SwimmingConfig
-from autonomy.trial.config import StartConfig, StraightConfig, TrialConfig
-from autonomy.trial.run import ControllerChoice, run_trial
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
+from autonomy.whatif.config import StartConfig, StraightConfig, TrialConfig
+from autonomy.whatif.run import ControllerChoice, run_trial
 from tests.autonomy.test_control import PACKED, close, random_reference, random_state
 
 SWIM = TrialConfig(

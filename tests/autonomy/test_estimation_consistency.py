@@ -1,4 +1,4 @@
-"""Rehearsed flights: every estimator's errors are as large as it says, and the table of gains."""
+"""Trial flights: every estimator's errors are as large as it says, and the table of gains."""
 
 import math
 from dataclasses import replace
@@ -12,18 +12,7 @@ from autonomy.estimation.config import (
     MODEL_FILTER_PRESETS,
     TagFilterConfig,
 )
-from autonomy.estimation.consistency import bounds, consistency, normalized_error_squared
-from autonomy.estimation.follow import (
-    Track,
-    by_dead_reckoning,
-    by_model_filter,
-    by_position_filter,
-    by_tag_filter,
-    observed_velocity,
-    observer_covariance,
-)
 from autonomy.estimation.model_filter import ModelFilter
-from autonomy.estimation.rehearsal import PERIOD_S, Flight, TagErrors, sightings
 from benchmarks.estimation import (
     STEADY_M_S,
     TANK_DIVE_S,
@@ -33,6 +22,17 @@ from benchmarks.estimation import (
     wrong_model,
 )
 from benchmarks.observer_table import Case, errors, true_run
+from reproduction.estimation.consistency import bounds, consistency, normalized_error_squared
+from reproduction.estimation.follow import (
+    Track,
+    by_dead_reckoning,
+    by_model_filter,
+    by_position_filter,
+    by_tag_filter,
+    observed_velocity,
+    observer_covariance,
+)
+from reproduction.estimation.trial_flight import PERIOD_S, Flight, TagErrors, sightings
 from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
 
 RUNS = 10
@@ -153,7 +153,7 @@ def test_the_tag_filter_errs_as_it_says_with_outliers_and_long_gaps() -> None:
     assert judged.doubt < 1.1
 
 
-def test_rehearsals_and_the_filter_on_board_are_the_same_filter(
+def test_trial_flights_and_the_filter_on_board_are_the_same_filter(
     flights: dict[str, list[Flight]],
 ) -> None:
     flown = flights["miniglider"][0]

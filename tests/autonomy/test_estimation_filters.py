@@ -17,11 +17,11 @@ from autonomy.estimation.config import (
     OutlierConfig,
     TagFilterConfig,
 )
-from autonomy.estimation.dead_reckoning import DeadReckoning
 from autonomy.estimation.model_filter import ModelFilter
 from autonomy.estimation.position import AxisCovariance
-from autonomy.estimation.tag_filter import TagFilter, TagPose
 from autonomy.vehicle.config import VEHICLES
+from reproduction.estimation.dead_reckoning import DeadReckoning
+from reproduction.estimation.tag_filter import TagFilter, TagPose
 
 ESTIMATOR = EstimatorConfig()
 MINIGLIDER = VEHICLES["miniglider"]

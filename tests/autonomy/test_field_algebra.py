@@ -7,13 +7,13 @@ import time
 import numpy as np
 import pytest
 
-from autonomy.field.algebra import (
+from autonomy.field.model.algebra import (
     factorize_in_place,
     solve_in_place,
     subtract_product,
     subtract_vector_product,
 )
-from autonomy.field.factorization import cholesky, solve_lower, solve_lower_transposed
+from autonomy.field.model.factorization import cholesky, solve_lower, solve_lower_transposed
 
 RNG = np.random.default_rng(11)
 

@@ -5,10 +5,10 @@ from sklearn.gaussian_process.kernels import WhiteKernel
 
 from autonomy.arrays import FloatArray
 from autonomy.field.config import KernelParameters, KernelShape
-from autonomy.field.factorization import cholesky
-from autonomy.field.gaussian_process import Ageing, GaussianProcess
-from autonomy.field.kernel import covariance
-from autonomy.field.recursive import RecursiveGaussianProcess
+from autonomy.field.model.factorization import cholesky
+from autonomy.field.model.gaussian_process import Ageing, GaussianProcess
+from autonomy.field.model.kernel import covariance
+from autonomy.field.model.recursive import RecursiveGaussianProcess
 from autonomy.field.synthetic import measure
 from tests.autonomy.test_field_kernel import SHAPES, scikit_learn_kernel
 

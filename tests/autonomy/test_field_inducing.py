@@ -4,11 +4,11 @@ import pytest
 from autonomy.arrays import FloatArray
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, KernelParameters
 from autonomy.field.fidelity import fidelity_level
-from autonomy.field.inducing import InducingPosterior, inducing_places
-from autonomy.field.inducing_model import GrowingInducing, InducingGaussianProcess
-from autonomy.field.model import centred_values, condition
-from autonomy.field.model_prior import AgeingPrior, JointPrior, Places, Prior, SinglePrior
-from autonomy.field.posterior import Posterior
+from autonomy.field.live.inducing import InducingPosterior, inducing_places
+from autonomy.field.live.inducing_model import GrowingInducing, InducingGaussianProcess
+from autonomy.field.model.model import centred_values, condition
+from autonomy.field.model.model_prior import AgeingPrior, JointPrior, Places, Prior, SinglePrior
+from autonomy.field.model.posterior import Posterior
 from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure, truth
 from autonomy.site import TANK

@@ -5,10 +5,10 @@ import pytest
 
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.field.config import KernelParameters, KernelShape
-from autonomy.field.gaussian_process import Ageing, GaussianProcess
-from autonomy.field.joint import JointGaussianProcess
-from autonomy.field.kernel import covariance
-from autonomy.field.recursive import RecursiveGaussianProcess
+from autonomy.field.model.gaussian_process import Ageing, GaussianProcess
+from autonomy.field.model.joint import JointGaussianProcess
+from autonomy.field.model.kernel import covariance
+from autonomy.field.model.recursive import RecursiveGaussianProcess
 
 GPY_JITTER = 1e-8
 """GPy adds this to every noise variance."""

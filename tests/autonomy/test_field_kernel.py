@@ -3,7 +3,7 @@ import pytest
 from sklearn.gaussian_process.kernels import RBF, ConstantKernel, Kernel, Matern
 
 from autonomy.field.config import KernelParameters, KernelShape
-from autonomy.field.kernel import (
+from autonomy.field.model.kernel import (
     covariance,
     gradient_covariance,
     gradient_gradient_covariance,

@@ -4,13 +4,13 @@ from scipy.optimize import check_grad
 
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.field.config import KernelParameters, KernelShape
-from autonomy.field.gaussian_process import GaussianProcess
-from autonomy.field.joint import JointGaussianProcess
-from autonomy.field.kernel import covariance
-from autonomy.field.learning import learn, learn_levels, log_parameters
-from autonomy.field.likelihood import MarginalLikelihood
-from autonomy.field.model_prior import JointPrior, Places
-from autonomy.field.prior import LogNormalPrior
+from autonomy.field.learning.level import learn, learn_levels, log_parameters
+from autonomy.field.learning.likelihood import MarginalLikelihood
+from autonomy.field.learning.prior import LogNormalPrior
+from autonomy.field.model.gaussian_process import GaussianProcess
+from autonomy.field.model.joint import JointGaussianProcess
+from autonomy.field.model.kernel import covariance
+from autonomy.field.model.model_prior import JointPrior, Places
 
 SHAPES: tuple[KernelShape, ...] = ("matern12", "matern32", "matern52", "squared_exponential")
 TRUE_KERNEL = KernelParameters(

@@ -2,15 +2,15 @@ import numpy as np
 import pytest
 
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, LearningConfig
-from autonomy.field.learning_model import MOST_SAMPLES, learn_config
-from autonomy.field.manual_survey import (
+from autonomy.field.learning.model import MOST_SAMPLES, learn_config
+from autonomy.field.model.model import condition
+from autonomy.field.samples import FieldSamples
+from tests.autonomy.manual_survey import (
     PRESET_ESTIMATOR,
     PRESET_MOTION,
     PRESET_SITE,
     simulate_survey,
 )
-from autonomy.field.model import condition
-from autonomy.field.samples import FieldSamples
 
 MODELS = ("single", "recursive", "joint", "position_noise")
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from autonomy.field.config import FIELD_PRESETS
-from autonomy.field.manual_survey import (
+from tests.autonomy.manual_survey import (
     PRESET_ESTIMATOR,
     PRESET_MOTION,
     PRESET_SITE,

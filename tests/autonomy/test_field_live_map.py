@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from autonomy.arrays import FloatArray
-from autonomy.field import live_map as live_map_module
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, GridShape, KernelParameters
 from autonomy.field.grid import Grid
-from autonomy.field.growing_factor import GrowingFactor
-from autonomy.field.live_map import LiveMap
-from autonomy.field.model import condition
+from autonomy.field.live import live_map as live_map_module
+from autonomy.field.live.growing_factor import GrowingFactor
+from autonomy.field.live.live_map import LiveMap
+from autonomy.field.model.model import condition
 from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure, truth
 from autonomy.site import TANK

@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 
 from autonomy.field.config import FIELD_PRESETS, FieldConfig, GridShape, KernelParameters
 from autonomy.field.grid import Grid
-from autonomy.field.live_map import LiveMap
-from autonomy.field.model import condition
+from autonomy.field.live.live_map import LiveMap
+from autonomy.field.model.model import condition
 from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure
 from autonomy.site import TANK

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from autonomy.field.config import KernelParameters
-from autonomy.field.gaussian_process import Ageing, GaussianProcess
-from autonomy.field.kernel import covariance, gradient_variance
-from autonomy.field.model_prior import Places
-from autonomy.field.position_noise import (
+from autonomy.field.model.gaussian_process import Ageing, GaussianProcess
+from autonomy.field.model.kernel import covariance, gradient_variance
+from autonomy.field.model.model_prior import Places
+from autonomy.field.model.position_noise import (
     PositionNoiseGaussianProcess,
     Slope,
     curvature_noise,

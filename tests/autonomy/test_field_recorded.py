@@ -5,9 +5,9 @@ import pytest
 
 from autonomy.arrays import FloatArray
 from autonomy.field.config import KernelParameters
-from autonomy.field.gaussian_process import GaussianProcess
-from autonomy.field.learning_noise import Part, cross_validated_noise, leave_one_out
-from autonomy.field.recorded import fit_recording, recorded_map
+from autonomy.field.learning.noise import Part, cross_validated_noise, leave_one_out
+from autonomy.field.learning.recorded import fit_recording, recorded_map
+from autonomy.field.model.gaussian_process import GaussianProcess
 
 DEPLOYMENT = Path(__file__).parents[3] / "shared" / "data" / "eva035_chl_temp.csv"
 

@@ -20,11 +20,11 @@ from autonomy.identification.problem import NothingToIdentifyError, Workers, pro
 from autonomy.identification.progress import CheckpointError, IdentificationCancelledError
 from autonomy.identification.recording import Recording
 from autonomy.identification.run import identify
-from autonomy.identification.synthetic import open_loop_recording
 from autonomy.identification.unknown import Unknown, free_names
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
 from autonomy.vehicle.kernel import rk4_step
 from autonomy.vehicle.parameter_file import vehicle_from_document
+from tests.autonomy.identification_flight import open_loop_recording
 
 WELL_KNOWN = ("mass_1_kg", "drag_0", "drag_alpha", "drag_delta", "lift_0", "lift_alpha")
 TRUTH = MINIGLIDER.parameters.model_dump()

@@ -5,7 +5,7 @@ import pytest
 
 from autonomy.identification.polynomial import TERMS, TableError, fit_polynomials
 from autonomy.vehicle.config import MINIGLIDER
-from autonomy.vehicle.dynamics import flow_rotation, hydrodynamic_wrench
+from autonomy.vehicle.reference.dynamics import flow_rotation, hydrodynamic_wrench
 
 P = MINIGLIDER.parameters
 

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from autonomy.identification.recording import Recording
-from autonomy.identification.synthetic import open_loop_recording
 from autonomy.identification.trim_advice import NoAdviceError, advise
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.trim import TrimConfig
 from robot_link.messages import OnboardPlanState
 from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
+from tests.autonomy.identification_flight import open_loop_recording
 from tests.simulator.flight import LAKE_PLANNER, Life, mission, vee
 
 

@@ -2,8 +2,8 @@ import numpy as np
 import pytest
 
 from autonomy.field.config import FIELD_PRESETS
-from autonomy.field.kernel import covariance
-from autonomy.field.model_prior import JointPrior, Places
+from autonomy.field.model.kernel import covariance
+from autonomy.field.model.model_prior import JointPrior, Places
 from autonomy.planner.belief import planning_kernel
 
 FIELD = FIELD_PRESETS["blue_light"]

@@ -2,9 +2,10 @@ import math
 
 import pytest
 
-from autonomy.planner import literal, search
 from autonomy.planner.outcome import least_spending, spending
 from autonomy.planner.plan import PlanStatus
+from autonomy.planner.reference import literal
+from autonomy.planner.search import search
 from autonomy.site import LAKE, TANK, Area, Box
 from tests.autonomy.planner_problem import THESIS_TANK, belief_over, run, with_search
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.planner import primitive
 from autonomy.planner.capability import (
     energy_of,
     joules_per_unit,
@@ -14,6 +13,7 @@ from autonomy.planner.capability import (
     work_of,
 )
 from autonomy.planner.config import PlannerConfig
+from autonomy.planner.leg import primitive
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK
 from autonomy.vehicle.config import GRACE3, MINIGLIDER, VEHICLES, Vehicle

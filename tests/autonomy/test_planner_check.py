@@ -5,11 +5,11 @@ import numpy as np
 import pytest
 
 from autonomy.planner.approach import preceded, way_in
-from autonomy.planner.check import outdated, violations
-from autonomy.planner.edge import legs_energy, planned_points
+from autonomy.planner.check.check import outdated, violations
+from autonomy.planner.leg.edge import legs_energy, planned_points
+from autonomy.planner.leg.primitive import dive, glide, spiral, swim
 from autonomy.planner.plan import Candidate, Leg, PlanResult, PlanStatus, PrimitiveKind
 from autonomy.planner.preset import PLANNER_PRESETS
-from autonomy.planner.primitive import dive, glide, spiral, swim
 from autonomy.site import TANK
 
 CONFIG = PLANNER_PRESETS["miniglider"]

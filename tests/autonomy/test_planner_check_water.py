@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from autonomy.planner.approach import after_approach, approach_energy, shortfall, way_in
-from autonomy.planner.check import violations
-from autonomy.planner.clearance import clearance_m, floor_contact
+from autonomy.planner.check.check import violations
+from autonomy.planner.check.clearance import clearance_m, floor_contact
 from autonomy.planner.config import CurrentConfig
-from autonomy.planner.edge import departures, planned_points, propose_edge, surfacings
+from autonomy.planner.leg.edge import departures, planned_points, propose_edge, surfacings
+from autonomy.planner.leg.primitive import dive, glide, spiral, swim
+from autonomy.planner.leg.waterway import usable_depth_m, waterway_of
 from autonomy.planner.outcome import spending
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.planner.preset import PLANNER_PRESETS
-from autonomy.planner.primitive import dive, glide, spiral, swim
-from autonomy.planner.waterway import usable_depth_m, waterway_of
 from autonomy.site import LAKE, TANK, Area
 from tests.autonomy.planner_water import BUOY, NET, POOL, pool_config, proposals
 

@@ -4,10 +4,10 @@ import math
 import numpy as np
 import pytest
 
-from autonomy.field.kernel import covariance
+from autonomy.field.model.kernel import covariance
 from autonomy.planner.belief import averaged_samples, sample_noise
 from autonomy.planner.config import ErgodicConfig
-from autonomy.planner.edge import propose_edge, random_shape
+from autonomy.planner.leg.edge import propose_edge, random_shape
 from autonomy.planner.objective import (
     ErgodicMeasure,
     InformationGain,

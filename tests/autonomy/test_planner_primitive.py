@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.integrate import quad
 
-from autonomy.planner import edge_kernel, leg_kernel, primitive
 from autonomy.planner.config import EnergyConfig
-from autonomy.planner.edge import (
+from autonomy.planner.leg import edge_kernel, leg_kernel, primitive
+from autonomy.planner.leg.edge import (
     POINT_DOWN,
     POINT_NORTH,
     POINT_STD,
@@ -17,10 +17,10 @@ from autonomy.planner.edge import (
     propose_edge,
     random_shape,
 )
+from autonomy.planner.leg.waterway import waterway_of
 from autonomy.planner.limits import legs_max, limits_of, points_max
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.planner.preset import PLANNER_PRESETS
-from autonomy.planner.waterway import waterway_of
 from tests.autonomy.planner_problem import THESIS_TANK
 
 CONFIGS = {"thesis": THESIS_TANK, **PLANNER_PRESETS}

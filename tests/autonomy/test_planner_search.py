@@ -11,13 +11,15 @@ from unittest import mock
 import numpy as np
 import pytest
 
-from autonomy.planner import graph, literal, search
+from autonomy.planner import graph
 from autonomy.planner.belief import sample_noise
-from autonomy.planner.check import violations
+from autonomy.planner.check.check import violations
+from autonomy.planner.leg.waterway import depth_at, waterway_of
 from autonomy.planner.objective import InformationGain, objective
 from autonomy.planner.plan import PlanStatus
 from autonomy.planner.preset import PLANNER_PRESETS
-from autonomy.planner.waterway import depth_at, waterway_of
+from autonomy.planner.reference import literal
+from autonomy.planner.search import search
 from autonomy.site import LAKE, TANK
 from tests.autonomy.planner_problem import START, THESIS_TANK, belief_over, run, with_search
 

@@ -3,14 +3,14 @@ import math
 import numpy as np
 import pytest
 
-from autonomy.planner import search
-from autonomy.planner.check import violations
-from autonomy.planner.edge import legs_energy
+from autonomy.planner.check.check import violations
 from autonomy.planner.graph import DEPTH_MAX
+from autonomy.planner.leg.edge import legs_energy
+from autonomy.planner.leg.waterway import waterway_of
 from autonomy.planner.objective import objective
 from autonomy.planner.preset import PLANNER_PRESETS
+from autonomy.planner.search import search
 from autonomy.planner.transect import transects
-from autonomy.planner.waterway import waterway_of
 from autonomy.site import LAKE, Area
 from tests.autonomy.planner_problem import belief_over, run, with_search
 

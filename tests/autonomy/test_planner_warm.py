@@ -3,13 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.planner import search
-from autonomy.planner.check import violations
-from autonomy.planner.edge import legs_energy, planned_points, propose_edge, random_shape
+from autonomy.planner.check.check import violations
+from autonomy.planner.leg.edge import legs_energy, planned_points, propose_edge, random_shape
+from autonomy.planner.leg.waterway import waterway_of
 from autonomy.planner.objective import objective
 from autonomy.planner.plan import PlanStatus
-from autonomy.planner.warm import rebased, shape_of
-from autonomy.planner.waterway import waterway_of
+from autonomy.planner.search import search
+from autonomy.planner.search.warm import rebased, shape_of
 from autonomy.site import TANK
 from tests.autonomy.planner_problem import START, THESIS_TANK, belief_over, run, with_search
 

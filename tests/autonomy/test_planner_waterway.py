@@ -5,13 +5,10 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from autonomy.planner import edge_kernel, leg_kernel, waterway_kernel
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.edge import propose_edge
-from autonomy.planner.limits import legs_max, limits_of, points_max
-from autonomy.planner.plan import PrimitiveKind
-from autonomy.planner.preset import PLANNER_PRESETS
-from autonomy.planner.waterway import (
+from autonomy.planner.leg import edge_kernel, leg_kernel, waterway_kernel
+from autonomy.planner.leg.edge import propose_edge
+from autonomy.planner.leg.waterway import (
     CLOSED,
     chords,
     depth_at,
@@ -19,6 +16,9 @@ from autonomy.planner.waterway import (
     usable_depth_m,
     waterway_of,
 )
+from autonomy.planner.limits import legs_max, limits_of, points_max
+from autonomy.planner.plan import PrimitiveKind
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Area, Box, Site
 from tests.autonomy.planner_problem import THESIS_TANK
 from tests.autonomy.planner_water import (

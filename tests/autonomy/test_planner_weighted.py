@@ -1,7 +1,6 @@
 import numpy as np
 import pytest
 
-from autonomy.planner import search
 from autonomy.planner.belief import sample_noise
 from autonomy.planner.objective import (
     ErgodicMeasure,
@@ -10,6 +9,7 @@ from autonomy.planner.objective import (
     objective,
     weighted_sum,
 )
+from autonomy.planner.search import search
 from tests.autonomy.planner_problem import START, THESIS_TANK, belief_over, run, with_search
 
 CONFIG = with_search(THESIS_TANK, iterations_max=25).model_copy(update={"objective": "weighted"})

@@ -6,16 +6,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from autonomy.tracking import hypothesis_kernel as hk
-from autonomy.tracking import unicycle
-from autonomy.tracking.bank import Bank, BankInput
 from autonomy.tracking.config import BarrierConfig, FilterConfig, RangingConfig
-from autonomy.tracking.filter import predict, start_estimate, update
-from autonomy.tracking.hypothesis import RING, mirrored_across, ring
-from autonomy.tracking.late_range import LONGEST_AGE_S, Timeline
+from autonomy.tracking.filter import hypothesis_kernel as hk
+from autonomy.tracking.filter.bank import Bank, BankInput
+from autonomy.tracking.filter.hypothesis import RING, mirrored_across, ring
+from autonomy.tracking.filter.late_range import LONGEST_AGE_S, Timeline
 from autonomy.tracking.reacquire import SearchCircle
 from autonomy.tracking.reading import RangeHeard
-from autonomy.tracking.velocity_filter import TargetMotion, step_motion
+from autonomy.tracking.reference.filter import predict, start_estimate, update
+from autonomy.tracking.reference.velocity_filter import TargetMotion, step_motion
+from reproduction.tracking import unicycle
 from tests.autonomy.tracking_water import DT_S, NOISE_STD, settings
 
 ONE = FilterConfig(hypotheses="one")

@@ -4,10 +4,16 @@ import math
 
 import pytest
 
-from autonomy.tracking.barrier import ControlStatus, barrier_value, class_k, control, limits
 from autonomy.tracking.config import THESIS_TRACKING, BarrierConfig, MotionConfig, TrackingConfig
-from autonomy.tracking.nominal import pursuit, wrapped
-from autonomy.tracking.observability import determinant_rates
+from autonomy.tracking.reference.barrier import (
+    ControlStatus,
+    barrier_value,
+    class_k,
+    control,
+    limits,
+)
+from autonomy.tracking.reference.nominal import pursuit, wrapped
+from autonomy.tracking.reference.observability import determinant_rates
 
 AHEAD, TARGET_VELOCITY = (-1.0, 0.5, 0.3, 0.2), (0.02, 0.01)
 BESIDE, STILL = (-0.1, 0.5, 0.0, 0.35), (0.0, 0.0)

@@ -5,15 +5,16 @@ import math
 import numpy as np
 import pytest
 
-from autonomy.tracking import cloud_kernel, unicycle
-from autonomy.tracking.arbiter import Arbiter
-from autonomy.tracking.bank import Bank, BankInput
-from autonomy.tracking.cloud import PERSISTENCE, WALK_M_SQRT_S, TargetCloud
 from autonomy.tracking.config import TRACKING_PRESETS, BarrierConfig, FilterConfig
-from autonomy.tracking.filter_kernel import full_covariance
-from autonomy.tracking.late_range import Timeline
+from autonomy.tracking.filter import cloud_kernel
+from autonomy.tracking.filter.arbiter import Arbiter
+from autonomy.tracking.filter.bank import Bank, BankInput
+from autonomy.tracking.filter.cloud import PERSISTENCE, WALK_M_SQRT_S, TargetCloud
+from autonomy.tracking.filter.filter_kernel import full_covariance
+from autonomy.tracking.filter.late_range import Timeline
 from autonomy.tracking.reading import RangeHeard, TrackerReading, TrackerStart
 from autonomy.tracking.tracker import Tracker
+from reproduction.tracking import unicycle
 from tests.autonomy.tracking_water import settings
 
 LAKE = TRACKING_PRESETS["grace3"]

@@ -9,17 +9,25 @@ import osqp
 import pytest
 from scipy import sparse
 
-from autonomy.tracking import box_qp, control_kernel, unicycle
-from autonomy.tracking.barrier import ControlStatus, control
 from autonomy.tracking.config import (
     THESIS_TRACKING,
     BarrierConfig,
     MotionConfig,
     TrackingConfig,
 )
-from autonomy.tracking.control_kernel import ACTIVE, INFEASIBLE, UNCHANGED, closest, control_step
-from autonomy.tracking.orbit import follow
-from autonomy.tracking.pack_control import ALPHAS, pack_control
+from autonomy.tracking.control import control_kernel
+from autonomy.tracking.control.control_kernel import (
+    ACTIVE,
+    INFEASIBLE,
+    UNCHANGED,
+    closest,
+    control_step,
+)
+from autonomy.tracking.control.pack_control import ALPHAS, pack_control
+from autonomy.tracking.reference import box_qp
+from autonomy.tracking.reference.barrier import ControlStatus, control
+from reproduction.tracking import unicycle
+from reproduction.tracking.orbit import follow
 from tests.autonomy.closest_point import enumerated, problems
 
 START = (-5.0, 0.0, 0.6, 0.1)

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from autonomy.tracking import filter_kernel
 from autonomy.tracking.config import THESIS_TRACKING
-from autonomy.tracking.filter import predict, start_estimate, update
-from autonomy.tracking.velocity_filter import start_motion, step_motion
+from autonomy.tracking.filter import filter_kernel
+from autonomy.tracking.reference.filter import predict, start_estimate, update
+from autonomy.tracking.reference.velocity_filter import start_motion, step_motion
 
 Q = filter_kernel.pack_filter(THESIS_TRACKING)
 

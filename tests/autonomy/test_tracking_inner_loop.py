@@ -7,11 +7,11 @@ import pytest
 
 from autonomy.site import TANK
 from autonomy.tracking.config import TRACKING_PRESETS
-from autonomy.tracking.inner_loop import BeatAverage, InnerLoop, Swimming
-from autonomy.tracking.inner_loop_config import INNER_LOOP_PRESETS
-from autonomy.tracking.tail_beat_trial import TailBeatTrial, run_trial
+from autonomy.tracking.control.inner_loop import BeatAverage, InnerLoop, Swimming
+from autonomy.tracking.control.inner_loop_config import INNER_LOOP_PRESETS
 from autonomy.vehicle.config import VEHICLES
 from autonomy.vehicle.extended_kernel import advance
+from reproduction.tracking.tail_beat_trial import TailBeatTrial, run_trial
 
 MINI = INNER_LOOP_PRESETS["miniglider"]
 PERIOD_S = 0.1

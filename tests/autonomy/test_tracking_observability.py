@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from autonomy.tracking import control_kernel
-from autonomy.tracking.observability import (
+from autonomy.tracking.control import control_kernel
+from autonomy.tracking.reference.observability import (
     determinant,
     determinant_rates,
     empirical_gramian,
@@ -17,7 +17,7 @@ from autonomy.tracking.observability import (
     position_observability_matrix,
     relative_velocity,
 )
-from autonomy.tracking.unicycle import advance
+from reproduction.tracking.unicycle import advance
 
 metres = st.floats(-50.0, 50.0)
 speeds = st.floats(-2.0, 2.0)

@@ -6,12 +6,16 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from autonomy.tracking import predictive_kernel as k
 from autonomy.tracking.config import THESIS_TRACKING
-from autonomy.tracking.observability import determinant, inverse_condition
-from autonomy.tracking.predictive import NUMBERS, PredictiveController, cost, pack_predictive
-from autonomy.tracking.predictive_config import PredictiveConfig
-from autonomy.tracking.predictive_search import (
+from autonomy.tracking.predictive import kernel as k
+from autonomy.tracking.predictive.config import PredictiveConfig
+from autonomy.tracking.predictive.predictive import (
+    NUMBERS,
+    PredictiveController,
+    cost,
+    pack_predictive,
+)
+from autonomy.tracking.predictive.search import (
     BAD_INPUT,
     CONVERGED,
     SPENT,
@@ -20,6 +24,7 @@ from autonomy.tracking.predictive_search import (
     minimize,
     resting_plan,
 )
+from autonomy.tracking.reference.observability import determinant, inverse_condition
 from benchmarks.predictive_peer import (
     casadi_cost,
     casadi_ipopt,

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.tracking import metrics
-from autonomy.tracking.control_kernel import control_step
-from autonomy.tracking.pack_control import pack_control
-from autonomy.tracking.predictive import PredictiveController
-from autonomy.tracking.predictive_run import run_steered
-from autonomy.tracking.run import Case, run
-from autonomy.tracking.scenario import FIT
+from autonomy.tracking.control.control_kernel import control_step
+from autonomy.tracking.control.pack_control import pack_control
+from autonomy.tracking.predictive.predictive import PredictiveController
+from reproduction.tracking import metrics
+from reproduction.tracking.predictive_run import run_steered
+from reproduction.tracking.run import Case, run
+from reproduction.tracking.scenario import FIT
 
 COARSE = replace(FIT, step_s=0.2)
 SEEDS = range(4)

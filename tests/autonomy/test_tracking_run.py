@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.tracking import metrics
 from autonomy.tracking.config import BarrierConfig, TargetConfig, TrackingConfig
-from autonomy.tracking.run import Case, run, run_readable
-from autonomy.tracking.scenario import FIT, STATIC, random_scenarios
-from autonomy.tracking.tracker_run import run_tracker
+from reproduction.tracking import metrics
+from reproduction.tracking.run import Case, run, run_readable
+from reproduction.tracking.scenario import FIT, STATIC, random_scenarios
+from reproduction.tracking.tracker_run import run_tracker
 
 UNSEEN = range(5000, 5040)
 

@@ -6,11 +6,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.tracking import unicycle
 from autonomy.tracking.config import TargetConfig, TrackingConfig
-from autonomy.tracking.scenario import FIT, draws, random_scenarios
 from autonomy.tracking.target_path import place
-from autonomy.tracking.target_path_kernel import pack_path, place_kernel
+from reproduction.tracking import unicycle
+from reproduction.tracking.scenario import FIT, draws, random_scenarios
+from reproduction.tracking.target_path_kernel import pack_path, place_kernel
 
 PATHS = ("static", "line", "sine", "circle")
 

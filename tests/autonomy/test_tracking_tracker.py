@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from autonomy.site import TANK, Box
-from autonomy.tracking import unicycle
 from autonomy.tracking.config import (
     TRACKING_PRESETS,
     BarrierConfig,
@@ -17,6 +16,7 @@ from autonomy.tracking.config import (
 )
 from autonomy.tracking.phase import TargetPhase
 from autonomy.tracking.tracker import RangeHeard, Tracker, TrackerReading, TrackerStart
+from reproduction.tracking import unicycle
 from tests.autonomy.tracking_water import DT_S, QUICK, Water, settings, silent
 
 MINUTE = RangingConfig(period_s=0.1, lost_after_s=15.0, give_up_after_s=120.0)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from autonomy.site import LAKE, TANK
-from autonomy.tracking import unicycle
-from autonomy.tracking.wall import Helm, Motion, WallGuard
+from autonomy.tracking.control.wall import Helm, Motion, WallGuard
+from reproduction.tracking import unicycle
 
 TURN_MAX_RAD_S = 0.05
 MARGIN_M = 15.0

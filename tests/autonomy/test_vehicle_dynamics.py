@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from autonomy.vehicle import dynamics, extended_rates, kernel
+from autonomy.vehicle import extended_rates, kernel
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES, VehicleParameters
+from autonomy.vehicle.reference import dynamics
 from autonomy.vehicle.surroundings import Surroundings
 
 GOLDEN = json.loads((Path(__file__).parent / "golden_vehicle.json").read_text())

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from autonomy.vehicle import dynamics
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
 from autonomy.vehicle.energy import EnergyPrices
 from autonomy.vehicle.extended_kernel import advance, electrical_power
+from autonomy.vehicle.reference import dynamics
 from autonomy.vehicle.surroundings import Surroundings
 
 DEEP = Surroundings(floor_m=100.0).packed()

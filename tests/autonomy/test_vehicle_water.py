@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from autonomy.site import LAKE
-from autonomy.vehicle import dynamics, extended_kernel, water_kernel
+from autonomy.vehicle import extended_kernel, water_kernel
 from autonomy.vehicle.config import GRACE3, MINIGLIDER, VEHICLES
+from autonomy.vehicle.reference import dynamics
 from autonomy.vehicle.surroundings import Surroundings
 from autonomy.vehicle.water import (
     CurrentGrid,

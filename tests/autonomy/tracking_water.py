@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from autonomy.tracking import unicycle
 from autonomy.tracking.config import RangingConfig, TargetConfig, TrackingConfig
 from autonomy.tracking.tracker import RangeHeard, Tracker, TrackerReading, TrackerStart
+from reproduction.tracking import unicycle
 
 DT_S = 0.1
 NOISE_STD = np.sqrt([0.1, 0.0175, 0.1])

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import onboard
 import onboard.node
-from autonomy.planner import primitive
+from autonomy.planner.leg import primitive
 from autonomy.vehicle.config import VEHICLES
 from onboard.flight.account import EnergyAccount
 from onboard.flight.course import anchored_end, dive_ends

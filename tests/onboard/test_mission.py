@@ -5,8 +5,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from autonomy.planner import primitive
-from autonomy.planner.edge import legs_duration_s, legs_energy
+from autonomy.planner.leg import primitive
+from autonomy.planner.leg.edge import legs_duration_s, legs_energy
 from autonomy.planner.plan import Leg, PrimitiveKind
 from onboard.link.robot_link import CommandOutcome
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode

@@ -7,12 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.planner.check import violations
+from autonomy.planner.check.check import violations
 from autonomy.planner.config import CurrentConfig, PlannerConfig
-from autonomy.planner.edge import propose_edge, random_shape
+from autonomy.planner.leg.edge import propose_edge, random_shape
+from autonomy.planner.leg.waterway import waterway_of
 from autonomy.planner.limits import limits_of
 from autonomy.planner.plan import Leg, PrimitiveKind
-from autonomy.planner.waterway import waterway_of
 from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
 from tests.simulator.flight import LAKE_PLANNER, TANK_PLANNER, Life, mission
 

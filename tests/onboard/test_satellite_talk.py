@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import pytest
 
-from autonomy.planner import primitive
+from autonomy.planner.leg import primitive
 from onboard.link.plan_desk import PlanOnBoard
 from onboard.link.plan_store import MemoryPlanStore
 from onboard.node.satellite import SatelliteClient

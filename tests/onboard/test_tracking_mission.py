@@ -6,7 +6,7 @@ from dataclasses import astuple, replace
 import numpy as np
 import pytest
 
-from autonomy.planner import primitive
+from autonomy.planner.leg import primitive
 from autonomy.planner.plan import PrimitiveKind
 from autonomy.tracking.phase import TargetPhase
 from onboard.link.robot_link import CommandOutcome

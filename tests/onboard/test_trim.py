@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.planner import primitive
+from autonomy.planner.leg import primitive
 from autonomy.planner.plan import Leg
 from onboard.flight.hardware import SetPoints
 from onboard.flight.trim import Trim

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from autonomy.control.config import PID_EXPERIMENT, BacksteppingConfig
-from autonomy.trial.config import TABLE_3_3_DIAGONAL
+from autonomy.whatif.config import TABLE_3_3_DIAGONAL
 from reproduction import fig_3_3_cases, fig_3_10, table_3_1, table_3_3
 from reproduction.catalogue import REPRODUCTIONS, reproduce
 from reproduction.contender import CONTENDERS

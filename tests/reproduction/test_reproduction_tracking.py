@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.tracking.run import Case
 from reproduction import catalogue, drawing, experiment_4_5, table_4_1, table_4_2
 from reproduction.catalogue import REPRODUCTIONS
+from reproduction.tracking.run import Case
 from reproduction.writer import document, write
 from server.cli.main import main
 

@@ -12,7 +12,7 @@ from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.mavlink.telemetry import state_message
 from robot_link.messages import LinkReport
-from robot_link.service.double import NumberWatch
+from robot_link.service.duplicate import NumberWatch
 from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.transport.datagram import Address
 from robot_link.transport.opening import open_transport

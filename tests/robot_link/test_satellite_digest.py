@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from autonomy.field.config import KernelParameters
-from autonomy.field.kernel import covariance
+from autonomy.field.model.kernel import covariance
 from robot_link.onboard_settings import DigestSettings
 from robot_link.satellite.digest import CANDIDATES_MAX, choose, most_telling
 from robot_link.satellite.record import MobileOriginatedContent, compose, read_mobile_originated

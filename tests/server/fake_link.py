@@ -7,8 +7,8 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from autonomy.field.synthetic import measure
+from autonomy.planner.leg.primitive import position_at
 from autonomy.planner.preset import MINIGLIDER
-from autonomy.planner.primitive import position_at
 from robot_link.messages import (
     SURFACED_BY_COMMAND,
     CommandKind,

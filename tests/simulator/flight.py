@@ -7,7 +7,7 @@ from datetime import UTC, datetime
 
 import numpy as np
 
-from autonomy.planner import primitive
+from autonomy.planner.leg import primitive
 from autonomy.planner.plan import Leg, PositionNed
 from autonomy.planner.preset import PLANNER_PRESETS
 from onboard.link.robot_link import CommandOutcome

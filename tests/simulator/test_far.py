@@ -16,7 +16,7 @@ from cryptography.hazmat.primitives.serialization import Encoding, NoEncryption,
 
 from autonomy.control.config import BacksteppingConfig
 from autonomy.field.config import FIELD_PRESETS
-from autonomy.planner import primitive
+from autonomy.planner.leg import primitive
 from onboard.memory import FilePlanStore
 from robot_link.messages import CommandKind, CommandNumber, OnboardPlanState
 from robot_link.mission import Mission, MissionSettings

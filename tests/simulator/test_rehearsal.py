@@ -3,7 +3,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from autonomy.planner import edge, outcome
+from autonomy.planner import outcome
+from autonomy.planner.leg import edge
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import TANK, Area
 from autonomy.vehicle.config import VEHICLES

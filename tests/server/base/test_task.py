@@ -10,7 +10,7 @@ from autonomy.field.config import FIELD_PRESETS
 from autonomy.field.samples import FieldSamples
 from autonomy.field.synthetic import measure
 from autonomy.planner.belief import planning_kernel
-from autonomy.planner.check import violations
+from autonomy.planner.check.check import violations
 from autonomy.planner.objective import objective
 from autonomy.planner.plan import PlanStatus, PrimitiveKind
 from autonomy.planner.preset import PLANNER_PRESETS

@@ -11,7 +11,6 @@ from sqlalchemy import update
 
 from autonomy.identification.config import IdentificationConfig, NoiseLevels
 from autonomy.identification.recording import Recording
-from autonomy.identification.synthetic import open_loop_recording
 from autonomy.vehicle.config import MINIGLIDER
 from db.fault import StoreUnavailableError
 from db.query import identifications as query
@@ -20,6 +19,7 @@ from robot_link.messages import RobotMode
 from server.access.role import Role
 from server.study import flight_recording, identification_task
 from server.study.task import IdentificationProblem, Refusal
+from tests.autonomy.identification_flight import open_loop_recording
 from tests.server.conftest import MINI, api_client, open_station, until
 from tests.server.fake_link import state_report
 

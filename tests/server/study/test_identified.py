@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from autonomy.identification.config import NoiseLevels
-from autonomy.identification.synthetic import open_loop_recording
 from autonomy.vehicle.config import GRACE3, MINIGLIDER
 from autonomy.vehicle.trim import TrimConfig
 from server.study.identified import ActuatorOffset, note_of, offered_trim, offsets_of
+from tests.autonomy.identification_flight import open_loop_recording
 from tests.server.study.test_identification_api import QUICK, deployed, ended, start
 
 pytestmark = pytest.mark.usefixtures("in_threads")

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.identification.synthetic import open_loop_recording
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_document
 from autonomy.vehicle.trim import TrimConfig
@@ -15,6 +14,7 @@ from db.query.state_columns import state_columns
 from server.access.role import Role
 from server.study import flight_recording, trim
 from server.study.trim_advice import in_words
+from tests.autonomy.identification_flight import open_loop_recording
 from tests.server.conftest import api_client, until
 from tests.server.study.test_identification_api import BEGIN, deployed
 

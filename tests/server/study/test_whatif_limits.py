@@ -3,8 +3,8 @@
 import pytest
 
 from autonomy.control.catalogue import CONTROLLERS
-from autonomy.trial.config import TrialConfig
 from autonomy.vehicle.config import MINIGLIDER
+from autonomy.whatif.config import TrialConfig
 from server.study.task import WhatIfController, WhatIfProblem
 from server.study.whatif_task import check
 

@@ -1,0 +1,1 @@
+"""Controllers written as their equations: the oracles of the compiled ones, which fly."""

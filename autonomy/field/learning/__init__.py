@@ -1,0 +1,1 @@
+"""Hyperparameters learned from measurements, level by level."""

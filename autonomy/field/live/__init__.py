@@ -1,0 +1,1 @@
+"""The map that grows while a robot flies: rows appended to its factors, or inducing points."""

@@ -1,0 +1,1 @@
+"""Gaussian processes over several fidelities, and the algebra that they stand on."""

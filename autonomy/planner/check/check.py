@@ -1,0 +1,144 @@
+"""What speaks against flying a plan: every violated limit, in words."""
+
+import math
+from collections.abc import Iterator
+
+from autonomy.planner.check.leg_check import badly_made, disconnected, not_finite
+from autonomy.planner.check.violation import (
+    PLACE_TOLERANCE_M,
+    SHARE_TOLERANCE,
+    Violation,
+    leg_title,
+)
+from autonomy.planner.check.water_check import out_of_bounds
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.leg import primitive
+from autonomy.planner.leg.edge import (
+    POINT_STD,
+    POINT_TIME,
+    departures,
+    legs_duration_s,
+    planned_points,
+    surfacings,
+)
+from autonomy.planner.plan import Leg
+from autonomy.site import Site
+
+
+def violations(legs: tuple[Leg, ...], config: PlannerConfig, site: Site) -> tuple[Violation, ...]:
+    """List everything that forbids to fly these legs.
+
+    In a current the legs say where the robot believes to be; the water's limits hold for where it
+    really is.
+
+    Args:
+        legs: The plan.
+        config: Limits of energy, time, uncertainty, domain and primitives. The first swims may
+            come from outside the domain, or from within a margin, into it.
+        site: The water, which no plan may leave.
+
+    Returns:
+        Every violation found, empty for a plan that may be flown. If a number is not finite, only
+        such numbers are listed, since nothing else can be judged.
+    """
+    if not legs:
+        return (Violation("legs", "The plan has no legs."),)
+    broken = tuple(not_finite(legs))
+    if broken:
+        return broken
+    found = [*disconnected(legs, config), *badly_made(legs, config)]
+    found += out_of_bounds(legs, config, site)
+    found += _overspent(legs, config)
+    if not found:
+        found += _lost(legs, config)
+    return tuple(found)
+
+
+def outdated(
+    legs: tuple[Leg, ...], config: PlannerConfig, position_ne_m: tuple[float, float], age_s: float
+) -> tuple[Violation, ...]:
+    """List why a plan that was made some time ago no longer fits the robot.
+
+    Args:
+        legs: The plan.
+        config: Settings that it was made with, which say how long it stays true.
+        position_ne_m: Where the robot is now.
+        age_s: Time since the plan was made.
+    """
+    limits = config.mission
+    found: list[Violation] = []
+    away_m = math.dist(legs[0].start_ned[:2], position_ne_m) if legs else 0.0
+    if away_m > limits.draft_distance_m:
+        found.append(
+            Violation(
+                "mission.draft_distance_m",
+                f"The robot is {away_m:.3g} m from where the plan begins; "
+                f"the limit is {limits.draft_distance_m:g} m.",
+            )
+        )
+    if age_s > limits.draft_age_s:
+        found.append(
+            Violation(
+                "mission.draft_age_s",
+                f"The plan was made {age_s / 60.0:.0f} min ago; "
+                f"the limit is {limits.draft_age_s / 60.0:g} min.",
+            )
+        )
+    return tuple(found)
+
+
+def _overspent(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
+    """Check energy against the round's budget, by the planner's own account."""
+    energy = 0.0
+    for number, leg in enumerate(legs):
+        due = primitive.energy(leg.kind, leg.duration_s, config.energy)
+        energy += due
+        if abs(due - leg.energy) > SHARE_TOLERANCE * due + 0.001:
+            yield Violation(
+                f"legs.{number}.energy",
+                f"{leg_title(number, leg)} takes {due:.2f} energy units, not {leg.energy:.2f}.",
+            )
+    energy += departures(legs) * config.surfacing_energy
+    if energy > config.round_budget * (1.0 + 1e-3):
+        yield Violation(
+            "round_budget",
+            f"The plan takes {energy:.4g} energy units; a round may use {config.round_budget:.4g}.",
+        )
+    duration_s = legs_duration_s(config, legs)
+    if 0.0 < config.time_budget_s * (1.0 + 1e-3) < duration_s:
+        yield Violation(
+            "time_budget_s",
+            f"The plan takes {duration_s:.0f} s; a round may take {config.time_budget_s:.0f} s.",
+        )
+    sent = surfacings(legs) * config.mission.surfacing_bytes
+    if 0 < config.satellite_bytes < sent:
+        yield Violation(
+            "satellite_bytes",
+            f"The plan's surfacings send {sent} bytes by satellite; a round may send "
+            f"{config.satellite_bytes}.",
+        )
+
+
+def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
+    """Check the position's uncertainty, from one surfacing to the next.
+
+    The planner looks at the uncertainty at its own sampling times; what it grows by within one
+    interval is allowed on top, so that no plan of its own is refused.
+    """
+    interval = config.primitives.point_interval_s
+    growth = config.position_filter.drift_m_sqrt_s**2 * interval
+    limit = math.sqrt(config.max_uncertainty_m**2 + growth)
+    begin = 0
+    for number, leg in enumerate(legs):
+        if leg.end_ned[2] > PLACE_TOLERANCE_M:
+            continue
+        points = planned_points(config, legs[begin : number + 1])
+        worst = points[points[:, POINT_STD].argmax()]
+        if worst[POINT_STD] > limit:
+            yield Violation(
+                "max_uncertainty_m",
+                f"The position becomes uncertain by {worst[POINT_STD]:.2g} m, "
+                f"{worst[POINT_TIME]:.0f} s after leg {begin + 1} begins; "
+                f"the limit is {config.max_uncertainty_m:g} m.",
+            )
+        begin = number + 1

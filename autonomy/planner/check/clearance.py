@@ -1,0 +1,117 @@
+"""How far a way stays from shores, keep-outs and the floor, exactly."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.leg import drift
+from autonomy.planner.plan import Leg, PrimitiveKind
+from autonomy.site import Area, Site
+
+_CHORD_RAD = 0.02
+_ENDS = 2
+"""Corners of a straight way."""
+_FLOOR_POINTS = 9
+"""Places between two lines of the bathymetry at which a way is compared with the floor."""
+
+
+@dataclass(frozen=True, slots=True)
+class FloorContact:
+    """Where a way is nearest to the floor, or deepest under it."""
+
+    clearance_m: float
+    """Height above the floor, negative under it."""
+    floor_m: float
+    north_m: float
+    east_m: float
+
+
+def true_way(config: PlannerConfig, leg: Leg, under_s: float) -> FloatArray:
+    """Return corners of the way that a robot really takes on a leg, shape ``(m, 3)``, m.
+
+    Args:
+        config: The current.
+        leg: What the robot believes to fly.
+        under_s: For how long it has not seen its position when the leg begins.
+    """
+    chords = 1
+    if leg.kind is PrimitiveKind.SPIRAL:
+        chords = max(int(np.ceil(abs(leg.turn_rad) / _CHORD_RAD)), 1)
+    parts = np.linspace(0.0, 1.0, chords + 1)
+    return np.array([drift.position_at(config, leg, under_s, float(part)) for part in parts])
+
+
+def clearance_m(area: Area, way: FloatArray) -> float:
+    """Return the least horizontal distance between a way and an area's outline, 0 if they meet.
+
+    Args:
+        area: The area.
+        way: Corners of the way, shape ``(m, 2)`` or more columns.
+    """
+    corners = np.array(area.corners_m)
+    following = np.roll(corners, -1, axis=0)
+    begins, ends = way[:-1, :2], way[1:, :2]
+    if _meet(begins, ends, corners, following):
+        return 0.0
+    return float(
+        min(
+            _distance(way[:, :2], corners, following).min(),
+            _distance(corners, begins, ends).min(),
+        )
+    )
+
+
+def floor_contact(site: Site, way: FloatArray) -> FloorContact:
+    """Return where a way is nearest to the floor.
+
+    Args:
+        site: The floor.
+        way: Corners of the way, shape ``(m, 3)``; those of a bend must lie close to each other.
+    """
+    track = way
+    if len(way) == _ENDS:
+        parts = _parts_over_lines(site, way[0], way[1])
+        track = way[0] + parts[:, None] * (way[1] - way[0])  # (p, 3)
+    floor = site.floor_m(track[:, 0], track[:, 1])
+    above = floor - track[:, 2]
+    i = int(above.argmin())
+    return FloorContact(float(above[i]), float(floor[i]), float(track[i, 0]), float(track[i, 1]))
+
+
+def _parts_over_lines(site: Site, begin: FloatArray, end: FloatArray) -> FloatArray:
+    """Return the parts (0..1) of a piece at which to look: in and between crossed lines."""
+    crossings = [np.array([0.0, 1.0])]
+    if site.bathymetry is not None:
+        for axis, lines in enumerate((site.bathymetry.north_m, site.bathymetry.east_m)):
+            change = end[axis] - begin[axis]
+            if change != 0.0:
+                crossings.append((np.array(lines) - begin[axis]) / change)
+    crossed = np.unique(np.clip(np.concatenate(crossings), 0.0, 1.0))
+    shares = np.linspace(0.0, 1.0, _FLOOR_POINTS)
+    between = crossed[:-1, None] + shares * np.diff(crossed)[:, None]
+    return np.unique(between)
+
+
+def _distance(points: FloatArray, begins: FloatArray, ends: FloatArray) -> FloatArray:
+    """Return the distances of points (p, 2) from segments (s, 2), shape ``(p, s)``."""
+    along = ends - begins
+    length = np.maximum((along**2).sum(axis=1), 1e-300)
+    offset = points[:, None, :] - begins[None]  # (p, s, 2)
+    part = np.clip((offset * along).sum(axis=2) / length, 0.0, 1.0)
+    return np.hypot(*np.moveaxis(offset - part[:, :, None] * along, 2, 0))
+
+
+def _meet(begins: FloatArray, ends: FloatArray, others: FloatArray, closes: FloatArray) -> bool:
+    """Tell whether any of the first segments crosses any of the others."""
+
+    def turns(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+        ab, ac = (b - a), (c - a)
+        return ab[..., 0] * ac[..., 1] - ab[..., 1] * ac[..., 0]
+
+    a, b = begins[:, None, :], ends[:, None, :]
+    c, d = others[None], closes[None]
+    return bool(
+        ((turns(a, b, c) * turns(a, b, d) < 0.0) & (turns(c, d, a) * turns(c, d, b) < 0.0)).any()
+    )

@@ -1,0 +1,1 @@
+"""What a trajectory would learn of the field, by factors of its covariance."""

@@ -1,0 +1,1 @@
+"""Legs between two surfacings: primitives, the way that they take, and drift."""

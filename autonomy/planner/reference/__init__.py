@@ -1,0 +1,1 @@
+"""The thesis's planner to the letter: the oracle of the search."""

@@ -1,0 +1,1 @@
+"""The search for the best trajectory: growth, refinement and the ergodic measure."""

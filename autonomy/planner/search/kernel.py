@@ -1,0 +1,51 @@
+"""Compiles the planner ahead of time."""
+
+import itertools
+from typing import Literal
+
+import numpy as np
+
+from autonomy.planner.belief import FieldBelief
+from autonomy.planner.config import PlannerConfig, SearchConfig
+from autonomy.planner.plan import Leg
+from autonomy.planner.search.search import plan
+
+_OBJECTIVES: tuple[Literal["information_gain", "ergodic", "weighted"], ...] = (
+    "information_gain",
+    "ergodic",
+    "weighted",
+)
+_ITERATIONS = 20
+
+
+def warm_up() -> None:
+    """Plan a little with each objective, so that every compiled function exists in this process.
+
+    The first time takes tens of seconds; later processes load the machine code in about one.
+    """
+    points = np.array(list(itertools.product((0.0, 1.4, 2.7), (0.0, 1.3), (0.0, 0.6))))  # (12, 3)
+    belief = FieldBelief(
+        signal_variance=1.0,
+        length_scales_m=(1.0, 1.0, 1.0),
+        noise_variance=0.01,
+        sample_points=points[:2],
+        test_points=points,
+        mean=np.zeros(len(points)),
+        std=np.ones(len(points)),
+    )
+    for objective in _OBJECTIVES:
+        config = PlannerConfig(objective=objective, search=SearchConfig(iterations_max=_ITERATIONS))
+        warm: tuple[tuple[Leg, ...], ...] = ()
+        for _ in range(2):
+            result = plan(
+                config,
+                belief,
+                (0.5, 0.5),
+                rng=np.random.default_rng(0),
+                budget=8.0,
+                on_progress=lambda _: None,
+                is_cancelled=lambda: False,
+                elapsed_s=lambda: 0.0,
+                warm=warm,
+            )
+            warm = (result.best.legs,) if result.best else ()

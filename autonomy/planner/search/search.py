@@ -1,0 +1,296 @@
+"""The planner that the station runs: Algorithm 1 of the thesis, made fast, and refined.
+
+Four things are different from ``autonomy.planner.reference.literal``. The objective of a trajectory
+follows from that of the trajectory that it extends, and a bound rules out most before that. Every
+surfacing keeps a limited number of paths, the best of each slice of the budget. The graph's best
+distinct trajectories are refined in turn: edges are taken out of one at two places, and random
+ones that fit the budgets tried in their place, in every combination. And a search may begin with
+transects, and with trajectories of earlier plans.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from autonomy.field.mask import water_mask
+from autonomy.planner import outcome
+from autonomy.planner.belief import FieldBelief, sample_noise
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.graph import (
+    CANDIDATES,
+    DEPTH_MAX,
+    PROPOSALS,
+    RESERVOIR_FULL,
+    SHORT,
+    STAGED,
+    graph_of,
+)
+from autonomy.planner.information.information import Information, bytes_per_edge, information_of
+from autonomy.planner.leg.edge import Edge, legs_energy, planned_points
+from autonomy.planner.leg.leg_kernel import LEG_COLUMNS, leg_of
+from autonomy.planner.limits import legs_max
+from autonomy.planner.objective import (
+    PAST_SAMPLES_MAX,
+    ErgodicMeasure,
+    MutualInformation,
+    Objective,
+    weighted_sum,
+)
+from autonomy.planner.outcome import spending
+from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult
+from autonomy.planner.search import warm as warm_start
+from autonomy.planner.search.adoption import stage_trajectory
+from autonomy.planner.search.elite import elite_edge
+from autonomy.planner.search.ergodic_kernel import Ergodic, ergodic_of
+from autonomy.planner.search.growth import adopt, grow
+from autonomy.planner.search.refinement import refine, revalue
+from autonomy.planner.search.staging import GAP_MAX, stage_growth, stage_refinement
+from autonomy.planner.search.weighted import Worth, worth_of
+from autonomy.planner.transect import transects
+from autonomy.site import Site
+
+_GROWTH_SHARE = {"information_gain": 0.1, "ergodic": 0.25, "weighted": 0.1}
+"""Part of the staged edges that grow the graph. Where proposals are dear to judge, more of them
+refine; over eight seeds of the benchmark problem this is best after one second."""
+_MEGABYTE = 2**20
+_PATH_BYTES = 64
+
+
+def plan(
+    config: PlannerConfig,
+    belief: FieldBelief,
+    start_xy: tuple[float, float],
+    *,
+    rng: np.random.Generator,
+    budget: float,
+    on_progress: Callable[[ObjectivePoint], None],
+    is_cancelled: Callable[[], bool],
+    elapsed_s: Callable[[], float],
+    site: Site | None = None,
+    warm: Sequence[Sequence[Leg]] = (),
+) -> PlanResult:
+    """Search for the trajectory with the greatest objective that keeps every limit.
+
+    It begins and ends at the surface, stays in the domain and the water, spends at most the
+    budgets of energy, time and satellite bytes, and its position never becomes less certain than
+    allowed. Call ``kernel.warm_up`` once before, or the first search of a process spends its first
+    second loading compiled code.
+
+    Args:
+        config: Settings; ``planning_time_s`` or ``search.iterations_max`` ends the search.
+        belief: The field map so far.
+        start_xy: North and east of the robot at the surface, m, in the site's frame.
+        rng: Source of chance; with ``iterations_max`` the same generator gives the same result.
+        budget: Energy units of this round.
+        on_progress: Told the best objective so far about five times a second.
+        is_cancelled: Asked many times a second whether to stop.
+        elapsed_s: Seconds since planning began.
+        site: Shore and floor; None for water without end. Test points on land do not count.
+        warm: Trajectories to begin with, such as those of a search that is continued or the rest
+            of an earlier plan. They are joined to the start (``warm.rebased``); what cannot be
+            flown is dropped. The result is never worse than the best of them that fits.
+
+    Returns:
+        The best trajectory and a few distinct others with their objectives in double precision,
+        or the reason why there is none.
+    """
+    blocked = outcome.obstacle(config, start_xy, budget, site)
+    if blocked is not None:
+        return blocked
+    if site is not None:
+        belief = belief.within(water_mask(site, belief.test_points))
+    if not len(belief.test_points):
+        return outcome.nothing_feasible("No trajectory: no point of the domain is in the water.")
+    progress = outcome.Progress(elapsed_s, is_cancelled, on_progress, config.planning_time_s)
+    search = _Search(config, belief, start_xy, rng, budget, site)
+    search.begin_with(warm)
+    iterations = config.search.iterations_max
+    done = 0
+    while not (progress.must_end() or search.is_exhausted or (iterations and done == iterations)):
+        search.iterate()
+        progress.candidates = search.candidates
+        if search.best > progress.best:
+            progress.improve(search.best)
+        done += 1
+    trajectories = search.trajectories(in_haste=progress.cancelled)
+    if not trajectories:
+        return outcome.dead_end(config, start_xy, progress)
+    return outcome.offered(config, budget, trajectories, progress, search.reservoir_full)
+
+
+class _Search:
+    """One search: its graph, its objective's arrays, and the turns of growth and refinement.
+
+    Both stage random edges, which cost about the same to judge; growth gets a fixed share of them.
+    """
+
+    def __init__(
+        self,
+        config: PlannerConfig,
+        belief: FieldBelief,
+        start_xy: tuple[float, float],
+        rng: np.random.Generator,
+        budget: float,
+        site: Site | None = None,
+    ) -> None:
+        self._config = config
+        self._belief = belief
+        self._start_xy = start_xy
+        self._rng = rng
+        self._budget = budget
+        self._site = site
+        self._growth_share = _GROWTH_SHARE[config.objective]
+        self._grows = True
+        self._grown = 0
+        self._refined = 0
+        self._warm: list[tuple[Leg, ...]] = []
+        edges, paths, rows = _room(config, belief)
+        self._graph = graph_of(config, start_xy, budget, edges, paths, site)
+        self._edges = np.empty(DEPTH_MAX + 2 * GAP_MAX, dtype=np.int32)
+        self._info: Information | None = None
+        self._ergodic: Ergodic | None = None
+        if config.objective != "ergodic":
+            self._info = information_of(config, belief, self._graph, rows)
+        if config.objective != "information_gain":
+            self._ergodic = ergodic_of(config, belief, self._graph)
+        self._worth = Worth(1.0, 0.0, 0.0)
+        if config.objective != "information_gain":
+            self._worth = worth_of(config, self._exact_objective(config.search.past_samples_max))
+
+    @property
+    def best(self) -> float:
+        """Best objective of a trajectory that spends enough, in single precision."""
+        best = float(self._graph.elite_worth.max())
+        return best if best > -SHORT / 2 else -math.inf
+
+    @property
+    def candidates(self) -> int:
+        """Trajectories that spend enough of a budget and were compared or ruled out."""
+        return int(self._graph.tally[CANDIDATES])
+
+    @property
+    def reservoir_full(self) -> bool:
+        """Whether some surfacing had more paths than it keeps."""
+        return bool(self._graph.tally[RESERVOIR_FULL])
+
+    @property
+    def is_exhausted(self) -> bool:
+        """Whether the graph cannot grow and there is nothing to refine."""
+        return not self._grows and not self._has_elite
+
+    def begin_with(self, trajectories: Sequence[Sequence[Leg]]) -> None:
+        """Take transects and what can be flown of earlier trajectories for the first elite."""
+        graph = self._graph
+        for line in transects(
+            self._config, self._start_xy, self._budget, graph.waterway, DEPTH_MAX
+        ):
+            self._take(line)
+        for legs in trajectories:
+            edges = warm_start.rebased(
+                self._config,
+                self._start_xy,
+                self._budget,
+                legs,
+                rng=self._rng,
+                waterway=graph.waterway,
+                site=self._site,
+            )
+            if not edges:
+                continue
+            self._warm.append(tuple(leg for edge in edges for leg in edge.legs))
+            self._take(edges)
+
+    def _take(self, edges: Sequence[Edge]) -> None:
+        """Make a trajectory an elite one in place of the worst of them, whatever its own worth."""
+        graph = self._graph
+        elite = int(graph.elite_worth.argmin())
+        if stage_trajectory(graph, self._config, edges):
+            adopt(graph, self._info, self._ergodic, elite, self._edges)
+            revalue(graph, self._info, self._ergodic, self._worth, elite)
+
+    def iterate(self) -> None:
+        """Grow by one surfacing, or try one refinement."""
+        graph, tally = self._graph, self._graph.tally
+        its_turn = self._grown <= self._growth_share * (self._grown + self._refined)
+        if self._grows and (its_turn or not self._has_elite):
+            self._grows = stage_growth(graph, self._rng)
+            if self._grows:
+                grow(graph, self._info, self._ergodic, self._worth, self._edges)
+                self._grown += max(int(tally[STAGED]), 1)
+        elif self._has_elite:
+            stage_refinement(graph, self._rng)
+            if tally[PROPOSALS]:
+                refine(graph, self._info, self._ergodic, self._worth, self._edges)
+            self._refined += max(int(tally[STAGED]), 1)
+
+    def trajectories(self, *, in_haste: bool = False) -> list[Candidate]:
+        """Return the best distinct trajectories, best first, with their exact objectives.
+
+        Args:
+            in_haste: Average past samples as the search does, which is faster.
+        """
+        limit = self._config.search.past_samples_max if in_haste else PAST_SAMPLES_MAX
+        worth = self._exact_objective(limit)
+        found: list[tuple[bool, Candidate]] = []
+        for legs in dict.fromkeys([*self._elite_legs(), *self._warm]):
+            points = planned_points(self._config, legs)
+            edge = Edge(legs, points, legs_energy(self._config, legs))
+            candidate = outcome.as_candidate(self._config, [edge], worth(points))
+            spent = spending(self._config, legs).greatest_share(self._config, self._budget)
+            found.append((spent > self._graph.least_spent, candidate))
+        spends_enough = any(enough for enough, _ in found)
+        offers = [candidate for enough, candidate in found if enough or not spends_enough]
+        offers.sort(key=lambda candidate: -candidate.objective)
+        return self._distinct(offers)[: self._config.search.runners_up + 1]
+
+    def _elite_legs(self) -> list[tuple[Leg, ...]]:
+        graph = self._graph
+        trajectories: list[tuple[Leg, ...]] = []
+        for elite in range(len(graph.elite_worth)):
+            legs: list[Leg] = []
+            for i in range(graph.elite_length[elite]):
+                edge = elite_edge(graph, elite, i)
+                legs += map(leg_of, graph.edge_legs[edge, : graph.edge_leg_count[edge]])
+            if legs:
+                trajectories.append(tuple(legs))
+        return trajectories
+
+    def _distinct(self, offers: list[Candidate]) -> list[Candidate]:
+        """Leave out what is much like a better one (``elite.elite_place``)."""
+        kept: list[Candidate] = []
+        for offer in offers:
+            if not any(outcome.are_alike(offer, other, self._graph.close) for other in kept):
+                kept.append(offer)
+        return kept
+
+    def _exact_objective(self, past_samples_max: int) -> Objective:
+        config, belief = self._config, self._belief
+        if config.objective == "ergodic":
+            return ErgodicMeasure(belief, config.ergodic)
+        gain = MutualInformation(belief, sample_noise(config, belief), past_samples_max)
+        if config.objective == "information_gain":
+            return gain
+        return weighted_sum(config, belief, self._start_xy, gain)
+
+    @property
+    def _has_elite(self) -> bool:
+        return bool(self._graph.elite_length.any())
+
+
+def _room(config: PlannerConfig, belief: FieldBelief) -> tuple[int, int, int]:
+    """Return how many edges, paths and numbers of factors fit the memory of a search."""
+    memory = config.search.memory_mb * _MEGABYTE
+    tests, k = len(belief.test_points), config.search.points_per_edge_max
+    past = min(len(belief.sample_points), config.search.past_samples_max)
+    edge_bytes = legs_max(config) * LEG_COLUMNS * 8 + 64
+    path_bytes, rows = _PATH_BYTES, 0
+    if config.objective != "ergodic":
+        edge_bytes += bytes_per_edge(past + tests, k)
+        rows = memory // 2 // 4
+    if config.objective != "information_gain":
+        edge_bytes += 4 * tests
+        path_bytes += 4 * tests
+        rows //= 2
+    share = 4 if config.objective != "information_gain" else 16
+    return memory // 4 // edge_bytes, memory // share // path_bytes, rows

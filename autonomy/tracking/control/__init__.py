@@ -1,0 +1,1 @@
+"""What the pursuer does about it: pursuit law, barrier, inner loop and walls."""

@@ -1,0 +1,1 @@
+"""Predictive control of the distance to a target, the pursuit law's alternative."""

@@ -1,0 +1,1 @@
+"""Filters and controllers written as their equations: the oracles of the compiled ones."""

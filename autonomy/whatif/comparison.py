@@ -1,0 +1,235 @@
+"""Several controllers in one scenario on the same seeds, side by side."""
+
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from autonomy.arrays import FloatArray, IntArray, evenly_spread
+from autonomy.vehicle.config import Vehicle
+from autonomy.whatif.config import TrialConfig
+from autonomy.whatif.run import ControllerChoice, Trial, fly
+from autonomy.whatif.setting import packed_references
+from autonomy.whatif.work import check_work
+
+_BAND = (0.05, 0.95)
+"""Quantiles over the seeds: 90 % of the runs lie between."""
+_THREADS = 2
+MOST_POINTS = 400
+"""Moments that are kept of each run: 65 kB, whatever the length of the trial."""
+_ERROR_NAMES = ("depth_m", "horizontal_m", "pitch_rad", "hybrid_rad")
+
+
+class TrialCancelledError(Exception):
+    """The comparison was cancelled before it was done."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KeptRun:
+    """What a comparison keeps of one trial, so that many of them fit in memory."""
+
+    seed: int
+    time_s: FloatArray
+    """At most ``MOST_POINTS`` moments, evenly spread, first and last included, shape ``(n,)``."""
+    state: FloatArray
+    """The true 12 states at these moments, shape ``(n, 12)``."""
+    inputs: FloatArray
+    """Where the actuators were, kg, m, rad, shape ``(n, 3)``."""
+    errors: FloatArray
+    """Depth, horizontal, pitch and hybrid error, shape ``(n, 4)``."""
+    rms: FloatArray
+    """Root mean square of each error at all commands, shape ``(4,)``."""
+    travel: FloatArray
+    """Way of each actuator, kg, m, rad, shape ``(3,)``."""
+    energy_j: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ControllerResult:
+    """Every run of one controller."""
+
+    choice: ControllerChoice
+    runs: tuple[KeptRun, ...]
+    """One a seed, in the order of the seeds."""
+
+    @property
+    def rms(self) -> FloatArray:
+        """Root mean square of depth, horizontal, pitch and hybrid error, shape ``(seeds, 4)``."""
+        return np.array([run.rms for run in self.runs])
+
+    @property
+    def shown(self) -> KeptRun:
+        """The run whose horizontal error is the median one."""
+        order = np.argsort(self.rms[:, 1], kind="stable")
+        return self.runs[int(order[(len(order) - 1) // 2])]
+
+    def summary(self) -> dict[str, Any]:
+        """Medians over the seeds."""
+        rms = np.median(self.rms, axis=0)
+        end = np.median([run.errors[-1, 1] for run in self.runs])
+        travel = np.median([run.travel for run in self.runs], axis=0)
+        return {
+            "depth_rms_m": _number(rms[0]),
+            "horizontal_rms_m": _number(rms[1]),
+            "horizontal_end_m": _number(end),
+            "pitch_rms_rad": _number(rms[2]),
+            "hybrid_rms_rad": _number(rms[3]),
+            "travel": {
+                name: _number(value)
+                for name, value in zip(("m0_kg", "rp1_m", "delta_rad"), travel, strict=True)
+            },
+            "energy_j": _number(np.median([run.energy_j for run in self.runs])),
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Comparison:
+    """Runs of every controller on the same seeds."""
+
+    vehicle: Vehicle
+    config: TrialConfig
+    reference: FloatArray
+    """Packed reference at the moments that are kept of each run, shape ``(n, 12)``."""
+    results: tuple[ControllerResult, ...]
+
+    def document(self, max_points: int = MOST_POINTS) -> dict[str, Any]:
+        """Return what a page draws, JSON-able: SI units, angles in rad.
+
+        A track and the actuators are those of the run with the median horizontal error; errors
+        are medians over the seeds at each moment, and bands hold 90 % of the runs. What is not
+        finite is None.
+
+        Args:
+            max_points: At most so many moments, and no more than are kept, evenly spread, the
+                last one included.
+        """
+        time_s = self.results[0].runs[0].time_s
+        at = evenly_spread(len(time_s), max_points)
+        reference = self.reference[at]
+        return {
+            "time_s": _numbers(time_s[at]),
+            "reference": {
+                "north_m": _numbers(reference[:, 0]),
+                "east_m": _numbers(reference[:, 1]),
+                "depth_m": _numbers(reference[:, 2]),
+                "pitch_rad": _numbers(reference[:, 3]),
+            },
+            "runs": [_run_document(result, at) for result in self.results],
+            "seeds": list(self.config.seeds),
+            "vehicle": self.vehicle.key,
+            "note": self.vehicle.note,
+        }
+
+
+def compare(
+    vehicle: Vehicle,
+    config: TrialConfig,
+    choices: Sequence[ControllerChoice],
+    *,
+    report: Callable[[float, str], None] = lambda _share, _message: None,
+    is_cancelled: Callable[[], bool] = lambda: False,
+    threads: int = _THREADS,
+) -> Comparison:
+    """Run every controller on every seed of a scenario, some at once.
+
+    Args:
+        vehicle: The robot, as the controllers believe it to be.
+        config: The scenario.
+        choices: The controllers.
+        report: Told the share that is done and what is being done, in the caller's thread.
+        is_cancelled: Asked between runs.
+        threads: Runs at once; the result does not depend on it.
+
+    Raises:
+        ValueError: If there is no controller.
+        TooMuchWorkError: If it takes more steps than are worked out.
+        TrialCancelledError: If it was cancelled.
+        NoSteadyGlideError: If the reference is a glide flatter than the vehicle can glide.
+    """
+    if not choices:
+        raise ValueError("a comparison needs at least one controller")
+    check_work(vehicle, config, choices)
+    references = packed_references(vehicle, config)
+    at = evenly_spread(len(references), MOST_POINTS)
+
+    def fly_and_keep(choice: ControllerChoice, seed: int) -> KeptRun:
+        return _kept(fly(vehicle, config, choice, seed, references), at)
+
+    with ThreadPoolExecutor(threads) as pool:
+        jobs = [
+            [pool.submit(fly_and_keep, choice, seed) for choice in choices] for seed in config.seeds
+        ]
+        try:
+            _wait_for([job for row in jobs for job in row], report, is_cancelled)
+        finally:
+            pool.shutdown(cancel_futures=True)
+    columns = zip(*jobs, strict=True)
+    results = tuple(
+        ControllerResult(choice, tuple(job.result() for job in column))
+        for choice, column in zip(choices, columns, strict=True)
+    )
+    return Comparison(vehicle, config, references[at], results)
+
+
+def _wait_for(
+    jobs: Sequence[Future[KeptRun]],
+    report: Callable[[float, str], None],
+    is_cancelled: Callable[[], bool],
+) -> None:
+    total, waiting = len(jobs), set(jobs)
+    while waiting:
+        if is_cancelled():
+            raise TrialCancelledError("the comparison was cancelled")
+        done, waiting = wait(waiting, timeout=0.2)
+        for job in done:
+            job.result()
+        report(1.0 - len(waiting) / total, f"{total - len(waiting)} of {total} runs")
+
+
+def _kept(trial: Trial, at: IntArray) -> KeptRun:
+    return KeptRun(
+        seed=trial.seed,
+        time_s=trial.time_s[at],
+        state=trial.state[at],
+        inputs=trial.inputs[at],
+        errors=trial.errors[at],
+        rms=trial.rms(),
+        travel=trial.travel,
+        energy_j=trial.energy_j,
+    )
+
+
+def _run_document(result: ControllerResult, at: IntArray) -> dict[str, Any]:
+    shown = result.shown
+    errors = np.array([run.errors[at] for run in result.runs])
+    middle = np.median(errors, axis=0)
+    low, high = np.quantile(errors, _BAND, axis=0)
+    return {
+        "kind": result.choice.kind,
+        "title": result.choice.title,
+        "north_m": _numbers(shown.state[at, 0]),
+        "east_m": _numbers(shown.state[at, 1]),
+        "depth_m": _numbers(shown.state[at, 2]),
+        "pitch_rad": _numbers(shown.state[at, 4]),
+        "errors": {name: _numbers(middle[:, i]) for i, name in enumerate(_ERROR_NAMES)},
+        "band": {
+            name: {"low": _numbers(low[:, i]), "high": _numbers(high[:, i])}
+            for i, name in enumerate(_ERROR_NAMES[:3])
+        },
+        "inputs": {
+            "m0_kg": _numbers(shown.inputs[at, 0]),
+            "rp1_m": _numbers(shown.inputs[at, 1]),
+            "delta_rad": _numbers(shown.inputs[at, 2]),
+        },
+        "summary": result.summary(),
+    }
+
+
+def _numbers(values: FloatArray) -> list[float | None]:
+    return [_number(value) for value in values.tolist()]
+
+
+def _number(value: Any) -> float | None:  # noqa: ANN401 - a number of numpy or Python
+    return round(float(value), 9) if np.isfinite(value) else None

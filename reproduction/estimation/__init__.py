@@ -1,0 +1,1 @@
+"""Flights that are known exactly, and every estimator judged on them."""

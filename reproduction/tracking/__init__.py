@@ -1,0 +1,1 @@
+"""Closed loops of target pursuit from start to end, as the thesis ran them."""
