@@ -48,7 +48,7 @@ from server.map.comparison import MapComparisons
 from server.map.field_maps import FieldMaps
 from server.map.group import MapSettings
 from server.map.learning import MapLearning
-from server.plan.dry_run import Rehearsals
+from server.plan.dry_run import DryRuns
 from server.plan.follow import PlanFollower
 from server.plan.ledger import PlanLedger
 from server.plan.planning import Planning
@@ -281,7 +281,7 @@ class Station:
         """Let a worker load the planner, so that nobody waits for it later."""
         try:
             await self.workers.run(LOAD_PLANNER, None)
-            await Rehearsals(self.fleet, self.workers).warm_up()
+            await DryRuns(self.fleet, self.workers).warm_up()
         except WORKER_FAILURES as error:
             log.warning("the planner could not be loaded ahead: %s", error)
 

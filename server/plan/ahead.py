@@ -10,7 +10,7 @@ from robot_link.messages import PlanReport
 from server.plan.document import legs_of, points_of, report_of
 
 MARGIN_S = 10.0
-"""Wall time that a round ahead may take beyond its search: its rehearsal, and a map to make."""
+"""Wall time that a round ahead may take beyond its search: its dry run, and a map to make."""
 
 
 def flown_leg(plan: PlanRecord, report: PlanReport | None) -> int:

@@ -20,6 +20,7 @@ from server.plan.target_check import TEACHING
 from server.plan.view import (
     AccountView,
     BatteryView,
+    DryRunView,
     InheritedView,
     LadderView,
     LegView,
@@ -29,7 +30,6 @@ from server.plan.view import (
     PlanSummaryView,
     PlanView,
     ProgressView,
-    RehearsalView,
     RunnerUpView,
     ViolationView,
 )
@@ -224,7 +224,7 @@ def plan_view(
         progress=progress,
         history=[ObjectiveView(**point) for point in document.get("history", ())],
         runners_up=[_runner_up_view(one) for one in document.get("runners_up", ())],
-        rehearsal=_rehearsal_view(document),
+        rehearsal=_dry_run_view(document),
         exploitation=document.get("exploitation"),
         replaces=document.get("replaces"),
         message=document.get("message", ""),
@@ -360,9 +360,9 @@ def _runner_up_view(one: Mapping[str, Any]) -> RunnerUpView:
     )
 
 
-def _rehearsal_view(document: Mapping[str, Any]) -> RehearsalView | None:
+def _dry_run_view(document: Mapping[str, Any]) -> DryRunView | None:
     found = document.get("rehearsal")
-    return None if found is None else RehearsalView(**found)
+    return None if found is None else DryRunView(**found)
 
 
 def _moment(text: str | None) -> datetime | None:

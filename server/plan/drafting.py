@@ -126,14 +126,14 @@ def outdated_by(picture: Picture, plan: PlanRecord, now: datetime) -> tuple[Viol
 
 
 def broken_off(plan: PlanRecord) -> tuple[ViolationView, ...]:
-    """Return what the rehearsal of a plan that waits says if the robot did not fly it as it must.
+    """Return what the dry run of a plan that waits says if the robot did not fly it as it must.
 
     It did not if it came not to its end, or into a keep-out.
 
     The station sends no such plan by itself; a person may.
     """
-    rehearsal = plan.document.get("rehearsal") or {}
-    is_flawed = rehearsal.get("completed") is False or rehearsal.get("entered")
+    dry_run = plan.document.get("rehearsal") or {}
+    is_flawed = dry_run.get("completed") is False or dry_run.get("entered")
     if plan.state not in SENDABLE or not is_flawed:
         return ()
-    return (ViolationView("adaptive.rehearse", f"Its rehearsal says: {rehearsal['message']}"),)
+    return (ViolationView("adaptive.rehearse", f"Its rehearsal says: {dry_run['message']}"),)

@@ -1,6 +1,6 @@
 """Plans flown ahead against the robot's full dynamics, in a worker, before they are offered.
 
-A rehearsal informs; it never keeps a plan from becoming a draft. One that fails or takes too long
+A dry run informs; it never keeps a plan from becoming a draft. One that fails or takes too long
 leaves a sentence instead of figures.
 """
 
@@ -14,43 +14,43 @@ from autonomy.planner.preset import MINIGLIDER
 from autonomy.site import TANK
 from autonomy.vehicle.config import VEHICLES, Vehicle
 from db.query.plans import PlanRecord
+from robot_link.dry_run import DRY_RUN, DryRun, DryRunProblem
 from robot_link.mission import Mission, MissionSettings
-from robot_link.rehearsal import REHEARSE, Rehearsal, RehearsalProblem
 from server.base.vehicle_catalogue import nearest_built_in
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
 from server.plan.document import mission_of, points_of
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
-from server.plan.view import RehearsalView
+from server.plan.view import DryRunView
 
 log = logging.getLogger(__name__)
 
 LIMIT_S = 15.0
-"""Longest wall time that a plan waits for its rehearsal, other work of the station included."""
+"""Longest wall time that a plan waits for its dry run, other work of the station included."""
 RUNS = 3
-"""Most flights of one rehearsal, each in other eddies."""
+"""Most flights of one dry run, each in other eddies."""
 FLOWN_S = 1500.0
-"""Planned time that all flights of a rehearsal may have together; a longer plan is flown once.
+"""Planned time that all flights of a dry run may have together; a longer plan is flown once.
 A worker flies 300 to 500 s of it in a second."""
-WORKING = RehearsalView("working", message="The plan is flown against the robot's dynamics.")
+WORKING = DryRunView("working", message="The plan is flown against the robot's dynamics.")
 
 
-class Rehearsals:
+class DryRuns:
     """Flies plans ahead. Belongs to one event loop."""
 
     def __init__(self, fleet: Fleet, workers: WorkerPool) -> None:
         self._fleet = fleet
         self._workers = workers
 
-    def before(self, robot: str, config: PlannerConfig) -> RehearsalView | None:
-        """Return what a plan says before it is rehearsed, ``None`` if that is not wanted."""
+    def before(self, robot: str, config: PlannerConfig) -> DryRunView | None:
+        """Return what a plan says before its dry run, ``None`` if that is not wanted."""
         if not config.adaptive.rehearse:
             return None
         if self._fleet.vehicle(robot) is None:
-            return RehearsalView("skipped", message="Not rehearsed: the vehicle is not known.")
+            return DryRunView("skipped", message="Not rehearsed: the vehicle is not known.")
         return WORKING
 
-    async def fly(self, plan: PlanRecord, config: PlannerConfig) -> RehearsalView:
+    async def fly(self, plan: PlanRecord, config: PlannerConfig) -> DryRunView:
         """Fly a plan that has its legs, and return how that went.
 
         Args:
@@ -59,20 +59,20 @@ class Rehearsals:
         """
         problem = self._problem(plan, config)
         if problem is None:
-            return RehearsalView("skipped", message="Not rehearsed: the vehicle is not known.")
+            return DryRunView("skipped", message="Not rehearsed: the vehicle is not known.")
         try:
             async with asyncio.timeout(LIMIT_S):
-                found: Rehearsal = await self._workers.run(REHEARSE, problem)
+                found: DryRun = await self._workers.run(DRY_RUN, problem)
         except TimeoutError:
             text = f"Not rehearsed: that would have taken longer than {LIMIT_S:g} s."
-            return RehearsalView("skipped", message=text)
+            return DryRunView("skipped", message=text)
         except WORKER_FAILURES as error:
             log.warning("%s was not rehearsed: %s", plan.id, error)
-            return RehearsalView("failed", message=f"Not rehearsed: {error}")
-        return RehearsalView("done", **found.document())
+            return DryRunView("failed", message=f"Not rehearsed: {error}")
+        return DryRunView("done", **found.document())
 
     async def warm_up(self) -> None:
-        """Let a worker load what a rehearsal needs, by a dive in place.
+        """Let a worker load what a dry run needs, by a dive in place.
 
         Raises:
             WorkerTaskError: The task raised.
@@ -87,7 +87,7 @@ class Rehearsals:
             start_x_m=1.0,
             start_y_m=0.5,
         )
-        problem = RehearsalProblem(
+        problem = DryRunProblem(
             mission=Mission.from_legs(settings, dive.legs),
             planned_points=dive.points,
             vehicle=VEHICLES["miniglider"],
@@ -97,14 +97,14 @@ class Rehearsals:
             drift_m_sqrt_s=0.0,
             runs=1,
         )
-        await self._workers.run(REHEARSE, problem)
+        await self._workers.run(DRY_RUN, problem)
 
-    def _problem(self, plan: PlanRecord, config: PlannerConfig) -> RehearsalProblem | None:
+    def _problem(self, plan: PlanRecord, config: PlannerConfig) -> DryRunProblem | None:
         picture, vehicle = self._fleet.picture(plan.robot), self._fleet.vehicle(plan.robot)
         if vehicle is None:
             return None
         mission = mission_of(plan)
-        return RehearsalProblem(
+        return DryRunProblem(
             mission=mission,
             planned_points=points_of(plan.document),
             vehicle=_with_known_key(vehicle),

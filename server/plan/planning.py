@@ -31,7 +31,7 @@ from server.plan.drafting import (
     draft_of,
     outdated_by,
 )
-from server.plan.dry_run import Rehearsals
+from server.plan.dry_run import DryRuns
 from server.plan.ledger import PlanLedger
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
 from server.plan.round_problem import RoundProblems
@@ -41,7 +41,7 @@ from server.plan.survey_round import NOTHING_FEASIBLE, REPLACES
 from server.plan.target_battery import battery_violations, target_battery
 from server.plan.target_check import target_violations
 from server.plan.task import PLAN_SURVEY
-from server.plan.view import ProgressView, RehearsalView, ViolationView
+from server.plan.view import DryRunView, ProgressView, ViolationView
 
 log = logging.getLogger(__name__)
 
@@ -58,7 +58,7 @@ class Planning:
         self._fleet = fleet
         self._ledger = ledger
         self._workers = workers
-        self._rehearsals = Rehearsals(fleet, workers)
+        self._dry_runs = DryRuns(fleet, workers)
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._turns: dict[str, asyncio.Lock] = {}
         """By site: robots of one fleet survey are planned for one after the other."""
@@ -70,7 +70,7 @@ class Planning:
             for plan in await self._ledger.of_robot(picture.record.id, ("planning",)):
                 if "settings" in plan.document:
                     text = "The station stopped while this was rehearsed; it was not rehearsed."
-                    await self._offer(plan, RehearsalView("failed", message=text))
+                    await self._offer(plan, DryRunView("failed", message=text))
                 else:
                     message = "The station stopped while it planned; plan again."
                     await self._fail(plan.id, message, {"interrupted": True})
@@ -135,7 +135,7 @@ class Planning:
             self._begin(plan.id, self._settle(plan.id, lambda: self._interrupted(plan.id)))
             raise
         if kept.state == "planning":
-            self._begin(plan.id, self._rehearse(kept, config))
+            self._begin(plan.id, self._fly_ahead(kept, config))
         return kept
 
     async def take_candidate(
@@ -188,7 +188,7 @@ class Planning:
         return cancelled
 
     async def check(self, plan: str) -> list[ViolationView]:
-        """Check a draft again: its limits, its rehearsal, and whether it still fits the robot.
+        """Check a draft again: its limits, its dry run, and whether it still fits the robot.
 
         Raises:
             UnknownIdError: If there is no such plan.
@@ -285,7 +285,7 @@ class Planning:
     async def _take(
         self, plan: PlanRecord, config: PlannerConfig, best: Candidate, found: Mapping[str, Any]
     ) -> None:
-        """Make a draft of a trajectory, rehearsed if that is wanted."""
+        """Make a draft of a trajectory, after a dry run if that is wanted."""
         text = f"{plan.id} for {plan.robot} is a draft: {found['message']}"
         kept: list[PlanRecord] = []
 
@@ -295,7 +295,7 @@ class Planning:
 
         await self._settle(plan.id, keep)
         if kept and kept[-1].state == "planning":
-            await self._rehearse(kept[-1], config)
+            await self._fly_ahead(kept[-1], config)
 
     async def _keep(
         self,
@@ -305,11 +305,11 @@ class Planning:
         text: str,
         found: Mapping[str, Any] | None = None,
     ) -> PlanRecord:
-        """Keep a trajectory: as a draft, or, while it is still to be rehearsed, in planning."""
+        """Keep a trajectory: as a draft, or, before its dry run, in planning."""
         document = {**(found or {}), "draft_text": text}
-        rehearsal = self._rehearsals.before(plan.robot, config)
-        if rehearsal is not None:
-            document["rehearsal"] = asdict(rehearsal)
+        dry_run = self._dry_runs.before(plan.robot, config)
+        if dry_run is not None:
+            document["rehearsal"] = asdict(dry_run)
         async with self._naming:
             while await self._ledger.is_taken(plan, draft.mission.sha256()):
                 draft = draft.renamed()
@@ -319,23 +319,23 @@ class Planning:
                 only_from=("planning",),
                 sha256=draft.mission.sha256(),
             )
-        if rehearsal is not None and rehearsal.state == "working":
+        if dry_run is not None and dry_run.state == "working":
             return kept
-        return await self._offer(kept, rehearsal)
+        return await self._offer(kept, dry_run)
 
-    async def _rehearse(self, plan: PlanRecord, config: PlannerConfig) -> None:
+    async def _fly_ahead(self, plan: PlanRecord, config: PlannerConfig) -> None:
         """Fly a plan ahead, then offer it whatever came of that."""
-        rehearsal = await self._rehearsals.fly(plan, config)
-        await self._settle(plan.id, lambda: self._offer(plan, rehearsal))
+        dry_run = await self._dry_runs.fly(plan, config)
+        await self._settle(plan.id, lambda: self._offer(plan, dry_run))
 
-    async def _offer(self, plan: PlanRecord, rehearsal: RehearsalView | None) -> PlanRecord:
+    async def _offer(self, plan: PlanRecord, dry_run: DryRunView | None) -> PlanRecord:
         """Make a plan a draft in the place of the one that it replaces.
 
         Raises:
             PlanStateError: If it was ended meanwhile.
         """
         replaces = plan.document.get(REPLACES)
-        document = {"rehearsal": None if rehearsal is None else asdict(rehearsal)}
+        document = {"rehearsal": None if dry_run is None else asdict(dry_run)}
         try:
             return await self._ledger.make_draft(
                 plan.id, plan.document["draft_text"], document, replaces=replaces

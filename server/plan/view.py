@@ -113,7 +113,7 @@ class RunnerUpView(View):
 
 
 @dataclass(frozen=True, slots=True)
-class RehearsalView(View):
+class DryRunView(View):
     """A plan flown ahead against the robot's full dynamics."""
 
     state: str
@@ -202,7 +202,7 @@ class PlanView(View):
     progress: ProgressView | None
     history: list[ObjectiveView]
     runners_up: list[RunnerUpView]
-    rehearsal: RehearsalView | None
+    rehearsal: DryRunView | None
     exploitation: float | None
     """Weight of the map's mean in this round, where the objective has one."""
     replaces: str | None

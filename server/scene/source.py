@@ -187,7 +187,7 @@ def _target_path(hand: PlanInHand) -> FloatArray | None:
 
 
 def _rehearsed(hand: PlanInHand) -> FloatArray | None:
-    """Return where a plan's rehearsal went, shape ``(n, 3)``, m."""
-    rehearsal = hand.record.document.get("rehearsal") or {}
-    flown = np.array(rehearsal.get("flown") or [], dtype=np.float64)
+    """Return where a plan's dry run went, shape ``(n, 3)``, m."""
+    dry_run = hand.record.document.get("rehearsal") or {}
+    flown = np.array(dry_run.get("flown") or [], dtype=np.float64)
     return flown[:, 1:4] if flown.ndim == 2 else None

@@ -47,7 +47,7 @@ class PlanChoices:
         self._planning = planning
 
     async def choose(self, plan: str, runner_up: int, *, by: str) -> PlanRecord:
-        """Begin a draft of a runner-up, rehearsed as any other.
+        """Begin a draft of a runner-up, after a dry run as any other.
 
         Raises:
             UnknownIdError: If there is no such plan.

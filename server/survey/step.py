@@ -158,7 +158,7 @@ class SurveySteps:
     async def _plan_instead(
         self, record: MissionRecord, plans: list[PlanRecord], plan: PlanRecord
     ) -> None:
-        """Search once more in the place of a draft that its rehearsal did not fly to its end.
+        """Search once more in the place of a draft that its dry run did not fly to its end.
 
         The draft of a second search is left to a person.
         """

@@ -136,7 +136,7 @@ class Uploads:
             start: Whether the robot is told to fly it as soon as it is on board.
             check: Asked in the transaction; what it raises keeps the transfer from beginning.
             confirmed: Whether a person wants it flown although it no longer fits the robot, or its
-                rehearsal broke off.
+                dry run broke off.
             road: The road that it is to take, and whether a person insists on it.
 
         Raises:
@@ -296,7 +296,7 @@ class Uploads:
         return transfer.id
 
     def _check_fits(self, plan: PlanRecord) -> None:
-        """Refuse a plan of another place or time, or that a rehearsal did not fly to its end."""
+        """Refuse a plan of another place or time, or that a dry run did not fly to its end."""
         outdated = outdated_by(self._fleet.picture(plan.robot), plan, self._clock.now())
         found = (*outdated, *broken_off(plan))
         if found:

@@ -19,7 +19,7 @@ from server.app import create_app
 from server.base.settings import Settings
 from server.base.worker import WorkerPool
 from server.composition import run_station
-from server.plan.dry_run import Rehearsals
+from server.plan.dry_run import DryRuns
 from server.station import Station
 from tests.server.fake_link import World, state_report
 from tests.server.fake_worker import FakeWorkers
@@ -112,7 +112,7 @@ def _cold_worker(monkeypatch):
 @pytest.fixture(autouse=True)
 def _unrehearsed(monkeypatch):
     """Few tests are about rehearsals; the others need not wait for the simulated robot."""
-    monkeypatch.setattr(Rehearsals, "before", lambda *_: None)
+    monkeypatch.setattr(DryRuns, "before", lambda *_: None)
 
 
 @pytest.fixture

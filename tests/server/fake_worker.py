@@ -5,7 +5,7 @@ import asyncio
 import numpy as np
 
 from autonomy.planner.plan import ObjectivePoint, PlanResult, PlanStatus, PrimitiveKind
-from robot_link.rehearsal import REHEARSE, Rehearsal, RehearsedTrack
+from robot_link.dry_run import DRY_RUN, DryRun, DryRunTrack
 from server.base.worker import WorkerPool, WorkerTaskError
 from server.map.task import COMPARE_MAPS
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
@@ -20,18 +20,18 @@ class FakeWorkers:
 
     def __init__(self):
         self.problems = []
-        self.rehearsed = []
+        self.dry_runs = []
         self.may_plan = asyncio.Event()
         self.may_plan.set()
-        self.may_rehearse = asyncio.Event()
-        self.may_rehearse.set()
+        self.may_fly = asyncio.Event()
+        self.may_fly.set()
         self.fails = {COMPARE_MAPS: WorkerTaskError("ValueError: maps are not scored here")}
         """What a task raises, by its name."""
         self.nothing_feasible = False
         self.breaks_off = 0
-        """How many of the next rehearsals do not come to the end of their plan."""
+        """How many of the next dry runs do not come to the end of their plan."""
         self.enters = ()
-        """Keep-outs that every rehearsal leads into."""
+        """Keep-outs that every dry run leads into."""
         self.map_std = 1.0
         self.run_really = WorkerPool.run
 
@@ -44,16 +44,16 @@ class FakeWorkers:
         if task == PLAN_SURVEY:
             self.problems.append(payload)
             await self.may_plan.wait()
-        if task == REHEARSE:
-            self.rehearsed.append(payload)
-            await self.may_rehearse.wait()
+        if task == DRY_RUN:
+            self.dry_runs.append(payload)
+            await self.may_fly.wait()
         if task in self.fails:
             raise self.fails[task]
         if task == PLAN_SURVEY:
             return self.plan(payload)
-        if task == REHEARSE:
+        if task == DRY_RUN:
             self.breaks_off -= 1
-            return rehearsal_of(payload, completed=self.breaks_off < 0, entered=self.enters)
+            return dry_run_of(payload, completed=self.breaks_off < 0, entered=self.enters)
         if task == MAP_STD:
             return self.map_std
         return await self.run_really(pool, task, payload, on_progress=on_progress)
@@ -82,10 +82,10 @@ def dives(config, start_xy, budget, depth_m):
     )
 
 
-def rehearsal_of(problem, *, completed, entered=()):
+def dry_run_of(problem, *, completed, entered=()):
     points = problem.planned_points
     ned = points[:, 1:4]
-    return Rehearsal(
+    return DryRun(
         completed=completed,
         message="Flown." if completed else "The robot did not fly the whole plan: it was lost.",
         rms_error_m=0.05,
@@ -99,5 +99,5 @@ def rehearsal_of(problem, *, completed, entered=()):
         energy=3.0,
         runs=problem.runs,
         entered=entered,
-        track=RehearsedTrack(points[:, 0], ned, ned, points[:, 4], ned, np.full(len(points), 0.04)),
+        track=DryRunTrack(points[:, 0], ned, ned, points[:, 4], ned, np.full(len(points), 0.04)),
     )

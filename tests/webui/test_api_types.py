@@ -25,6 +25,7 @@ OTHERWISE = {
     "PlanLadder": "LadderView",
     "PlanProgress": "ProgressView",
     "QuoteMessage": "SatelliteMessageCostView",
+    "Rehearsal": "DryRunView",
     "RobotState": "StateView",
     "SatelliteLog": "SatelliteView",
     "SceneView": "SceneStateView",

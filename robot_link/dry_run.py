@@ -1,6 +1,6 @@
-"""What a rehearsal is given and leaves: a mission flown against the full dynamics, ashore.
+"""What a dry run is given and leaves: a mission flown against the full dynamics, ashore.
 
-The rehearsal itself needs the simulated robot, so a worker process runs it by its name.
+The dry run itself needs the simulated robot, so a worker process runs it by its name.
 """
 
 from dataclasses import asdict, dataclass
@@ -13,13 +13,13 @@ from autonomy.site import Area, Site
 from autonomy.vehicle.config import Vehicle
 from robot_link.mission import Mission
 
-REHEARSE: Final = "simulator.rehearsal:run"
-"""Name of the task: takes a ``RehearsalProblem``, reports the share that is done, leaves a
-``Rehearsal``."""
+DRY_RUN: Final = "simulator.dry_run:run"
+"""Name of the task: takes a ``DryRunProblem``, reports the share that is done, leaves a
+``DryRun``."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RehearsalProblem:
+class DryRunProblem:
     """A mission, the robot that is to fly it, and the water that it is thought to meet."""
 
     mission: Mission
@@ -44,7 +44,7 @@ class RehearsalProblem:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class RehearsedTrack:
+class DryRunTrack:
     """One flight; all arrays have a row for each moment on a leg, about a second apart."""
 
     time_s: FloatArray
@@ -62,7 +62,7 @@ class RehearsedTrack:
 
 
 @dataclass(frozen=True, slots=True)
-class Rehearsal:
+class DryRun:
     """How a mission goes when it is flown against the full dynamics."""
 
     completed: bool
@@ -89,7 +89,7 @@ class Rehearsal:
     runs: int
     entered: tuple[str, ...]
     """Names of the keep-outs that the robot was in, in any run, at whatever depth."""
-    track: RehearsedTrack
+    track: DryRunTrack
     """First run."""
 
     def document(self) -> dict[str, Any]:

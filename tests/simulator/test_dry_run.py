@@ -8,9 +8,9 @@ from autonomy.planner.leg import edge
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import TANK, Area
 from autonomy.vehicle.config import VEHICLES
+from robot_link.dry_run import DryRunProblem
 from robot_link.mission import Mission, MissionSettings
-from robot_link.rehearsal import RehearsalProblem
-from simulator import rehearsal
+from simulator import dry_run
 from tests.simulator.flight import two_dives
 
 CONFIG = PLANNER_PRESETS["miniglider"]
@@ -28,7 +28,7 @@ def problem(legs=None, *, drift=None, timeout_s=5000.0, runs=1, **changes):
     start = legs[0].start_ned[:2]
     settings = MissionSettings(2.0, 10.0, timeout_s, *start)
     return dataclasses.replace(
-        RehearsalProblem(
+        DryRunProblem(
             mission=Mission.from_legs(settings, tuple(legs)),
             planned_points=candidate.points,
             vehicle=VEHICLES["miniglider"],
@@ -42,14 +42,14 @@ def problem(legs=None, *, drift=None, timeout_s=5000.0, runs=1, **changes):
     )
 
 
-def rehearse(asked, reports=None, cancelled=lambda: False):
+def flown(asked, reports=None, cancelled=lambda: False):
     told = [] if reports is None else reports
-    return rehearsal.run(asked, told.append, cancelled)
+    return dry_run.run(asked, told.append, cancelled)
 
 
 def test_a_plan_is_flown_whole_and_compared_with_what_it_promised():
     reports = []
-    done = rehearse(problem(runs=2), reports)
+    done = flown(problem(runs=2), reports)
     assert done.completed, done.message
     assert reports == [0.5, 1.0]
     assert 0.0 < done.rms_error_m < done.worst_error_m < 1.0
@@ -60,8 +60,8 @@ def test_a_plan_is_flown_whole_and_compared_with_what_it_promised():
 
 
 def test_what_the_water_does_unseen_shows_in_the_error():
-    calm = rehearse(problem(drift=0.001))
-    carried = rehearse(problem(drift=0.001, current_ne_m_s=(0.0, 0.01)))
+    calm = flown(problem(drift=0.001))
+    carried = flown(problem(drift=0.001, current_ne_m_s=(0.0, 0.01)))
     assert carried.surfacing_error_m > calm.surfacing_error_m + 0.15
     drift = carried.track.true_ned[:, 1] - carried.track.believed_ned[:, 1]
     assert drift.max() > 0.2
@@ -70,17 +70,17 @@ def test_what_the_water_does_unseen_shows_in_the_error():
 
 
 def test_trim_is_taken_to_be_right():
-    plain = rehearse(problem(drift=0.001))
+    plain = flown(problem(drift=0.001))
     settings = dataclasses.replace(
         problem().mission.settings, net_buoyancy_offset_kg=-0.002, mass_position_offset_m=0.001
     )
     trimmed = Mission.from_legs(settings, two_dives())
-    same = rehearse(problem(drift=0.001, mission=trimmed))
+    same = flown(problem(drift=0.001, mission=trimmed))
     assert same.rms_error_m == pytest.approx(plain.rms_error_m, rel=0.15)
 
 
 def test_a_mission_that_runs_out_of_time_is_said_so():
-    done = rehearse(problem(timeout_s=60.0))
+    done = flown(problem(timeout_s=60.0))
     assert not done.completed
     assert "did not fly the whole plan" in done.message
 
@@ -94,29 +94,27 @@ def square(name, north_m, east_m):
 def test_a_keep_out_that_the_robot_is_carried_into_is_named():
     north_m, east_m, _ = two_dives()[0].end_ned
     way, aside = square("reeds", north_m, east_m), square("jetty", north_m, east_m + 1.0)
-    done = rehearse(problem(drift=0.001, keep_outs=(way, aside)))
+    done = flown(problem(drift=0.001, keep_outs=(way, aside)))
     assert done.completed
     assert done.entered == ("reeds",)
     assert done.message.endswith(' It enters the keep-out "reeds".')
-    again = rehearse(problem(drift=0.001, keep_outs=(way, aside), runs=2))
+    again = flown(problem(drift=0.001, keep_outs=(way, aside), runs=2))
     assert again.message.endswith(' It enters the keep-out "reeds" in 2 of 2 flights.')
-    clear = rehearse(problem(drift=0.001, keep_outs=(aside,)))
+    clear = flown(problem(drift=0.001, keep_outs=(aside,)))
     assert clear.entered == ()
     assert "keep-out" not in clear.message
 
 
 def test_it_stops_when_nobody_wants_to_know():
-    with pytest.raises(rehearsal.RehearsalCancelledError):
-        rehearse(problem(), cancelled=lambda: True)
+    with pytest.raises(dry_run.DryRunCancelledError):
+        flown(problem(), cancelled=lambda: True)
 
 
 def test_the_same_seed_flies_the_same_way():
-    np.testing.assert_array_equal(
-        rehearse(problem()).track.true_ned, rehearse(problem()).track.true_ned
-    )
+    np.testing.assert_array_equal(flown(problem()).track.true_ned, flown(problem()).track.true_ned)
 
 
 def test_a_vehicle_without_a_simulated_robot_is_refused_by_name():
     own = dataclasses.replace(VEHICLES["miniglider"], key="seal")
     with pytest.raises(ValueError, match="seal"):
-        rehearse(problem(vehicle=own))
+        flown(problem(vehicle=own))

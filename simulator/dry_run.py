@@ -1,6 +1,6 @@
 """Flies a plan against the full dynamics before anybody sends it.
 
-The rehearsing robot is the simulated one: same onboard program, same body. Its instruments have
+The robot of a dry run is the simulated one: same onboard program, same body. Its instruments have
 noise, its actuators just the offsets that the mission's trim corrects, and the water has eddies
 that carry it away as fast as the planner assumes.
 """
@@ -17,8 +17,8 @@ from autonomy.planner.plan import PositionNed
 from autonomy.site import Area
 from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FLIGHT_PROFILES
+from robot_link.dry_run import DryRun, DryRunProblem, DryRunTrack
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, StateReport
-from robot_link.rehearsal import Rehearsal, RehearsalProblem, RehearsedTrack
 from simulator.fleet import FLEET, RobotDefinition
 from simulator.robot import SimulatedRobot
 
@@ -36,20 +36,20 @@ _LOOK_EVERY = 500
 """Steps between two questions whether to go on."""
 
 
-class RehearsalCancelledError(Exception):
+class DryRunCancelledError(Exception):
     """Whoever asked does not want to know any more."""
 
 
 def run(
-    problem: RehearsalProblem,
+    problem: DryRunProblem,
     report: Callable[[float], None],
     is_cancelled: Callable[[], bool],
-) -> Rehearsal:
+) -> DryRun:
     """Fly a mission some times and compare the flights with the plan.
 
     Raises:
         ValueError: If there is no simulated robot of this vehicle.
-        RehearsalCancelledError: It was stopped.
+        DryRunCancelledError: It was stopped.
     """
     flights: list[_Flight] = []
     for number in range(problem.runs):
@@ -104,7 +104,7 @@ class _Flight:
     """Leg flown last."""
 
 
-def _definition(problem: RehearsalProblem) -> RobotDefinition:
+def _definition(problem: DryRunProblem) -> RobotDefinition:
     for known in FLEET.values():
         if known.vehicle.key == problem.vehicle.key:
             return replace(
@@ -119,7 +119,7 @@ def _definition(problem: RehearsalProblem) -> RobotDefinition:
     raise ValueError(f"there is no simulated robot of the vehicle {problem.vehicle.key}")
 
 
-def _robot(problem: RehearsalProblem, seed: int) -> SimulatedRobot:
+def _robot(problem: DryRunProblem, seed: int) -> SimulatedRobot:
     """Return a robot that floats at the start, with the faults that the trim is for."""
     robot = SimulatedRobot(_definition(problem), seed, _EPOCH)
     settings = problem.mission.settings
@@ -128,7 +128,7 @@ def _robot(problem: RehearsalProblem, seed: int) -> SimulatedRobot:
     return robot
 
 
-def _fly(problem: RehearsalProblem, seed: int, is_cancelled: Callable[[], bool]) -> _Flight:
+def _fly(problem: DryRunProblem, seed: int, is_cancelled: Callable[[], bool]) -> _Flight:
     robot, radio, flight = _robot(problem, seed), _Notebook(), _Flight()
     program, executive = robot.program, robot.program.executive
     while program.time_s < _SETTLING_S:
@@ -140,7 +140,7 @@ def _fly(problem: RehearsalProblem, seed: int, is_cancelled: Callable[[], bool])
     began_s, steps = program.time_s, 0
     while executive.plan_state is OnboardPlanState.RUNNING:
         if steps % _LOOK_EVERY == 0 and is_cancelled():
-            raise RehearsalCancelledError
+            raise DryRunCancelledError
         robot.step(radio)
         steps += 1
         _note(flight, robot, program.time_s - began_s, steps)
@@ -169,7 +169,7 @@ def _note(flight: _Flight, robot: SimulatedRobot, time_s: float, steps: int) -> 
 class _Plan:
     """The plan by leg: where it has the robot at a share of a leg."""
 
-    def __init__(self, problem: RehearsalProblem) -> None:
+    def __init__(self, problem: DryRunProblem) -> None:
         settings, legs = problem.mission.settings, problem.mission.legs
         begin = np.array([[0.0, settings.start_x_m, settings.start_y_m, 0.0, np.nan]])
         begin[0, 4] = problem.planned_points[0, 4]
@@ -184,7 +184,7 @@ class _Plan:
         return np.column_stack([np.interp(time_s, points[:, 0], points[:, k]) for k in range(1, 5)])
 
 
-def _track(plan: _Plan, flight: _Flight) -> RehearsedTrack:
+def _track(plan: _Plan, flight: _Flight) -> DryRunTrack:
     rows = np.array(flight.rows).reshape(-1, 9)
     time_s, leg = rows[:, 0], rows[:, 1].astype(np.int64)
     share = np.empty(len(rows))
@@ -193,7 +193,7 @@ def _track(plan: _Plan, flight: _Flight) -> RehearsedTrack:
         passed_s = time_s[mine] - time_s[mine][0]
         share[mine] = passed_s / max(float(passed_s[-1]), 1.0)
     planned = plan.at(leg, share)
-    return RehearsedTrack(
+    return DryRunTrack(
         time_s=time_s,
         true_ned=rows[:, 2:5],
         believed_ned=rows[:, 5:8],
@@ -214,7 +214,7 @@ def _surfacing_errors(plan: _Plan, flight: _Flight) -> list[float]:
     return errors
 
 
-def _compared(problem: RehearsalProblem, flights: list[_Flight]) -> Rehearsal:
+def _compared(problem: DryRunProblem, flights: list[_Flight]) -> DryRun:
     plan = _Plan(problem)
     tracks = [_track(plan, flight) for flight in flights]
     offsets = [track.true_ned[:, :2] - track.planned_ned[:, :2] for track in tracks]
@@ -229,7 +229,7 @@ def _compared(problem: RehearsalProblem, flights: list[_Flight]) -> Rehearsal:
     rms_m = _root_mean_square(error_m)
     worst_m = float(error_m.max()) if flown else 0.0
     within = float(np.mean(error_m <= _CIRCLE_95 * std_m)) if flown else 0.0
-    return Rehearsal(
+    return DryRun(
         completed=not reasons,
         message=_sentence(len(flights), reasons, rms_m, worst_m) + _entry_sentences(names, entries),
         rms_error_m=rms_m,
@@ -277,9 +277,9 @@ def _entry_sentences(names: list[str], entries: list[frozenset[str]]) -> str:
     return text
 
 
-def _thinned(track: RehearsedTrack) -> RehearsedTrack:
+def _thinned(track: DryRunTrack) -> DryRunTrack:
     step = max(1, -(-len(track.time_s) // _ROWS_MAX))
-    return RehearsedTrack(
+    return DryRunTrack(
         track.time_s[::step],
         track.true_ned[::step],
         track.believed_ned[::step],

@@ -4,10 +4,10 @@ import signal
 
 import pytest
 
-from robot_link.rehearsal import REHEARSE
+from robot_link.dry_run import DRY_RUN
 from server.base.worker import WorkerEndedError
-from server.plan import dry_run as rehearsing
-from server.plan.dry_run import Rehearsals
+from server.plan import dry_run
+from server.plan.dry_run import DryRuns
 from server.plan.search_request import SearchRequest
 from server.survey import step as survey_step
 from tests.server.conftest import FAST, MINI, open_station, until
@@ -15,12 +15,12 @@ from tests.server.fake_link import state_report
 from tests.server.survey.test_plan_choice import drafted, mission_in, plan_in
 
 LEGS = [{"kind": "dive", "end_ned": [0, 0, depth_m]} for depth_m in (0.3, 0.0)]
-_BEFORE = Rehearsals.before
+_BEFORE = DryRuns.before
 
 
 @pytest.fixture(autouse=True)
 def _rehearsed(monkeypatch, _unrehearsed):
-    monkeypatch.setattr(Rehearsals, "before", _BEFORE)
+    monkeypatch.setattr(DryRuns, "before", _BEFORE)
     monkeypatch.setattr(survey_step, "QUIET_S", 0.05)
 
 
@@ -40,7 +40,7 @@ async def rehearses(client, plan):
 
 async def test_found_plan_is_flown_ahead_before_it_is_a_draft(client, workers):
     workers.may_plan.clear()
-    workers.may_rehearse.clear()
+    workers.may_fly.clear()
     body = {"kind": "adaptive_survey", "config": FAST}
     plan = (await client.post("/api/robots/mini-1/plans", json=body)).json()["id"]
     searching = (await client.get(f"/api/plans/{plan}")).json()
@@ -52,7 +52,7 @@ async def test_found_plan_is_flown_ahead_before_it_is_a_draft(client, workers):
     assert working["state"] == "planning"
     assert working["legs"]
     assert working["rehearsal"]["state"] == "working"
-    workers.may_rehearse.set()
+    workers.may_fly.set()
     draft = await plan_in(client, plan, "draft")
     found = draft["rehearsal"]
     assert draft["stage"] is None
@@ -60,7 +60,7 @@ async def test_found_plan_is_flown_ahead_before_it_is_a_draft(client, workers):
     assert found["completed"]
     assert (found["position_error_m"], found["predicted_error_m"]) == (0.03, 0.04)
     assert len(found["flown"]) == len(draft["points"])
-    problem = workers.rehearsed[0]
+    problem = workers.dry_runs[0]
     assert problem.mission.sha256() == draft["sha256"]
     assert problem.start_ne_m == (1.2, 0.6)
     assert problem.drift_m_sqrt_s == draft["config"]["position_filter"]["drift_m_sqrt_s"]
@@ -73,21 +73,21 @@ async def test_legs_laid_out_by_hand_are_rehearsed_too(client, workers):
 
 async def test_long_plan_is_flown_fewer_times_so_that_nobody_waits(client, workers, monkeypatch):
     draft = await plan_in(client, await laid_out(client), "draft")
-    monkeypatch.setattr(rehearsing, "FLOWN_S", 2.5 * draft["account"]["duration_s"])
+    monkeypatch.setattr(dry_run, "FLOWN_S", 2.5 * draft["account"]["duration_s"])
     await plan_in(client, await laid_out(client), "draft")
-    monkeypatch.setattr(rehearsing, "FLOWN_S", 0.5 * draft["account"]["duration_s"])
+    monkeypatch.setattr(dry_run, "FLOWN_S", 0.5 * draft["account"]["duration_s"])
     await plan_in(client, await laid_out(client), "draft")
-    assert [problem.runs for problem in workers.rehearsed] == [3, 2, 1]
+    assert [problem.runs for problem in workers.dry_runs] == [3, 2, 1]
 
 
 async def test_rehearsal_is_left_out_where_it_is_switched_off(client, workers):
     draft = await plan_in(client, await laid_out(client, adaptive={"rehearse": False}), "draft")
     assert draft["rehearsal"] is None
-    assert workers.rehearsed == []
+    assert workers.dry_runs == []
 
 
 async def test_rehearsal_whose_process_dies_leaves_a_draft_that_says_so(client, workers):
-    workers.fails[REHEARSE] = WorkerEndedError("The working process ended unexpectedly.")
+    workers.fails[DRY_RUN] = WorkerEndedError("The working process ended unexpectedly.")
     draft = await drafted(client)
     assert draft["rehearsal"]["state"] == "failed"
     assert draft["rehearsal"]["message"].startswith("Not rehearsed: The working process ended")
@@ -96,30 +96,30 @@ async def test_rehearsal_whose_process_dies_leaves_a_draft_that_says_so(client, 
 
 
 async def test_rehearsal_that_takes_too_long_is_left_out(client, workers, monkeypatch):
-    monkeypatch.setattr(rehearsing, "LIMIT_S", 0.05)
-    workers.may_rehearse.clear()
+    monkeypatch.setattr(dry_run, "LIMIT_S", 0.05)
+    workers.may_fly.clear()
     draft = await plan_in(client, await laid_out(client), "draft")
     assert draft["rehearsal"]["state"] == "skipped"
     assert draft["rehearsal"]["message"].startswith("Not rehearsed: that would have taken")
 
 
 async def test_plan_can_be_cancelled_while_it_is_rehearsed(client, workers):
-    workers.may_rehearse.clear()
+    workers.may_fly.clear()
     plan = await laid_out(client)
     await rehearses(client, plan)
     assert (await client.post(f"/api/plans/{plan}/cancel")).status_code == 202
-    workers.may_rehearse.set()
+    workers.may_fly.set()
     await asyncio.sleep(0.05)
     assert (await client.get(f"/api/plans/{plan}")).json()["state"] == "cancelled"
 
 
 async def test_station_that_stops_during_a_rehearsal_keeps_the_plan(tmp_path, world, workers):
-    workers.may_rehearse.clear()
+    workers.may_fly.clear()
     async with open_station(tmp_path, world) as station:
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
         config_id, config = await station.planning.configure(MINI, FAST, by="test")
         plan = await station.planning.plan_survey(SearchRequest(MINI, config, config_id, "test"))
-        await until(lambda: workers.rehearsed)
+        await until(lambda: workers.dry_runs)
     async with open_station(tmp_path, world) as station:
         view = station.plans.view(await station.plans.get(plan.id))
         assert view.state == "draft"
@@ -182,7 +182,7 @@ async def test_plan_that_leads_into_a_keep_out_when_rehearsed_is_left_to_a_perso
     workers.enters = ("reeds",)
     reeds = {"name": "reeds", "corners_m": [[3.0, 1.0], [3.0, 1.5], [3.5, 1.5]]}
     plan = (await plan_in(client, await laid_out(client, keep_outs=[reeds]), "draft"))["id"]
-    assert [area.name for area in workers.rehearsed[0].keep_outs] == ["reeds"]
+    assert [area.name for area in workers.dry_runs[0].keep_outs] == ["reeds"]
     assert (await client.get(f"/api/plans/{plan}")).json()["rehearsal"]["entered"] == ["reeds"]
     (one,) = (await client.post(f"/api/plans/{plan}/check")).json()["violations"]
     assert one["field"] == "adaptive.rehearse"
@@ -203,8 +203,8 @@ async def test_killed_rehearsal_process_leaves_the_draft(client, station):
 
 async def test_simulated_robot_rehearses_dives_near_to_the_plan(client, station, monkeypatch):
     """The real rehearsal, in a process of its own."""
-    monkeypatch.setattr(rehearsing, "LIMIT_S", 60.0)
-    monkeypatch.setattr(rehearsing, "RUNS", 1)
+    monkeypatch.setattr(dry_run, "LIMIT_S", 60.0)
+    monkeypatch.setattr(dry_run, "RUNS", 1)
     draft = await plan_in(client, await laid_out(client), "draft")
     found = draft["rehearsal"]
     assert found["state"] == "done", found["message"]
