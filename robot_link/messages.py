@@ -244,8 +244,8 @@ class LinkState(StrEnum):
     SUBMERGED = "submerged"
     """Silent because it said it would dive; not lost."""
     PORT_CLOSED = "port_closed"
-    UNPLUGGED = "unplugged"
-    """The operator pulled its plug."""
+    DISABLED = "unplugged"
+    """The operator disabled it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -262,7 +262,7 @@ class LinkReport:
     """Frames dropped since the link opened: bad checksum, foreign sender, impossible content."""
     uri: str = ""
     """The link, as it was registered."""
-    is_plugged: bool = True
+    is_enabled: bool = True
     """Whether the operator lets it be used."""
     radio: str = ""
     """Address of the radio that counts as the robot's, 16 hexadecimal digits; empty until known."""

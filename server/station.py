@@ -35,13 +35,13 @@ from server.base.live_feed import LiveFeed
 from server.base.problem import not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.command.command import Commands
+from server.fleet.disabled_links import DisabledLinks
 from server.fleet.fleet import Fleet
-from server.fleet.picture import remembered_link
-from server.fleet.plug import Plugs
+from server.fleet.status import remembered_link
 from server.link.ingest import Ingest, Listeners
 from server.link.parameters import Parameters
+from server.link.radios import LinkFactory, Radios, open_link
 from server.link.ranging import Ranging
-from server.link.road import LinkFactory, Road, open_link
 from server.link.robot_logs import RobotLogs
 from server.link.signing import RobotSigning
 from server.map.comparison import MapComparisons
@@ -109,25 +109,25 @@ class Station:
         self._opening_maps = asyncio.Lock()
         """Whoever waits reads the settings after who went before, so the newest are shown."""
         signing = RobotSigning(foundation.secrets, clock)
-        self.road = Road(clock, self._take_event, make_link, signing)
-        self.parameters = Parameters(foundation, self.fleet, self.road)
-        self.robot_logs = RobotLogs(foundation, self.fleet, self.road)
+        self.radios = Radios(clock, self._take_event, make_link, signing)
+        self.parameters = Parameters(foundation, self.fleet, self.radios)
+        self.robot_logs = RobotLogs(foundation, self.fleet, self.radios)
         self.plans = PlanLedger(store, clock, self.fleet, self.feed)
         self.planning = Planning(foundation, self.fleet, self.plans, self.workers)
         self.tracks = TargetPlanning(foundation, self.fleet, self.plans, self.planning.settings)
-        self.plugs = Plugs(store, clock)
+        self.disabled_links = DisabledLinks(store, clock)
         self.gateways = make_gateways(foundation, self._take_message)
         self.ranging = Ranging(foundation, self._take_event)
         self.satellite = Satellite(
             foundation,
             self.fleet,
             self.gateways,
-            self.plugs,
+            self.disabled_links,
             SatelliteListeners(self._store_values, self._take_level),
         )
-        self.commands = Commands(store, clock, self.fleet, self.road, self.satellite)
+        self.commands = Commands(store, clock, self.fleet, self.radios, self.satellite)
         self.uploads = Uploads(
-            foundation, self.fleet, self.plans, self.commands, self.road, self.satellite
+            foundation, self.fleet, self.plans, self.commands, self.radios, self.satellite
         )
         self.missions = MissionLedger(store, clock, foundation.alarms, self.fleet, self.feed)
         self.choices = PlanChoices(foundation, self.fleet, self.plans, self.missions, self.planning)
@@ -151,7 +151,7 @@ class Station:
     async def start(self) -> None:
         """Take up the fleet as the database knows it, and go on with what was under way."""
         await self.vehicles.load()
-        await self.plugs.load()
+        await self.disabled_links.load()
         for robot in await self._foundation.store.query(list_robots):
             await self._take_up(robot)
         await self.satellite.load()
@@ -169,13 +169,13 @@ class Station:
         self._run("job progress", watch_jobs(self._foundation.jobs, self.feed))
         self._run("scenes", self.scenes.run())
         await self.planning.resume()
-        robots = [picture.record for picture in self.fleet.pictures]
-        self.road.set_robots(robots)
-        for uri in self.plugs.unplugged:
-            self.road.set_plugged(uri, is_plugged=False)
-            self.ranging.set_plugged(uri, is_plugged=False)
+        robots = [status.record for status in self.fleet.statuses]
+        self.radios.set_robots(robots)
+        for uri in self.disabled_links.disabled:
+            self.radios.set_enabled(uri, is_enabled=False)
+            self.ranging.set_enabled(uri, is_enabled=False)
         await self.ranging.set_robots(robots)
-        self._run("radio", self.road.run())
+        self._run("radio", self.radios.run())
         self._run("satellite", self.satellite.run())
         await self.gateways.start()
         await self.commands.resume()
@@ -184,8 +184,8 @@ class Station:
         await self.surveys.resume()
         self._run("surveys", self.surveys.run())
         self._run("planner's machine code", self._warm_up())
-        for picture in list(self.fleet.pictures):
-            self._run(f"maps of {picture.record.id}", self._open_maps(picture.record))
+        for status in list(self.fleet.statuses):
+            self._run(f"maps of {status.record.id}", self._open_maps(status.record))
 
     async def stop(self) -> None:
         """Stop in the reverse order; everything under way goes on at the next start."""
@@ -213,28 +213,28 @@ class Station:
         record = await self._foundation.store.query(lambda session: get_robot(session, robot))
         await self._take_up(record)
         await self._open_maps(record)
-        robots = [picture.record for picture in self.fleet.pictures]
+        robots = [status.record for status in self.fleet.statuses]
         await self.ranging.set_robots(robots)
-        if self.road.set_robots(robots):
+        if self.radios.set_robots(robots):
             await self.commands.resume()
 
-    async def set_plugged(self, robot: str, uri: str, *, is_plugged: bool, by: str) -> None:
-        """Pull the plug of a link, or put it back, for every robot that shares it.
+    async def set_enabled(self, robot: str, uri: str, *, is_enabled: bool, by: str) -> None:
+        """Enable or disable a link for every robot that shares it.
 
         Raises:
             Problem: 404 if the robot has no such link.
             StoreUnavailableError: Nothing was changed.
         """
-        if uri not in self.fleet.picture(robot).record.links:
+        if uri not in self.fleet.status(robot).record.links:
             raise not_found(f"{robot} has no link {uri!r}.")
-        await self.plugs.set(uri, is_plugged=is_plugged, robot=robot, by=by)
-        for picture in self.fleet.pictures:
-            picture.unplugged = self.plugs.unplugged
-            self.fleet.touch(picture.record.id)
+        await self.disabled_links.set(uri, is_enabled=is_enabled, robot=robot, by=by)
+        for status in self.fleet.statuses:
+            status.disabled_links = self.disabled_links.disabled
+            self.fleet.touch(status.record.id)
         if is_radio(uri):
-            self.road.set_plugged(uri, is_plugged=is_plugged)
+            self.radios.set_enabled(uri, is_enabled=is_enabled)
         if is_acoustic(uri):
-            self.ranging.set_plugged(uri, is_plugged=is_plugged)
+            self.ranging.set_enabled(uri, is_enabled=is_enabled)
         await self.satellite.refresh()
         self.satellite.stir()
 
@@ -254,7 +254,7 @@ class Station:
     def _listeners(self) -> Listeners:
         """Return who is told what robots say."""
         return Listeners(
-            acknowledge=self.road.acknowledge_samples,
+            acknowledge=self.radios.acknowledge_samples,
             samples=self.maps.feed,
             plan=self._take_plan_report,
             upload=self.uploads.take,
@@ -286,20 +286,20 @@ class Station:
             log.warning("the planner could not be loaded ahead: %s", error)
 
     async def _take_up(self, robot: RobotRecord) -> None:
-        picture = self.fleet.add(robot, (await self._planner(robot.id)).fidelity_thresholds_m)
-        picture.unplugged = self.plugs.unplugged
-        if picture.state is not None:
+        status = self.fleet.add(robot, (await self._planner(robot.id)).fidelity_thresholds_m)
+        status.disabled_links = self.disabled_links.disabled
+        if status.state is not None:
             return
         memory = await self._foundation.store.query(lambda session: _memory(session, robot.id))
-        picture.state, picture.plan_report, samples, track, picture.target_report = memory
-        if picture.target_report is not None:
-            self._target_follower.take(picture.target_report)
-        picture.samples = {sample.variable: sample for sample in samples}
-        if picture.state is not None:
-            picture.remembered = remembered_link(
-                picture.state, radio_under_water=robot.site.radio_under_water
+        status.state, status.plan_report, samples, track, status.target_report = memory
+        if status.target_report is not None:
+            self._target_follower.take(status.target_report)
+        status.samples = {sample.variable: sample for sample in samples}
+        if status.state is not None:
+            status.remembered = remembered_link(
+                status.state, radio_under_water=robot.site.radio_under_water
             )
-        picture.track.replace(
+        status.track.replace(
             (point.position_ned, point.position_std_m, point.mode) for point in track.points
         )
 
@@ -339,7 +339,7 @@ class Station:
         self.surveys.robot_said_more(report.robot)
 
     def _robot_changed(self, robot: str) -> None:
-        state = self.fleet.picture(robot).state
+        state = self.fleet.status(robot).state
         if state is not None and state.has_fix:
             self.maps.take_fix(robot, state.measured_at)
         self.feed.put("robots", robot, lambda: self.fleet.live_view(robot), robot)
@@ -354,7 +354,7 @@ class Station:
         }:
             robots = [event.robot] if event.robot is not None else []
         elif event.kind == "config.changed" and event.data.get("kind") in {"planner", "field"}:
-            everyone = [picture.record.id for picture in self.fleet.pictures]
+            everyone = [status.record.id for status in self.fleet.statuses]
             robots = everyone if event.robot is None else [event.robot]
         else:
             return
@@ -368,7 +368,7 @@ class Station:
             log.warning("%s was not taken up anew: %s", robot, error)
 
     async def _show_missions(self, robot: str) -> None:
-        mission = self.fleet.picture(robot).mission_id
+        mission = self.fleet.status(robot).mission_id
         if mission is not None:
             await self.missions.show(mission)
 

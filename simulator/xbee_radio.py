@@ -12,7 +12,7 @@ from robot_link.transport.datagram import (
     Received,
     TransportEvent,
 )
-from robot_link.transport.keeper import UNPLUGGED
+from robot_link.transport.keeper import DISABLED
 from robot_link.transport.xbee import BYTES_PER_S
 from simulator.xbee_air import MAX_PAYLOAD, Air
 
@@ -26,7 +26,7 @@ class RobotRadio:
     carrier = "xbee"
 
     def __init__(self, address: Address, air: Air) -> None:
-        self.is_plugged = True
+        self.is_enabled = True
         self._address = address
         self._air = air
         self._window = asyncio.Semaphore(_WINDOW)
@@ -36,7 +36,7 @@ class RobotRadio:
     @property
     def max_payload(self) -> int:
         """Bytes that fit one packet; 0 while it is unplugged."""
-        return MAX_PAYLOAD if self.is_plugged else 0
+        return MAX_PAYLOAD if self.is_enabled else 0
 
     @property
     def bytes_per_s(self) -> float:
@@ -44,11 +44,11 @@ class RobotRadio:
         rate = self._air.conditions.bit_rate
         return BYTES_PER_S[10 if 0 < rate <= _SLOW_BIT_RATE else 200]
 
-    def set_plugged(self, is_plugged: bool) -> None:
+    def set_enabled(self, is_enabled: bool) -> None:
         """Cut the radio off, or bring it back."""
-        if is_plugged != self.is_plugged:
-            self.is_plugged = is_plugged
-            self._events.put_nowait(PortChanged(is_plugged, "" if is_plugged else UNPLUGGED))
+        if is_enabled != self.is_enabled:
+            self.is_enabled = is_enabled
+            self._events.put_nowait(PortChanged(is_enabled, "" if is_enabled else DISABLED))
 
     async def run(self) -> None:
         """Serve until cancelled."""
@@ -57,9 +57,9 @@ class RobotRadio:
     async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
         """Hand a datagram to the radio; see ``DatagramTransport.send``."""
         await self._window.acquire()
-        if not self.is_plugged:
+        if not self.is_enabled:
             self._window.release()
-            raise PortClosedError(UNPLUGGED)
+            raise PortClosedError(DISABLED)
         fate = self._air.transmit(self._address, address, data)
         fate.add_done_callback(lambda _: self._window.release())
         return fate
@@ -71,5 +71,5 @@ class RobotRadio:
 
     def hear(self, source: Address, data: bytes) -> None:
         """Take a packet from the air."""
-        if self.is_plugged:
+        if self.is_enabled:
             self._events.put_nowait(Received(source, data, self._air.conditions.rssi_dbm))

@@ -114,13 +114,13 @@ class MicroModem:
         return self._line.is_ready
 
     @property
-    def is_plugged(self) -> bool:
+    def is_enabled(self) -> bool:
         """Whether the operator lets the port be open."""
-        return self._line.is_plugged
+        return self._line.is_enabled
 
-    def set_plugged(self, is_plugged: bool) -> None:
-        """Pull the plug, which closes the port, or put it back."""
-        self._line.set_plugged(is_plugged)
+    def set_enabled(self, is_enabled: bool) -> None:
+        """Enable the port, or disable it, which closes it."""
+        self._line.set_enabled(is_enabled)
 
     async def run(self) -> None:
         """Open, serve and open again until cancelled."""

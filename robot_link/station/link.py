@@ -306,13 +306,13 @@ class StationLink:
         """
         return self._watch.reports(self._roster[robot])
 
-    def set_plugged(self, uri: str, is_plugged: bool) -> None:
-        """Pull the plug of a link, or put it back; robots that share the radio share the plug.
+    def set_enabled(self, uri: str, is_enabled: bool) -> None:
+        """Enable or disable a link; robots that share its radio share that.
 
         Raises:
             KeyError: If no such link is known.
         """
-        self._transports[RadioPath(uri).transport_uri].set_plugged(is_plugged)
+        self._transports[RadioPath(uri).transport_uri].set_enabled(is_enabled)
         self._watch.tell_all_changes()
 
     def _tell_sent(self, transport: DatagramTransport, frame: bytes) -> None:

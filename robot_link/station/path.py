@@ -86,8 +86,8 @@ class PeerPath:
 
     def state(self, mode: RobotMode | None) -> LinkState:
         """Return what is known of this road to a robot that last said it was in ``mode``."""
-        if not self.transport.is_plugged:
-            return LinkState.UNPLUGGED
+        if not self.transport.is_enabled:
+            return LinkState.DISABLED
         if not self.transport.max_payload:
             return LinkState.PORT_CLOSED
         if self._heard_s is None:
@@ -109,6 +109,6 @@ class PeerPath:
             frames_received=self._frames_received,
             frames_bad=self._frames_bad,
             uri=self.uri,
-            is_plugged=self.transport.is_plugged,
+            is_enabled=self.transport.is_enabled,
             radio="" if not self.address else f"{self.address:016X}",
         )

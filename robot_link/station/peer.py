@@ -29,7 +29,7 @@ _BEST_FIRST: Final = (
     LinkState.STALE,
     LinkState.NEVER_HEARD,
     LinkState.PORT_CLOSED,
-    LinkState.UNPLUGGED,
+    LinkState.DISABLED,
 )
 _LEFT: Final = frozenset((Fate.DELIVERED, Fate.UNCONFIRMED))
 """Fates after which no other road needs to be tried."""

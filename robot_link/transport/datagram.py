@@ -99,12 +99,12 @@ class DatagramTransport(Protocol):
         ...
 
     @property
-    def is_plugged(self) -> bool:
+    def is_enabled(self) -> bool:
         """Whether the operator lets the port be open."""
         ...
 
-    def set_plugged(self, is_plugged: bool) -> None:
-        """Pull the plug, which closes the port and keeps it closed, or put it back."""
+    def set_enabled(self, is_enabled: bool) -> None:
+        """Enable the port, or disable it, which closes it and keeps it closed."""
         ...
 
     async def run(self) -> None:

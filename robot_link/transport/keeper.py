@@ -1,4 +1,4 @@
-"""Keeping a port open: again after every failure, and not at all while its plug is pulled."""
+"""Keeping a port open: again after every failure, and not at all while it is disabled."""
 
 import asyncio
 import logging
@@ -7,8 +7,8 @@ from typing import Any
 
 from robot_link.transport.datagram import PortChanged, TransportEvent
 
-UNPLUGGED = "unplugged by the operator"
-"""Reason that a port gives while its plug is pulled."""
+DISABLED = "unplugged by the operator"
+"""Reason that a port gives while it is disabled."""
 
 _log = logging.getLogger(__name__)
 
@@ -39,13 +39,13 @@ class PortKeeper:
         self._has_opened = False
 
     @property
-    def is_plugged(self) -> bool:
+    def is_enabled(self) -> bool:
         """Whether the operator lets the port be open."""
         return self._in.is_set()
 
-    def set_plugged(self, is_plugged: bool) -> None:
-        """Pull the plug, which closes the port, or put it back."""
-        setting, clearing = (self._in, self._out) if is_plugged else (self._out, self._in)
+    def set_enabled(self, is_enabled: bool) -> None:
+        """Enable the port, or disable it, which closes it."""
+        setting, clearing = (self._in, self._out) if is_enabled else (self._out, self._in)
         setting.set()
         clearing.clear()
 
@@ -68,23 +68,23 @@ class PortKeeper:
         told = ""
         while True:
             self._has_opened = False
-            reason = await self._serve_while_plugged() if self.is_plugged else UNPLUGGED
+            reason = await self._serve_while_enabled() if self.is_enabled else DISABLED
             if reason != told or self._has_opened:
                 _log.warning("%s port closed: %s", self._name, reason)
                 self.bring(PortChanged(is_open=False, reason=reason))
                 told = reason
-            if self.is_plugged:
+            if self.is_enabled:
                 await self._sleep()
             else:
                 await self._in.wait()
 
-    async def _serve_while_plugged(self) -> str:
+    async def _serve_while_enabled(self) -> str:
         serving = asyncio.ensure_future(self._serve())
-        pulled = asyncio.create_task(self._out.wait(), name=f"{self._name} plug")
+        pulled = asyncio.create_task(self._out.wait(), name=f"{self._name} disabled")
         try:
             await asyncio.wait((serving, pulled), return_when=asyncio.FIRST_COMPLETED)
             if not serving.done():
-                return UNPLUGGED
+                return DISABLED
             if (fault := serving.exception()) is None:
                 return serving.result()
             _log.error("%s port: a fault of this program", self._name, exc_info=fault)
@@ -95,7 +95,7 @@ class PortKeeper:
             await asyncio.gather(serving, pulled, return_exceptions=True)
 
     async def _sleep(self) -> None:
-        """Wait before the next attempt, not while the plug is pulled."""
+        """Wait before the next attempt, not while the port is disabled."""
         try:
             async with asyncio.timeout(self._reopen_s):
                 await self._out.wait()
@@ -111,13 +111,13 @@ class KeptTransport:
         self._keeper = PortKeeper(name, serve, reopen_s)
 
     @property
-    def is_plugged(self) -> bool:
+    def is_enabled(self) -> bool:
         """Whether the operator lets the port be open."""
-        return self._keeper.is_plugged
+        return self._keeper.is_enabled
 
-    def set_plugged(self, is_plugged: bool) -> None:
-        """Pull the plug, which closes the port, or put it back."""
-        self._keeper.set_plugged(is_plugged)
+    def set_enabled(self, is_enabled: bool) -> None:
+        """Enable the port, or disable it, which closes it."""
+        self._keeper.set_enabled(is_enabled)
 
     async def run(self) -> None:
         """Open, serve and open again until cancelled."""

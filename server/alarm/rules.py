@@ -10,7 +10,7 @@ from robot_link.clock import Clock
 from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState
 from server.base.alarm_board import AlarmBoard
 from server.fleet.fleet import Fleet
-from server.fleet.picture import Picture
+from server.fleet.status import RobotStatus
 from server.fleet.target_words import search_text
 from server.fleet.words import clock_time
 
@@ -45,133 +45,133 @@ class Rule:
     """One cause of alarm."""
 
     cause: str
-    judge: Callable[[Picture, Watch], Verdict | None]
-    over: Callable[[Picture], str] | None = None
+    judge: Callable[[RobotStatus, Watch], Verdict | None]
+    over: Callable[[RobotStatus], str] | None = None
     """What the alarm says once it is over; None: what it said before."""
 
 
-def _battery(picture: Picture, watch: Watch) -> Verdict | None:
+def _battery(status: RobotStatus, watch: Watch) -> Verdict | None:
     del watch
-    if picture.state is None or picture.state.battery_fraction >= _BATTERY_WARNING:
+    if status.state is None or status.state.battery_fraction >= _BATTERY_WARNING:
         return None
-    charge = picture.state.battery_fraction
+    charge = status.state.battery_fraction
     level = "critical" if charge < _BATTERY_CRITICAL else "warning"
-    return Verdict(level, f"{picture.record.id} has {charge:.0%} of its battery left.")
+    return Verdict(level, f"{status.record.id} has {charge:.0%} of its battery left.")
 
 
-def _silence(picture: Picture, watch: Watch) -> Verdict | None:
-    link = picture.link
+def _silence(status: RobotStatus, watch: Watch) -> Verdict | None:
+    link = status.link
     if link is None or link.heard_at is None or link.state is not LinkState.STALE:
         return None
-    if picture.satellite is not None:
+    if status.satellite is not None:
         return None  # It calls when it is due; see ``_contact``.
     if _is_early(watch, max(link.heard_at, watch.since)):
         return None
-    robot = picture.record.id
+    robot = status.record.id
     return Verdict(
         "warning", f"{robot} does not answer; last heard at {clock_time(link.heard_at)}."
     )
 
 
-def _port(picture: Picture, watch: Watch) -> Verdict | None:
-    if picture.radio_state is not LinkState.PORT_CLOSED or _is_early(watch, watch.since):
+def _port(status: RobotStatus, watch: Watch) -> Verdict | None:
+    if status.radio_state is not LinkState.PORT_CLOSED or _is_early(watch, watch.since):
         return None
-    return Verdict("warning", f"The radio for {picture.record.id} cannot be opened; plug it in.")
+    return Verdict("warning", f"The radio for {status.record.id} cannot be opened; plug it in.")
 
 
-def _double(picture: Picture, watch: Watch) -> Verdict | None:
+def _double(status: RobotStatus, watch: Watch) -> Verdict | None:
     del watch
-    conflict = next((link.conflict for link in picture.links.values() if link.conflict), "")
+    conflict = next((link.conflict for link in status.links.values() if link.conflict), "")
     if not conflict:
         return None
-    return Verdict("warning", f"{picture.record.id} is not alone under its system id: {conflict}.")
+    return Verdict("warning", f"{status.record.id} is not alone under its system id: {conflict}.")
 
 
-def _overdue(picture: Picture, watch: Watch) -> Verdict | None:
-    due = picture.next_surfacing()
-    if due is None or picture.link_state is not LinkState.SUBMERGED:
+def _overdue(status: RobotStatus, watch: Watch) -> Verdict | None:
+    due = status.next_surfacing()
+    if due is None or status.link_state is not LinkState.SUBMERGED:
         return None
     late = watch.now - due
     if late < _OVERDUE_WATCH:
         return None
     level = "critical" if late >= _OVERDUE_CRITICAL else "watch"
     minutes = int(late.total_seconds() // 60)
-    robot = picture.record.id
+    robot = status.record.id
     return Verdict(level, f"{robot} was to surface at {clock_time(due)}, {minutes} min ago.")
 
 
-def _contact(picture: Picture, watch: Watch) -> Verdict | None:
+def _contact(status: RobotStatus, watch: Watch) -> Verdict | None:
     """Judge a robot that calls by satellite and has missed its time; one that dived has its own."""
-    due = None if picture.satellite is None else picture.satellite.next_session_at
-    if due is None or picture.link_state in (LinkState.SUBMERGED, LinkState.UNPLUGGED):
+    due = None if status.satellite is None else status.satellite.next_session_at
+    if due is None or status.link_state in (LinkState.SUBMERGED, LinkState.DISABLED):
         return None
     late = watch.now - due
     if late < _OVERDUE_WATCH or _is_early(watch, watch.since):
         return None
     level = "critical" if late >= _OVERDUE_CRITICAL else "watch"
     minutes = int(late.total_seconds() // 60)
-    robot = picture.record.id
+    robot = status.record.id
     return Verdict(level, f"{robot} was to call at {clock_time(due)}, {minutes} min ago.")
 
 
-def _budget(picture: Picture, watch: Watch) -> Verdict | None:
+def _budget(status: RobotStatus, watch: Watch) -> Verdict | None:
     del watch
-    standing = picture.satellite
+    standing = status.satellite
     if standing is None or not standing.waits_for_budget:
         return None
     return Verdict(
         "warning",
-        f"The satellite budget of {picture.record.id} is spent "
+        f"The satellite budget of {status.record.id} is spent "
         f"({standing.credits_today} of {standing.credits_per_day} credits); what is on its way "
         "waits until 00:00Z, or for a greater budget.",
     )
 
 
-def _satellite(picture: Picture, watch: Watch) -> Verdict | None:
+def _satellite(status: RobotStatus, watch: Watch) -> Verdict | None:
     del watch
-    standing = picture.satellite
+    standing = status.satellite
     if standing is None or not standing.fault:
         return None
-    return Verdict("warning", f"Satellite to {picture.record.id}: {standing.fault}")
+    return Verdict("warning", f"Satellite to {status.record.id}: {standing.fault}")
 
 
-def _clock(picture: Picture, watch: Watch) -> Verdict | None:
+def _clock(status: RobotStatus, watch: Watch) -> Verdict | None:
     del watch
-    return None if picture.clock_fault is None else Verdict("watch", picture.clock_fault.text)
+    return None if status.clock_fault is None else Verdict("watch", status.clock_fault.text)
 
 
-def _ended_early(picture: Picture, watch: Watch) -> Verdict | None:
+def _ended_early(status: RobotStatus, watch: Watch) -> Verdict | None:
     del watch
-    report = picture.plan_report
+    report = status.plan_report
     if report is None or report.state is not OnboardPlanState.FAILED:
         return None
     if report.reason == SURFACED_BY_COMMAND:
         return None
     return Verdict(
-        "watch", f"{picture.record.id} ended its plan early: {report.reason or 'no reason given'}"
+        "watch", f"{status.record.id} ended its plan early: {report.reason or 'no reason given'}"
     )
 
 
-def _target(picture: Picture, watch: Watch) -> Verdict | None:
+def _target(status: RobotStatus, watch: Watch) -> Verdict | None:
     """Judge the hold on a target while a mission to follow it lasts."""
     del watch
-    track, plan = picture.target_report, picture.plan_report
-    if track is None or track.phase is not TargetPhase.LOST or picture.flies_no_target:
+    track, plan = status.target_report, status.plan_report
+    if track is None or track.phase is not TargetPhase.LOST or status.flies_no_target:
         return None
     if plan is not None and plan.state is not OnboardPlanState.RUNNING:
         return None
     why = "it was told not to ping" if track.is_quiet else search_text(track)
-    return Verdict("warning", f"{picture.record.id} lost its target; {why}.")
+    return Verdict("warning", f"{status.record.id} lost its target; {why}.")
 
 
-def _target_over(picture: Picture) -> str:
+def _target_over(status: RobotStatus) -> str:
     """Say how the loss of a target ended."""
-    track, plan = picture.target_report, picture.plan_report
+    track, plan = status.target_report, status.plan_report
     flies = plan is None or plan.state is OnboardPlanState.RUNNING
     is_held = track is not None and track.phase in (TargetPhase.TRACKING, TargetPhase.COASTING)
-    found = flies and is_held and not picture.flies_no_target
+    found = flies and is_held and not status.flies_no_target
     how = "found again" if found else "its pursuit ended"
-    return f"{picture.record.id} lost its target; {how}."
+    return f"{status.record.id} lost its target; {how}."
 
 
 def _is_early(watch: Watch, begin: datetime) -> bool:
@@ -200,12 +200,12 @@ async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock) -> None:
     since = clock.now()
     while True:
         watch = Watch(clock.now(), since, clock.speed)
-        for picture in list(fleet.pictures):
-            robot, before = picture.record.id, alarms.worst_level(picture.record.id)
+        for status in list(fleet.statuses):
+            robot, before = status.record.id, alarms.worst_level(status.record.id)
             for rule in RULES:
-                verdict = rule.judge(picture, watch)
+                verdict = rule.judge(status, watch)
                 if verdict is None:
-                    over = "" if rule.over is None else rule.over(picture)
+                    over = "" if rule.over is None else rule.over(status)
                     await alarms.clear(rule.cause, robot=robot, text=over)
                 else:
                     await alarms.raise_(rule.cause, verdict.text, level=verdict.level, robot=robot)

@@ -27,7 +27,7 @@ async def until_stored(name: str, work: Work) -> None:
             await asyncio.sleep(RETRY_S)
 
 
-class Turns:
+class RetryQueue:
     """A queue of small pieces of work, done one after another by ``run``.
 
     A piece that meets failing storage is tried again until it works; one that fails otherwise is

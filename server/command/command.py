@@ -24,14 +24,14 @@ from robot_link.messages import (
     RobotId,
 )
 from server.base.problem import conflict
-from server.base.retry_queue import Turns
+from server.base.retry_queue import RetryQueue
 from server.command.row import command_view, note_level, waiting_view
 from server.command.view import CommandView
 from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
-from server.fleet.routing import Wish
+from server.fleet.routing import RequestedLink
 from server.fleet.words import told_to
-from server.link.link import Radio, SatelliteRoad
+from server.link.link import Radio, SatelliteLink
 
 log = logging.getLogger(__name__)
 
@@ -65,8 +65,8 @@ class _Order:
     kind: CommandKind
     by: str
     plan: PlanHash | None
-    wish: Wish
-    roads: tuple[str, ...]
+    requested: RequestedLink
+    links: tuple[str, ...]
     at: datetime
     expires_at: datetime
 
@@ -80,14 +80,14 @@ class Commands:
         clock: Clock,
         fleet: Fleet,
         radio: Radio,
-        satellite: SatelliteRoad,
+        satellite: SatelliteLink,
     ) -> None:
         self._store = store
         self._clock = clock
         self._fleet = fleet
         self._radio = radio
         self._satellite = satellite
-        self._turns = Turns("command reports")
+        self._queue = RetryQueue("command reports")
         self._emergency_numbers = iter(_EMERGENCY_NUMBERS)
         self._unwritten: dict[str, CommandRecord] = {}
         self.purges: list[Purge] = []
@@ -96,7 +96,7 @@ class Commands:
 
     async def run(self) -> None:
         """Store levels as they are proved, until cancelled."""
-        await self._turns.run()
+        await self._queue.run()
 
     async def resume(self) -> None:
         """Send what the station had not finished when it stopped; robots act once all the same."""
@@ -118,7 +118,7 @@ class Commands:
         by: str,
         plan: PlanHash | None = None,
         check: Check | None = None,
-        wish: Wish = "auto",
+        requested: RequestedLink = "auto",
     ) -> str:
         """Write a command down, send it, and return its id.
 
@@ -133,14 +133,14 @@ class Commands:
             by: Who tells.
             plan: The plan that START means.
             check: Asked in the transaction; what it raises keeps the command from being sent.
-            wish: The road that it is to take, as the operator says; SURFACE takes every one.
+            requested: The link that it is to take, as the operator says; SURFACE takes every one.
 
         Raises:
             Problem: 404 for an unknown robot, 409 for one that cannot be told anything, or not by
-                the road that was asked for.
+                the link that was asked for.
             StoreUnavailableError: The command was not written down and not sent.
         """
-        order = self._order(robot, kind, by, plan, wish)
+        order = self._order(robot, kind, by, plan, requested)
 
         def write(session: Session) -> CommandRecord:
             if check is not None:
@@ -153,7 +153,7 @@ class Commands:
             command = await self._store.write(write)
         if command.id not in self._unwritten:
             self._satellite.stir()
-            if order.wish != "satellite":
+            if order.requested != "satellite":
                 self._send(command)
         if kind is CommandKind.SURFACE:
             for stop in self.on_surface:
@@ -188,7 +188,7 @@ class Commands:
         """Take a level that the link proved."""
         unwritten = self._unwritten.get(_unwritten_id(report.number))
         if unwritten is None:
-            self._turns.add(lambda: self._store_report(report))
+            self._queue.add(lambda: self._store_report(report))
         else:
             step = ProvedLevel(report.level, report.at, report.carrier, report.reason)
             levels = (*unwritten.levels, step)
@@ -197,20 +197,25 @@ class Commands:
             )
 
     def _order(
-        self, robot: str, kind: CommandKind, by: str, plan: PlanHash | None, wish: Wish
+        self,
+        robot: str,
+        kind: CommandKind,
+        by: str,
+        plan: PlanHash | None,
+        requested: RequestedLink,
     ) -> _Order:
         """Return what is to be written down.
 
         Raises:
             Problem: As of ``send``.
         """
-        refuse_recording(self._fleet.picture(robot), "cannot be told anything")
+        refuse_recording(self._fleet.status(robot), "cannot be told anything")
         if kind is CommandKind.SURFACE:
-            wish = "auto"
-        roads = self._roads(robot, kind, wish)
-        life = max(_LIFE[kind], _SATELLITE_LIFE) if "satellite" in roads else _LIFE[kind]
+            requested = "auto"
+        links = self._links(robot, kind, requested)
+        life = max(_LIFE[kind], _SATELLITE_LIFE) if "satellite" in links else _LIFE[kind]
         at = self._clock.now()
-        return _Order(robot, kind, by, plan, wish, roads, at, at + life)
+        return _Order(robot, kind, by, plan, requested, links, at, at + life)
 
     def _add(self, session: Session, order: _Order) -> CommandRecord:
         """Write an order down with all that belongs to it, in one transaction."""
@@ -226,8 +231,8 @@ class Commands:
             by=order.by,
             plan_sha256=order.plan,
         )
-        if "satellite" in order.roads:
-            self._satellite.order_in(session, command, is_only=order.wish == "satellite")
+        if "satellite" in order.links:
+            self._satellite.order_in(session, command, is_only=order.requested == "satellite")
         add_event(
             session,
             at,
@@ -239,18 +244,18 @@ class Commands:
         )
         return command
 
-    def _roads(self, robot: str, kind: CommandKind, wish: Wish) -> tuple[str, ...]:
-        """Return the roads of a command; one that no road takes waits for radio.
+    def _links(self, robot: str, kind: CommandKind, requested: RequestedLink) -> tuple[str, ...]:
+        """Return the links of a command; one that no link takes waits for radio.
 
         Raises:
-            Problem: 409 if the operator asks for a road that the robot has not.
+            Problem: 409 if the operator asks for a link that the robot has not.
         """
         if kind is CommandKind.SURFACE:
-            return self._satellite.choice(robot, "surface").roads
-        choice = self._satellite.choice(robot, "command", wish)
-        if wish != "auto" and not choice.roads:
+            return self._satellite.choice(robot, "surface").links
+        choice = self._satellite.choice(robot, "command", requested)
+        if requested != "auto" and not choice.links:
             raise conflict(choice.reason)
-        return choice.roads
+        return choice.links
 
     def _send(self, command: CommandRecord) -> None:
         self._radio.send_command(
@@ -279,7 +284,7 @@ class Commands:
             return await writing
         except StoreUnavailableError as error:
             log.critical("%s surfaces by an order that is not written down: %s", robot, error)
-            self._turns.add(
+            self._queue.add(
                 lambda: self._store.write(lambda session: self._purge(session, robot, at, by))
             )
             return unwritten

@@ -44,7 +44,7 @@ async def create_command(
     409 if the robot has no link of the route that is asked for.
     """
     kind = CommandKind(body.kind)
-    command = await station.commands.send(robot, kind, by=caller.name, wish=body.route)
+    command = await station.commands.send(robot, kind, by=caller.name, requested=body.route)
     return CommandIdView(command)
 
 
@@ -57,7 +57,7 @@ async def list_commands(
 ) -> list[CommandView]:
     """Return the newest commands of a robot, the newest first."""
     del caller
-    station.fleet.picture(robot)
+    station.fleet.status(robot)
     return await station.commands.latest(robot, limit)
 
 

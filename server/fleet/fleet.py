@@ -24,7 +24,7 @@ from robot_link.messages import (
 from server.base.problem import not_found
 from server.fleet.channel import CHANNELS, FIELD_LIMIT_S, POSITION_LIMIT_S, Channel
 from server.fleet.link_panel import link_views
-from server.fleet.picture import Picture, PlanInHand
+from server.fleet.status import PlanInHand, RobotStatus
 from server.fleet.target_end import reason_by
 from server.fleet.target_report import target_view
 from server.fleet.target_view import TargetReportView
@@ -50,9 +50,9 @@ _TRACK_STEPS = 500
 
 
 class Fleet:
-    """Pictures of all robots, and the views that REST and the live stream make of them.
+    """Status of all robots, and the views that REST and the live stream make of them.
 
-    Belongs to one event loop. ``on_change`` is called with a robot's id whenever its picture
+    Belongs to one event loop. ``on_change`` is called with a robot's id whenever its status
     changed; it must be cheap.
     """
 
@@ -67,61 +67,61 @@ class Fleet:
         self._on_change = on_change
         self._alarm_level = alarm_level
         self._vehicles = vehicles
-        self._pictures: dict[str, Picture] = {}
+        self._statuses: dict[str, RobotStatus] = {}
 
-    def add(self, record: RobotRecord, thresholds_m: tuple[float, ...]) -> Picture:
+    def add(self, record: RobotRecord, thresholds_m: tuple[float, ...]) -> RobotStatus:
         """Take up a robot; a robot that is known already gets the new record."""
-        picture = self._pictures.get(record.id)
-        if picture is None:
+        status = self._statuses.get(record.id)
+        if status is None:
             water = record.site.water
             side_m = max(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m)
-            picture = Picture(record, Track(side_m / _TRACK_STEPS, thresholds_m))
-            self._pictures[record.id] = picture
+            status = RobotStatus(record, Track(side_m / _TRACK_STEPS, thresholds_m))
+            self._statuses[record.id] = status
         else:
-            picture.record = record
-            picture.geodetic = None
-            for uri in [one for one, link in picture.links.items() if link.uri]:
+            status.record = record
+            status.geodetic = None
+            for uri in [one for one, link in status.links.items() if link.uri]:
                 if uri not in record.links:
-                    del picture.links[uri]
-            picture.track.set_thresholds(thresholds_m)
+                    del status.links[uri]
+            status.track.set_thresholds(thresholds_m)
         self.touch(record.id)
-        return picture
+        return status
 
-    def picture(self, robot: str) -> Picture:
+    def status(self, robot: str) -> RobotStatus:
         """Return what is known of a robot.
 
         Raises:
             Problem: 404 if there is no such robot.
         """
-        picture = self._pictures.get(robot)
-        if picture is None:
+        status = self._statuses.get(robot)
+        if status is None:
             raise not_found(f"There is no robot {robot!r}.")
-        return picture
+        return status
 
     def vehicle(self, robot: str) -> Vehicle | None:
         """Return a robot's model, ``None`` for a recording of something unknown."""
-        return self._vehicles.find(self.picture(robot).record.model)
+        return self._vehicles.find(self.status(robot).record.model)
 
     def knows(self, robot: str | None) -> bool:
         """Tell whether a robot belongs to the fleet."""
-        return robot in self._pictures
+        return robot in self._statuses
 
     @property
-    def pictures(self) -> Iterable[Picture]:
+    def statuses(self) -> Iterable[RobotStatus]:
         """Every robot, in the order in which they were added."""
-        return self._pictures.values()
+        return self._statuses.values()
 
     def take_state(self, report: StateReport) -> None:
         """Take a state report; one that is older than the newest changes no gauge."""
-        picture = self._pictures[report.robot]
-        if picture.state is None or report.measured_at >= picture.state.measured_at:
-            picture.state = report
-            picture.track.add(report.position_ned, report.position_std_m, report.mode)
+        status = self._statuses[report.robot]
+        if status.state is None or report.measured_at >= status.state.measured_at:
+            status.state = report
+            status.track.add(report.position_ned, report.position_std_m, report.mode)
             self.touch(report.robot)
 
     def take_sample(self, sample: Sample) -> None:
         """Take a sample as the newest value of its variable, if it is."""
-        newest = self._pictures[sample.robot].samples
+        newest = self._statuses[sample.robot].samples
         known = newest.get(sample.variable)
         if known is None or sample.measured_at >= known.measured_at:
             newest[sample.variable] = sample
@@ -129,36 +129,36 @@ class Fleet:
 
     def take_plan_report(self, report: PlanReport) -> None:
         """Take what a robot says of the plan on board."""
-        picture = self._pictures[report.robot]
-        picture.plan_report = report
-        if report.state is OnboardPlanState.RUNNING and picture.flies_no_target:
-            picture.target_report = None
+        status = self._statuses[report.robot]
+        status.plan_report = report
+        if report.state is OnboardPlanState.RUNNING and status.flies_no_target:
+            status.target_report = None
         self.touch(report.robot)
 
     def take_target(self, report: TargetReport) -> None:
         """Take a report on a target; one that is older than the newest changes nothing."""
-        picture = self._pictures[report.robot]
-        newest = picture.target_report
+        status = self._statuses[report.robot]
+        newest = status.target_report
         if newest is None or report.measured_at >= newest.measured_at:
-            picture.target_report = report
+            status.target_report = report
             self.touch(report.robot)
 
     def take_link(self, report: LinkReport) -> None:
         """Take the health of one link to a robot; the link does not know how deep it swims."""
-        picture = self._pictures[report.robot]
-        if report.state is LinkState.STALE and picture.follows_under_water:
+        status = self._statuses[report.robot]
+        if report.state is LinkState.STALE and status.follows_under_water:
             report = replace(report, state=LinkState.SUBMERGED)
-        picture.links[report.uri or report.carrier] = report
+        status.links[report.uri or report.carrier] = report
         self.touch(report.robot)
 
     def set_plan(self, robot: str, plan: PlanInHand | None) -> None:
         """Say which plan of a robot concerns the operator now."""
-        self._pictures[robot].plan = plan
+        self._statuses[robot].plan = plan
         self.touch(robot)
 
     def set_mission(self, robot: str, mission_id: str | None) -> None:
         """Say which mission of a robot concerns the operator now."""
-        self._pictures[robot].mission_id = mission_id
+        self._statuses[robot].mission_id = mission_id
         self.touch(robot)
 
     def touch(self, robot: str) -> None:
@@ -169,17 +169,17 @@ class Fleet:
         """Return a limit of age by the station's clock, which a demo may run faster."""
         return limit_s * max(1.0, self._clock.speed)
 
-    def is_old(self, picture: Picture) -> bool:
+    def is_old(self, status: RobotStatus) -> bool:
         """Tell whether the newest state of a robot must look old."""
-        state = picture.state
+        state = status.state
         return state is None or self._age_s(state.measured_at) > self.limit_s(POSITION_LIMIT_S)
 
-    def target_shown(self, picture: Picture) -> TargetReport | None:
+    def target_shown(self, status: RobotStatus) -> TargetReport | None:
         """Return a robot's newest report on its target, ``None`` once that concerns nobody."""
-        report = picture.target_report
-        if report is None or picture.flies_no_target:
+        report = status.target_report
+        if report is None or status.flies_no_target:
             return None
-        plan = picture.plan_report
+        plan = status.plan_report
         has_ended = plan is not None and plan.state is not OnboardPlanState.RUNNING
         is_over = has_ended or report.phase is TargetPhase.ENDED
         if is_over and self._age_s(report.measured_at) > self.limit_s(_ENDED_LIMIT_S):
@@ -193,8 +193,8 @@ class Fleet:
 
     def robot_view(self, robot: str) -> RobotView:
         """Return a robot as the fleet's list shows it."""
-        picture = self.picture(robot)
-        record = picture.record
+        status = self.status(robot)
+        record = status.record
         vehicle = self._vehicles.find(record.model)
         return RobotView(
             id=record.id,
@@ -207,35 +207,35 @@ class Fleet:
             system_id=record.system_id,
             simulated=record.simulated,
             site=record.site,
-            link=self._link_view(picture),
-            mode=None if picture.state is None else picture.state.mode.name.lower(),
-            activity=self._activity(picture),
-            mission_id=picture.mission_id,
-            plan_id=None if picture.plan is None else picture.plan.plan_id,
-            next_contact=self._next_contact(picture),
-            surface_forecast=self._forecast(picture),
+            link=self._link_view(status),
+            mode=None if status.state is None else status.state.mode.name.lower(),
+            activity=self._activity(status),
+            mission_id=status.mission_id,
+            plan_id=None if status.plan is None else status.plan.plan_id,
+            next_contact=self._next_contact(status),
+            surface_forecast=self._forecast(status),
             alarm_level=self._alarm_level(robot),
         )
 
     def state_view(self, robot: str) -> StateView:
         """Return the newest value of everything that a robot reports."""
-        picture = self.picture(robot)
+        status = self.status(robot)
         return StateView(
             robot=robot,
-            channels=self._channels(picture),
-            position=self._position(picture),
-            mode=None if picture.state is None else picture.state.mode.name.lower(),
-            activity=self._activity(picture),
-            plan=self._onboard_plan(picture),
-            link=self._link_view(picture),
-            links=link_views(picture),
-            clock_fault=None if picture.clock_fault is None else picture.clock_fault.text,
-            tracking=self._tracking(picture),
+            channels=self._channels(status),
+            position=self._position(status),
+            mode=None if status.state is None else status.state.mode.name.lower(),
+            activity=self._activity(status),
+            plan=self._onboard_plan(status),
+            link=self._link_view(status),
+            links=link_views(status),
+            clock_fault=None if status.clock_fault is None else status.clock_fault.text,
+            tracking=self._tracking(status),
         )
 
     def live_view(self, robot: str) -> LiveRobotView:
         """Return a robot as the live stream carries it."""
-        picture = self.picture(robot)
+        status = self.status(robot)
         state = self.state_view(robot)
         return LiveRobotView(
             robot=state.robot,
@@ -248,52 +248,52 @@ class Fleet:
             links=state.links,
             clock_fault=state.clock_fault,
             tracking=state.tracking,
-            mission_id=picture.mission_id,
-            plan_id=None if picture.plan is None else picture.plan.plan_id,
-            next_contact=self._next_contact(picture),
-            surface_forecast=self._forecast(picture),
+            mission_id=status.mission_id,
+            plan_id=None if status.plan is None else status.plan.plan_id,
+            next_contact=self._next_contact(status),
+            surface_forecast=self._forecast(status),
             alarm_level=self._alarm_level(robot),
         )
 
     def _age_s(self, moment: datetime) -> float:
         return max(0.0, (self._clock.now() - moment).total_seconds())
 
-    def _activity(self, picture: Picture) -> str:
-        if picture.record.kind == "recorded":
+    def _activity(self, status: RobotStatus) -> str:
+        if status.record.kind == "recorded":
             return "Recording"
-        plan = picture.plan
+        plan = status.plan
         flying = plan is not None and plan.state == "running"
-        track = self.target_shown(picture)
+        track = self.target_shown(status)
         return activity(
-            picture.state,
+            status.state,
             plan.round_text if plan and flying else "",
-            self.is_old(picture),
+            self.is_old(status),
             is_teaching=track is not None
             and not track.is_barrier_on
             and track.phase is not TargetPhase.ENDED,
         )
 
-    def _next_contact(self, picture: Picture) -> ContactView | None:
-        if picture.link_state is not LinkState.SUBMERGED:
+    def _next_contact(self, status: RobotStatus) -> ContactView | None:
+        if status.link_state is not LinkState.SUBMERGED:
             return None
-        at = picture.next_surfacing()
+        at = status.next_surfacing()
         if at is None:
             return None
         return ContactView(at, f"Next surfacing about {clock_time(at)}")
 
-    def _forecast(self, picture: Picture) -> str:
-        if picture.record.kind == "recorded":
+    def _forecast(self, status: RobotStatus) -> str:
+        if status.record.kind == "recorded":
             return "A recording cannot be told anything"
-        link = picture.link
+        link = status.link
         return surface_forecast(
-            picture.record.id,
-            picture.link_state,
+            status.record.id,
+            status.link_state,
             "" if link is None else link.carrier,
-            picture.next_surfacing(),
+            status.next_surfacing(),
         )
 
-    def _link_view(self, picture: Picture) -> LinkView:
-        link = picture.link
+    def _link_view(self, status: RobotStatus) -> LinkView:
+        link = status.link
         if link is None:
             return LinkView("", LinkState.NEVER_HEARD.value, None, None, None, 0, 0)
         return LinkView(
@@ -306,13 +306,13 @@ class Fleet:
             frames_bad=link.frames_bad,
         )
 
-    def _channels(self, picture: Picture) -> dict[str, ChannelView]:
+    def _channels(self, status: RobotStatus) -> dict[str, ChannelView]:
         channels: dict[str, ChannelView] = {}
-        if picture.state is not None:
-            age_s = self._age_s(picture.state.measured_at)
+        if status.state is not None:
+            age_s = self._age_s(status.state.measured_at)
             for channel in CHANNELS:
-                channels[channel.key] = self._channel(channel, picture.state, age_s)
-        for key, sample in picture.samples.items():
+                channels[channel.key] = self._channel(channel, status.state, age_s)
+        for key, sample in status.samples.items():
             channels[key] = ChannelView(
                 value=sample.value,
                 unit=VARIABLES[key].unit,
@@ -335,11 +335,11 @@ class Fleet:
             limit_s=self.limit_s(channel.limit_s),
         )
 
-    def _position(self, picture: Picture) -> PositionView | None:
-        state = picture.state
+    def _position(self, status: RobotStatus) -> PositionView | None:
+        state = status.state
         if state is None:
             return None
-        latitude_deg, longitude_deg = self._geodetic(picture, state.position_ned)
+        latitude_deg, longitude_deg = self._geodetic(status, state.position_ned)
         return PositionView(
             ned_m=state.position_ned,
             std_m=state.position_std_m,
@@ -351,32 +351,32 @@ class Fleet:
             age_s=self._age_s(state.measured_at),
         )
 
-    def _geodetic(self, picture: Picture, position_ned: PositionNed) -> tuple[float, float]:
+    def _geodetic(self, status: RobotStatus, position_ned: PositionNed) -> tuple[float, float]:
         """Return latitude and longitude, converted anew after ``_SAME_PLACE_M`` of way.
 
         The conversion costs more than all the rest of a view that is made ten times a second.
         """
-        known = picture.geodetic
+        known = status.geodetic
         if known is None or math.dist(known[0][:2], position_ned[:2]) > _SAME_PLACE_M:
-            site = picture.record.site
+            site = status.record.site
             latitude_deg, longitude_deg = wgs84_from_ned(
                 position_ned[:2], site.origin_latitude_deg, site.origin_longitude_deg
             )
             known = (position_ned, (float(latitude_deg), float(longitude_deg)))
-            picture.geodetic = known
+            status.geodetic = known
         return known[1]
 
-    def _tracking(self, picture: Picture) -> TargetReportView | None:
-        report = self.target_shown(picture)
+    def _tracking(self, status: RobotStatus) -> TargetReportView | None:
+        report = self.target_shown(status)
         if report is None:
             return None
-        return target_view(report, reason_by(report, picture.plan_report))
+        return target_view(report, reason_by(report, status.plan_report))
 
-    def _onboard_plan(self, picture: Picture) -> OnboardPlanView | None:
-        report = picture.plan_report
+    def _onboard_plan(self, status: RobotStatus) -> OnboardPlanView | None:
+        report = status.plan_report
         if report is None:
             return None
-        plan = picture.plan
+        plan = status.plan
         return OnboardPlanView(
             plan_id=plan.plan_id
             if plan is not None and plan.record.sha256 == report.sha256

@@ -2,21 +2,21 @@
 
 from robot_link.messages import LinkReport, LinkState
 from robot_link.station.gateway.address import is_acoustic, is_satellite
+from server.fleet.disabled_links import shared_port
 from server.fleet.link_view import RobotLinkView
-from server.fleet.picture import Picture
-from server.fleet.plug import plug_of
+from server.fleet.status import RobotStatus
 from server.fleet.words import carrier_title, clock_time
 
 _DIALOGUE = ["telemetry", "plan", "command", "surface", "parameters", "files"]
 _SATELLITE = ["plan", "command", "surface"]
 
 
-def link_views(picture: Picture) -> list[RobotLinkView]:
+def link_views(status: RobotStatus) -> list[RobotLinkView]:
     """Return every link of a robot, in the order in which they are registered."""
-    reports = picture.links
+    reports = status.links
     return [
-        _view(picture, uri, reports.get(uri) or reports.get(_carrier(uri)))
-        for uri in picture.record.links
+        _view(status, uri, reports.get(uri) or reports.get(_carrier(uri)))
+        for uri in status.record.links
     ]
 
 
@@ -27,24 +27,24 @@ def kind_of(uri: str) -> str:
     return "acoustic" if is_acoustic(uri) else "radio"
 
 
-def _view(picture: Picture, uri: str, report: LinkReport | None) -> RobotLinkView:
+def _view(status: RobotStatus, uri: str, report: LinkReport | None) -> RobotLinkView:
     kind = kind_of(uri)
-    is_plugged = plug_of(uri) not in picture.unplugged
+    is_enabled = shared_port(uri) not in status.disabled_links
     state = LinkState.NEVER_HEARD if report is None else report.state
-    if not is_plugged:
-        state = LinkState.UNPLUGGED
+    if not is_enabled:
+        state = LinkState.DISABLED
     return RobotLinkView(
         uri=uri,
         carrier=_carrier(uri) if report is None else report.carrier,
         kind=kind,
         state=state.value,
-        is_plugged=is_plugged,
+        is_plugged=is_enabled,
         heard_at=None if report is None else report.heard_at,
         rssi_dbm=None if report is None else report.rssi_dbm,
         frames_received=0 if report is None else report.frames_received,
         frames_bad=0 if report is None else report.frames_bad,
-        text=_with_trouble(_text(picture, kind, _carrier(uri), state), report),
-        carries=_carries(picture, kind, state) if is_plugged else [],
+        text=_with_trouble(_text(status, kind, _carrier(uri), state), report),
+        carries=_carries(status, kind, state) if is_enabled else [],
     )
 
 
@@ -59,25 +59,25 @@ def _carrier(uri: str) -> str:
     return uri.partition("://")[0]
 
 
-def _carries(picture: Picture, kind: str, state: LinkState) -> list[str]:
+def _carries(status: RobotStatus, kind: str, state: LinkState) -> list[str]:
     """Return what takes this link as things are; a surface order takes every one."""
     if kind == "acoustic":
         return ["range"]
     if kind == "satellite":
-        return ["surface"] if picture.roads.radio_reaches else list(_SATELLITE)
-    if state in (LinkState.LIVE, LinkState.SUBMERGED) and picture.roads.radio_reaches:
+        return ["surface"] if status.known_links.radio_reaches else list(_SATELLITE)
+    if state in (LinkState.LIVE, LinkState.SUBMERGED) and status.known_links.radio_reaches:
         return list(_DIALOGUE)
-    return ["surface"] if picture.roads.has_satellite else list(_DIALOGUE)
+    return ["surface"] if status.known_links.has_satellite else list(_DIALOGUE)
 
 
-def _text(picture: Picture, kind: str, carrier: str, state: LinkState) -> str:
-    robot, title = picture.record.id, carrier_title(carrier)
-    if state is LinkState.UNPLUGGED:
+def _text(status: RobotStatus, kind: str, carrier: str, state: LinkState) -> str:
+    robot, title = status.record.id, carrier_title(carrier)
+    if state is LinkState.DISABLED:
         return f"{title} is unplugged; nothing is sent or taken until it is plugged in again."
     if kind == "acoustic":
         return "Ranges under water; carries no plans and no orders."
     if kind == "satellite":
-        return _satellite_text(picture, title, state)
+        return _satellite_text(status, title, state)
     match state:
         case LinkState.LIVE:
             return f"{title} hears {robot} now."
@@ -91,8 +91,8 @@ def _text(picture: Picture, kind: str, carrier: str, state: LinkState) -> str:
             return f"{title} never heard {robot}."
 
 
-def _satellite_text(picture: Picture, title: str, state: LinkState) -> str:
-    robot, standing = picture.record.id, picture.satellite
+def _satellite_text(status: RobotStatus, title: str, state: LinkState) -> str:
+    robot, standing = status.record.id, status.satellite
     due = None if standing is None else standing.next_session_at
     expected = "" if due is None else f" Its next session is expected about {clock_time(due)}."
     match state:

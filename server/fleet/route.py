@@ -75,7 +75,7 @@ class RobotChanges(Body):
 async def list_robots(caller: Viewer, station: StationDep) -> list[RobotView]:
     """Return every robot with what it is doing, when it is heard next, and its worst alarm."""
     del caller
-    return [station.fleet.robot_view(picture.record.id) for picture in station.fleet.pictures]
+    return [station.fleet.robot_view(status.record.id) for status in station.fleet.statuses]
 
 
 @router.post("", status_code=201)
@@ -122,7 +122,7 @@ async def patch_robot(
     foundation: FoundationDep,
 ) -> RobotView:
     """Change a robot's name, model, links or site."""
-    station.fleet.picture(robot)
+    station.fleet.status(robot)
     given = changes.model_dump(exclude_unset=True, exclude_none=True)
     if changes.model is not None:
         station.vehicles.check_model(changes.model)
@@ -165,7 +165,7 @@ async def get_samples(
 ) -> Response:
     """Return the history of one channel, thinned so that every extreme stays."""
     del caller
-    thresholds_m = station.fleet.picture(robot).track.thresholds_m
+    thresholds_m = station.fleet.status(robot).track.thresholds_m
     unit = _unit(channel)
     if positions and channel in VARIABLES:
         placed = await store.query(
@@ -192,11 +192,11 @@ async def get_track(
 ) -> Response:
     """Return where the robot believed to be, with uncertainty and fidelity level."""
     del caller
-    site = station.fleet.picture(robot).record.site
+    site = station.fleet.status(robot).record.site
     found = await foundation.store.query(
         lambda session: track(session, robot, start, end, max_points)
     )
-    thresholds_m = station.fleet.picture(robot).track.thresholds_m
+    thresholds_m = station.fleet.status(robot).track.thresholds_m
     positions = np.array([point.position_ned for point in found.points]).reshape(-1, 3)
     std_m = np.array([point.position_std_m for point in found.points])
     geodetic = wgs84_from_ned(positions[:, :2], site.origin_latitude_deg, site.origin_longitude_deg)

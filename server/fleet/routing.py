@@ -1,7 +1,7 @@
-"""Which road a message takes: radio whenever it can, satellite only when it cannot or on request.
+"""Which link a message takes: radio whenever it can, satellite only when it cannot or on request.
 
 Streams, parameters and files never go by satellite, whatever anyone asks for: a byte there costs
-money. An order to surface goes by every road at once.
+money. An order to surface goes by every link at once.
 """
 
 from dataclasses import dataclass
@@ -11,8 +11,8 @@ from typing import Literal
 from robot_link.messages import LinkState
 
 MessageKind = Literal["plan", "command", "surface", "telemetry", "parameters", "files"]
-Road = Literal["radio", "satellite"]
-Wish = Literal["auto", "radio", "satellite"]
+LinkKind = Literal["radio", "satellite"]
+RequestedLink = Literal["auto", "radio", "satellite"]
 """What the operator asks for: of one message, or of all of a kind by the settings."""
 
 RADIO_ONLY = ("telemetry", "parameters", "files")
@@ -21,8 +21,8 @@ _REACHED = (LinkState.LIVE, LinkState.SUBMERGED)
 
 
 @dataclass(frozen=True, slots=True)
-class Roads:
-    """What is known of the roads to one robot."""
+class KnownLinks:
+    """What is known of the links to one robot."""
 
     radio: LinkState | None
     """Of the best radio; ``None`` for a robot without one."""
@@ -34,7 +34,7 @@ class Roads:
     @property
     def has_satellite(self) -> bool:
         """Whether a satellite link can be used."""
-        return self.satellite not in (None, LinkState.UNPLUGGED)
+        return self.satellite not in (None, LinkState.DISABLED)
 
     @property
     def radio_reaches(self) -> bool:
@@ -51,68 +51,70 @@ class Roads:
 
 
 @dataclass(frozen=True, slots=True)
-class Choice:
-    """The roads that a message takes, and why."""
+class LinkChoice:
+    """The links that a message takes, and why."""
 
-    roads: tuple[Road, ...]
+    links: tuple[LinkKind, ...]
     """Empty if there is none."""
     reason: str
     """One sentence for the operator."""
 
 
-def carriers_for(kind: MessageKind, roads: Roads, setting: Wish, wish: Wish = "auto") -> Choice:
-    """Choose the roads of a message.
+def choose_links(
+    kind: MessageKind, known: KnownLinks, setting: RequestedLink, requested: RequestedLink = "auto"
+) -> LinkChoice:
+    """Choose the links of a message.
 
     Args:
         kind: What is to be said.
-        roads: The roads to the robot.
+        known: The links to the robot.
         setting: What the robot's settings say for this kind.
-        wish: What the operator says for this message; goes before the setting.
+        requested: What the operator says for this message; goes before the setting.
     """
     if kind == "surface":
-        return _everywhere(roads)
+        return _everywhere(known)
     if kind in RADIO_ONLY:
-        return _radio(roads, f"{kind} never go by satellite".capitalize())
-    asked = setting if wish == "auto" else wish
+        return _radio(known, f"{kind} never go by satellite".capitalize())
+    asked = setting if requested == "auto" else requested
     if asked == "satellite":
-        if roads.has_satellite:
-            return Choice(("satellite",), "By satellite, as asked for.")
-        return Choice((), f"By satellite as asked for, but {_satellite_fault(roads)}.")
+        if known.has_satellite:
+            return LinkChoice(("satellite",), "By satellite, as asked for.")
+        return LinkChoice((), f"By satellite as asked for, but {_satellite_fault(known)}.")
     if asked == "radio":
-        return _radio(roads, "By radio, as asked for")
-    if roads.radio_reaches or not roads.has_satellite:
-        return _radio(roads, "By radio, which reaches the robot" if roads.radio_reaches else "")
-    return Choice(("satellite",), f"By satellite: {_radio_fault(roads)}.")
+        return _radio(known, "By radio, as asked for")
+    if known.radio_reaches or not known.has_satellite:
+        return _radio(known, "By radio, which reaches the robot" if known.radio_reaches else "")
+    return LinkChoice(("satellite",), f"By satellite: {_radio_fault(known)}.")
 
 
-def _everywhere(roads: Roads) -> Choice:
-    found: list[Road] = [] if roads.radio is None else ["radio"]
-    if roads.has_satellite:
+def _everywhere(known: KnownLinks) -> LinkChoice:
+    found: list[LinkKind] = [] if known.radio is None else ["radio"]
+    if known.has_satellite:
         found.append("satellite")
-    return Choice(tuple(found), "By every link at once." if found else "The robot has no link.")
+    return LinkChoice(tuple(found), "By every link at once." if found else "The robot has no link.")
 
 
-def _radio(roads: Roads, reason: str) -> Choice:
-    if roads.radio is None:
-        return Choice((), "The robot has no radio.")
-    return Choice(("radio",), f"{reason or 'By radio, when it reaches the robot again'}.")
+def _radio(known: KnownLinks, reason: str) -> LinkChoice:
+    if known.radio is None:
+        return LinkChoice((), "The robot has no radio.")
+    return LinkChoice(("radio",), f"{reason or 'By radio, when it reaches the robot again'}.")
 
 
-def _satellite_fault(roads: Roads) -> str:
-    if roads.satellite is None:
+def _satellite_fault(known: KnownLinks) -> str:
+    if known.satellite is None:
         return "the robot has no satellite link"
     return "its satellite link is unplugged"
 
 
-def _radio_fault(roads: Roads) -> str:
-    match roads.radio:
+def _radio_fault(known: KnownLinks) -> str:
+    match known.radio:
         case None:
             return "the robot has no radio"
         case LinkState.NEVER_HEARD:
             return "it was never heard by radio"
         case LinkState.PORT_CLOSED:
             return "the radio's port is closed"
-        case LinkState.UNPLUGGED:
+        case LinkState.DISABLED:
             return "the radio is unplugged"
         case LinkState.SUBMERGED:
             return "it was heard by satellite since it left the radio's reach"

@@ -79,7 +79,7 @@ def surface_forecast(
     robot: str, link: LinkState, carrier: str, next_contact: datetime | None
 ) -> str:
     """Say what "surface now" would do at this moment."""
-    if carrier in _BY_SATELLITE and link is not LinkState.UNPLUGGED:
+    if carrier in _BY_SATELLITE and link is not LinkState.DISABLED:
         when = "" if next_contact is None else f", expected about {clock_time(next_contact)}"
         return f"Reaches {robot} at its next session by {carrier_title(carrier)}{when}"
     match link:
@@ -95,7 +95,7 @@ def surface_forecast(
             return f"{robot} was never heard; the order is repeated until it answers"
         case LinkState.PORT_CLOSED:
             return f"The radio's port is closed; the order for {robot} waits for it"
-        case LinkState.UNPLUGGED:
+        case LinkState.DISABLED:
             return f"The link is unplugged; the order for {robot} waits until it is plugged in"
 
 

@@ -154,9 +154,9 @@ class Ingest:
     def _take_state(self, report: StateReport, *, is_prompt: bool) -> None:
         judge = self._clock_of(report.robot)
         judge.hear(report, is_prompt=is_prompt)
-        self._fleet.picture(report.robot).clock_fault = judge.fault
+        self._fleet.status(report.robot).clock_fault = judge.fault
         report = judge.dated(report)
-        site = self._fleet.picture(report.robot).record.site
+        site = self._fleet.status(report.robot).record.site
         fault = fault_of_state(report, site, self._clock.now(), self._clock.speed)
         if fault is not None:
             self._refuse(report.robot, "state", fault)
@@ -166,7 +166,7 @@ class Ingest:
         self._fleet.take_state(report)
 
     def _take_target(self, report: TargetReport) -> None:
-        site = self._fleet.picture(report.robot).record.site
+        site = self._fleet.status(report.robot).record.site
         report = self._clock_of(report.robot).dated(report)
         fault = fault_of_target(report, site, self._clock.now(), self._clock.speed)
         if fault is not None:
@@ -179,7 +179,7 @@ class Ingest:
 
     def _take_sample(self, sample: Sample) -> None:
         sample = self._clock_of(sample.robot).dated(sample)
-        site = self._fleet.picture(sample.robot).record.site
+        site = self._fleet.status(sample.robot).record.site
         fault = fault_of_sample(sample, site, self._clock.now(), self._clock.speed)
         if fault is not None:
             self._refuse(sample.robot, "sample", fault)
@@ -209,8 +209,8 @@ class Ingest:
 
     def _refuse(self, robot: RobotId, what: str, fault: str) -> None:
         """Count a value that cannot be true, and say so once until a good one came."""
-        picture = self._fleet.picture(robot)
-        picture.refused += 1
+        status = self._fleet.status(robot)
+        status.refused += 1
         if (robot, what) in self._told_faults:
             return
         self._told_faults.add((robot, what))

@@ -1,4 +1,4 @@
-"""What the services ask of the road to the robots."""
+"""What the services ask of the links to the robots."""
 
 from collections.abc import Iterable, Mapping
 from datetime import datetime
@@ -19,7 +19,7 @@ from robot_link.messages import (
     UploadReport,
 )
 from robot_link.mission import Mission
-from server.fleet.routing import Choice, MessageKind, Wish
+from server.fleet.routing import LinkChoice, MessageKind, RequestedLink
 
 
 class Radio(Protocol):
@@ -49,7 +49,7 @@ class Radio(Protocol):
         ...
 
 
-class SatelliteRoad(Protocol):
+class SatelliteLink(Protocol):
     """The part of ``server.satellite.Satellite`` that services use; see there."""
 
     @property
@@ -57,8 +57,10 @@ class SatelliteRoad(Protocol):
         """Why rows of the outbox are not sent on, by their ids."""
         ...
 
-    def choice(self, robot: str, kind: MessageKind, wish: Wish = "auto") -> Choice:
-        """Choose the roads of a message to a robot."""
+    def choice(
+        self, robot: str, kind: MessageKind, requested: RequestedLink = "auto"
+    ) -> LinkChoice:
+        """Choose the links of a message to a robot."""
         ...
 
     def obstacle(self, robot: str) -> str:

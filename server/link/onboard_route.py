@@ -16,13 +16,13 @@ from server.station_dependency import StationDep
 router = APIRouter(prefix="/api/robots/{robot}", tags=["on board"], route_class=IdempotentRoute)
 
 
-class ParameterWish(Body):
+class ParameterRequest(Body):
     """What a parameter shall be."""
 
     value: float
 
 
-class LogWish(Body):
+class LogRequest(Body):
     """Which file is wanted."""
 
     path: str = Field(min_length=1, max_length=200)
@@ -50,10 +50,10 @@ async def read_parameters(caller: Pilot, robot: str, station: StationDep) -> Job
 
 @router.put("/parameters/{name}")
 async def write_parameter(
-    caller: Pilot, robot: str, name: str, wish: ParameterWish, station: StationDep
+    caller: Pilot, robot: str, name: str, body: ParameterRequest, station: StationDep
 ) -> ParameterView:
     """Set a parameter and answer with what the robot says that it is now."""
-    return await station.parameters.write(robot, name, wish.value, by=caller.name)
+    return await station.parameters.write(robot, name, body.value, by=caller.name)
 
 
 @router.get("/logs")
@@ -70,9 +70,11 @@ async def read_logs(caller: Pilot, robot: str, station: StationDep) -> JobIdView
 
 
 @router.post("/logs/download", status_code=202)
-async def download_log(caller: Pilot, robot: str, wish: LogWish, station: StationDep) -> JobIdView:
+async def download_log(
+    caller: Pilot, robot: str, body: LogRequest, station: StationDep
+) -> JobIdView:
     """Fetch a file; a transfer that broke off before goes on where it stopped."""
-    return JobIdView(await station.robot_logs.download(robot, wish.path, by=caller.name))
+    return JobIdView(await station.robot_logs.download(robot, body.path, by=caller.name))
 
 
 @router.get(

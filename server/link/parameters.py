@@ -25,7 +25,7 @@ from server.link.onboard_view import ParametersView, ParameterView
 
 
 class ParameterRadio(Protocol):
-    """The part of the road to the robots that carries parameters; never a satellite."""
+    """The part of the links to the robots that carries parameters; never a satellite."""
 
     async def read_parameters(self, robot: RobotId) -> Sequence[ParameterValue]:
         """Return every parameter."""
@@ -54,7 +54,7 @@ class Parameters:
         Raises:
             Problem: 404 if there is no such robot.
         """
-        self._fleet.picture(robot)
+        self._fleet.status(robot)
         records = await self._store.query(lambda session: query.list_parameters(session, robot))
         writing = self._writing[robot]
         return ParametersView(
@@ -68,7 +68,7 @@ class Parameters:
         Raises:
             Problem: 404 for an unknown robot, 409 for a recording.
         """
-        refuse_recording(self._fleet.picture(robot), "cannot be asked anything")
+        refuse_recording(self._fleet.status(robot), "cannot be asked anything")
         return await self._readings.start(
             robot, lambda progress: self._read(robot, progress), by=by
         )
@@ -80,7 +80,7 @@ class Parameters:
             Problem: 404 for an unknown robot or parameter, 409 if the robot refuses or cannot be
                 reached, 422 if the value cannot be one of this parameter.
         """
-        refuse_recording(self._fleet.picture(robot), "cannot be asked anything")
+        refuse_recording(self._fleet.status(robot), "cannot be asked anything")
         known = await self._store.query(lambda session: query.list_parameters(session, robot))
         record = next((one for one in known if one.name == name), None)
         if record is None:

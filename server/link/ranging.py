@@ -91,7 +91,7 @@ class Ranging:
         self._tell = tell
         self._open = open_
         self._benches: list[_Bench] = []
-        self._unplugged: set[str] = set()
+        self._disabled: set[str] = set()
 
     async def set_robots(self, robots: Iterable[RobotRecord]) -> None:
         """Say which robots there are; modems whose links stay as they were go on undisturbed."""
@@ -106,12 +106,12 @@ class Ranging:
         for links in wanted:
             self._begin(links)
 
-    def set_plugged(self, uri: str, *, is_plugged: bool) -> None:
-        """Pull the plug of an acoustic link, or put it back; links of one modem share it."""
-        (self._unplugged.discard if is_plugged else self._unplugged.add)(uri)
+    def set_enabled(self, uri: str, *, is_enabled: bool) -> None:
+        """Enable or disable an acoustic link; links of one modem share that."""
+        (self._disabled.discard if is_enabled else self._disabled.add)(uri)
         for bench in self._benches:
             if any(ear.uri == uri for ear in bench.ears):
-                bench.modem.set_plugged(is_plugged)
+                bench.modem.set_enabled(is_enabled)
                 self._report(bench)
 
     async def stop(self) -> None:
@@ -128,8 +128,8 @@ class Ranging:
             return
         ears = tuple(_Ear(robot, uri, acoustic_address(uri)) for robot, uri in links.items())
         bench = _Bench(modem, ears)
-        if self._unplugged & set(links.values()):
-            modem.set_plugged(False)
+        if self._disabled & set(links.values()):
+            modem.set_enabled(False)
         names = ", ".join(links)
         for name, work in (
             ("acoustic modem", modem.run()),
@@ -209,13 +209,13 @@ class Ranging:
                     frames_received=ear.answers,
                     frames_bad=ear.garbled,
                     uri=ear.uri,
-                    is_plugged=bench.modem.is_plugged,
+                    is_enabled=bench.modem.is_enabled,
                 )
             )
 
     def _state(self, bench: _Bench, ear: _Ear, now: datetime) -> LinkState:
-        if not bench.modem.is_plugged:
-            return LinkState.UNPLUGGED
+        if not bench.modem.is_enabled:
+            return LinkState.DISABLED
         if not bench.opened.is_set():
             return LinkState.PORT_CLOSED
         if ear.heard_at is None:

@@ -28,7 +28,7 @@ _DEEPEST_FOLDER = 4
 
 
 class FileRadio(Protocol):
-    """The part of the road to the robots that carries files; never a satellite."""
+    """The part of the links to the robots that carries files; never a satellite."""
 
     async def list_files(self, robot: RobotId, path: str = "/") -> Sequence[FileEntry]:
         """Return the entries of a folder."""
@@ -64,7 +64,7 @@ class RobotLogs:
         Raises:
             Problem: 404 if there is no such robot.
         """
-        self._fleet.picture(robot)
+        self._fleet.status(robot)
         records = await self._store.query(lambda session: query.list_logs(session, robot))
         return RobotLogsView(
             read_at=max((record.listed_at for record in records), default=None),
@@ -78,7 +78,7 @@ class RobotLogs:
         Raises:
             Problem: 404 for an unknown robot, 409 for a recording.
         """
-        refuse_recording(self._fleet.picture(robot), "cannot be asked anything")
+        refuse_recording(self._fleet.status(robot), "cannot be asked anything")
         return await self._listings.start(
             robot, lambda progress: self._list(robot, progress), by=by
         )
@@ -89,7 +89,7 @@ class RobotLogs:
         Raises:
             Problem: 404 for an unknown robot or file, 409 for a recording.
         """
-        refuse_recording(self._fleet.picture(robot), "cannot be asked anything")
+        refuse_recording(self._fleet.status(robot), "cannot be asked anything")
         known = await self._store.query(lambda session: query.list_logs(session, robot))
         record = next((one for one in known if one.path == path), None)
         if record is None:

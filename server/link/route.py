@@ -28,19 +28,19 @@ class PlugRequest(Body):
 async def get_links(caller: Viewer, robot: str, station: StationDep) -> list[RobotLinkView]:
     """Return every link of a robot: its state, its age, and what it carries."""
     del caller
-    return link_views(station.fleet.picture(robot))
+    return link_views(station.fleet.status(robot))
 
 
 @router.post("/{robot}/links/plug")
-async def plug_link(
+async def enable_link(
     caller: Pilot, robot: str, body: PlugRequest, station: StationDep
 ) -> list[RobotLinkView]:
     """Pull the plug of a link, or put it back; robots that share a radio share its plug.
 
     Nothing is sent by an unplugged satellite link, and its gateway is asked to keep what comes.
     """
-    await station.set_plugged(robot, body.uri, is_plugged=body.plugged, by=caller.name)
-    return link_views(station.fleet.picture(robot))
+    await station.set_enabled(robot, body.uri, is_enabled=body.plugged, by=caller.name)
+    return link_views(station.fleet.status(robot))
 
 
 @router.get("/{robot}/satellite")

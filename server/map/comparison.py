@@ -120,7 +120,7 @@ def map_group(maps: FieldMaps, fleet: Fleet, robot: str, variable: str) -> MapGr
     Raises:
         Problem: 404 for an unknown robot or map, 409 for a recording.
     """
-    if fleet.picture(robot).record.kind == "recorded":
+    if fleet.status(robot).record.kind == "recorded":
         raise conflict(f"{robot} is a recording, whose map was fitted when it was imported.")
     group = maps.group(robot)
     if group is None:

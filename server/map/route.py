@@ -40,7 +40,7 @@ class MapFormat(StrEnum):
 async def list_maps(caller: Viewer, robot: str, station: StationDep) -> list[MapEntryView]:
     """Return which variables of a robot are mapped, and by which models."""
     del caller
-    station.fleet.picture(robot)
+    station.fleet.status(robot)
     entries: dict[str, MapEntryView] = {}
     for (key, model), view in station.maps.views(robot).items():
         if key in entries:
@@ -78,7 +78,7 @@ async def get_map(
 ) -> Response:
     """Return mean and standard deviation on the map's grid; nothing where there is no water."""
     del caller
-    record = station.fleet.picture(robot).record
+    record = station.fleet.status(robot).record
     view = _find(station, robot, variable, model)
     export = MapExport(
         robot=robot,

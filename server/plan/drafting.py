@@ -17,7 +17,7 @@ from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff
 from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import ONBOARD_CONTROLLER
-from server.fleet.picture import FOLLOW_TARGET, Picture
+from server.fleet.status import FOLLOW_TARGET, RobotStatus
 from server.plan.document import Draft, legs_of
 from server.plan.target_check import outdated_target
 from server.plan.view import ViolationView
@@ -27,7 +27,7 @@ SENDABLE = ("draft", "on_board")
 
 
 def draft_of(
-    picture: Picture,
+    status: RobotStatus,
     vehicle: Vehicle | None,
     config: PlannerConfig,
     trim: CurrentConfiguration,
@@ -40,7 +40,7 @@ def draft_of(
     """Return a trajectory as a mission, with the account that an operator decides by.
 
     Args:
-        picture: The robot that is to fly it.
+        status: The robot that is to fly it.
         vehicle: Its model, if it is known.
         config: Settings that it was planned with.
         trim: The robot's trim, which the mission brings on board.
@@ -68,7 +68,7 @@ def draft_of(
         energy=best.energy,
         duration_s=best.duration_s,
         worst_std_m=best.worst_std_m,
-        violations=(*broken_limits(picture, vehicle, config, settings, best.legs), *unfit),
+        violations=(*broken_limits(status, vehicle, config, settings, best.legs), *unfit),
         trim_id=trim.id,
         trim_at=trim.changed_at,
         surfacings=comes_up,
@@ -89,14 +89,14 @@ def _onboard_settings(
 
 
 def broken_limits(
-    picture: Picture,
+    status: RobotStatus,
     vehicle: Vehicle | None,
     config: PlannerConfig,
     settings: MissionSettings,
     legs: Sequence[Leg],
 ) -> tuple[ViolationView, ...]:
     """Return every limit that legs and trim break, whatever the time."""
-    found = violations(tuple(legs), config, picture.record.site)
+    found = violations(tuple(legs), config, status.record.site)
     views = [ViolationView(one.field, one.message) for one in found]
     if vehicle is not None:
         offsets = (settings.net_buoyancy_offset_kg, settings.mass_position_offset_m)
@@ -106,16 +106,16 @@ def broken_limits(
     return tuple(views)
 
 
-def outdated_by(picture: Picture, plan: PlanRecord, now: datetime) -> tuple[ViolationView, ...]:
+def outdated_by(status: RobotStatus, plan: PlanRecord, now: datetime) -> tuple[ViolationView, ...]:
     """Return why a plan that waits to be flown no longer fits the robot.
 
     The robot may have drifted, or the water changed; a person may let it fly all the same.
     """
-    state = picture.state
+    state = status.state
     if plan.state not in SENDABLE or state is None:
         return ()
     if plan.kind == FOLLOW_TARGET:
-        return tuple(outdated_target(plan, picture, now))
+        return tuple(outdated_target(plan, status, now))
     found = outdated(
         legs_of(plan.document),
         PlannerConfig.model_validate(plan.config),

@@ -100,7 +100,7 @@ class DryRuns:
         await self._workers.run(DRY_RUN, problem)
 
     def _problem(self, plan: PlanRecord, config: PlannerConfig) -> DryRunProblem | None:
-        picture, vehicle = self._fleet.picture(plan.robot), self._fleet.vehicle(plan.robot)
+        status, vehicle = self._fleet.status(plan.robot), self._fleet.vehicle(plan.robot)
         if vehicle is None:
             return None
         mission = mission_of(plan)
@@ -108,9 +108,9 @@ class DryRuns:
             mission=mission,
             planned_points=points_of(plan.document),
             vehicle=_with_known_key(vehicle),
-            site=picture.record.site,
+            site=status.record.site,
             start_ne_m=(mission.settings.start_x_m, mission.settings.start_y_m),
-            heading_rad=0.0 if picture.state is None else picture.state.heading_rad,
+            heading_rad=0.0 if status.state is None else status.state.heading_rad,
             drift_m_sqrt_s=config.position_filter.drift_m_sqrt_s,
             current_ne_m_s=(config.current.north_m_s, config.current.east_m_s),
             runs=max(1, min(RUNS, int(FLOWN_S // plan.document["account"]["duration_s"]))),

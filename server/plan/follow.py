@@ -7,8 +7,8 @@ from db.query.plans import PlanRecord, plan_by_hash
 from db.query.telemetry import newest_plan_report
 from db.store import Store
 from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanReport
-from server.base.retry_queue import Turns
-from server.fleet.picture import FOLLOW_TARGET
+from server.base.retry_queue import RetryQueue
+from server.fleet.status import FOLLOW_TARGET
 from server.fleet.words import TEACHING
 from server.plan.document import onboard_by, teaches
 from server.plan.ledger import ON_THE_WAY, PlanLedger
@@ -38,14 +38,14 @@ class PlanFollower:
     def __init__(self, store: Store, ledger: PlanLedger) -> None:
         self._store = store
         self._ledger = ledger
-        self._turns = Turns("plan reports")
+        self._queue = RetryQueue("plan reports")
         self._heard: dict[str, tuple[str | None, OnboardPlanState]] = {}
         self._flying: dict[str, PlanReport] = {}
         """The newest of each robot that said that it flies a plan."""
 
     async def run(self) -> None:
         """Follow until cancelled."""
-        await self._turns.run()
+        await self._queue.run()
 
     def take(self, report: PlanReport) -> None:
         """Take a report; robots repeat themselves, and only news is worked on."""
@@ -54,7 +54,7 @@ class PlanFollower:
         news = (report.sha256, report.state)
         if self._heard.get(report.robot) != news:
             self._heard[report.robot] = news
-            self._turns.add(lambda: self._follow(report))
+            self._queue.add(lambda: self._follow(report))
         self._ledger.robot_said_more(report.robot)
 
     async def _follow(self, report: PlanReport) -> None:

@@ -17,7 +17,7 @@ from db.store import Store
 from robot_link.clock import Clock
 from server.base.live_feed import LiveFeed
 from server.fleet.fleet import Fleet
-from server.fleet.picture import PlanInHand
+from server.fleet.status import PlanInHand
 from server.plan.document import legs_of, live_plan_view, plan_view, points_of
 from server.plan.drafting import outdated_by
 from server.plan.survey_round import AHEAD_OF
@@ -47,8 +47,8 @@ class PlanLedger:
 
     async def load(self) -> None:
         """Show the plan of each robot that concerns the operator now."""
-        for picture in list(self._fleet.pictures):
-            robot = picture.record.id
+        for status in list(self._fleet.statuses):
+            robot = status.record.id
             plans = await self._store.query(
                 lambda session, robot=robot: query.list_plans(session, robot=robot, limit=20)
             )
@@ -241,9 +241,9 @@ class PlanLedger:
 
     def view(self, plan: PlanRecord) -> PlanView:
         """Return a plan as REST says it."""
-        picture = self._fleet.picture(plan.robot)
+        status = self._fleet.status(plan.robot)
         progress, outdated = self._progress.get(plan.id), self._outdated(plan)
-        return plan_view(plan, progress, picture.plan_report, outdated)
+        return plan_view(plan, progress, status.plan_report, outdated)
 
     def set_progress(self, plan: PlanRecord, progress: ProgressView | None) -> None:
         """Say how far planning is; ``None`` when it has ended."""
@@ -269,15 +269,15 @@ class PlanLedger:
 
     def robot_said_more(self, robot: str) -> None:
         """Tell the live stream that a robot got further with the plan on board."""
-        hand = self._fleet.picture(robot).plan
+        hand = self._fleet.status(robot).plan
         if hand is not None:
             self._offer(hand.record)
 
     async def watch_drafts(self) -> None:
         """Tell everyone when a plan that waits no longer fits its robot, until cancelled."""
         while True:
-            for picture in list(self._fleet.pictures):
-                robot, hand = picture.record.id, picture.plan
+            for status in list(self._fleet.statuses):
+                robot, hand = status.record.id, status.plan
                 outdated = () if hand is None else self._outdated(hand.record)
                 if hand is not None and self._said_outdated.get(robot, ()) != outdated:
                     self._said_outdated[robot] = outdated
@@ -291,19 +291,19 @@ class PlanLedger:
 
         One that begins where the robot's flight is about to end is not held against it before.
         """
-        picture = self._fleet.picture(plan.robot)
-        flown = picture.plan
+        status = self._fleet.status(plan.robot)
+        flown = status.plan
         if (
             flown is not None
             and flown.state == "running"
             and flown.plan_id == plan.document.get(AHEAD_OF)
         ):
             return ()
-        return outdated_by(picture, plan, self._clock.now())
+        return outdated_by(status, plan, self._clock.now())
 
     def _offer(self, plan: PlanRecord) -> None:
         def value() -> object:
-            report = self._fleet.picture(plan.robot).plan_report
+            report = self._fleet.status(plan.robot).plan_report
             progress, outdated = self._progress.get(plan.id), self._outdated(plan)
             view = live_plan_view(plan, progress, report, outdated)
             return replace(view, transfer=self._transfers.get(plan.id))
@@ -312,7 +312,7 @@ class PlanLedger:
 
     def _show(self, plan: PlanRecord) -> None:
         self._offer(plan)
-        hand = self._fleet.picture(plan.robot).plan
+        hand = self._fleet.status(plan.robot).plan
         if (
             hand is None
             or hand.plan_id == plan.id

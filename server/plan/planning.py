@@ -23,7 +23,7 @@ from server.base.problem import conflict
 from server.base.retry_queue import until_stored
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
-from server.fleet.picture import FOLLOW_TARGET
+from server.fleet.status import FOLLOW_TARGET
 from server.plan.document import Draft, draft_document, mission_of, search_document
 from server.plan.drafting import (
     broken_limits,
@@ -66,8 +66,8 @@ class Planning:
 
     async def resume(self) -> None:
         """Close the plans that were being made when the station stopped."""
-        for picture in list(self._fleet.pictures):
-            for plan in await self._ledger.of_robot(picture.record.id, ("planning",)):
+        for status in list(self._fleet.statuses):
+            for plan in await self._ledger.of_robot(status.record.id, ("planning",)):
                 if "settings" in plan.document:
                     text = "The station stopped while this was rehearsed; it was not rehearsed."
                     await self._offer(plan, DryRunView("failed", message=text))
@@ -194,23 +194,23 @@ class Planning:
             UnknownIdError: If there is no such plan.
         """
         record = await self._ledger.get(plan)
-        picture = self._fleet.picture(record.robot)
+        status = self._fleet.status(record.robot)
         if record.kind == FOLLOW_TARGET:
             tracking = TrackingConfig.model_validate(record.config)
             book = self._foundation.configurations
             battery = await target_battery(book, self._fleet, record.robot, tracking)
             found = [
-                *target_violations(picture, tracking),
+                *target_violations(status, tracking),
                 *battery_violations(record.robot, battery),
             ]
-            outdated = outdated_by(picture, record, self._foundation.clock.now())
+            outdated = outdated_by(status, record, self._foundation.clock.now())
             return [*found, *(one for one in outdated if one not in found)]
         config = PlannerConfig.model_validate(record.config)
         if "settings" not in record.document:
             return [ViolationView("legs", "The plan has no legs.")]
         mission, vehicle = mission_of(record), self._fleet.vehicle(record.robot)
-        limits = broken_limits(picture, vehicle, config, mission.settings, mission.legs)
-        outdated = outdated_by(picture, record, self._foundation.clock.now())
+        limits = broken_limits(status, vehicle, config, mission.settings, mission.legs)
+        outdated = outdated_by(status, record, self._foundation.clock.now())
         return [*limits, *broken_off(record), *outdated]
 
     async def _add(self, request: SearchRequest) -> PlanRecord:
@@ -235,7 +235,7 @@ class Planning:
     ) -> None:
         """Search, then settle the plan as soon as storage takes it."""
         if request.in_turn:
-            site = self._fleet.picture(plan.robot).record.site.name
+            site = self._fleet.status(plan.robot).record.site.name
             async with self._turns.setdefault(site, asyncio.Lock()):
                 await self._search_now(plan, request, start_xy)
         else:
@@ -376,7 +376,7 @@ class Planning:
         controller = await book.current(ONBOARD_CONTROLLER, robot)
         field = await book.current("field", robot)
         return draft_of(
-            self._fleet.picture(robot),
+            self._fleet.status(robot),
             self._fleet.vehicle(robot),
             config,
             await book.current("trim", robot),

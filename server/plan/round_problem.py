@@ -58,7 +58,7 @@ class RoundProblems:
             start_xy=start_xy,
             budget=budget,
             round_number=plan.round,
-            site=self._fleet.picture(plan.robot).record.site,
+            site=self._fleet.status(plan.robot).record.site,
             warm=warm,
             planned_points=planned[:, 1:4],
             planned_std_m=planned[:, 4],
@@ -71,7 +71,7 @@ class RoundProblems:
             planner=config,
             field=await self._field_config(robot, config),
             samples=await self._samples(robot),
-            site=self._fleet.picture(robot).record.site,
+            site=self._fleet.status(robot).record.site,
         )
 
     async def _field_config(self, robot: str, planner: PlannerConfig) -> FieldConfig:
@@ -79,7 +79,7 @@ class RoundProblems:
         return field_config_of(found, planner)
 
     async def _samples(self, robot: str) -> FieldSamples:
-        variable = self._fleet.picture(robot).record.site.variable
+        variable = self._fleet.status(robot).record.site.variable
         return await self._foundation.store.query(
             lambda session: site_samples(session, robot, variable)
         )
@@ -89,11 +89,11 @@ class RoundProblems:
 
         What this robot flies counts, and of others also what they are about to fly.
         """
-        here = Water.of(self._fleet.picture(robot).record)
+        here = Water.of(self._fleet.status(robot).record)
         reports: dict[str, PlanReport | None] = {
-            picture.record.id: picture.plan_report
-            for picture in self._fleet.pictures
-            if Water.of(picture.record) == here
+            status.record.id: status.plan_report
+            for status in self._fleet.statuses
+            if Water.of(status.record) == here
         }
         oldest_s = config.mission.draft_age_s
         now_s = self._foundation.clock.now().timestamp()

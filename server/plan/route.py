@@ -19,7 +19,7 @@ from server.plan.search_request import SearchRequest
 from server.plan.view import PlanSummaryView, PlanView, ViolationView
 from server.station_dependency import StationDep
 from server.target.settings import Base
-from server.transfer.upload import RoadWish
+from server.transfer.upload import LinkRequest
 
 router = APIRouter(prefix="/api", tags=["plans"], route_class=IdempotentRoute)
 
@@ -176,7 +176,7 @@ async def list_robot_plans(
 ) -> list[PlanSummaryView]:
     """Return the plans of a robot, the newest first, without legs and points."""
     del caller
-    station.fleet.picture(robot)
+    station.fleet.status(robot)
     states = None if state is None else (state,)
     plans = await store.query(
         lambda session: list_plans(session, robot=robot, states=states, before=before, limit=limit)
@@ -216,7 +216,7 @@ async def upload_plan(
         plan,
         start=wanted.start,
         confirmed=wanted.confirmed,
-        road=RoadWish(wanted.route, wanted.force),
+        request=LinkRequest(wanted.route, wanted.force),
     )
     return TransferIdView(transfer)
 

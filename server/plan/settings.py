@@ -11,8 +11,8 @@ from autonomy.site import Box
 from server.access.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
 from server.fleet.fleet import Fleet
-from server.fleet.picture import Picture
 from server.fleet.recorded import refuse_recording
+from server.fleet.status import RobotStatus
 
 
 class PlanSettings:
@@ -48,15 +48,15 @@ class PlanSettings:
         Raises:
             Problem: As of ``configure``.
         """
-        picture = self._fleet.picture(robot)
-        refuse_recording(picture, "flies no plans")
+        status = self._fleet.status(robot)
+        refuse_recording(status, "flies no plans")
         self.refuse_while_storage_fails()
         try:
             wanted = await self._foundation.configurations.merged("planner", robot, patch)
         except Problem as problem:
             raise below_config(problem) from problem
         config = wanted.value_as(PlannerConfig)
-        _check_domain(config.domain, picture)
+        _check_domain(config.domain, status)
         _check_budget(config)
         return config
 
@@ -73,7 +73,7 @@ class PlanSettings:
                 message = f"{robot} is inside the keep-out {area.name}; bring it out first"
                 loc: list[str | int] = ["config", "keep_outs", number]
                 raise unprocessable(f"{message}.", [FieldError(loc=loc, msg=message)])
-        way = way_in(config, start_xy, self._fleet.picture(robot).record.site)
+        way = way_in(config, start_xy, self._fleet.status(robot).record.site)
         if way.refusal:
             raise conflict(f"{robot} cannot be planned for: {way.refusal}")
         longest = config.mission.approach_share * config.round_budget
@@ -87,7 +87,7 @@ class PlanSettings:
 
     def least_energy(self, robot: str, config: PlannerConfig) -> float:
         """Return the least energy of a further round: back into the domain, and one primitive."""
-        site = self._fleet.picture(robot).record.site
+        site = self._fleet.status(robot).record.site
         way = way_in(config, self.position(robot)[:2], site)
         return least_energy(config) + approach_energy(config, way.legs)
 
@@ -97,7 +97,7 @@ class PlanSettings:
         Raises:
             Problem: 409 if it has said nothing yet.
         """
-        state = self._fleet.picture(robot).state
+        state = self._fleet.status(robot).state
         if state is None:
             raise conflict(
                 f"{robot} has not said where it is yet; plan when its first report has come."
@@ -119,8 +119,8 @@ class PlanSettings:
             )
 
 
-def _check_domain(domain: Box, picture: Picture) -> None:
-    site = picture.record.site
+def _check_domain(domain: Box, status: RobotStatus) -> None:
+    site = status.record.site
     if domain.is_inside(site.water):
         return
     water = site.water

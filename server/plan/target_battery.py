@@ -28,7 +28,7 @@ async def target_battery(
         return None
     planner = (await book.current("planner", robot)).value_as(PlannerConfig)
     battery = (await book.current("battery", robot)).value_as(BatteryConfig)
-    return battery_of(config, planner, vehicle, battery, fleet.picture(robot).state)
+    return battery_of(config, planner, vehicle, battery, fleet.status(robot).state)
 
 
 def battery_of(

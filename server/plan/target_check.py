@@ -12,7 +12,7 @@ from autonomy.tracking.config import BarrierConfig, TrackingConfig
 from autonomy.tracking.target_path import place
 from db.query.plans import PlanRecord
 from robot_link.station.gateway.address import acoustic_address, is_acoustic
-from server.fleet.picture import SURFACE_DEPTH_M, Picture
+from server.fleet.status import SURFACE_DEPTH_M, RobotStatus
 from server.plan.view import ViolationView
 
 TEACHING = "teaching"
@@ -69,35 +69,35 @@ def _places(config: TrackingConfig, times: FloatArray) -> TargetPath:
     ]
 
 
-def target_violations(picture: Picture, config: TrackingConfig) -> list[ViolationView]:
+def target_violations(status: RobotStatus, config: TrackingConfig) -> list[ViolationView]:
     """Return every limit that a mission to follow a target breaks now, by its field's path."""
-    site = picture.record.site
+    site = status.record.site
     found = [
         *_of_target(site, config),
-        *_of_address(picture, config),
+        *_of_address(status, config),
         *_of_motion(site, config),
-        *_of_robot(picture),
+        *_of_robot(status),
     ]
     return [ViolationView(field, message) for field, message in found]
 
 
 def target_warnings(
-    picture: Picture, config: TrackingConfig, *, is_quiet: bool
+    status: RobotStatus, config: TrackingConfig, *, is_quiet: bool
 ) -> list[ViolationView]:
     """Return what a person should know before the mission is sent; none of it forbids that.
 
     Args:
-        picture: The robot.
+        status: The robot.
         config: The mission.
         is_quiet: Whether the robot was told not to ping.
     """
-    site = picture.record.site
+    site = status.record.site
     found = list(_of_barrier(config.barrier))
     if is_quiet:
         found.append(
             (
                 "quiet",
-                f"{picture.record.id} was told not to ping; let it ping again, or it hears no "
+                f"{status.record.id} was told not to ping; let it ping again, or it hears no "
                 "range.",
             )
         )
@@ -137,12 +137,12 @@ def _of_barrier(barrier: BarrierConfig) -> Iterator[tuple[str, str]]:
         )
 
 
-def outdated_target(plan: PlanRecord, picture: Picture, now: datetime) -> list[ViolationView]:
+def outdated_target(plan: PlanRecord, status: RobotStatus, now: datetime) -> list[ViolationView]:
     """Return why a plan that was made some time ago is not to be sent as it is.
 
     How far the robot is from where it was does not matter: it swims to its target from anywhere.
     """
-    found = [ViolationView(field, message) for field, message in _of_robot(picture)]
+    found = [ViolationView(field, message) for field, message in _of_robot(status)]
     limit_s = plan.document["draft_age_s"]
     age_s = (now - plan.created_at).total_seconds()
     if age_s > limit_s:
@@ -200,7 +200,7 @@ def fastest_m_s(config: TrackingConfig) -> float:
     return math.hypot(target.speed_m_s, target.width_m * 2.0 * math.pi / target.period_s)
 
 
-def _of_address(picture: Picture, config: TrackingConfig) -> Iterator[tuple[str, str]]:
+def _of_address(status: RobotStatus, config: TrackingConfig) -> Iterator[tuple[str, str]]:
     target = config.target
     if target.kind == "virtual":
         return
@@ -209,12 +209,12 @@ def _of_address(picture: Picture, config: TrackingConfig) -> Iterator[tuple[str,
             "target.address",
             f"Acoustic modems have addresses of 0 to {_ADDRESS_MAX}, unlike {target.address}.",
         )
-    for uri in picture.record.links:
+    for uri in status.record.links:
         if not is_acoustic(uri):
             continue
         known = acoustic_address(uri)
         if target.address == known.peer:
-            owner = f"the modem of {picture.record.id} itself"
+            owner = f"the modem of {status.record.id} itself"
         elif target.address == known.us:
             owner = "the station's modem"
         else:
@@ -238,11 +238,11 @@ def _of_motion(site: Site, config: TrackingConfig) -> Iterator[tuple[str, str]]:
         )
 
 
-def _of_robot(picture: Picture) -> Iterator[tuple[str, str]]:
-    state = picture.state
+def _of_robot(status: RobotStatus) -> Iterator[tuple[str, str]]:
+    state = status.state
     if state is None:
         return
-    site, robot = picture.record.site, picture.record.id
+    site, robot = status.record.site, status.record.id
     north_m, east_m = state.position_ned[:2]
     if not in_water(site, north_m, east_m, 2.0 * state.position_std_m):
         yield (

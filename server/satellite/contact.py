@@ -6,7 +6,7 @@ from typing import Final
 
 from robot_link.messages import LinkReport, LinkState
 from robot_link.satellite.config import SatelliteConfig
-from server.fleet.picture import UNDER_WATER, Picture
+from server.fleet.status import UNDER_WATER, RobotStatus
 from server.satellite.modem import Modem
 
 _MISSED: Final = 2
@@ -23,51 +23,51 @@ class Heard:
     frames_bad: int
 
 
-def next_session_at(picture: Picture, heard: Heard | None, period_s: float) -> datetime | None:
+def next_session_at(status: RobotStatus, heard: Heard | None, period_s: float) -> datetime | None:
     """Return when a robot is expected to call next.
 
     One that dived calls when it comes up; one that radio reaches does not call at all.
     """
-    if heard is None or picture.radio_state is LinkState.LIVE:
+    if heard is None or status.radio_state is LinkState.LIVE:
         return None
-    if _has_dived(picture):
-        return picture.next_surfacing()
+    if _has_dived(status):
+        return status.next_surfacing()
     return heard.session_at + timedelta(seconds=period_s)
 
 
 def link_report(
     modem: Modem,
-    picture: Picture,
+    status: RobotStatus,
     heard: Heard | None,
     config: SatelliteConfig,
     now: datetime,
     *,
-    is_plugged: bool,
+    is_enabled: bool,
 ) -> LinkReport:
     """Return the health of a satellite link, from the robot's last session."""
     return LinkReport(
         robot=modem.robot,
         carrier=modem.carrier,
-        state=_state(picture, heard, config, now) if is_plugged else LinkState.UNPLUGGED,
+        state=_state(status, heard, config, now) if is_enabled else LinkState.DISABLED,
         heard_at=None if heard is None else heard.session_at,
         rssi_dbm=None,
         frames_received=0 if heard is None else heard.frames_received,
         frames_bad=0 if heard is None else heard.frames_bad,
         uri=modem.uri,
-        is_plugged=is_plugged,
+        is_enabled=is_enabled,
         radio=modem.imei,
     )
 
 
-def is_out_of_contact(picture: Picture, config: SatelliteConfig, now: datetime) -> bool:
+def is_out_of_contact(status: RobotStatus, config: SatelliteConfig, now: datetime) -> bool:
     """Tell whether a robot was not heard on any link for so long that nothing is sent."""
-    heard_at = picture.heard_at
+    heard_at = status.heard_at
     return heard_at is None or now - heard_at > timedelta(hours=config.contact_expiry_h)
 
 
-def out_of_contact_text(picture: Picture, config: SatelliteConfig) -> str:
+def out_of_contact_text(status: RobotStatus, config: SatelliteConfig) -> str:
     """Say why nothing is sent to a robot that is out of contact."""
-    robot, heard_at = picture.record.id, picture.heard_at
+    robot, heard_at = status.record.id, status.heard_at
     if heard_at is None:
         return f"{robot} was never heard on any link."
     return (
@@ -77,16 +77,16 @@ def out_of_contact_text(picture: Picture, config: SatelliteConfig) -> str:
 
 
 def _state(
-    picture: Picture, heard: Heard | None, config: SatelliteConfig, now: datetime
+    status: RobotStatus, heard: Heard | None, config: SatelliteConfig, now: datetime
 ) -> LinkState:
     if heard is None:
         return LinkState.NEVER_HEARD
-    if _has_dived(picture):
+    if _has_dived(status):
         return LinkState.SUBMERGED
     patience = timedelta(seconds=_MISSED * config.session_period_s)
     return LinkState.LIVE if now - heard.session_at <= patience else LinkState.STALE
 
 
-def _has_dived(picture: Picture) -> bool:
-    is_under = picture.state is not None and picture.state.mode in UNDER_WATER
-    return is_under or picture.follows_under_water
+def _has_dived(status: RobotStatus) -> bool:
+    is_under = status.state is not None and status.state.mode in UNDER_WATER
+    return is_under or status.follows_under_water

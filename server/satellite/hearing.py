@@ -4,9 +4,9 @@ from db.query.inbox import newest_session
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.station.gateway.gateway import MobileOriginated
+from server.fleet.disabled_links import DisabledLinks
 from server.fleet.fleet import Fleet
-from server.fleet.picture import Picture, SatelliteStanding
-from server.fleet.plug import Plugs
+from server.fleet.status import RobotStatus, SatelliteStanding
 from server.satellite.contact import Heard, link_report, next_session_at
 from server.satellite.modem import Modem, modems_of
 from server.satellite.standing import Account, Settings
@@ -15,11 +15,13 @@ from server.satellite.standing import Account, Settings
 class Hearing:
     """Keeps the health of each satellite link, and shows it. Belongs to one event loop."""
 
-    def __init__(self, store: Store, clock: Clock, fleet: Fleet, plugs: Plugs) -> None:
+    def __init__(
+        self, store: Store, clock: Clock, fleet: Fleet, disabled_links: DisabledLinks
+    ) -> None:
         self._store = store
         self._clock = clock
         self._fleet = fleet
-        self._plugs = plugs
+        self._disabled_links = disabled_links
         self._heard: dict[str, Heard | None] = {}
         """By modem; ``None`` for one that never called."""
 
@@ -41,13 +43,13 @@ class Hearing:
             known.frames_received + (not is_bad),
             known.frames_bad + is_bad,
         )
-        self._report(self._fleet.picture(modem.robot), modem, settings)
+        self._report(self._fleet.status(modem.robot), modem, settings)
 
-    def show(self, picture: Picture, account: Account, *, waits_for_budget: bool) -> None:
+    def show(self, status: RobotStatus, account: Account, *, waits_for_budget: bool) -> None:
         """Show where the satellite links of a robot stand."""
-        modems = modems_of(picture.record)
+        modems = modems_of(status.record)
         for modem in modems:
-            self._report(picture, modem, account.settings)
+            self._report(status, modem, account.settings)
         heard = [found for one in modems if (found := self._heard.get(one.imei)) is not None]
         newest = max(heard, key=lambda one: one.session_at, default=None)
         period_s = account.settings.satellite.session_period_s
@@ -55,21 +57,21 @@ class Hearing:
             credits_today=account.budget.spent,
             credits_per_day=account.budget.per_day,
             waits_for_budget=waits_for_budget,
-            next_session_at=next_session_at(picture, newest, period_s),
+            next_session_at=next_session_at(status, newest, period_s),
             fault=account.fault,
         )
-        if picture.satellite != standing:
-            picture.satellite = standing
-            self._fleet.touch(picture.record.id)
+        if status.satellite != standing:
+            status.satellite = standing
+            self._fleet.touch(status.record.id)
 
-    def _report(self, picture: Picture, modem: Modem, settings: Settings) -> None:
+    def _report(self, status: RobotStatus, modem: Modem, settings: Settings) -> None:
         report = link_report(
             modem,
-            picture,
+            status,
             self._heard.get(modem.imei),
             settings.satellite,
             self._clock.now(),
-            is_plugged=self._plugs.is_plugged(modem.uri),
+            is_enabled=self._disabled_links.is_enabled(modem.uri),
         )
-        if picture.links.get(modem.uri) != report:
+        if status.links.get(modem.uri) != report:
             self._fleet.take_link(report)

@@ -13,7 +13,7 @@ from db.query.satellite_messages import SatelliteMessage, messages_to
 from robot_link.satellite.config import Tariff
 from robot_link.satellite.cost import credits
 from server.fleet.link_view import IncomingMessageView, OutgoingMessageView, SatelliteView
-from server.fleet.picture import Picture
+from server.fleet.status import RobotStatus
 from server.fleet.words import carrier_title
 from server.satellite import plan_row
 from server.satellite.budget import budget_of
@@ -32,14 +32,16 @@ _ENDS: Final = MappingProxyType(
 """How a row ended, in a sentence about one of its messages."""
 
 
-def satellite_view(session: Session, picture: Picture, now: datetime, limit: int) -> SatelliteView:
+def satellite_view(
+    session: Session, status: RobotStatus, now: datetime, limit: int
+) -> SatelliteView:
     """Return a robot's budget and its newest messages; one without a modem has none."""
-    robot = picture.record.id
-    modem = next(iter(modems_of(picture.record)), None)
+    robot = status.record.id
+    modem = next(iter(modems_of(status.record)), None)
     tariff = settings_of(session, robot).satellite.tariff
     budget = budget_of(session, robot, tariff, now)
     midnight = now.replace(hour=0, minute=0, second=0, microsecond=0)
-    standing = picture.satellite
+    standing = status.satellite
     return SatelliteView(
         imei=None if modem is None else modem.imei,
         carrier="" if modem is None else modem.carrier,

@@ -14,8 +14,8 @@ from server.fleet.link_view import (
     SatelliteMessageCostView,
     SatelliteQuoteView,
 )
-from server.fleet.picture import Picture
-from server.fleet.routing import Choice
+from server.fleet.routing import LinkChoice
+from server.fleet.status import RobotStatus
 from server.fleet.words import carrier_title, clock_time
 from server.plan.document import mission_of
 from server.satellite.budget import Budget
@@ -27,11 +27,11 @@ _PLANNED: Final = ("draft", "sent", "on_board", "running")
 class Circumstances:
     """What a quote depends on beside the plan."""
 
-    picture: Picture
+    status: RobotStatus
     tariff: Tariff
     budget: Budget
-    choice: Choice
-    """The road that "auto" would take."""
+    choice: LinkChoice
+    """The link that "auto" would take."""
     carrier: str | None
     """The gateway; ``None`` without a satellite link that is plugged in."""
     road_fault: str
@@ -68,7 +68,7 @@ def quote_view(plan: PlanRecord, given: Circumstances) -> SatelliteQuoteView:
         refusal=refusal or given.obstacle or None,
         may_force=not refusal and bool(given.obstacle),
         auto=AutoRouteView(
-            "satellite" if "satellite" in given.choice.roads else "radio", given.choice.reason
+            "satellite" if "satellite" in given.choice.links else "radio", given.choice.reason
         ),
     )
 
@@ -94,7 +94,7 @@ def _refusal(plan: PlanRecord, messages: tuple[int, ...], given: Circumstances) 
 
 def _earliest(given: Circumstances) -> datetime | None:
     """Return when the robot calls next; a call that is overdue says nothing of the next."""
-    standing = given.picture.satellite
+    standing = given.status.satellite
     due = None if standing is None else standing.next_session_at
     return due if due is not None and due > given.now else None
 

@@ -25,12 +25,12 @@ from robot_link.station.gateway.gateway import HeldBackError, MobileOriginated
 from robot_link.station.ground import next_counter
 from server.access.foundation import Foundation
 from server.base.problem import conflict
-from server.base.retry_queue import Turns, until_stored
+from server.base.retry_queue import RetryQueue, until_stored
 from server.base.secret import SecretUnreadableError
+from server.fleet.disabled_links import DisabledLinks
 from server.fleet.fleet import Fleet
 from server.fleet.link_view import SatelliteQuoteView, SatelliteView
-from server.fleet.plug import Plugs
-from server.fleet.routing import Choice, MessageKind, Wish, carriers_for
+from server.fleet.routing import LinkChoice, MessageKind, RequestedLink, choose_links
 from server.fleet.words import sentence
 from server.plan.document import mission_of
 from server.satellite import order_row, plan_row
@@ -67,7 +67,7 @@ class Satellite:
         foundation: The shared parts of the station.
         fleet: The robots as they are now.
         sender: The gateways.
-        plugs: What the operator has unplugged.
+        disabled_links: What the operator has disabled.
         listeners: Who is told what.
     """
 
@@ -76,22 +76,22 @@ class Satellite:
         foundation: Foundation,
         fleet: Fleet,
         sender: Sender,
-        plugs: Plugs,
+        disabled_links: DisabledLinks,
         listeners: SatelliteListeners,
     ) -> None:
         self._store = foundation.store
         self._clock = foundation.clock
         self._secrets = foundation.secrets
         self._fleet = fleet
-        self._plugs = plugs
+        self._disabled_links = disabled_links
         self._listeners = listeners
         self._settings: dict[str, Settings] = {}
-        self._hearing = Hearing(foundation.store, foundation.clock, fleet, plugs)
+        self._hearing = Hearing(foundation.store, foundation.clock, fleet, disabled_links)
         self._rows: dict[str, OutboxRecord] = {}
         """Newest row of each transfer that is or was under way by satellite since the start."""
         self._plan_said: dict[str, tuple[datetime, datetime]] = {}
         """When each robot's last word on its plan arrived by satellite, and when it was said."""
-        self._turns = Turns("satellite messages")
+        self._queue = RetryQueue("satellite messages")
         self.inbox = Inbox(self._store, self._clock, listeners.tell)
         self.outbox = Outbox(self._store, self._clock, sender, self._means, self._row_changed)
         self._unwritten = UnwrittenOrders(sender)
@@ -116,31 +116,31 @@ class Satellite:
         """Serve until cancelled."""
         async with asyncio.TaskGroup() as group:
             group.create_task(self.outbox.run(), name="satellite outbox")
-            group.create_task(self._turns.run(), name="satellite messages")
+            group.create_task(self._queue.run(), name="satellite messages")
             group.create_task(self._unwritten.run(), name="unwritten satellite orders")
             group.create_task(self._look(), name="satellite links")
 
     async def refresh(self) -> None:
         """Read settings, budgets and last sessions anew, and show them."""
         at = self._clock.now()
-        pictures = {p.record.id: p for p in self._fleet.pictures if modems_of(p.record)}
-        found = await self._store.query(lambda session: accounts(session, pictures, at))
-        for robot, picture in pictures.items():
+        statuses = {p.record.id: p for p in self._fleet.statuses if modems_of(p.record)}
+        found = await self._store.query(lambda session: accounts(session, statuses, at))
+        for robot, status in statuses.items():
             self._settings[robot] = found[robot].settings
-            for modem in modems_of(picture.record):
+            for modem in modems_of(status.record):
                 await self._hearing.remember(modem)
             waits = self.outbox.waits_for_budget(robot)
-            self._hearing.show(picture, found[robot], waits_for_budget=waits)
+            self._hearing.show(status, found[robot], waits_for_budget=waits)
 
     @property
     def waits(self) -> Mapping[str, str]:
         """Why rows of the outbox are not sent on, by their ids."""
         return self.outbox.waits
 
-    def is_plugged(self, imei: str) -> bool:
+    def is_enabled(self, imei: str) -> bool:
         """Tell whether messages of a modem are taken; a stranger's are."""
         modem = self._modem(imei)
-        return modem is None or self._plugs.is_plugged(modem.uri)
+        return modem is None or self._disabled_links.is_enabled(modem.uri)
 
     async def take(self, message: MobileOriginated) -> bool:
         """Take what a gateway delivers; tell whether it is new. It is kept when this returns.
@@ -151,7 +151,7 @@ class Satellite:
             StoreUnavailableError: It could not be kept; the gateway must deliver it again.
         """
         modem = self._modem(message.imei)
-        if modem is not None and not self._plugs.is_plugged(modem.uri):
+        if modem is not None and not self._disabled_links.is_enabled(modem.uri):
             raise HeldBackError(f"The satellite link of {modem.robot} is unplugged.")
         try:
             key = b"" if modem is None else self._secrets.robot_key(modem.robot)
@@ -172,22 +172,24 @@ class Satellite:
         """Return the settings that hold for a robot, as they were read last."""
         return self._settings.get(robot, DEFAULT_SETTINGS)
 
-    def choice(self, robot: str, kind: MessageKind, wish: Wish = "auto") -> Choice:
-        """Choose the roads of a message to a robot."""
-        picture, routing = self._fleet.picture(robot), self.settings(robot).routing
-        setting: Wish = routing.plan if kind == "plan" else routing.command
-        return carriers_for(kind, picture.roads, setting, wish)
+    def choice(
+        self, robot: str, kind: MessageKind, requested: RequestedLink = "auto"
+    ) -> LinkChoice:
+        """Choose the links of a message to a robot."""
+        status, routing = self._fleet.status(robot), self.settings(robot).routing
+        setting: RequestedLink = routing.plan if kind == "plan" else routing.command
+        return choose_links(kind, status.known_links, setting, requested)
 
     def modem(self, robot: str) -> Modem | None:
         """Return the satellite link that a robot is told things by."""
-        modems = modems_of(self._fleet.picture(robot).record)
-        return next((one for one in modems if self._plugs.is_plugged(one.uri)), None)
+        modems = modems_of(self._fleet.status(robot).record)
+        return next((one for one in modems if self._disabled_links.is_enabled(one.uri)), None)
 
     def obstacle(self, robot: str) -> str:
         """Return why nothing may be sent to a robot unless its operator insists, or ""."""
-        picture, settings = self._fleet.picture(robot), self.settings(robot).satellite
-        if is_out_of_contact(picture, settings, self._clock.now()):
-            return out_of_contact_text(picture, settings)
+        status, settings = self._fleet.status(robot), self.settings(robot).satellite
+        if is_out_of_contact(status, settings, self._clock.now()):
+            return out_of_contact_text(status, settings)
         return ""
 
     async def quote(self, plan: PlanRecord) -> SatelliteQuoteView:
@@ -201,7 +203,7 @@ class Satellite:
         robot, now = plan.robot, self._clock.now()
         tariff, modem = self.settings(robot).satellite.tariff, self.modem(robot)
         given = Circumstances(
-            picture=self._fleet.picture(robot),
+            status=self._fleet.status(robot),
             tariff=tariff,
             budget=await self._store.query(lambda s: budget_of(s, robot, tariff, now)),
             choice=self.choice(robot, "plan"),
@@ -221,8 +223,8 @@ class Satellite:
         Raises:
             Problem: 404 if there is no such robot.
         """
-        picture, now = self._fleet.picture(robot), self._clock.now()
-        return await self._store.query(lambda s: satellite_view(s, picture, now, limit))
+        status, now = self._fleet.status(robot), self._clock.now()
+        return await self._store.query(lambda s: satellite_view(s, status, now, limit))
 
     async def begin(self, transfer: TransferRecord, plan: PlanRecord) -> OutboxRecord | None:
         """Begin or go on to send a plan by satellite; ``None`` if the robot has no link for it."""
@@ -260,23 +262,23 @@ class Satellite:
         Args:
             session: The transaction of the order.
             command: The order.
-            is_only: Whether no other road carries it.
+            is_only: Whether no other link carries it.
         """
-        modems = modems_of(self._fleet.picture(command.robot).record)
-        plugged = [one for one in modems if self._plugs.is_plugged(one.uri)]
-        for modem in plugged if command.kind is CommandKind.SURFACE else plugged[:1]:
+        modems = modems_of(self._fleet.status(command.robot).record)
+        enabled = [one for one in modems if self._disabled_links.is_enabled(one.uri)]
+        for modem in enabled if command.kind is CommandKind.SURFACE else enabled[:1]:
             order_row.begin_order(session, command, modem, command.created_at, is_only=is_only)
 
     def surface_unwritten(self, robot: str, number: CommandNumber, expires: datetime) -> None:
         """Send an order to surface that could not be written down: storage must not stop it."""
-        picture, at = self._fleet.picture(robot), self._clock.now()
+        status, at = self._fleet.status(robot), self._clock.now()
         try:
             key = self._secrets.robot_key(robot)
         except SecretUnreadableError as error:
             log.critical("%s is not told by satellite to surface: %s", robot, error)
             return
-        for modem in modems_of(picture.record):
-            if self._plugs.is_plugged(modem.uri):
+        for modem in modems_of(status.record):
+            if self._disabled_links.is_enabled(modem.uri):
                 counter = next_counter(0, at)
                 data = pack_order(
                     CommandKind.SURFACE, number, expires, None, key, modem.system, counter
@@ -286,11 +288,11 @@ class Satellite:
     def _means(self, row: OutboxRecord) -> Means | str:
         if not self._fleet.knows(row.robot):
             return f"There is no robot {row.robot} any more."
-        picture = self._fleet.picture(row.robot)
-        modem = next((one for one in modems_of(picture.record) if one.imei == row.imei), None)
+        status = self._fleet.status(row.robot)
+        modem = next((one for one in modems_of(status.record) if one.imei == row.imei), None)
         if modem is None:
             return f"{row.robot} has no modem {row.imei} any more."
-        if not self._plugs.is_plugged(modem.uri):
+        if not self._disabled_links.is_enabled(modem.uri):
             return "The satellite link is unplugged."
         obstacle = self.obstacle(row.robot)
         if obstacle and not order_row.is_surface(row) and not row.document.get("is_forced"):
@@ -302,8 +304,8 @@ class Satellite:
         return Means(modem, key, self.settings(row.robot).satellite.tariff)
 
     def _modem(self, imei: str) -> Modem | None:
-        for picture in self._fleet.pictures:
-            for modem in modems_of(picture.record):
+        for status in self._fleet.statuses:
+            for modem in modems_of(status.record):
                 if modem.imei == imei:
                     return modem
         return None
@@ -321,10 +323,10 @@ class Satellite:
             if isinstance(report, PlanReport) and self._is_newest(report, message.session_at):
                 self._plan_said[report.robot] = (report.received_at, message.session_at)
                 kept.append(report)
-        self._turns.add(lambda: self.inbox.settle(message, kept))
+        self._queue.add(lambda: self.inbox.settle(message, kept))
 
     def _is_newest(self, report: PlanReport, session_at: datetime) -> bool:
-        known = self._fleet.picture(report.robot).plan_report
+        known = self._fleet.status(report.robot).plan_report
         arrived_at, said_at = self._plan_said.get(report.robot, (None, None))
         if said_at is not None and session_at < said_at:
             return False

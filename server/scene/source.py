@@ -9,7 +9,7 @@ from autonomy.vehicle.hull import Hull
 from db.query.plans import ENDED_STATES
 from robot_link.messages import RobotId, TargetReport
 from server.fleet.fleet import Fleet
-from server.fleet.picture import Picture, PlanInHand
+from server.fleet.status import PlanInHand, RobotStatus
 from server.map.field_maps import FieldMaps
 from server.study.comparison_view import ShownWhatIfs
 from server.vehicle.vehicles import Vehicles
@@ -169,8 +169,8 @@ class StationSceneSource:
         )
 
     @property
-    def _picture(self) -> Picture:
-        return self._fleet.picture(self._robot)
+    def _picture(self) -> RobotStatus:
+        return self._fleet.status(self._robot)
 
 
 def _target_depth_m(hand: PlanInHand) -> float:

@@ -37,7 +37,7 @@ class ShownWhatIfs:
             Problem: 404 for an unknown robot or run, 409 for a run without a result.
             StoreError: What was shown stays.
         """
-        state = self._fleet.picture(robot).state
+        state = self._fleet.status(robot).state
         origin = (0.0, 0.0, 0.0) if state is None else state.position_ned
         if whatif is None:
             await self._store.write(lambda session: query.show_whatif(session, robot, None, None))

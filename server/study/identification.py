@@ -223,7 +223,7 @@ class Identifications:
         self, robot: str, before: str | None, limit: int
     ) -> list[IdentificationRecord]:
         """Return the searches of a robot without their results, the newest first."""
-        self._fleet.picture(robot)
+        self._fleet.status(robot)
         records = await self._store.query(
             lambda session: query.list_identifications(session, robot, before=before, limit=limit)
         )

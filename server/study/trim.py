@@ -152,7 +152,7 @@ class TrimAdvices:
         return advice_document(record)
 
     def _reaches(self, robot: str) -> str:
-        plan = self._fleet.picture(robot).plan
+        plan = self._fleet.status(robot).plan
         if plan is not None and plan.state in _ON_THE_WAY:
             return (
                 f"It reaches {robot} with the next plan; {plan.plan_id}, which is "

@@ -128,7 +128,7 @@ class WhatIfs:
 
     async def of_robot(self, robot: str, before: str | None, limit: int) -> list[WhatIfRecord]:
         """Return the runs of a robot without their results, the newest first."""
-        self._fleet.picture(robot)
+        self._fleet.status(robot)
         records = await self._store.query(
             lambda session: query.list_whatifs(session, robot, before=before, limit=limit)
         )
@@ -247,7 +247,7 @@ def vehicle_of(robot: str, fleet: Fleet, vehicles: Vehicles) -> Vehicle:
     Raises:
         Problem: 404 for an unknown robot, 409 for a recording of something unknown.
     """
-    model = fleet.picture(robot).record.model
+    model = fleet.status(robot).record.model
     vehicle = vehicles.find(model)
     if vehicle is None:
         raise conflict(

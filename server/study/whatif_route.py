@@ -113,7 +113,7 @@ async def show_whatif(
 
 
 def _view(station: Station, record: WhatIfRecord) -> WhatIfView:
-    site = station.fleet.picture(record.robot).record.site
+    site = station.fleet.status(record.robot).record.site
     return WhatIfView(
         id=record.id,
         robot=record.robot,

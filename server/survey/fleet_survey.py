@@ -46,7 +46,7 @@ class FleetSurveys:
         if robot in before:
             return f"{robot} is named twice"
         first = next((one for one in before if self._fleet.knows(one)), robot)
-        here, there = (self._fleet.picture(one).record for one in (first, robot))
+        here, there = (self._fleet.status(one).record for one in (first, robot))
         if Water.of(here) != Water.of(there):
             return f"{robot} works at {there.site.name}, not with {first} at {here.site.name}"
         return ""

@@ -67,12 +67,12 @@ class SurveyMaps:
             config: Its settings.
             reason: Why it ends, without a full stop.
         """
-        picture = self._fleet.picture(record.robot)
-        if not picture.record.simulated:
+        status = self._fleet.status(record.robot)
+        if not status.record.simulated:
             await self._missions.advance(record.id, "done", f"{reason}.")
             return
         await self._missions.advance(record.id, "scoring", f"{reason}; scoring the map.")
-        variable = picture.record.site.variable
+        variable = status.record.site.variable
         try:
             views = await map_scores(
                 self._foundation, self._workers, record.robot, variable, config

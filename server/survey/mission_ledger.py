@@ -49,8 +49,8 @@ class MissionLedger:
 
     async def load(self) -> None:
         """Show the newest mission of each robot."""
-        for picture in list(self._fleet.pictures):
-            robot = picture.record.id
+        for status in list(self._fleet.statuses):
+            robot = status.record.id
             missions = await self._store.query(
                 lambda session, robot=robot: query.list_missions(session, robot=robot, limit=1)
             )
@@ -177,20 +177,20 @@ class MissionLedger:
         self._known[mission] = (record, plans)
         if len(self._known) > _KEPT_IN_MEMORY:
             del self._known[next(iter(self._known))]
-        shown = self._fleet.picture(record.robot).mission_id
+        shown = self._fleet.status(record.robot).mission_id
         if shown is None or shown == mission or not self._is_newer(shown, record):
             self._fleet.set_mission(record.robot, mission)
         self._offer(mission)
 
     def robot_said_more(self, robot: str) -> None:
         """Tell the live stream that a robot spent more of its mission's budget."""
-        mission = self._fleet.picture(robot).mission_id
+        mission = self._fleet.status(robot).mission_id
         if mission in self._known:
             self._offer(mission)
 
     def spent(self, robot: str, plans: list[PlanRecord]) -> float:
         """Return the energy that a robot reported for a mission's plans."""
-        report = self._fleet.picture(robot).plan_report
+        report = self._fleet.status(robot).plan_report
         views = [onboard_view(plan, report) for plan in plans if plan.running_at is not None]
         return sum(view.energy_used for view in views if view is not None)
 
@@ -297,8 +297,8 @@ class MissionLedger:
         standing = standing_of(plans) if record.state == "ready" else None
         if standing is None:
             return record.document["message"]
-        plan, picture = standing.plan, self._fleet.picture(record.robot)
-        found = outdated_by(picture, plan, self._clock.now())
+        plan, status = standing.plan, self._fleet.status(record.robot)
+        found = outdated_by(status, plan, self._clock.now())
         if not found:
             return record.document["message"]
         reasons = " ".join(one.message for one in found)
@@ -320,7 +320,7 @@ class MissionLedger:
         Several plans of a round may have been flown, and others drawn up that never were: these
         spent nothing. So the rounds that were flown add up to what the budget says is spent.
         """
-        report = self._fleet.picture(robot).plan_report
+        report = self._fleet.status(robot).plan_report
         rounds: dict[int, RoundView] = {}
         flown: dict[int, float] = {}
         for plan in reversed(counted(plans)):

@@ -10,7 +10,7 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
 from server.base.view import View
-from server.fleet.picture import FOLLOW_TARGET
+from server.fleet.status import FOLLOW_TARGET
 from server.plan.route import PartialConfig
 from server.station_dependency import StationDep
 from server.survey.view import MissionView
@@ -63,7 +63,7 @@ async def list_missions(
 ) -> list[MissionView]:
     """Return the missions of a robot, the newest first."""
     del caller
-    station.fleet.picture(robot)
+    station.fleet.status(robot)
     return await station.missions.views(robot, before, limit)
 
 

@@ -7,7 +7,7 @@ from db.query.plans import PlanRecord
 from server.access.foundation import Foundation
 from server.base.problem import FieldError, conflict, unprocessable
 from server.fleet.fleet import Fleet
-from server.fleet.picture import FOLLOW_TARGET
+from server.fleet.status import FOLLOW_TARGET
 from server.plan.document import (
     candidate_of_draft,
     candidates_of,
@@ -89,7 +89,7 @@ class PlanChoices:
                 while storage fails.
         """
         record = await self._draft(plan)
-        found = outdated_by(self._fleet.picture(record.robot), record, self._clock.now())
+        found = outdated_by(self._fleet.status(record.robot), record, self._clock.now())
         if found:
             reasons = " ".join(one.message for one in found)
             raise conflict(f"{plan} is outdated: {reasons} Plan again.")

@@ -103,7 +103,7 @@ class SurveySteps:
 
     def flown_in_survey(self, robot: str) -> PlanRecord | None:
         """Return the round of a survey that a robot flies, if it flies one."""
-        hand = self._fleet.picture(robot).plan
+        hand = self._fleet.status(robot).plan
         if hand is None or hand.record.mission is None or hand.state != "running":
             return None
         return hand.record
@@ -152,7 +152,7 @@ class SurveySteps:
 
     def _why_outdated(self, plan: PlanRecord) -> str:
         """Return why a draft no longer fits the robot, sentences, "" if it does."""
-        found = outdated_by(self._fleet.picture(plan.robot), plan, self._clock.now())
+        found = outdated_by(self._fleet.status(plan.robot), plan, self._clock.now())
         return " ".join(one.message for one in found)
 
     async def _plan_instead(
@@ -274,7 +274,7 @@ class SurveySteps:
         return tuple(legs for legs in (rest, *others) if legs)
 
     def _report(self, plan: PlanRecord) -> PlanReport | None:
-        return self._fleet.picture(plan.robot).plan_report
+        return self._fleet.status(plan.robot).plan_report
 
 
 def _has_none_ahead(standing: Standing) -> bool:

@@ -11,7 +11,7 @@ from db.query.events import add_event
 from db.query.target_reports import has_ended_within, lost_since, newest_event_of
 from db.store import Store
 from robot_link.messages import TargetReport
-from server.base.retry_queue import Turns
+from server.base.retry_queue import RetryQueue
 
 LOST: Final = "track.lost"
 FOUND: Final = "track.found"
@@ -41,13 +41,13 @@ class TargetFollower:
     def __init__(self, store: Store, settle: Callable[[], Awaitable[None]]) -> None:
         self._store = store
         self._settle = settle
-        self._turns = Turns("reports on targets")
+        self._queue = RetryQueue("reports on targets")
         self._heard: dict[str, TargetReport] = {}
         """The newest report of each robot that led to a word."""
 
     async def run(self) -> None:
         """Follow until cancelled."""
-        await self._turns.run()
+        await self._queue.run()
 
     def take(self, report: TargetReport) -> None:
         """Take a report; only news is worked on."""
@@ -55,7 +55,7 @@ class TargetFollower:
         if said is None or (before is not None and before.measured_at > report.measured_at):
             return
         if before is None or _SAYS[before.phase] != said:
-            self._turns.add(lambda: self._follow(report))
+            self._queue.add(lambda: self._follow(report))
         self._heard[report.robot] = report
 
     async def _follow(self, report: TargetReport) -> None:

@@ -9,7 +9,7 @@ from db.query.target_reports import target_reports
 from db.query.target_span import EVERYTHING, TargetSpan, range_of_plan
 from db.store import Store
 from server.base.problem import not_found
-from server.fleet.picture import FOLLOW_TARGET
+from server.fleet.status import FOLLOW_TARGET
 from server.fleet.target_end import with_reasons
 from server.fleet.target_report import target_view
 from server.fleet.target_view import TargetReportsView, TargetReportView

@@ -22,8 +22,8 @@ from robot_link.target_settings import TargetSettings
 from server.access.foundation import Foundation
 from server.base.configuration import CurrentConfiguration
 from server.fleet.fleet import Fleet
-from server.fleet.picture import FOLLOW_TARGET, Picture
 from server.fleet.recorded import refuse_recording
+from server.fleet.status import FOLLOW_TARGET, RobotStatus
 from server.fleet.words import TEACHING
 from server.plan.ledger import PlanLedger, note_change
 from server.plan.settings import PlanSettings
@@ -61,8 +61,8 @@ class TargetPlanning:
                 fails.
             StoreUnavailableError: Nothing was kept.
         """
-        picture = self._fleet.picture(robot)
-        refuse_recording(picture, "follows no target")
+        status = self._fleet.status(robot)
+        refuse_recording(status, "follows no target")
         self._settings.refuse_while_storage_fails()
         position = self._settings.position(robot)
         book = self._foundation.configurations
@@ -97,29 +97,29 @@ class TargetPlanning:
         flaws: list[ViolationView],
     ) -> dict[str, Any]:
         """Return the part of a plan's document that an operator decides by."""
-        book, picture = self._foundation.configurations, self._fleet.picture(robot)
+        book, status = self._foundation.configurations, self._fleet.status(robot)
         tariff = (await book.current("satellite", robot)).value_as(SatelliteConfig).tariff
         battery = await target_battery(book, self._fleet, robot, config)
         account = target_account(
             config,
             planner,
             self._fleet.vehicle(robot),
-            picture.state,
+            status.state,
             size=len(mission.canonical_bytes()),
             credits=mission_credits(mission, tariff),
             battery=battery,
         )
-        limits = [*target_violations(picture, config), *battery_violations(robot, battery), *flaws]
-        warnings = target_warnings(picture, config, is_quiet=await self._is_quiet(picture))
+        limits = [*target_violations(status, config), *battery_violations(robot, battery), *flaws]
+        warnings = target_warnings(status, config, is_quiet=await self._is_quiet(status))
         return {
             "account": asdict(account),
             "violations": [asdict(one) for one in limits],
             "warnings": [asdict(one) for one in warnings],
         }
 
-    async def _is_quiet(self, picture: Picture) -> bool:
+    async def _is_quiet(self, status: RobotStatus) -> bool:
         """Tell whether the robot was told not to ping, by what it said last of that."""
-        robot, report = picture.record.id, picture.target_report
+        robot, report = status.record.id, status.target_report
         told = await self._foundation.store.query(
             lambda session: newest_applied(session, robot, (CommandKind.QUIET, CommandKind.PING))
         )

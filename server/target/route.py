@@ -38,7 +38,7 @@ async def get_tracking(
     Go on from the ``measured_at`` of the last with ``after``.
     """
     del caller
-    station.fleet.picture(robot)
+    station.fleet.status(robot)
     found = await TargetHistory(foundation.store).reports(robot, plan, after, limit)
     return encoded(found)
 
@@ -57,7 +57,7 @@ async def export_tracking(
 ) -> Response:
     """Return a robot's reports on its target as CSV; simulated data says so."""
     del caller
-    record = station.fleet.picture(robot).record
+    record = station.fleet.status(robot).record
     store = foundation.store
     wanted = await TargetHistory(store).range_of(robot, plan)
     mark = "SIMULATION_" if record.simulated else ""

@@ -25,8 +25,8 @@ from server.access.foundation import Foundation
 from server.base.retry_queue import until_stored
 from server.command.command import Commands
 from server.fleet.fleet import Fleet
-from server.fleet.routing import Wish
-from server.link.link import Radio, SatelliteRoad
+from server.fleet.routing import RequestedLink
+from server.link.link import Radio, SatelliteLink
 from server.plan.document import mission_of
 from server.plan.ledger import PlanLedger
 from server.satellite.plan_row import ground_of
@@ -73,7 +73,7 @@ class Carriage:
         ledger: PlanLedger,
         commands: Commands,
         radio: Radio,
-        satellite: SatelliteRoad,
+        satellite: SatelliteLink,
         *,
         is_new: bool,
     ) -> None:
@@ -151,17 +151,17 @@ class Carriage:
 
     async def _road(self, plan: PlanRecord) -> str:
         """Wait for a road to the robot, or for its word that it has the plan; return which."""
-        picture, transfer = self._fleet.picture(plan.robot), self.transfer
+        status, transfer = self._fleet.status(plan.robot), self.transfer
         loop = asyncio.get_running_loop()
         since, deadline = loop.time(), transfer.started_at + RADIO_LIFE
         while not self._holds(plan):
-            roads = self._satellite.choice(plan.robot, "plan", _wish(transfer)).roads
+            roads = self._satellite.choice(plan.robot, "plan", _wish(transfer)).links
             if "satellite" in roads:
                 waited = loop.time() - since > _RADIO_PATIENCE_S
                 asked_for = transfer.route == "satellite"
                 if waited or asked_for or self._may_leave_radio or self._is_by_satellite():
                     return "satellite"
-            elif picture.radio_state is LinkState.LIVE:
+            elif status.radio_state is LinkState.LIVE:
                 return "radio"
             if self._clock.now() > deadline:
                 raise TransferError(f"{plan.robot} was not heard for {RADIO_LIFE.days} day.")
@@ -176,7 +176,7 @@ class Carriage:
         row = await self._satellite.begin(self.transfer, plan)
         if row is None:
             return False
-        picture, level, noted = self._fleet.picture(plan.robot), "", False
+        status, level, noted = self._fleet.status(plan.robot), "", False
         carrier = row.carrier
         while not (row.state == "applied" or self._holds(plan)):
             if not noted and any(part.sends for part in ground_of(row).parts):
@@ -187,7 +187,7 @@ class Carriage:
                 await self._change(level=level)
             if row.ended_at is not None:
                 raise TransferError(row.reason)
-            if picture.radio_state is LinkState.LIVE and self._may_change_to_radio(plan):
+            if status.radio_state is LinkState.LIVE and self._may_change_to_radio(plan):
                 await self._satellite.hold(self.transfer.id)
                 return False
             await asyncio.sleep(_POLL_S)
@@ -195,13 +195,13 @@ class Carriage:
         return True
 
     def _may_change_to_radio(self, plan: PlanRecord) -> bool:
-        roads = self._satellite.choice(plan.robot, "plan", _wish(self.transfer)).roads
+        roads = self._satellite.choice(plan.robot, "plan", _wish(self.transfer)).links
         return "radio" in roads
 
     async def _send(self, plan: PlanRecord, mission: Mission) -> str:
         """Upload once; return why it did not get on board, or ""."""
         self._on_the_air.clear()
-        radio = self._fleet.picture(plan.robot).radio
+        radio = self._fleet.status(plan.robot).radio
         carrier = "" if radio is None else radio.carrier
         upload = asyncio.ensure_future(self._radio.upload(RobotId(plan.robot), mission))
         on_the_air = asyncio.ensure_future(self._on_the_air.wait())
@@ -259,10 +259,10 @@ class Carriage:
         row = self._satellite.row_of(self.transfer.id)
         if row is None or row.state != "applied":
             return
-        picture, loop = self._fleet.picture(plan.robot), asyncio.get_running_loop()
+        status, loop = self._fleet.status(plan.robot), asyncio.get_running_loop()
         live_since: float | None = None
         while not self._has_begun(plan) and self._clock.now() < row.expires_at:
-            if picture.radio_state is not LinkState.LIVE:
+            if status.radio_state is not LinkState.LIVE:
                 live_since = None
             elif live_since is None:
                 live_since = loop.time()
@@ -272,13 +272,13 @@ class Carriage:
 
     async def _road_of_orders(self, plan: PlanRecord) -> str:
         """Wait until the robot can be told to start, or says that it has; return by which road."""
-        picture = self._fleet.picture(plan.robot)
+        status = self._fleet.status(plan.robot)
         deadline = self._clock.now() + RADIO_LIFE
         while not self._has_begun(plan):
-            if picture.radio_state is LinkState.LIVE:
+            if status.radio_state is LinkState.LIVE:
                 return "radio"
             if self._is_by_satellite() and "satellite" in (
-                self._satellite.choice(plan.robot, "command").roads
+                self._satellite.choice(plan.robot, "command").links
             ):
                 return "satellite"
             if self._clock.now() > deadline:
@@ -303,7 +303,7 @@ class Carriage:
         return True
 
     def _report_of(self, plan: PlanRecord) -> PlanReport | None:
-        report = self._fleet.picture(plan.robot).plan_report
+        report = self._fleet.status(plan.robot).plan_report
         return report if report is not None and report.sha256 == plan.sha256 else None
 
     def _holds(self, plan: PlanRecord) -> bool:
@@ -349,7 +349,7 @@ class Carriage:
             self._ledger.publish(record)
 
 
-def _wish(transfer: TransferRecord) -> Wish:
+def _wish(transfer: TransferRecord) -> RequestedLink:
     match transfer.route:
         case "radio" | "satellite" as asked:
             return asked

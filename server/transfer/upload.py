@@ -25,8 +25,8 @@ from server.access.foundation import Foundation
 from server.base.problem import FieldError, conflict
 from server.command.command import Check, Commands
 from server.fleet.fleet import Fleet
-from server.fleet.routing import Wish
-from server.link.link import Radio, SatelliteRoad
+from server.fleet.routing import RequestedLink
+from server.link.link import Radio, SatelliteLink
 from server.plan.document import mission_of
 from server.plan.drafting import SENDABLE, broken_off, outdated_by
 from server.plan.ledger import PlanLedger
@@ -43,15 +43,15 @@ log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True)
-class RoadWish:
-    """What the operator says about the road of one transfer."""
+class LinkRequest:
+    """What the operator says about the link of one transfer."""
 
-    route: Wish = "auto"
+    link: RequestedLink = "auto"
     is_forced: bool = False
     """Whether it is sent by satellite although the robot was not heard for long."""
 
 
-ANY_ROAD: Final = RoadWish()
+ANY_LINK: Final = LinkRequest()
 
 
 class Uploads:
@@ -64,7 +64,7 @@ class Uploads:
         ledger: PlanLedger,
         commands: Commands,
         radio: Radio,
-        satellite: SatelliteRoad,
+        satellite: SatelliteLink,
     ) -> None:
         self._foundation = foundation
         self._store = foundation.store
@@ -124,7 +124,7 @@ class Uploads:
         start: bool,
         check: Check | None = None,
         confirmed: bool = False,
-        road: RoadWish = ANY_ROAD,
+        request: LinkRequest = ANY_LINK,
     ) -> str:
         """Begin to bring a plan on board and return the transfer's id.
 
@@ -137,7 +137,7 @@ class Uploads:
             check: Asked in the transaction; what it raises keeps the transfer from beginning.
             confirmed: Whether a person wants it flown although it no longer fits the robot, or its
                 dry run broke off.
-            road: The road that it is to take, and whether a person insists on it.
+            request: The link that it is to take, and whether a person insists on it.
 
         Raises:
             UnknownIdError: If there is no such plan.
@@ -146,10 +146,12 @@ class Uploads:
         """
         record = await self._ledger.get(plan)
         async with self._asking[record.robot]:
-            under_way = await self._under_way(record, start=start, road=road)
+            under_way = await self._under_way(record, start=start, request=request)
             if under_way is not None:
                 return under_way
-            return await self._new_transfer(record, start, check, confirmed=confirmed, road=road)
+            return await self._new_transfer(
+                record, start, check, confirmed=confirmed, request=request
+            )
 
     async def view(self, transfer: str) -> TransferView:
         """Return a transfer and how far it is proved.
@@ -225,12 +227,12 @@ class Uploads:
         check: Check | None,
         *,
         confirmed: bool,
-        road: RoadWish,
+        request: LinkRequest,
     ) -> str:
         _check_sendable(record, await self._ledger.of_robot(record.robot, ("running",)))
         if not confirmed:
             self._check_fits(record)
-        self._check_road(record, road)
+        self._check_link(record, request)
         mission = mission_of(record)
         at = self._clock.now()
 
@@ -247,8 +249,8 @@ class Uploads:
                 size=len(mission.canonical_bytes()),
                 start=start,
                 at=at,
-                route=road.route,
-                is_forced=road.is_forced,
+                route=request.link,
+                is_forced=request.is_forced,
             )
             return query.get_transfer(session, transfer)
 
@@ -256,7 +258,9 @@ class Uploads:
         self._begin(transfer, is_new=True)
         return transfer.id
 
-    async def _under_way(self, plan: PlanRecord, *, start: bool, road: RoadWish) -> str | None:
+    async def _under_way(
+        self, plan: PlanRecord, *, start: bool, request: LinkRequest
+    ) -> str | None:
         """Return the transfer of this plan that is under way, if it is the one that is asked for.
 
         One by satellite gives way to another plan.
@@ -274,18 +278,18 @@ class Uploads:
             if transfer.id not in self._tasks:
                 return None
         is_other = transfer.plan != plan.id or transfer.start != start
-        is_other = is_other or road.route not in ("auto", transfer.route)
+        is_other = is_other or request.link not in ("auto", transfer.route)
         row = self._satellite.row_of(transfer.id)
         if is_other and row is not None and row.state not in ("applied", "held"):
             _check_sendable(await self._ledger.get(plan.id), [], is_resent=transfer.plan == plan.id)
-            self._check_road(plan, road)
+            self._check_link(plan, request)
             # A newer plan by satellite does both by itself: it empties the queue and is newer.
-            roads = self._satellite.choice(plan.robot, "plan", road.route).roads
+            links = self._satellite.choice(plan.robot, "plan", request.link).links
             await self._close(
                 plan.robot,
                 "superseded",
                 f"{plan.id} takes its place.",
-                calls_back="satellite" not in roads,
+                calls_back="satellite" not in links,
             )
             return None
         if is_other:
@@ -297,7 +301,7 @@ class Uploads:
 
     def _check_fits(self, plan: PlanRecord) -> None:
         """Refuse a plan of another place or time, or that a dry run did not fly to its end."""
-        outdated = outdated_by(self._fleet.picture(plan.robot), plan, self._clock.now())
+        outdated = outdated_by(self._fleet.status(plan.robot), plan, self._clock.now())
         found = (*outdated, *broken_off(plan))
         if found:
             reasons = " ".join(one.message for one in found)
@@ -308,12 +312,12 @@ class Uploads:
                 [FieldError(loc=[one.field], msg=one.message) for one in found],
             )
 
-    def _check_road(self, plan: PlanRecord, road: RoadWish) -> None:
-        """Refuse a road that cannot be taken, or that only a person who insists may take."""
-        choice = self._satellite.choice(plan.robot, "plan", road.route)
-        if not choice.roads and road.route != "auto":
+    def _check_link(self, plan: PlanRecord, request: LinkRequest) -> None:
+        """Refuse a link that cannot be taken, or that only a person who insists may take."""
+        choice = self._satellite.choice(plan.robot, "plan", request.link)
+        if not choice.links and request.link != "auto":
             raise conflict(choice.reason)
-        if "satellite" in choice.roads and not road.is_forced:
+        if "satellite" in choice.links and not request.is_forced:
             obstacle = self._satellite.obstacle(plan.robot)
             if obstacle:
                 raise conflict(
@@ -369,7 +373,7 @@ def _check_sendable(
     Args:
         plan: The plan.
         running: What its robot flies.
-        is_resent: Whether it is on its way already, by a road that it shall leave.
+        is_resent: Whether it is on its way already, by a link that it shall leave.
     """
     if plan.state not in SENDABLE and not (is_resent and plan.state == "sent"):
         raise conflict(

@@ -98,9 +98,9 @@ def _view(station: Station, entry: CatalogueEntry) -> VehicleView:
         note=vehicle.note,
         origin=entry.origin,
         robots=[
-            picture.record.id
-            for picture in station.fleet.pictures
-            if picture.record.model == vehicle.key
+            status.record.id
+            for status in station.fleet.statuses
+            if status.record.model == vehicle.key
         ],
         created_at=entry.created_at,
         created_by=entry.created_by,

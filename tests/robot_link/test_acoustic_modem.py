@@ -295,13 +295,13 @@ async def test_a_port_that_closes_ends_the_ping_and_is_opened_again():
 
 async def test_a_pulled_plug_keeps_the_modem_quiet():
     async with driving(FakeModem({"CCMPC": replying("1", "2")})) as (modem, events):
-        modem.set_plugged(False)
+        modem.set_enabled(False)
         assert not (await anext(events)).is_open
-        assert not modem.is_plugged
+        assert not modem.is_enabled
         assert (await modem.ping(2)).reason == "the modem is not there"
         with pytest.raises(PortClosedError):
             await modem.mini(2, 5)
-        modem.set_plugged(True)
+        modem.set_enabled(True)
         assert (await anext(events)).is_open
         assert (await modem.ping(2)).is_valid
 

@@ -371,7 +371,7 @@ class SlowRadio:
     carrier = "slow"
     max_payload = 256
     bytes_per_s = 300.0
-    is_plugged = True
+    is_enabled = True
 
     def __init__(self) -> None:
         self.under_way: list[asyncio.Future[Delivery]] = []
@@ -380,8 +380,8 @@ class SlowRadio:
     async def run(self) -> None:
         await asyncio.Event().wait()
 
-    def set_plugged(self, is_plugged: bool) -> None:
-        self.is_plugged = is_plugged
+    def set_enabled(self, is_enabled: bool) -> None:
+        self.is_enabled = is_enabled
 
     async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
         fate: asyncio.Future[Delivery] = asyncio.get_running_loop().create_future()

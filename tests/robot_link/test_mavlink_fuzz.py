@@ -73,7 +73,7 @@ class Told:
     carrier = "told"
     max_payload = 256
     bytes_per_s = 1e6
-    is_plugged = True
+    is_enabled = True
 
     def __init__(self, datagrams: list[bytes]) -> None:
         self._datagrams = datagrams
@@ -82,8 +82,8 @@ class Told:
     async def run(self) -> None:
         await asyncio.Event().wait()
 
-    def set_plugged(self, is_plugged: bool) -> None:
-        self.is_plugged = is_plugged
+    def set_enabled(self, is_enabled: bool) -> None:
+        self.is_enabled = is_enabled
 
     async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
         fate: asyncio.Future[Delivery] = asyncio.get_running_loop().create_future()

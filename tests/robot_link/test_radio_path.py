@@ -108,7 +108,7 @@ async def test_each_road_has_a_report_of_its_own(tmp_path: Path):
         near, far = it.station.link_reports(MINI)
         assert (near.uri, far.uri) == it.uris
         assert (near.radio, far.radio) == (f"{NEAR:016X}", f"{FAR:016X}")
-        assert near.is_plugged
+        assert near.is_enabled
         assert {report.uri for report in it.heard.of(LinkReport)} == set(it.uris)
         it.reach[0] = False
         await until(lambda: it.states() == [LinkState.STALE, LinkState.LIVE])
@@ -138,22 +138,22 @@ async def test_a_radio_that_does_not_get_through_gives_way_to_the_other_at_once(
 async def test_a_pulled_plug_is_shown_and_the_other_radio_taken(tmp_path: Path):
     async with two_roads(tmp_path) as it:
         await until(lambda: it.states() == [LinkState.LIVE, LinkState.LIVE])
-        it.station.set_plugged(it.uris[0], False)
-        await until(lambda: it.states()[0] is LinkState.UNPLUGGED)
-        assert not it.report(0).is_plugged
+        it.station.set_enabled(it.uris[0], False)
+        await until(lambda: it.states()[0] is LinkState.DISABLED)
+        assert not it.report(0).is_enabled
         told = it.heard.of(LinkReport)
-        assert any(one.state is LinkState.UNPLUGGED and one.uri == it.uris[0] for one in told)
+        assert any(one.state is LinkState.DISABLED and one.uri == it.uris[0] for one in told)
         assert (await it.tell(1)).level is CommandLevel.APPLIED
-        it.station.set_plugged(it.uris[1], False)
-        await until(lambda: it.states() == [LinkState.UNPLUGGED, LinkState.UNPLUGGED])
+        it.station.set_enabled(it.uris[1], False)
+        await until(lambda: it.states() == [LinkState.DISABLED, LinkState.DISABLED])
         frames = len(it.heard.of(RawFrame))
         await asyncio.sleep(1.0)
         under_way = 2
         assert len(it.heard.of(RawFrame)) <= frames + under_way, "all is quiet"
-        it.station.set_plugged(it.uris[0], True)
+        it.station.set_enabled(it.uris[0], True)
         await until(lambda: it.states()[0] is LinkState.LIVE)
         with pytest.raises(KeyError):
-            it.station.set_plugged("udp://127.0.0.1:1", False)
+            it.station.set_enabled("udp://127.0.0.1:1", False)
 
 
 async def test_surface_is_said_on_every_road_at_once(tmp_path: Path):

@@ -22,7 +22,7 @@ from robot_link.transport.datagram import (
     PortClosedError,
     Received,
 )
-from robot_link.transport.keeper import UNPLUGGED
+from robot_link.transport.keeper import DISABLED
 from robot_link.transport.mavlink_stream import MavlinkStream, StreamTiming
 from robot_link.transport.opening import open_transport
 from robot_link.transport.port import SerialPort
@@ -145,28 +145,28 @@ async def test_a_pulled_plug_closes_the_port_until_it_is_put_back(tmp_path: Path
 
     async with far_side(), running(open_transport(f"{scheme}://{tmp_path}/line")) as transport:
         await next_opening(transport)
-        transport.set_plugged(False)
+        transport.set_enabled(False)
         closed = await next_event(transport, PortChanged)
-        assert (closed.is_open, closed.reason) == (False, UNPLUGGED)
-        assert not transport.is_plugged
+        assert (closed.is_open, closed.reason) == (False, DISABLED)
+        assert not transport.is_enabled
         assert transport.max_payload == 0
         with pytest.raises(PortClosedError):
             await transport.send(FAR_END, heartbeat())
         other = await SerialPort.open(str(tmp_path / "line"), baud=57600, flow_control=False)
         other.close()
-        transport.set_plugged(True)
+        transport.set_enabled(True)
         await next_opening(transport)
 
 
 async def test_a_plug_may_be_out_before_the_link_runs_and_while_it_waits(tmp_path: Path):
     transport = open_transport(f"serial://{tmp_path}/line")
-    transport.set_plugged(False)
+    transport.set_enabled(False)
     async with running(transport):
-        assert (await next_event(transport, PortChanged)).reason == UNPLUGGED
-        transport.set_plugged(True)
+        assert (await next_event(transport, PortChanged)).reason == DISABLED
+        transport.set_enabled(True)
         assert "No such file" in (await next_event(transport, PortChanged)).reason
-        transport.set_plugged(False)
-        assert (await next_event(transport, PortChanged)).reason == UNPLUGGED
+        transport.set_enabled(False)
+        assert (await next_event(transport, PortChanged)).reason == DISABLED
 
 
 async def test_frames_cross_a_tcp_connection_from_both_ends():
@@ -273,10 +273,10 @@ async def test_a_udp_socket_can_be_unplugged_and_plugged_in():
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as other:
             with pytest.raises(OSError, match="in use"):
                 other.bind((LOCAL, port))
-            transport.set_plugged(False)
-            assert (await next_event(transport, PortChanged)).reason == UNPLUGGED
+            transport.set_enabled(False)
+            assert (await next_event(transport, PortChanged)).reason == DISABLED
             other.bind((LOCAL, port))
-        transport.set_plugged(True)
+        transport.set_enabled(True)
         await next_opening(transport)
 
 

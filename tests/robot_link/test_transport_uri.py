@@ -29,7 +29,7 @@ def test_every_kind_of_radio_is_opened_by_its_uri(uri: str, kind: type, carrier:
     assert isinstance(transport, kind)
     assert transport.carrier == carrier
     assert transport.max_payload == 0, "a port is closed until it runs"
-    assert transport.is_plugged
+    assert transport.is_enabled
     assert is_radio(uri)
 
 

@@ -187,8 +187,8 @@ class FakeLink:
         fake.take(mission)
         return replace(report, state=OnboardPlanState.ON_BOARD, items_sent=len(mission.legs))
 
-    def set_plugged(self, uri, is_plugged):
-        self.world.plugs.append((uri, is_plugged))
+    def set_enabled(self, uri, is_enabled):
+        self.world.switched.append((uri, is_enabled))
 
     def cancel_upload(self, robot, reason):
         self.world.cancelled_uploads.append((robot, reason))
@@ -223,7 +223,7 @@ class World:
         self.cancelled_uploads = []
         self.commands = []
         self.acknowledged = []
-        self.plugs = []
+        self.switched = []
         self.flights = []
         self.in_reach = True
         self.radio_takes = True

@@ -79,7 +79,7 @@ class GatewayUnreachableError(Exception):
 class HeldBackError(Exception):
     """The station takes no messages of this robot now; the gateway must keep them.
 
-    Raised by whoever keeps incoming messages, such as while the operator has pulled the plug;
+    Raised by whoever keeps incoming messages, such as while the operator has disabled the link;
     the argument is a sentence.
     """
 

@@ -16,7 +16,7 @@ from robot_link.messages import (
 )
 from server.alarm.rules import RULES, Watch
 from server.fleet.clock_fault import ClockFault
-from server.fleet.picture import Picture, SatelliteStanding
+from server.fleet.status import RobotStatus, SatelliteStanding
 from server.fleet.trail import POINTS_MAX, Track
 from tests.server.fake_link import state_report
 
@@ -26,14 +26,14 @@ MINI = RobotId("mini-1")
 
 
 @pytest.fixture
-def picture():
+def status():
     record = RobotRecord(MINI, "mini-1", "miniglider", "real", None, (), TANK, LONG_AGO)
-    return Picture(record, Track(0.01, (0.05, 0.12)))
+    return RobotStatus(record, Track(0.01, (0.05, 0.12)))
 
 
-def verdicts(picture, since=LONG_AGO, speed=1.0):
+def verdicts(status, since=LONG_AGO, speed=1.0):
     watch = Watch(NOW, since, speed)
-    found = {rule.cause: rule.judge(picture, watch) for rule in RULES}
+    found = {rule.cause: rule.judge(status, watch) for rule in RULES}
     return {cause: verdict for cause, verdict in found.items() if verdict is not None}
 
 
@@ -41,60 +41,60 @@ def link(state, age_s=60.0):
     return {"xbee": LinkReport(MINI, "xbee", state, NOW - timedelta(seconds=age_s), None, 1, 0)}
 
 
-def test_robot_that_was_never_heard_raises_nothing(picture):
-    assert verdicts(picture) == {}
+def test_robot_that_was_never_heard_raises_nothing(status):
+    assert verdicts(status) == {}
 
 
-def test_silence_alarms_after_its_limit_and_not_just_after_a_start(picture):
-    picture.links = link(LinkState.STALE)
-    assert verdicts(picture)["silence"].text == "mini-1 does not answer; last heard at 11:59Z."
-    assert verdicts(picture, since=NOW - timedelta(seconds=5)) == {}
-    picture.links = link(LinkState.STALE, age_s=10)
-    assert verdicts(picture) == {}
-    picture.links = link(LinkState.STALE, age_s=200)
-    assert verdicts(picture, speed=20.0) == {}
+def test_silence_alarms_after_its_limit_and_not_just_after_a_start(status):
+    status.links = link(LinkState.STALE)
+    assert verdicts(status)["silence"].text == "mini-1 does not answer; last heard at 11:59Z."
+    assert verdicts(status, since=NOW - timedelta(seconds=5)) == {}
+    status.links = link(LinkState.STALE, age_s=10)
+    assert verdicts(status) == {}
+    status.links = link(LinkState.STALE, age_s=200)
+    assert verdicts(status, speed=20.0) == {}
 
 
-def test_silence_of_a_robot_that_said_it_would_dive_is_no_alarm(picture):
-    picture.links = link(LinkState.SUBMERGED, age_s=600)
-    assert verdicts(picture) == {}
+def test_silence_of_a_robot_that_said_it_would_dive_is_no_alarm(status):
+    status.links = link(LinkState.SUBMERGED, age_s=600)
+    assert verdicts(status) == {}
 
 
-def test_closed_port_alarms(picture):
-    picture.links = link(LinkState.PORT_CLOSED)
-    assert "plug it in" in verdicts(picture)["port"].text
+def test_closed_port_alarms(status):
+    status.links = link(LinkState.PORT_CLOSED)
+    assert "plug it in" in verdicts(status)["port"].text
 
 
 @pytest.mark.parametrize(("late_min", "level"), [(5, None), (15, "watch"), (50, "critical")])
-def test_overdue_robot_alarms_by_how_late_it_is(picture, monkeypatch, late_min, level):
+def test_overdue_robot_alarms_by_how_late_it_is(status, monkeypatch, late_min, level):
     due = NOW - timedelta(minutes=late_min)
-    monkeypatch.setattr(Picture, "next_surfacing", lambda self: due)
-    picture.links = link(LinkState.SUBMERGED)
-    found = verdicts(picture).get("overdue")
+    monkeypatch.setattr(RobotStatus, "next_surfacing", lambda self: due)
+    status.links = link(LinkState.SUBMERGED)
+    found = verdicts(status).get("overdue")
     assert (found.level if found else None) == level
 
 
-def test_plan_that_ended_early_alarms_with_its_reason(picture):
+def test_plan_that_ended_early_alarms_with_its_reason(status):
     report = PlanReport(
         MINI, None, OnboardPlanState.FAILED, 1, 3, 2.0, "the floor was near", NOW, NOW
     )
-    picture.plan_report = report
-    assert "the floor was near" in verdicts(picture)["plan ended early"].text
-    picture.plan_report = replace(report, state=OnboardPlanState.RUNNING)
-    assert verdicts(picture) == {}
+    status.plan_report = report
+    assert "the floor was near" in verdicts(status)["plan ended early"].text
+    status.plan_report = replace(report, state=OnboardPlanState.RUNNING)
+    assert verdicts(status) == {}
 
 
-def test_plan_that_a_person_ended_is_no_cause_of_alarm(picture):
-    picture.plan_report = PlanReport(
+def test_plan_that_a_person_ended_is_no_cause_of_alarm(status):
+    status.plan_report = PlanReport(
         MINI, None, OnboardPlanState.FAILED, 1, 3, 2.0, SURFACED_BY_COMMAND, NOW, NOW
     )
-    assert verdicts(picture) == {}
+    assert verdicts(status) == {}
 
 
-def test_battery_alarms_by_its_charge(picture):
+def test_battery_alarms_by_its_charge(status):
     for charge, level in ((0.5, None), (0.15, "warning"), (0.05, "critical")):
-        picture.state = state_report(MINI, battery_fraction=charge)
-        found = verdicts(picture).get("battery")
+        status.state = state_report(MINI, battery_fraction=charge)
+        found = verdicts(status).get("battery")
         assert (found.level if found else None) == level
 
 
@@ -139,42 +139,42 @@ def standing(**changes):
 
 
 @pytest.mark.parametrize(("late_min", "level"), [(5, None), (15, "watch"), (50, "critical")])
-def test_robot_that_misses_its_call_by_satellite_alarms_once(picture, late_min, level):
+def test_robot_that_misses_its_call_by_satellite_alarms_once(status, late_min, level):
     due = NOW - timedelta(minutes=late_min)
-    picture.links = link(LinkState.STALE, age_s=7200)
-    picture.satellite = standing(next_session_at=due)
-    found = verdicts(picture)
+    status.links = link(LinkState.STALE, age_s=7200)
+    status.satellite = standing(next_session_at=due)
+    found = verdicts(status)
     assert (found["contact"].level if level else None) == level
     assert set(found) == ({"contact"} if level else set()), "silence is not alarmed as well"
 
 
-def test_spent_budget_alarms_only_while_something_waits_for_it(picture):
-    picture.satellite = standing(credits_today=100)
-    assert verdicts(picture) == {}
-    picture.satellite = standing(credits_today=100, waits_for_budget=True)
-    assert "100 of 100 credits" in verdicts(picture)["satellite budget"].text
+def test_spent_budget_alarms_only_while_something_waits_for_it(status):
+    status.satellite = standing(credits_today=100)
+    assert verdicts(status) == {}
+    status.satellite = standing(credits_today=100, waits_for_budget=True)
+    assert "100 of 100 credits" in verdicts(status)["satellite budget"].text
 
 
-def test_refused_plan_by_satellite_alarms_with_the_gateways_sentence(picture):
-    picture.satellite = standing(fault="plan-3 refused: RockBLOCK did not take it: no credit.")
-    assert verdicts(picture)["satellite"].text == (
+def test_refused_plan_by_satellite_alarms_with_the_gateways_sentence(status):
+    status.satellite = standing(fault="plan-3 refused: RockBLOCK did not take it: no credit.")
+    assert verdicts(status)["satellite"].text == (
         "Satellite to mini-1: plan-3 refused: RockBLOCK did not take it: no credit."
     )
 
 
-def test_wrong_clock_alarms(picture):
-    picture.clock_fault = ClockFault(timedelta(days=-400), "The clock of mini-1 is behind.")
-    assert verdicts(picture)["clock"].text == "The clock of mini-1 is behind."
+def test_wrong_clock_alarms(status):
+    status.clock_fault = ClockFault(timedelta(days=-400), "The clock of mini-1 is behind.")
+    assert verdicts(status)["clock"].text == "The clock of mini-1 is behind."
 
 
-def test_another_robot_under_the_same_system_id_alarms(picture):
+def test_another_robot_under_the_same_system_id_alarms(status):
     now = NOW - timedelta(seconds=1)
     conflict = "another radio (00000000000000A2) speaks as system 1; it is not obeyed"
-    picture.links = {
+    status.links = {
         "xbee": LinkReport(MINI, "xbee", LinkState.LIVE, now, None, 1, 0, conflict=conflict)
     }
-    assert verdicts(picture)["system id"].text == (
+    assert verdicts(status)["system id"].text == (
         f"mini-1 is not alone under its system id: {conflict}."
     )
-    picture.links = link(LinkState.LIVE)
-    assert "system id" not in verdicts(picture)
+    status.links = link(LinkState.LIVE)
+    assert "system id" not in verdicts(status)

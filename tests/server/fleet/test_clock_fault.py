@@ -37,7 +37,7 @@ async def test_gauges_go_on_when_a_clock_is_minutes_behind_and_the_clock_is_told
     found = (await client.get(f"/api/robots/{MINI}/state")).json()
     assert "20 min behind" in found["clock_fault"]
     assert found["channels"]["depth_m"]["value"] == pytest.approx(0.7)
-    assert station.fleet.picture(MINI).state.measured_at == now + timedelta(seconds=7)
+    assert station.fleet.status(MINI).state.measured_at == now + timedelta(seconds=7)
     world.tell(state_report(MINI, (1.0, 0.5, 0.4), at=now + timedelta(seconds=8)))
     found = (await client.get(f"/api/robots/{MINI}/state")).json()
     assert (found["clock_fault"], found["channels"]["depth_m"]["value"]) == (None, 0.4)
@@ -54,10 +54,8 @@ async def test_gauges_go_on_at_once_when_a_clock_is_minutes_ahead_and_the_clock_
     found = (await client.get(f"/api/robots/{MINI}/state")).json()
     assert "12 min ahead" in found["clock_fault"]
     assert found["channels"]["depth_m"]["value"] == 0.3
-    assert station.fleet.picture(MINI).state.measured_at == at, (
-        "the true age is that of its arrival"
-    )
-    assert station.fleet.picture(MINI).refused == 0
+    assert station.fleet.status(MINI).state.measured_at == at, "the true age is that of its arrival"
+    assert station.fleet.status(MINI).refused == 0
 
 
 async def test_sample_dated_ahead_that_comes_before_any_state_is_kept_as_of_its_arrival(

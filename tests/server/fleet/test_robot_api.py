@@ -46,7 +46,7 @@ async def test_old_words_are_marked_as_old(client, world, still):
 
 
 async def test_robot_that_went_silent_is_last_heard(tmp_path, world, client, station):
-    station.fleet.picture(MINI).state = state_report(
+    station.fleet.status(MINI).state = state_report(
         MINI, at=datetime.now(UTC) - timedelta(minutes=5), mode=RobotMode.GLIDING
     )
     robot = (await client.get("/api/robots/mini-1")).json()
@@ -69,7 +69,7 @@ async def test_submerged_robot_says_when_it_will_be_heard(client, station, world
 
     contact = await until(running)
     legs = (await client.get(f"/api/plans/{plan}")).json()["legs"]
-    said_at = station.fleet.picture(MINI).plan_report.measured_at
+    said_at = station.fleet.status(MINI).plan_report.measured_at
     ahead_s = (datetime.fromisoformat(contact["at"]) - said_at).total_seconds()
     assert ahead_s == pytest.approx(sum(leg["duration_s"] for leg in legs), abs=0.01)
     robot = (await client.get("/api/robots/mini-1")).json()
@@ -169,7 +169,7 @@ async def test_unknown_channel_is_refused_with_those_that_exist(client):
 
 
 async def test_robot_can_be_added_and_is_listened_for_at_once(client, world, station):
-    site = station.fleet.picture(MINI).record.site.model_dump(mode="json")
+    site = station.fleet.status(MINI).record.site.model_dump(mode="json")
     answer = await client.post("/api/robots", json={**NEW_ROBOT, "site": site})
     assert answer.status_code == 201
     world.hear("mini-2")
@@ -185,7 +185,7 @@ async def test_robot_can_be_added_and_is_listened_for_at_once(client, world, sta
     [("model", "submarine"), ("links", ["smoke://signal"]), ("system_id", 300), ("id", "A B")],
 )
 async def test_wrong_field_of_a_new_robot_is_named(client, station, field, value):
-    site = station.fleet.picture(MINI).record.site.model_dump(mode="json")
+    site = station.fleet.status(MINI).record.site.model_dump(mode="json")
     refused = await client.post("/api/robots", json={**NEW_ROBOT, "site": site, field: value})
     assert refused.status_code == 422
     assert refused.json()["errors"][0]["loc"][0] == field

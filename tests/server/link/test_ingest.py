@@ -74,10 +74,10 @@ IMPOSSIBLE = {
 
 @pytest.mark.parametrize("changes", IMPOSSIBLE.values(), ids=IMPOSSIBLE)
 async def test_impossible_state_reaches_no_gauge_and_no_track(station, foundation, world, changes):
-    before = station.fleet.picture(MINI).state
+    before = station.fleet.status(MINI).state
     world.tell(state_report(MINI, **changes))
-    assert station.fleet.picture(MINI).state is before
-    assert station.fleet.picture(MINI).refused == 1
+    assert station.fleet.status(MINI).state is before
+    assert station.fleet.status(MINI).refused == 1
     assert await count(foundation, StateRow) <= 1
 
 
@@ -122,7 +122,7 @@ async def test_late_report_is_stored_but_moves_no_gauge_back(station, foundation
     newest = state_report(MINI, (1.4, 0.5, 0.3))
     world.tell(newest)
     world.tell(replace(newest, measured_at=newest.measured_at - timedelta(seconds=30)))
-    assert station.fleet.picture(MINI).state is newest
+    assert station.fleet.status(MINI).state is newest
 
     async def all_stored():
         return await count(foundation, StateRow) == 3
@@ -149,7 +149,7 @@ async def test_robot_with_a_wrong_clock_is_shown_as_such_and_ordered_by_arrival(
     assert words in found["clock_fault"]
     assert "mini-1" in found["clock_fault"]
     assert found["channels"]["depth_m"]["value"] == 0.1, "the newest by arrival"
-    assert station.fleet.picture(MINI).state.measured_at == now + timedelta(seconds=2)
+    assert station.fleet.status(MINI).state.measured_at == now + timedelta(seconds=2)
     world.tell(state_report(MINI, at=now + timedelta(seconds=3)))
     assert (await client.get("/api/robots/mini-1/state")).json()["clock_fault"] is None
 
@@ -181,7 +181,7 @@ async def test_what_robots_said_is_there_after_a_restart(tmp_path, world):
         world.robots[MINI].sample((1.3, 0.7, 0.4), value=77.0)
         await until(lambda: world.acknowledged)
     async with open_station(tmp_path, world) as station:
-        picture = station.fleet.picture(MINI)
-        assert picture.state.position_ned == (1.3, 0.7, 0.4)
-        assert picture.samples["blue_light"].value == 77.0
-        assert len(picture.track.since(0).position_ned) == 1
+        status = station.fleet.status(MINI)
+        assert status.state.position_ned == (1.3, 0.7, 0.4)
+        assert status.samples["blue_light"].value == 77.0
+        assert len(status.track.since(0).position_ned) == 1

@@ -123,13 +123,13 @@ async def test_the_speed_of_sound_that_the_operator_sets_holds_from_the_next_ran
 async def test_a_pulled_plug_stops_the_asking_and_is_shown(tmp_path):
     reports, fake = [], FakeModem({"CCMPC": replying("1", "2")})
     async with ranging(tmp_path, fake, reports) as service:
-        service.set_plugged(LINK, is_plugged=False)
+        service.set_enabled(LINK, is_enabled=False)
         await service.set_robots([robot((LINK,))])
-        report = await shown(reports, GRACE, LinkState.UNPLUGGED)
-        assert not report.is_plugged
+        report = await shown(reports, GRACE, LinkState.DISABLED)
+        assert not report.is_enabled
         assert await kept(service.store, GRACE, 0) == []
         assert fake.commands == []
-        service.set_plugged(LINK, is_plugged=True)
+        service.set_enabled(LINK, is_enabled=True)
         await shown(reports, GRACE, LinkState.LIVE)
 
 

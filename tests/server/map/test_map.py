@@ -161,7 +161,7 @@ async def test_recorded_robot_shows_the_map_that_its_import_kept(client, station
     packed = io.BytesIO()
     np.savez_compressed(packed, mean=np.arange(12.0), std=np.ones(12))
     record = replace(
-        robot_record(name, 9, "", station.fleet.picture(GRACE).record.site),
+        robot_record(name, 9, "", station.fleet.status(GRACE).record.site),
         kind="recorded",
         system_id=None,
         links=(),

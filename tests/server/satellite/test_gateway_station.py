@@ -61,7 +61,7 @@ async def test_while_its_link_is_unplugged_a_robots_messages_stay_with_the_gatew
 ):
     async with whole_station(tmp_path, monkeypatch) as (app, gateway, path):
         uri = f"rockblock://{IMEI}"
-        await app.state.station.set_plugged("grace-1", uri, is_plugged=False, by="test")
+        await app.state.station.set_enabled("grace-1", uri, is_enabled=False, by="test")
         assert (await gateway.post(path, content=form_push())).status_code == 503
-        await app.state.station.set_plugged("grace-1", uri, is_plugged=True, by="test")
+        await app.state.station.set_enabled("grace-1", uri, is_enabled=True, by="test")
         assert (await gateway.post(path, content=form_push())).json() == {"is_new": True}

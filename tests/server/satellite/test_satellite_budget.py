@@ -45,7 +45,7 @@ async def test_budget_stops_a_plan_until_midnight_or_a_greater_budget(far, sky, 
     assert [part["level"] for part in waiting["parts"]] == ["queued", "waiting"]
     assert f"budget of {credits} credits is spent" in waiting["text"]
     await station.satellite.refresh()
-    assert station.fleet.picture("grace-1").satellite.waits_for_budget
+    assert station.fleet.status("grace-1").satellite.waits_for_budget
     calls = len(sky.calls)
     await station.commands.send("grace-1", CommandKind.SURFACE, by="test")
     await until(lambda: len(sky.calls) > calls)

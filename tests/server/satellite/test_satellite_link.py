@@ -106,7 +106,7 @@ async def test_old_record_under_a_new_number_proves_nothing(far, sky, robot):
     later = replace(old, momsn=old.momsn + 9, session_at=sky.clock.now())
     assert await sky.deliver(later) is True
     await settled(station)
-    assert station.fleet.picture(GRACE).state.position_ned[0] == 180.0
+    assert station.fleet.status(GRACE).state.position_ned[0] == 180.0
     newest = (await client.get("/api/robots/grace-1/satellite")).json()["incoming"][0]
     assert newest["is_decoded"] is False
     assert "heard before" in newest["text"]
@@ -148,10 +148,10 @@ async def test_message_that_was_not_passed_on_is_passed_on_after_a_restart(
         monkeypatch.setattr(station.satellite, "_pass_on", lambda *_: None)
         robot.position_ned = (170.0, 160.0, 0.0)
         await robot.call()
-        assert station.fleet.picture(GRACE).state is None
+        assert station.fleet.status(GRACE).state is None
     async with far_station(tmp_path, world, sky, monkeypatch) as (station, client):
         await settled(station)
-        assert station.fleet.picture(GRACE).state.position_ned[:2] == (170.0, 160.0)
+        assert station.fleet.status(GRACE).state.position_ned[:2] == (170.0, 160.0)
         assert len((await client.get("/api/robots/grace-1/satellite")).json()["incoming"]) == 1
 
 
@@ -164,7 +164,7 @@ async def test_late_word_on_the_plan_takes_nothing_back(far, sky, robot):
     await settled(station)
     await sky.deliver(replace(late, arrived_at=sky.clock.now()))
     await settled(station)
-    assert station.fleet.picture(GRACE).plan_report.state is OnboardPlanState.DONE
+    assert station.fleet.status(GRACE).plan_report.state is OnboardPlanState.DONE
 
 
 async def test_unplugged_satellite_sends_nothing_and_takes_nothing(far, sky, robot):
@@ -205,12 +205,12 @@ async def test_plug_that_was_pulled_stays_pulled_after_a_restart(
     async with far_station(tmp_path, world, sky, monkeypatch) as (_, client):
         for uri in LINKS:
             await client.post(PLUG, json={"uri": uri, "plugged": False})
-        assert (RADIO, False) in world.plugs
+        assert (RADIO, False) in world.switched
         unknown = await client.post(PLUG, json={"uri": "xbee://10.0.0.1:1", "plugged": False})
         assert unknown.status_code == 404
-    world.plugs.clear()
+    world.switched.clear()
     async with far_station(tmp_path, world, sky, monkeypatch) as (_, client):
-        assert world.plugs == [(RADIO, False)]
+        assert world.switched == [(RADIO, False)]
         links = (await client.get("/api/robots/grace-1/links")).json()
         assert [one["is_plugged"] for one in links] == [False, False]
 

@@ -142,7 +142,7 @@ async def test_refusal_for_good_ends_the_transfer_with_its_sentence(far, sky, fa
     await settled(station)
     assert len(sky.calls) == calls, "it is not tried again"
     await station.satellite.refresh()
-    assert fault.value in station.fleet.picture("grace-1").satellite.fault
+    assert fault.value in station.fleet.status("grace-1").satellite.fault
 
 
 async def test_full_queue_is_waited_for(far, sky, robot):

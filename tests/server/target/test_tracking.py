@@ -84,7 +84,7 @@ async def test_a_robot_with_a_wrong_clock_is_shown_by_its_arrival(client, statio
     world.tell(state_report(MINI, at=years_ago, received_at=datetime.now(UTC)))
     report = replace(now_report(), measured_at=years_ago)
     world.tell(report)
-    shown = station.fleet.picture(MINI).target_report
+    shown = station.fleet.status(MINI).target_report
     assert abs(shown.measured_at - report.received_at) < timedelta(minutes=1)
 
 
@@ -102,7 +102,7 @@ async def test_a_report_ends_with_the_flight_of_another_plan(client, station, wo
     await upload(client, plan, start=True)
     await plan_in(client, plan, "running")
     world.robots[MINI].say(OnboardPlanState.RUNNING)
-    assert station.fleet.picture(MINI).target_report is None
+    assert station.fleet.status(MINI).target_report is None
     assert (await client.get("/api/robots/mini-1/state")).json()["tracking"] is None
 
 
@@ -183,5 +183,5 @@ async def test_what_was_shown_is_shown_again_after_a_restart(tmp_path, world):
 
         assert await until(stored) == report
     async with open_station(tmp_path, world) as station:
-        assert station.fleet.picture(MINI).target_report == report
+        assert station.fleet.status(MINI).target_report == report
         assert station.fleet.live_view(MINI).tracking.phase == "tracking"

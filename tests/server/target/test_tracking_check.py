@@ -19,7 +19,7 @@ from robot_link.messages import (
 )
 from robot_link.satellite.content import MobileOriginatedContent
 from server.alarm.rules import RULES, Watch
-from server.fleet.picture import Picture, PlanInHand
+from server.fleet.status import PlanInHand, RobotStatus
 from server.fleet.target_words import target_text, within_95_m
 from server.fleet.trail import Track
 from server.fleet.words import activity
@@ -38,11 +38,11 @@ MINI = RobotId("mini-1")
 MODEM = "micromodem://127.0.0.1:5005?us=1&peer=2"
 
 
-def picture_in(site, position_ned=(1.0, 0.5, 0.0), **state):
+def status_in(site, position_ned=(1.0, 0.5, 0.0), **state):
     record = RobotRecord(MINI, "mini-1", "miniglider", "real", None, (MODEM,), site, NOW)
-    picture = Picture(record, Track(0.01, (0.05, 0.12)))
-    picture.state = state_report(MINI, position_ned, **state)
-    return picture
+    status = RobotStatus(record, Track(0.01, (0.05, 0.12)))
+    status.state = state_report(MINI, position_ned, **state)
+    return status
 
 
 def changed(**groups):
@@ -61,9 +61,9 @@ def fields(found):
     [("miniglider", TANK, (1.0, 0.5, 0.0)), ("grace3", LAKE, (110.0, 140.0, 0.0))],
 )
 def test_the_presets_break_no_limit_and_need_no_warning(vehicle, site, position):
-    picture, config = picture_in(site, position), TRACKING_PRESETS[vehicle]
-    assert target_violations(picture, config) == []
-    assert target_warnings(picture, config, is_quiet=False) == []
+    status, config = status_in(site, position), TRACKING_PRESETS[vehicle]
+    assert target_violations(status, config) == []
+    assert target_warnings(status, config, is_quiet=False) == []
 
 
 @pytest.mark.parametrize(
@@ -99,21 +99,21 @@ def test_the_presets_break_no_limit_and_need_no_warning(vehicle, site, position)
     ],
 )
 def test_each_limit_is_named_by_its_field(groups, field, words):
-    found = target_violations(picture_in(TANK), changed(**groups))
+    found = target_violations(status_in(TANK), changed(**groups))
     assert fields(found) == [field]
     assert words in found[0].message
 
 
 def test_land_within_the_box_of_a_lake_is_no_water():
-    picture = picture_in(LAKE, (250.0, 250.0, 0.0))
-    found = target_violations(picture, changed(target={"north_m": 10.0, "east_m": 490.0}))
+    status = status_in(LAKE, (250.0, 250.0, 0.0))
+    found = target_violations(status, changed(target={"north_m": 10.0, "east_m": 490.0}))
     assert fields(found) == ["target.north_m"]
 
 
 def test_a_robot_that_cannot_do_it_now_is_named():
-    far = picture_in(TANK, (30.0, 0.0, 0.0))
+    far = status_in(TANK, (30.0, 0.0, 0.0))
     assert fields(target_violations(far, TRACKING_PRESETS["miniglider"])) == ["start"]
-    empty = picture_in(TANK, battery_fraction=0.15)
+    empty = status_in(TANK, battery_fraction=0.15)
     (one,) = target_violations(empty, TRACKING_PRESETS["miniglider"])
     assert one.field == "start"
     assert "15% of its battery" in one.message
@@ -130,17 +130,17 @@ def test_a_robot_that_cannot_do_it_now_is_named():
 )
 def test_what_a_person_should_know_is_a_warning_and_no_limit(barrier, field):
     config = changed(barrier=barrier)
-    assert fields(target_warnings(picture_in(TANK), config, is_quiet=False)) == [field]
-    assert target_violations(picture_in(TANK), config) == []
+    assert fields(target_warnings(status_in(TANK), config, is_quiet=False)) == [field]
+    assert target_violations(status_in(TANK), config) == []
 
 
 def test_swimming_out_of_radios_reach_and_silence_are_warned_of():
-    lake = picture_in(LAKE, (250.0, 250.0, 0.0))
+    lake = status_in(LAKE, (250.0, 250.0, 0.0))
     deep = changed(motion={"depth_m": 2.0})
     assert fields(target_warnings(lake, deep, is_quiet=False)) == ["motion.depth_m"]
     shallow = changed(motion={"depth_m": 0.5})
-    assert target_warnings(picture_in(TANK), shallow, is_quiet=False) == []
-    assert fields(target_warnings(picture_in(TANK), changed(), is_quiet=True)) == ["quiet"]
+    assert target_warnings(status_in(TANK), shallow, is_quiet=False) == []
+    assert fields(target_warnings(status_in(TANK), changed(), is_quiet=True)) == ["quiet"]
 
 
 def test_path_of_a_target_that_turns_comes_back():
@@ -171,14 +171,14 @@ def test_swing_out_of_the_water_is_found_however_short():
     config = changed(
         target={**swing, "east_m": 0.385}, motion={"duration_s": 43200.0, "speed_max_m_s": 0.2}
     )
-    (one,) = target_violations(picture_in(TANK), config)
+    (one,) = target_violations(status_in(TANK), config)
     assert one.field == "target.path"
     late = changed(
         target={"path": "sine", "heading_rad": 0.0, "north_m": 0.5, "speed_m_s": 1e-4,
                 "period_s": 30.0, "width_m": 0.1},
         motion={"duration_s": 80000.0, "speed_max_m_s": 0.2},
     )  # fmt: skip
-    (one,) = target_violations(picture_in(TANK), late)
+    (one,) = target_violations(status_in(TANK), late)
     assert one.field == "target.path"
 
 
@@ -192,63 +192,63 @@ def in_hand(duration_s, kind="track_target"):
 
 
 def test_robot_that_follows_a_target_under_water_surfaces_when_that_ends():
-    picture = picture_in(LAKE)
-    picture.plan = in_hand(400.0)
-    assert picture.next_surfacing() is None
-    picture.plan_report = PlanReport(
+    status = status_in(LAKE)
+    status.plan = in_hand(400.0)
+    assert status.next_surfacing() is None
+    status.plan_report = PlanReport(
         MINI, "a" * 64, OnboardPlanState.RUNNING, 0, 0, 1.0, "", NOW, NOW
     )
-    assert picture.next_surfacing() == NOW + timedelta(seconds=400.0)
+    assert status.next_surfacing() == NOW + timedelta(seconds=400.0)
 
 
-def alarm(picture):
+def alarm(status):
     (rule,) = (rule for rule in RULES if rule.cause == "target")
-    return rule.judge(picture, Watch(NOW, NOW, 1.0))
+    return rule.judge(status, Watch(NOW, NOW, 1.0))
 
 
 def test_a_lost_target_is_an_alarm_as_long_as_the_mission_lasts():
-    picture = picture_in(TANK)
-    assert alarm(picture) is None
-    picture.target_report = target_report(0, TargetPhase.LOST)
-    assert alarm(picture).text == "mini-1 lost its target; it circles to find it."
-    picture.target_report = replace(picture.target_report, is_barrier_on=False)
-    assert alarm(picture).text == "mini-1 lost its target; it does not search for it."
-    picture.target_report = replace(picture.target_report, is_quiet=True)
-    assert alarm(picture).text == "mini-1 lost its target; it was told not to ping."
-    picture.plan_report = PlanReport(
+    status = status_in(TANK)
+    assert alarm(status) is None
+    status.target_report = target_report(0, TargetPhase.LOST)
+    assert alarm(status).text == "mini-1 lost its target; it circles to find it."
+    status.target_report = replace(status.target_report, is_barrier_on=False)
+    assert alarm(status).text == "mini-1 lost its target; it does not search for it."
+    status.target_report = replace(status.target_report, is_quiet=True)
+    assert alarm(status).text == "mini-1 lost its target; it was told not to ping."
+    status.plan_report = PlanReport(
         MINI, "a" * 64, OnboardPlanState.FAILED, 0, 0, 1.0, "lost", NOW, NOW
     )
-    assert alarm(picture) is None
+    assert alarm(status) is None
 
 
 def test_the_alarm_of_a_lost_target_says_how_that_ended():
     (rule,) = (rule for rule in RULES if rule.cause == "target")
-    picture = picture_in(TANK)
+    status = status_in(TANK)
     for phase, how in (
         (TargetPhase.TRACKING, "found again"),
         (TargetPhase.COASTING, "found again"),
         (TargetPhase.WAITING, "its pursuit ended"),
         (TargetPhase.ENDED, "its pursuit ended"),
     ):
-        picture.target_report = target_report(0, phase)
-        assert rule.over(picture) == f"mini-1 lost its target; {how}."
-    picture.target_report = target_report(0, TargetPhase.TRACKING)
-    picture.plan_report = PlanReport(
+        status.target_report = target_report(0, phase)
+        assert rule.over(status) == f"mini-1 lost its target; {how}."
+    status.target_report = target_report(0, TargetPhase.TRACKING)
+    status.plan_report = PlanReport(
         MINI, "a" * 64, OnboardPlanState.FAILED, 0, 0, 1.0, "lost", NOW, NOW
     )
-    assert rule.over(picture) == "mini-1 lost its target; its pursuit ended."
+    assert rule.over(status) == "mini-1 lost its target; its pursuit ended."
 
 
 def test_a_loss_in_an_earlier_mission_is_no_alarm_while_another_is_flown():
-    picture = picture_in(TANK)
-    picture.target_report = target_report(0, TargetPhase.LOST)
-    picture.plan_report = PlanReport(
+    status = status_in(TANK)
+    status.target_report = target_report(0, TargetPhase.LOST)
+    status.plan_report = PlanReport(
         MINI, "a" * 64, OnboardPlanState.RUNNING, 0, 0, 1.0, "", NOW, NOW
     )
-    picture.plan = in_hand(400.0)
-    assert alarm(picture) is not None
-    picture.plan = in_hand(400.0, kind="survey")
-    assert alarm(picture) is None
+    status.plan = in_hand(400.0)
+    assert alarm(status) is not None
+    status.plan = in_hand(400.0, kind="survey")
+    assert alarm(status) is None
 
 
 def test_a_satellite_record_tells_of_the_target_as_radio_does():

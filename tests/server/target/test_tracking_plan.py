@@ -269,9 +269,9 @@ async def test_a_draft_grows_old(client, station):
     plan = (await draft(client))["id"]
     record = await station.foundation.store.query(lambda session: get_plan(session, plan))
     limit = timedelta(seconds=record.document["draft_age_s"])
-    picture = station.fleet.picture(MINI)
-    assert outdated_target(record, picture, record.created_at + limit) == []
-    late = outdated_target(record, picture, record.created_at + 2 * limit)
+    status = station.fleet.status(MINI)
+    assert outdated_target(record, status, record.created_at + limit) == []
+    late = outdated_target(record, status, record.created_at + 2 * limit)
     assert [one.field for one in late] == ["mission.draft_age_s"]
 
 
@@ -407,4 +407,4 @@ async def test_silence_of_a_robot_that_follows_under_water_is_expected(
     await plan_in(client, plan, "running")
     world.tell(state_report(robot, where, mode=mode))
     world.hear(robot, LinkState.STALE)
-    assert station.fleet.picture(robot).link_state is seen
+    assert station.fleet.status(robot).link_state is seen

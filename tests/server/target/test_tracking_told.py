@@ -97,7 +97,7 @@ async def test_a_loss_that_a_killed_station_had_not_told_is_told_at_its_next_sta
             await until(told)
             world.tell(now_report(10.0, TargetPhase.LOST))
     async with open_station(tmp_path, world) as station:
-        assert station.fleet.picture(MINI).target_report.phase is TargetPhase.LOST
+        assert station.fleet.status(MINI).target_report.phase is TargetPhase.LOST
         world.tell(now_report(0.0))
 
         async def found():
@@ -158,6 +158,6 @@ async def test_what_no_robot_can_mean_is_kept_out_and_told_once(client, station,
 
     await until(refused)
     assert len(await events_of(client, "track.refused")) == 1
-    assert station.fleet.picture(MINI).target_report is None
+    assert station.fleet.status(MINI).target_report is None
     world.tell(now_report())
     await kept(client, 1)

@@ -23,8 +23,8 @@ from robot_link.messages import (
 )
 from server.base import retry_queue as turn
 from server.base.problem import Problem
-from server.link import road
-from server.link.road import Road
+from server.link import radios
+from server.link.radios import Radios
 from server.plan.document import mission_of
 from tests.server.conftest import MINI, robot_record, until
 from tests.server.fake_link import World, state_report
@@ -34,7 +34,7 @@ from tests.server.transfer.test_upload import draft, plan_in, transfer_in, uploa
 @pytest.fixture(autouse=True)
 def _hasty(monkeypatch):
     monkeypatch.setattr(turn, "RETRY_S", 0.05)
-    monkeypatch.setattr(road, "_LOOK_S", 0.02)
+    monkeypatch.setattr(radios, "_LOOK_S", 0.02)
 
 
 @contextmanager
@@ -198,7 +198,7 @@ async def test_order_for_a_robot_without_a_link_expires():
     heard: list[object] = []
     world = World()
     clock = SystemClock()
-    way = Road(clock, heard.append, world.make_link, None)
+    way = Radios(clock, heard.append, world.make_link, None)
     serving = asyncio.create_task(way.run())
     soon = clock.now() + timedelta(seconds=0.15)
     way.send_command(MINI, CommandKind.SURFACE, CommandNumber(7), soon)
@@ -216,7 +216,7 @@ async def test_order_that_waits_for_a_link_does_not_expire_once_there_is_one():
     heard: list[object] = []
     world = World()
     clock = SystemClock()
-    way = Road(clock, heard.append, world.make_link, None)
+    way = Radios(clock, heard.append, world.make_link, None)
     serving = asyncio.create_task(way.run())
     soon = clock.now() + timedelta(seconds=1.0)
     way.send_command(MINI, CommandKind.HOLD, CommandNumber(8), soon)

@@ -21,7 +21,7 @@ from robot_link.messages import (
 from robot_link.station.gateway.address import ACOUSTIC_CARRIER, SATELLITE_CARRIERS
 from robot_link.transport.opening import is_radio
 from server.fleet.clock_fault import ClockFault
-from server.fleet.routing import Roads
+from server.fleet.routing import KnownLinks
 from server.fleet.trail import Track
 
 SURFACE_DEPTH_M = 0.3
@@ -35,7 +35,7 @@ _BEST_LINK_FIRST = (
     LinkState.SUBMERGED,
     LinkState.STALE,
     LinkState.PORT_CLOSED,
-    LinkState.UNPLUGGED,
+    LinkState.DISABLED,
     LinkState.NEVER_HEARD,
 )
 
@@ -82,7 +82,7 @@ class SatelliteStanding:
 
 
 @dataclass(slots=True)
-class Picture:
+class RobotStatus:
     """Newest of everything about one robot; changed on the station's event loop only."""
 
     record: RobotRecord
@@ -95,12 +95,12 @@ class Picture:
     """Newest report of each link, by its URI, or by its carrier where the report names no URI."""
     satellite: SatelliteStanding | None = None
     """Where the satellite link stands; ``None`` for a robot without one."""
-    unplugged: frozenset[str] = frozenset()
-    """Plugs that the operator has pulled; see ``server.fleet.plug``."""
+    disabled_links: frozenset[str] = frozenset()
+    """Ports that the operator has disabled; see ``server.fleet.disabled_links``."""
     clock_fault: ClockFault | None = None
     """What is wrong with the robot's clock; ``None`` while it is right."""
     remembered: LinkReport | None = None
-    """What the database knows of the road, until the robot is heard again."""
+    """What the database knows of the link, until the robot is heard again."""
     samples: dict[str, Sample] = field(default_factory=dict)
     """Newest sample by variable."""
     plan: PlanInHand | None = None
@@ -113,18 +113,18 @@ class Picture:
     @property
     def link(self) -> LinkReport | None:
         """Report of the link by which the robot is reached best, ``None`` before the first."""
-        best = best_link(self._roads)
+        best = best_link(self._reports)
         unheard = best is None or best.state is LinkState.NEVER_HEARD
         return self.remembered or best if unheard else best
 
     @property
-    def _roads(self) -> list[LinkReport]:
+    def _reports(self) -> list[LinkReport]:
         """Reports of the links that carry words; an acoustic modem measures ranges alone."""
         return [link for link in self.links.values() if link.carrier != ACOUSTIC_CARRIER]
 
     @property
     def link_state(self) -> LinkState:
-        """What is known of the road to the robot."""
+        """What is known of the link to the robot."""
         link = self.link
         return LinkState.NEVER_HEARD if link is None else link.state
 
@@ -140,11 +140,11 @@ class Picture:
         return LinkState.NEVER_HEARD if radio is None else radio.state
 
     @property
-    def roads(self) -> Roads:
-        """What is known of each kind of road, for the choice of one."""
+    def known_links(self) -> KnownLinks:
+        """What is known of each kind of link, for the choice of one."""
         radio, satellite = self.radio, self.satellite_link
         has_radio = radio is not None or any(is_radio(uri) for uri in self.record.links)
-        return Roads(
+        return KnownLinks(
             radio=self.radio_state if has_radio else None,
             radio_heard_at=None if radio is None else radio.heard_at,
             satellite=None if satellite is None else satellite.state,
@@ -159,7 +159,7 @@ class Picture:
     @property
     def heard_at(self) -> datetime | None:
         """When the robot was last heard on any link, as far as the database remembers."""
-        heard = [link.heard_at for link in self._roads if link.heard_at is not None]
+        heard = [link.heard_at for link in self._reports if link.heard_at is not None]
         if self.remembered is not None and self.remembered.heard_at is not None:
             heard.append(self.remembered.heard_at)
         return max(heard, default=None)
@@ -225,7 +225,7 @@ def best_link(links: Iterable[LinkReport]) -> LinkReport | None:
 
 
 def remembered_link(state: StateReport, *, radio_under_water: bool) -> LinkReport:
-    """Return what a stored state says of the road to a robot that was not heard since."""
+    """Return what a stored state says of the link to a robot that was not heard since."""
     dived = state.mode in UNDER_WATER and not radio_under_water
     return LinkReport(
         robot=state.robot,

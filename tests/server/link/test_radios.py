@@ -8,8 +8,8 @@ from db.query.robots import list_robots
 from robot_link.clock import SystemClock
 from robot_link.messages import RobotId, SystemId
 from server.base.secret import SecretStore
-from server.fleet.plug import Plugs
-from server.link.road import Road
+from server.fleet.disabled_links import DisabledLinks
+from server.link.radios import Radios
 from server.link.signing import RobotSigning
 from tests.server.conftest import MINI
 from tests.server.fake_link import World
@@ -24,10 +24,10 @@ def world():
 
 
 @pytest.fixture
-def road(world, tmp_path):
+def radios(world, tmp_path):
     clock = SystemClock()
     signing = RobotSigning(SecretStore(tmp_path), clock)
-    return Road(clock, lambda _event: None, world.make_link, signing)
+    return Radios(clock, lambda _event: None, world.make_link, signing)
 
 
 @pytest.fixture
@@ -40,32 +40,32 @@ def robots(foundation):
 
 def is_open(world):
     """Return whether the shared radio was left plugged in."""
-    return world.plugs[-1][1]
+    return world.switched[-1][1]
 
 
-async def test_robots_that_share_a_radio_share_its_plug(road, world, robots):
-    road.set_robots(robots)
-    road.set_plugged(FIRST, is_plugged=False)
+async def test_robots_that_share_a_radio_share_its_plug(radios, world, robots):
+    radios.set_robots(robots)
+    radios.set_enabled(FIRST, is_enabled=False)
     assert not is_open(world)
-    road.set_plugged(SECOND, is_plugged=True)
+    radios.set_enabled(SECOND, is_enabled=True)
     assert is_open(world)
 
 
 async def test_both_robots_links_show_a_shared_plug_as_it_is(foundation):
-    plugs = Plugs(foundation.store, foundation.clock)
-    await plugs.set(FIRST, is_plugged=False, robot="mini-1", by="test")
-    assert not plugs.is_plugged(SECOND)
-    again = Plugs(foundation.store, foundation.clock)
+    disabled_links = DisabledLinks(foundation.store, foundation.clock)
+    await disabled_links.set(FIRST, is_enabled=False, robot="mini-1", by="test")
+    assert not disabled_links.is_enabled(SECOND)
+    again = DisabledLinks(foundation.store, foundation.clock)
     await again.load()
-    assert not again.is_plugged(FIRST)
-    await again.set(SECOND, is_plugged=True, robot="mini-1", by="test")
-    assert again.is_plugged(FIRST)
+    assert not again.is_enabled(FIRST)
+    await again.set(SECOND, is_enabled=True, robot="mini-1", by="test")
+    assert again.is_enabled(FIRST)
 
 
-async def test_a_radio_that_comes_back_finds_its_plug_as_it_was_left(road, world, robots):
-    road.set_robots(robots)
-    road.set_plugged(FIRST, is_plugged=False)
-    road.set_robots([])
-    world.plugs.clear()
-    road.set_robots(robots)
-    assert world.plugs == [(RADIO, False)]
+async def test_a_radio_that_comes_back_finds_its_plug_as_it_was_left(radios, world, robots):
+    radios.set_robots(robots)
+    radios.set_enabled(FIRST, is_enabled=False)
+    radios.set_robots([])
+    world.switched.clear()
+    radios.set_robots(robots)
+    assert world.switched == [(RADIO, False)]

@@ -51,8 +51,8 @@ class Link(Radio, ParameterRadio, FileRadio, Protocol):
         """Say which robots there are; those whose links are the same are not disturbed."""
         ...
 
-    def set_plugged(self, uri: str, is_plugged: bool) -> None:
-        """Pull the plug of a link, or put it back; KeyError if there is no such link."""
+    def set_enabled(self, uri: str, is_enabled: bool) -> None:
+        """Enable or disable a link; KeyError if there is no such link."""
         ...
 
     async def run(self) -> None:
@@ -78,7 +78,7 @@ def _radios(endpoints: Iterable[RobotEndpoint]) -> set[str]:
     return {path.transport_uri for end in endpoints for path in end.paths}
 
 
-class Road:
+class Radios:
     """The ``Radio`` of the services. Belongs to one event loop.
 
     A robot without a link of its own cannot be told anything: its commands wait here until it
@@ -95,14 +95,14 @@ class Road:
         self._clock = clock
         self._on_event = on_event
         self._robots: dict[RobotId, RobotEndpoint] = {}
-        self._unplugged: set[str] = set()
-        """Radios whose plug the operator pulled, of robots there are and others."""
+        self._disabled: set[str] = set()
+        """Radios that the operator disabled, of robots there are and others."""
         self._link = make(clock, on_event, signing)
         self._waiting: dict[tuple[RobotId, CommandNumber], datetime] = {}
         """When each command for a robot without a link expires."""
 
     def set_robots(self, robots: Iterable[RobotRecord]) -> bool:
-        """Say which robots there are; tell whether the road changed."""
+        """Say which robots there are; tell whether they changed."""
         endpoints = {
             robot.id: RobotEndpoint(robot.system_id, paths)
             for robot in robots
@@ -114,20 +114,20 @@ class Road:
         transports = {uri: open_transport(uri) for uri in sorted(uris)}
         self._link.set_robots(endpoints, transports)
         self._robots = endpoints
-        for uri in self._unplugged & uris:
-            self._link.set_plugged(uri, False)
+        for uri in self._disabled & uris:
+            self._link.set_enabled(uri, False)
         self._waiting = {key: end for key, end in self._waiting.items() if key[0] not in endpoints}
         return True
 
-    def set_plugged(self, uri: str, *, is_plugged: bool) -> None:
-        """Pull the plug of a link or put it back; robots that share its radio share its plug.
+    def set_enabled(self, uri: str, *, is_enabled: bool) -> None:
+        """Enable or disable a link; robots that share its radio share that.
 
-        A radio that comes later, or again, finds its plug as it was left.
+        A radio that comes later, or again, is as it was left.
         """
         radio = RadioPath(uri).transport_uri
-        (self._unplugged.discard if is_plugged else self._unplugged.add)(radio)
+        (self._disabled.discard if is_enabled else self._disabled.add)(radio)
         if radio in _radios(self._robots.values()):
-            self._link.set_plugged(radio, is_plugged)
+            self._link.set_enabled(radio, is_enabled)
 
     async def run(self) -> None:
         """Serve until cancelled."""
