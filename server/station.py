@@ -50,7 +50,7 @@ from server.map.group import MapSettings
 from server.map.learning import MapLearning
 from server.plan.dry_run import DryRuns
 from server.plan.follow import PlanFollower
-from server.plan.ledger import PlanLedger
+from server.plan.ledger import PlanLedger, PlanOutdated
 from server.plan.planning import Planning
 from server.plan.round_problem import field_config_of
 from server.plan.task import LOAD_PLANNER
@@ -112,7 +112,7 @@ class Station:
         self.radios = Radios(clock, self._take_event, make_link, signing)
         self.parameters = Parameters(foundation, self.fleet, self.radios)
         self.robot_logs = RobotLogs(foundation, self.fleet, self.radios)
-        self.plans = PlanLedger(store, clock, self.fleet, self.feed)
+        self.plans = PlanLedger(foundation, self.fleet, self.feed)
         self.planning = Planning(foundation, self.fleet, self.plans, self.workers)
         self.tracks = TargetPlanning(foundation, self.fleet, self.plans, self.planning.settings)
         self.disabled_links = DisabledLinks(store, clock)
@@ -264,8 +264,9 @@ class Station:
 
     def _connect(self) -> None:
         """Let the services follow each other."""
-        self.plans.listeners.append(self.surveys.plan_changed)
-        self.plans.on_outdated.append(self.missions.robot_said_more)
+        self._foundation.bus.subscribe(
+            PlanOutdated, lambda event: self.missions.robot_said_more(event.robot)
+        )
         self.uploads.on_failure.append(self.surveys.upload_failed)
         self.commands.purges.append(purge_in)
         self.commands.on_surface.append(self._show_missions)

@@ -1,4 +1,4 @@
-"""What robots say of the plans on board moves the station's plans, and nothing else does."""
+"""What robots say of the plans on board, as evidence for the station's plans."""
 
 from dataclasses import asdict
 from datetime import timedelta
@@ -11,21 +11,16 @@ from server.base.retry_queue import RetryQueue
 from server.fleet.status import FOLLOW_TARGET
 from server.fleet.words import TEACHING
 from server.plan.document import onboard_by, teaches
-from server.plan.ledger import ON_THE_WAY, PlanLedger
+from server.plan.ledger import PlanLedger
+from server.plan.state import PlanEvidence, leads_on
 from server.plan.view import OnboardView
 
-_STATES = {
-    OnboardPlanState.ON_BOARD: "on_board",
-    OnboardPlanState.RUNNING: "running",
-    OnboardPlanState.DONE: "done",
-    OnboardPlanState.FAILED: "failed",
+_SAID = {
+    OnboardPlanState.ON_BOARD: PlanEvidence.ROBOT_HAS_IT,
+    OnboardPlanState.RUNNING: PlanEvidence.ROBOT_FLIES_IT,
+    OnboardPlanState.DONE: PlanEvidence.ROBOT_IS_DONE,
+    OnboardPlanState.FAILED: PlanEvidence.ROBOT_GAVE_UP,
 }
-_BEFORE = {
-    "on_board": ("draft", "sent"),
-    "running": ("draft", "sent", "on_board"),
-    **dict.fromkeys(("done", "failed", "cancelled"), ("draft", "sent", "on_board", "running")),
-}
-"""States from which a robot's word leads on; reports may be missed, but never lead back."""
 _ROUNDED = timedelta(seconds=2)
 """What the times of two words of a robot may be off, one of them by satellite."""
 _OVERSPENT = 0.05
@@ -33,7 +28,7 @@ _OVERSPENT = 0.05
 
 
 class PlanFollower:
-    """Turns plan reports into states of plans, in order. Belongs to one event loop."""
+    """Hands plan reports on as evidence, in order. Belongs to one event loop."""
 
     def __init__(self, store: Store, ledger: PlanLedger) -> None:
         self._store = store
@@ -58,37 +53,36 @@ class PlanFollower:
         self._ledger.robot_said_more(report.robot)
 
     async def _follow(self, report: PlanReport) -> None:
-        state = _state_of(report)
-        if state is None or report.sha256 is None:
+        said = _evidence_of(report)
+        if said is None or report.sha256 is None:
             await self._lost(report)
             return
         sha256 = report.sha256
         plan = await self._store.query(lambda session: plan_by_hash(session, report.robot, sha256))
-        if plan is not None and plan.state in _BEFORE[state]:
-            await self._advance(plan, state, report)
-        elif plan is not None and (plan.state, state) == ("running", "on_board"):
+        if plan is not None and leads_on(plan.state, said):
+            await self._advance(plan, said, report)
+        elif plan is not None and (plan.state, said) == ("running", PlanEvidence.ROBOT_HAS_IT):
             await self._interrupted(plan, report)
         await self._supersede(report, None if plan is None else plan.id)
 
-    async def _advance(self, plan: PlanRecord, state: str, report: PlanReport) -> None:
+    async def _advance(self, plan: PlanRecord, said: PlanEvidence, report: PlanReport) -> None:
         onboard = onboard_by(plan, report)
         mark = f" ({TEACHING})" if teaches(plan) else ""
-        text = {
-            "on_board": f"{plan.robot} has {plan.id} on board.",
-            "running": f"{plan.robot} flies {plan.id}{mark}.",
-            "done": f"{plan.robot} {_completed(plan)}{_overspending(onboard)}.",
-            "failed": f"{plan.robot} ended {plan.id} early: {report.reason or 'no reason given'}",
-            "cancelled": f"{plan.robot} came up as ordered; that ended {plan.id}.",
-        }[state]
+        texts = {
+            PlanEvidence.ROBOT_HAS_IT: f"{plan.robot} has {plan.id} on board.",
+            PlanEvidence.ROBOT_FLIES_IT: f"{plan.robot} flies {plan.id}{mark}.",
+            PlanEvidence.ROBOT_IS_DONE: f"{plan.robot} {_completed(plan)}{_overspending(onboard)}.",
+            PlanEvidence.ROBOT_GAVE_UP: f"{plan.robot} ended {plan.id} early: "
+            f"{report.reason or 'no reason given'}",
+            PlanEvidence.ROBOT_SURFACED: f"{plan.robot} came up as ordered; that ended {plan.id}.",
+        }
         document: dict[str, object] = {"onboard": asdict(onboard)}
-        if state in {"failed", "cancelled"}:
-            document["message"] = text
-        if state in {"running", "done"}:
-            on_board = f"{plan.robot} has {plan.id} on board."
-            await self._ledger.advance(plan.id, "on_board", on_board, only_from=_BEFORE["on_board"])
-        await self._ledger.advance(
-            plan.id, state, text, only_from=_BEFORE[state], document=document
-        )
+        if said in {PlanEvidence.ROBOT_GAVE_UP, PlanEvidence.ROBOT_SURFACED}:
+            document["message"] = texts[said]
+        if said in {PlanEvidence.ROBOT_FLIES_IT, PlanEvidence.ROBOT_IS_DONE}:
+            has_it = PlanEvidence.ROBOT_HAS_IT
+            await self._ledger.advance(plan.id, has_it, texts[has_it])
+        await self._ledger.advance(plan.id, said, texts[said], document)
 
     async def _interrupted(self, plan: PlanRecord, report: PlanReport) -> None:
         """End a plan that waits on board again: its robot was switched off while it flew it."""
@@ -100,7 +94,8 @@ class PlanFollower:
         if flown is None or report.measured_at <= flown.measured_at + _ROUNDED:
             return  # an older word that took longer
         text = f"{plan.robot} was switched off while it flew {plan.id}, and flies it no longer."
-        await self._end(plan, "failed", text, onboard=asdict(onboard_by(plan, flown)))
+        restarted, onboard = PlanEvidence.ROBOT_RESTARTED, asdict(onboard_by(plan, flown))
+        await self._end(plan, restarted, text, onboard=onboard)
 
     async def _supersede(self, report: PlanReport, holder: str | None) -> None:
         """End the plans that the robot no longer holds, now that it names another."""
@@ -108,26 +103,25 @@ class PlanFollower:
             came_later = plan.on_board_at is not None and plan.on_board_at > report.received_at
             if plan.id != holder and not came_later:
                 text = f"{plan.robot} holds another plan now; {plan.id} ended."
-                await self._end(plan, "superseded", text)
+                await self._end(plan, PlanEvidence.ROBOT_HOLDS_ANOTHER, text)
 
     async def _lost(self, report: PlanReport) -> None:
         """End the plans of a robot that says it holds none."""
         if report.state is not OnboardPlanState.NONE:
             return
         for plan in await self._ledger.of_robot(report.robot, ("on_board", "running")):
-            await self._end(plan, "failed", f"{plan.robot} says that it no longer holds {plan.id}.")
+            text = f"{plan.robot} says that it no longer holds {plan.id}."
+            await self._end(plan, PlanEvidence.ROBOT_HOLDS_NONE, text)
 
-    async def _end(self, plan: PlanRecord, state: str, text: str, **more: object) -> None:
-        await self._ledger.advance(
-            plan.id, state, text, only_from=ON_THE_WAY, document={"message": text, **more}
-        )
+    async def _end(self, plan: PlanRecord, said: PlanEvidence, text: str, **more: object) -> None:
+        await self._ledger.advance(plan.id, said, text, {"message": text, **more})
 
 
-def _state_of(report: PlanReport) -> str | None:
-    """Return the state that a report brings a plan into; a person's order is no failure."""
+def _evidence_of(report: PlanReport) -> PlanEvidence | None:
+    """Return what a report proves of the plan that it names; a person's order is no failure."""
     if report.state is OnboardPlanState.FAILED and report.reason == SURFACED_BY_COMMAND:
-        return "cancelled"
-    return _STATES.get(report.state)
+        return PlanEvidence.ROBOT_SURFACED
+    return _SAID.get(report.state)
 
 
 def _completed(plan: PlanRecord) -> str:

@@ -1,48 +1,47 @@
-"""Every change of a plan: into the database with its event first, then to everyone who watches."""
+"""The plans of the fleet: what is committed about one is told to everyone who watches."""
 
 import asyncio
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import replace
-from datetime import datetime
+from dataclasses import dataclass, replace
 from typing import Any
 
 from sqlalchemy.orm import Session
 
 from db.query import plans as query
-from db.query.events import add_event
 from db.query.plans import PlanRecord, PlanStateError
-from db.store import Store
-from robot_link.clock import Clock
+from server.access.foundation import Foundation
 from server.base.live_feed import LiveFeed
 from server.fleet.fleet import Fleet
 from server.fleet.status import PlanInHand
 from server.plan.document import legs_of, live_plan_view, plan_view, points_of
 from server.plan.drafting import outdated_by
+from server.plan.state import ON_THE_WAY, PlanChanged, PlanEvidence, apply, begin
 from server.plan.survey_round import AHEAD_OF
 from server.plan.view import PlanView, ProgressView, TransferView, ViolationView
 
-ON_THE_WAY = ("sent", "on_board", "running")
-"""States in which a plan has left the station and has not ended."""
 _LOOK_S = 1.0
-_LEVELS = {"failed": "warning", "superseded": "watch", "cancelled": "watch"}
+
+
+@dataclass(frozen=True, slots=True)
+class PlanOutdated:
+    """What speaks against flying the plan that waits for a robot changed."""
+
+    robot: str
 
 
 class PlanLedger:
-    """Moves plans through their states. Belongs to one event loop."""
+    """Keeps plans, and what of them is in memory only. Belongs to one event loop."""
 
-    def __init__(self, store: Store, clock: Clock, fleet: Fleet, feed: LiveFeed) -> None:
-        self._store = store
-        self._clock = clock
+    def __init__(self, foundation: Foundation, fleet: Fleet, feed: LiveFeed) -> None:
+        self._store = foundation.store
+        self._clock = foundation.clock
+        self._bus = foundation.bus
         self._fleet = fleet
         self._feed = feed
         self._progress: dict[str, ProgressView] = {}
         self._transfers: dict[str, TransferView] = {}
-        self.listeners: list[Callable[[PlanRecord], None]] = []
-        """Called with each changed plan after the commit; must return at once."""
-        self.on_outdated: list[Callable[[str], None]] = []
-        """Called with a robot when what speaks against its waiting plan changed."""
         self._said_outdated: dict[str, tuple[ViolationView, ...]] = {}
 
     async def load(self) -> None:
@@ -74,63 +73,39 @@ class PlanLedger:
     ) -> PlanRecord:
         """Add a plan that is about to be planned, with what is known of it already."""
         at = self._clock.now()
-
-        def write(session: Session) -> PlanRecord:
-            plan = query.add_plan(
+        record = await self._store.write(
+            lambda session: begin(
                 session,
                 robot,
                 kind,
                 config=config,
+                document={"config_id": config_id, "message": "", **(document or {})},
                 at=at,
                 by=by,
                 mission=mission,
                 round_number=round_number,
             )
-            record = query.change_plan(
-                session,
-                plan,
-                at=at,
-                document={"config_id": config_id, "message": "", **(document or {})},
-            )
-            note_change(session, record, at, f"Planning {plan} for {robot}.")
-            return record
-
-        record = await self._store.write(write)
+        )
         self.publish(record)
         return record
 
     async def move(
         self,
         plan: str,
-        state: str,
+        evidence: PlanEvidence,
         text: str,
-        *,
-        only_from: tuple[str, ...],
-        sha256: str | None = None,
         document: Mapping[str, Any] | None = None,
     ) -> PlanRecord:
-        """Bring a plan into a state.
+        """Move a plan by evidence, as of ``server.plan.state``.
 
         Raises:
-            PlanStateError: If it is not in one of ``only_from``; nothing is changed.
+            PlanStateError: If it leads nowhere from the plan's state; nothing is changed.
             UnknownIdError: If there is no such plan.
         """
         at = self._clock.now()
-
-        def write(session: Session) -> PlanRecord:
-            record = query.change_plan(
-                session,
-                plan,
-                at=at,
-                state=state,
-                only_from=only_from,
-                sha256=sha256,
-                document=document,
-            )
-            note_change(session, record, at, text)
-            return record
-
-        record = await self._store.write(write)
+        record = await self._store.write(
+            lambda session: apply(session, plan, evidence, text, at, document=document)
+        )
         self.publish(record)
         return record
 
@@ -186,26 +161,11 @@ class PlanLedger:
             changed: list[PlanRecord] = []
             if replaces is not None:
                 ended = f"{plan} took the place of {replaces}."
-                old = query.change_plan(
-                    session,
-                    replaces,
-                    at=at,
-                    state="superseded",
-                    only_from=("draft",),
-                    document={"message": ended},
-                )
-                note_change(session, old, at, ended)
-                changed.append(old)
-            record = query.change_plan(
-                session,
-                plan,
-                at=at,
-                state="draft",
-                only_from=("planning",),
-                document=document,
-            )
-            note_change(session, record, at, text)
-            return [*changed, record]
+                why = {"message": ended}
+                replaced = PlanEvidence.REPLACED
+                changed.append(apply(session, replaces, replaced, ended, at, document=why))
+            made = apply(session, plan, PlanEvidence.MADE, text, at, document=document)
+            return [*changed, made]
 
         changed = await self._store.write(write)
         for record in changed:
@@ -215,15 +175,13 @@ class PlanLedger:
     async def advance(
         self,
         plan: str,
-        state: str,
+        evidence: PlanEvidence,
         text: str,
-        *,
-        only_from: tuple[str, ...],
         document: Mapping[str, Any] | None = None,
     ) -> None:
-        """Bring a plan into a state, unless someone was faster and it is further already."""
+        """Move a plan by evidence, unless someone was faster and it is further already."""
         with suppress(PlanStateError):
-            await self.move(plan, state, text, only_from=only_from, document=document)
+            await self.move(plan, evidence, text, document)
 
     async def get(self, plan: str) -> PlanRecord:
         """Return a plan.
@@ -264,8 +222,7 @@ class PlanLedger:
         if plan.state != "planning":
             self._progress.pop(plan.id, None)
         self._show(plan)
-        for listener in self.listeners:
-            listener(plan)
+        self._bus.publish(PlanChanged(plan))
 
     def robot_said_more(self, robot: str) -> None:
         """Tell the live stream that a robot got further with the plan on board."""
@@ -282,8 +239,7 @@ class PlanLedger:
                 if hand is not None and self._said_outdated.get(robot, ()) != outdated:
                     self._said_outdated[robot] = outdated
                     self._offer(hand.record)
-                    for listener in self.on_outdated:
-                        listener(robot)
+                    self._bus.publish(PlanOutdated(robot))
             await asyncio.sleep(_LOOK_S)
 
     def _outdated(self, plan: PlanRecord) -> tuple[ViolationView, ...]:
@@ -337,16 +293,3 @@ def _round_text(plan: PlanRecord) -> str:
         return ""
     rounds = math.ceil(plan.config["total_budget"] / plan.config["round_budget"])
     return f"round {plan.round} of {max(rounds, plan.round)}"
-
-
-def note_change(session: Session, plan: PlanRecord, at: datetime, text: str) -> None:
-    """Add the event of a plan's new state, in the transaction that brought it there."""
-    add_event(
-        session,
-        at,
-        f"plan.{plan.state}",
-        text,
-        level=_LEVELS.get(plan.state, "info"),
-        robot=plan.robot,
-        data={"plan": plan.id, "mission": plan.mission, "sha256": plan.sha256},
-    )

@@ -37,6 +37,7 @@ from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
 from server.plan.round_problem import RoundProblems
 from server.plan.search_request import SearchRequest
 from server.plan.settings import PlanSettings
+from server.plan.state import PlanEvidence
 from server.plan.survey_round import NOTHING_FEASIBLE, REPLACES
 from server.plan.target_battery import battery_violations, target_battery
 from server.plan.target_check import target_violations
@@ -171,10 +172,9 @@ class Planning:
         try:
             cancelled = await self._ledger.move(
                 plan,
-                "cancelled",
+                PlanEvidence.CANCELLED,
                 f"{plan} was cancelled{why}",
-                only_from=("planning", "draft"),
-                document={"message": f"It was cancelled before it left the station{why}"},
+                {"message": f"It was cancelled before it left the station{why}"},
             )
         except PlanStateError as error:
             raise conflict(
@@ -361,10 +361,9 @@ class Planning:
     ) -> PlanRecord:
         return await self._ledger.move(
             plan,
-            "failed",
+            PlanEvidence.NOT_MADE,
             f"{plan} was not made: {message}",
-            only_from=("planning",),
-            document={**(document or {}), "message": message},
+            {**(document or {}), "message": message},
         )
 
     async def _interrupted(self, plan: str) -> None:

@@ -19,9 +19,9 @@ from db.query.missions import change_mission, list_missions
 from db.query.plans import PlanRecord
 from server.access.foundation import Foundation
 from server.base.problem import Problem, conflict
-from server.plan.ledger import ON_THE_WAY
 from server.plan.planning import Planning
 from server.plan.search_request import SearchRequest
+from server.plan.state import ON_THE_WAY, PlanChanged
 from server.plan.survey_round import ENDED_BADLY, config_of_round, standing_of
 from server.survey.mission_ledger import MissionLedger
 from server.survey.step import SurveySteps, request_of
@@ -56,6 +56,7 @@ class Surveys:
         self._asked_ahead: dict[str, str] = {}
         """By robot, the plan during which the next round was looked at; saves looking often."""
         self._is_stopping = False
+        foundation.bus.subscribe(PlanChanged, self._plan_changed)
 
     async def resume(self) -> None:
         """Go on with every survey that had something to do when the station stopped."""
@@ -227,10 +228,9 @@ class Surveys:
         await self._missions.move(mission, "stopped", message, automation=False)
         await self._uploads.withdraw(record.robot, f"{by} stopped {mission}.")
 
-    def plan_changed(self, plan: PlanRecord) -> None:
-        """Take a change of any plan."""
-        if plan.mission is not None:
-            self._kick(plan.mission)
+    def _plan_changed(self, event: PlanChanged) -> None:
+        if event.plan.mission is not None:
+            self._kick(event.plan.mission)
 
     def robot_said_more(self, robot: str) -> None:
         """Take that a robot got further with its plan: the next round may be due."""

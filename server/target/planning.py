@@ -25,8 +25,9 @@ from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
 from server.fleet.status import FOLLOW_TARGET, RobotStatus
 from server.fleet.words import TEACHING
-from server.plan.ledger import PlanLedger, note_change
+from server.plan.ledger import PlanLedger
 from server.plan.settings import PlanSettings
+from server.plan.state import PlanEvidence, apply
 from server.plan.target_account import target_account
 from server.plan.target_battery import battery_violations, target_battery
 from server.plan.target_check import target_path, target_violations, target_warnings
@@ -150,16 +151,15 @@ class TargetPlanning:
             value = config.model_dump(mode="json")
             plan = query.add_plan(session, robot, FOLLOW_TARGET, config=value, at=at, by=by)
             named = _named(session, robot, mission)
-            record = query.change_plan(
+            return apply(
                 session,
                 plan,
-                at=at,
-                state="draft",
+                PlanEvidence.MADE,
+                f"{plan} for {robot} is a draft: {_message(config)}",
+                at,
                 sha256=named.sha256(),
                 document={**document, **mission_document(named)},
             )
-            note_change(session, record, at, f"{plan} for {robot} is a draft: {_message(config)}")
-            return record
 
         record = await self._foundation.store.write(write)
         self._ledger.publish(record)

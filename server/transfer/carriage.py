@@ -29,6 +29,7 @@ from server.fleet.routing import RequestedLink
 from server.link.link import Radio, SatelliteLink
 from server.plan.document import mission_of
 from server.plan.ledger import PlanLedger
+from server.plan.state import PlanEvidence
 from server.satellite.plan_row import ground_of
 from server.transfer.progress import RADIO_LIFE
 from server.transfer.row import (
@@ -141,9 +142,8 @@ class Carriage:
         else:
             raise TransferError(reason)
         await self._change_with_plan(
-            "on_board",
+            PlanEvidence.CONFIRMED,
             f"{plan.robot} has {plan.id} on board.",
-            only_from=("draft", "sent"),
             state="on_board",
             level=CommandLevel.APPLIED.value,
             items_sent=self.transfer.items,
@@ -226,7 +226,7 @@ class Carriage:
         if carrier not in SATELLITE_CARRIERS:
             changes["level"] = CommandLevel.QUEUED.value
         text = f"{plan.id} is on its way to {plan.robot}."
-        await self._change_with_plan("sent", text, only_from=("draft",), **changes)
+        await self._change_with_plan(PlanEvidence.SENT, text, **changes)
 
     async def _start(self, plan: PlanRecord) -> None:
         if plan.sha256 is None:
@@ -318,14 +318,10 @@ class Carriage:
     async def _change(self, **changes: object) -> None:
         await self._store.write(lambda session: proceed(session, self.transfer.id, **changes))
 
-    async def _change_with_plan(
-        self, plan_state: str, text: str, *, only_from: tuple[str, ...], **changes: object
-    ) -> None:
+    async def _change_with_plan(self, evidence: PlanEvidence, text: str, **changes: object) -> None:
         at = self._clock.now()
         plan = await self._store.write(
-            lambda session: proceed_with_plan(
-                session, self.transfer, plan_state, text, at, only_from=only_from, **changes
-            )
+            lambda session: proceed_with_plan(session, self.transfer, evidence, text, at, **changes)
         )
         if plan is not None:
             self._ledger.publish(plan)

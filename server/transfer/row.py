@@ -8,7 +8,7 @@ from db.query import transfers as query
 from db.query.outbox import outbox_of_transfer
 from db.query.plans import PlanRecord, change_plan, get_plan
 from db.query.transfers import TransferRecord
-from server.plan.ledger import note_change
+from server.plan.state import PlanEvidence, apply, leads_on
 from server.satellite import plan_row, withdrawal_row
 
 
@@ -35,33 +35,28 @@ def proceed(session: Session, transfer: str, **changes: object) -> None:
 def proceed_with_plan(
     session: Session,
     transfer: TransferRecord,
-    plan_state: str,
+    evidence: PlanEvidence,
     text: str,
     at: datetime,
-    *,
-    only_from: tuple[str, ...],
     **changes: object,
 ) -> PlanRecord | None:
-    """Write down how far an open transfer is, and bring its plan into a state.
+    """Write down how far an open transfer is, and what that proves of its plan.
 
     Args:
         session: The transaction.
         transfer: Which.
-        plan_state: What its plan becomes, unless it is further already.
+        evidence: What it proves, unless the plan is further already.
         text: What the event says.
         at: When.
-        only_from: States that the plan may leave.
         **changes: What is new of the transfer.
 
     Raises:
         WithdrawnError: If someone ended the transfer; nothing is changed.
     """
     proceed(session, transfer.id, **changes)
-    if get_plan(session, transfer.plan).state not in only_from:
+    if not leads_on(get_plan(session, transfer.plan).state, evidence):
         return None
-    plan = change_plan(session, transfer.plan, at=at, state=plan_state)
-    note_change(session, plan, at, text)
-    return plan
+    return apply(session, transfer.plan, evidence, text, at)
 
 
 def withdraw_in(session: Session, robot: str, at: datetime, reason: str) -> None:
@@ -105,12 +100,12 @@ def close(
     query.change_transfer(session, transfer.id, state=state, reason=reason, ended_at=at)
     end_by_satellite(session, transfer.id, state, reason, at, calls_back=calls_back)
     plan = get_plan(session, transfer.plan)
-    if plan.state != "sent":
+    ended = PlanEvidence.TRANSFER_ENDED
+    if not leads_on(plan.state, ended):
         return change_plan(session, plan.id, at=at, document={"message": reason})
     message = f"Not confirmed on board: {reason}"
-    draft = change_plan(session, plan.id, at=at, state="draft", document={"message": message})
-    note_change(session, draft, at, f"{plan.id} is a draft again. {message}")
-    return draft
+    text = f"{plan.id} is a draft again. {message}"
+    return apply(session, plan.id, ended, text, at, document={"message": message})
 
 
 def end_by_satellite(

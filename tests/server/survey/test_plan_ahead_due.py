@@ -10,6 +10,7 @@ from robot_link.messages import OnboardPlanState, PlanReport
 from server.plan.ahead import is_due, planned_rest, remaining_s, unflown
 from server.plan.document import legs_of, points_of
 from server.plan.search_request import SearchRequest
+from server.plan.state import PlanEvidence
 from server.plan.survey_round import standing_of
 from tests.server.conftest import FAST, MINI, until
 
@@ -25,7 +26,7 @@ async def flown_plan(station, workers):
         return (await station.plans.get(plan.id)).state == "draft"
 
     await until(drafted)
-    return await station.plans.move(plan.id, "running", "", only_from=("draft",))
+    return await station.plans.move(plan.id, PlanEvidence.ROBOT_FLIES_IT, "")
 
 
 def report_of(plan, leg, measured_at=NOW):

@@ -1,0 +1,162 @@
+"""The state of a plan: nothing moves it but what was proved of the plan, by this table.
+
+==============================  ===================  ==========  ===============
+state                           evidence             becomes     event
+==============================  ===================  ==========  ===============
+planning                        made                 draft       plan.draft
+planning                        not made             failed      plan.failed
+planning, draft                 cancelled            cancelled   plan.cancelled
+draft                           replaced             superseded  plan.superseded
+draft                           sent                 sent        plan.sent
+sent                            transfer ended       draft       plan.draft
+draft, sent                     confirmed            on_board    plan.on_board
+draft, sent                     robot has it         on_board    plan.on_board
+draft, sent, on_board           robot flies it       running     plan.running
+draft, sent, on_board, running  robot is done        done        plan.done
+draft, sent, on_board, running  robot gave up        failed      plan.failed
+draft, sent, on_board, running  robot surfaced       cancelled   plan.cancelled
+running                         robot restarted      failed      plan.failed
+on_board, running               robot holds another  superseded  plan.superseded
+on_board, running               robot holds none     failed      plan.failed
+==============================  ===================  ==========  ===============
+
+Evidence that a state does not list changes nothing: reports may be missed, but never lead back.
+Radio, satellite, robots' reports, planning and persons all hand theirs to ``apply``, which writes
+state and event in their transaction; whoever committed that publishes ``PlanChanged``.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from enum import StrEnum
+from typing import Any
+
+from sqlalchemy.orm import Session
+
+from db.query import plans as query
+from db.query.events import add_event
+from db.query.plans import PlanRecord, PlanStateError
+from server.base.transition_table import transitions
+
+ON_THE_WAY = ("sent", "on_board", "running")
+"""States in which a plan has left the station and has not ended."""
+_LEVELS = {"failed": "warning", "superseded": "watch", "cancelled": "watch"}
+
+
+class PlanEvidence(StrEnum):
+    """What can be proved of a plan."""
+
+    MADE = "made"
+    """It has its legs and its hash, and may be sent."""
+    NOT_MADE = "not made"
+    CANCELLED = "cancelled"
+    """By a person, or by a survey that plans anew, before it left the station."""
+    REPLACED = "replaced"
+    """Another became the draft in its place."""
+    SENT = "sent"
+    """A radio or a gateway took the first bytes."""
+    TRANSFER_ENDED = "transfer ended"
+    """Withdrawn, refused, expired or failed before anyone confirmed it on board."""
+    CONFIRMED = "confirmed"
+    """The robot echoed the hash at the end of an upload, or acknowledged it by satellite."""
+    ROBOT_HAS_IT = "robot has it"
+    ROBOT_FLIES_IT = "robot flies it"
+    ROBOT_IS_DONE = "robot is done"
+    ROBOT_GAVE_UP = "robot gave up"
+    ROBOT_SURFACED = "robot surfaced"
+    """It ended the plan because a person ordered it to the surface."""
+    ROBOT_RESTARTED = "robot restarted"
+    """It was switched off while it flew the plan, which waits on board again."""
+    ROBOT_HOLDS_ANOTHER = "robot holds another"
+    ROBOT_HOLDS_NONE = "robot holds none"
+
+
+TRANSITIONS = transitions(__doc__, PlanEvidence)
+
+
+@dataclass(frozen=True, slots=True)
+class PlanChanged:
+    """A plan was added, moved or written more about; published after the commit."""
+
+    plan: PlanRecord
+
+
+def leads_on(state: str, evidence: PlanEvidence) -> bool:
+    """Tell whether evidence moves a plan that is in a state."""
+    return (state, evidence) in TRANSITIONS
+
+
+def begin(
+    session: Session,
+    robot: str,
+    kind: str,
+    *,
+    config: Mapping[str, Any],
+    document: Mapping[str, Any],
+    at: datetime,
+    by: str,
+    mission: str | None = None,
+    round_number: int = 1,
+) -> PlanRecord:
+    """Add a plan that is about to be made, in the state ``planning``, with its event."""
+    plan = query.add_plan(
+        session,
+        robot,
+        kind,
+        config=config,
+        at=at,
+        by=by,
+        mission=mission,
+        round_number=round_number,
+    )
+    record = query.change_plan(session, plan, at=at, document=document)
+    _note(session, record, "plan.planning", f"Planning {plan} for {robot}.", at)
+    return record
+
+
+def apply(
+    session: Session,
+    plan: str,
+    evidence: PlanEvidence,
+    text: str,
+    at: datetime,
+    *,
+    sha256: str | None = None,
+    document: Mapping[str, Any] | None = None,
+) -> PlanRecord:
+    """Move a plan as the table says, with the event, in the transaction of the evidence.
+
+    Args:
+        session: The transaction.
+        plan: Id of the plan.
+        evidence: What was proved.
+        text: What the event says.
+        at: When.
+        sha256: Hash of the plan's canonical bytes, once it has one.
+        document: Parts of the document that are new.
+
+    Raises:
+        PlanStateError: If it leads nowhere from the plan's state; nothing is changed.
+        UnknownIdError: If there is no such plan.
+    """
+    before = query.get_plan(session, plan)
+    step = TRANSITIONS.get((before.state, evidence))
+    if step is None:
+        raise PlanStateError(f"{plan} is {before.state.replace('_', ' ')}.")
+    record = query.change_plan(
+        session, plan, at=at, state=step.state, sha256=sha256, document=document
+    )
+    _note(session, record, step.event, text, at)
+    return record
+
+
+def _note(session: Session, plan: PlanRecord, event: str, text: str, at: datetime) -> None:
+    add_event(
+        session,
+        at,
+        event,
+        text,
+        level=_LEVELS.get(plan.state, "info"),
+        robot=plan.robot,
+        data={"plan": plan.id, "mission": plan.mission, "sha256": plan.sha256},
+    )
