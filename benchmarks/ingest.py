@@ -15,6 +15,7 @@ import numpy as np
 from sqlalchemy import func, select
 
 from autonomy.site import TANK
+from benchmarks.calibration import PYTHON, calibrated, scaled_row
 from db.query.robots import RobotRecord, add_robot
 from db.store import Store
 from db.tables import SampleRow, StateRow
@@ -27,32 +28,22 @@ ROBOTS = 20
 FULL_SPEED_MESSAGES = 30_000
 STEADY_MESSAGES, STEADY_RATE_S = 10_000, 1000.0
 SPEED_BAR_S, LATE_BAR_MS = 5000.0, 250.0
-LIMIT_S = 120.0
+"""Where the Python loop takes what ``calibration`` says of the reference machine."""
+LIMIT_S = 900.0
 
 
 def measure() -> list[dict[str, Any]]:
     """Feed a station as fast as it takes packets, then at a steady rate."""
-    busy_s, _ = asyncio.run(_fed(FULL_SPEED_MESSAGES, 0.0))
-    _, late_ms = asyncio.run(_fed(STEADY_MESSAGES, STEADY_RATE_S))
-    speed_s = FULL_SPEED_MESSAGES / busy_s
-    p99_ms = float(np.percentile(late_ms, 99))
+    with calibrated(PYTHON) as fast:
+        busy_s, _ = asyncio.run(_fed(FULL_SPEED_MESSAGES, 0.0))
+    with calibrated(PYTHON) as steady:
+        _, late_ms = asyncio.run(_fed(STEADY_MESSAGES, STEADY_RATE_S))
+    what = f"MAVLink messages of {ROBOTS} robots, bytes to SQLite rows, by CPU time"
+    speed_s, p99_ms = FULL_SPEED_MESSAGES / busy_s, float(np.percentile(late_ms, 99))
+    late = f"Byte to row at {STEADY_RATE_S:g} messages/s, p99"
     return [
-        {
-            "area": "ingest",
-            "name": f"MAVLink messages of {ROBOTS} robots, bytes to SQLite rows, by CPU time",
-            "value": speed_s,
-            "unit": "1/s",
-            "bar": SPEED_BAR_S,
-            "met": speed_s >= SPEED_BAR_S,
-        },
-        {
-            "area": "ingest",
-            "name": f"Byte to row at {STEADY_RATE_S:g} messages/s, p99",
-            "value": p99_ms,
-            "unit": "ms",
-            "bar": LATE_BAR_MS,
-            "met": p99_ms <= LATE_BAR_MS,
-        },
+        scaled_row("ingest", what, speed_s, "1/s", SPEED_BAR_S, fast, by="median", at_least=True),
+        scaled_row("ingest", late, p99_ms, "ms", LATE_BAR_MS, steady, by="wall"),
     ]
 
 

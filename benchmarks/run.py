@@ -1,7 +1,9 @@
 """Runs every benchmark, prints one table and writes ``build/bench.json``.
 
 ``python -m benchmarks.run [area ...]`` runs only the named areas. A row whose peer or compiler is
-absent is kept, with ``met`` null and the reason in its unit.
+absent is kept, with ``met`` null and the reason in its unit. A bar that depends on the machine is
+shown as it is on this one; ``ratio`` and its own bar, in yardsticks of ``benchmarks.calibration``,
+mean the same on every machine.
 """
 
 import importlib
@@ -57,13 +59,19 @@ def main(areas: list[str]) -> int:
 
 def table(rows: list[dict]) -> Table:
     shown = Table(title="Measured against the bars")
-    for column in ("area", "what", "value", "unit", "bar", "met"):
-        shown.add_column(column, justify="right" if column in {"value", "bar"} else "left")
+    for column in ("area", "what", "value", "unit", "bar", "ratio", "its bar", "slower", "met"):
+        is_number = column in {"value", "bar", "ratio", "its bar", "slower"}
+        shown.add_column(column, justify="right" if is_number else "left")
     for row in rows:
         met = {True: "yes", False: "NO", None: "-"}[row["met"]]
-        bar = "" if row["bar"] is None else str(row["bar"])
         value = "-" if row["value"] is None else f"{row['value']:.4g}"
-        shown.add_row(row["area"], row["name"], value, row["unit"], bar, met)
+        bar = "" if row["bar"] is None else str(row["bar"])
+        ratios = ("", "", "")
+        if "calibration" in row:
+            calibration, bar = row["calibration"], f"{row['bar']:.4g}"
+            slower = f"{calibration['slowness']:.2f}, drift {calibration['drift']:.2f}"
+            ratios = (f"{row['ratio']:.4g}", f"{row['ratio_bar']:.4g}", slower)
+        shown.add_row(row["area"], row["name"], value, row["unit"], bar, *ratios, met)
     return shown
 
 

@@ -16,11 +16,14 @@ from autonomy.tracking.control import control_kernel
 from autonomy.tracking.control.control_kernel import INFEASIBLE, closest, control_step
 from autonomy.tracking.control.pack_control import pack_control
 from autonomy.tracking.filter import filter_kernel
+from benchmarks.calibration import COMPILED, PYTHON, best_of, calibrated, scaled_row
 from reproduction.tracking import unicycle
 from reproduction.tracking.orbit import follow
 from tests.autonomy.closest_point import enumerated, problems
 
+AREA = "tracking_speed"
 CALL_BAR_US, LOOP_BAR_US = 2.0, 1.0
+"""Where the yardsticks take what ``calibration`` says of the reference machine."""
 PROBLEMS, PEER_PROBLEMS = 100_000, 400
 DIFFERENCE_BAR, RADIUS_BAR = 1e-9, 0.01
 ANCHORS = (
@@ -50,8 +53,10 @@ def _steps() -> list[dict[str, Any]]:
             for x_r, y_r, psi, v in states:
                 control_step(x_r, y_r, psi, v, 0.02, 0.01, 0.0, 0.0, packed)
 
-        us = _best_of(calls) / len(states) * 1e6
-        rows.append(_row(f"Control step called from Python, {title}", us, "us", CALL_BAR_US))
+        with calibrated(PYTHON) as calibration:
+            us = best_of(calls, _ROUNDS) / len(states) * 1e6
+        name = f"Control step called from Python, {title}"
+        rows.append(scaled_row(AREA, name, us, "us", CALL_BAR_US, calibration))
     return rows
 
 
@@ -65,15 +70,15 @@ def _loops() -> list[dict[str, Any]]:
     def once(is_estimated: bool) -> float:
         return _run(is_estimated, noise, packed, q, x, cov, velocity)
 
-    rows = []
-    for title, is_estimated, bar in (
-        ("Barrier step and plant in a compiled loop", False, None),
-        ("Estimator, target velocity, barrier and plant in a compiled loop", True, LOOP_BAR_US),
-    ):
-        us = _best_of(lambda is_estimated=is_estimated: once(is_estimated)) / STEPS * 1e6
-        rows.append(_row(title, us, "us", bar))
-    mean_range = once(True)
-    return [*rows, _row("Mean range over that loop's steps", mean_range, "m", 1.0)]
+    bare_us = best_of(lambda: once(False), _ROUNDS) / STEPS * 1e6
+    with calibrated(COMPILED) as calibration:
+        whole_us = best_of(lambda: once(True), _ROUNDS) / STEPS * 1e6
+    whole = "Estimator, target velocity, barrier and plant in a compiled loop"
+    return [
+        _row("Barrier step and plant in a compiled loop", bare_us, "us"),
+        scaled_row(AREA, whole, whole_us, "us", LOOP_BAR_US, calibration),
+        _row("Mean range over that loop's steps", once(True), "m", 1.0),
+    ]
 
 
 @numba.njit(nogil=True)  # not kept on disk: what it inlines lives in other files
@@ -169,7 +174,7 @@ def _peers() -> list[dict[str, Any]]:
     """Time two general solvers on problems that have a solution."""
     rows = np.column_stack(problems(PEER_PROBLEMS, 15)).tolist()
     rows = [row for row in rows if closest(*row)[2] != INFEASIBLE and row[2] and row[3]]
-    own = _best_of(lambda: [closest(*row) for row in rows]) / len(rows) * 1e6
+    own = best_of(lambda: [closest(*row) for row in rows], _ROUNDS) / len(rows) * 1e6
     lines = [_row("Closest point alone, closed form, called from Python", own, "us")]
     for title, solve in (("OSQP, set up once", _osqp()), ("Clarabel", _clarabel)):
         times, worst = [], 0.0
@@ -217,20 +222,10 @@ def _clarabel(row: list[float]) -> Any:
     return clarabel.DefaultSolver(*parts).solve().x
 
 
-def _best_of(run: Callable[[], object], rounds: int = _ROUNDS) -> float:
-    best = math.inf
-    run()
-    for _ in range(rounds):
-        begin = time.perf_counter()
-        run()
-        best = min(best, time.perf_counter() - begin)
-    return best
-
-
 def _row(name: str, value: float, unit: str, bar: float | None = None) -> dict[str, Any]:
     met = None if bar is None else bool(value <= bar)
     return {
-        "area": "tracking_speed",
+        "area": AREA,
         "name": name,
         "value": float(value),
         "unit": unit,

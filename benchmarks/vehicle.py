@@ -1,13 +1,8 @@
 """Speed of the vehicle's dynamics beside the same equations in plain C, and how exact they are."""
 
-import ctypes
 import math
-import shutil
-import subprocess
-import tempfile
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -16,17 +11,24 @@ from autonomy.vehicle.config import GRACE3, MINIGLIDER
 from autonomy.vehicle.kernel import rk4_step
 from autonomy.vehicle.polar import polar
 from benchmarks import vehicle_accuracy
+from benchmarks.calibration import (
+    COMPILED,
+    DT_S,
+    STEPS,
+    best_of,
+    calibrated,
+    plain_c,
+    scaled_row,
+    start,
+)
 
-DT_S = 0.01
-STEPS = 2_000
 ROUNDS = 800
 """Short turns, less than a scheduler's slice, so that some of them run undisturbed."""
 RATIO_BAR = 1.3
 SIMULATED_BAR = 15_000.0
 POLAR_BAR_S = 2.0
+"""Both where the plain C step takes what ``calibration`` says of the reference machine."""
 POLAR_ROUNDS = 5
-
-_SOURCE = Path(__file__).with_suffix(".c")
 
 
 def measure() -> list[dict[str, Any]]:
@@ -41,29 +43,27 @@ def measure() -> list[dict[str, Any]]:
 def _polar_row() -> dict[str, Any]:
     """Time one polar of 21 x 21 with the stability of every glide, best of several."""
     polar(MINIGLIDER)
-    best = math.inf
-    for _ in range(POLAR_ROUNDS):
-        begin = time.perf_counter()
-        polar(GRACE3)
-        best = min(best, time.perf_counter() - begin)
-    return _row("Polar, 21 x 21 glides", best, "s", POLAR_BAR_S, at_most=True)
+    with calibrated(COMPILED) as calibration:
+        best_s = best_of(lambda: polar(GRACE3), POLAR_ROUNDS)
+    return scaled_row("vehicle", "Polar, 21 x 21 glides", best_s, "s", POLAR_BAR_S, calibration)
 
 
 def _speed_rows() -> list[dict[str, Any]]:
     """Time the step in compiled loops, interleaved, best of several."""
-    state, inputs, packed = _start(), np.array([0.010, 0.020, 0.3]), MINIGLIDER.packed()
+    state, inputs, packed = start()
     rk4_step(state, inputs, packed, DT_S, 1)
 
     def compiled() -> np.ndarray:
         return rk4_step(state, inputs, packed, DT_S, STEPS)
 
-    with tempfile.TemporaryDirectory() as folder:
-        plain = _plain_c(Path(folder), state, inputs, packed)
+    plain = plain_c(state, inputs, packed)
+    with calibrated(COMPILED) as calibration:
         best = _best_of([compiled] + ([plain] if plain is not None else []))
     step_s = best[0] / STEPS
+    name, rate = "Simulated time, open loop, dt 0.01", DT_S / step_s
     rows = [
         _row("RK4 step in a compiled loop", step_s * 1e6, "us"),
-        _row("Simulated time, open loop, dt 0.01", DT_S / step_s, "s/s", SIMULATED_BAR),
+        scaled_row("vehicle", name, rate, "s/s", SIMULATED_BAR, calibration, at_least=True),
     ]
     if plain is None:
         return [*rows, _row("RK4 step against plain C", None, "skipped: no gcc", RATIO_BAR)]
@@ -77,12 +77,6 @@ def _speed_rows() -> list[dict[str, Any]]:
     ]
 
 
-def _start() -> np.ndarray:
-    state = np.zeros(12)
-    state[6] = 0.06
-    return state
-
-
 def _best_of(runs: list[Callable[[], object]]) -> list[float]:
     """Best wall time of each run; they take turns so that a busy machine slows all alike."""
     best = [math.inf] * len(runs)
@@ -92,29 +86,6 @@ def _best_of(runs: list[Callable[[], object]]) -> list[float]:
             run()
             best[index] = min(best[index], time.perf_counter() - begin)
     return best
-
-
-def _plain_c(
-    folder: Path, state: np.ndarray, inputs: np.ndarray, packed: np.ndarray
-) -> Callable[[], np.ndarray] | None:
-    """Compile the C twin; None where there is no gcc."""
-    gcc = shutil.which("gcc")
-    if gcc is None:
-        return None
-    library = folder / "vehicle.so"
-    flags = ["-O3", "-march=native", "-shared", "-fPIC"]
-    subprocess.run([gcc, *flags, str(_SOURCE), "-o", str(library), "-lm"], check=True, timeout=120)
-    function = ctypes.CDLL(str(library)).rk4_steps
-    pointer = np.ctypeslib.ndpointer(np.float64, flags="C_CONTIGUOUS")
-    function.argtypes = [pointer, pointer, pointer, ctypes.c_double, ctypes.c_long]
-    function.restype = None
-
-    def plain() -> np.ndarray:
-        x = state.copy()
-        function(x, inputs, packed, DT_S, STEPS)
-        return x
-
-    return plain
 
 
 def _row(

@@ -48,9 +48,7 @@ class RobotModel:
         position_ned = np.array(pose.position_ned)
         position = self._projection.point(position_ned, exaggeration)
         self._body.position = tuple(position)
-        self._body.wxyz = tuple(
-            quaternion_enu_from_body(pose.roll_rad, pose.pitch_rad, pose.heading_rad)
-        )
+        self._body.wxyz = quaternion_enu_from_body(pose.roll_rad, pose.pitch_rad, pose.heading_rad)
         self._tail.wxyz = (np.cos(pose.tail_rad / 2), 0.0, 0.0, np.sin(pose.tail_rad / 2))
         self._body.visible = True
         self._show_uncertainty(pose, position)
@@ -80,7 +78,9 @@ def _stern(hull: Hull) -> float:
     return hull.tail_to_nose_m / 2 - hull.length_m
 
 
-def _parts(scene: viser.SceneApi, hull: Hull, scale: float) -> list:
+def _parts(
+    scene: viser.SceneApi, hull: Hull, scale: float
+) -> list[viser.IcosphereHandle | viser.MeshHandle]:
     """Draw hull and wings in the body frame (x forward, y starboard, z down)."""
     length, width, height = (scale * size for size in (hull.length_m, hull.width_m, hull.height_m))
     middle = scale * (_stern(hull) + hull.length_m / 2)
