@@ -4,8 +4,12 @@ import itertools
 
 import numpy as np
 
+from autonomy.arrays import BoolArray, FloatArray
 
-def problems(count, seed):
+
+def problems(
+    count: int, seed: int
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
     """Return n, g, b, low, high with every kind of degeneracy among them."""
     rng = np.random.default_rng(seed)
     low = -rng.uniform(0.01, 1.5, (count, 2))
@@ -26,7 +30,9 @@ def problems(count, seed):
     return n, g, b, np.minimum(low, high), high
 
 
-def enumerated(n, g, b, low, high):
+def enumerated(
+    n: FloatArray, g: FloatArray, b: FloatArray, low: FloatArray, high: FloatArray
+) -> tuple[FloatArray, BoolArray]:
     """Try every set of active bounds and constraint; return the best point and the verdict."""
     tolerance = 1e-12 * (1.0 + np.abs(g).sum(axis=1))
     bounds = np.stack([low, high])  # (2, count, 2)
@@ -50,7 +56,7 @@ def enumerated(n, g, b, low, high):
     return best, corners.max(axis=0) >= b
 
 
-def _met(g, b, value, i):
+def _met(g: FloatArray, b: FloatArray, value: FloatArray, i: int) -> FloatArray:
     """Return the component other than ``i`` where the constraint holds with equality."""
     divisor = np.where(g[:, 1 - i] == 0.0, 1e-300, g[:, 1 - i])
     return np.clip((b - g[:, i] * value) / divisor, -1e9, 1e9)

@@ -8,7 +8,7 @@ import numpy as np
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner.belief import FieldBelief
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig, SearchConfig
-from autonomy.planner.plan import PlanResult
+from autonomy.planner.plan import ObjectivePoint, PlanResult
 from autonomy.site import Box
 
 THESIS_TANK = PlannerConfig(
@@ -20,7 +20,9 @@ THESIS_TANK = PlannerConfig(
 START = (0.3, 0.3)
 
 
-def belief_over(domain: Box, past: int = 20, lengths=(2.41, 2.46, 2.40)) -> FieldBelief:
+def belief_over(
+    domain: Box, past: int = 20, lengths: tuple[float, float, float] = (2.41, 2.46, 2.40)
+) -> FieldBelief:
     """A belief with a coarse grid of test points and some past samples along a line."""
     axes = (
         np.linspace(domain.x_min_m, domain.x_max_m, 5),
@@ -49,10 +51,14 @@ def belief_over(domain: Box, past: int = 20, lengths=(2.41, 2.46, 2.40)) -> Fiel
     )
 
 
-def with_search(config: PlannerConfig, **values) -> PlannerConfig:
+def with_search(config: PlannerConfig, **values: float) -> PlannerConfig:
     """The same settings with some of the search's replaced; validated as a whole."""
-    search = SearchConfig(**(config.search.model_dump() | values))
+    search = SearchConfig.model_validate(config.search.model_dump() | values)
     return config.model_copy(update={"search": search})
+
+
+def _silent(_: ObjectivePoint) -> None:
+    """Take a report on progress and say nothing."""
 
 
 def run(
@@ -61,12 +67,12 @@ def run(
     belief: FieldBelief,
     *,
     seed: int = 0,
-    start=START,
+    start: tuple[float, float] = START,
     budget: float = 20.0,
-    on_progress=lambda _: None,
-    is_cancelled=lambda: False,
-    elapsed_s=lambda: 0.0,
-    **more,
+    on_progress: Callable[[ObjectivePoint], None] = _silent,
+    is_cancelled: Callable[[], bool] = lambda: False,
+    elapsed_s: Callable[[], float] = lambda: 0.0,
+    **more: object,
 ) -> PlanResult:
     """Call a planner; by default time stands still and only the iterations end it."""
     return plan(

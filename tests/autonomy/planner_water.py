@@ -2,9 +2,11 @@
 
 import math
 from collections.abc import Iterator
+from typing import TypeAlias
 
 import numpy as np
 
+from autonomy.arrays import FloatArray
 from autonomy.planner.config import CurrentConfig, PlannerConfig
 from autonomy.planner.leg import drift
 from autonomy.planner.leg.edge import random_shape
@@ -36,6 +38,9 @@ BUOY = Area(name="Buoy", corners_m=((1.3, 0.55), (1.55, 0.5), (1.6, 0.8), (1.35,
 NET = Area(name="Net", corners_m=((0.6, 1.0), (0.9, 1.1), (0.7, 1.4)))
 
 
+Point: TypeAlias = tuple[float, float]
+
+
 def pool_config(north_m_s: float = 0.0, east_m_s: float = 0.0) -> PlannerConfig:
     """The thesis's planner among keep-outs, in a current."""
     return THESIS_TANK.model_copy(
@@ -48,7 +53,9 @@ def pool_config(north_m_s: float = 0.0, east_m_s: float = 0.0) -> PlannerConfig:
     )
 
 
-def proposals(config: PlannerConfig, count: int, seed: int = 0) -> Iterator[tuple]:
+def proposals(
+    config: PlannerConfig, count: int, seed: int = 0
+) -> Iterator[tuple[Point, Point, FloatArray]]:
     """Starts, goals near them, and shapes."""
     rng = np.random.default_rng(seed)
     domain: Box = config.domain
@@ -59,7 +66,11 @@ def proposals(config: PlannerConfig, count: int, seed: int = 0) -> Iterator[tupl
         turn = rng.uniform(0.0, 2.0 * math.pi)
         away = config.search.step_m * rng.uniform(0.2, 1.0)
         goal = np.clip(start + away * np.array([math.cos(turn), math.sin(turn)]), low, high)
-        yield tuple(start.tolist()), tuple(goal.tolist()), random_shape(config, rng)
+        yield _point(start), _point(goal), random_shape(config, rng)
+
+
+def _point(place: FloatArray) -> Point:
+    return float(place[0]), float(place[1])
 
 
 def true_track(config: PlannerConfig, legs: tuple[Leg, ...], per_leg: int = 60) -> np.ndarray:

@@ -1,35 +1,42 @@
 """One demo and one browser for all walks: the operator's first hour, then the pilot's."""
 
+from collections.abc import Iterator
+
 import pytest
+from playwright.sync_api import Browser, Page
 
 from tests.browser.walk import browser_page, chromium
 from tests.e2e.demo import LASTING, Demo
 
 
 @pytest.fixture(scope="package")
-def demo(tmp_path_factory):
+def demo(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Demo]:
     demo = Demo(tmp_path_factory.mktemp("demo"), "--speed", "20")
     yield demo
     demo.stop()
 
 
 @pytest.fixture(scope="package")
-def browser():
+def browser() -> Iterator[Browser]:
     with chromium() as browser:
         yield browser
 
 
 @pytest.fixture(scope="package")
-def page(browser, demo):
+def page(browser: Browser, demo: Demo) -> Iterator[Page]:
     with browser_page(browser, demo) as page:
         yield page
 
 
 @pytest.fixture(scope="package")
-def station(demo, page):
+def station(demo: Demo, page: Page) -> Demo:
     """The same station by REST; the one-time address has gone to the browser."""
-    [cookie] = [each for each in page.context.cookies() if each["httpOnly"]]
-    demo.client.cookies.set(cookie["name"], cookie["value"])
+    [(name, value)] = [
+        (each.get("name", ""), each.get("value", ""))
+        for each in page.context.cookies()
+        if each.get("httpOnly")
+    ]
+    demo.client.cookies.set(name, value)
     demo.client.headers["X-CSRF-Token"] = demo.get("/api/session")["csrf_token"]
     demo.patch("/api/config/planner", LASTING, robot="mini-1")
     return demo

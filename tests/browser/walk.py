@@ -3,7 +3,7 @@
 import os
 import re
 import shutil
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
@@ -29,7 +29,7 @@ KNOWN_PAGE_ERROR = "Evaluating a string as JavaScript violates"
 
 
 @contextmanager
-def chromium() -> Iterator[Browser]:
+def chromium() -> Generator[Browser, None, None]:
     """Start the one browser of all walks: a process has room for one only."""
     expect.set_options(timeout=120_000)
     with sync_playwright() as playwright:
@@ -39,7 +39,7 @@ def chromium() -> Iterator[Browser]:
 
 
 @contextmanager
-def browser_page(browser: Browser, demo: Demo) -> Iterator[Page]:
+def browser_page(browser: Browser, demo: Demo) -> Generator[Page, None, None]:
     """Sign in with the one-time address; afterwards no page may have failed or asked elsewhere."""
     SHOTS.mkdir(parents=True, exist_ok=True)
     page = browser.new_page(viewport={"width": 1600, "height": 950})
@@ -85,7 +85,7 @@ def shoot(page: Page, name: str) -> None:
     page.set_viewport_size({"width": 1600, "height": 950})
 
 
-def hold(page: Page, name: re.Pattern) -> None:
+def hold(page: Page, name: re.Pattern[str]) -> None:
     page.get_by_role("button", name=name).hover()
     page.mouse.down()
     page.wait_for_timeout(1500)

@@ -1,6 +1,10 @@
+from collections.abc import Iterator
+from dataclasses import replace
 from datetime import UTC, datetime, timedelta
+from pathlib import Path
 
 import pytest
+from sqlalchemy.orm import Session
 
 from autonomy.site import LAKE, TANK
 from db.query.robots import RobotRecord, add_robot
@@ -10,7 +14,9 @@ from robot_link.messages import LogId, RobotId, RobotMode, Sample, StateReport, 
 START = datetime(2026, 11, 21, 4, 0, tzinfo=UTC)
 
 
-def robot_record(name="mini-1", system_id=1, kind="simulated"):
+def robot_record(
+    name: str = "mini-1", system_id: int | None = 1, kind: str = "simulated"
+) -> RobotRecord:
     return RobotRecord(
         id=RobotId(name),
         name=name,
@@ -23,31 +29,39 @@ def robot_record(name="mini-1", system_id=1, kind="simulated"):
     )
 
 
-def report(second, depth_m=0.5, robot="mini-1", **changes):
+def report(
+    second: float, depth_m: float = 0.5, robot: str = "mini-1", **changes: object
+) -> StateReport:
     at = START + timedelta(seconds=second)
-    values = {
-        "robot": RobotId(robot),
-        "measured_at": at,
-        "received_at": at + timedelta(milliseconds=80),
-        "position_ned": (1.0, 0.5, depth_m),
-        "position_std_m": 0.02,
-        "velocity_ned": (0.03, 0.0, 0.04),
-        "roll_rad": 0.0,
-        "pitch_rad": -0.4,
-        "heading_rad": 1.0,
-        "net_buoyancy_kg": 0.01,
-        "mass_position_m": 0.002,
-        "tail_rad": 0.0,
-        "battery_fraction": 0.9,
-        "battery_v": 11.1,
-        "mode": RobotMode.GLIDING,
-        "has_fix": False,
-        "energy_used": 1.5,
-    }
-    return StateReport(**{**values, **changes})
+    value = StateReport(
+        robot=RobotId(robot),
+        measured_at=at,
+        received_at=at + timedelta(milliseconds=80),
+        position_ned=(1.0, 0.5, depth_m),
+        position_std_m=0.02,
+        velocity_ned=(0.03, 0.0, 0.04),
+        roll_rad=0.0,
+        pitch_rad=-0.4,
+        heading_rad=1.0,
+        net_buoyancy_kg=0.01,
+        mass_position_m=0.002,
+        tail_rad=0.0,
+        battery_fraction=0.9,
+        battery_v=11.1,
+        mode=RobotMode.GLIDING,
+        has_fix=False,
+        energy_used=1.5,
+    )
+    return replace(value, **changes)
 
 
-def sample(sequence, value=3.0, robot="mini-1", log=7, variable="blue_light"):
+def sample(
+    sequence: int,
+    value: float = 3.0,
+    robot: str = "mini-1",
+    log: int = 7,
+    variable: str = "blue_light",
+) -> Sample:
     at = START + timedelta(seconds=sequence)
     return Sample(
         robot=RobotId(robot),
@@ -63,13 +77,17 @@ def sample(sequence, value=3.0, robot="mini-1", log=7, variable="blue_light"):
 
 
 @pytest.fixture
-def url(tmp_path):
+def url(tmp_path: Path) -> str:
     return f"sqlite:///{tmp_path / 'station.sqlite3'}"
 
 
+def _with_robot(session: Session) -> None:
+    add_robot(session, robot_record())
+
+
 @pytest.fixture
-def store(url):
+def store(url: str) -> Iterator[Store]:
     store = Store.open(url)
-    store.change(lambda session: add_robot(session, robot_record())).result(60)
+    store.change(_with_robot).result(60)
     yield store
     store.close()

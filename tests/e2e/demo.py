@@ -8,10 +8,15 @@ import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Self
+from typing import Any, Self, TypeAlias, TypeVar
 
 import httpx
+
+T = TypeVar("T")
+Json: TypeAlias = dict[str, Any]
+"""What the station answers; a test looks into it and so says what it expects there."""
 
 ROOT = Path(__file__).parents[2]
 START_LIMIT_S = 240.0
@@ -47,6 +52,7 @@ class Demo:
         self.stop()
 
     def _read(self) -> None:
+        assert self._process.stdout is not None
         for line in self._process.stdout:
             self._lines.append(line)
 
@@ -69,18 +75,18 @@ class Demo:
         session = self.client.get("/api/session").raise_for_status().json()
         self.client.headers["X-CSRF-Token"] = session["csrf_token"]
 
-    def get(self, path: str, **query: object) -> dict:
+    def get(self, path: str, **query: str) -> Json:
         return self.client.get(path, params=query).raise_for_status().json()
 
-    def patch(self, path: str, body: dict, **query: object) -> None:
+    def patch(self, path: str, body: Mapping[str, object], **query: str) -> None:
         self.client.patch(path, params=query, json=body).raise_for_status()
 
-    def post(self, path: str, body: dict | None = None) -> dict:
+    def post(self, path: str, body: Mapping[str, object] | None = None) -> Json:
         answer = self.client.post(path, json=body or {})
         assert answer.is_success, f"{path}: {answer.status_code} {answer.text}"
         return answer.json()
 
-    def wait(self, what: str, condition, limit_s: float):
+    def wait(self, what: str, condition: Callable[[], T], limit_s: float) -> T:
         """Ask until ``condition()`` gives something true; a station that restarts is waited for.
 
         ``limit_s`` is what a quiet machine needs at most.
@@ -105,7 +111,7 @@ class Demo:
 
     def children(self) -> dict[str, int]:
         """Process ids of the supervisor's children by the verb they run."""
-        found = {}
+        found: dict[str, int] = {}
         for entry in Path("/proc").iterdir():
             if not entry.name.isdigit():
                 continue
@@ -138,7 +144,8 @@ class Demo:
                 self._process.wait()
                 raise AssertionError(f"the demo did not end after Ctrl-C:\n{self.tail}") from None
         self._reader.join(5.0)
-        self._process.stdout.close()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
         if hasattr(self, "client"):
             self.client.close()
         return self._process.returncode
@@ -168,10 +175,12 @@ def fly_dives(demo: Demo, count: int, depth_m: float) -> str:
         assert answer.is_success, f"{answer.status_code} {answer.text}"
         return plan
 
-    return demo.wait("a plan that fits where the robot is", plan_that_fits, 60.0)
+    plan = demo.wait("a plan that fits where the robot is", plan_that_fits, 60.0)
+    assert plan is not None
+    return plan
 
 
-def _dives(demo: Demo, count: int, depth_m: float) -> dict:
+def _dives(demo: Demo, count: int, depth_m: float) -> Json:
     """Return the wish for a plan of dives of mini-1 where it is, with energy enough for any way.
 
     Where it drifted near the edge of its domain it swims inward first.

@@ -21,6 +21,7 @@ from robot_link.mavlink.decode import decoded, robot_time
 from robot_link.mavlink.frame import MavlinkFrameReader
 from robot_link.mavlink.mission_item import mission_from_items, mission_items
 from robot_link.mavlink.target import target_message
+from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
@@ -45,6 +46,7 @@ from robot_link.transport.advice import byte_advice
 from robot_link.transport.datagram import Address
 from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee_frame import (
+    ApiMode,
     FrameReader,
     ReceivePacket,
     TransmitRequest,
@@ -212,7 +214,7 @@ def _sentences() -> Callable[[bytes], object]:
     return feed
 
 
-def _xbee(mode: int) -> Callable[[bytes], object]:
+def _xbee(mode: ApiMode) -> Callable[[bytes], object]:
     reader = FrameReader(mode)
     return lambda data: [parse_content(content) for content in reader.feed(data)]
 
@@ -225,14 +227,16 @@ def _datagram(data: bytes) -> object:
             decoded(message, ROBOT, AT)
         except ValueError:
             continue
-        if message.get_type() == "COMMAND_LONG":
+        if isinstance(message, grace.MAVLink_command_long_message):
             received_command(message)
     return messages
 
 
 def _items(data: bytes) -> object:
     messages = Codec(STATION_SYSTEM, STATION_COMPONENT).unpack(data).messages
-    return mission_from_items([one for one in messages if one.get_type() == "MISSION_ITEM_INT"])
+    return mission_from_items(
+        [one for one in messages if isinstance(one, grace.MAVLink_mission_item_int_message)]
+    )
 
 
 def _down(data: bytes) -> object:

@@ -6,10 +6,24 @@ smallest set that still reaches all of it lies in ``tests/data/corpus``.
 """
 
 import contextlib
+import importlib
 import sys
+from collections.abc import Callable
 from pathlib import Path
+from typing import Protocol, cast
 
-import atheris
+
+class _Atheris(Protocol):
+    """What is used of the package, which few machines have."""
+
+    def instrument_imports(self, include: list[str]) -> contextlib.AbstractContextManager[None]: ...
+
+    def Setup(self, arguments: list[str], feed: Callable[[bytes], None]) -> None: ...  # noqa: N802
+
+    def Fuzz(self) -> None: ...  # noqa: N802
+
+
+atheris = cast("_Atheris", importlib.import_module("atheris"))
 
 with atheris.instrument_imports(include=["robot_link"]):
     from tests.parser.catalogue import catalogue

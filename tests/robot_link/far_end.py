@@ -3,7 +3,7 @@
 import asyncio
 import os
 import tty
-from collections.abc import AsyncIterator, Iterator
+from collections.abc import AsyncGenerator, Generator
 from contextlib import asynccontextmanager, contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
@@ -34,7 +34,7 @@ def heartbeat(number: int = 0, codec: Codec | None = None) -> bytes:
 
 
 @asynccontextmanager
-async def running(transport: DatagramTransport) -> AsyncIterator[DatagramTransport]:
+async def running(transport: DatagramTransport) -> AsyncGenerator[DatagramTransport, None]:
     task = asyncio.create_task(transport.run())
     try:
         yield transport
@@ -74,7 +74,7 @@ class Line:
 
 
 @contextmanager
-def line(link: Path) -> Iterator[Line]:
+def line(link: Path) -> Generator[Line, None, None]:
     """A serial line that is there until the context ends."""
     ours, theirs = os.openpty()
     tty.setraw(theirs)

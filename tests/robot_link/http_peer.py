@@ -1,6 +1,7 @@
 """An HTTP server of a few lines, which keeps what it was asked, byte by byte."""
 
 import asyncio
+from collections.abc import AsyncGenerator, Iterable
 from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass, field
 
@@ -11,7 +12,7 @@ class Request:
     body: bytes
 
     @property
-    def line(self):
+    def line(self) -> str:
         return self.head.split("\r\n", 1)[0]
 
 
@@ -22,14 +23,18 @@ class HttpPeer:
 
 
 @asynccontextmanager
-async def http_peer(answers):
+async def http_peer(
+    answers: Iterable[tuple[int, str] | None],
+) -> AsyncGenerator[HttpPeer, None]:
     """Answer each request with the next (status, text); None lets the request wait for ever."""
     peer = HttpPeer()
     waiting = list(answers)
-    serving = set()
+    serving: set[asyncio.Task[None]] = set()
 
-    async def serve(reader, writer):
-        serving.add(asyncio.current_task())
+    async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.current_task()
+        assert task is not None
+        serving.add(task)
         try:
             head = (await reader.readuntil(b"\r\n\r\n")).decode()
             length = int(head.lower().split("content-length:")[1].split("\r\n")[0])
@@ -37,6 +42,7 @@ async def http_peer(answers):
             answer = waiting.pop(0)
             if answer is None:
                 await asyncio.Event().wait()
+                return
             status, text = answer
             body = text.encode()
             location = "Location: http://127.0.0.1:1/elsewhere\r\n" if status == 302 else ""

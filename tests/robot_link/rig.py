@@ -3,7 +3,7 @@
 import asyncio
 import math
 import random
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncGenerator, Callable, Coroutine
 from contextlib import AsyncExitStack, asynccontextmanager, suppress
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
@@ -58,6 +58,7 @@ ROUGH = AirConditions(loss=0.3, duplication=0.2, delay_s=0.002, jitter_s=0.01, m
 """Every third packet lost, some twice, many overtaken, and a radio that does not repeat."""
 
 Event = TypeVar("Event", bound=LinkEvent)
+T = TypeVar("T")
 
 
 @dataclass
@@ -119,7 +120,7 @@ class Rig:
         bind: bool = False,
         signing: Callable[[RobotId], Signing | None] = lambda _robot: None,
         clock: Clock | None = None,
-    ) -> AsyncIterator[tuple[StationLink, Heard]]:
+    ) -> AsyncGenerator[tuple[StationLink, Heard], None]:
         heard = Heard()
         link = StationLink(
             {self.uri: open_transport(self.uri)},
@@ -140,7 +141,9 @@ class Rig:
 
 
 @asynccontextmanager
-async def running(run: Callable) -> AsyncIterator[asyncio.Task]:
+async def running(
+    run: Callable[[], Coroutine[object, object, T]],
+) -> AsyncGenerator[asyncio.Task[T], None]:
     """Run a task; if it ends by itself, its failure ends the test."""
     task = asyncio.create_task(run())
     try:
@@ -161,7 +164,7 @@ async def rig(
     timing: LinkTiming = HASTE,
     cable: AsyncExitStack | None = None,
     **equipment: Any,
-) -> AsyncIterator[Rig]:
+) -> AsyncGenerator[Rig, None]:
     """Set up the air; closing ``cable`` pulls the plug of the station's radio."""
     reachable = set(robots)
     by_address = {ADDRESSES[robot]: robot for robot in robots}

@@ -1,6 +1,7 @@
 """Missions, keys and strategies that the tests of satellite messages share."""
 
 import math
+from dataclasses import replace
 from datetime import UTC, datetime
 
 from hypothesis import strategies as st
@@ -88,39 +89,39 @@ def missions(draw: st.DrawFn) -> Mission:
 
 def state(**changes: object) -> StateReport:
     """Return a robot's state at the surface of the lake."""
-    values: dict[str, object] = {
-        "robot": ROBOT,
-        "measured_at": NOW,
-        "received_at": NOW,
-        "position_ned": (123.456, -98.765, 0.12),
-        "position_std_m": 3.21,
-        "velocity_ned": (0.05, -0.1, 0.02),
-        "roll_rad": 0.02,
-        "pitch_rad": -0.3,
-        "heading_rad": 1.5,
-        "net_buoyancy_kg": -0.045,
-        "mass_position_m": 0.0123,
-        "tail_rad": 0.1,
-        "battery_fraction": 0.8,
-        "battery_v": 14.8,
-        "mode": RobotMode.SURFACED,
-        "has_fix": True,
-        "energy_used": 0.0,
-    }
-    return StateReport(**(values | changes))
+    value = StateReport(
+        robot=ROBOT,
+        measured_at=NOW,
+        received_at=NOW,
+        position_ned=(123.456, -98.765, 0.12),
+        position_std_m=3.21,
+        velocity_ned=(0.05, -0.1, 0.02),
+        roll_rad=0.02,
+        pitch_rad=-0.3,
+        heading_rad=1.5,
+        net_buoyancy_kg=-0.045,
+        mass_position_m=0.0123,
+        tail_rad=0.1,
+        battery_fraction=0.8,
+        battery_v=14.8,
+        mode=RobotMode.SURFACED,
+        has_fix=True,
+        energy_used=0.0,
+    )
+    return replace(value, **changes)
 
 
 def sample(sequence: int, **changes: object) -> Sample:
     """Return a sample of the lake."""
-    values: dict[str, object] = {
-        "robot": ROBOT,
-        "log": LogId(3),
-        "sequence": sequence,
-        "variable": "chlorophyll",
-        "value": 4.5 + 0.01 * sequence,
-        "position_ned": (100.0 + sequence, 50.0 - 0.5 * sequence, 4.0),
-        "position_std_m": 2.5,
-        "measured_at": NOW,
-        "received_at": NOW,
-    }
-    return Sample(**(values | changes))
+    value = Sample(
+        robot=ROBOT,
+        log=LogId(3),
+        sequence=sequence,
+        variable="chlorophyll",
+        value=4.5 + 0.01 * sequence,
+        position_ned=(100.0 + sequence, 50.0 - 0.5 * sequence, 4.0),
+        position_std_m=2.5,
+        measured_at=NOW,
+        received_at=NOW,
+    )
+    return replace(value, **changes)

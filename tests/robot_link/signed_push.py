@@ -4,11 +4,12 @@ import base64
 import hashlib
 import hmac
 import json
+from collections.abc import Mapping
 from functools import cache
 from urllib.parse import urlencode
 
 import jwt
-from cryptography.hazmat.primitives.asymmetric import rsa
+from cryptography.hazmat.primitives.asymmetric.rsa import RSAPrivateKey, generate_private_key
 from cryptography.hazmat.primitives.serialization import Encoding, PublicFormat
 
 IMEI = "300234010753370"
@@ -17,18 +18,18 @@ JSON = "application/json"
 
 
 @cache
-def private_key(bits=2048, number=0):
+def private_key(bits: int = 2048, number: int = 0) -> RSAPrivateKey:
     del number
-    return rsa.generate_private_key(65537, bits)
+    return generate_private_key(65537, bits)
 
 
-def public_pem(key=None):
+def public_pem(key: RSAPrivateKey | None = None) -> str:
     public = (key or private_key()).public_key()
     return public.public_bytes(Encoding.PEM, PublicFormat.SubjectPublicKeyInfo).decode()
 
 
-def push_fields(**changed):
-    fields = {
+def push_fields(**changed: object) -> dict[str, object]:
+    fields: dict[str, object] = {
         "imei": IMEI,
         "serial": 14331,
         "momsn": 66,
@@ -42,29 +43,29 @@ def push_fields(**changed):
     return fields | changed
 
 
-def token_of(fields, key=None):
-    claims = {"iss": "Rock 7", "iat": 1791279180}
+def token_of(fields: Mapping[str, object], key: RSAPrivateKey | None = None) -> str:
+    claims: dict[str, object] = {"iss": "Rock 7", "iat": 1791279180}
     claims |= {name: str(value) for name, value in fields.items()}
     return jwt.encode(claims, key or private_key(), algorithm="RS256")
 
 
-def form_push(fields=None, token=None):
+def form_push(fields: dict[str, object] | None = None, token: str | None = None) -> bytes:
     fields = push_fields() if fields is None else fields
     return urlencode(fields | {"JWT": token_of(fields) if token is None else token}).encode()
 
 
-def json_push(fields=None, token=None):
+def json_push(fields: dict[str, object] | None = None, token: str | None = None) -> bytes:
     fields = push_fields() if fields is None else fields
     return json.dumps(fields | {"JWT": token_of(fields) if token is None else token}).encode()
 
 
-def unsigned_token(fields):
+def unsigned_token(fields: Mapping[str, object]) -> str:
     """A token whose header says that nobody signed it."""
     claims = {name: str(value) for name, value in fields.items()}
     return f"{_part({'alg': 'none'})}.{_part(claims)}."
 
 
-def confused_token(fields, pem):
+def confused_token(fields: Mapping[str, object], pem: str) -> str:
     """A token signed by HMAC with the public key as its secret, which anybody can do."""
     claims = {name: str(value) for name, value in fields.items()}
     signed = f"{_part({'alg': 'HS256', 'typ': 'JWT'})}.{_part(claims)}"
@@ -72,5 +73,5 @@ def confused_token(fields, pem):
     return f"{signed}.{base64.urlsafe_b64encode(mac).rstrip(b'=').decode()}"
 
 
-def _part(value):
+def _part(value: Mapping[str, str]) -> str:
     return base64.urlsafe_b64encode(json.dumps(value).encode()).rstrip(b"=").decode()

@@ -1,6 +1,7 @@
 """Track reports, and orders to follow a target, that several tests share."""
 
 import math
+from dataclasses import replace
 from datetime import UTC, datetime
 
 from hypothesis import strategies as st
@@ -28,31 +29,31 @@ def tracking_mission(config: TrackingConfig | None = None) -> Mission:
 
 def track(**changes: object) -> TargetReport:
     """Return a report with two hypotheses, each of its numbers exact in a float32."""
-    values: dict[str, object] = {
-        "robot": RobotId("mini-1"),
-        "measured_at": NOW,
-        "received_at": NOW,
-        "phase": TargetPhase.TRACKING,
-        "position_ne_m": (1.25, -0.5),
-        "hypotheses": (
+    value = TargetReport(
+        robot=RobotId("mini-1"),
+        measured_at=NOW,
+        received_at=NOW,
+        phase=TargetPhase.TRACKING,
+        position_ne_m=(1.25, -0.5),
+        hypotheses=(
             TargetEstimate((1.75, 0.625), (0.03125, -0.015625), (0.25, -0.0625, 0.5), 0.75),
             TargetEstimate((0.5, -1.5), (0.0, 0.0078125), (0.5, 0.125, 0.125), 0.25),
         ),
-        "range_m": 1.125,
-        "range_age_s": 0.5,
-        "ranges_heard": 70_000,
-        "ranges_rejected": 12,
-        "determinant_m2_s": -0.0625,
-        "barrier": -0.03125,
-        "inverse_condition": 0.375,
-        "nominal": (-0.5, 0.0078125),
-        "command": (0.75, -0.0078125),
-        "is_barrier_on": True,
-        "is_feasible": False,
-        "is_quiet": False,
-        "true_ne_m": None,
-    }
-    return TargetReport(**(values | changes))
+        range_m=1.125,
+        range_age_s=0.5,
+        ranges_heard=70_000,
+        ranges_rejected=12,
+        determinant_m2_s=-0.0625,
+        barrier=-0.03125,
+        inverse_condition=0.375,
+        nominal=(-0.5, 0.0078125),
+        command=(0.75, -0.0078125),
+        is_barrier_on=True,
+        is_feasible=False,
+        is_quiet=False,
+        true_ne_m=None,
+    )
+    return replace(value, **changes)
 
 
 def _positive(least: float, most: float) -> st.SearchStrategy[float]:

@@ -1,12 +1,13 @@
 """Robots flown without radio or clock, as fast as they can be stepped."""
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 
 import numpy as np
 
+from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import primitive
 from autonomy.planner.plan import Leg, PositionNed
 from autonomy.planner.preset import PLANNER_PRESETS
@@ -128,7 +129,7 @@ def vee(
     heading_rad: float = 0.4,
     depth_m: float = 0.5,
     angle_rad: float = math.radians(47.0),
-    config=TANK_PLANNER,
+    config: PlannerConfig = TANK_PLANNER,
 ) -> tuple[Leg, Leg]:
     """Two glides: down and up again along one heading."""
     reach = depth_m / math.tan(angle_rad)
@@ -141,7 +142,7 @@ def vee(
     )
 
 
-def horizontal(a, b) -> float:
+def horizontal(a: Sequence[float], b: Sequence[float]) -> float:
     return math.hypot(a[0] - b[0], a[1] - b[1])
 
 

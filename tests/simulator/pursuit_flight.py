@@ -6,12 +6,13 @@ from onboard.link.robot_link import CommandOutcome
 from robot_link.messages import OnboardPlanState, TargetReport
 from robot_link.mission import Mission, MissionSettings
 from robot_link.target_settings import TargetSettings
+from simulator.fleet import RobotDefinition
 from tests.simulator.flight import Life, horizontal
 
 TANK, LAKE = TRACKING_PRESETS["miniglider"], TRACKING_PRESETS["grace3"]
 
 
-def changed(config: TrackingConfig, **groups) -> TrackingConfig:
+def changed(config: TrackingConfig, **groups: dict[str, object]) -> TrackingConfig:
     """Return settings with other values, by group."""
     value = config.model_dump()
     for group, fields in groups.items():
@@ -25,7 +26,7 @@ def order(config: TrackingConfig, number: int = 0) -> Mission:
     return Mission.for_target(settings, TargetSettings.of(config))
 
 
-def begin(config: TrackingConfig, seed: int = 0, definition=None) -> Life:
+def begin(config: TrackingConfig, seed: int = 0, definition: RobotDefinition | None = None) -> Life:
     life = Life(seed=seed) if definition is None else Life(definition, seed)
     assert life.start(order(config, seed)) is CommandOutcome.DONE
     return life

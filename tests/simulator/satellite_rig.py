@@ -3,11 +3,13 @@
 import asyncio
 import random
 import struct
+from collections.abc import AsyncGenerator, Callable
 from contextlib import AsyncExitStack, asynccontextmanager
 from datetime import UTC, datetime
+from pathlib import Path
 
 from onboard.node.client import NodeClient
-from onboard.node.satellite import SatelliteNode
+from onboard.node.satellite import SatelliteDevice, SatelliteNode
 from onboard.node.satellite_9602 import Driver9602
 from robot_link.clock import ScaledClock
 from simulator.background import alongside
@@ -27,14 +29,16 @@ def fast_clock() -> ScaledClock:
     return ScaledClock(datetime.now(UTC), EPOCH, FAST)
 
 
-def network(conditions: SatelliteConditions = CALM, in_view=lambda _imei: True) -> IridiumNetwork:
+def network(
+    conditions: SatelliteConditions = CALM, in_view: Callable[[str], bool] = lambda _imei: True
+) -> IridiumNetwork:
     made = IridiumNetwork(random.Random(1), conditions, fast_clock(), in_view)
     made.add_subscriber(IMEI, Account("demo", "word"))
     return made
 
 
 @asynccontextmanager
-async def used(device):
+async def used(device: SatelliteDevice) -> AsyncGenerator[NodeClient, None]:
     """A program's client of a node with this device."""
     node = SatelliteNode(device)
     async with AsyncExitStack() as stack:
@@ -47,7 +51,7 @@ async def used(device):
 
 
 @asynccontextmanager
-async def iridium(sky: IridiumNetwork, folder):
+async def iridium(sky: IridiumNetwork, folder: Path) -> AsyncGenerator[NodeClient, None]:
     line = folder / "satellite"
     async with Modem9602(IMEI, sky).pty(line), used(Driver9602.at(line)) as client:
         await ready(client)
@@ -55,14 +59,18 @@ async def iridium(sky: IridiumNetwork, folder):
 
 
 @asynccontextmanager
-async def cellular(sky: IridiumNetwork, _folder):
+async def cellular(sky: IridiumNetwork, _folder: Path) -> AsyncGenerator[NodeClient, None]:
     """A host that hands what a cellular device says to the same network."""
 
-    async def meet(reader, writer):
+    async def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         greeting = await reader.readline()
         imei = greeting[1:].strip().decode()
         if greeting[:1] == b"R":
-            stop = sky.on_ring(imei, lambda: writer.write(b"!"))
+
+            def ring() -> None:
+                writer.write(b"!")
+
+            stop = sky.on_ring(imei, ring)
             await reader.read()
             stop()
         else:

@@ -85,7 +85,9 @@ def schema_kinds(schema: dict[str, Any], schemas: dict[str, Any]) -> frozenset[s
     if "$ref" in schema:
         return schema_kinds(schemas[schema["$ref"].rsplit("/", 1)[-1]], schemas)
     if "anyOf" in schema:
-        return frozenset().union(*(schema_kinds(one, schemas) for one in schema["anyOf"]))
+        kinds = (schema_kinds(one, schemas) for one in schema["anyOf"])
+        return frozenset(kind for some in kinds for kind in some)
     if "type" not in schema:
         return _ANYTHING
-    return frozenset({{"integer": "number"}.get(schema["type"], schema["type"])})
+    kind: str = schema["type"]
+    return frozenset({"number" if kind == "integer" else kind})

@@ -129,15 +129,15 @@ class FakeSource:
         return PlanView("plan-14", "draft", legs, points, None)
 
     def _a_map(self) -> MapView:
-        axes = [
+        north, east, depth = (
             np.linspace(0, 1, n) * self._size[c] + self._low[c] for c, n in enumerate((20, 12, 8))
-        ]
-        x, y, z = np.meshgrid(*[np.linspace(0, 1, len(a)) for a in axes], indexing="ij")
+        )
+        x, y, z = np.meshgrid(*(np.linspace(0, 1, n) for n in (20, 12, 8)), indexing="ij")
         bump = np.exp(-((x - 0.3) ** 2 + (y - 0.4) ** 2) / 0.05 - (z - 0.6) ** 2 / 0.1)
         other = np.exp(-((x - 0.75) ** 2 + (y - 0.7) ** 2) / 0.04 - (z - 0.3) ** 2 / 0.1)
         return MapView(
-            VARIABLES[self.site.variable], "recursive", *axes, 3.4 + 2 * bump + 3 * other,
-            0.5 - 0.3 * bump, (10, 40, 100), 1, NOON,
+            VARIABLES[self.site.variable], "recursive", north, east, depth,
+            3.4 + 2 * bump + 3 * other, 0.5 - 0.3 * bump, (10, 40, 100), 1, NOON,
         )  # fmt: skip
 
 
