@@ -17,7 +17,6 @@ from db.query.telemetry import Track as StoredTrack
 from db.query.telemetry import newest_plan_report, newest_state
 from db.query.telemetry import track as stored_track
 from robot_link.messages import (
-    CommandReport,
     LinkEvent,
     PlanReport,
     RobotId,
@@ -34,7 +33,7 @@ from server.base.job_watch import watch_jobs
 from server.base.live_feed import LiveFeed
 from server.base.problem import not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.command.command import Commands
+from server.command.commands import Commands
 from server.fleet.disabled_links import DisabledLinks
 from server.fleet.fleet import Fleet
 from server.fleet.status import remembered_link
@@ -55,7 +54,7 @@ from server.plan.planning import Planning
 from server.plan.round_problem import field_config_of
 from server.plan.task import LOAD_PLANNER
 from server.satellite.gateways import Gateways, KeepMessage
-from server.satellite.satellite import Satellite, SatelliteListeners
+from server.satellite.satellite import Satellite
 from server.scene.host import SceneHost
 from server.scene.source import StationSceneSource
 from server.study.identification import Identifications
@@ -69,7 +68,8 @@ from server.survey.step import SurveySteps
 from server.survey.surveys import Surveys, purge_in
 from server.target.follow import TargetFollower
 from server.target.planning import TargetPlanning
-from server.transfer.upload import Uploads
+from server.transfer.machine import TransferServices
+from server.transfer.transfers import Transfers
 from server.vehicle.vehicles import Vehicles
 from webui.scene.source import SceneSource
 
@@ -119,15 +119,13 @@ class Station:
         self.gateways = make_gateways(foundation, self._take_message)
         self.ranging = Ranging(foundation, self._take_event)
         self.satellite = Satellite(
-            foundation,
-            self.fleet,
-            self.gateways,
-            self.disabled_links,
-            SatelliteListeners(self._store_values, self._take_level),
+            foundation, self.fleet, self.gateways, self.disabled_links, self._store_values
         )
-        self.commands = Commands(store, clock, self.fleet, self.radios, self.satellite)
-        self.uploads = Uploads(
-            foundation, self.fleet, self.plans, self.commands, self.radios, self.satellite
+        self.commands = Commands(foundation, self.fleet, self.radios, self.satellite)
+        self.transfers = Transfers(
+            TransferServices(
+                foundation, self.fleet, self.plans, self.commands, self.radios, self.satellite
+            )
         )
         self.missions = MissionLedger(store, clock, foundation.alarms, self.fleet, self.feed)
         self.choices = PlanChoices(foundation, self.fleet, self.plans, self.missions, self.planning)
@@ -179,8 +177,8 @@ class Station:
         self._run("satellite", self.satellite.run())
         await self.gateways.start()
         await self.commands.resume()
-        await self.uploads.resume()
-        self._run("transfers", self.uploads.run())
+        await self.transfers.resume()
+        self._run("transfers", self.transfers.run())
         await self.surveys.resume()
         self._run("surveys", self.surveys.run())
         self._run("planner's machine code", self._warm_up())
@@ -195,7 +193,7 @@ class Station:
         await self.whatifs.stop()
         await self.identifications.stop()
         await self.surveys.stop_all()
-        await self.uploads.stop()
+        await self.transfers.stop()
         await self.gateways.stop()
         await self.ranging.stop()
         await self.planning.stop()
@@ -243,9 +241,9 @@ class Station:
         problems = self.planning.problems
         quality = SurveyMaps(foundation, fleet, missions, problems, self.maps, self.workers)
         steps = SurveySteps(
-            foundation, fleet, missions, self.plans, self.planning, self.uploads, quality
+            foundation, fleet, missions, self.plans, self.planning, self.transfers, quality
         )
-        return Surveys(foundation, missions, self.planning, self.uploads, steps)
+        return Surveys(foundation, missions, self.planning, self.transfers, steps)
 
     async def _settle(self) -> None:
         """Wait until what was taken in before is committed."""
@@ -257,7 +255,7 @@ class Station:
             acknowledge=self.radios.acknowledge_samples,
             samples=self.maps.feed,
             plan=self._take_plan_report,
-            upload=self.uploads.take,
+            upload=self.transfers.take_upload,
             command=self.commands.take,
             track=self._target_follower.take,
         )
@@ -267,7 +265,6 @@ class Station:
         self._foundation.bus.subscribe(
             PlanOutdated, lambda event: self.missions.robot_said_more(event.robot)
         )
-        self.uploads.on_failure.append(self.surveys.upload_failed)
         self.commands.purges.append(purge_in)
         self.commands.on_surface.append(self._show_missions)
         self.feed.listeners.append(self._event_happened)
@@ -328,9 +325,6 @@ class Station:
     async def _store_values(self, values: Sequence[LinkEvent]) -> None:
         await self.ingest.store(values)
 
-    def _take_level(self, report: CommandReport) -> None:
-        self.commands.take(report)
-
     def _take_event(self, event: LinkEvent) -> None:
         self.ingest.take(event)
 
@@ -343,6 +337,7 @@ class Station:
         state = self.fleet.status(robot).state
         if state is not None and state.has_fix:
             self.maps.take_fix(robot, state.measured_at)
+        self.transfers.robot_changed(robot)
         self.feed.put("robots", robot, lambda: self.fleet.live_view(robot), robot)
 
     def _event_happened(self, event: EventRecord) -> None:

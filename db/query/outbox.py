@@ -158,6 +158,18 @@ def newest_outboxes(session: Session, robot: str, kind: str, since: datetime) ->
     return [_record(row, name) for row, name in found]
 
 
+def outboxes_before(session: Session, row: OutboxRecord, since: datetime) -> list[OutboxRecord]:
+    """Return the rows of the same robot that were added before one and since a moment."""
+    found = session.execute(
+        _rows().where(
+            Robot.id == row.robot,
+            OutboxRow.key < key_of("outbox", row.id),
+            OutboxRow.created_at > since,
+        )
+    )
+    return [_record(row, name) for row, name in found]
+
+
 def newest_counter(session: Session, robot: str) -> int:
     """Return the greatest counter that a robot was told, 0 before the first."""
     statement = select(func.max(OutboxRow.counter)).where(

@@ -1,9 +1,15 @@
-"""A command and how far it is proved."""
+"""A command and how far it is proved, as an operator sees it."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from datetime import datetime
 
+from sqlalchemy.orm import Session
+
+from db.query.commands import CREATED, CommandRecord
+from db.query.outbox import open_outbox
 from server.base.view import View
+from server.fleet.words import command_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,3 +37,41 @@ class CommandView(View):
     expires_at: datetime
     text: str
     """One sentence for the operator."""
+
+
+def command_view(record: CommandRecord) -> CommandView:
+    """Return a command as REST says it."""
+    reason = record.levels[-1].reason if record.levels else ""
+    carriers = [step.carrier for step in record.levels if step.level.value == record.level]
+    return CommandView(
+        id=record.id,
+        robot=record.robot,
+        kind=record.kind.value,
+        level=record.level,
+        levels=[
+            LevelView(step.level.value, step.at, step.carrier, step.reason)
+            for step in record.levels
+        ],
+        created_at=record.created_at,
+        expires_at=record.expires_at,
+        text=command_text(record.robot, record.kind, record.level, reason, carriers),
+    )
+
+
+def waiting_view(session: Session, record: CommandRecord, waits: Mapping[str, str]) -> CommandView:
+    """Return a command as REST says it, and why satellite does not send it on.
+
+    Args:
+        session: Where to read.
+        record: The command.
+        waits: Why rows of the outbox are not sent on, by their ids.
+    """
+    view = command_view(record)
+    if record.level != CREATED or not waits:
+        return view
+    reasons = [
+        waits[row.id]
+        for row in open_outbox(session, record.robot)
+        if row.command == record.id and row.id in waits
+    ]
+    return replace(view, text=" ".join([view.text, *dict.fromkeys(reasons)]))

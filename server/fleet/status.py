@@ -63,7 +63,7 @@ class PlanInHand:
 
 
 @dataclass(frozen=True, slots=True)
-class SatelliteStanding:
+class SatelliteStatus:
     """Where a robot's satellite link stands; made anew whenever something of it changes."""
 
     credits_today: int
@@ -93,7 +93,7 @@ class RobotStatus:
     """Newest report on its target; ``None`` once it flies a plan that follows none."""
     links: dict[str, LinkReport] = field(default_factory=dict)
     """Newest report of each link, by its URI, or by its carrier where the report names no URI."""
-    satellite: SatelliteStanding | None = None
+    satellite: SatelliteStatus | None = None
     """Where the satellite link stands; ``None`` for a robot without one."""
     disabled_links: frozenset[str] = frozenset()
     """Ports that the operator has disabled; see ``server.fleet.disabled_links``."""

@@ -12,14 +12,12 @@ from server.access.dependency import Pilot, StoreDep, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
 from server.base.view import View
-from server.fleet.link_view import SatelliteQuoteView
 from server.plan.document import plan_summary
 from server.plan.primitive_legs import LegRequest
 from server.plan.search_request import SearchRequest
 from server.plan.view import PlanSummaryView, PlanView, ViolationView
 from server.station_dependency import StationDep
 from server.target.settings import Base
-from server.transfer.upload import LinkRequest
 
 router = APIRouter(prefix="/api", tags=["plans"], route_class=IdempotentRoute)
 
@@ -86,19 +84,6 @@ PlanRequest = Annotated[
 ]
 
 
-class UploadRequest(Body):
-    """How a plan is to be brought on board."""
-
-    start: bool = False
-    """Whether the robot is told to fly it as soon as it is on board."""
-    confirmed: bool = False
-    """Whether to send a plan although it was made for another place or time; see `check`."""
-    route: Literal["auto", "radio", "satellite"] = "auto"
-    """The road that it is to take; ``auto`` is what the robot's settings say."""
-    force: bool = False
-    """Whether to send it by satellite although the robot was not heard for long."""
-
-
 class ChoiceRequest(Body):
     """Which of a draft's runners-up shall take its place."""
 
@@ -118,13 +103,6 @@ class PlanIdView(View):
     """Where to ask how the plan fares."""
 
     id: str
-
-
-@dataclass(frozen=True, slots=True)
-class TransferIdView(View):
-    """Where to ask how far the transfer is."""
-
-    transfer: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,36 +167,7 @@ async def get_plan(caller: Viewer, plan: str, station: StationDep) -> PlanView:
     """Return a plan: its legs, its account, what it breaks, and where it is on its way."""
     del caller
     view = station.plans.view(await station.plans.get(plan))
-    return replace(view, transfer=await station.uploads.view_of_plan(plan))
-
-
-@router.get("/plans/{plan}/satellite")
-async def quote_plan(caller: Viewer, plan: str, station: StationDep) -> SatelliteQuoteView:
-    """Return what the plan would cost by satellite: bytes, messages, credits, price; sends nothing.
-
-    The bytes of each message are those that are sent.
-    """
-    del caller
-    return await station.satellite.quote(await station.plans.get(plan))
-
-
-@router.post("/plans/{plan}/upload", status_code=202)
-async def upload_plan(
-    caller: Pilot, plan: str, station: StationDep, body: UploadRequest | None = None
-) -> TransferIdView:
-    """Bring a draft on board; 409 lists each limit that it breaks, or why it is outdated.
-
-    The robot's old plan stays until the new one is whole and proved by its hash.
-    """
-    del caller
-    wanted = body or UploadRequest()
-    transfer = await station.uploads.upload(
-        plan,
-        start=wanted.start,
-        confirmed=wanted.confirmed,
-        request=LinkRequest(wanted.route, wanted.force),
-    )
-    return TransferIdView(transfer)
+    return replace(view, transfer=await station.transfers.view_of_plan(plan))
 
 
 @router.post("/plans/{plan}/cancel", status_code=202)

@@ -6,10 +6,10 @@ from robot_link.clock import Clock
 from robot_link.station.gateway.gateway import MobileOriginated
 from server.fleet.disabled_links import DisabledLinks
 from server.fleet.fleet import Fleet
-from server.fleet.status import RobotStatus, SatelliteStanding
+from server.fleet.status import RobotStatus, SatelliteStatus
+from server.satellite.account import Account, Settings
 from server.satellite.contact import Heard, link_report, next_session_at
 from server.satellite.modem import Modem, modems_of
-from server.satellite.standing import Account, Settings
 
 
 class Hearing:
@@ -53,15 +53,15 @@ class Hearing:
         heard = [found for one in modems if (found := self._heard.get(one.imei)) is not None]
         newest = max(heard, key=lambda one: one.session_at, default=None)
         period_s = account.settings.satellite.session_period_s
-        standing = SatelliteStanding(
+        shown = SatelliteStatus(
             credits_today=account.budget.spent,
             credits_per_day=account.budget.per_day,
             waits_for_budget=waits_for_budget,
             next_session_at=next_session_at(status, newest, period_s),
             fault=account.fault,
         )
-        if status.satellite != standing:
-            status.satellite = standing
+        if status.satellite != shown:
+            status.satellite = shown
             self._fleet.touch(status.record.id)
 
     def _report(self, status: RobotStatus, modem: Modem, settings: Settings) -> None:

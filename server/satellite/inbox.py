@@ -6,7 +6,7 @@ settled when the station starts is told again, which changes nothing that was st
 """
 
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import timedelta
 from typing import Final
 
@@ -24,10 +24,10 @@ from robot_link.clock import Clock
 from robot_link.messages import PlanHash, RawFrame
 from robot_link.station.gateway.gateway import MobileOriginated
 from server.fleet.words import carrier_title
-from server.satellite import order_row, plan_row, withdrawal_row
 from server.satellite.content import FindPlan, Reading, Telling, read, values_of
 from server.satellite.message_row import fetched
 from server.satellite.modem import Modem
+from server.satellite.row_kind import RobotSession, RowKinds
 
 _IN_QUEUE: Final = timedelta(days=5)
 """A gateway keeps a message no longer, so an older one cannot be meant by its number."""
@@ -50,6 +50,7 @@ class Inbox:
     Args:
         store: Where the rows are.
         clock: The robots' clock.
+        kinds: What the rows mean about which a message proves something.
         tell: Takes what a message tells; returns once that is stored.
     """
 
@@ -57,10 +58,12 @@ class Inbox:
         self,
         store: Store,
         clock: Clock,
+        kinds: RowKinds,
         tell: Callable[[Sequence[Telling]], Awaitable[None]],
     ) -> None:
         self._store = store
         self._clock = clock
+        self._kinds = kinds
         self._tell = tell
 
     async def take(self, message: MobileOriginated, modem: Modem | None, key: bytes) -> Arrival:
@@ -75,7 +78,7 @@ class Inbox:
             StoreUnavailableError: Nothing was kept; the gateway must deliver it again.
         """
         reading = _read(message, modem, key)
-        return await self._store.write(lambda s: _keep(s, message, modem, reading))
+        return await self._store.write(lambda s: _keep(s, self._kinds, message, modem, reading))
 
     async def settle(self, message: MobileOriginated, values: Sequence[Telling]) -> None:
         """Pass on what a message tells, then write down that it is done with."""
@@ -111,7 +114,11 @@ def _read(message: MobileOriginated, modem: Modem | None, key: bytes) -> Reading
 
 
 def _keep(
-    session: Session, message: MobileOriginated, modem: Modem | None, reading: Reading
+    session: Session,
+    kinds: RowKinds,
+    message: MobileOriginated,
+    modem: Modem | None,
+    reading: Reading,
 ) -> Arrival:
     record, is_new = query.add_inbox(session, message, None if modem is None else modem.robot)
     if not is_new:
@@ -127,7 +134,7 @@ def _keep(
         _flag(session, message, modem, reading)
         query.settle_inbox(session, record.id, message.arrived_at)
         return Arrival(is_new=True, reading=reading, changed=(), values=())
-    changed = _prove(session, message, modem, reading)
+    changed = _prove(session, kinds, message, modem, reading)
     values = _values(session, message, modem, reading)
     return Arrival(is_new=True, reading=reading, changed=tuple(changed), values=values)
 
@@ -147,33 +154,30 @@ def _journaled(message: MobileOriginated, modem: Modem | None, reading: Reading)
 
 
 def _prove(
-    session: Session, message: MobileOriginated, modem: Modem, reading: Reading
+    session: Session, kinds: RowKinds, message: MobileOriginated, modem: Modem, reading: Reading
 ) -> list[OutboxRecord]:
     """Write down what a session proves of what is on its way to the robot."""
     content, at = reading.content, message.session_at
-    acks = () if content is None else content.acks
-    answers = () if content is None else content.answers
-    plan = None if content is None else content.plan
-    changed: dict[str, OutboxRecord] = {}
     brought = None
     if message.mtmsn:
         brought = message_of_mtmsn(session, message.imei, message.mtmsn, at - _IN_QUEUE)
+    said = RobotSession(
+        acks=() if content is None else tuple(content.acks),
+        answers=() if content is None else tuple(content.answers),
+        plan=None if content is None else content.plan,
+        mtmsn=None,
+        session_at=at,
+        arrived_at=message.arrived_at,
+    )
+    changed: dict[str, OutboxRecord] = {}
     for row in open_outbox(session, modem.robot):
-        if row.kind == "plan":
-            mtmsn = message.mtmsn if brought is not None and brought.outbox == row.id else None
-            ground = plan_row.hear(row, acks, plan, mtmsn, at)
-            changed[row.id] = plan_row.keep(session, row, ground, message.arrived_at)
-        elif row.kind == "order":
-            changed[row.id] = order_row.hear(session, row, answers, at)
-        else:
-            changed[row.id] = withdrawal_row.hear(session, row, acks, plan, at)
+        is_of_row = brought is not None and brought.outbox == row.id
+        told = replace(said, mtmsn=message.mtmsn) if is_of_row else said
+        changed[row.id] = kinds.of(row).heard(session, row, told)
     if brought is not None:
         fetched(session, brought, at)
         row = get_outbox(session, brought.outbox)
-        if row.kind == "order":
-            changed[row.id] = order_row.reached(session, row, at)
-        elif row.kind == "withdrawal" and row.ended_at is None:
-            changed[row.id] = withdrawal_row.reached(session, row, at)
+        changed[row.id] = kinds.of(row).fetched(session, row, at)
     return list(changed.values())
 
 

@@ -14,7 +14,7 @@ from db.query.satellite_messages import SENDING, SatelliteMessage
 from robot_link.messages import RawFrame, RobotId
 from robot_link.station.gateway.gateway import Taken
 from server.fleet.words import carrier_title
-from server.satellite import order_row, plan_row, withdrawal_row
+from server.satellite.row_kind import RowKinds
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,9 @@ def begin_call(session: Session, message: str) -> Call | None:
     return Call(called, flush=before.flush and not query.has_wanted(session, called))
 
 
-def taken(session: Session, call: Call, answer: Taken, at: datetime) -> OutboxRecord:
+def taken(
+    session: Session, kinds: RowKinds, call: Call, answer: Taken, at: datetime
+) -> OutboxRecord:
     """Write down that the gateway has a message, and what was sent in the raw journal.
 
     A repetition of the answer changes nothing.
@@ -62,15 +64,17 @@ def taken(session: Session, call: Call, answer: Taken, at: datetime) -> OutboxRe
     sent = RawFrame(RobotId(row.robot), before.carrier, True, before.data, at)
     append_telemetry(session, [sent])
     if row.ended_at is None:
-        row = _noted(session, row, before, answer, at)
+        row = kinds.of(row).taken(session, row, before, answer, at)
     if before.flush and (call.flush or call.message.attempts > 1):
-        _thrown_away(session, row)
+        for one in outbox_query.open_outbox(session, row.robot):
+            if one.imei == row.imei:
+                kinds.of(one).thrown_away(session, one)
+    subject = f"{title(kinds, row, before)} for {row.robot}"
     add_event(
         session,
         at,
         "satellite.queued",
-        f"{carrier_title(row.carrier)} took {what(row, before)} for {row.robot}; the robot has "
-        "not fetched it yet.",
+        f"{carrier_title(row.carrier)} took {subject}; the robot has not fetched it yet.",
         robot=row.robot,
         data={"outbox": row.id, "message": answer.message_id, "mtmsn": answer.mtmsn},
     )
@@ -78,7 +82,12 @@ def taken(session: Session, call: Call, answer: Taken, at: datetime) -> OutboxRe
 
 
 def postponed(
-    session: Session, message: str, sentence: str, at: datetime, retry_at: datetime
+    session: Session,
+    kinds: RowKinds,
+    message: str,
+    sentence: str,
+    at: datetime,
+    retry_at: datetime,
 ) -> OutboxRecord:
     """Write down that a message is to be handed over again, the same bytes, and why."""
     before = query.get_message(session, message)
@@ -86,12 +95,15 @@ def postponed(
     if before.state == SENDING:
         query.change_message(session, message, retry_at=retry_at, text=sentence)
         if before.text != sentence:
-            text = f"{carrier_title(row.carrier)} did not take {what(row, before)}: {sentence}"
+            subject = title(kinds, row, before)
+            text = f"{carrier_title(row.carrier)} did not take {subject}: {sentence}"
             _tell(session, row, "satellite.waits", f"{text} It is tried again.", at)
     return row
 
 
-def refused(session: Session, message: str, sentence: str, at: datetime) -> OutboxRecord:
+def refused(
+    session: Session, kinds: RowKinds, message: str, sentence: str, at: datetime
+) -> OutboxRecord:
     """Write down that the gateway will never take a message, which ends what it was part of.
 
     It may have taken it before, when its answer was lost.
@@ -110,12 +122,11 @@ def refused(session: Session, message: str, sentence: str, at: datetime) -> Outb
         text=f"{sentence}{earlier}" if may_have_it else sentence,
     )
     reason = f"{carrier_title(row.carrier)} did not take it: {sentence}"
-    subject = what(row, before)
+    subject = title(kinds, row, before)
     text = f"{subject[0].upper()}{subject[1:]}: {reason}"
     _tell(session, row, "satellite.refused", text, at)
     if row.ended_at is None:
-        end = order_row.refused if row.kind == "order" else plan_row.refuse
-        row = end(session, row, reason, at)
+        row = kinds.of(row).refused(session, row, reason, at)
     return row
 
 
@@ -125,35 +136,9 @@ def fetched(session: Session, message: SatelliteMessage, at: datetime) -> None:
         query.change_message(session, message.id, state="radio", radio_at=at)
 
 
-def what(row: OutboxRecord, message: SatelliteMessage) -> str:
+def title(kinds: RowKinds, row: OutboxRecord, message: SatelliteMessage) -> str:
     """Return what a message is, for a sentence."""
-    if row.kind == "order":
-        return f"the {row.document['kind']} order"
-    if row.kind == "withdrawal":
-        return "the word that withdraws what is still on its way"
-    count = len(plan_row.ground_of(row).parts)
-    return f"part {message.part + 1} of {count} of {row.document['plan']}"
-
-
-def _noted(
-    session: Session, row: OutboxRecord, message: SatelliteMessage, answer: Taken, at: datetime
-) -> OutboxRecord:
-    match row.kind:
-        case "plan":
-            ground = plan_row.ground_of(row)
-            sent = ground.sent(message.part, at, answer.message_id, answer.mtmsn)
-            return plan_row.keep(session, row, sent, at)
-        case "order":
-            return order_row.sent(session, row, at)
-        case _:
-            return withdrawal_row.sent(session, row)
-
-
-def _thrown_away(session: Session, row: OutboxRecord) -> None:
-    """Have orders sent again that may have gone ahead, and into a queue that was then emptied."""
-    for one in outbox_query.open_outbox(session, row.robot):
-        if one.kind == "order" and one.imei == row.imei:
-            order_row.thrown_away(session, one)
+    return kinds.of(row).title(row, message.part)
 
 
 def _tell(session: Session, row: OutboxRecord, kind: str, text: str, at: datetime) -> None:

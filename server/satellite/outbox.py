@@ -28,8 +28,8 @@ from robot_link.station.gateway.gateway import (
 from server.base.retry_queue import until_stored
 from server.satellite import message_row
 from server.satellite.message_row import Call
-from server.satellite.order_row import SURFACE_PRIORITY, is_surface
-from server.satellite.preparing import Looked, Means, expire, needs_work, prepare
+from server.satellite.preparing import Looked, expire, needs_work, prepare
+from server.satellite.row_kind import FIRST_PRIORITY, Means, RowKinds
 
 log = logging.getLogger(__name__)
 
@@ -61,6 +61,7 @@ class Outbox:
         store: Where the rows are.
         clock: The robots' clock.
         sender: The gateways.
+        kinds: What the rows mean.
         means: Returns what sending a row takes, or a sentence that says why nothing may be sent.
         on_change: Called with each row that changed, after the commit.
     """
@@ -70,12 +71,14 @@ class Outbox:
         store: Store,
         clock: Clock,
         sender: Sender,
+        kinds: RowKinds,
         means: Callable[[OutboxRecord], Means | str],
         on_change: Callable[[OutboxRecord], None],
     ) -> None:
         self._store = store
         self._clock = clock
         self._sender = sender
+        self._kinds = kinds
         self._means = means
         self._on_change = on_change
         self._stirred = asyncio.Event()
@@ -118,7 +121,9 @@ class Outbox:
                 waits[row.id] = looked.waits
             if looked.is_over_budget:
                 over_budget[row.id] = row.robot
-        self.waits, self._over_budget = waits, over_budget
+        before, self.waits, self._over_budget = self.waits, waits, over_budget
+        for row in [one for one in rows if waits.get(one.id) != before.get(one.id)]:
+            self._changed(await self._store.query(lambda session, row=row: _again(session, row)))
         free = await self._store.query(_messages)
         for message, row in free:
             if message.retry_at is None or message.retry_at <= now:
@@ -131,16 +136,21 @@ class Outbox:
 
     async def _look_at(self, row: OutboxRecord) -> Looked:
         now = self._clock.now()
-        if not await self._store.query(lambda session: needs_work(session, row, now)):
+        if not await self._store.query(lambda session: needs_work(session, self._kinds, row, now)):
             return Looked()
         if now >= row.expires_at:
-            self._changed(await self._store.write(lambda session: expire(session, row.id, now)))
+            kinds = self._kinds
+            self._changed(
+                await self._store.write(lambda session: expire(session, kinds, row.id, now))
+            )
             return Looked()
         means = self._means(row)
         if isinstance(means, str):
             return Looked(means)
         try:
-            return await self._store.write(lambda session: prepare(session, row.id, means, now))
+            return await self._store.write(
+                lambda session: prepare(session, self._kinds, row.id, means, now)
+            )
         except (ValueError, KeyError) as error:
             log.exception("%s cannot be sent", row.id)
             return Looked(f"It cannot be sent: {error}")
@@ -148,7 +158,7 @@ class Outbox:
     def _call(self, message: SatelliteMessage, row: OutboxRecord) -> None:
         """Call the gateway; an order to surface does not wait for what is being said before it."""
         busy = any(other.imei == message.imei for other in self._called.values())
-        if message.id in self._calls or (busy and not is_surface(row)):
+        if message.id in self._calls or (busy and not self._kinds.of(row).is_urgent(row)):
             return
         if row.state != "open" or isinstance(self._means(row), str):
             return
@@ -195,23 +205,26 @@ class Outbox:
             return await self._store.write(lambda s: message_row.begin_call(s, message.id))
         except StoreUnavailableError as error:
             log.warning("%s is not written down as called: %s", message.id, error)
-            return Call(message, flush=False) if message.priority == SURFACE_PRIORITY else None
+            return Call(message, flush=False) if message.priority == FIRST_PRIORITY else None
 
     async def _take(self, call: Call, answer: Taken) -> None:
         at, message = self._clock.now(), call.message
-        await self._note(message, lambda s: message_row.taken(s, call, answer, at))
+        await self._note(message, lambda s: message_row.taken(s, self._kinds, call, answer, at))
 
     async def _postpone(self, message: SatelliteMessage, sentence: str) -> None:
         at = self._clock.now()
         wait_s = retry_after_s(message.attempts + 1) * max(1.0, self._clock.speed)
         retry_at = at + timedelta(seconds=wait_s)
         await self._note(
-            message, lambda s: message_row.postponed(s, message.id, sentence, at, retry_at)
+            message,
+            lambda s: message_row.postponed(s, self._kinds, message.id, sentence, at, retry_at),
         )
 
     async def _refuse(self, message: SatelliteMessage, sentence: str) -> None:
         at = self._clock.now()
-        await self._note(message, lambda s: message_row.refused(s, message.id, sentence, at))
+        await self._note(
+            message, lambda s: message_row.refused(s, self._kinds, message.id, sentence, at)
+        )
 
     async def _note(
         self, message: SatelliteMessage, write: Callable[[Session], OutboxRecord]
@@ -238,4 +251,8 @@ class Outbox:
 def _messages(session: Session) -> list[tuple[SatelliteMessage, OutboxRecord]]:
     """Return the messages that a gateway is to have, the urgent ones first, with their rows."""
     found = [(one, get_outbox(session, one.outbox)) for one in messages_in(session, SENDING)]
-    return sorted(found, key=lambda pair: pair[0].priority > SURFACE_PRIORITY)
+    return sorted(found, key=lambda pair: pair[0].priority > FIRST_PRIORITY)
+
+
+def _again(session: Session, row: OutboxRecord) -> OutboxRecord:
+    return get_outbox(session, row.id)

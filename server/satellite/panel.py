@@ -15,11 +15,11 @@ from robot_link.satellite.cost import credits
 from server.fleet.link_view import IncomingMessageView, OutgoingMessageView, SatelliteView
 from server.fleet.status import RobotStatus
 from server.fleet.words import carrier_title
-from server.satellite import plan_row
+from server.satellite.account import settings_of
 from server.satellite.budget import budget_of
-from server.satellite.message_row import what
+from server.satellite.message_row import title
 from server.satellite.modem import modems_of
-from server.satellite.standing import settings_of
+from server.satellite.row_kind import RowKinds
 
 _ENDS: Final = MappingProxyType(
     {
@@ -33,7 +33,7 @@ _ENDS: Final = MappingProxyType(
 
 
 def satellite_view(
-    session: Session, status: RobotStatus, now: datetime, limit: int
+    session: Session, kinds: RowKinds, status: RobotStatus, now: datetime, limit: int
 ) -> SatelliteView:
     """Return a robot's budget and its newest messages; one without a modem has none."""
     robot = status.record.id
@@ -41,7 +41,7 @@ def satellite_view(
     tariff = settings_of(session, robot).satellite.tariff
     budget = budget_of(session, robot, tariff, now)
     midnight = now.replace(hour=0, minute=0, second=0, microsecond=0)
-    standing = status.satellite
+    known = status.satellite
     return SatelliteView(
         imei=None if modem is None else modem.imei,
         carrier="" if modem is None else modem.carrier,
@@ -51,14 +51,14 @@ def satellite_view(
         credits_heard_today=sum(
             credits(size, tariff) for size in inbox_sizes(session, robot, since=midnight)
         ),
-        next_session_at=None if standing is None else standing.next_session_at,
-        outgoing=_outgoing_views(session, messages_to(session, robot, limit)),
+        next_session_at=None if known is None else known.next_session_at,
+        outgoing=_outgoing_views(session, kinds, messages_to(session, robot, limit)),
         incoming=[_incoming(one, tariff) for one in inbox_of(session, robot, limit)],
     )
 
 
 def _outgoing_views(
-    session: Session, messages: Sequence[SatelliteMessage]
+    session: Session, kinds: RowKinds, messages: Sequence[SatelliteMessage]
 ) -> list[OutgoingMessageView]:
     """Return what became of each message, the newest first."""
     rows = {one: get_outbox(session, one) for one in {message.outbox for message in messages}}
@@ -66,13 +66,15 @@ def _outgoing_views(
     views: list[OutgoingMessageView] = []
     for message in messages:
         place = (message.outbox, message.part)
-        views.append(_outgoing(rows[message.outbox], message, is_last=place not in said_again))
+        views.append(
+            _outgoing(kinds, rows[message.outbox], message, is_last=place not in said_again)
+        )
         said_again.add(place)
     return views
 
 
 def _outgoing(
-    row: OutboxRecord, message: SatelliteMessage, *, is_last: bool
+    kinds: RowKinds, row: OutboxRecord, message: SatelliteMessage, *, is_last: bool
 ) -> OutgoingMessageView:
     return OutgoingMessageView(
         at=message.created_at,
@@ -82,18 +84,20 @@ def _outgoing(
         state=message.state,
         message_id=message.message_id or None,
         mtmsn=message.mtmsn,
-        text=_outgoing_text(row, message, is_last=is_last),
+        text=_outgoing_text(kinds, row, message, is_last=is_last),
     )
 
 
-def _outgoing_text(row: OutboxRecord, message: SatelliteMessage, *, is_last: bool) -> str:
-    subject = what(row, message)
+def _outgoing_text(
+    kinds: RowKinds, row: OutboxRecord, message: SatelliteMessage, *, is_last: bool
+) -> str:
+    subject = title(kinds, row, message)
     gateway = carrier_title(message.carrier)
     match message.state:
         case "sending":
             fate = message.text or f"{gateway} is being called."
         case "taken":
-            fate = f"{gateway} took it. {_fate(row, message, is_last=is_last)}"
+            fate = f"{gateway} took it. {_fate(kinds, row, message, is_last=is_last)}"
         case "radio":
             fate = "The robot's modem fetched it."
         case _:
@@ -101,11 +105,11 @@ def _outgoing_text(row: OutboxRecord, message: SatelliteMessage, *, is_last: boo
     return f"{subject[0].upper()}{subject[1:]}: {fate}".strip()
 
 
-def _fate(row: OutboxRecord, message: SatelliteMessage, *, is_last: bool) -> str:
+def _fate(kinds: RowKinds, row: OutboxRecord, message: SatelliteMessage, *, is_last: bool) -> str:
     """Say what is known of a message that a gateway took and did not report as fetched."""
     if not is_last:
         return "The robot was not heard to have it when it called, so it was sent again."
-    if row.kind == "plan" and plan_row.ground_of(row).parts[message.part].is_held:
+    if kinds.of(row).is_held(row, message.part):
         return "The robot says that it has this part."
     if row.level == "applied":
         return "The robot's answer says that it has it."

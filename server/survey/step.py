@@ -32,7 +32,7 @@ from server.plan.survey_round import (
 )
 from server.survey.map_quality import SurveyMaps
 from server.survey.mission_ledger import ENDED, MissionLedger
-from server.transfer.upload import Uploads
+from server.transfer.transfers import Transfers
 
 QUIET_S = 1.5
 QUIET_LIMIT_S = 20.0
@@ -50,7 +50,7 @@ class SurveySteps:
         missions: MissionLedger,
         plans: PlanLedger,
         planning: Planning,
-        uploads: Uploads,
+        transfers: Transfers,
         maps: SurveyMaps,
     ) -> None:
         self._clock = foundation.clock
@@ -58,7 +58,7 @@ class SurveySteps:
         self._missions = missions
         self._plans = plans
         self._planning = planning
-        self._uploads = uploads
+        self._transfers = transfers
         self._maps = maps
 
     async def take(self, mission: str) -> bool:
@@ -87,7 +87,7 @@ class SurveySteps:
                 why = self._why_outdated(plan)
                 if await self.next_round(record, plans, plan.round, warm=self._warm_from(plan)):
                     await self._planning.cancel(plan.id, f"{why} Planning again.")
-            case "draft" if broken_off(plan) and not self._uploads.is_under_way(plan.robot):
+            case "draft" if broken_off(plan) and not self._transfers.is_under_way(plan.robot):
                 await self._plan_instead(record, plans, plan)
             case "draft" | "sent" | "on_board":
                 if record.automation:
@@ -147,7 +147,7 @@ class SurveySteps:
 
     def _is_outdated(self, plan: PlanRecord) -> bool:
         """Tell whether a draft that nobody sends yet was made for another place or time."""
-        is_waiting = not self._uploads.is_under_way(plan.robot)
+        is_waiting = not self._transfers.is_under_way(plan.robot)
         return is_waiting and bool(self._why_outdated(plan))
 
     def _why_outdated(self, plan: PlanRecord) -> str:
@@ -173,7 +173,7 @@ class SurveySteps:
 
     async def _send(self, record: MissionRecord, plan: PlanRecord) -> bool:
         try:
-            await self._uploads.upload(
+            await self._transfers.send(
                 plan.id, start=True, check=lambda session: _check_on(session, record.id)
             )
         except Problem:

@@ -25,7 +25,8 @@ from server.plan.state import ON_THE_WAY, PlanChanged
 from server.plan.survey_round import ENDED_BADLY, config_of_round, standing_of
 from server.survey.mission_ledger import MissionLedger
 from server.survey.step import SurveySteps, request_of
-from server.transfer.upload import Uploads
+from server.transfer.state import TransferFailed
+from server.transfer.transfers import Transfers
 
 log = logging.getLogger(__name__)
 
@@ -43,13 +44,13 @@ class Surveys:
         foundation: Foundation,
         missions: MissionLedger,
         planning: Planning,
-        uploads: Uploads,
+        transfers: Transfers,
         steps: SurveySteps,
     ) -> None:
         self._foundation = foundation
         self._missions = missions
         self._planning = planning
-        self._uploads = uploads
+        self._transfers = transfers
         self._steps = steps
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._again: set[str] = set()
@@ -57,6 +58,7 @@ class Surveys:
         """By robot, the plan during which the next round was looked at; saves looking often."""
         self._is_stopping = False
         foundation.bus.subscribe(PlanChanged, self._plan_changed)
+        foundation.bus.subscribe(TransferFailed, self._transfer_failed)
 
     async def resume(self) -> None:
         """Go on with every survey that had something to do when the station stopped."""
@@ -226,7 +228,7 @@ class Surveys:
         if flies:
             message += f" {record.robot} finishes the plan that it flies; surface it to end that."
         await self._missions.move(mission, "stopped", message, automation=False)
-        await self._uploads.withdraw(record.robot, f"{by} stopped {mission}.")
+        await self._transfers.withdraw(record.robot, f"{by} stopped {mission}.")
 
     def _plan_changed(self, event: PlanChanged) -> None:
         if event.plan.mission is not None:
@@ -241,9 +243,10 @@ class Surveys:
             self._asked_ahead[robot] = plan.id
             self._kick(plan.mission)
 
-    def upload_failed(self, plan: str, reason: str) -> None:
-        """Take that a plan did not get on board or did not start."""
-        self._foundation.background.start(f"stop for {plan}", self._stop_for_plan(plan, reason))
+    def _transfer_failed(self, event: TransferFailed) -> None:
+        plan = event.plan
+        stop = self._stop_for_plan(plan, event.reason)
+        self._foundation.background.start(f"stop for {plan}", stop)
 
     async def _stop_for_plan(self, plan: str, reason: str) -> None:
         try:

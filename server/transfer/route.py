@@ -1,23 +1,79 @@
-"""Transfers: plans on their way to robots."""
+"""Transfers: what one would cost, sending a plan, and how far it is on its way."""
+
+from dataclasses import dataclass
+from typing import Literal
 
 from fastapi import APIRouter
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
+from server.base.body import Body
+from server.base.view import View
+from server.fleet.link_view import SatelliteQuoteView
 from server.plan.view import TransferView
 from server.station_dependency import StationDep
+from server.transfer.transfers import LinkRequest
 
-router = APIRouter(prefix="/api/transfers", tags=["transfers"], route_class=IdempotentRoute)
+router = APIRouter(prefix="/api", tags=["transfers"], route_class=IdempotentRoute)
 
 
-@router.get("/{transfer}")
+class UploadRequest(Body):
+    """How a plan is to be brought on board."""
+
+    start: bool = False
+    """Whether the robot is told to fly it as soon as it is on board."""
+    confirmed: bool = False
+    """Whether to send a plan although it was made for another place or time; see `check`."""
+    route: Literal["auto", "radio", "satellite"] = "auto"
+    """The road that it is to take; ``auto`` is what the robot's settings say."""
+    force: bool = False
+    """Whether to send it by satellite although the robot was not heard for long."""
+
+
+@dataclass(frozen=True, slots=True)
+class TransferIdView(View):
+    """Where to ask how far the transfer is."""
+
+    transfer: str
+
+
+@router.get("/plans/{plan}/satellite", tags=["plans"])
+async def quote_plan(caller: Viewer, plan: str, station: StationDep) -> SatelliteQuoteView:
+    """Return what the plan would cost by satellite: bytes, messages, credits, price; sends nothing.
+
+    The bytes of each message are those that are sent.
+    """
+    del caller
+    return await station.transfers.quote(plan)
+
+
+@router.post("/plans/{plan}/upload", status_code=202, tags=["plans"])
+async def upload_plan(
+    caller: Pilot, plan: str, station: StationDep, body: UploadRequest | None = None
+) -> TransferIdView:
+    """Bring a draft on board; 409 lists each limit that it breaks, or why it is outdated.
+
+    The robot's old plan stays until the new one is whole and proved by its hash.
+    """
+    del caller
+    wanted = body or UploadRequest()
+    transfer = await station.transfers.send(
+        plan,
+        start=wanted.start,
+        confirmed=wanted.confirmed,
+        request=LinkRequest(wanted.route, wanted.force),
+    )
+    return TransferIdView(transfer)
+
+
+@router.get("/transfers/{transfer}")
 async def get_transfer(caller: Viewer, transfer: str, station: StationDep) -> TransferView:
     """Return a transfer: its parts, the level that is proved, and what it has cost."""
     del caller
-    return await station.uploads.view(transfer)
+    return await station.transfers.view(transfer)
 
 
-@router.post("/{transfer}/withdraw")
+@router.post("/transfers/{transfer}/withdraw")
 async def withdraw_transfer(caller: Pilot, transfer: str, station: StationDep) -> TransferView:
     """Withdraw a transfer that has not arrived; what a gateway took may still reach the robot."""
-    return await station.uploads.withdraw_transfer(transfer, by=caller.name)
+    return await station.transfers.withdraw_transfer(transfer, by=caller.name)

@@ -9,7 +9,7 @@ from server import composition
 from server.access.role import Role
 from server.base.secret import SecretStore
 from server.base.settings import Settings
-from server.command import command
+from server.command import commands
 from server.composition import run_station
 from server.satellite import outbox
 from server.station import Station
@@ -50,7 +50,7 @@ async def far_station(tmp_path, world, sky, monkeypatch, links=LINKS):
     """Run a station on the sky's clock whose lake robot was heard by satellite just now."""
     monkeypatch.setattr(composition, "read_clock", lambda _: sky.clock)
     monkeypatch.setattr(outbox, "LOOK_S", 0.02)
-    monkeypatch.setattr(command, "_WRITE_PATIENCE_S", 30.0)
+    monkeypatch.setattr(commands, "_WRITE_PATIENCE_S", 30.0)
     give_links(tmp_path, links)
     settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
     async with run_station(

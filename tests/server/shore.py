@@ -11,12 +11,15 @@ from robot_link.messages import CommandKind
 from robot_link.mission import Mission, MissionSettings
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.config import Tariff
+from server.command.satellite_row import CommandRows, add_row
 from server.plan.document import mission_of
-from server.satellite import order_row, plan_row
 from server.satellite.inbox import Inbox
 from server.satellite.modem import Modem
 from server.satellite.outbox import Outbox
-from server.satellite.preparing import Means
+from server.satellite.row_kind import Means, RowKinds
+from server.transfer import plan_row
+from server.transfer.plan_row import PlanRows
+from server.transfer.withdrawal_row import WithdrawalRows, begin_withdrawal
 from tests.server.conftest import GRACE
 from tests.server.sky import IMEI, URI
 
@@ -30,8 +33,9 @@ class Shore:
     def __init__(self, store, sender, clock, key, tariff=None):
         self.told = []
         means = Means(MODEM, key, tariff or Tariff())
-        self.outbox = Outbox(store, clock, sender, lambda _: means, lambda _: None)
-        self.inbox = Inbox(store, clock, self._tell)
+        kinds = RowKinds(CommandRows(), PlanRows(begin_withdrawal), WithdrawalRows())
+        self.outbox = Outbox(store, clock, sender, kinds, lambda _: means, lambda _: None)
+        self.inbox = Inbox(store, clock, kinds, self._tell)
         self.key = key
 
     async def _tell(self, values):
@@ -93,4 +97,4 @@ def begin_plan(session, at, legs=40):
 def begin_order(session, at, kind=CommandKind.HOLD, *, is_only=False):
     """Add an order on its way; return its row."""
     command = add_command(session, GRACE, kind, at=at, expires_at=at + timedelta(days=1), by="test")
-    return order_row.begin_order(session, command, MODEM, at, is_only=is_only)
+    return add_row(session, command, MODEM, is_only=is_only)

@@ -16,7 +16,7 @@ from robot_link.messages import (
 )
 from server.alarm.rules import RULES, Watch
 from server.fleet.clock_fault import ClockFault
-from server.fleet.status import RobotStatus, SatelliteStanding
+from server.fleet.status import RobotStatus, SatelliteStatus
 from server.fleet.trail import POINTS_MAX, Track
 from tests.server.fake_link import state_report
 
@@ -135,7 +135,7 @@ def standing(**changes):
         "next_session_at": None,
         "fault": "",
     }
-    return SatelliteStanding(**{**values, **changes})
+    return SatelliteStatus(**{**values, **changes})
 
 
 @pytest.mark.parametrize(("late_min", "level"), [(5, None), (15, "watch"), (50, "critical")])

@@ -6,9 +6,8 @@ import pytest
 
 from db.query.commands import add_command, list_commands
 from db.query.missions import get_mission
-from db.query.transfers import get_transfer
 from robot_link.messages import CommandKind, CommandLevel, CommandNumber, CommandReport
-from server.transfer.row import WithdrawnError, proceed_with_plan
+from server.transfer.state import TransferEvidence, WithdrawnError, apply
 from tests.server.conftest import FAST, GRACE, MINI, open_station, until
 
 
@@ -191,13 +190,10 @@ async def test_withdrawn_upload_says_nothing_more_of_its_plan(client, station, w
     plan, transfer = await send_dive(client)
     await order(client)
     store = station.foundation.store
-    record = await store.query(lambda session: get_transfer(session, transfer))
     at = datetime.now(UTC)
 
     def late(session):
-        proceed_with_plan(
-            session, record, "sent", "late", at, only_from=("draft",), state="sending"
-        )
+        apply(session, transfer, TransferEvidence.FIRST_BYTES, at, "late")
 
     with pytest.raises(WithdrawnError):
         await store.write(late)
@@ -218,7 +214,7 @@ async def test_nothing_is_started_after_a_surface_order_whatever_was_on_its_way(
     await until(lambda: world.uploads)
     await order(client)
     world.may_upload.set()
-    await until(lambda: not station.uploads._tasks)
+    await until(lambda: not station.transfers._tasks)
     await asyncio.sleep(0.3)
     assert {kind for _, kind, _ in world.commands} == {CommandKind.SURFACE}
     assert (await client.get(f"/api/missions/{mission}")).json()["state"] == "stopped"

@@ -3,14 +3,8 @@
 import pytest
 import pytest_asyncio
 
-from server.transfer import carriage
 from tests.server.far import far_station, place_under, settled
 from tests.server.sky import ManualClock, Sky
-
-
-@pytest.fixture(autouse=True)
-def _hasty(monkeypatch):
-    monkeypatch.setattr(carriage, "_POLL_S", 0.02)
 
 
 @pytest.fixture

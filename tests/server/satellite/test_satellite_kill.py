@@ -13,7 +13,7 @@ from db.store import Store
 from robot_link.messages import CommandKind
 from server.base.secret import SecretStore
 from server.base.settings import Settings
-from server.satellite import plan_row
+from server.transfer import plan_row
 from tests.server.conftest import GRACE
 from tests.server.shore import Shore, begin_order, begin_plan
 from tests.server.sky import ManualClock, Sky

@@ -8,7 +8,7 @@ from robot_link.messages import (
     CommandLevel,
 )
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal
-from server.command import command as command_service
+from server.command import commands as command_service
 from tests.server.conftest import GRACE, until
 from tests.server.far import (
     ORDERS,

@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from db.query.events import newest_events
+from db.query.outbox import outbox_of_transfer
 from robot_link.messages import CommandKind, OnboardPlanState
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
 from tests.server.conftest import until
@@ -85,7 +86,7 @@ async def test_lossy_sky_and_restarts_bring_the_plan_once_and_whole(
                 plan = await draft(client)
                 path = await transfer_of(client, plan)
                 sky.loss = 0.4
-            await until(lambda: station.uploads.is_under_way("grace-1"))
+            await until(lambda: station.transfers.is_under_way("grace-1"))
             await settled(station)
             await robot.call(2)
             await settled(station)
@@ -94,7 +95,9 @@ async def test_lossy_sky_and_restarts_bring_the_plan_once_and_whole(
                 assert robot.applied
             if seen["level"] == "radio":
                 assert robot.fetched >= len(seen["parts"])
-            row = station.satellite.row_of(path.rsplit("/", 1)[1])
+            row = await station.foundation.store.query(
+                lambda session: outbox_of_transfer(session, path.rsplit("/", 1)[1])
+            )
             if row is not None and row.state == "applied":
                 await in_state(client, path, "on_board")
                 break

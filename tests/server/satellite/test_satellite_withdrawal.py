@@ -10,10 +10,10 @@ from robot_link.messages import CommandKind, CommandLevel
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
 from server.base.secret import SecretStore
 from server.base.settings import Settings
-from server.command.row import note_level
+from server.command import state
 from server.satellite.budget import utc_day
-from server.satellite.withdrawal_row import called_back
-from server.transfer.row import end_by_satellite
+from server.transfer.state import end_by_satellite
+from server.transfer.withdrawal_row import called_back
 from tests.server.conftest import GRACE
 from tests.server.shore import Shore, begin_order, begin_plan
 from tests.server.sky import IMEI, ManualClock, Sky
@@ -202,7 +202,7 @@ async def test_order_that_radio_settled_is_neither_sent_nor_counted(given):
     await given.work()
 
     def settle(session, at):
-        note_level(session, order.command, CommandLevel.APPLIED, at=at, carrier="xbee")
+        state.apply(session, order.command, CommandLevel.APPLIED, at=at, carrier="xbee")
 
     await given.write(settle)
     given.clock.advance(minutes=11)

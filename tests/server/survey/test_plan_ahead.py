@@ -333,7 +333,7 @@ async def test_new_survey_ends_the_search_of_the_one_that_it_takes_the_place_of(
 async def test_place_that_is_told_as_a_draft_is_sent_makes_the_round_anew(
     client, station, world, workers, monkeypatch
 ):
-    upload = station.uploads.upload
+    upload = station.transfers.send
     told = []
 
     async def upload_late(plan, **options):
@@ -342,7 +342,7 @@ async def test_place_that_is_told_as_a_draft_is_sent_makes_the_round_anew(
             world.tell(state_report(MINI, (2.6, 0.6, 0.0)))
         return await upload(plan, **options)
 
-    monkeypatch.setattr(station.uploads, "upload", upload_late)
+    monkeypatch.setattr(station.transfers, "send", upload_late)
     world.robots[MINI].may_fly.clear()
     mission = await survey(client)
     flown = await mission_when(client, mission, lambda one: one["state"] in {"running", "stopped"})

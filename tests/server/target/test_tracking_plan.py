@@ -352,7 +352,7 @@ async def test_a_draft_survives_a_restart_and_is_flown_then(tmp_path, world):
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
         assert (await station.plans.get(plan.id)).state == "draft"
-        await station.uploads.upload(plan.id, start=True)
+        await station.transfers.send(plan.id, start=True)
 
         async def done():
             return (await station.plans.get(plan.id)).state == "done"
@@ -363,7 +363,7 @@ async def test_a_draft_survives_a_restart_and_is_flown_then(tmp_path, world):
 
 async def test_the_log_says_that_time_ended_a_pursuit(client, station, world):
     plan = await draft(client)
-    await station.uploads.upload(plan["id"], start=True)
+    await station.transfers.send(plan["id"], start=True)
 
     async def told():
         events = (await client.get("/api/events?robot=mini-1")).json()["events"]

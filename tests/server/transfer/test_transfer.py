@@ -260,7 +260,7 @@ async def test_old_draft_is_outdated(client, station, monkeypatch):
     (found,) = await station.planning.check(plan)
     assert found.message == "The plan was made 120 min ago; the limit is 60 min."
     with pytest.raises(Problem, match="plan-1 is outdated: The plan was made 120 min ago"):
-        await station.uploads.upload(plan, start=True)
+        await station.transfers.send(plan, start=True)
 
 
 async def test_plan_brings_the_trim_of_its_robot_and_cites_the_version(client, station, world):

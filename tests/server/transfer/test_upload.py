@@ -191,7 +191,7 @@ async def test_transfer_goes_on_after_a_restart_of_the_station(tmp_path, world):
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
         plan = await _draft(station)
-        await station.uploads.upload(plan, start=True)
+        await station.transfers.send(plan, start=True)
         await until(lambda: world.uploads)
     world.may_upload.set()
     async with open_station(tmp_path, world) as station:
@@ -211,7 +211,7 @@ async def test_plan_that_was_flown_while_the_station_was_off_is_picked_up(tmp_pa
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
         world.robots[MINI].may_fly.clear()
         plan = await _draft(station)
-        await station.uploads.upload(plan, start=True)
+        await station.transfers.send(plan, start=True)
 
         async def running():
             return (await station.plans.get(plan)).state == "running"

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import replace
-from datetime import timedelta
 from types import MappingProxyType
 from typing import Final
 
@@ -17,13 +16,12 @@ from robot_link.station.ground import Part
 from server.fleet.link_view import TransferPartView
 from server.fleet.words import carrier_title
 from server.plan.view import TransferView
-from server.satellite.plan_row import ground_of
-from server.satellite.standing import settings_of
-from server.satellite.withdrawal_row import called_back
+from server.satellite.account import settings_of
+from server.transfer.plan_row import ground_of
+from server.transfer.state import RADIO_LIFE
+from server.transfer.withdrawal_row import called_back
 
 NOTHING_WAITS: Final[Mapping[str, str]] = MappingProxyType({})
-RADIO_LIFE: Final = timedelta(hours=24)
-"""A transfer by radio that found no contact for this long, by the robots' clock, is given up."""
 
 
 def transfer_view(

@@ -9,6 +9,8 @@ from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import sizes
 from robot_link.satellite.config import Tariff
 from robot_link.satellite.cost import credits, quote
+from server.access.foundation import Foundation
+from server.base.problem import conflict
 from server.fleet.link_view import (
     AutoRouteView,
     SatelliteMessageCostView,
@@ -18,7 +20,8 @@ from server.fleet.routing import LinkChoice
 from server.fleet.status import RobotStatus
 from server.fleet.words import carrier_title, clock_time
 from server.plan.document import mission_of
-from server.satellite.budget import Budget
+from server.satellite.budget import Budget, budget_of
+from server.satellite.satellite import Satellite
 
 _PLANNED: Final = ("draft", "sent", "on_board", "running")
 
@@ -34,11 +37,39 @@ class Circumstances:
     """The link that "auto" would take."""
     carrier: str | None
     """The gateway; ``None`` without a satellite link that is plugged in."""
-    road_fault: str
+    link_fault: str
     """Why no satellite link can be used; empty if one can."""
     obstacle: str
     """Why only a person who insists may send."""
     now: datetime
+
+
+async def quote_of(
+    plan: PlanRecord, status: RobotStatus, satellite: Satellite, foundation: Foundation
+) -> SatelliteQuoteView:
+    """Return what a plan would cost, and what speaks against sending it by satellite.
+
+    Raises:
+        Problem: 409 if there is nothing to send yet, or it is too long for satellite.
+    """
+    if plan.state not in _PLANNED or "settings" not in plan.document:
+        raise conflict(f"{plan.id} is {plan.state}; there is nothing to send.")
+    robot, now = plan.robot, foundation.clock.now()
+    tariff, modem = satellite.settings(robot).satellite.tariff, satellite.modem(robot)
+    given = Circumstances(
+        status=status,
+        tariff=tariff,
+        budget=await foundation.store.query(lambda s: budget_of(s, robot, tariff, now)),
+        choice=satellite.choice(robot, "plan"),
+        carrier=None if modem is None else modem.carrier,
+        link_fault=satellite.choice(robot, "plan", "satellite").reason,
+        obstacle=satellite.obstacle(robot),
+        now=now,
+    )
+    try:
+        return quote_view(plan, given)
+    except ValueError as error:
+        raise conflict(f"{plan.id} cannot go by satellite: {error}.") from error
 
 
 def quote_view(plan: PlanRecord, given: Circumstances) -> SatelliteQuoteView:
@@ -73,14 +104,9 @@ def quote_view(plan: PlanRecord, given: Circumstances) -> SatelliteQuoteView:
     )
 
 
-def has_mission(plan: PlanRecord) -> bool:
-    """Tell whether a plan is far enough to be sent."""
-    return plan.state in _PLANNED and "settings" in plan.document
-
-
 def _refusal(plan: PlanRecord, messages: tuple[int, ...], given: Circumstances) -> str:
     if given.carrier is None:
-        return given.road_fault
+        return given.link_fault
     if plan.state not in ("draft", "on_board"):
         return f"{plan.id} is {plan.state.replace('_', ' ')}; only a draft can be sent."
     largest = max(credits(size, given.tariff) for size in messages)
@@ -94,8 +120,8 @@ def _refusal(plan: PlanRecord, messages: tuple[int, ...], given: Circumstances) 
 
 def _earliest(given: Circumstances) -> datetime | None:
     """Return when the robot calls next; a call that is overdue says nothing of the next."""
-    standing = given.status.satellite
-    due = None if standing is None else standing.next_session_at
+    known = given.status.satellite
+    due = None if known is None else known.next_session_at
     return due if due is not None and due > given.now else None
 
 

@@ -1,4 +1,4 @@
-"""Where each robot's satellite link stands, read anew once a second."""
+"""What holds for each robot's satellite link and what it has spent, read anew once a second."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -13,6 +13,7 @@ from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from server.base.configuration import current
 from server.base.configuration_kind import find_kind
 from server.satellite.budget import Budget, budget_of
+from server.satellite.row_kind import RowKinds
 
 _REMEMBERED: Final = timedelta(hours=24)
 """A plan that was refused or expired concerns the operator this long."""
@@ -48,8 +49,10 @@ def settings_of(session: Session, robot: str | None) -> Settings:
     )
 
 
-def accounts(session: Session, robots: Iterable[str], now: datetime) -> Mapping[str, Account]:
-    """Return where the satellite links of these robots stand."""
+def accounts(
+    session: Session, kinds: RowKinds, robots: Iterable[str], now: datetime
+) -> Mapping[str, Account]:
+    """Return the accounts of these robots."""
     waiting = {
         message.robot: message.text
         for message in messages_in(session, SENDING)
@@ -58,8 +61,8 @@ def accounts(session: Session, robots: Iterable[str], now: datetime) -> Mapping[
     found: dict[str, Account] = {}
     for robot in robots:
         settings = settings_of(session, robot)
-        newest = [newest_outbox(session, robot, kind) for kind in ("plan", "order")]
-        faults = [_fault(row, now) for row in newest if row is not None]
+        newest = [newest_outbox(session, robot, name) for name in kinds.names]
+        faults = [_fault(kinds, row, now) for row in newest if row is not None]
         found[robot] = Account(
             settings,
             budget_of(session, robot, settings.satellite.tariff, now),
@@ -68,10 +71,10 @@ def accounts(session: Session, robots: Iterable[str], now: datetime) -> Mapping[
     return found
 
 
-def _fault(row: OutboxRecord, now: datetime) -> str:
+def _fault(kinds: RowKinds, row: OutboxRecord, now: datetime) -> str:
     if row.state not in ("refused", "expired") or row.ended_at is None:
         return ""
     if now - row.ended_at > _REMEMBERED:
         return ""
-    subject = row.document["plan"] if row.kind == "plan" else f"The {row.document['kind']} order"
-    return f"{subject} {row.state}: {row.reason.rstrip('.')}."
+    subject = kinds.of(row).fault_of(row)
+    return f"{subject} {row.state}: {row.reason.rstrip('.')}." if subject else ""

@@ -1,6 +1,6 @@
 """A plan on its way by satellite as a row: its state changes in the transaction that proves it."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from typing import Final
 
@@ -8,14 +8,19 @@ from sqlalchemy.orm import Session
 
 from db.query import outbox as query
 from db.query.outbox import CREATED, OutboxRecord
-from db.query.plans import PlanRecord
+from db.query.plans import PlanRecord, get_plan
+from db.query.satellite_messages import SatelliteMessage
 from db.query.transfers import TransferRecord
 from robot_link.messages import OnboardPlanState
 from robot_link.satellite.blob import Blob
-from robot_link.satellite.content import ShortPlanReport, TransferAck, TransferState
+from robot_link.satellite.chunk import cut
+from robot_link.satellite.content import TransferAck, TransferState
+from robot_link.station.gateway.gateway import Taken
 from robot_link.station.ground import GroundState, GroundTransfer, PartLevel, next_counter
+from server.plan.document import mission_of
 from server.satellite.ending import end_row
 from server.satellite.modem import Modem
+from server.satellite.row_kind import Means, RobotSession, RowKind
 
 HOLDS: Final = (OnboardPlanState.ON_BOARD, OnboardPlanState.RUNNING, OnboardPlanState.DONE)
 PLAN_DIGITS: Final = 16
@@ -85,18 +90,12 @@ def keep(session: Session, row: OutboxRecord, ground: GroundTransfer, at: dateti
     return end_row(session, row.id, end, reason, at, document=document, level=_level(ground))
 
 
-def hold(session: Session, transfer: str) -> None:
-    """Send nothing more of a transfer while something faster is tried."""
+def hold(session: Session, transfer: str) -> OutboxRecord | None:
+    """Send nothing more of a transfer while something faster is tried; return its row."""
     row = query.outbox_of_transfer(session, transfer)
     if row is not None and row.state == "open":
-        query.change_outbox(session, row.id, state="held")
-
-
-def refuse(session: Session, row: OutboxRecord, reason: str, at: datetime) -> OutboxRecord:
-    """End a transfer that the gateway will never take."""
-    if row.ended_at is not None:
-        return row
-    return end_row(session, row.id, "refused", reason, at)
+        return query.change_outbox(session, row.id, state="held")
+    return row
 
 
 def end_with_transfer(
@@ -117,47 +116,94 @@ def end_with_transfer(
         query.change_outbox(session, row.id, reason=reason)
 
 
-def hear(
-    row: OutboxRecord,
-    acks: Iterable[TransferAck],
-    plan: ShortPlanReport | None,
-    mtmsn: int | None,
-    session_at: datetime,
-) -> GroundTransfer:
-    """Return how far a transfer is after a session of its robot.
+class PlanRows(RowKind):
+    """Rows of plans, in as many parts as their bytes need."""
 
-    A session from before the transfer began proves nothing of it, whatever it says: gateways
-    deliver late.
-    """
-    ground = ground_of(row)
-    if session_at < row.created_at:
-        return ground
-    ground = ground.surfaced(session_at)
-    if mtmsn is not None:
-        ground = ground.taken(mtmsn, session_at)
-    return _with_words(ground, acks, plan, session_at)
+    name = "plan"
+
+    def __init__(self, withdraw: Callable[[Session, OutboxRecord, datetime], object]) -> None:
+        self._withdraw = withdraw
+        """Has the robot refuse what is left of a plan."""
+
+    def due(self, session: Session, row: OutboxRecord, now: datetime) -> tuple[int, ...]:
+        """Return the parts that the robot is not known to have."""
+        del session
+        return tuple(ground_of(row).due(now))
+
+    def pack(
+        self, session: Session, row: OutboxRecord, means: Means, *, ack_seen: bool
+    ) -> Sequence[bytes]:
+        """Return the message of each part."""
+        blob = Blob.of(mission_of(get_plan(session, row.document["plan"])))
+        start, system = ground_of(row).start, means.modem.system
+        return cut(blob, means.key, system, row.counter, start=start, ack_seen=ack_seen)
+
+    def title(self, row: OutboxRecord, part: int) -> str:
+        """Return which part of which plan it is."""
+        return f"part {part + 1} of {len(ground_of(row).parts)} of {row.document['plan']}"
+
+    def taken(
+        self,
+        session: Session,
+        row: OutboxRecord,
+        message: SatelliteMessage,
+        answer: Taken,
+        at: datetime,
+    ) -> OutboxRecord:
+        """Note that the gateway has a part."""
+        sent = ground_of(row).sent(message.part, at, answer.message_id, answer.mtmsn)
+        return keep(session, row, sent, at)
+
+    def refused(
+        self, session: Session, row: OutboxRecord, reason: str, at: datetime
+    ) -> OutboxRecord:
+        """End a plan that the gateway will never take."""
+        return end_row(session, row.id, "refused", reason, at)
+
+    def expired(self, session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
+        """Give a plan up whose time has passed, and have the robot refuse what is left of it."""
+        row = keep(session, row, ground_of(row).expired(at), at)
+        self._withdraw(session, row, at)
+        return row
+
+    def heard(self, session: Session, row: OutboxRecord, said: RobotSession) -> OutboxRecord:
+        """Note what a session says of a plan.
+
+        A session from before the transfer began proves nothing of it, whatever it says: gateways
+        deliver late.
+        """
+        ground = ground_of(row)
+        if said.session_at >= row.created_at:
+            ground = ground.surfaced(said.session_at)
+            if said.mtmsn is not None:
+                ground = ground.taken(said.mtmsn, said.session_at)
+            ground = with_words(ground, said)
+        return keep(session, row, ground, said.arrived_at)
+
+    def is_held(self, row: OutboxRecord, part: int) -> bool:
+        """Tell whether the robot says that it has a part."""
+        return ground_of(row).parts[part].is_held
+
+    def is_told(self, row: OutboxRecord) -> bool:
+        """Tell whether the robot said its last word, or never had to."""
+        if row.ended_at is None:
+            return False
+        transfer = row.document["transfer"]
+        never_left = row.level == CREATED and not any(part["sends"] for part in transfer["parts"])
+        return row.state == "applied" or never_left or transfer["is_told"]
+
+    def fault_of(self, row: OutboxRecord) -> str:
+        """Return what the operator calls it."""
+        return row.document["plan"]
 
 
-def heard(
-    row: OutboxRecord,
-    acks: Iterable[TransferAck],
-    plan: ShortPlanReport | None,
-    session_at: datetime,
-) -> GroundTransfer:
-    """Return how far a transfer that was given up is after the words of its robot."""
-    return _with_words(ground_of(row), acks, plan, session_at)
-
-
-def _with_words(
-    ground: GroundTransfer,
-    acks: Iterable[TransferAck],
-    plan: ShortPlanReport | None,
-    session_at: datetime,
-) -> GroundTransfer:
-    for ack in acks:
-        ground = ground.heard(ack, session_at)
+def with_words(ground: GroundTransfer, said: RobotSession) -> GroundTransfer:
+    """Return how far a transfer is after the words of its robot."""
+    for ack in said.acks:
+        ground = ground.heard(ack, said.session_at)
+    plan = said.plan
     if plan is not None and plan.state in HOLDS and plan.digits == ground.plan[:PLAN_DIGITS]:
-        ground = ground.heard(_echo(ground), session_at)
+        ground = ground.heard(_echo(ground), said.session_at)
     return ground
 
 

@@ -8,7 +8,6 @@ is not sent again, and one that did not is.
 import asyncio
 import logging
 from collections import defaultdict
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -21,24 +20,31 @@ from db.query.plans import ENDED_STATES, PlanRecord, get_plan
 from db.query.transfers import TransferRecord
 from robot_link.mavlink.mission_item import item_count
 from robot_link.messages import RobotId, UploadReport
-from server.access.foundation import Foundation
 from server.base.problem import FieldError, conflict
-from server.command.command import Check, Commands
-from server.fleet.fleet import Fleet
+from server.command.commands import Check
+from server.command.state import CommandChanged
+from server.fleet.link_view import SatelliteQuoteView
 from server.fleet.routing import RequestedLink
-from server.link.link import Radio, SatelliteLink
 from server.plan.document import mission_of
 from server.plan.drafting import SENDABLE, broken_off, outdated_by
-from server.plan.ledger import PlanLedger
 from server.plan.view import TransferView
-from server.transfer.carriage import Carriage
-from server.transfer.progress import transfer_of_plan, transfer_view
-from server.transfer.row import close_all, withdraw_in
+from server.satellite.satellite import OutboxChanged
+from server.transfer.machine import TransferMachine, TransferServices
+from server.transfer.plan_row import PlanRows
+from server.transfer.quote import quote_of
+from server.transfer.state import (
+    TransferChanged,
+    TransferEvidence,
+    TransferFailed,
+    close_all,
+    withdraw_in,
+)
+from server.transfer.view import transfer_of_plan, transfer_view
+from server.transfer.withdrawal_row import WithdrawalRows, begin_withdrawal
 
 _NAMED_MAX = 3
 """Limits that a refusal names; the others are in its list."""
 _NOTICE_S = 2.0
-_LOOK_S = 0.5
 log = logging.getLogger(__name__)
 
 
@@ -54,34 +60,31 @@ class LinkRequest:
 ANY_LINK: Final = LinkRequest()
 
 
-class Uploads:
+class Transfers:
     """Transfers under way. Belongs to one event loop."""
 
-    def __init__(
-        self,
-        foundation: Foundation,
-        fleet: Fleet,
-        ledger: PlanLedger,
-        commands: Commands,
-        radio: Radio,
-        satellite: SatelliteLink,
-    ) -> None:
-        self._foundation = foundation
-        self._store = foundation.store
-        self._clock = foundation.clock
-        self._fleet = fleet
-        self._ledger = ledger
-        self._commands = commands
-        self._radio = radio
-        self._satellite = satellite
+    def __init__(self, services: TransferServices) -> None:
+        self._services = services
+        self._foundation = services.foundation
+        self._store = services.foundation.store
+        self._clock = services.foundation.clock
+        self._bus = services.foundation.bus
+        self._fleet = services.fleet
+        self._ledger = services.ledger
+        self._satellite = services.satellite
         self._tasks: dict[str, asyncio.Task[None]] = {}
-        self._carriages: dict[str, Carriage] = {}
+        self._machines: dict[str, TransferMachine] = {}
         """What is under way to each robot."""
         self._asking: dict[str, asyncio.Lock] = defaultdict(asyncio.Lock)
-        commands.purges.append(withdraw_in)
-        commands.on_surface.append(self._stop_for)
-        self.on_failure: list[Callable[[str, str], None]] = []
-        """Called with plan and reason when a plan did not get on board or did not start."""
+        self._changed: dict[str, None] = {}
+        """Transfers that are to be shown, in order."""
+        self._has_changed = asyncio.Event()
+        services.commands.purges.append(withdraw_in)
+        services.commands.on_surface.append(self._stop_for)
+        services.satellite.kinds.register(PlanRows(begin_withdrawal))
+        services.satellite.kinds.register(WithdrawalRows())
+        self._bus.subscribe(OutboxChanged, self._row_changed)
+        self._bus.subscribe(CommandChanged, self._command_changed)
 
     async def resume(self) -> None:
         """Go on with the transfers that were under way when the station stopped."""
@@ -90,14 +93,13 @@ class Uploads:
                 self._begin(transfer, is_new=False)
 
     async def run(self) -> None:
-        """Show how far every transfer is while it is under way, until cancelled."""
-        shown: set[str] = set()
+        """Show transfers as they change, until cancelled."""
         while True:
-            under_way = {one.transfer.id for one in self._carriages.values()}
-            for transfer in shown | under_way:
+            await self._has_changed.wait()
+            self._has_changed.clear()
+            changed, self._changed = self._changed, {}
+            for transfer in changed:
                 await self._show(transfer)
-            shown = under_way
-            await asyncio.sleep(_LOOK_S)
 
     async def _show(self, transfer: str) -> None:
         try:
@@ -105,6 +107,38 @@ class Uploads:
             self._ledger.set_transfer(await self._ledger.get(view.plan_id), view)
         except StoreError as error:
             log.warning("%s is not shown: %s", transfer, error)
+        else:
+            self._bus.publish(TransferChanged(view))
+
+    def _note_change(self, transfer: str) -> None:
+        self._changed[transfer] = None
+        self._has_changed.set()
+
+    def robot_changed(self, robot: str) -> None:
+        """Take that a robot said something, or that a link to it changed."""
+        machine = self._machines.get(robot)
+        if machine is not None:
+            machine.wake()
+
+    def take_upload(self, report: UploadReport) -> None:
+        """Take how far the link is with an upload."""
+        machine = self._machines.get(report.robot)
+        if machine is not None:
+            machine.take_upload(report)
+
+    def _row_changed(self, event: OutboxChanged) -> None:
+        transfer = event.row.transfer
+        if transfer is None:
+            return
+        machine = self._machines.get(event.row.robot)
+        if machine is not None and machine.transfer.id == transfer:
+            machine.take_row(event.row)
+        self._note_change(transfer)
+
+    def _command_changed(self, event: CommandChanged) -> None:
+        machine = self._machines.get(event.command.robot)
+        if machine is not None:
+            machine.take_command(event.command)
 
     async def stop(self) -> None:
         """Let go of every transfer; they go on when the station starts again."""
@@ -115,9 +149,9 @@ class Uploads:
 
     def is_under_way(self, robot: str) -> bool:
         """Tell whether a plan is on its way to a robot."""
-        return robot in self._carriages
+        return robot in self._machines
 
-    async def upload(
+    async def send(
         self,
         plan: str,
         *,
@@ -171,20 +205,25 @@ class Uploads:
 
     def _with_progress(self, view: TransferView) -> TransferView:
         """Add the items that the robot proved to have and that are in memory only."""
-        carriage = self._carriages.get(view.robot)
-        if carriage is None or carriage.transfer.id != view.id:
+        machine = self._machines.get(view.robot)
+        if machine is None or machine.transfer.id != view.id:
             return view
-        return replace(view, items_sent=max(view.items_sent, carriage.items_sent))
+        return replace(view, items_sent=max(view.items_sent, machine.items_sent))
 
-    def take(self, report: UploadReport) -> None:
-        """Take how far the link is with an upload."""
-        carriage = self._carriages.get(report.robot)
-        if carriage is not None:
-            carriage.take(report)
+    async def quote(self, plan: str) -> SatelliteQuoteView:
+        """Return what sending a plan by satellite takes; sends nothing.
+
+        Raises:
+            UnknownIdError: If there is no such plan.
+            Problem: 409 if there is nothing to send yet, or it is too long for satellite.
+        """
+        record = await self._ledger.get(plan)
+        status = self._fleet.status(record.robot)
+        return await quote_of(record, status, self._satellite, self._foundation)
 
     async def withdraw(self, robot: str, reason: str) -> None:
         """End the transfer to a robot that is under way; a plan that had not arrived is a draft."""
-        await self._close(robot, "withdrawn", reason, calls_back=True)
+        await self._close(robot, TransferEvidence.WITHDRAWN, reason, calls_back=True)
 
     async def withdraw_transfer(self, transfer: str, *, by: str) -> TransferView:
         """Withdraw a transfer that has not arrived; its plan is a draft again.
@@ -197,10 +236,9 @@ class Uploads:
         if not view.can_withdraw:
             raise conflict(f"{transfer} is {view.state.replace('_', ' ')}; it cannot be withdrawn.")
         reason = f"{by} withdrew {view.plan_id}."
-        await self._close(view.robot, "withdrawn", reason, calls_back=True)
+        await self._close(view.robot, TransferEvidence.WITHDRAWN, reason, calls_back=True)
         await self._note_withdrawal(view, reason)
-        for listener in self.on_failure:
-            listener(view.plan_id, reason)
+        self._bus.publish(TransferFailed(view.plan_id, reason))
         return await self.view(transfer)
 
     async def _note_withdrawal(self, view: TransferView, reason: str) -> None:
@@ -212,10 +250,12 @@ class Uploads:
             )
         )
 
-    async def _close(self, robot: str, state: str, reason: str, *, calls_back: bool) -> None:
+    async def _close(
+        self, robot: str, evidence: TransferEvidence, reason: str, *, calls_back: bool
+    ) -> None:
         at = self._clock.now()
         await self._store.write(
-            lambda session: close_all(session, robot, state, reason, at, calls_back=calls_back)
+            lambda session: close_all(session, robot, evidence, reason, at, calls_back=calls_back)
         )
         await self._stop_for(robot)
         self._satellite.stir()
@@ -268,10 +308,10 @@ class Uploads:
         Raises:
             Problem: 409 if another transfer to the robot is under way.
         """
-        carriage = self._carriages.get(plan.robot)
-        if carriage is None:
+        machine = self._machines.get(plan.robot)
+        if machine is None:
             return None
-        transfer = carriage.transfer
+        transfer, row = machine.transfer, machine.row
         if (await self._ledger.get(transfer.plan)).state in ENDED_STATES:
             # The plan was flown already; its transfer only has to notice.
             await asyncio.wait([self._tasks[transfer.id]], timeout=_NOTICE_S)
@@ -279,7 +319,6 @@ class Uploads:
                 return None
         is_other = transfer.plan != plan.id or transfer.start != start
         is_other = is_other or request.link not in ("auto", transfer.route)
-        row = self._satellite.row_of(transfer.id)
         if is_other and row is not None and row.state not in ("applied", "held"):
             _check_sendable(await self._ledger.get(plan.id), [], is_resent=transfer.plan == plan.id)
             self._check_link(plan, request)
@@ -287,7 +326,7 @@ class Uploads:
             links = self._satellite.choice(plan.robot, "plan", request.link).links
             await self._close(
                 plan.robot,
-                "superseded",
+                TransferEvidence.SUPERSEDED,
                 f"{plan.id} takes its place.",
                 calls_back="satellite" not in links,
             )
@@ -326,41 +365,35 @@ class Uploads:
                 )
 
     def _begin(self, transfer: TransferRecord, *, is_new: bool) -> None:
-        carriage = Carriage(
-            transfer,
-            self._foundation,
-            self._fleet,
-            self._ledger,
-            self._commands,
-            self._radio,
-            self._satellite,
-            is_new=is_new,
+        machine = TransferMachine(
+            transfer, self._services, is_new=is_new, on_change=self._note_change
         )
         task = self._foundation.background.start(
-            f"{transfer.id} to {transfer.robot}", self._carry(carriage)
+            f"{transfer.id} to {transfer.robot}", self._run(machine)
         )
         self._tasks[transfer.id] = task
-        self._carriages[transfer.robot] = carriage
-        task.add_done_callback(lambda _: self._ended(carriage))
+        self._machines[transfer.robot] = machine
+        task.add_done_callback(lambda _: self._ended(machine))
+        self._note_change(transfer.id)
 
-    async def _carry(self, carriage: Carriage) -> None:
-        reason = await carriage.run()
+    async def _run(self, machine: TransferMachine) -> None:
+        reason = await machine.run()
         if reason:
-            for listener in self.on_failure:
-                listener(carriage.transfer.plan, reason)
+            self._bus.publish(TransferFailed(machine.transfer.plan, reason))
 
-    def _ended(self, carriage: Carriage) -> None:
-        transfer = carriage.transfer
+    def _ended(self, machine: TransferMachine) -> None:
+        transfer = machine.transfer
         self._tasks.pop(transfer.id, None)
-        if self._carriages.get(transfer.robot) is carriage:
-            del self._carriages[transfer.robot]
+        if self._machines.get(transfer.robot) is machine:
+            del self._machines[transfer.robot]
+        self._note_change(transfer.id)
 
     async def _stop_for(self, robot: str) -> None:
-        carriage = self._carriages.get(robot)
-        task = None if carriage is None else self._tasks.get(carriage.transfer.id)
+        machine = self._machines.get(robot)
+        task = None if machine is None else self._tasks.get(machine.transfer.id)
         if task is not None:
             task.cancel()
-            self._radio.cancel_upload(RobotId(robot), "it was withdrawn")
+            self._services.radio.cancel_upload(RobotId(robot), "it was withdrawn")
             await asyncio.wait([task])
         await self._ledger.refresh(robot)
 

@@ -12,8 +12,6 @@ from db.fault import StoreUnavailableError
 from db.query import commands as query
 from db.query.commands import CommandRecord, ProvedLevel
 from db.query.events import add_event
-from db.store import Store
-from robot_link.clock import Clock
 from robot_link.messages import (
     FIRST_EMERGENCY_NUMBER,
     CommandKind,
@@ -23,15 +21,19 @@ from robot_link.messages import (
     PlanHash,
     RobotId,
 )
+from server.access.foundation import Foundation
 from server.base.problem import conflict
 from server.base.retry_queue import RetryQueue
-from server.command.row import command_view, note_level, waiting_view
-from server.command.view import CommandView
+from server.base.secret import SecretUnreadableError
+from server.command.satellite_row import CommandRows, add_rows, emergency_message
+from server.command.state import CommandChanged, apply
+from server.command.view import CommandView, command_view, waiting_view
 from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
 from server.fleet.routing import RequestedLink
 from server.fleet.words import told_to
-from server.link.link import Radio, SatelliteLink
+from server.link.link import Radio
+from server.satellite.satellite import OutboxChanged, Satellite
 
 log = logging.getLogger(__name__)
 
@@ -53,12 +55,12 @@ _EMERGENCY_NUMBERS = range(2**24 - 1, FIRST_EMERGENCY_NUMBER - 1, -1)
 
 Purge = Callable[[Session, str, datetime, str], None]
 """Withdraws, in the transaction of a surface order, what was queued for a robot by itself."""
-Check = Callable[[Session], None]
+Check = Callable[[Session], object]
 """Raises if what leads to a command holds no longer, for example because of a surface order."""
 
 
 @dataclass(frozen=True, slots=True)
-class _Order:
+class _NewCommand:
     """A command that is about to be written down."""
 
     robot: str
@@ -76,23 +78,26 @@ class Commands:
 
     def __init__(
         self,
-        store: Store,
-        clock: Clock,
+        foundation: Foundation,
         fleet: Fleet,
         radio: Radio,
-        satellite: SatelliteLink,
+        satellite: Satellite,
     ) -> None:
-        self._store = store
-        self._clock = clock
+        self._store = foundation.store
+        self._clock = foundation.clock
+        self._bus = foundation.bus
         self._fleet = fleet
         self._radio = radio
         self._satellite = satellite
         self._queue = RetryQueue("command reports")
         self._emergency_numbers = iter(_EMERGENCY_NUMBERS)
-        self._unwritten: dict[str, CommandRecord] = {}
+        self._emergencies: dict[str, CommandRecord] = {}
         self.purges: list[Purge] = []
+        """Called in the transaction of a surface order."""
         self.on_surface: list[Callable[[str], Awaitable[None]]] = []
         """Awaited after a surface order left, to stop what runs for that robot in memory."""
+        satellite.kinds.register(CommandRows())
+        self._bus.subscribe(OutboxChanged, self._row_changed)
 
     async def run(self) -> None:
         """Store levels as they are proved, until cancelled."""
@@ -140,20 +145,21 @@ class Commands:
                 the link that was asked for.
             StoreUnavailableError: The command was not written down and not sent.
         """
-        order = self._order(robot, kind, by, plan, requested)
+        new = self._new_command(robot, kind, by, plan, requested)
 
         def write(session: Session) -> CommandRecord:
             if check is not None:
                 check(session)
-            return self._add(session, order)
+            return self._add(session, new)
 
         if kind is CommandKind.SURFACE:
-            command = await self._surface(robot, write, order.at, by)
+            command = await self._surface(robot, write, new.at, by)
         else:
             command = await self._store.write(write)
-        if command.id not in self._unwritten:
+        self._show(command.id)
+        if command.id not in self._emergencies:
             self._satellite.stir()
-            if order.requested != "satellite":
+            if new.requested != "satellite":
                 self._send(command)
         if kind is CommandKind.SURFACE:
             for stop in self.on_surface:
@@ -166,9 +172,9 @@ class Commands:
         Raises:
             UnknownIdError: If there is no such command.
         """
-        unwritten = self._unwritten.get(command)
-        if unwritten is not None:
-            return command_view(unwritten)
+        emergency = self._emergencies.get(command)
+        if emergency is not None:
+            return command_view(emergency)
         waits = self._satellite.waits
         return await self._store.query(
             lambda session: waiting_view(session, query.get_command(session, command), waits)
@@ -186,24 +192,24 @@ class Commands:
 
     def take(self, report: CommandReport) -> None:
         """Take a level that the link proved."""
-        unwritten = self._unwritten.get(_unwritten_id(report.number))
-        if unwritten is None:
+        emergency = self._emergencies.get(_emergency_id(report.number))
+        if emergency is None:
             self._queue.add(lambda: self._store_report(report))
         else:
             step = ProvedLevel(report.level, report.at, report.carrier, report.reason)
-            levels = (*unwritten.levels, step)
-            self._unwritten[unwritten.id] = replace(
-                unwritten, level=report.level.value, levels=levels
-            )
+            levels = (*emergency.levels, step)
+            changed = replace(emergency, level=report.level.value, levels=levels)
+            self._emergencies[emergency.id] = changed
+            self._bus.publish(CommandChanged(command_view(changed)))
 
-    def _order(
+    def _new_command(
         self,
         robot: str,
         kind: CommandKind,
         by: str,
         plan: PlanHash | None,
         requested: RequestedLink,
-    ) -> _Order:
+    ) -> _NewCommand:
         """Return what is to be written down.
 
         Raises:
@@ -215,32 +221,33 @@ class Commands:
         links = self._links(robot, kind, requested)
         life = max(_LIFE[kind], _SATELLITE_LIFE) if "satellite" in links else _LIFE[kind]
         at = self._clock.now()
-        return _Order(robot, kind, by, plan, requested, links, at, at + life)
+        return _NewCommand(robot, kind, by, plan, requested, links, at, at + life)
 
-    def _add(self, session: Session, order: _Order) -> CommandRecord:
-        """Write an order down with all that belongs to it, in one transaction."""
-        robot, kind, at = order.robot, order.kind, order.at
+    def _add(self, session: Session, new: _NewCommand) -> CommandRecord:
+        """Write a command down with all that belongs to it, in one transaction."""
+        robot, kind, at = new.robot, new.kind, new.at
         if kind is CommandKind.SURFACE:
-            self._purge(session, robot, at, order.by)
+            self._purge(session, robot, at, new.by)
         command = query.add_command(
             session,
             robot,
             kind,
             at=at,
-            expires_at=order.expires_at,
-            by=order.by,
-            plan_sha256=order.plan,
+            expires_at=new.expires_at,
+            by=new.by,
+            plan_sha256=new.plan,
         )
-        if "satellite" in order.links:
-            self._satellite.order_in(session, command, is_only=order.requested == "satellite")
+        if "satellite" in new.links:
+            modems = self._satellite.enabled_modems(robot)
+            add_rows(session, command, modems, is_only=new.requested == "satellite")
         add_event(
             session,
             at,
             f"command.{kind.value}",
-            f"{order.by} told {robot} {told_to(kind)}.",
+            f"{new.by} told {robot} {told_to(kind)}.",
             level="watch" if kind is CommandKind.SURFACE else "info",
             robot=robot,
-            data={"command": command.id, "by": order.by},
+            data={"command": command.id, "by": new.by},
         )
         return command
 
@@ -277,9 +284,9 @@ class Commands:
         await asyncio.wait([writing], timeout=_WRITE_PATIENCE_S)
         if writing.done() and writing.exception() is None:
             return writing.result()
-        unwritten = self._unwritten_surface_order(robot, at, by)
-        self._send(unwritten)
-        self._satellite.surface_unwritten(robot, unwritten.number, unwritten.expires_at)
+        emergency = self._emergency(robot, at, by)
+        self._send(emergency)
+        self._send_by_satellite(emergency)
         try:
             return await writing
         except StoreUnavailableError as error:
@@ -287,17 +294,33 @@ class Commands:
             self._queue.add(
                 lambda: self._store.write(lambda session: self._purge(session, robot, at, by))
             )
-            return unwritten
+            return emergency
+
+    def _send_by_satellite(self, emergency: CommandRecord) -> None:
+        """Hand an emergency to every satellite link from memory."""
+        robot = emergency.robot
+        try:
+            key = self._satellite.robot_key(robot)
+        except SecretUnreadableError as error:
+            log.critical("%s is not told by satellite to surface: %s", robot, error)
+            return
+        for modem in self._satellite.enabled_modems(robot):
+
+            def taken(carrier: str = modem.carrier) -> None:
+                at, queued = self._clock.now(), CommandLevel.QUEUED
+                self.take(CommandReport(RobotId(robot), emergency.number, queued, at, carrier))
+
+            self._satellite.emergency.add(emergency_message(emergency, modem, key, taken))
 
     def _purge(self, session: Session, robot: str, at: datetime, by: str) -> None:
         for purge in self.purges:
             purge(session, robot, at, f"{by} ordered {robot} to the surface.")
 
-    def _unwritten_surface_order(self, robot: str, at: datetime, by: str) -> CommandRecord:
+    def _emergency(self, robot: str, at: datetime, by: str) -> CommandRecord:
         """Return an order that lives in memory only: coming up must not wait for a disk."""
         number = CommandNumber(next(self._emergency_numbers))
         command = CommandRecord(
-            id=_unwritten_id(number),
+            id=_emergency_id(number),
             number=number,
             robot=robot,
             kind=CommandKind.SURFACE,
@@ -308,7 +331,7 @@ class Commands:
             created_by=by,
             expires_at=at + _LIFE[CommandKind.SURFACE],
         )
-        self._unwritten[command.id] = command
+        self._emergencies[command.id] = command
         return command
 
     async def _store_report(self, report: CommandReport) -> None:
@@ -323,11 +346,22 @@ class Commands:
     async def _add_level(
         self, command: str, level: CommandLevel, at: datetime, carrier: str, reason: str
     ) -> None:
-        def write(session: Session) -> None:
-            note_level(session, command, level, at=at, carrier=carrier, reason=reason)
+        await self._store.write(
+            lambda session: apply(session, command, level, at=at, carrier=carrier, reason=reason)
+        )
+        self._show(command)
 
-        await self._store.write(write)
+    def _row_changed(self, event: OutboxChanged) -> None:
+        if event.row.command is not None:
+            self._show(event.row.command)
+
+    def _show(self, command: str) -> None:
+        """Tell everyone about a command that was changed in the database."""
+        self._queue.add(lambda: self._publish(command))
+
+    async def _publish(self, command: str) -> None:
+        self._bus.publish(CommandChanged(await self.view(command)))
 
 
-def _unwritten_id(number: CommandNumber) -> str:
+def _emergency_id(number: CommandNumber) -> str:
     return f"command-unwritten-{number}"

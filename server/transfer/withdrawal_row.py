@@ -4,7 +4,7 @@ A robot that refused something answers; one to which nothing of the plan came ha
 So the word is said a few times, unless the robot or the network proves that it came.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator, Sequence
 from datetime import datetime, timedelta
 from typing import Final
 
@@ -12,14 +12,16 @@ from sqlalchemy.orm import Session
 
 from db.query import outbox as query
 from db.query.outbox import OutboxRecord
-from db.query.satellite_messages import messages_of
-from robot_link.satellite.content import ShortPlanReport, TransferAck
+from db.query.satellite_messages import SatelliteMessage, messages_of
 from robot_link.satellite.withdrawal import pack_withdrawal
+from robot_link.station.gateway.gateway import Taken
 from robot_link.station.ground import GroundState, GroundTransfer, next_counter
+from server.command.satellite_row import is_surface
 from server.fleet.words import carrier_title
-from server.satellite import order_row, plan_row, repeating
+from server.satellite import repeating
 from server.satellite.ending import end_row
-from server.satellite.modem import Modem
+from server.satellite.row_kind import Means, RobotSession, RowKind
+from server.transfer import plan_row
 
 _LIFE: Final = timedelta(days=5)
 """A gateway keeps nothing longer, so nothing is left to be refused."""
@@ -57,56 +59,90 @@ def begin_withdrawal(session: Session, plan: OutboxRecord, at: datetime) -> Outb
     )
 
 
-def withdrawal_bytes(row: OutboxRecord, key: bytes, modem: Modem, *, ack_seen: bool) -> bytes:
-    """Return the message that withdraws every plan before it."""
-    return pack_withdrawal(row.counter, key, modem.system, ack_seen=ack_seen)
+class WithdrawalRows(RowKind):
+    """Rows of words that withdraw, which have one part."""
 
+    name = "withdrawal"
 
-def is_due(session: Session, row: OutboxRecord) -> bool:
-    """Tell whether it is to be said now; an order to surface on its way says the same."""
-    if row.document["sends"] >= _SENDS_MAX or not repeating.is_due(row.document):
-        return False
-    return not any(
-        order_row.is_surface(one) and one.imei == row.imei and one.counter > row.counter
-        for one in query.open_outbox(session, row.robot)
-    )
+    def due(self, session: Session, row: OutboxRecord, now: datetime) -> tuple[int, ...]:
+        """Return the one part, but not while a command to surface is on its way: it says it too."""
+        del now
+        if row.document["sends"] >= _SENDS_MAX or not repeating.is_due(row.document):
+            return ()
+        is_said = any(
+            is_surface(one) and one.imei == row.imei and one.counter > row.counter
+            for one in query.open_outbox(session, row.robot)
+        )
+        return () if is_said else (0,)
 
+    def pack(
+        self, session: Session, row: OutboxRecord, means: Means, *, ack_seen: bool
+    ) -> Sequence[bytes]:
+        """Return the message that withdraws every plan before it."""
+        del session
+        return (pack_withdrawal(row.counter, means.key, means.modem.system, ack_seen=ack_seen),)
 
-def sent(session: Session, row: OutboxRecord) -> OutboxRecord:
-    """Note that a gateway took it, which does not say that the robot will hear it."""
-    level = "queued" if row.level == query.CREATED else row.level
-    return query.change_outbox(session, row.id, document=repeating.sent(row.document), level=level)
+    def title(self, row: OutboxRecord, part: int) -> str:
+        """Return what the message is."""
+        del row, part
+        return "the word that withdraws what is still on its way"
 
+    def taken(
+        self,
+        session: Session,
+        row: OutboxRecord,
+        message: SatelliteMessage,
+        answer: Taken,
+        at: datetime,
+    ) -> OutboxRecord:
+        """Note that a gateway took it, which does not say that the robot will hear it."""
+        del message, answer, at
+        level = "queued" if row.level == query.CREATED else row.level
+        document = repeating.sent(row.document)
+        return query.change_outbox(session, row.id, document=document, level=level)
 
-def reached(session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
-    """Note that the robot's modem fetched it."""
-    return end_row(session, row.id, "sent", f"{row.robot}'s modem fetched it", at, level="radio")
+    def fetched(self, session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
+        """Note that the robot's modem fetched it."""
+        if row.ended_at is not None:
+            return row
+        reason = f"{row.robot}'s modem fetched it"
+        return end_row(session, row.id, "sent", reason, at, level="radio")
 
+    def refused(
+        self, session: Session, row: OutboxRecord, reason: str, at: datetime
+    ) -> OutboxRecord:
+        """End what the gateway will never take."""
+        return end_row(session, row.id, "refused", reason, at)
 
-def hear(
-    session: Session,
-    row: OutboxRecord,
-    acks: Iterable[TransferAck],
-    plan: ShortPlanReport | None,
-    session_at: datetime,
-) -> OutboxRecord:
-    """Note a session of the robot, and its last word on the plan if it brings one."""
-    if session_at < row.created_at:
-        return row
-    if _surfaced_since(session, row):
-        reason = f"the order to surface said it too, and {row.robot} heard that"
-        return end_row(session, row.id, "superseded", reason, session_at)
-    withdrawn = query.get_outbox(session, row.document["withdraws"])
-    ground = plan_row.heard(withdrawn, acks, plan, session_at)
-    if ground.is_told:
-        return _told(session, row, withdrawn, ground, session_at)
-    document = repeating.surfaced(row.document, session_at)
-    if document["sends"] >= _SENDS_MAX and repeating.is_due(document):
-        reason = f"said {_SENDS_MAX} times; {row.robot} had nothing to answer"
-        return end_row(session, row.id, "sent", reason, session_at, document=document)
-    if document == row.document:
-        return row
-    return query.change_outbox(session, row.id, document=document)
+    def expired(self, session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
+        """End what nothing is left of that could be refused."""
+        reason = "no gateway holds anything of it any more"
+        return end_row(session, row.id, "expired", reason, at)
+
+    def heard(self, session: Session, row: OutboxRecord, said: RobotSession) -> OutboxRecord:
+        """Note a session of the robot, and its last word on the plan if it brings one."""
+        at = said.session_at
+        if at < row.created_at:
+            return row
+        if _surfaced_since(session, row):
+            reason = f"the order to surface said it too, and {row.robot} heard that"
+            return end_row(session, row.id, "superseded", reason, at)
+        withdrawn = query.get_outbox(session, row.document["withdraws"])
+        ground = plan_row.with_words(plan_row.ground_of(withdrawn), said)
+        if ground.is_told:
+            return _told(session, row, withdrawn, ground, at)
+        document = repeating.surfaced(row.document, at)
+        if document["sends"] >= _SENDS_MAX and repeating.is_due(document):
+            reason = f"said {_SENDS_MAX} times; {row.robot} had nothing to answer"
+            return end_row(session, row.id, "sent", reason, at, document=document)
+        if document == row.document:
+            return row
+        return query.change_outbox(session, row.id, document=document)
+
+    def is_exempt(self, row: OutboxRecord) -> bool:
+        """No budget holds it back."""
+        del row
+        return True
 
 
 def _told(
@@ -176,7 +212,7 @@ def _has_left(session: Session, row: OutboxRecord, at: datetime) -> bool:
 def _surfaced_since(session: Session, row: OutboxRecord) -> bool:
     newest = query.newest_outboxes(session, row.robot, "order", row.created_at)
     return any(
-        order_row.is_surface(one)
+        is_surface(one)
         and one.imei == row.imei
         and one.counter > row.counter
         and one.level in ("radio", "applied")

@@ -1,0 +1,72 @@
+"""The level of a command: nothing raises it but what a link proved, by this table.
+
+======================  =======  =======  ===============
+level                   proved   becomes  event
+======================  =======  =======  ===============
+created                 queued   queued   command.queued
+created, queued         radio    radio    command.radio
+created, queued, radio  applied  applied  command.applied
+created, queued, radio  refused  refused  command.refused
+created, queued, radio  expired  expired  command.expired
+======================  =======  =======  ===============
+
+Radio, satellite and time hand theirs to ``apply``. What a level does not list changes nothing, but
+that a second carrier proved the same level is noted. ``queued`` and ``radio`` say how far a link
+has it, ``applied`` and ``refused`` what the robot answered.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime
+
+from sqlalchemy.orm import Session
+
+from db.query import commands as query
+from db.query.commands import CommandRecord
+from db.query.events import add_event
+from db.query.outbox import open_outbox
+from robot_link.messages import CommandLevel
+from server.base.transition_table import transitions
+from server.command.view import CommandView, command_view
+from server.satellite.ending import end_row
+
+TRANSITIONS = transitions(__doc__, CommandLevel)
+SETTLED = ("applied", "refused", "expired")
+"""Levels that a command never leaves."""
+
+
+@dataclass(frozen=True, slots=True)
+class CommandChanged:
+    """A command was sent, or more of it was proved; published after the commit."""
+
+    command: CommandView
+
+
+def apply(
+    session: Session,
+    command: str,
+    level: CommandLevel,
+    *,
+    at: datetime,
+    carrier: str,
+    reason: str = "",
+) -> CommandRecord:
+    """Write down a level that was proved; one that is settled is not sent by satellite any more."""
+    before = query.get_command(session, command)
+    after = query.add_level(session, command, level, at=at, carrier=carrier, reason=reason)
+    step = TRANSITIONS.get((before.level, level))
+    if step is None:
+        return after
+    add_event(
+        session,
+        at,
+        step.event,
+        command_view(after).text,
+        level="watch" if step.state in {"refused", "expired"} else "info",
+        robot=after.robot,
+        data={"command": after.id, "kind": after.kind.value, "level": step.state},
+    )
+    if step.state in SETTLED:
+        for row in open_outbox(session, after.robot):
+            if row.command == after.id:
+                end_row(session, row.id, after.level, row.reason, at)
+    return after

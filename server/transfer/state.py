@@ -1,0 +1,214 @@
+"""The state of a transfer: nothing moves it but what was proved of it, by this table.
+
+======================================  ===============  ==========  ==========
+state                                   evidence         becomes     and
+======================================  ===============  ==========  ==========
+waiting, sending, on_board              first bytes      sending     goes on
+waiting, sending                        robot has it     on_board    goes on
+on_board                                robot flies it   running     goes on
+on_board                                finished         on_board    ends
+running                                 finished         running     ends
+waiting, sending, on_board, running     failed           failed      ends
+waiting, sending, on_board, running     withdrawn        withdrawn   ends
+waiting, sending, on_board, running     superseded       superseded  ends
+======================================  ===============  ==========  ==========
+
+One that has ended takes no evidence. What is proved of a transfer is proved of its plan too, in the
+same transaction: ``first bytes`` sends it, ``robot has it`` confirms it on board, and an end before
+that makes it a draft again (``server.plan.state``). What is still to be sent by satellite ends with
+the transfer.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime, timedelta
+from enum import StrEnum
+from typing import Final
+
+from sqlalchemy.orm import Session
+
+from db.query import transfers as query
+from db.query.outbox import outbox_of_transfer
+from db.query.plans import PlanRecord, change_plan, get_plan
+from db.query.transfers import TransferRecord
+from server.base.transition_table import transitions
+from server.plan import state as plan_state
+from server.plan.state import PlanEvidence, leads_on
+from server.plan.view import TransferView
+from server.transfer import plan_row, withdrawal_row
+
+RADIO_LIFE: Final = timedelta(hours=24)
+"""A transfer by radio that found no contact for this long, by the robots' clock, is given up."""
+
+
+class TransferEvidence(StrEnum):
+    """What can be proved of a transfer."""
+
+    FIRST_BYTES = "first bytes"
+    """A radio or a gateway took the first bytes."""
+    ROBOT_HAS_IT = "robot has it"
+    """The robot echoed the hash, by whichever link."""
+    ROBOT_FLIES_IT = "robot flies it"
+    FINISHED = "finished"
+    """The plan is where the transfer was to bring it."""
+    FAILED = "failed"
+    WITHDRAWN = "withdrawn"
+    SUPERSEDED = "superseded"
+
+
+TRANSITIONS = transitions(__doc__, TransferEvidence)
+_OF_PLAN = {
+    TransferEvidence.FIRST_BYTES: PlanEvidence.SENT,
+    TransferEvidence.ROBOT_HAS_IT: PlanEvidence.CONFIRMED,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class TransferChanged:
+    """A transfer began, moved or ended; published after the commit."""
+
+    transfer: TransferView
+
+
+@dataclass(frozen=True, slots=True)
+class TransferFailed:
+    """A plan did not get on board or did not start, or a person withdrew it."""
+
+    plan: str
+    reason: str
+
+
+class WithdrawnError(Exception):
+    """Someone ended the transfer; it must not do anything more."""
+
+
+def check_open(session: Session, transfer: str) -> TransferRecord:
+    """Return a transfer as it is now; raise WithdrawnError if it has ended."""
+    found = query.get_transfer(session, transfer)
+    if found.ended_at is not None:
+        raise WithdrawnError
+    return found
+
+
+def note(session: Session, transfer: str, **changes: object) -> None:
+    """Write down more about an open transfer whose state does not change.
+
+    Raises:
+        WithdrawnError: If someone ended it; nothing is changed.
+    """
+    check_open(session, transfer)
+    query.change_transfer(session, transfer, **changes)
+
+
+def apply(
+    session: Session,
+    transfer: str,
+    evidence: TransferEvidence,
+    at: datetime,
+    text: str = "",
+    **changes: object,
+) -> PlanRecord | None:
+    """Move an open transfer as the table says, and its plan by what that proves of it.
+
+    Args:
+        session: The transaction.
+        transfer: Which.
+        evidence: What was proved; it changes nothing if the transfer is further already.
+        at: When.
+        text: What the event of the plan says.
+        **changes: What else is new of the transfer.
+
+    Returns:
+        The plan, if it moved.
+
+    Raises:
+        WithdrawnError: If someone ended the transfer; nothing is changed.
+    """
+    before = check_open(session, transfer)
+    step = TRANSITIONS.get((before.state, evidence))
+    if step is None:
+        return None
+    if step.event == "ends":
+        changes["ended_at"] = at
+    query.change_transfer(session, transfer, state=step.state, **changes)
+    proved = _OF_PLAN.get(evidence)
+    if proved is None or not leads_on(get_plan(session, before.plan).state, proved):
+        return None
+    return plan_state.apply(session, before.plan, proved, text, at)
+
+
+def withdraw_in(session: Session, robot: str, at: datetime, reason: str) -> None:
+    """Withdraw the transfers to a robot, in the transaction of a surface order.
+
+    Where the order goes by satellite too, it does itself what the word that calls back does.
+    """
+    close_all(session, robot, TransferEvidence.WITHDRAWN, reason, at, calls_back=True)
+
+
+def close_all(
+    session: Session,
+    robot: str,
+    evidence: TransferEvidence,
+    reason: str,
+    at: datetime,
+    *,
+    calls_back: bool,
+) -> None:
+    """End every open transfer to a robot; see ``close``."""
+    for transfer in query.open_transfers(session):
+        if transfer.robot == robot:
+            close(session, transfer.id, evidence, reason, at, calls_back=calls_back)
+
+
+def close(
+    session: Session,
+    transfer: str,
+    evidence: TransferEvidence,
+    reason: str,
+    at: datetime,
+    *,
+    calls_back: bool,
+) -> PlanRecord | None:
+    """End a transfer that is open before its time; a plan that had not arrived is a draft again.
+
+    Args:
+        session: The transaction.
+        transfer: Which.
+        evidence: What ends it.
+        reason: Why, for the operator.
+        at: When.
+        calls_back: Whether the robot is told by satellite to refuse what a gateway has of it.
+    """
+    before = query.get_transfer(session, transfer)
+    if before.ended_at is not None:
+        return None
+    apply(session, transfer, evidence, at, reason=reason)
+    end_by_satellite(session, transfer, evidence.value, reason, at, calls_back=calls_back)
+    ended = PlanEvidence.TRANSFER_ENDED
+    if not leads_on(get_plan(session, before.plan).state, ended):
+        return change_plan(session, before.plan, at=at, document={"message": reason})
+    message = f"Not confirmed on board: {reason}"
+    text = f"{before.plan} is a draft again. {message}"
+    document = {"message": message}
+    return plan_state.apply(session, before.plan, ended, text, at, document=document)
+
+
+def finish(session: Session, transfer: str, at: datetime) -> None:
+    """End a transfer that did what it was to do.
+
+    Raises:
+        WithdrawnError: If someone ended it; nothing is changed.
+    """
+    apply(session, transfer, TransferEvidence.FINISHED, at)
+    end_by_satellite(session, transfer, "superseded", "it is on board already", at, calls_back=True)
+
+
+def end_by_satellite(
+    session: Session, transfer: str, state: str, reason: str, at: datetime, *, calls_back: bool
+) -> None:
+    """Send nothing more of a transfer by satellite, in the transaction that ends it."""
+    row = outbox_of_transfer(session, transfer)
+    if row is None:
+        return
+    plan_row.end_with_transfer(session, row, state, reason, at)
+    if calls_back:
+        withdrawal_row.begin_withdrawal(session, row, at)
