@@ -21,6 +21,11 @@ from tests.server.far import (
 )
 
 
+async def row_of(station, path):
+    store, transfer = station.foundation.store, path.rsplit("/", 1)[1]
+    return await store.query(lambda session: outbox_of_transfer(session, transfer))
+
+
 async def test_far_plan_climbs_level_by_level_as_each_is_proved(far, sky, robot):
     station, client = far
     plan = await draft(client)
@@ -95,9 +100,7 @@ async def test_lossy_sky_and_restarts_bring_the_plan_once_and_whole(
                 assert robot.applied
             if seen["level"] == "radio":
                 assert robot.fetched >= len(seen["parts"])
-            row = await station.foundation.store.query(
-                lambda session: outbox_of_transfer(session, path.rsplit("/", 1)[1])
-            )
+            row = await row_of(station, path)
             if row is not None and row.state == "applied":
                 await in_state(client, path, "on_board")
                 break
