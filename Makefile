@@ -1,13 +1,14 @@
-# make demo: the station with two simulated robots.   make test: everything that can be tested here.
+# make demo: the station with two simulated robots.   make test, make walks: everything that can be tested here.
 PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help demo test check bench reproduce setup setup-dev app coverage clean
+.PHONY: help demo test walks check bench reproduce setup setup-dev app coverage clean
 
 help:
 	@echo "make demo    start the station with two simulated robots and print its address"
-	@echo "make test    run every test that this machine can run"
+	@echo "make test    run every test that this machine can run, but the walks"
+	@echo "make walks   real demos as a user meets them, most in a real browser; takes minutes"
 	@echo "make check   format, lint, types, import directions, and the operator app's checks"
 	@echo "make bench   measure against the bars and beside peers; writes build/bench.json"
 	@echo "make reproduce   the thesis's results beside ours, in build/reproduction"
@@ -16,11 +17,15 @@ help:
 demo: setup
 	@$(BIN)/grace demo $(DEMO)
 
-# Two at a time where nothing else runs; then, one by one, what starts processes or a browser.
+# Two at a time: each worker begins with half of the tests, and whoever is done takes over some of
+# the other's, so that no long file at the end leaves a core idle.
 # 5 is pytest's word for "none of these among TESTS".
 test: setup-dev
-	$(BIN)/python -m pytest -n 2 --dist loadfile -m "not (process or browser)" $(TESTS) || [ $$? -eq 5 ]
-	$(BIN)/python -m pytest -m "process or browser" $(TESTS) || [ $$? -eq 5 ]
+	$(BIN)/python -m pytest -n 2 --dist worksteal -m "not walk" $(TESTS) || [ $$? -eq 5 ]
+
+# One by one: each runs a station, a simulator and mostly a browser.
+walks: setup-dev
+	$(BIN)/python -m pytest -m walk $(TESTS) || [ $$? -eq 5 ]
 
 check: setup-dev
 	$(BIN)/ruff format --check .

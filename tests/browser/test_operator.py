@@ -12,7 +12,7 @@ from tests.browser.walk import CHROMIUM, SIZES, expect_scene, hold, open_page, s
 
 pytestmark = [
     pytest.mark.browser,
-    pytest.mark.process,
+    pytest.mark.walk,
     pytest.mark.timeout(1200),
     pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
 ]

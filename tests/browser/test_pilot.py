@@ -10,7 +10,7 @@ from tests.e2e.demo import fly_dives
 
 pytestmark = [
     pytest.mark.browser,
-    pytest.mark.process,
+    pytest.mark.walk,
     pytest.mark.timeout(1200),
     pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
 ]

@@ -10,7 +10,7 @@ import pytest
 
 from tests.e2e.demo import ROOT, Demo, alive, fly_dives
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(1200)]
+pytestmark = [pytest.mark.walk, pytest.mark.timeout(1200)]
 FAST = ("--speed", "20")
 
 

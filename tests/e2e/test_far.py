@@ -6,7 +6,7 @@ import pytest
 
 from tests.e2e.demo import LASTING, Demo
 
-pytestmark = pytest.mark.process
+pytestmark = [pytest.mark.walk, pytest.mark.timeout(1200)]
 
 ROBOT = "grace-1"
 

@@ -4,7 +4,7 @@ import pytest
 
 from tests.e2e.demo import Demo
 
-pytestmark = [pytest.mark.process, pytest.mark.timeout(1200)]
+pytestmark = [pytest.mark.walk, pytest.mark.timeout(1200)]
 SPEED = 20
 LOST_S = 60.0
 """Of the robot's clock: three seconds of the wall, for which a busy machine may not run it."""

@@ -9,6 +9,7 @@ from robot_link.clock import ScaledClock
 from simulator.iridium.network import IridiumNetwork, SatelliteConditions
 from simulator.iridium.session import MobileOriginatedMessage
 from simulator.iridium.subscriber import Account, Carrier
+from tests.robot_link.rig import until
 
 IMEI = "300234010753370"
 STARTED_AT = datetime(2026, 3, 14, 12, 0, 0, tzinfo=UTC)
@@ -32,6 +33,14 @@ class HandClock:
 
 def running_clock(speed: float = 500.0) -> ScaledClock:
     return ScaledClock(datetime.now(UTC), STARTED_AT, speed)
+
+
+async def rung(network: IridiumNetwork) -> None:
+    """Wait until a message that was just accepted has rung, twice as it does, and is done."""
+    rings: list[None] = []
+    stop = network.on_ring(IMEI, lambda: rings.append(None))
+    await until(lambda: len(rings) == 2)
+    stop()
 
 
 def network_of(

@@ -14,7 +14,7 @@ import serial
 from simulator.iridium.modem_9602 import Modem9602
 from simulator.iridium.network import IridiumNetwork
 from tests.robot_link.rig import until
-from tests.simulator.iridium import IMEI, QUICK, network_of
+from tests.simulator.iridium import IMEI, QUICK, network_of, rung
 
 OK = b"\r\nOK\r\n"
 
@@ -188,7 +188,7 @@ async def test_session_tells_six_numbers_and_brings_binary_data(tmp_path: Path):
     down = bytes(range(256)) + bytes(14)
     network.accept(IMEI, down)
     network.accept(IMEI, b"next")
-    await asyncio.sleep(0.05)
+    await rung(network)
     async with host_of(tmp_path, network) as host:
         await host.put(bytes(range(255, -1, -1)))
         assert b"+SBDSX: 1, 0, 0, -1, 0, 0" in await host.ask("AT+SBDSX")
@@ -216,7 +216,7 @@ async def test_message_that_nobody_read_is_gone_after_the_next_session(tmp_path:
     network, _ = network_of()
     network.accept(IMEI, b"first")
     network.accept(IMEI, b"second")
-    await asyncio.sleep(0.05)
+    await rung(network)
     async with host_of(tmp_path, network) as host:
         await host.ask("AT+SBDIX")
         await host.ask("AT+SBDIX")
@@ -323,7 +323,7 @@ async def test_adafruit_driver_exchanges_binary_messages(tmp_path: Path, size: i
     network, told = network_of()
     down = without_line_ends(size)
     network.accept(IMEI, down)
-    await asyncio.sleep(0.05)
+    await rung(network)
 
     def drive(modem: adafruit_rockblock.RockBlock) -> object:
         modem.data_out = bytes(range(256))
