@@ -1,3 +1,4 @@
+import shutil
 from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
@@ -85,9 +86,19 @@ def _with_robot(session: Session) -> None:
     add_robot(session, robot_record())
 
 
-@pytest.fixture
-def store(url: str) -> Iterator[Store]:
-    store = Store.open(url)
+@pytest.fixture(scope="session")
+def prepared_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A database that knows a robot, made once: laying out the tables takes its time."""
+    file = tmp_path_factory.mktemp("prepared") / "station.sqlite3"
+    store = Store.open(f"sqlite:///{file}")
     store.change(_with_robot).result(60)
+    store.close()
+    return file
+
+
+@pytest.fixture
+def store(url: str, prepared_database: Path) -> Iterator[Store]:
+    shutil.copy(prepared_database, url.removeprefix("sqlite:///"))
+    store = Store.open(url)
     yield store
     store.close()

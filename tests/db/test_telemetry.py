@@ -1,6 +1,7 @@
 import math
 from dataclasses import replace
 from datetime import timedelta
+from uuid import uuid4
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -17,7 +18,6 @@ from db.query.telemetry import (
     newest_state,
     track,
 )
-from db.store import Store
 from robot_link.messages import OnboardPlanState, PlanHash, PlanReport, RawFrame, RobotId
 from tests.db.conftest import START, report, robot_record, sample
 
@@ -84,16 +84,13 @@ def test_a_range_includes_both_of_its_ends(store):
 @settings(
     max_examples=25, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
 )
-def test_decimation_keeps_the_extremes_and_the_order(tmp_path_factory, depths, max_points):
-    store = Store.open(f"sqlite:///{tmp_path_factory.mktemp('d') / 's.sqlite3'}")
-    try:
-        store.change(lambda session: add_robot(session, robot_record())).result(60)
-        store.append([report(i, depth_m=depth) for i, depth in enumerate(depths)]).result(60)
-        with store.read() as session:
-            found = history(session, "mini-1", "depth_m", max_points=max_points)
-            points = track(session, "mini-1", max_points=max_points).points
-    finally:
-        store.close()
+def test_decimation_keeps_the_extremes_and_the_order(store, depths, max_points):
+    robot = f"mini-{uuid4()}"  # another one for each example
+    store.change(lambda session: add_robot(session, robot_record(robot, None))).result(60)
+    store.append([report(i, depth, robot) for i, depth in enumerate(depths)]).result(60)
+    with store.read() as session:
+        found = history(session, robot, "depth_m", max_points=max_points)
+        points = track(session, robot, max_points=max_points).points
     assert found.decimated
     assert 0 < len(found.value) <= max_points
     assert min(found.value) == min(depths)
