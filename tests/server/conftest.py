@@ -88,6 +88,15 @@ def prepared_database(tmp_path_factory):
     return folder / DATABASE
 
 
+@pytest.fixture(scope="module")
+def memory(prepared_database, tmp_path_factory):
+    """The station's memory alone, shared by the tests of a module."""
+    path = shutil.copy(prepared_database, tmp_path_factory.mktemp("memory"))
+    store = Store.open(f"sqlite:///{path}")
+    yield store
+    store.close()
+
+
 @pytest.fixture(autouse=True)
 def _known_fleet(prepared_database, tmp_path):
     shutil.copy(prepared_database, tmp_path / DATABASE)

@@ -1,35 +1,22 @@
 """The table of a plan's states: every pair of state and evidence, and who may move a plan."""
 
-import ast
-import shutil
 from datetime import UTC, datetime
 from itertools import product
-from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-import server
 from db.query.events import newest_events
 from db.query.plans import ENDED_STATES, PlanStateError, add_plan, get_plan
-from db.store import Store
 from server.plan.state import ON_THE_WAY, TRANSITIONS, PlanEvidence, apply, leads_on
 from tests.server.conftest import GRACE
+from tests.server.one_writer import callers_of
 
 STATES = ("planning", "draft", *ON_THE_WAY, *ENDED_STATES)
 LADDER = {state: rank for rank, state in enumerate(("planning", "draft", *ON_THE_WAY))}
 BY_ROBOT = [one for one in PlanEvidence if one.name.startswith("ROBOT_")]
 AT = datetime(2026, 5, 1, tzinfo=UTC)
-
-
-@pytest.fixture(scope="module")
-def memory(prepared_database, tmp_path_factory):
-    """The station's memory, shared by every story: each has a plan of its own."""
-    path = shutil.copy(prepared_database, tmp_path_factory.mktemp("stories"))
-    store = Store.open(f"sqlite:///{path}")
-    yield store
-    store.close()
 
 
 def rank(state):
@@ -89,15 +76,4 @@ def test_plan_follows_the_table_and_nothing_else(memory, story):
 
 def test_one_module_moves_plans():
     """Nobody else gives ``change_plan`` a state; what they know of a plan goes to ``apply``."""
-    callers = set()
-    root = Path(server.__file__).parent
-    for path in root.rglob("*.py"):
-        for node in ast.walk(ast.parse(path.read_text())):
-            if not isinstance(node, ast.Call):
-                continue
-            name = node.func.attr if isinstance(node.func, ast.Attribute) else node.func
-            name = name.id if isinstance(name, ast.Name) else name
-            given_names = {one.arg for one in node.keywords}
-            if name == "change_plan" and given_names & {"state", None}:
-                callers.add(path.relative_to(root).as_posix())
-    assert callers == {"plan/state.py"}
+    assert callers_of("change_plan", "state") == {"plan/state.py"}
