@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help demo test walks check bench reproduce setup setup-dev app coverage clean
+.PHONY: help demo test walks check bench reproduce setup setup-dev ready dialect packages app flight coverage clean
 
 help:
 	@echo "make demo    start the station with two simulated robots and print its address"
@@ -14,7 +14,7 @@ help:
 	@echo "make reproduce   the thesis's results beside ours, in build/reproduction"
 	@echo "make setup   only prepare: environment, operator app, MAVLink dialect, compiled kernels"
 
-demo: setup
+demo: ready
 	@$(BIN)/grace demo $(DEMO)
 
 # Two at a time: each worker begins with half of the tests, and whoever is done takes over some of
@@ -37,22 +37,36 @@ check: setup-dev
 bench: setup-dev
 	$(BIN)/python -m benchmarks.run $(AREAS)
 
-reproduce: setup
+reproduce: setup $(VENV)/reproduction.stamp
 	@for name in $$($(BIN)/grace reproduce --list | awk '{print $$1}'); do \
 		$(BIN)/grace reproduce $$name --out build/reproduction || exit 1; done
 
 coverage: setup-dev
 	$(BIN)/python -m pytest --cov --cov-report=term-missing:skip-covered $(TESTS)
 
-setup: $(VENV)/runtime.stamp
-	@$(BIN)/python -m robot_link.mavlink.build
-	@$(BIN)/python -m webui.build
+setup: ready
 	@$(BIN)/grace compile
 
-setup-dev: $(VENV)/dev.stamp
-	@$(BIN)/python -m robot_link.mavlink.build
-	@$(BIN)/python -m webui.build
+setup-dev: $(VENV)/dev.stamp ready
 	@$(BIN)/grace compile
+
+# All that a demo needs to begin; the station compiles the other kernels while it runs. The steps
+# that wait for nothing of each other go side by side.
+ready:
+	@$(MAKE) --no-print-directory -j2 $(VENV)/runtime.stamp packages
+	@$(MAKE) --no-print-directory -j2 app flight
+
+dialect:
+	@$(BIN)/python -m robot_link.mavlink.build
+
+packages:
+	@$(PYTHON) -m webui.build packages
+
+app: dialect
+	@$(BIN)/python -m webui.build
+
+flight:
+	@$(BIN)/grace compile --flight
 
 $(VENV)/runtime.stamp: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.version_info >= (3, 11) or sys.exit("Python 3.11 or newer is needed; say make PYTHON=python3.12")'
@@ -65,6 +79,11 @@ $(VENV)/runtime.stamp: requirements.lock pyproject.toml
 $(VENV)/dev.stamp: $(VENV)/runtime.stamp requirements-dev.lock
 	@echo "Installing the pinned packages for tests and checks"
 	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r requirements-dev.lock
+	@touch $@
+
+$(VENV)/reproduction.stamp: $(VENV)/runtime.stamp requirements-reproduction.lock
+	@echo "Installing the pinned packages for figures"
+	@$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes --no-deps -r requirements-reproduction.lock
 	@touch $@
 
 clean:

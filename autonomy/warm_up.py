@@ -1,66 +1,94 @@
-"""Compiles every numeric kernel ahead of time, so that nobody waits for a compiler in flight."""
+"""Compiles numeric kernels ahead of time, so that nobody waits for a compiler in flight.
+
+What a robot's first dive needs comes first; the station compiles the rest while it runs. What only
+the reproductions use is compiled when it is first called. A kernel whose machine code is on disk is
+only loaded (``autonomy.compiled``), so it does no harm to go through the steps again.
+"""
 
 import hashlib
 import importlib
+import sys
+from importlib import metadata
 from pathlib import Path
 
-KERNEL_MODULES = (
+FLIGHT = (
+    "autonomy.estimation.model_kernel",
     "autonomy.vehicle.kernel",
     "autonomy.vehicle.water_kernel",
     "autonomy.vehicle.extended_rates",
     "autonomy.vehicle.steep_kernel",
     "autonomy.vehicle.extended_kernel",
     "autonomy.control.kernel",
-    "autonomy.estimation.kernel",
-    "autonomy.estimation.model_kernel",
-    "reproduction.estimation.trial_flight_kernel",
     "autonomy.control.integral_kernel",
     "autonomy.control.governor_kernel",
     "autonomy.control.swimming_kernel",
     "autonomy.control.law",
-    "autonomy.whatif.kernel",
-    "autonomy.planner.search.kernel",
-    "autonomy.identification.kernel",
-    "autonomy.field.learning.likelihood_kernel",
+    "autonomy.estimation.kernel",
+)
+"""Steps for the simulated water, and for the estimators and controllers on board; the longest
+first."""
+
+
+def search_step(objective: str) -> str:
+    """Return the step that a search by an objective needs."""
+    return f"autonomy.planner.search.kernel:{objective}"
+
+
+LATER = (
+    search_step("information_gain"),
     "autonomy.tracking.control.control_kernel",
     "autonomy.tracking.filter.filter_kernel",
     "autonomy.tracking.filter.hypothesis_kernel",
     "autonomy.tracking.filter.cloud_kernel",
-    "reproduction.tracking.target_path_kernel",
-    "reproduction.tracking.unicycle",
-    "reproduction.tracking.run_kernel",
+    "autonomy.field.learning.likelihood_kernel",
+    "autonomy.whatif.kernel",
+    "autonomy.identification.kernel",
+    search_step("ergodic"),
     "autonomy.tracking.predictive.kernel",
     "autonomy.tracking.predictive.search",
+    search_step("weighted"),
 )
-"""Modules with compiled functions; each has ``warm_up()``, which calls every one of them."""
+"""Steps for all else that the station offers, the most wanted first."""
+
+STEPS = (*FLIGHT, *LATER)
+"""A step is a module with ``warm_up()``, which calls each of its kernels; what stands behind a
+colon is given to it."""
 
 
-LONGEST = "autonomy.planner.search.kernel"
-"""The module that takes about as long as all others; it calls no kernel of another package."""
+def compile_step(step: str) -> None:
+    """Compile what one of ``STEPS`` stands for, or load what is compiled already."""
+    module, _, part = step.partition(":")
+    importlib.import_module(module).warm_up(*filter(None, (part,)))
 
 
-def compile_module(name: str) -> None:
-    """Compile one of ``KERNEL_MODULES``, or load what is compiled already."""
-    importlib.import_module(name).warm_up()
+def is_complete(*, flight_only: bool = False) -> bool:
+    """Tell whether all ``STEPS``, or those of ``FLIGHT``, were compiled from the present sources.
+
+    This looks at the text of every source, which is quick and loads no compiler; what really has to
+    be compiled anew is found kernel by kernel.
+    """
+    digest = source_digest()
+    stamps = [_stamp(is_flight) for is_flight in ((False, True) if flight_only else (False,))]
+    return any(stamp.exists() and stamp.read_text() == digest for stamp in stamps)
+
+
+def note_complete(digest: str, *, flight_only: bool = False) -> None:
+    """Note that all ``STEPS``, or those of ``FLIGHT``, were compiled from sources of a digest."""
+    stamp = _stamp(flight_only)
+    stamp.parent.mkdir(exist_ok=True)
+    stamp.write_text(digest)
 
 
 def source_digest() -> str:
-    """Return a digest of every source file of this package.
-
-    numba's cache notices a change in a kernel's own file only, not in a kernel that it calls
-    from another file; whoever compiles ahead compares this digest and calls ``forget_compiled``.
-    """
-    digest = hashlib.sha256()
-    for path in sorted(_package().rglob("*.py")):
+    """Return a digest of every source of this package and of what compiles them."""
+    digest = hashlib.sha256(sys.version.encode())
+    for library in ("numba", "llvmlite", "numpy"):
+        digest.update(metadata.version(library).encode())
+    for path in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
-def forget_compiled() -> None:
-    """Delete the machine code that numba keeps beside the sources."""
-    for kept in _package().rglob("__pycache__/*.nb[ic]"):
-        kept.unlink(missing_ok=True)
-
-
-def _package() -> Path:
-    return Path(__file__).parent
+def _stamp(is_flight: bool) -> Path:
+    name = "flight.digest" if is_flight else "compiled.digest"
+    return Path(__file__).parent / "__pycache__" / name

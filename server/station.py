@@ -8,6 +8,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from autonomy.planner.config import PlannerConfig
+from autonomy.warm_up import search_step
 from db.fault import StoreError
 from db.query.events import EventRecord
 from db.query.robots import RobotRecord, get_robot, list_robots
@@ -31,6 +32,7 @@ from server.access.foundation import Foundation
 from server.alarm.rules import watch_fleet
 from server.base.job_watch import watch_jobs
 from server.base.live_feed import LiveFeed
+from server.base.machine_code import MachineCode
 from server.base.problem import not_found
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.command.commands import Commands
@@ -113,7 +115,10 @@ class Station:
         self.parameters = Parameters(foundation, self.fleet, self.radios)
         self.robot_logs = RobotLogs(foundation, self.fleet, self.radios)
         self.plans = PlanLedger(foundation, self.fleet, self.feed)
-        self.planning = Planning(foundation, self.fleet, self.plans, self.workers)
+        self.machine_code = MachineCode(foundation.jobs)
+        self.planning = Planning(
+            foundation, self.fleet, self.plans, self.workers, self.machine_code
+        )
         self.tracks = TargetPlanning(foundation, self.fleet, self.plans, self.planning.settings)
         self.disabled_links = DisabledLinks(store, clock)
         self.gateways = make_gateways(foundation, self._take_message)
@@ -276,7 +281,9 @@ class Station:
         await watch_fleet(self.fleet, self._foundation.alarms, self._foundation.clock)
 
     async def _warm_up(self) -> None:
-        """Let a worker load the planner, so that nobody waits for it later."""
+        """Compile what is not, and let a worker load the planner, so that nobody waits later."""
+        await self.machine_code.prepare()
+        await self.machine_code.wait_for(search_step("information_gain"), lambda _: None)
         try:
             await self.workers.run(LOAD_PLANNER, None)
             await DryRuns(self.fleet, self.workers).warm_up()

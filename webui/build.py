@@ -1,7 +1,8 @@
 """Builds the operator app into ``webui/dist`` with node from the machine or from the lock file.
 
 ``python -m webui.build`` builds when a source changed; ``python -m webui.build check`` runs the
-app's type checker, linter and unit tests.
+app's type checker, linter and unit tests; ``python -m webui.build packages`` only installs what a
+build needs, with the node of the machine, and does nothing where that has none.
 """
 
 import hashlib
@@ -27,11 +28,14 @@ class BuildError(Exception):
 
 def main(arguments: list[str]) -> int:
     """Build or check the app; returns the exit status."""
-    if arguments not in ([], ["check"]):
-        sys.stderr.write("usage: python -m webui.build [check]\n")
+    if arguments not in ([], ["check"], ["packages"]):
+        sys.stderr.write("usage: python -m webui.build [check | packages]\n")
         return 2
     try:
-        if arguments:
+        if arguments == ["packages"]:
+            if _npm_found() is not None:
+                _install_packages()
+        elif arguments:
             _install_packages()
             for script in ("check", "test"):
                 _npm("run", script)
@@ -88,18 +92,26 @@ def _environment() -> dict[str, str]:
 
 
 def _npm_path() -> str:
-    """Find npm beside a node of at least version 20; install the wheel when there is none."""
-    for node in (shutil.which("node"), str(Path(sys.executable).parent / "node")):
-        if node and Path(node).exists() and _node_version(node) >= SMALLEST_NODE:
-            npm = Path(node).with_name("npm")
-            if npm.exists():
-                return str(npm)
+    """Find npm, or install the wheel that brings it."""
+    found = _npm_found()
+    if found is not None:
+        return found
     sys.stdout.write("Installing node, which this machine lacks, from its wheel\n")
     pip = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check",
            "--require-hashes", "-r", str(NODE_LOCK)]  # fmt: skip
     if subprocess.run(pip, check=False).returncode != 0:
         raise BuildError("node 20 or newer is neither on this machine nor installable")
     return str(Path(sys.executable).with_name("npm"))
+
+
+def _npm_found() -> str | None:
+    """Find npm beside a node of at least version 20."""
+    for node in (shutil.which("node"), str(Path(sys.executable).parent / "node")):
+        if node and Path(node).exists() and _node_version(node) >= SMALLEST_NODE:
+            npm = Path(node).with_name("npm")
+            if npm.exists():
+                return str(npm)
+    return None
 
 
 def _node_version(node: str) -> int:

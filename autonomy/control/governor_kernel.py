@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.control import integral_kernel
 from autonomy.control import kernel as thesis
 from autonomy.control.governor_config import MOST_DELAY_CALLS
@@ -44,18 +44,18 @@ Rows = tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]
 """Room to work in: five arrays of shape ``(16,)``; a tuple costs nothing to take apart."""
 
 
-@kernel
+@inner_kernel
 def rows() -> Rows:
     """Return room to work in."""
     return np.empty(16), np.empty(16), np.empty(16), np.empty(16), np.empty(16)
 
 
-@kernel
+@inner_kernel
 def _towards(value: float, target: float, most: float) -> float:
     return value + min(max(target - value, -most), most)
 
 
-@kernel
+@inner_kernel
 def _predict(
     x: FloatArray,
     r: FloatArray,
@@ -84,7 +84,7 @@ def _predict(
         ahead[8 + i] = r[8 + i]
 
 
-@kernel
+@inner_kernel
 def governor_into(
     x: FloatArray,
     r: FloatArray,
@@ -122,7 +122,7 @@ def governor_into(
     _remember(calls, rate, p, dt_s, memory, out)
 
 
-@kernel
+@inner_kernel
 def _remember(
     calls: int, rate: float, p: FloatArray, dt_s: float, memory: FloatArray, out: FloatArray
 ) -> None:
@@ -139,7 +139,7 @@ def _remember(
     memory[SENT + 2] = _towards(memory[SENT + 2], _clipped(out[2], low, high), p[DELTA_RATE] * dt_s)
 
 
-@kernel
+@inner_kernel
 def _clipped(value: float, low: float, high: float) -> float:
     """Cut at the end stops; what is not a number becomes neutral and is not remembered."""
     return 0.0 if math.isnan(value) else min(max(value, low), high)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inlined_kernel, kernel
+from autonomy.compiled import inlined_kernel, inner_kernel, kernel
 from autonomy.control import kernel as thesis
 from autonomy.vehicle import kernel as vehicle_kernel
 
@@ -64,7 +64,7 @@ def learn_distance(e: FloatArray, gains: FloatArray, dt_s: float, learned: Float
         learned[2] = min(max(grown, -gains[ALONG_MOST]), gains[ALONG_MOST])
 
 
-@kernel
+@inner_kernel
 def integral_into(
     x: FloatArray,
     r: FloatArray,

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inlined_kernel, kernel
+from autonomy.compiled import inlined_kernel, inner_kernel, kernel
 from autonomy.vehicle import kernel as vehicle_kernel
 
 K_Z, K_1, K_PSI, K_2, K_XI, K_3, PITCH_TRADE, TAIL_EFFECT_MIN, NEAR, NEAR_OFFSET = range(10)
@@ -43,7 +43,7 @@ derivative_into = vehicle_kernel.derivative_into
 """Index of each error, as ``TrackingError`` names them, and of two effects as ``Solution``."""
 
 
-@kernel
+@inner_kernel
 def error_into(
     x: FloatArray,
     r: FloatArray,
@@ -95,7 +95,7 @@ def error_into(
     out[ERROR_TRADED] = along + added_along
 
 
-@kernel
+@inner_kernel
 def _trade_acceleration(
     x: FloatArray, r: FloatArray, e: FloatArray, drift: FloatArray, turn_drift: float
 ) -> float:
@@ -124,7 +124,7 @@ def _trade_acceleration(
     )
 
 
-@kernel
+@inner_kernel
 def _tail_effect(x: FloatArray, p: FloatArray) -> tuple[float, float, float, float, float]:
     """Linear and square effect of the tail along and below, and its yaw acceleration.
 
@@ -151,7 +151,7 @@ def _tail_effect(x: FloatArray, p: FloatArray) -> tuple[float, float, float, flo
     )
 
 
-@kernel
+@inner_kernel
 def backstepping_into(
     x: FloatArray,
     r: FloatArray,
@@ -214,7 +214,7 @@ def end_stops(i: int, p: FloatArray) -> tuple[float, float]:
     return -p[vehicle_kernel.DELTA_MAX], p[vehicle_kernel.DELTA_MAX]
 
 
-@kernel
+@inner_kernel
 def pid_into(
     x: FloatArray,
     r: FloatArray,

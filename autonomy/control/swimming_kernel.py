@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.control import governor_kernel, integral_kernel, swimming_config
 from autonomy.control import kernel as thesis
 from autonomy.control.governor_kernel import Rows
@@ -32,7 +32,7 @@ end_stops = thesis.end_stops
 """Names that numba resolves once, when it compiles."""
 
 
-@kernel
+@inner_kernel
 def _amplitude(speed: float, bias: float, gains: FloatArray, p: FloatArray) -> float:
     """Amplitude at which mean thrust and drag of a straight swim are in balance."""
     w = 2.0 * math.pi * gains[FREQUENCY]
@@ -49,7 +49,7 @@ def _amplitude(speed: float, bias: float, gains: FloatArray, p: FloatArray) -> f
     return min(math.sqrt(steady / (thrust - flapping)), most)
 
 
-@kernel
+@inner_kernel
 def swimming_into(
     x: FloatArray,
     r: FloatArray,

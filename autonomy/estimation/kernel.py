@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.vehicle.extended_kernel import advance
 
 
@@ -20,7 +20,7 @@ def turn(angle: float) -> float:
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
-@kernel
+@inner_kernel
 def predict_axis(axis: FloatArray, dt_s: float, density: float) -> None:
     """Let ``dt_s`` pass under a white acceleration of this spectral density."""
     b, d = axis[3], axis[4]
@@ -30,7 +30,7 @@ def predict_axis(axis: FloatArray, dt_s: float, density: float) -> None:
     axis[4] += density * dt_s
 
 
-@kernel
+@inner_kernel
 def measure_value(axis: FloatArray, innovation: float, variance: float) -> None:
     """Take in a measurement of the value; an angle's innovation is wrapped by the caller."""
     a, b = axis[2], axis[3]
@@ -42,7 +42,7 @@ def measure_value(axis: FloatArray, innovation: float, variance: float) -> None:
     axis[4] -= b * b / s
 
 
-@kernel
+@inner_kernel
 def measure_rate(axis: FloatArray, innovation: float, variance: float) -> None:
     """Take in a measurement of the rate."""
     b, d = axis[3], axis[4]
@@ -85,7 +85,7 @@ def step_position(
         measure_rate(axis, velocity_ned[i] - axis[1], noise[1] ** 2 / dt_s)
 
 
-@kernel
+@inner_kernel
 def heading_rate(attitude: FloatArray, gyro: FloatArray) -> float:
     """Rate of the heading by the gyro; held where the nose points nearly up or down."""
     across = math.sin(attitude[0]) * gyro[1] + math.cos(attitude[0]) * gyro[2]
@@ -163,7 +163,7 @@ REFUSED, BELIEVED, LOST = 0, 1, 2
 """What a gate says of a measurement; ``LOST`` asks to widen the covariance before believing it."""
 
 
-@kernel
+@inner_kernel
 def judge(squared_distance: float, limit: float, patience: int, refused: FloatArray) -> int:
     """Judge a measurement by its squared normalized distance from the prediction.
 
@@ -252,7 +252,7 @@ def step_tags(
     axes[3, 0] = turn(axes[3, 0])
 
 
-@kernel
+@inner_kernel
 def down_in_body(attitude: FloatArray) -> tuple[float, float, float]:
     """Components of the vertical along the body's axes: the third row of R."""
     across = math.cos(attitude[1])

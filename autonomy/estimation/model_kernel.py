@@ -20,7 +20,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.estimation.kernel import LOST, REFUSED, judge
 from autonomy.vehicle import kernel as body
 from autonomy.vehicle.extended_kernel import advance
@@ -87,7 +87,7 @@ def triangular(rows: FloatArray) -> FloatArray:
     return S
 
 
-@kernel
+@inner_kernel
 def _swim(
     probe: FloatArray,
     start: FloatArray,
@@ -120,7 +120,7 @@ def _swim(
     return out
 
 
-@kernel
+@inner_kernel
 def _carry(column: FloatArray, dt_s: float, kept: FloatArray, out: FloatArray) -> None:
     """Carry what moves linearly on: position by current; currents, bias and shares by their memory.
 
@@ -140,7 +140,7 @@ def _carry(column: FloatArray, dt_s: float, kept: FloatArray, out: FloatArray) -
         out[EDDY_NORTH + i] = kept[1] * column[EDDY_NORTH + i]
 
 
-@kernel
+@inner_kernel
 def _bend(
     x: FloatArray,
     S: FloatArray,
@@ -170,7 +170,7 @@ def _bend(
             rows[STATES + i, bent[k]] = _CURVATURE * bend
 
 
-@kernel
+@inner_kernel
 def _disturb(
     rows: FloatArray,
     dt_s: float,
@@ -289,7 +289,7 @@ def measure(x: FloatArray, S: FloatArray, index: int, innovation: float, varianc
         x[j] += gain[j] / before * innovation
 
 
-@kernel
+@inner_kernel
 def covariance_of(S: FloatArray, i: int, j: int) -> float:
     """Return one element of ``S S'``."""
     total = 0.0

@@ -16,7 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from autonomy.arrays import BoolArray, FloatArray, IntArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.planner import outcome
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg.leg_kernel import LEG_COLUMNS
@@ -185,7 +185,7 @@ def _plant(graph: Graph, x: float, y: float) -> None:
     graph.tally[PATHS] = 1
 
 
-@kernel
+@inner_kernel
 def open_node(graph: Graph, x: float, y: float) -> None:
     """Prepare the node behind the last one; it counts once ``tally[NODES]`` says so."""
     node = graph.tally[NODES]
@@ -195,7 +195,7 @@ def open_node(graph: Graph, x: float, y: float) -> None:
     graph.slot[node, :] = -1
 
 
-@kernel
+@inner_kernel
 def add_shares(graph: Graph, one: FloatArray, other: FloatArray) -> float:
     """Set ``total`` to the sum of two lists of shares; return the greatest of them."""
     greatest = 0.0
@@ -205,7 +205,7 @@ def add_shares(graph: Graph, one: FloatArray, other: FloatArray) -> float:
     return greatest
 
 
-@kernel
+@inner_kernel
 def can_go_on(graph: Graph, share: FloatArray) -> bool:
     """Tell whether the cheapest edge may follow what spends these shares."""
     greatest = 0.0
@@ -214,7 +214,7 @@ def can_go_on(graph: Graph, share: FloatArray) -> bool:
     return greatest <= FULL_SHARE
 
 
-@kernel
+@inner_kernel
 def find_slot(graph: Graph, node: int, spent: float) -> int:
     """Return where a path that spends this greatest share would be kept at a node.
 
@@ -232,14 +232,14 @@ def find_slot(graph: Graph, node: int, spent: float) -> int:
     return place
 
 
-@kernel
+@inner_kernel
 def slot_worth(graph: Graph, node: int, place: int) -> float:
     """Return the worth of the path in a slot, minus infinity if it is empty."""
     path = graph.slot[node, place]
     return float(graph.path_worth[path]) if path >= 0 else -math.inf
 
 
-@kernel
+@inner_kernel
 def add_path(graph: Graph, node: int, place: int, parent: int, edge: int, worth: float) -> int:
     """Keep a path that spends ``total`` in a slot of a node; return its number."""
     path = graph.tally[PATHS]
@@ -254,7 +254,7 @@ def add_path(graph: Graph, node: int, place: int, parent: int, edge: int, worth:
     return path
 
 
-@kernel
+@inner_kernel
 def chain_of(graph: Graph, path: int, chain: Int32Array) -> int:
     """Write the path and those before it, first one first, without the empty path."""
     depth = 0
@@ -273,7 +273,7 @@ def first_staged(graph: Graph) -> int:
     return len(graph.edge_leg_count) - len(graph.staged_point_count)
 
 
-@kernel
+@inner_kernel
 def keep_edge(graph: Graph, edge: int) -> int:
     """Copy a staged edge to the kept ones; return its number, -1 if there is no room."""
     kept = graph.tally[EDGES]
@@ -284,7 +284,7 @@ def keep_edge(graph: Graph, edge: int) -> int:
     return kept
 
 
-@kernel
+@inner_kernel
 def settle_node(graph: Graph) -> None:
     """Lines 12 to 15: count the new node if a path reaches it, and close it if none can go on."""
     node = graph.tally[NODES]
@@ -298,7 +298,7 @@ def settle_node(graph: Graph) -> None:
         graph.tally[NODES] = node + 1
 
 
-@kernel
+@inner_kernel
 def copy_edge(graph: Graph, source: int, target: int) -> None:
     """Copy one edge, as far as the graph knows it."""
     graph.edge_legs[target] = graph.edge_legs[source]

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.vehicle import extended_rates as rates
 from autonomy.vehicle import kernel as body
 from autonomy.vehicle import steep_kernel as steep
@@ -44,20 +44,20 @@ def tail_reference(command: FloatArray, time_s: float, p: FloatArray) -> tuple[f
     return target, -w * w * amplitude * gain * gain * (s - w / k * c)
 
 
-@kernel
+@inner_kernel
 def _ramp(value: float, target: float, low: float, high: float, rate: float, dt_s: float) -> float:
     """Rate with which an actuator nears its target, inside end stops and greatest rate."""
     wanted = (min(max(target, low), high) - value) / dt_s
     return min(max(wanted, -rate), rate)
 
 
-@kernel
+@inner_kernel
 def wrap_angle(angle: float) -> float:
     """Return the same direction in ``[-pi, pi)``."""
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
-@kernel
+@inner_kernel
 def _name_attitude(x: FloatArray) -> None:
     """Rewrite the Euler angles of the same attitude so that pitch stays within 90 degrees."""
     x[4] = wrap_angle(x[4])
@@ -69,7 +69,7 @@ def _name_attitude(x: FloatArray) -> None:
     x[5] = wrap_angle(x[5])
 
 
-@kernel
+@inner_kernel
 def _stable_parts(x: FloatArray, p: FloatArray, dt_s: float) -> int:
     """Into how many parts a step must be cut so that the water's pitch damping stays stable."""
     squared = x[6] * x[6] + x[7] * x[7] + x[8] * x[8]
@@ -84,7 +84,7 @@ def _stable_parts(x: FloatArray, p: FloatArray, dt_s: float) -> int:
     return 1 + int(min(damping * dt_s / 1.5, 1000.0))
 
 
-@kernel
+@inner_kernel
 def _extended_step(
     x: FloatArray,
     command: FloatArray,
@@ -129,7 +129,7 @@ def _extended_step(
     return u1 * u1, u2 * u2, tail / 6.0
 
 
-@kernel
+@inner_kernel
 def _steep_step(
     x: FloatArray,
     command: FloatArray,

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.vehicle import kernel as body
 from autonomy.vehicle import water_kernel as water
 
@@ -22,7 +22,7 @@ PLAIN = water.PLAIN
 """Names that numba resolves once, when it compiles."""
 
 
-@kernel
+@inner_kernel
 def contact_force(
     x: FloatArray,
     rate: FloatArray,
@@ -59,7 +59,7 @@ def contact_force(
     return north, east, down
 
 
-@kernel
+@inner_kernel
 def _in_body_axes(
     x: FloatArray, north: float, east: float, down: float
 ) -> tuple[float, float, float]:
@@ -74,7 +74,7 @@ def _in_body_axes(
     )
 
 
-@kernel
+@inner_kernel
 def _apply_contact(
     x: FloatArray,
     surroundings: FloatArray,
@@ -95,7 +95,7 @@ def _apply_contact(
         out[10] -= p[body.SURFACE_DAMPING] * x[10]
 
 
-@kernel
+@inner_kernel
 def _apply_flow(
     x: FloatArray,
     m0: float,
@@ -126,7 +126,7 @@ def _apply_flow(
     out[8] -= a3 + f3 / p[body.MASS_3]
 
 
-@kernel
+@inner_kernel
 def extended_derivative_into(
     x: FloatArray,
     m0_rate: float,

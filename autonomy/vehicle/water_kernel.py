@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.vehicle import kernel as body
 
 PLAIN = 9
@@ -21,7 +21,7 @@ FLOW_NUMBERS = 15
 """Velocity NED m/s, its 3 x 3 gradient by rows 1/s, its rate at a fixed place m/s2."""
 
 
-@kernel
+@inner_kernel
 def _place(s: FloatArray, start: int, n: int, value: float) -> tuple[int, float, float]:
     """Return cell, share of the way through it, and that share's rate by metre (0 beyond)."""
     low, high = 0, n - 1
@@ -38,7 +38,7 @@ def _place(s: FloatArray, start: int, n: int, value: float) -> tuple[int, float,
     return low, min(max(share, 0.0), 1.0), 0.0
 
 
-@kernel
+@inner_kernel
 def _add_profile(s: FloatArray, depth: float, flow: FloatArray) -> None:
     """Add the sheared current to the flow."""
     n = int(s[_PROFILE])
@@ -50,7 +50,7 @@ def _add_profile(s: FloatArray, depth: float, flow: FloatArray) -> None:
         flow[3 + 3 * axis + 2] += per_m * difference
 
 
-@kernel
+@inner_kernel
 def _add_waves(s: FloatArray, x: FloatArray, time_s: float, flow: FloatArray) -> None:
     """Add the waves' orbital motion to the flow."""
     depth = max(x[2], 0.0)
@@ -79,7 +79,7 @@ def _add_waves(s: FloatArray, x: FloatArray, time_s: float, flow: FloatArray) ->
         flow[14] += frequency * cosine
 
 
-@kernel
+@inner_kernel
 def _add_grid(s: FloatArray, x: FloatArray, flow: FloatArray) -> None:
     """Add the current of the grid to the flow, trilinear between its points."""
     nx, ny, nz = int(s[_GRID_X]), int(s[_GRID_Y]), int(s[_GRID_Z])

@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inlined_kernel, kernel
+from autonomy.compiled import inlined_entry, inlined_kernel, inner_kernel, kernel
 from autonomy.control import law as laws
 from autonomy.control.law_number import BACKSTEPPING
 from autonomy.vehicle import extended_kernel
@@ -68,7 +68,7 @@ def actuate(u: FloatArray, wanted: FloatArray, p: FloatArray, dt_s: float) -> No
     u[2] = _towards(u[2], wanted[2], -stop, stop, p[delta] * dt_s)
 
 
-@kernel
+@inner_kernel
 def _observe(
     belief: FloatArray,
     inputs: FloatArray,
@@ -98,7 +98,7 @@ def _observe(
         belief[8] += h * (rates[8] + push * ct * cf)
 
 
-@kernel
+@inner_kernel
 def _observe_swimming(
     belief: FloatArray,
     inputs: FloatArray,
@@ -126,7 +126,7 @@ def _observe_swimming(
     belief[8] = x[8] + push * ct * cf
 
 
-@kernel
+@inner_kernel
 def _measure(x: FloatArray, noise: FloatArray, belief: FloatArray, is_first: bool) -> float:
     """Write what the sensors say into ``belief`` and return the measured depth.
 
@@ -192,7 +192,7 @@ def move_extended(
     inputs[0], inputs[1], inputs[2] = x[12] - m0_error, x[13] - rp1_error, x[14]
 
 
-@inlined_kernel
+@inlined_entry
 def move_within_rates(
     x: FloatArray,
     inputs: FloatArray,

@@ -2,7 +2,7 @@
 
 import math
 
-from autonomy.compiled import inlined_kernel
+from autonomy.compiled import inlined_entry
 
 
 def advance(
@@ -42,7 +42,7 @@ def advance(
     )
 
 
-@inlined_kernel
+@inlined_entry
 def advance_kernel(
     north: float, east: float, psi: float, v: float, u1: float, u2: float, dt_s: float
 ) -> tuple[float, float, float, float]:

@@ -1,57 +1,46 @@
 """``grace compile``: machine code for the numeric kernels, made ahead of time."""
 
 from argparse import ArgumentParser, Namespace
-from collections.abc import Iterator
-from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import get_context
-from pathlib import Path
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn
 
-_DIGEST_FILE = "compiled.digest"
+from autonomy import warm_up
+
+_PROCESSES = 2
 
 
 def add_arguments(parser: ArgumentParser) -> None:
-    """The verb has no options."""
-    del parser
+    """Declare the options of the verb."""
+    parser.add_argument(
+        "--flight",
+        action="store_true",
+        help="only what simulated robots need at once; the station compiles the rest as it runs",
+    )
 
 
 def run(arguments: Namespace) -> int:
-    """Compile what is not compiled yet; a second run loads the cache and is quick."""
-    del arguments
-    # Importing the kernels loads the compiler, which no other verb needs.
-    from autonomy import warm_up
-
-    digest = warm_up.source_digest()
-    kept = Path(warm_up.__file__).parent / "__pycache__" / _DIGEST_FILE
-    if kept.exists() and kept.read_text() == digest:
+    """Compile what is not compiled yet; a second run looks at the sources alone."""
+    if warm_up.is_complete(flight_only=arguments.flight):
         return 0
-    warm_up.forget_compiled()
-    with Progress(
-        TextColumn("Compiling the numeric kernels"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("{task.description}"),
-        console=Console(stderr=True),
-    ) as progress:
-        task = progress.add_task("", total=len(warm_up.KERNEL_MODULES))
-        for name in _compiled():
-            progress.update(task, advance=1, description=name)
-    kept.parent.mkdir(exist_ok=True)
-    kept.write_text(digest)
+    digest = warm_up.source_digest()
+    steps = warm_up.FLIGHT if arguments.flight else warm_up.STEPS
+    with (
+        Progress(
+            TextColumn("Compiling the numeric kernels"),
+            BarColumn(),
+            MofNCompleteColumn(),
+            TextColumn("{task.description}"),
+            console=Console(stderr=True),
+        ) as progress,
+        ProcessPoolExecutor(_PROCESSES, mp_context=get_context("spawn")) as pool,
+    ):
+        task = progress.add_task("", total=len(steps))
+        compiling = {pool.submit(warm_up.compile_step, step): step for step in steps}
+        for ended in as_completed(compiling):
+            ended.result()
+            progress.update(task, advance=1, description=compiling[ended])
+    warm_up.note_complete(digest, flight_only=arguments.flight)
     return 0
-
-
-def _compiled() -> Iterator[str]:
-    """Compile every module, the longest one beside the others, and name each when it is ready."""
-    from autonomy import warm_up
-
-    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as beside:
-        longest = beside.submit(warm_up.compile_module, warm_up.LONGEST)
-        for name in warm_up.KERNEL_MODULES:
-            if name != warm_up.LONGEST:
-                warm_up.compile_module(name)
-                yield name
-        longest.result()
-        yield warm_up.LONGEST

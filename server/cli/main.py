@@ -6,6 +6,7 @@ import sys
 from argparse import ArgumentParser
 from collections.abc import Mapping, Sequence
 from importlib.metadata import version
+from importlib.util import find_spec
 from types import MappingProxyType
 
 from server.cli.failure import CommandError
@@ -24,10 +25,18 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "user": "add people, change their role or password, make a sign-in link",
         "db": "upgrade, inspect or copy the database",
         "coefficients": "coefficients of a vehicle from forces and moments of a tunnel or CFD",
-        "reproduce": "work out a table or figure of the thesis, ours beside the printed numbers",
         "compile": "compile the numeric kernels ahead of time",
     }
 )
+EXTRAS: Mapping[str, tuple[str, str]] = MappingProxyType(
+    {
+        "reproduce": (
+            "reproduction.verb",
+            "work out a table or figure of the thesis, ours beside the printed numbers",
+        ),
+    }
+)
+"""Verbs of packages that the station does without: module and help; known where they are."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -46,12 +55,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--version", action="version", version=version("grace-ground-station"))
     verbs = parser.add_subparsers(dest="verb", metavar="VERB", required=True)
     asked = next((word for word in words if not word.startswith("-")), None)
-    for verb, help_text in VERBS.items():
+    modules = {verb: f"{__package__}.{verb}_verb" for verb in VERBS}
+    helps = dict(VERBS)
+    for verb, (module_name, help_text) in EXTRAS.items():
+        if find_spec(module_name.partition(".")[0]) is not None:
+            modules[verb], helps[verb] = module_name, help_text
+    for verb, help_text in helps.items():
         verb_parser = verbs.add_parser(
             verb, help=help_text, description=f"{help_text[0].upper()}{help_text[1:]}."
         )
         if verb == asked:
-            module = importlib.import_module(f"server.cli.{verb}_verb")
+            module = importlib.import_module(modules[verb])
             module.add_arguments(verb_parser)
             verb_parser.set_defaults(run=module.run)
     parsed = parser.parse_args(words)

@@ -7,18 +7,20 @@ only then a draft.
 import asyncio
 import logging
 from collections.abc import Awaitable, Callable, Coroutine, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import Any
 
 from autonomy.field.config import FieldConfig
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus
 from autonomy.tracking.config import TrackingConfig
+from autonomy.warm_up import search_step
 from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
 from robot_link.satellite.config import SatelliteConfig
 from server.access.foundation import Foundation
 from server.base.configuration_kind import ONBOARD_CONTROLLER
+from server.base.machine_code import MachineCode
 from server.base.problem import conflict
 from server.base.retry_queue import until_stored
 from server.base.worker import WORKER_FAILURES, WorkerPool
@@ -51,7 +53,12 @@ class Planning:
     """Plans that are being made. Belongs to one event loop."""
 
     def __init__(
-        self, foundation: Foundation, fleet: Fleet, ledger: PlanLedger, workers: WorkerPool
+        self,
+        foundation: Foundation,
+        fleet: Fleet,
+        ledger: PlanLedger,
+        workers: WorkerPool,
+        machine_code: MachineCode,
     ) -> None:
         self.settings = PlanSettings(foundation, fleet)
         self.problems = RoundProblems(foundation, fleet)
@@ -59,6 +66,7 @@ class Planning:
         self._fleet = fleet
         self._ledger = ledger
         self._workers = workers
+        self._machine_code = machine_code
         self._dry_runs = DryRuns(fleet, workers)
         self._tasks: dict[str, asyncio.Task[None]] = {}
         self._turns: dict[str, asyncio.Lock] = {}
@@ -273,7 +281,12 @@ class Planning:
         problem = await self.problems.survey(
             plan, config, start_xy, request.energy, warm=request.warm, attempt=request.attempt
         )
-        self._ledger.set_progress(plan, ProgressView(0.0, config.planning_time_s, None, 0))
+        start = ProgressView(0.0, config.planning_time_s, None, 0)
+        await self._machine_code.wait_for(
+            search_step(config.objective),
+            lambda sentence: self._ledger.set_progress(plan, replace(start, waiting=sentence)),
+        )
+        self._ledger.set_progress(plan, start)
         return await self._workers.run(
             PLAN_SURVEY,
             problem,

@@ -29,7 +29,7 @@ def run(
     is_cancelled: Callable[[], bool],
 ) -> PlanResult:
     """Search for the best trajectory; progress is the best objective so far."""
-    load_kernels()
+    load_kernels(problem.planner.objective)
     belief = belief_of(problem)
     began_s = time.monotonic()
     way = way_in(problem.planner, problem.start_xy, problem.site)
@@ -116,19 +116,19 @@ def water_points(domain: Box, site: Site | None, resolution: tuple[int, int]) ->
 
 
 @cache
-def load_kernels() -> None:
-    """Load or compile the planner's machine code, once in this process.
+def load_kernels(objective: kernel.Objective) -> None:
+    """Load or compile the planner's machine code for an objective, once in this process.
 
-    It takes a second, or half a minute where there is no code on disk yet; a search must not pay
-    for that from its planning time.
+    It takes a second, or a minute where there is no code on disk yet; a search must not pay for
+    that from its planning time.
     """
-    kernel.warm_up()
+    kernel.warm_up(objective)
 
 
 def load(payload: None, report: Callable[[None], None], is_cancelled: Callable[[], bool]) -> None:
-    """Make this process ready to plan at once."""
+    """Make this process ready to plan at once by the usual objective."""
     del payload, report, is_cancelled
-    load_kernels()
+    load_kernels(kernel.OBJECTIVES[0])
 
 
 def _predicted(

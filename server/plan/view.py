@@ -87,6 +87,8 @@ class ProgressView(View):
     objective: float | None
     """Best so far; ``null`` before the first complete trajectory."""
     candidates: int
+    waiting: str = ""
+    """What the search waits for before it begins, a sentence; "" once it has begun."""
 
 
 @dataclass(frozen=True, slots=True)

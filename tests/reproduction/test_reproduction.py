@@ -7,11 +7,10 @@ import sys
 import numpy as np
 import pytest
 
-from reproduction import catalogue, claims
+from reproduction import catalogue, claims, verb
 from reproduction.catalogue import REPRODUCTIONS
 from reproduction.result import Figure, Hue, Mark, Panel, Reproduction, Row, Series
 from reproduction.writer import document, write
-from server.cli import reproduce_verb
 from server.cli.main import main
 
 PNG = b"\x89PNG\r\n\x1a\n"
@@ -53,8 +52,8 @@ def only_small(monkeypatch):
         seeds.append(seed)
         return small_result()
 
-    monkeypatch.setattr(reproduce_verb, "REPRODUCTIONS", {"table-0.0": "a small table"})
-    monkeypatch.setattr(reproduce_verb, "reproduce", reproduce)
+    monkeypatch.setattr(verb, "REPRODUCTIONS", {"table-0.0": "a small table"})
+    monkeypatch.setattr(verb, "reproduce", reproduce)
     return seeds
 
 
@@ -107,7 +106,7 @@ def test_without_a_folder_the_table_is_printed_beside_the_thesis(only_small, cap
     assert "0.25 (0.2)" in told.out
     assert "It is small." in told.out
     assert "half way" not in told.out
-    assert only_small == [reproduce_verb.DEFAULT_SEED]
+    assert only_small == [verb.DEFAULT_SEED]
 
 
 def test_with_a_folder_the_files_are_named_last_and_the_seed_is_taken(only_small, tmp_path, capsys):
@@ -146,7 +145,7 @@ def test_a_break_ends_cleanly(only_small, monkeypatch, tmp_path):
     def interrupted(name, seed, report):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(reproduce_verb, "reproduce", interrupted)
+    monkeypatch.setattr(verb, "reproduce", interrupted)
     assert main(["reproduce", "table-0.0", "--out", str(tmp_path / "none")]) == 130
     assert not (tmp_path / "none").exists()
 

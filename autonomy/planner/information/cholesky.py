@@ -9,12 +9,12 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 
 _TINY_VARIANCE = 1e-12
 
 
-@kernel
+@inner_kernel
 def half_log_determinant(matrix: FloatArray, k: int) -> float:
     """Factorize the first k rows and columns in place as ``U^T U``; only their upper half is read.
 
@@ -39,7 +39,7 @@ def half_log_determinant(matrix: FloatArray, k: int) -> float:
     return total
 
 
-@kernel
+@inner_kernel
 def invert_upper(upper: FloatArray, inverse: FloatArray) -> None:
     """Invert an upper triangular matrix; what is below the diagonal becomes 0."""
     for i in range(len(upper) - 1, -1, -1):

@@ -3,14 +3,14 @@
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel
 from autonomy.planner.graph import STAGED, Graph, first_staged
 from autonomy.planner.information.cholesky import half_log_determinant
 from autonomy.planner.information.covariance import fill_block, noise_of
 from autonomy.planner.information.information import BAND, Float32Array, Information
 
 
-@kernel
+@inner_kernel
 def whiten(graph: Graph, info: Information) -> None:
     """Put the points of every staged edge on the stack and whiten their columns.
 
@@ -41,7 +41,7 @@ def whiten(graph: Graph, info: Information) -> None:
             stack.test[i, j - past] = white[j, i]
 
 
-@kernel
+@inner_kernel
 def find_own_gains(graph: Graph, info: Information) -> None:
     """Set the covariances among the points of every staged edge, and the gain of the edge alone."""
     stack = info.stack
@@ -64,7 +64,7 @@ def find_own_gains(graph: Graph, info: Information) -> None:
         stack.gain[staged] = half_log_determinant(first, k) - half_log_determinant(second, k)
 
 
-@kernel
+@inner_kernel
 def subtract_product(info: Information, columns: Float32Array, matrix: FloatArray) -> None:
     """Subtract ``columns columns^T`` of a few points."""
     k = len(columns)
@@ -73,7 +73,7 @@ def subtract_product(info: Information, columns: Float32Array, matrix: FloatArra
     matrix -= product
 
 
-@kernel
+@inner_kernel
 def _average_points(graph: Graph, info: Information, staged: int, row: int) -> int:
     """Average runs of planned points until few enough are left (``belief.averaged_samples``).
 
@@ -99,7 +99,7 @@ def _average_points(graph: Graph, info: Information, staged: int, row: int) -> i
     return row
 
 
-@kernel
+@inner_kernel
 def copy_columns(graph: Graph, info: Information, source: int, target: int) -> None:
     """Copy an edge's points and columns to a kept or elite edge."""
     first = first_staged(graph)

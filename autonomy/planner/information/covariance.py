@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel
 from autonomy.planner.belief import FieldBelief, SampleNoise
 
 _FAR = 50.0
@@ -46,7 +46,7 @@ def scale_of(belief: FieldBelief) -> FloatArray:
     return _SHAPES[belief.shape][0] / np.asarray(belief.length_scales_m)
 
 
-@kernel
+@inner_kernel
 def fill_row(
     covariance: Covariance,
     point: tuple[float, float, float],
@@ -90,7 +90,7 @@ def fill_row(
         row[j] = covariance.signal_variance * polynomial * power
 
 
-@kernel
+@inner_kernel
 def fill_block(
     covariance: Covariance,
     ones: FloatArray,
@@ -106,7 +106,7 @@ def fill_block(
         fill_row(covariance, point, others, other_begin, block.shape[1], distance, block[i])
 
 
-@kernel
+@inner_kernel
 def noise_of(covariance: Covariance, noise: SampleNoise, position_std: float) -> float:
     """Return the noise variance that a sample counts with (``SampleNoise.of``)."""
     if not noise.is_continuous:

@@ -8,7 +8,7 @@ factors, so one more edge costs one block row.
 
 import numpy as np
 
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel
 from autonomy.planner.graph import DEPTH_MAX, PATHS, Graph, Int32Array, chain_of, first_staged
 from autonomy.planner.information.cholesky import half_log_determinant
 from autonomy.planner.information.columns import copy_columns
@@ -16,14 +16,14 @@ from autonomy.planner.information.covariance import fill_block
 from autonomy.planner.information.information import CROSSES, STAMP, USED, Float32Array, Information
 
 
-@kernel
+@inner_kernel
 def begin_edge(info: Information) -> None:
     """Forget the covariances of earlier edges with the edge before."""
     info.tally[STAMP] += 1
     info.tally[CROSSES] = 0
 
 
-@kernel
+@inner_kernel
 def load_chain(graph: Graph, info: Information, path: int, edges: Int32Array) -> int:
     """Write a path's edges and where their rows are to ``chain``; return how many there are."""
     chain = info.chains.chain
@@ -41,7 +41,7 @@ def load_chain(graph: Graph, info: Information, path: int, edges: Int32Array) ->
     return depth
 
 
-@kernel
+@inner_kernel
 def gain_after(graph: Graph, info: Information, depth: int, edge: int) -> float:
     """Return the gain of a staged edge given those of the chain; its rows stay in the room."""
     chains = info.chains
@@ -64,7 +64,7 @@ def gain_after(graph: Graph, info: Information, depth: int, edge: int) -> float:
     return gain
 
 
-@kernel
+@inner_kernel
 def has_room(graph: Graph, info: Information, depth: int, edge: int) -> bool:
     """Tell whether the extended path can be kept."""
     staged = edge - first_staged(graph)
@@ -74,7 +74,7 @@ def has_room(graph: Graph, info: Information, depth: int, edge: int) -> bool:
     return needed <= room and depth + 1 < DEPTH_MAX and graph.tally[PATHS] < len(graph.path_worth)
 
 
-@kernel
+@inner_kernel
 def keep_rows(
     graph: Graph, info: Information, depth: int, edge: int, kept: int, path: int, gain: float
 ) -> None:
@@ -95,7 +95,7 @@ def keep_rows(
     info.tally[USED] = at
 
 
-@kernel
+@inner_kernel
 def _solve_block(info: Information, i: int, staged: int, given: int, solved: Float32Array) -> None:
     """Solve ``upper^T x = cross - off solved`` for the rows of one earlier edge."""
     chains = info.chains
@@ -123,7 +123,7 @@ def _solve_block(info: Information, i: int, staged: int, given: int, solved: Flo
                 block[below, j] -= part * block[row, j]
 
 
-@kernel
+@inner_kernel
 def _cross(info: Information, other: int, staged: int) -> None:
     """Compute the covariances of an earlier edge's points with the current edge's."""
     chains, stack = info.chains, info.stack

@@ -9,7 +9,7 @@ is an upper bound on the gain of a trajectory with both.
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel
 from autonomy.planner.graph import (
     ELITE,
     FIRST_A,
@@ -26,7 +26,7 @@ from autonomy.planner.information.information import REST, Float32Array, Informa
 from autonomy.planner.search.elite import elite_edge, in_gap
 
 
-@kernel
+@inner_kernel
 def condition_on_rest(graph: Graph, info: Information) -> float:
     """Prepare to judge the pieces on the stack; return the gain of the rest."""
     rest, stack, elite = info.rest, info.stack, graph.gap[ELITE]
@@ -76,7 +76,7 @@ def condition_on_rest(graph: Graph, info: Information) -> float:
     return gain
 
 
-@kernel
+@inner_kernel
 def _stack_own(graph: Graph, info: Information) -> int:
     """Put what the gaps held on the stack too, and note where pieces are; return the rows."""
     stack, rest = info.stack, info.rest
@@ -101,7 +101,7 @@ def _stack_own(graph: Graph, info: Information) -> int:
     return row
 
 
-@kernel
+@inner_kernel
 def gain_given_rest(info: Information, one: int, other: int) -> float:
     """Return the gain of one or two pieces, given the rest; ``other`` is -1 for one alone."""
     k = _gather(info, one, 0)
@@ -126,7 +126,7 @@ def gain_given_rest(info: Information, one: int, other: int) -> float:
     return half_log_determinant(given_past, k) - half_log_determinant(given_both, k)
 
 
-@kernel
+@inner_kernel
 def _gather(info: Information, piece: int, at: int) -> int:
     """Copy a piece's points and columns behind ``at`` others; return how many there are now."""
     rest, stack, count = info.rest, info.stack, info.tally[REST]
@@ -143,7 +143,7 @@ def _gather(info: Information, piece: int, at: int) -> int:
     return until
 
 
-@kernel
+@inner_kernel
 def _subtract(info: Information, columns: Float32Array, matrix: FloatArray) -> None:
     """Subtract ``columns columns^T``."""
     k = len(columns)

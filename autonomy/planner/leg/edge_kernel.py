@@ -3,7 +3,7 @@
 import math
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inlined_kernel, kernel
+from autonomy.compiled import inlined_kernel, inner_kernel, kernel
 from autonomy.planner.leg.edge import (
     SAME_PLACE_M,
     SHAPE_BEARING,
@@ -81,7 +81,7 @@ def propose(
     return count if energy_of(limits, legs, count) <= limits.budget else 0
 
 
-@kernel
+@inner_kernel
 def energy_of(limits: Limits, legs: FloatArray, count: int) -> float:
     """Return the energy of legs and of what prepares them (``edge.legs_energy``)."""
     energy = 0.0
@@ -141,7 +141,7 @@ def _between(low: float, high: float, part: float) -> float:
     return low + (high - low) * part
 
 
-@kernel
+@inner_kernel
 def _close(
     limits: Limits,
     water: Waterway,
@@ -212,7 +212,7 @@ def _headway(
     return headway if headway >= HEADWAY_MIN * speed else 0.0
 
 
-@kernel
+@inner_kernel
 def _write(
     limits: Limits,
     leg: FloatArray,
@@ -274,7 +274,7 @@ def place_points(limits: Limits, legs: FloatArray, count: int, points: FloatArra
     return placed
 
 
-@kernel
+@inner_kernel
 def _place_dive(limits: Limits, legs: FloatArray, total: float, points: FloatArray) -> int:
     """Place the points of legs that take ``total`` from one surfacing to the next; 0 if lost."""
     number = max(math.ceil(total / limits.point_interval - 1e-9), 1)
@@ -302,7 +302,7 @@ def _place_dive(limits: Limits, legs: FloatArray, total: float, points: FloatArr
     return number
 
 
-@kernel
+@inner_kernel
 def _step(
     limits: Limits, a: float, b: float, d: float, dt: float, has_fix: bool
 ) -> tuple[float, float, float]:

@@ -3,7 +3,7 @@
 import math
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inlined_kernel, kernel
+from autonomy.compiled import inlined_kernel, inner_kernel
 from autonomy.planner.leg.waterway import Waterway
 from autonomy.planner.leg.waterway_kernel import chords, holds_line
 from autonomy.planner.limits import Limits
@@ -143,7 +143,7 @@ def _holds(limits: Limits, x: float, y: float) -> bool:
     )
 
 
-@kernel
+@inner_kernel
 def _is_in_water(
     limits: Limits, water: Waterway, leg: FloatArray, under: float, drifts: bool
 ) -> bool:

@@ -2,7 +2,7 @@
 
 import math
 
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.planner.graph import (
     DEPTH_MAX,
     ELITE,
@@ -18,7 +18,7 @@ from autonomy.planner.graph import (
 )
 
 
-@kernel
+@inner_kernel
 def rank(graph: Graph, spent: float, worth: float) -> float:
     """Return what trajectories are compared by: those that spend too little come last."""
     return worth if spent > graph.least_spent else worth - SHORT
@@ -31,7 +31,7 @@ def elite_edge(graph: Graph, elite: int, place: int) -> int:
     return first + graph.elite_block[elite] * DEPTH_MAX + place
 
 
-@kernel
+@inner_kernel
 def elite_place(graph: Graph, edges: Int32Array, length: int, ranked: float, own: int) -> int:
     """Return which elite trajectory a new one replaces, -1 if it is not good enough.
 
@@ -65,7 +65,7 @@ def elite_place(graph: Graph, edges: Int32Array, length: int, ranked: float, own
     return place
 
 
-@kernel
+@inner_kernel
 def _are_alike(graph: Graph, edges: Int32Array, length: int, elite: int) -> bool:
     """Tell whether more than half of the surfacings of two trajectories are close together."""
     close = 0
@@ -79,25 +79,25 @@ def _are_alike(graph: Graph, edges: Int32Array, length: int, elite: int) -> bool
     return 2 * close > min(length, graph.elite_length[elite])
 
 
-@kernel
+@inner_kernel
 def _drop(graph: Graph, elite: int) -> None:
     graph.elite_length[elite] = 0
     graph.elite_worth[elite] = -math.inf
 
 
-@kernel
+@inner_kernel
 def start_of(graph: Graph, edge: int) -> tuple[float, float]:
     """Return north and east of the surfacing that an edge leaves."""
     return graph.edge_start[edge, 0], graph.edge_start[edge, 1]
 
 
-@kernel
+@inner_kernel
 def end_of(graph: Graph, edge: int) -> tuple[float, float]:
     """Return north and east of the surfacing that an edge reaches."""
     return graph.edge_end[edge, 0], graph.edge_end[edge, 1]
 
 
-@kernel
+@inner_kernel
 def write_elite(graph: Graph, elite: int, edges: Int32Array, length: int, ranked: float) -> None:
     """Make edges an elite trajectory; ``copied`` tells the objective what to copy of its own."""
     free = len(graph.elite_worth)
@@ -115,14 +115,14 @@ def write_elite(graph: Graph, elite: int, edges: Int32Array, length: int, ranked
     graph.elite_worth[elite] = ranked
 
 
-@kernel
+@inner_kernel
 def in_gap(graph: Graph, place: int) -> bool:
     """Tell whether a place of the elite trajectory in question is in one of its gaps."""
     after_a, after_b = place - graph.gap[FIRST_A], place - graph.gap[FIRST_B]
     return 0 <= after_a < graph.gap[TAKEN_A] or 0 <= after_b < graph.gap[TAKEN_B]
 
 
-@kernel
+@inner_kernel
 def fill_gaps(graph: Graph, one: int, other: int, edges: Int32Array) -> int:
     """Write the edges of the elite trajectory in question with proposals in its gaps.
 

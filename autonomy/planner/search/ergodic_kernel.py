@@ -14,7 +14,7 @@ import numpy.typing as npt
 from scipy.special import xlogy
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel
 from autonomy.planner.belief import FieldBelief
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.graph import (
@@ -103,7 +103,7 @@ def ergodic_of(config: PlannerConfig, belief: FieldBelief, graph: Graph) -> Ergo
     )
 
 
-@kernel
+@inner_kernel
 def spread(graph: Graph, ergodic: Ergodic) -> None:
     """Sum the Gaussians of every staged edge over the test points."""
     test, work = ergodic.test, ergodic.work
@@ -123,7 +123,7 @@ def spread(graph: Graph, ergodic: Ergodic) -> None:
                 visit[j] += np.float32(power)
 
 
-@kernel
+@inner_kernel
 def measure(ergodic: Ergodic, visit: Float32Array) -> float:
     """Return the negative divergence of the target from the normalized visit.
 
@@ -148,7 +148,7 @@ def measure(ergodic: Ergodic, visit: Float32Array) -> float:
     return cross - ergodic.negative_entropy
 
 
-@kernel
+@inner_kernel
 def visit_after(graph: Graph, ergodic: Ergodic, path: int, edge: int) -> float:
     """Set ``visit`` to that of a path and one more edge; return its measure."""
     visit = ergodic.visit
@@ -158,7 +158,7 @@ def visit_after(graph: Graph, ergodic: Ergodic, path: int, edge: int) -> float:
     return measure(ergodic, visit)
 
 
-@kernel
+@inner_kernel
 def prepare_pieces(graph: Graph, ergodic: Ergodic) -> float:
     """Sum the visits of every piece and of the rest, and lay the tangent plane.
 
@@ -195,13 +195,13 @@ def prepare_pieces(graph: Graph, ergodic: Ergodic) -> float:
     return measure(ergodic, whole) - float(np.dot(slope, whole)) / total
 
 
-@kernel
+@inner_kernel
 def _note_rise(ergodic: Ergodic, visit: Float32Array, piece: int) -> None:
     ergodic.rise[piece, 0] = np.dot(ergodic.slope, visit)
     ergodic.rise[piece, 1] = np.dot(ergodic.ones, visit)
 
 
-@kernel
+@inner_kernel
 def bound_of(ergodic: Ergodic, constant: float, rest: int, one: int, other: int) -> float:
     """Return an upper bound on the measure of the rest (its number) and two pieces."""
     rise = ergodic.rise
@@ -210,7 +210,7 @@ def bound_of(ergodic: Ergodic, constant: float, rest: int, one: int, other: int)
     return constant + above / max(below, TINY_DENSITY)
 
 
-@kernel
+@inner_kernel
 def measure_with(ergodic: Ergodic, one: int, other: int) -> float:
     """Return the measure of the rest and two pieces."""
     visit = ergodic.visit

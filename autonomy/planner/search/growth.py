@@ -5,7 +5,7 @@ An objective that does not count is None, which numba resolves when it compiles.
 
 import math
 
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.planner.graph import (
     CANDIDATES,
     DEPTH_MAX,
@@ -80,7 +80,7 @@ def adopt(
     copy_written(graph, info, ergodic, length)
 
 
-@kernel
+@inner_kernel
 def _extend(
     graph: Graph,
     info: Information | None,
@@ -139,7 +139,7 @@ def _extend(
                 ergodic.path_visit[new] = ergodic.visit
 
 
-@kernel
+@inner_kernel
 def _bar(graph: Graph, is_bound: bool) -> float:
     """Return what a trajectory must rank above to be looked at more closely.
 
@@ -149,7 +149,7 @@ def _bar(graph: Graph, is_bound: bool) -> float:
     return float(graph.elite_worth.max() if is_bound else graph.elite_worth.min())
 
 
-@kernel
+@inner_kernel
 def _load(graph: Graph, info: Information | None, path: int, edges: Int32Array) -> int:
     """Write the edges of a path; return how many there are."""
     if info is not None:
@@ -160,14 +160,14 @@ def _load(graph: Graph, info: Information | None, path: int, edges: Int32Array) 
     return depth
 
 
-@kernel
+@inner_kernel
 def _has_room(graph: Graph, info: Information | None, depth: int, edge: int) -> bool:
     if info is not None:
         return has_room(graph, info, depth, edge)
     return graph.tally[PATHS] < len(graph.path_worth)
 
 
-@kernel
+@inner_kernel
 def _offer(
     graph: Graph,
     info: Information | None,
@@ -183,7 +183,7 @@ def _offer(
         copy_written(graph, info, ergodic, length)
 
 
-@kernel
+@inner_kernel
 def copy_written(
     graph: Graph, info: Information | None, ergodic: Ergodic | None, length: int
 ) -> None:

@@ -1,7 +1,7 @@
 """Compiles the planner ahead of time."""
 
 import itertools
-from typing import Literal
+from typing import Literal, TypeAlias
 
 import numpy as np
 
@@ -10,18 +10,15 @@ from autonomy.planner.config import PlannerConfig, SearchConfig
 from autonomy.planner.plan import Leg
 from autonomy.planner.search.search import plan
 
-_OBJECTIVES: tuple[Literal["information_gain", "ergodic", "weighted"], ...] = (
-    "information_gain",
-    "ergodic",
-    "weighted",
-)
+Objective: TypeAlias = Literal["information_gain", "ergodic", "weighted"]
+OBJECTIVES: tuple[Objective, ...] = ("information_gain", "ergodic", "weighted")
 _ITERATIONS = 20
 
 
-def warm_up() -> None:
-    """Plan a little with each objective, so that every compiled function exists in this process.
+def warm_up(*objectives: Objective) -> None:
+    """Plan a little with objectives, all if none is named, so that this process has their code.
 
-    The first time takes tens of seconds; later processes load the machine code in about one.
+    The first time takes a minute for each; later processes load the machine code in about a second.
     """
     points = np.array(list(itertools.product((0.0, 1.4, 2.7), (0.0, 1.3), (0.0, 0.6))))  # (12, 3)
     belief = FieldBelief(
@@ -33,7 +30,7 @@ def warm_up() -> None:
         mean=np.zeros(len(points)),
         std=np.ones(len(points)),
     )
-    for objective in _OBJECTIVES:
+    for objective in objectives or OBJECTIVES:
         config = PlannerConfig(objective=objective, search=SearchConfig(iterations_max=_ITERATIONS))
         warm: tuple[tuple[Leg, ...], ...] = ()
         for _ in range(2):

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.planner.graph import (
     BEFORE,
     CANDIDATES,
@@ -114,7 +114,7 @@ def revalue(
     graph.elite_worth[elite] = rank(graph, spent, value)
 
 
-@kernel
+@inner_kernel
 def _take_best(
     graph: Graph,
     info: Information | None,
@@ -154,7 +154,7 @@ def _take_best(
         copy_written(graph, info, ergodic, length)
 
 
-@kernel
+@inner_kernel
 def _piece_shares(graph: Graph) -> FloatArray:
     """Return what each proposal, what each may replace, and the rest spend."""
     pieces, elite = graph.tally[PROPOSALS], graph.gap[ELITE]
@@ -171,7 +171,7 @@ def _piece_shares(graph: Graph) -> FloatArray:
     return share
 
 
-@kernel
+@inner_kernel
 def _spent(share: FloatArray, rest: int, one: int, other: int) -> float:
     """Return the greatest share that the rest and two pieces spend."""
     greatest = 0.0

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import kernel
+from autonomy.compiled import inner_kernel, kernel
 from autonomy.planner.graph import (
     BEFORE,
     ELITE,
@@ -82,7 +82,7 @@ def stage_growth(graph: Graph, rng: np.random.Generator) -> bool:
     return True
 
 
-@kernel
+@inner_kernel
 def _nearest(graph: Graph, x: float, y: float) -> int:
     """Return the open node whose distance is closest to the preferred one, -1 without any."""
     best, nearest = math.inf, -1
@@ -95,7 +95,7 @@ def _nearest(graph: Graph, x: float, y: float) -> int:
     return nearest
 
 
-@kernel
+@inner_kernel
 def _stage_between(
     graph: Graph, source: int, goal: tuple[float, float], rng: np.random.Generator
 ) -> None:
@@ -106,7 +106,7 @@ def _stage_between(
             graph.staged_source[graph.tally[STAGED] - 1] = source
 
 
-@kernel
+@inner_kernel
 def draw_shape(graph: Graph, rng: np.random.Generator) -> None:
     """Draw the shape of the next staged edge (``edge.random_shape``)."""
     shape = next_shape(graph)
@@ -115,7 +115,7 @@ def draw_shape(graph: Graph, rng: np.random.Generator) -> None:
         shape[i] = rng.standard_normal() if is_bearing else rng.random()
 
 
-@kernel
+@inner_kernel
 def nudge_shape(graph: Graph, edge: int, rng: np.random.Generator) -> None:
     """Make the shape of the next staged edge like another edge's; kinds and their number stay."""
     shape = next_shape(graph)
@@ -130,13 +130,13 @@ def nudge_shape(graph: Graph, edge: int, rng: np.random.Generator) -> None:
             shape[i] = min(max(nudged, 0.0), 1.0)
 
 
-@kernel
+@inner_kernel
 def next_shape(graph: Graph) -> FloatArray:
     """Return the shape of the next staged edge, to be written."""
     return graph.edge_shape[first_staged(graph) + graph.tally[STAGED]]
 
 
-@kernel
+@inner_kernel
 def stage_edge(graph: Graph, start: tuple[float, float], goal: tuple[float, float]) -> bool:
     """Stage the edge of the shape just drawn if it is feasible and there is room."""
     staged = graph.tally[STAGED]
@@ -204,7 +204,7 @@ def stage_refinement(graph: Graph, rng: np.random.Generator) -> None:
         _fill_gap(graph, graph.gap[FIRST_B], graph.gap[TAKEN_B], rng)
 
 
-@kernel
+@inner_kernel
 def _choose_gaps(graph: Graph, elite: int, rng: np.random.Generator) -> None:
     """Choose two runs of edges of an elite trajectory, the second without edges in a short one."""
     length = graph.elite_length[elite]
@@ -220,7 +220,7 @@ def _choose_gaps(graph: Graph, elite: int, rng: np.random.Generator) -> None:
     gap[FIRST_A], gap[TAKEN_A], gap[FIRST_B], gap[TAKEN_B] = first, taken, second, taken_there
 
 
-@kernel
+@inner_kernel
 def _fill_gap(graph: Graph, first: int, taken: int, rng: np.random.Generator) -> None:
     """Stage proposals for one gap; ``total`` is what the rest of the trajectory spends."""
     elite = graph.gap[ELITE]
@@ -237,7 +237,7 @@ def _fill_gap(graph: Graph, first: int, taken: int, rng: np.random.Generator) ->
         _seal_proposal(graph, stands)
 
 
-@kernel
+@inner_kernel
 def _stage_alike(
     graph: Graph,
     first: int,
@@ -259,7 +259,7 @@ def _stage_alike(
     return True
 
 
-@kernel
+@inner_kernel
 def _stage_any(
     graph: Graph, begin: tuple[float, float], goal: tuple[float, float], rng: np.random.Generator
 ) -> bool:
@@ -275,7 +275,7 @@ def _stage_any(
     return _is_near(graph, here, goal) and stage_edge(graph, here, goal)
 
 
-@kernel
+@inner_kernel
 def _seal_proposal(graph: Graph, stands: bool) -> None:
     """Make the edges staged last a proposal, or drop them where they do not fit."""
     begin = graph.proposal[graph.tally[PROPOSALS]]
@@ -293,12 +293,12 @@ def _seal_proposal(graph: Graph, stands: bool) -> None:
         graph.tally[STAGED] = begin
 
 
-@kernel
+@inner_kernel
 def _is_near(graph: Graph, a: tuple[float, float], b: tuple[float, float]) -> bool:
     return math.hypot(a[0] - b[0], a[1] - b[1]) <= graph.step
 
 
-@kernel
+@inner_kernel
 def _around(
     graph: Graph, centre: tuple[float, float], spread: float, rng: np.random.Generator
 ) -> tuple[float, float]:

@@ -10,7 +10,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inlined_kernel
+from autonomy.compiled import inlined_entry, inlined_kernel
 
 (
     IS_FILTERED,
@@ -40,7 +40,7 @@ SPEED_TIME_S = 1.0
 """The speed comes no closer to a limit than by its distance in this time."""
 
 
-@inlined_kernel
+@inlined_entry
 def control_step(
     x_r: float,
     y_r: float,
@@ -133,7 +133,7 @@ def class_k(b: float, alpha: float, slope: float) -> float:
     return 0.0
 
 
-@inlined_kernel
+@inlined_entry
 def closest(
     n1: float,
     n2: float,
@@ -187,7 +187,7 @@ def _along(
     return free, min(max(level - slope * free, low_other), high_other)
 
 
-@inlined_kernel
+@inlined_entry
 def inverse_condition(
     x_r: float, y_r: float, psi: float, v: float, vt_x: float, vt_y: float
 ) -> float:

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inlined_kernel, kernel
+from autonomy.compiled import inlined_entry, inlined_kernel, kernel
 from autonomy.tracking.config import TrackingConfig
 
 STATES = 4
@@ -61,7 +61,7 @@ def wrapped(angle: float) -> float:
     return angle - 2.0 * math.pi * math.floor((angle + math.pi) / (2.0 * math.pi))
 
 
-@inlined_kernel
+@inlined_entry
 def predict_into(
     x: FloatArray,
     P: FloatArray,
@@ -141,7 +141,7 @@ def correct_into(
     return -0.5 * (innovation * innovation * i + math.log(s) + LOG_2PI)
 
 
-@inlined_kernel
+@inlined_entry
 def own_into(x: FloatArray, P: FloatArray, psi: float, v: float, q: FloatArray) -> float:
     """Take in measured heading and speed, in place; return the log likelihood."""
     likelihood = correct_into(
@@ -150,7 +150,7 @@ def own_into(x: FloatArray, P: FloatArray, psi: float, v: float, q: FloatArray) 
     return likelihood + correct_into(x, P, P[3], P[6], P[8], P[9], P[9] + q[R_SPEED], v - x[3])
 
 
-@inlined_kernel
+@inlined_entry
 def expected_range(x: FloatArray, P: FloatArray, q: FloatArray) -> tuple[float, float]:
     """Return the range that the estimate expects, m, and the variance of a measured one, m2."""
     r = math.sqrt(x[0] * x[0] + x[1] * x[1])
@@ -161,7 +161,7 @@ def expected_range(x: FloatArray, P: FloatArray, q: FloatArray) -> tuple[float, 
     return r, max(along, 0.0) + q[R_RANGE]
 
 
-@inlined_kernel
+@inlined_entry
 def range_into(x: FloatArray, P: FloatArray, range_m: float, q: FloatArray) -> float:
     """Take in a measured range, in place; return the log likelihood, 0 where it says nothing."""
     r = math.sqrt(x[0] * x[0] + x[1] * x[1])
@@ -176,7 +176,7 @@ def range_into(x: FloatArray, P: FloatArray, range_m: float, q: FloatArray) -> f
     return correct_into(x, P, k0, k1, k2, k3, s, range_m - r)
 
 
-@inlined_kernel
+@inlined_entry
 def update_into(
     x: FloatArray,
     P: FloatArray,
@@ -206,7 +206,7 @@ def update_into(
     return likelihood
 
 
-@inlined_kernel
+@inlined_entry
 def velocity_into(
     k: FloatArray, north_m: float, east_m: float, dt: float, variance_m2: float, q: FloatArray
 ) -> None:

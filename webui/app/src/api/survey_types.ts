@@ -51,6 +51,7 @@ export interface Violation {
 export interface PlanProgress {
   elapsed_s: number;
   seconds_left: number;
+  waiting: string;
   objective: number | null;
   candidates: number;
 }

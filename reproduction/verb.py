@@ -1,7 +1,9 @@
 """``grace reproduce``: a table or figure of the thesis, ours beside the printed numbers."""
 
+import sys
 from argparse import ArgumentParser, Namespace
 from collections.abc import Mapping
+from importlib.util import find_spec
 from pathlib import Path
 
 from rich.box import SIMPLE_HEAD
@@ -13,7 +15,6 @@ from rich.text import Text
 from reproduction.catalogue import REPRODUCTIONS, reproduce
 from reproduction.result import Reproduction, Row
 from reproduction.writer import write
-from server.cli.failure import CommandError
 
 DEFAULT_SEED = 1
 
@@ -43,15 +44,9 @@ def run(arguments: Namespace) -> int:
         for name, title in REPRODUCTIONS.items():
             print(f"{name:14} {title}")
         return 0
-    names = ", ".join(REPRODUCTIONS)
-    if arguments.name is None:
-        raise CommandError(f"Say which to reproduce: {names}.", status=2)
-    if arguments.name not in REPRODUCTIONS:
-        raise CommandError(f"There is no {arguments.name!r}. There are: {names}.", status=2)
-    if arguments.seed < 0:
-        raise CommandError("The seed must be 0 or greater.", status=2)
-    if arguments.out is not None and arguments.out.exists() and not arguments.out.is_dir():
-        raise CommandError(f"{arguments.out} is a file; name a folder.", status=2)
+    mistake = _mistake(arguments)
+    if mistake:
+        return _refuse(mistake, 2)
     result = _work_out(arguments.name, arguments.seed)
     _print(result)
     if arguments.out is None:
@@ -59,10 +54,33 @@ def run(arguments: Namespace) -> int:
     try:
         files = write(result, arguments.out)
     except OSError as error:
-        raise CommandError(f"{arguments.out}: {error.strerror}.") from error
+        return _refuse(f"{arguments.out}: {error.strerror}.", 1)
     for file in files:
         print(file)
     return 0
+
+
+def _mistake(arguments: Namespace) -> str:
+    """Return what is wrong with the options, "" if nothing is."""
+    names = ", ".join(REPRODUCTIONS)
+    if arguments.name is None:
+        return f"Say which to reproduce: {names}."
+    if arguments.name not in REPRODUCTIONS:
+        return f"There is no {arguments.name!r}. There are: {names}."
+    if arguments.seed < 0:
+        return "The seed must be 0 or greater."
+    if arguments.out is not None and arguments.out.exists() and not arguments.out.is_dir():
+        return f"{arguments.out} is a file; name a folder."
+    if arguments.out is not None and find_spec("matplotlib") is None:
+        return (
+            "Figures need matplotlib: install the extra `reproduction`, as `make reproduce` does."
+        )
+    return ""
+
+
+def _refuse(sentence: str, status: int) -> int:
+    print(f"grace reproduce: {sentence}", file=sys.stderr)
+    return status
 
 
 def _work_out(name: str, seed: int) -> Reproduction:
