@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from db.fault import UnknownIdError
 from db.tables import Base, PlanReportRow, RawFrameRow, Robot, SampleRow, StateRow
 from db.target_tables import TargetReportRow
-from robot_link.messages import PlanReport, RawFrame, Sample, StateReport, TargetReport
+from robot_link.messages import STATE, PlanReport, RawFrame, Sample, StateReport, TargetReport
 
 Telemetry = StateReport | Sample | PlanReport | TargetReport | RawFrame
 """What the writer takes in batches."""
@@ -76,29 +76,12 @@ def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:
 
 
 def _state_row(report: StateReport) -> dict[str, Any]:
-    north_m, east_m, depth_m = report.position_ned
-    velocity_north_m_s, velocity_east_m_s, velocity_down_m_s = report.velocity_ned
     return {
         "measured_at": report.measured_at,
         "received_at": report.received_at,
-        "north_m": north_m,
-        "east_m": east_m,
-        "depth_m": depth_m,
-        "position_std_m": report.position_std_m,
         "has_fix": report.has_fix,
-        "velocity_north_m_s": velocity_north_m_s,
-        "velocity_east_m_s": velocity_east_m_s,
-        "velocity_down_m_s": velocity_down_m_s,
-        "roll_rad": report.roll_rad,
-        "pitch_rad": report.pitch_rad,
-        "heading_rad": report.heading_rad,
-        "net_buoyancy_kg": report.net_buoyancy_kg,
-        "mass_position_m": report.mass_position_m,
-        "tail_rad": report.tail_rad,
-        "battery_fraction": report.battery_fraction,
-        "battery_v": report.battery_v,
-        "energy_used": report.energy_used,
         "mode": int(report.mode),
+        **dict(zip(STATE.keys, STATE.numbers(report), strict=True)),
     }
 
 

@@ -8,12 +8,15 @@ Integer keys stay inside ``db``; what leaves carries a public id such as ``plan-
 (``db.identity``). Times are aware UTC. JSON columns hold documents that no query looks into.
 """
 
+from collections.abc import Mapping
 from datetime import datetime
+from types import MappingProxyType
 from typing import Any
 
 from sqlalchemy import (
     JSON,
     BigInteger,
+    Double,
     ForeignKey,
     Index,
     Integer,
@@ -22,9 +25,10 @@ from sqlalchemy import (
     UniqueConstraint,
     false,
 )
-from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
+from sqlalchemy.orm import DeclarativeBase, InstrumentedAttribute, Mapped, mapped_column
 
 from db.column import Utc
+from robot_link.messages import STATE
 
 Document = dict[str, Any]
 """A JSON object that the database keeps but does not read."""
@@ -76,7 +80,10 @@ class Robot(Base):
 
 
 class StateRow(Base):
-    """One state report; the columns that a recording cannot know are NULL in its rows."""
+    """One state report; the columns that a recording cannot know are NULL in its rows.
+
+    Every channel of a state has a column; those that are not named here are added below.
+    """
 
     __tablename__ = "state_report"
     __table_args__ = CLUSTERED
@@ -89,19 +96,17 @@ class StateRow(Base):
     depth_m: Mapped[float]
     position_std_m: Mapped[float]
     has_fix: Mapped[bool]
-    velocity_north_m_s: Mapped[float | None]
-    velocity_east_m_s: Mapped[float | None]
-    velocity_down_m_s: Mapped[float | None]
-    roll_rad: Mapped[float | None]
-    pitch_rad: Mapped[float | None]
-    heading_rad: Mapped[float | None]
-    net_buoyancy_kg: Mapped[float | None]
-    mass_position_m: Mapped[float | None]
-    tail_rad: Mapped[float | None]
-    battery_fraction: Mapped[float | None]
-    battery_v: Mapped[float | None]
-    energy_used: Mapped[float | None]
     mode: Mapped[int | None]
+
+
+for _key in STATE.keys:
+    if _key not in StateRow.__table__.columns:
+        setattr(StateRow, _key, mapped_column(Double, nullable=True))
+
+STATE_CHANNELS: Mapping[str, InstrumentedAttribute[Any]] = MappingProxyType(
+    {key: getattr(StateRow, key) for key in STATE.keys}
+)
+"""Columns of a state's channels."""
 
 
 class SampleRow(Base):

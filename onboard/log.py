@@ -10,17 +10,14 @@ from datetime import datetime
 from pathlib import Path
 from typing import Protocol, TextIO
 
-from robot_link.messages import StateReport
+from robot_link.messages import STATE, StateReport
 
 TRACK_PERIOD_S = 5.0
 _FILES_KEPT = 8
 """Of each kind."""
 _BYTES_MAX = 4_000_000
 """A file that is longer takes no more."""
-_COLUMNS = (
-    "time,north_m,east_m,depth_m,position_std_m,roll_rad,pitch_rad,heading_rad,net_buoyancy_kg,"
-    "mass_position_m,tail_rad,battery_fraction,battery_v,mode,has_fix,energy_used"
-)
+_COLUMNS = ",".join(("time", *STATE.keys, "mode", "has_fix"))
 
 _log = logging.getLogger(__name__)
 
@@ -84,15 +81,12 @@ class FileLog:
         if before is not None and 0.0 <= (at - before).total_seconds() < TRACK_PERIOD_S:
             return
         self._tracked_at = at
-        numbers = (
-            *state.position_ned,
-            state.position_std_m,
-            *(state.roll_rad, state.pitch_rad, state.heading_rad),
-            *(state.net_buoyancy_kg, state.mass_position_m, state.tail_rad),
-            *(state.battery_fraction, state.battery_v),
-        )
-        cells = [f"{at:%Y-%m-%dT%H:%M:%S.%fZ}", *(f"{number:.5g}" for number in numbers)]
-        cells += [state.mode.name.lower(), str(int(state.has_fix)), f"{state.energy_used:.4g}"]
+        cells = [
+            f"{at:%Y-%m-%dT%H:%M:%S.%fZ}",
+            *(f"{number:.5g}" for number in STATE.numbers(state)),
+            state.mode.name.lower(),
+            str(int(state.has_fix)),
+        ]
         _write(self._track, ",".join(cells))
 
     def close(self) -> None:

@@ -1,6 +1,7 @@
 """The onboard program: ten times a second from readings to set points, never seeing the truth."""
 
 from collections.abc import Callable
+from dataclasses import fields
 from datetime import datetime, timedelta
 from typing import Protocol
 
@@ -12,7 +13,7 @@ from autonomy.tracking.config import RangingConfig
 from autonomy.vehicle.battery import RESERVE
 from autonomy.vehicle.config import Vehicle
 from onboard.flight.executive import Executive
-from onboard.flight.hardware import Hardware
+from onboard.flight.hardware import Hardware, Readings
 from onboard.flight.maneuver import Flight
 from onboard.flight.navigation import Estimate, Navigator
 from onboard.flight.pilot import Pilot
@@ -30,6 +31,13 @@ from robot_link.messages import (
 from robot_link.mission import Mission
 from robot_link.onboard_settings import DigestSettings
 
+_ESTIMATED = ("roll_rad", "pitch_rad", "heading_rad")
+_SENSED = tuple(
+    field.name
+    for field in fields(Readings)
+    if field.name in StateReport.__dataclass_fields__ and field.name not in _ESTIMATED
+)
+"""What a state says as the sensors do."""
 PERIOD_S = 0.1
 """Time between two steps of the program."""
 
@@ -198,7 +206,6 @@ class OnboardProgram:
     def state_report(self) -> StateReport:
         """Return what the robot believes of itself; ``received_at`` is the receiver's to fill."""
         estimate = self.estimate
-        readings = self._readings
         roll, pitch, heading = estimate.state[3:6].tolist()
         return StateReport(
             robot=self._robot,
@@ -210,14 +217,10 @@ class OnboardProgram:
             roll_rad=roll,
             pitch_rad=pitch,
             heading_rad=heading,
-            net_buoyancy_kg=readings.net_buoyancy_kg,
-            mass_position_m=readings.mass_position_m,
-            tail_rad=readings.tail_rad,
-            battery_fraction=readings.battery_fraction,
-            battery_v=readings.battery_v,
             mode=self.executive.mode,
             has_fix=estimate.has_fix,
             energy_used=self.executive.energy_used,
+            **{name: getattr(self._readings, name) for name in _SENSED},
         )
 
     def _read(self, began_s: float) -> Estimate:

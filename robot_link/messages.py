@@ -1,15 +1,17 @@
 """What travels between a robot and the station, once decoded: frozen values, SI, radians, NED.
 
-``measured_at`` is the robot's clock, ``received_at`` the station's; both are aware UTC. Nothing
-here knows a wire, a database key or a screen.
+``measured_at`` is the robot's clock, ``received_at`` the station's; both are aware UTC. The fields
+of a state report carry what wires, tables and screens must know of them (``robot_link.channel``).
 """
 
+import math
 from dataclasses import dataclass
 from datetime import datetime
 from enum import IntEnum, StrEnum
-from typing import NewType
+from typing import Annotated, NewType
 
 from autonomy.tracking.phase import TargetPhase
+from robot_link.channel import Catalogue, Channel, Gauge, Octets, Possible, Recorded, Wire
 
 RobotId = NewType("RobotId", str)
 """Operator's name of a robot, such as ``mini-1``: lower case letters, digits and dashes."""
@@ -26,6 +28,8 @@ PlanHash = NewType("PlanHash", str)
 """SHA-256 of a mission's canonical bytes, 64 lower-case hexadecimal digits."""
 
 PositionNed = tuple[float, float, float]
+
+_OCTET_OF_RAD = 128.0 / math.pi
 
 
 class RobotMode(IntEnum):
@@ -101,25 +105,172 @@ class StateReport:
     robot: RobotId
     measured_at: datetime
     received_at: datetime
-    position_ned: PositionNed
-    position_std_m: float
-    """Standard deviation of the horizontal position (larger axis), m."""
-    velocity_ned: tuple[float, float, float]
-    roll_rad: float
-    pitch_rad: float
-    heading_rad: float
+    position_ned: Annotated[
+        PositionNed,
+        Channel("north_m", "m", wire=Wire("x"), octets=Octets(0, 4, 1e3)),
+        Channel("east_m", "m", wire=Wire("y"), octets=Octets(1, 4, 1e3)),
+        Channel(
+            "depth_m",
+            "m",
+            standard_name="depth",
+            wire=Wire("z"),
+            octets=Octets(2, 3, 1e3),
+            gauge=Gauge(
+                0, "Depth", "Depth of the robot below the surface, by its pressure sensor.", 2, 5.0
+            ),
+        ),
+    ]
+    position_std_m: Annotated[
+        float,
+        Channel(
+            unit="m",
+            wire=Wire("position_std"),
+            octets=Octets(3, 3, 1e3, signed=False),
+            gauge=Gauge(
+                1,
+                "Position uncertainty",
+                "Standard deviation of the horizontal position, as the robot estimates it: two "
+                "thirds of all errors are smaller.",
+                2,
+                5.0,
+            ),
+            possible=Possible(0.0, math.inf, "a position uncertainty of {:.3g} m"),
+            recorded=Recorded(0.0, 1e5),
+        ),
+    ]
+    """Along the larger axis."""
+    velocity_ned: Annotated[
+        tuple[float, float, float],
+        Channel("velocity_north_m_s", "m/s", wire=Wire("vx", 1e3), octets=Octets(4, 1, 1e2)),
+        Channel("velocity_east_m_s", "m/s", wire=Wire("vy", 1e3), octets=Octets(5, 1, 1e2)),
+        Channel("velocity_down_m_s", "m/s", wire=Wire("vz", 1e3), octets=Octets(6, 1, 1e2)),
+        Channel(
+            "speed_m_s",
+            "m/s",
+            standard_name="platform_speed_wrt_ground",
+            gauge=Gauge(5, "Speed", "Speed through space, as the robot estimates it.", 3, 5.0),
+            is_norm=True,
+        ),
+    ]
+    roll_rad: Annotated[
+        float,
+        Channel(
+            unit="rad",
+            display_unit="deg",
+            standard_name="platform_roll_starboard_down",
+            wire=Wire("roll", 1e4),
+            octets=Octets(7, 1, _OCTET_OF_RAD),
+            gauge=Gauge(4, "Roll", "Right wing down is positive.", 1, 5.0),
+            recorded=Recorded(-180.0, 180.0),
+        ),
+    ]
+    pitch_rad: Annotated[
+        float,
+        Channel(
+            unit="rad",
+            display_unit="deg",
+            standard_name="platform_pitch_fore_up",
+            wire=Wire("pitch", 1e4),
+            octets=Octets(8, 1, _OCTET_OF_RAD),
+            gauge=Gauge(3, "Pitch", "Nose up is positive.", 1, 5.0),
+            recorded=Recorded(-90.0, 90.0),
+        ),
+    ]
+    heading_rad: Annotated[
+        float,
+        Channel(
+            unit="rad",
+            display_unit="deg",
+            standard_name="platform_orientation",
+            wire=Wire("heading", 1e4),
+            octets=Octets(9, 1, _OCTET_OF_RAD),
+            gauge=Gauge(2, "Heading", "Direction of the nose, clockwise from north.", 0, 5.0),
+            recorded=Recorded(-360.0, 360.0),
+        ),
+    ]
     """0 north, positive to starboard, in -pi..pi."""
-    net_buoyancy_kg: float
+    net_buoyancy_kg: Annotated[
+        float,
+        Channel(
+            unit="kg",
+            display_unit="g",
+            wire=Wire("net_buoyancy"),
+            octets=Octets(11, 2, 1e4),
+            gauge=Gauge(8, "Net buoyancy", "Excess mass. Positive sinks, negative rises.", 1, 5.0),
+            recorded=Recorded(-5000.0, 5000.0),
+        ),
+    ]
     """Excess mass m0; positive sinks."""
-    mass_position_m: float
-    tail_rad: float
-    battery_fraction: float
-    battery_v: float
+    mass_position_m: Annotated[
+        float,
+        Channel(
+            unit="m",
+            display_unit="mm",
+            wire=Wire("mass_position"),
+            octets=Octets(12, 2, 1e4),
+            gauge=Gauge(
+                9,
+                "Mass position",
+                "Position of the movable mass. Forward is positive and turns the nose down.",
+                1,
+                5.0,
+            ),
+            recorded=Recorded(-1000.0, 1000.0),
+        ),
+    ]
+    tail_rad: Annotated[
+        float,
+        Channel(
+            unit="rad",
+            display_unit="deg",
+            wire=Wire("tail", 1e4),
+            octets=Octets(10, 1, _OCTET_OF_RAD),
+            gauge=Gauge(10, "Tail", "Angle of the tail. It turns the robot.", 1, 5.0),
+            recorded=Recorded(-180.0, 180.0),
+        ),
+    ]
+    battery_fraction: Annotated[
+        float,
+        Channel(
+            display_unit="%",
+            wire=Wire("battery_remaining", 1e4),
+            octets=Octets(13, 1, 255.0, signed=False),
+            gauge=Gauge(6, "Battery", "Charge that is left.", 0, 60.0),
+            possible=Possible(-0.01, 1.01, "a battery charge of {:.0%}"),
+        ),
+    ]
+    battery_v: Annotated[
+        float,
+        Channel(
+            unit="V",
+            wire=Wire("battery_voltage", 1e3),
+            octets=Octets(14, 1, 5.0, signed=False),
+            gauge=Gauge(
+                7, "Battery voltage", "Voltage of the battery under its present load.", 2, 60.0
+            ),
+        ),
+    ]
+    energy_used: Annotated[
+        float,
+        Channel(
+            wire=Wire("energy_used"),
+            gauge=Gauge(
+                11,
+                "Energy used",
+                "Energy units of the plan\u2019s account since the mission began.",
+                1,
+                60.0,
+            ),
+        ),
+    ]
+    """Energy units spent since the mission began, by the plan's own account."""
     mode: RobotMode
     has_fix: bool
     """Whether the position was fixed from outside (GPS, cameras) at this moment."""
-    energy_used: float
-    """Energy units spent since the mission began, by the plan's own account."""
+
+
+STATE = Catalogue(StateReport)
+"""The channels of a state report."""
 
 
 @dataclass(frozen=True, slots=True)

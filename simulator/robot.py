@@ -73,9 +73,7 @@ class SimulatedBody:
 
     def read(self) -> Readings:
         """Return the newest readings of all sensors."""
-        return self.sensors.read(
-            self.plant.time_s, self.plant.state, self.battery.fraction, self.battery.voltage_v
-        )
+        return self.sensors.read(self.plant.time_s, self.plant.state, self.battery)
 
     def measure_field(self) -> float:
         """Return one measurement of the field where the robot truly is."""

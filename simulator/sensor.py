@@ -7,6 +7,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.field.synthetic import measure
 from onboard.flight.hardware import Readings, SetPoints
+from simulator.battery import Battery
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,16 +66,13 @@ class Sensors:
         )
         self._next_fix_s = 0.0
 
-    def read(
-        self, time_s: float, state: FloatArray, battery_fraction: float, battery_v: float
-    ) -> Readings:
+    def read(self, time_s: float, state: FloatArray, battery: Battery) -> Readings:
         """Return one set of readings.
 
         Args:
             time_s: Time of the robot, which paces the fixes.
             state: True state, shape ``(15,)``, as in ``Plant``.
-            battery_fraction: True charge.
-            battery_v: True voltage.
+            battery: True charge and voltage.
         """
         noise = (self._noise_std * self._generator.standard_normal(13)).tolist()
         x = state.tolist()
@@ -90,8 +88,8 @@ class Sensors:
             net_buoyancy_kg=x[12] + noise[7] + self.buoyancy_bias_kg,
             mass_position_m=x[13] + noise[8] + self.mass_position_bias_m,
             tail_rad=x[14] + noise[9],
-            battery_fraction=battery_fraction,
-            battery_v=battery_v + noise[10],
+            battery_fraction=battery.fraction,
+            battery_v=battery.voltage_v + noise[10],
             fix_ne_m=(x[0] + noise[11], x[1] + noise[12]) if has_fix else None,
         )
 

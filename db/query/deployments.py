@@ -14,17 +14,10 @@ from db.identity import key_of, public_id
 from db.ingest import insert_new
 from db.query.robots import robot_key
 from db.tables import Deployment, Robot, SampleRow, StateRow
+from robot_link.messages import STATE
 
 BATCH_ROWS = 5_000
-FLIGHT = (
-    "roll_rad",
-    "pitch_rad",
-    "heading_rad",
-    "net_buoyancy_kg",
-    "mass_position_m",
-    "tail_rad",
-)
-"""What a row of a recording may tell of attitude and actuators; and ``position_std_m`` of a fix."""
+_FLIGHT = tuple(channel.key for channel in STATE.channels if channel.recorded is not None)
 
 
 class DeploymentExistsError(StoreError):
@@ -59,7 +52,7 @@ class RecordedRow:
     values: Sequence[float]
     """In the order of the deployment's variables."""
     flight: Mapping[str, float] = field(default_factory=dict[str, float])
-    """How the vehicle flew, by the names in ``FLIGHT``, as far as the row tells."""
+    """How the vehicle flew, by the names of channels, as far as the row tells."""
 
 
 def add_recording(
@@ -201,9 +194,9 @@ def _state(key: int, row: RecordedRow, received_at: datetime) -> dict[str, Any]:
         "north_m": north_m,
         "east_m": east_m,
         "depth_m": depth_m,
+        **{name: row.flight.get(name) for name in _FLIGHT},
         "position_std_m": row.flight.get("position_std_m", 0.0),
         "has_fix": "position_std_m" in row.flight,
-        **{name: row.flight.get(name) for name in FLIGHT},
     }
 
 

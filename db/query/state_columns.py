@@ -10,19 +10,15 @@ from sqlalchemy.orm import Session
 from autonomy.arrays import BoolArray, FloatArray, IntArray
 from db.column import microseconds
 from db.query.robots import robot_key
-from db.tables import StateRow
+from db.tables import STATE_CHANNELS, StateRow
 
-_NUMBERS = (
-    StateRow.north_m,
-    StateRow.east_m,
-    StateRow.depth_m,
-    StateRow.position_std_m,
-    StateRow.roll_rad,
-    StateRow.pitch_rad,
-    StateRow.heading_rad,
-    StateRow.net_buoyancy_kg,
-    StateRow.mass_position_m,
-    StateRow.tail_rad,
+_NUMBERS = tuple(
+    STATE_CHANNELS[key]
+    for key in (
+        *("north_m", "east_m", "depth_m", "position_std_m"),
+        *("roll_rad", "pitch_rad", "heading_rad"),
+        *("net_buoyancy_kg", "mass_position_m", "tail_rad"),
+    )
 )
 
 _ROWS_AT_A_TIME = 1000

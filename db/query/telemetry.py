@@ -1,44 +1,25 @@
 """What robots reported of themselves: newest state, history of a channel, track."""
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from functools import reduce
+from operator import add
 
 from sqlalchemy import select
-from sqlalchemy.orm import InstrumentedAttribute, Session
+from sqlalchemy.orm import Session
 
 from db.query.decimation import Series, thinned_rows
 from db.query.robots import robot_key
-from db.tables import PlanReportRow, SampleRow, StateRow
+from db.tables import STATE_CHANNELS, PlanReportRow, SampleRow, StateRow
 from robot_link.messages import (
+    STATE,
     OnboardPlanState,
     PlanHash,
     PlanReport,
     RobotId,
     RobotMode,
     StateReport,
-)
-
-STATE_CHANNELS: Mapping[str, InstrumentedAttribute[Any]] = {
-    "depth_m": StateRow.depth_m,
-    "pitch_rad": StateRow.pitch_rad,
-    "roll_rad": StateRow.roll_rad,
-    "heading_rad": StateRow.heading_rad,
-    "net_buoyancy_kg": StateRow.net_buoyancy_kg,
-    "mass_position_m": StateRow.mass_position_m,
-    "tail_rad": StateRow.tail_rad,
-    "battery_fraction": StateRow.battery_fraction,
-    "battery_v": StateRow.battery_v,
-    "position_std_m": StateRow.position_std_m,
-    "energy_used": StateRow.energy_used,
-}
-"""Columns that are channels; ``speed_m_s`` and the field variables are channels beside them."""
-_SPEED_SQUARED = (
-    StateRow.velocity_north_m_s * StateRow.velocity_north_m_s
-    + StateRow.velocity_east_m_s * StateRow.velocity_east_m_s
-    + StateRow.velocity_down_m_s * StateRow.velocity_down_m_s
 )
 
 
@@ -121,7 +102,7 @@ def history(
     Args:
         session: A reading session.
         robot: Id of the robot.
-        channel: A key of ``STATE_CHANNELS``, ``speed_m_s``, or a field variable.
+        channel: A channel of a state, or a field variable.
         start: First moment, ``None`` for the beginning.
         end: Last moment, ``None`` for now.
         max_points: When there are more values, only the smallest and largest of each of
@@ -131,13 +112,14 @@ def history(
         UnknownIdError: If there is no such robot.
     """
     key = robot_key(session, robot)
-    mine = StateRow.robot_key == key
-    if channel in STATE_CHANNELS:
-        column = STATE_CHANNELS[channel]
-        series = Series(StateRow.measured_at, column, (mine, column.is_not(None)))
-    elif channel == "speed_m_s":
+    parts = STATE.parts_of_norm(channel)
+    if parts is not None or channel in STATE_CHANNELS:
+        columns = [STATE_CHANNELS[part] for part in parts or (channel,)]
+        squares = reduce(add, (column * column for column in columns))
         series = Series(
-            StateRow.measured_at, _SPEED_SQUARED, (mine, StateRow.velocity_down_m_s.is_not(None))
+            StateRow.measured_at,
+            columns[0] if parts is None else squares,
+            (StateRow.robot_key == key, columns[-1].is_not(None)),
         )
     else:
         series = Series(
@@ -146,9 +128,7 @@ def history(
             (SampleRow.robot_key == key, SampleRow.variable == channel),
         )
     rows, decimated = thinned_rows(session, series, start, end, max_points)
-    values = [row[1] for row in rows]
-    if channel == "speed_m_s":
-        values = [math.sqrt(value) for value in values]
+    values = [row[1] if parts is None else math.sqrt(row[1]) for row in rows]
     return History([row[0] for row in rows], values, decimated)
 
 
@@ -196,26 +176,12 @@ def _report(row: StateRow, robot: str) -> StateReport:
             raise ValueError(f"the state report of {robot} at {row.measured_at} has gaps")
         return value
 
+    numbers = tuple(known(getattr(row, key)) for key in STATE.keys)
     return StateReport(
         robot=RobotId(robot),
         measured_at=row.measured_at,
         received_at=row.received_at,
-        position_ned=(row.north_m, row.east_m, row.depth_m),
-        position_std_m=row.position_std_m,
-        velocity_ned=(
-            known(row.velocity_north_m_s),
-            known(row.velocity_east_m_s),
-            known(row.velocity_down_m_s),
-        ),
-        roll_rad=known(row.roll_rad),
-        pitch_rad=known(row.pitch_rad),
-        heading_rad=known(row.heading_rad),
-        net_buoyancy_kg=known(row.net_buoyancy_kg),
-        mass_position_m=known(row.mass_position_m),
-        tail_rad=known(row.tail_rad),
-        battery_fraction=known(row.battery_fraction),
-        battery_v=known(row.battery_v),
         mode=RobotMode(int(known(row.mode))),
         has_fix=row.has_fix,
-        energy_used=known(row.energy_used),
+        **STATE.fields(numbers),
     )

@@ -2,8 +2,10 @@
 
 import math
 from collections import deque
-from dataclasses import dataclass, replace
-from typing import Protocol
+from collections.abc import Callable
+from dataclasses import dataclass, fields, replace
+from operator import attrgetter
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -18,6 +20,8 @@ from autonomy.vehicle.config import Vehicle
 from onboard.flight.hardware import Readings, SetPoints
 
 _FIX_HOLDS_S = 2.0
+_SENSED = tuple(field.name for field in fields(Readings) if field.name != "fix_ne_m")
+_sensed: Callable[[Readings], tuple[Any, ...]] = attrgetter(*_SENSED)
 
 
 @dataclass(frozen=True, slots=True)
@@ -221,7 +225,7 @@ class Navigator:
         unknown_m = math.hypot(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m) / 2.0
         centre = (0.5 * (water.x_min_m + water.x_max_m), 0.5 * (water.y_min_m + water.y_max_m))
         fix = readings.fix_ne_m
-        if not np.isfinite([*_numbers(readings), *(fix or ())]).all():
+        if not all(map(math.isfinite, (*_numbers(readings), *(fix or ())))):
             raise ValueError("navigation must begin with finite readings")
         make = ModelTrack if config.method == "model" else ObserverTrack
         self._track: WaterTrack = make(
@@ -274,7 +278,7 @@ class Navigator:
         self._newest_fix = fix or self._newest_fix
         if fix is not readings.fix_ne_m:
             readings = replace(readings, fix_ne_m=fix)
-        if not np.isfinite(_numbers(readings)).all():
+        if not all(map(math.isfinite, _numbers(readings))):
             readings = _mended(readings, self._good)
         self._good = readings
         return readings
@@ -307,35 +311,26 @@ def _packed(command: SetPoints, net_buoyancy_kg: float) -> FloatArray:
     )
 
 
-def _numbers(readings: Readings) -> tuple[float, ...]:
+def _numbers(readings: Readings) -> list[float]:
     """Return every number but the fix."""
-    return (
-        readings.depth_m,
-        *_angles(readings),
-        *readings.gyro_rad_s,
-        *_actuators(readings),
-        readings.battery_fraction,
-        readings.battery_v,
-    )
+    numbers: list[float] = []
+    for sensed in _sensed(readings):
+        if isinstance(sensed, tuple):
+            numbers.extend(sensed)
+        else:
+            numbers.append(sensed)
+    return numbers
 
 
 def _mended(readings: Readings, good: Readings) -> Readings:
     """Replace each number that is not finite by the one in ``good``."""
 
-    def sound(new: float, old: float) -> float:
+    def sound(new: Any, old: Any) -> Any:  # noqa: ANN401 - a number or some of them
+        if isinstance(new, tuple):
+            return tuple(map(sound, new, old))
         return new if math.isfinite(new) else old
 
-    roll_rate, pitch_rate, yaw_rate = map(sound, readings.gyro_rad_s, good.gyro_rad_s)
     return replace(
         readings,
-        depth_m=sound(readings.depth_m, good.depth_m),
-        roll_rad=sound(readings.roll_rad, good.roll_rad),
-        pitch_rad=sound(readings.pitch_rad, good.pitch_rad),
-        heading_rad=sound(readings.heading_rad, good.heading_rad),
-        gyro_rad_s=(roll_rate, pitch_rate, yaw_rate),
-        net_buoyancy_kg=sound(readings.net_buoyancy_kg, good.net_buoyancy_kg),
-        mass_position_m=sound(readings.mass_position_m, good.mass_position_m),
-        tail_rad=sound(readings.tail_rad, good.tail_rad),
-        battery_fraction=sound(readings.battery_fraction, good.battery_fraction),
-        battery_v=sound(readings.battery_v, good.battery_v),
+        **{name: sound(getattr(readings, name), getattr(good, name)) for name in _SENSED},
     )

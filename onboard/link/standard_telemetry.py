@@ -154,7 +154,7 @@ def _system_status(source: TelemetrySource) -> WireMessage:
         onboard_control_sensors_enabled=0,
         onboard_control_sensors_health=0,
         load=0,
-        voltage_battery=min(_UNKNOWN_16 - 1, max(0, round(source.state.battery_v * 1e3))),
+        voltage_battery=_battery_mv(source),
         current_battery=-1,
         battery_remaining=_percent(source.state.battery_fraction),
         drop_rate_comm=0,
@@ -166,14 +166,17 @@ def _system_status(source: TelemetrySource) -> WireMessage:
     )
 
 
+def _battery_mv(source: TelemetrySource) -> int:
+    return min(_UNKNOWN_16 - 1, max(0, round(source.state.battery_v * 1e3)))
+
+
 def _battery(source: TelemetrySource) -> WireMessage:
-    volts_mv = min(_UNKNOWN_16 - 1, max(0, round(source.state.battery_v * 1e3)))
     return grace.MAVLink_battery_status_message(
         id=0,
         battery_function=grace.MAV_BATTERY_FUNCTION_ALL,
         type=grace.MAV_BATTERY_TYPE_UNKNOWN,
         temperature=2**15 - 1,
-        voltages=[volts_mv, *[_UNKNOWN_16] * 9],
+        voltages=[_battery_mv(source), *[_UNKNOWN_16] * 9],
         current_battery=-1,
         current_consumed=-1,
         energy_consumed=-1,

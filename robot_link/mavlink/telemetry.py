@@ -1,12 +1,16 @@
 """States, samples and plan reports between the dialect's messages and the project's values."""
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime, timedelta
+from operator import attrgetter, truediv
+from typing import Any
 
 from autonomy.field.variable import VARIABLES
+from robot_link.channel import Channel
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
+    STATE,
     LogId,
     OnboardPlanState,
     PlanHash,
@@ -32,31 +36,40 @@ _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MICROSECOND = timedelta(microseconds=1)
 _REASON_BYTES = 100
 _KEY_OF_WIRE_INDEX = {variable.wire_index: variable.key for variable in VARIABLES.values()}
+_WHOLE = {"int16_t": (-(2**15), 2**15 - 1), "uint16_t": (0, 2**16 - 1)}
+
+
+def _state_field(channel: Channel) -> tuple[str, float, tuple[int, int] | None]:
+    """Return name, scale, and, of a whole number, the ends of a channel's field."""
+    wire, dialect = channel.wire, grace.MAVLink_grace_state_message
+    if wire is None:
+        raise TypeError(f"{channel.key} has no field in the dialect")
+    kind = dialect.fieldtypes[dialect.fieldnames.index(wire.field)]
+    return wire.field, wire.scale, None if kind == "float" else _WHOLE[kind]
+
+
+_STATE_FIELDS = tuple(map(_state_field, STATE.channels))
+_STATE_SCALES = tuple(scale for _, scale, _ in _STATE_FIELDS)
+_read_state: Callable[[object], tuple[float, ...]] = attrgetter(
+    *(name for name, _, _ in _STATE_FIELDS)
+)
 
 
 def state_message(state: StateReport) -> grace.MAVLink_grace_state_message:
-    """Encode a state; angles are rounded to 0.1 mrad, velocities to 1 mm/s."""
-    north, east, down = state.position_ned
+    """Encode a state; what exceeds its field stops at the field's border.
+
+    Raises:
+        ValueError: If a number that travels as a whole one is not finite.
+    """
+    fields: dict[str, Any] = {
+        name: number * scale if ends is None else _whole(number * scale, *ends)
+        for (name, scale, ends), number in zip(_STATE_FIELDS, STATE.numbers(state), strict=True)
+    }
     return grace.MAVLink_grace_state_message(
         time_utc_us=microseconds(state.measured_at),
-        x=north,
-        y=east,
-        z=down,
-        position_std=state.position_std_m,
-        net_buoyancy=state.net_buoyancy_kg,
-        mass_position=state.mass_position_m,
-        energy_used=state.energy_used,
-        vx=_int16(state.velocity_ned[0] * 1e3),
-        vy=_int16(state.velocity_ned[1] * 1e3),
-        vz=_int16(state.velocity_ned[2] * 1e3),
-        roll=_int16(state.roll_rad * 1e4),
-        pitch=_int16(state.pitch_rad * 1e4),
-        heading=_int16(state.heading_rad * 1e4),
-        tail=_int16(state.tail_rad * 1e4),
-        battery_voltage=_uint16(state.battery_v * 1e3),
-        battery_remaining=_uint16(state.battery_fraction * 1e4),
         mode=int(state.mode),
         flags=grace.GRACE_STATE_FLAGS_HAS_FIX if state.has_fix else 0,
+        **fields,
     )
 
 
@@ -68,36 +81,20 @@ def state_report(
     Raises:
         ValueError: If a number is not finite, or the mode or the time is impossible.
     """
-    check_finite(
-        (
-            message.x,
-            message.y,
-            message.z,
-            message.position_std,
-            message.net_buoyancy,
-            message.mass_position,
-            message.energy_used,
-        )
-    )
+    numbers = tuple(map(truediv, _read_state(message), _STATE_SCALES))
+    check_finite(numbers)
     return StateReport(
         robot=robot,
         measured_at=moment(message.time_utc_us),
         received_at=received_at,
-        position_ned=(message.x, message.y, message.z),
-        position_std_m=message.position_std,
-        velocity_ned=(message.vx / 1e3, message.vy / 1e3, message.vz / 1e3),
-        roll_rad=message.roll / 1e4,
-        pitch_rad=message.pitch / 1e4,
-        heading_rad=message.heading / 1e4,
-        net_buoyancy_kg=message.net_buoyancy,
-        mass_position_m=message.mass_position,
-        tail_rad=message.tail / 1e4,
-        battery_fraction=message.battery_remaining / 1e4,
-        battery_v=message.battery_voltage / 1e3,
         mode=RobotMode(message.mode),
         has_fix=bool(message.flags & grace.GRACE_STATE_FLAGS_HAS_FIX),
-        energy_used=message.energy_used,
+        **STATE.fields(numbers),
     )
+
+
+def _whole(value: float, low: int, high: int) -> int:
+    return max(low, min(high, round(value)))
 
 
 def sample_message(
@@ -238,7 +235,7 @@ def check_finite(numbers: Iterable[float]) -> None:
     Raises:
         ValueError: If a number is not finite.
     """
-    if not all(math.isfinite(number) for number in numbers):
+    if not all(map(math.isfinite, numbers)):
         raise ValueError("a number is not finite")
 
 
@@ -257,11 +254,3 @@ def moment(microseconds: int) -> datetime:
         return _EPOCH + timedelta(microseconds=microseconds)
     except OverflowError as error:
         raise ValueError("the time is impossible") from error
-
-
-def _int16(value: float) -> int:
-    return max(-(2**15), min(2**15 - 1, round(value)))
-
-
-def _uint16(value: float) -> int:
-    return max(0, min(2**16 - 1, round(value)))

@@ -1,33 +1,39 @@
 """The robot's state in 33 bytes, and its word on the plan in 15.
 
-State, big endian: u40 time, 1/100 s since 1970; i32 north, i32 east, i24 depth, mm; u24 position
-deviation, mm; 3 x i8 velocity, cm/s; 4 x i8 roll, pitch, heading and tail, pi/128; i16 net
-buoyancy, 0.1 g; i16 mass position, 0.1 mm; u8 battery, 1/255; u8 battery, 0.2 V; u8 mode, and 128
-with a fix. What exceeds its field is shown as the field's end.
+State, big endian: u40 time, 1/100 s since 1970; the channels of a state with their octets, such as
+i32 north, i32 east, i24 depth, mm; u8 mode, and 128 with a fix. What exceeds its octets is shown as
+their end.
 
 Plan: 8 bytes of the hash, zero without a plan; u8 state << 5 | reason; u12 leg, u12 legs; u24
 energy used, 1/1000 units. The state's energy is that of the plan, else 0.
 """
 
-import math
 import struct
 from datetime import datetime
 
-from robot_link.messages import OnboardPlanState, RobotId, RobotMode, StateReport
+from robot_link.messages import STATE, OnboardPlanState, RobotId, RobotMode, StateReport
 from robot_link.satellite.content import Reason, ShortPlanReport
 from robot_link.satellite.frame import WireError
-from robot_link.satellite.octets import centiseconds, moment, signed, unsigned
+from robot_link.satellite.octets import OctetReader, centiseconds, moment, signed, unsigned
 
-_STATE = struct.Struct(">5sii3s3s7bhhBBB")
+_TIME_BYTES = 5
+_OCTETS = tuple(
+    sorted(
+        (
+            (index, channel.octets)
+            for index, channel in enumerate(STATE.channels)
+            if channel.octets is not None
+        ),
+        key=lambda pair: pair[1].place,
+    )
+)
+"""Index in ``STATE.channels`` and form, in the order of the record."""
+STATE_BYTES = _TIME_BYTES + sum(octets.count for _, octets in _OCTETS) + 1
 _PLAN = struct.Struct(">8sB3s3s")
-STATE_BYTES = _STATE.size
 PLAN_BYTES = _PLAN.size
 DIGITS = 16
 """Leading digits of a plan's hash that a record carries."""
-_ANGLE = 128.0 / math.pi
 _HAS_FIX = 128
-_BATTERY = 255
-_VOLT_STEPS = 5.0
 _LEGS_MAX = 2**12 - 1
 _REASON_BITS = 5
 
@@ -38,22 +44,13 @@ def packed_state(state: StateReport) -> bytes:
     Raises:
         ValueError: If a number is not finite.
     """
-    north, east, down = state.position_ned
-    angles = (state.roll_rad, state.pitch_rad, state.heading_rad, state.tail_rad)
-    return _STATE.pack(
-        centiseconds(state.measured_at).to_bytes(5, "big"),
-        signed(north * 1e3, 4),
-        signed(east * 1e3, 4),
-        signed(down * 1e3, 3).to_bytes(3, "big", signed=True),
-        unsigned(state.position_std_m * 1e3, 3).to_bytes(3, "big"),
-        *(signed(speed * 1e2, 1) for speed in state.velocity_ned),
-        *(signed(angle * _ANGLE, 1) for angle in angles),
-        signed(state.net_buoyancy_kg * 1e4, 2),
-        signed(state.mass_position_m * 1e4, 2),
-        min(_BATTERY, unsigned(state.battery_fraction * _BATTERY, 1)),
-        unsigned(state.battery_v * _VOLT_STEPS, 1),
-        state.mode | (_HAS_FIX if state.has_fix else 0),
-    )
+    parts = [centiseconds(state.measured_at).to_bytes(_TIME_BYTES, "big")]
+    numbers = STATE.numbers(state)
+    for index, octets in _OCTETS:
+        whole = (signed if octets.signed else unsigned)(numbers[index] * octets.scale, octets.count)
+        parts.append(whole.to_bytes(octets.count, "big", signed=octets.signed))
+    parts.append(bytes([state.mode | (_HAS_FIX if state.has_fix else 0)]))
+    return b"".join(parts)
 
 
 def unpacked_state(
@@ -64,30 +61,24 @@ def unpacked_state(
     Raises:
         WireError: If its mode is unknown.
     """
-    time, north, east, down, std, *rest = _STATE.unpack(data)
-    vx, vy, vz, roll, pitch, heading, tail, buoyancy, mass, battery, volts, mode = rest
+    reader = OctetReader(data)
+    measured_at = moment(int.from_bytes(reader.take(_TIME_BYTES), "big"))
+    numbers = [energy_used] * len(STATE.channels)
+    for index, octets in _OCTETS:
+        whole = int.from_bytes(reader.take(octets.count), "big", signed=octets.signed)
+        numbers[index] = whole / octets.scale
+    mode = reader.take(1)[0]
     try:
         known_mode = RobotMode(mode & ~_HAS_FIX)
     except ValueError as error:
         raise WireError("the mode of a state is unknown") from error
     return StateReport(
         robot=robot,
-        measured_at=moment(int.from_bytes(time, "big")),
+        measured_at=measured_at,
         received_at=received_at,
-        position_ned=(north / 1e3, east / 1e3, int.from_bytes(down, "big", signed=True) / 1e3),
-        position_std_m=int.from_bytes(std, "big") / 1e3,
-        velocity_ned=(vx / 1e2, vy / 1e2, vz / 1e2),
-        roll_rad=roll / _ANGLE,
-        pitch_rad=pitch / _ANGLE,
-        heading_rad=heading / _ANGLE,
-        net_buoyancy_kg=buoyancy / 1e4,
-        mass_position_m=mass / 1e4,
-        tail_rad=tail / _ANGLE,
-        battery_fraction=battery / _BATTERY,
-        battery_v=volts / _VOLT_STEPS,
         mode=known_mode,
         has_fix=bool(mode & _HAS_FIX),
-        energy_used=energy_used,
+        **STATE.fields(tuple(numbers)),
     )
 
 

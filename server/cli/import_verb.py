@@ -18,10 +18,9 @@ from server.cli.data import add_data_option, clock_of, open_store, settings_of
 from server.cli.failure import CommandError
 from server.cli.remote import add_remote_options, checked, open_remote
 from server.recording import intake
-from server.recording.flight_column import FLIGHT_COLUMNS
 from server.recording.map_fit import run as fit_maps
 from server.recording.robot_id import ROBOT_ID
-from server.recording.table import Policy
+from server.recording.table import FLIGHT_COLUMNS, Policy
 
 POLL_PERIOD_S = 0.3
 

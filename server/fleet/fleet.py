@@ -13,6 +13,7 @@ from autonomy.vehicle.config import Vehicle
 from db.query.robots import RobotRecord
 from robot_link.clock import Clock
 from robot_link.messages import (
+    STATE,
     LinkReport,
     LinkState,
     OnboardPlanState,
@@ -22,7 +23,6 @@ from robot_link.messages import (
     TargetReport,
 )
 from server.base.problem import not_found
-from server.fleet.channel import CHANNELS, FIELD_LIMIT_S, POSITION_LIMIT_S, Channel
 from server.fleet.link_panel import link_views
 from server.fleet.status import PlanInHand, RobotStatus
 from server.fleet.target_end import reason_by
@@ -42,6 +42,10 @@ from server.fleet.view import (
 from server.fleet.words import activity, clock_time, onboard_plan_state, surface_forecast
 from server.vehicle.vehicles import Vehicles
 
+_POSITION_LIMIT_S = 5.0
+"""Age from which a position must look old, at the clock's normal speed."""
+_FIELD_LIMIT_S = 120.0
+"""The same for a measurement of a field."""
 _SAME_PLACE_M = 0.02
 _ENDED_LIMIT_S = 600.0
 """Age from which the last word of a mission that followed a target concerns nobody."""
@@ -172,7 +176,7 @@ class Fleet:
     def is_old(self, status: RobotStatus) -> bool:
         """Tell whether the newest state of a robot must look old."""
         state = status.state
-        return state is None or self._age_s(state.measured_at) > self.limit_s(POSITION_LIMIT_S)
+        return state is None or self._age_s(state.measured_at) > self.limit_s(_POSITION_LIMIT_S)
 
     def target_shown(self, status: RobotStatus) -> TargetReport | None:
         """Return a robot's newest report on its target, ``None`` once that concerns nobody."""
@@ -189,7 +193,7 @@ class Fleet:
     def is_target_old(self, report: TargetReport) -> bool:
         """Tell whether a report on a target must look old."""
         is_over = report.phase is TargetPhase.ENDED
-        return is_over or self._age_s(report.measured_at) > self.limit_s(POSITION_LIMIT_S)
+        return is_over or self._age_s(report.measured_at) > self.limit_s(_POSITION_LIMIT_S)
 
     def robot_view(self, robot: str) -> RobotView:
         """Return a robot as the fleet's list shows it."""
@@ -310,8 +314,17 @@ class Fleet:
         channels: dict[str, ChannelView] = {}
         if status.state is not None:
             age_s = self._age_s(status.state.measured_at)
-            for channel in CHANNELS:
-                channels[channel.key] = self._channel(channel, status.state, age_s)
+            values = STATE.shown(status.state)
+            for key, gauge in STATE.gauges.items():
+                channels[key] = ChannelView(
+                    value=values[key],
+                    unit=STATE[key].unit,
+                    display_unit=STATE[key].display_unit,
+                    measured_at=status.state.measured_at,
+                    received_at=status.state.received_at,
+                    age_s=age_s,
+                    limit_s=self.limit_s(gauge.limit_s),
+                )
         for key, sample in status.samples.items():
             channels[key] = ChannelView(
                 value=sample.value,
@@ -320,20 +333,9 @@ class Fleet:
                 measured_at=sample.measured_at,
                 received_at=sample.received_at,
                 age_s=self._age_s(sample.measured_at),
-                limit_s=self.limit_s(FIELD_LIMIT_S),
+                limit_s=self.limit_s(_FIELD_LIMIT_S),
             )
         return channels
-
-    def _channel(self, channel: Channel, state: StateReport, age_s: float) -> ChannelView:
-        return ChannelView(
-            value=channel.value(state),
-            unit=channel.unit,
-            display_unit=channel.display_unit,
-            measured_at=state.measured_at,
-            received_at=state.received_at,
-            age_s=age_s,
-            limit_s=self.limit_s(channel.limit_s),
-        )
 
     def _position(self, status: RobotStatus) -> PositionView | None:
         state = status.state

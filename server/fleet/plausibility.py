@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from autonomy.site import Site
-from robot_link.messages import Sample, StateReport, TargetReport
+from robot_link.messages import STATE, Sample, StateReport, TargetReport
 from robot_link.target_check import target_fault
 from server.fleet.clock_fault import AHEAD_MAX
 
@@ -19,24 +19,12 @@ _LARGEST_VALUE = 1e6
 
 def fault_of_state(report: StateReport, site: Site, now: datetime, speed: float) -> str | None:
     """Return why a state report cannot be true, or ``None``."""
-    numbers = (
-        *report.position_ned,
-        *report.velocity_ned,
-        report.position_std_m,
-        report.roll_rad,
-        report.pitch_rad,
-        report.heading_rad,
-        report.net_buoyancy_kg,
-        report.mass_position_m,
-        report.tail_rad,
-        report.battery_fraction,
-        report.battery_v,
-        report.energy_used,
-    )
+    numbers = STATE.numbers(report)
     if not all(map(math.isfinite, numbers)):
         return "a value that is not a number"
-    if not -0.01 <= report.battery_fraction <= 1.01:
-        return f"a battery charge of {report.battery_fraction:.0%}"
+    for channel, number in zip(STATE.channels, numbers, strict=True):
+        if fault := channel.fault(number):
+            return fault
     return _fault_of_time(report.measured_at, now, speed) or _fault_of_position(
         report.position_ned, report.position_std_m, site
     )
@@ -75,8 +63,8 @@ def _fault_of_position(position: Sequence[float], std_m: float, site: Site) -> s
     """Positions may err by their own uncertainty and leave the water a little; not more."""
     north_m, east_m, depth_m = position
     water = site.water
-    if std_m < 0:
-        return f"a position uncertainty of {std_m:.3g} m"
+    if fault := STATE["position_std_m"].fault(std_m):
+        return fault
     if not -_SURFACE_NOISE_M <= depth_m <= 1.2 * water.depth_max_m + _SURFACE_NOISE_M:
         return f"a depth of {depth_m:.2f} m in {water.depth_max_m:g} m of water"
     side_m = max(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m)

@@ -20,13 +20,12 @@ from db.query.robots import (
 )
 from db.query.sample_places import SamplePlaces, sample_places
 from db.query.telemetry import history, track
-from robot_link.messages import RobotId, SystemId
+from robot_link.messages import STATE, RobotId, SystemId
 from robot_link.station.gateway.address import check_link
 from server.access.dependency import Admin, FoundationDep, StoreDep, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
 from server.base.problem import FieldError, conflict, not_found, unprocessable
-from server.fleet.channel import CHANNELS
 from server.fleet.trail import DRIFT_MODES
 from server.fleet.view import RobotView, SamplesView, StateView, TrackView
 from server.station_dependency import StationDep, encoded
@@ -237,12 +236,11 @@ def _placed(
 
 
 def _unit(channel: str) -> str:
-    for known in CHANNELS:
-        if known.key == channel:
-            return known.unit
+    if channel in STATE.gauges:
+        return STATE[channel].unit
     if channel in VARIABLES:
         return VARIABLES[channel].unit
-    known = ", ".join([*(one.key for one in CHANNELS), *VARIABLES])
+    known = ", ".join([*STATE.gauges, *VARIABLES])
     raise not_found(f"There is no channel {channel!r}; there are {known}.")
 
 

@@ -1,19 +1,29 @@
 """Reads a recorded deployment from CSV, strictly: every row is right, or named with its line."""
 
 import math
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Mapping
 from dataclasses import dataclass
 from enum import StrEnum
+from types import MappingProxyType
 from typing import IO
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.field.variable import VARIABLES
-from server.recording.flight_column import FLIGHT_COLUMNS
+from robot_link.channel import Channel
+from robot_link.messages import STATE
 from server.recording.order import ascending
 
 POSITION_COLUMNS = ("time", "latitude", "longitude", "depth")
+FLIGHT_COLUMNS: Mapping[str, Channel] = MappingProxyType(
+    {channel.display_key: channel for channel in STATE.channels if channel.recorded is not None}
+)
+"""How the vehicle flew, by the name in a file's header, which says the unit that gliders' logs
+usually have. Roll is positive to starboard, pitch nose up, net buoyancy heavy, mass position
+forward. A row with a ``position_std_m`` has a position fix of that standard deviation; an empty
+cell of any of them says that this row does not tell. With all of them a recording can be held
+against a model."""
 DEPTH_MAX_M = 11_000.0
 TIME_MIN_S = 0.0
 TIME_MAX_S = 4_102_444_800.0
@@ -53,7 +63,7 @@ class Recording:
     values: dict[str, FloatArray]
     """By variable, in its unit; each of shape ``(n,)``."""
     flight: dict[str, FloatArray]
-    """By ``FlightColumn.key``, SI; each of shape ``(n,)``, NaN where a row does not tell."""
+    """By channel, SI; each of shape ``(n,)``, NaN where a row does not tell."""
     skipped: tuple[RowFault, ...]
 
 
@@ -132,7 +142,7 @@ def _recording(
         depth_m=depth_m,
         values={name: column for name, column in named.items() if name in VARIABLES},
         flight={
-            FLIGHT_COLUMNS[name].key: column * FLIGHT_COLUMNS[name].factor
+            FLIGHT_COLUMNS[name].key: column * FLIGHT_COLUMNS[name].display_factor
             for name, column in named.items()
             if name in FLIGHT_COLUMNS
         },
@@ -195,7 +205,11 @@ _RANGES = {
     "latitude": (-90.0, 90.0),
     "longitude": (-180.0, 180.0),
     "depth": (0.0, DEPTH_MAX_M),
-    **{name: (column.low, column.high) for name, column in FLIGHT_COLUMNS.items()},
+    **{
+        name: (channel.recorded.low, channel.recorded.high)
+        for name, channel in FLIGHT_COLUMNS.items()
+        if channel.recorded is not None
+    },
 }
 
 
