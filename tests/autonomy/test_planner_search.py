@@ -307,7 +307,7 @@ def test_compiled_code_does_what_the_plain_source_says(name):
         env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
         capture_output=True,
         text=True,
-        timeout=100,
+        timeout=280,
         cwd=Path(__file__).parents[2],
         check=True,
     )

@@ -162,7 +162,7 @@ async def test_client_of_a_stream_that_never_began_is_let_go_when_it_closes(stor
     client = Client(feed)
     await asyncio.sleep(0)
     feed.close()
-    async with asyncio.timeout(10):
+    async with asyncio.timeout(60):
         await client.task
     assert client.batches == []
 

@@ -18,7 +18,7 @@ from tests.server.recording.test_import import dive_csv
 pytestmark = pytest.mark.process
 ROOT = Path(__file__).parents[3]
 WRITE_PID_AND_WAIT = (
-    "import os,sys,time; open(sys.argv[1],'a').write(f'{os.getpid()}\\n'); time.sleep(60)"
+    "import os,sys,time; open(sys.argv[1],'a').write(f'{os.getpid()}\\n'); time.sleep(600)"
 )
 
 
@@ -105,7 +105,7 @@ def test_a_station_ends_when_whoever_started_it_is_killed(tmp_path):
          "import os,subprocess,sys,time\n"
          "p = subprocess.Popen([sys.executable,'-m','server.cli','serve','--data',sys.argv[1],"
          "'--port','0','--parent-pid',str(os.getpid())], stderr=subprocess.DEVNULL)\n"
-         "print(p.pid, flush=True); time.sleep(60)", str(tmp_path)],
+         "print(p.pid, flush=True); time.sleep(600)", str(tmp_path)],
         cwd=ROOT, stdout=subprocess.PIPE, text=True,
     )  # fmt: skip
     with parent:

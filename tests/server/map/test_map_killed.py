@@ -23,7 +23,7 @@ import sys
 from datetime import timedelta
 from pathlib import Path
 
-from server.service import mapping, smoothing
+from server.map import field_maps, smoothing
 from server.station import Station
 from tests.server.conftest import MINI, open_station, until
 from tests.server.dive import begin_of, dive
@@ -35,7 +35,7 @@ look_from, looks = smoothing.Smoothing._look_from, []
 async def stop_at_the_second(self, robot, begin, fix):
     looks.append(begin)
     if len(looks) > 1:
-        await asyncio.sleep(60.0)
+        await asyncio.sleep(600.0)
     return await look_from(self, robot, begin, fix)
 
 
@@ -55,11 +55,11 @@ async def main():
         await until(lambda: len(looks) > 1)
         (worker,) = await until(station.study_workers.process_ids)
         print(job, worker, flush=True)
-        await asyncio.sleep(60.0)
+        await asyncio.sleep(600.0)
 
 
 Station._warm_up = stay_cold
-mapping.QUIET_S, smoothing.ROWS_PER_LOOK = 0.1, 40
+field_maps.QUIET_S, smoothing.ROWS_PER_LOOK = 0.1, 40
 smoothing.Smoothing._look_from = stop_at_the_second
 asyncio.run(main())
 """
