@@ -5,25 +5,36 @@ from datetime import UTC, datetime, timedelta
 import numpy as np
 
 from autonomy.field.synthetic import measure
-from robot_link.messages import LogId, RobotMode, Sample
+from robot_link.messages import LogId, RobotId, RobotMode, Sample, StateReport
 from tests.server.fake_link import state_report
 
 DRIFT_M_S = 0.004
 STEP_S = 2.0
 
 
-def begin_of(dives):
+def begin_of(dives: int) -> datetime:
     """Return a moment so long ago that this many dives lie before now."""
     return datetime.now(UTC) - timedelta(seconds=200.0 * dives)
 
 
-def dive(robot, begin, *, first=0, samples=20, log=1, north_m=0.4, east_m=0.5, drift_m_s=DRIFT_M_S):
+def dive(
+    robot: RobotId,
+    begin: datetime,
+    *,
+    first: int = 0,
+    samples: int = 20,
+    log: int = 1,
+    north_m: float = 0.4,
+    east_m: float = 0.5,
+    drift_m_s: float = DRIFT_M_S,
+) -> list[StateReport | Sample]:
     """Return what a robot tells of a dive that ends with a fix, in order of time.
 
     It was carried east by ``drift_m_s`` more than it believed.
     """
     rng = np.random.default_rng(first)
-    told = [state_report(robot, (north_m, east_m, 0.0), at=begin, position_std_m=0.01)]
+    start = state_report(robot, (north_m, east_m, 0.0), at=begin, position_std_m=0.01)
+    told: list[StateReport | Sample] = [start]
     for i in range(samples):
         after_s = STEP_S * (i + 1)
         at = begin + timedelta(seconds=after_s)

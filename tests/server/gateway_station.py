@@ -1,16 +1,22 @@
 """A station whose services are its gateways and an inbox, and no more."""
 
 import shutil
+from collections.abc import AsyncGenerator
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime
+from pathlib import Path
 
 import pytest
+from fastapi import FastAPI
+from sqlalchemy.orm import Session
 
 from autonomy.site import LAKE
 from db.query.inbox import add_inbox
 from db.query.robots import RobotRecord
 from db.store import Store
 from robot_link.messages import RobotId, SystemId
+from robot_link.station.gateway.gateway import MobileOriginated
+from server.access.foundation import Foundation
 from server.app import create_app
 from server.base.secret import GatewayAccount
 from server.base.settings import Settings
@@ -23,28 +29,32 @@ PASSWORD = "s3cret-word"
 class Keeper:
     """Stands where the station's services are: keeps messages in the inbox, and no more."""
 
-    def __init__(self, foundation):
+    def __init__(self, foundation: Foundation) -> None:
         self._store = foundation.store
-        self.fault = None
-        self.messages = []
+        self.fault: Exception | None = None
+        self.messages: list[MobileOriginated] = []
         self.gateways = Gateways(foundation, self.take)
 
-    async def start(self):
+    async def start(self) -> None:
         await self.gateways.start()
 
-    async def stop(self):
+    async def stop(self) -> None:
         await self.gateways.stop()
 
-    async def take(self, message):
+    async def take(self, message: MobileOriginated) -> bool:
         if self.fault is not None:
             raise self.fault
-        _, is_new = await self._store.write(lambda session: add_inbox(session, message, None))
+
+        def kept(session: Session) -> bool:
+            return add_inbox(session, message, None)[1]
+
+        is_new = await self._store.write(kept)
         self.messages.append(message)
         return is_new
 
 
 @pytest.fixture(scope="session")
-def blank_database(tmp_path_factory):
+def blank_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A database with its tables and nothing in it, made once: that takes its time."""
     folder = tmp_path_factory.mktemp("blank")
     Store.open(Settings(data_dir=folder).resolved_database_url).close()
@@ -52,13 +62,13 @@ def blank_database(tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def _tables(blank_database, tmp_path):
+def _tables(blank_database: Path, tmp_path: Path) -> None:
     shutil.copy(blank_database, tmp_path / blank_database.name)
 
 
 @asynccontextmanager
-async def station(folder, **settings):
-    app = create_app(Settings(data_dir=folder, **settings), Keeper)
+async def station(folder: Path, **settings: object) -> AsyncGenerator[FastAPI, None]:
+    app = create_app(Settings.model_validate({"data_dir": folder, **settings}), Keeper)
     async with app.router.lifespan_context(app):
         account = GatewayAccount(
             url="https://rockblock.example/MT",
@@ -70,7 +80,7 @@ async def station(folder, **settings):
         yield app
 
 
-def robot(links):
+def robot(links: tuple[str, ...]) -> RobotRecord:
     return RobotRecord(
         id=RobotId("grace-1"),
         name="grace-1",

@@ -3,18 +3,25 @@
 import asyncio
 import importlib
 import threading
+from collections.abc import Callable
 
-from server.base.worker import WorkerTaskError
+from server.base.worker import WorkerPool, WorkerTaskError
 
 
-async def run_in_thread(pool, task, payload, *, on_progress=None):
+async def run_in_thread(
+    pool: WorkerPool,
+    task: str,
+    payload: object,
+    *,
+    on_progress: Callable[[object], None] | None = None,
+) -> object:
     """Do what ``WorkerPool.run`` does, for tests of which processes are not the subject."""
     del pool
     module, _, name = task.partition(":")
     function = getattr(importlib.import_module(module), name)
     loop, cancelled = asyncio.get_running_loop(), threading.Event()
 
-    def report(news):
+    def report(news: object) -> None:
         if on_progress is not None:
             loop.call_soon_threadsafe(on_progress, news)
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import httpx
 from fastapi import FastAPI
+from sqlalchemy.orm import Session
 
 from server.access import register
 from server.access.foundation import Foundation
@@ -31,14 +32,18 @@ class NoService:
 
 @asynccontextmanager
 async def running(folder: Path, **settings: object) -> AsyncGenerator[FastAPI]:
-    app = create_app(Settings(data_dir=folder, **settings), NoService)
+    app = create_app(Settings.model_validate({"data_dir": folder, **settings}), NoService)
     async with app.router.lifespan_context(app):
         yield app
 
 
-def client_of(app: FastAPI, **options: object) -> httpx.AsyncClient:
+def client_of(
+    app: FastAPI, *, headers: dict[str, str] | None = None, cookies: httpx.Cookies | None = None
+) -> httpx.AsyncClient:
     transport = httpx.ASGITransport(app, raise_app_exceptions=False)
-    return httpx.AsyncClient(transport=transport, base_url=BASE_URL, **options)
+    return httpx.AsyncClient(
+        transport=transport, base_url=BASE_URL, headers=headers, cookies=cookies
+    )
 
 
 @asynccontextmanager
@@ -63,17 +68,15 @@ async def signed_in(
 
 
 async def token_of(app: FastAPI, role: Role, name: str = "script", **lifetime: float) -> str:
-    foundation = app.state.foundation
-    issued = await foundation.store.write(
-        lambda session: register.create_token(
-            session,
-            name,
-            role,
-            timedelta(**(lifetime or {"days": 1})),
-            at=foundation.clock.now(),
-            by="test",
+    foundation: Foundation = app.state.foundation
+    lasting = timedelta(**(lifetime or {"days": 1}))
+
+    def write(session: Session) -> register.IssuedToken:
+        return register.create_token(
+            session, name, role, lasting, at=foundation.clock.now(), by="test"
         )
-    )
+
+    issued = await foundation.store.write(write)
     return issued.secret
 
 
