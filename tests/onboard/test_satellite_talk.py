@@ -228,7 +228,7 @@ async def test_samples_that_were_taken_ashore_are_not_sent_again(tmp_path):
     async with talking(iridium, tmp_path) as rig:
         await until(lambda: bool(rig.records()))
         rig.sky.accept(IMEI, b"garbage that only rings")
-        await until(lambda: len(rig.records()) >= 2)
+        await until(lambda: len(rig.records()) >= 2 and rig.talk.refused)
         sent = [sample.sequence for record in rig.records() for sample in record.samples]
         assert len(sent) == len(set(sent)) > 4
         assert rig.talk.refused == 1
