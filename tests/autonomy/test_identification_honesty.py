@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.identification.actuation import moved_at_once
+from autonomy.identification.conclusion import moved_at_once
 from autonomy.identification.config import (
     IDENTIFICATION_PRESETS,
     FreeParameters,

@@ -11,8 +11,9 @@ from autonomy.tracking.reference.barrier import (
     class_k,
     control,
     limits,
+    pursuit,
+    wrapped,
 )
-from autonomy.tracking.reference.nominal import pursuit, wrapped
 from autonomy.tracking.reference.observability import determinant_rates
 
 AHEAD, TARGET_VELOCITY = (-1.0, 0.5, 0.3, 0.2), (0.02, 0.01)

@@ -13,6 +13,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from autonomy.arrays import FloatArray
 from autonomy.field.mask import water_mask
 from autonomy.planner import outcome
 from autonomy.planner.belief import FieldBelief, sample_noise
@@ -24,11 +25,28 @@ from autonomy.planner.graph import (
     RESERVOIR_FULL,
     SHORT,
     STAGED,
+    Graph,
+    first_staged,
     graph_of,
 )
 from autonomy.planner.information.information import Information, bytes_per_edge, information_of
 from autonomy.planner.leg.edge import Edge, legs_energy, planned_points
-from autonomy.planner.leg.leg_kernel import LEG_COLUMNS, leg_of
+from autonomy.planner.leg.leg_kernel import (
+    DURATION,
+    ENERGY,
+    HEADING,
+    KIND,
+    KINDS,
+    LEG_COLUMNS,
+    RADIUS,
+    SPEED,
+    TURN,
+    X0,
+    X1,
+    Z0,
+    Z1,
+    leg_of,
+)
 from autonomy.planner.limits import legs_max
 from autonomy.planner.objective import (
     PAST_SAMPLES_MAX,
@@ -40,15 +58,50 @@ from autonomy.planner.objective import (
 from autonomy.planner.outcome import spending
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult
 from autonomy.planner.search import warm as warm_start
-from autonomy.planner.search.adoption import stage_trajectory
 from autonomy.planner.search.elite import elite_edge
 from autonomy.planner.search.ergodic_kernel import Ergodic, ergodic_of
 from autonomy.planner.search.growth import adopt, grow
 from autonomy.planner.search.refinement import refine, revalue
-from autonomy.planner.search.staging import GAP_MAX, stage_growth, stage_refinement
+from autonomy.planner.search.staging import GAP_MAX, note_shares, stage_growth, stage_refinement
+from autonomy.planner.search.warm import shape_of
 from autonomy.planner.search.weighted import Worth, worth_of
 from autonomy.planner.transect import transects
 from autonomy.site import Site
+
+
+def stage_trajectory(graph: Graph, config: PlannerConfig, edges: Sequence[Edge]) -> bool:
+    """Stage the edges of a trajectory; tell whether there was room for them."""
+    graph.tally[STAGED] = 0
+    longest = min(DEPTH_MAX, len(graph.staged_point_count))
+    legs_room, points_room = graph.edge_legs.shape[1], graph.staged_points.shape[1]
+    if len(edges) > longest:
+        return False
+    begin = edges[0].legs[0].start_ned[:2]
+    for staged, edge in enumerate(edges):
+        if len(edge.legs) > legs_room or len(edge.points) > points_room:
+            return False
+        number = first_staged(graph) + staged
+        for row, leg in zip(graph.edge_legs[number], edge.legs, strict=False):
+            _write(row, leg)
+        graph.edge_leg_count[number] = len(edge.legs)
+        graph.edge_shape[number] = shape_of(config, edge)
+        graph.edge_start[number] = begin
+        graph.edge_end[number] = begin = (edge.points[-1, 1], edge.points[-1, 2])
+        graph.staged_points[staged, : len(edge.points)] = edge.points
+        graph.staged_point_count[staged] = len(edge.points)
+        note_shares(graph, number)
+    graph.tally[STAGED] = len(edges)
+    return True
+
+
+def _write(row: FloatArray, leg: Leg) -> None:
+    """Write a leg as compiled code reads it (``leg_kernel.leg_of``)."""
+    row[KIND] = KINDS.index(leg.kind)
+    row[X0 : Z0 + 1] = leg.start_ned
+    row[X1 : Z1 + 1] = leg.end_ned
+    row[SPEED], row[DURATION], row[ENERGY] = leg.speed_m_s, leg.duration_s, leg.energy
+    row[HEADING], row[RADIUS], row[TURN] = leg.heading_rad, leg.radius_m, leg.turn_rad
+
 
 _GROWTH_SHARE = {"information_gain": 0.1, "ergodic": 0.25, "weighted": 0.1}
 """Part of the staged edges that grow the graph. Where proposals are dear to judge, more of them
