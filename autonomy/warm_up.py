@@ -69,26 +69,40 @@ def is_complete(*, flight_only: bool = False) -> bool:
     """
     digest = source_digest()
     stamps = [_stamp(is_flight) for is_flight in ((False, True) if flight_only else (False,))]
-    return any(stamp.exists() and stamp.read_text() == digest for stamp in stamps)
+    return any(
+        stamp.exists()
+        and stamp.read_text() == digest
+        and _versions_beside(stamp).exists()
+        and _versions_beside(stamp).read_text() == _versions()
+        for stamp in stamps
+    )
 
 
 def note_complete(digest: str, *, flight_only: bool = False) -> None:
     """Note that all ``STEPS``, or those of ``FLIGHT``, were compiled from sources of a digest."""
     stamp = _stamp(flight_only)
     stamp.parent.mkdir(exist_ok=True)
+    _versions_beside(stamp).write_text(_versions())
     stamp.write_text(digest)
 
 
 def source_digest() -> str:
-    """Return a digest of every source of this package and of what compiles them."""
-    digest = hashlib.sha256(sys.version.encode())
-    for library in ("numba", "llvmlite", "numpy"):
-        digest.update(metadata.version(library).encode())
+    """Return a digest of every source of this package."""
+    digest = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
+def _versions() -> str:
+    libraries = (f"{name} {metadata.version(name)}" for name in ("numba", "llvmlite", "numpy"))
+    return "\n".join((sys.version, *libraries))
+
+
 def _stamp(is_flight: bool) -> Path:
     name = "flight.digest" if is_flight else "compiled.digest"
     return Path(__file__).parent / "__pycache__" / name
+
+
+def _versions_beside(stamp: Path) -> Path:
+    return stamp.with_suffix(".versions")
