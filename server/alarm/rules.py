@@ -116,23 +116,23 @@ def _contact(status: RobotStatus, watch: Watch) -> Verdict | None:
 
 def _budget(status: RobotStatus, watch: Watch) -> Verdict | None:
     del watch
-    standing = status.satellite
-    if standing is None or not standing.waits_for_budget:
+    satellite = status.satellite
+    if satellite is None or not satellite.waits_for_budget:
         return None
     return Verdict(
         "warning",
         f"The satellite budget of {status.record.id} is spent "
-        f"({standing.credits_today} of {standing.credits_per_day} credits); what is on its way "
+        f"({satellite.credits_today} of {satellite.credits_per_day} credits); what is on its way "
         "waits until 00:00Z, or for a greater budget.",
     )
 
 
 def _satellite(status: RobotStatus, watch: Watch) -> Verdict | None:
     del watch
-    standing = status.satellite
-    if standing is None or not standing.fault:
+    satellite = status.satellite
+    if satellite is None or not satellite.fault:
         return None
-    return Verdict("warning", f"Satellite to {status.record.id}: {standing.fault}")
+    return Verdict("warning", f"Satellite to {status.record.id}: {satellite.fault}")
 
 
 def _clock(status: RobotStatus, watch: Watch) -> Verdict | None:

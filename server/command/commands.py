@@ -47,16 +47,16 @@ _LIFE = {
 }
 """Time after which a command is never sent, by the robots' clock."""
 _SATELLITE_LIFE = timedelta(hours=24)
-"""The same of an order that goes by satellite: its robot may not call for hours."""
+"""The same of a command that goes by satellite: its robot may not call for hours."""
 _WRITE_PATIENCE_S = 0.1
-"""A surface order waits this long, by the wall, for the database."""
+"""A command to surface waits this long, by the wall, for the database."""
 _EMERGENCY_NUMBERS = range(2**24 - 1, FIRST_EMERGENCY_NUMBER - 1, -1)
-"""Numbers of surface orders that could not be written down; the counting ones never get here."""
+"""Numbers of emergencies, which are not written down; the counting ones never get here."""
 
 Purge = Callable[[Session, str, datetime, str], None]
-"""Withdraws, in the transaction of a surface order, what was queued for a robot by itself."""
+"""Withdraws, in the transaction of a command to surface, what was queued for a robot by itself."""
 Check = Callable[[Session], object]
-"""Raises if what leads to a command holds no longer, for example because of a surface order."""
+"""Raises if what leads to a command holds no longer, for example because of one to surface."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,9 +93,9 @@ class Commands:
         self._emergency_numbers = iter(_EMERGENCY_NUMBERS)
         self._emergencies: dict[str, CommandRecord] = {}
         self.purges: list[Purge] = []
-        """Called in the transaction of a surface order."""
+        """Called in the transaction of a command to surface."""
         self.on_surface: list[Callable[[str], Awaitable[None]]] = []
-        """Awaited after a surface order left, to stop what runs for that robot in memory."""
+        """Awaited after a command to surface left, to stop what runs for that robot in memory."""
         satellite.kinds.register(CommandRows())
         self._bus.subscribe(OutboxChanged, self._row_changed)
 
@@ -276,9 +276,9 @@ class Commands:
     async def _surface(
         self, robot: str, write: Callable[[Session], CommandRecord], at: datetime, by: str
     ) -> CommandRecord:
-        """Write a surface order down, but let it leave before if that takes long or fails.
+        """Write a command to surface down, but let it leave before if that takes long or fails.
 
-        A robot that hears two orders comes up once.
+        A robot that hears two of them comes up once.
         """
         writing = asyncio.ensure_future(self._store.write(write))
         await asyncio.wait([writing], timeout=_WRITE_PATIENCE_S)
@@ -290,7 +290,7 @@ class Commands:
         try:
             return await writing
         except StoreUnavailableError as error:
-            log.critical("%s surfaces by an order that is not written down: %s", robot, error)
+            log.critical("%s surfaces by a command that is not written down: %s", robot, error)
             self._queue.add(
                 lambda: self._store.write(lambda session: self._purge(session, robot, at, by))
             )
@@ -317,7 +317,7 @@ class Commands:
             purge(session, robot, at, f"{by} ordered {robot} to the surface.")
 
     def _emergency(self, robot: str, at: datetime, by: str) -> CommandRecord:
-        """Return an order that lives in memory only: coming up must not wait for a disk."""
+        """Return a command that lives in memory only: coming up must not wait for a disk."""
         number = CommandNumber(next(self._emergency_numbers))
         command = CommandRecord(
             id=_emergency_id(number),

@@ -1,4 +1,4 @@
-"""Commands: short orders to a robot, and how far each is proved to have come."""
+"""Commands to robots, and how far each is proved to have come."""
 
 from dataclasses import dataclass
 from typing import Annotated, Literal
@@ -24,7 +24,7 @@ class CommandRequest(Body):
     surfacing, ``resume`` goes on; ``quiet`` lets a robot that follows a target stop pinging it,
     ``ping`` go on with that."""
     route: Literal["auto", "radio", "satellite"] = "auto"
-    """The road that it is to take; ``auto`` is what the robot's settings say. ``surface`` goes by
+    """The link that it is to take; ``auto`` is what the robot's settings say. ``surface`` goes by
     every link whatever is asked for."""
 
 

@@ -92,8 +92,8 @@ def _text(status: RobotStatus, kind: str, carrier: str, state: LinkState) -> str
 
 
 def _satellite_text(status: RobotStatus, title: str, state: LinkState) -> str:
-    robot, standing = status.record.id, status.satellite
-    due = None if standing is None else standing.next_session_at
+    robot, satellite = status.record.id, status.satellite
+    due = None if satellite is None else satellite.next_session_at
     expected = "" if due is None else f" Its next session is expected about {clock_time(due)}."
     match state:
         case LinkState.NEVER_HEARD:

@@ -17,7 +17,7 @@ ENDED_BADLY = ("failed", "cancelled", "superseded")
 
 
 @dataclass(frozen=True, slots=True)
-class Standing:
+class SurveyStatus:
     """The plan that decides what a survey does next, and the one that was made ahead of it."""
 
     plan: PlanRecord
@@ -36,7 +36,7 @@ class Standing:
         return self.plan.round + (self.plan.state == "done")
 
 
-def standing_of(plans: Sequence[PlanRecord]) -> Standing | None:
+def survey_status(plans: Sequence[PlanRecord]) -> SurveyStatus | None:
     """Return where a survey stands.
 
     Args:
@@ -52,8 +52,8 @@ def standing_of(plans: Sequence[PlanRecord]) -> Standing | None:
     newest = valid[0]
     before = by_id.get(newest.document.get(AHEAD_OF) or "")
     if before is None or newest.sent_at is not None or newest.running_at is not None:
-        return Standing(newest, None)
-    return Standing(before, newest)
+        return SurveyStatus(newest, None)
+    return SurveyStatus(before, newest)
 
 
 def counted(plans: Sequence[PlanRecord]) -> list[PlanRecord]:

@@ -18,7 +18,7 @@ class Budget:
 
     @property
     def left(self) -> int:
-        """Credits that may still be spent; an order to surface may go beyond them."""
+        """Credits that may still be spent; a command to surface may go beyond them."""
         return max(0, self.per_day - self.spent)
 
     def allows(self, cost: int) -> bool:

@@ -29,7 +29,7 @@ class Call:
 def begin_call(session: Session, message: str) -> Call | None:
     """Write down that a gateway is about to be called; ``None`` if that shall not be any more.
 
-    Nothing is thrown away that is still wanted, such as an order that was urgent and went ahead.
+    Nothing is thrown away that is still wanted, such as a command that was urgent and went ahead.
     """
     before = query.get_message(session, message)
     row = outbox_query.get_outbox(session, before.outbox)

@@ -156,7 +156,7 @@ class Outbox:
             return Looked(f"It cannot be sent: {error}")
 
     def _call(self, message: SatelliteMessage, row: OutboxRecord) -> None:
-        """Call the gateway; an order to surface does not wait for what is being said before it."""
+        """Call the gateway; what is urgent does not wait for what is being said before it."""
         busy = any(other.imei == message.imei for other in self._called.values())
         if message.id in self._calls or (busy and not self._kinds.of(row).is_urgent(row)):
             return
@@ -200,7 +200,7 @@ class Outbox:
             await self._take(call, answer)
 
     async def _begin_call(self, message: SatelliteMessage) -> Call | None:
-        """Write the call down before it is made; an order to surface does not wait for a disk."""
+        """Write the call down before it is made; what is urgent does not wait for a disk."""
         try:
             return await self._store.write(lambda s: message_row.begin_call(s, message.id))
         except StoreUnavailableError as error:

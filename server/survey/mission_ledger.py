@@ -17,7 +17,7 @@ from server.base.live_feed import LiveFeed
 from server.fleet.fleet import Fleet
 from server.plan.document import onboard_view
 from server.plan.drafting import outdated_by
-from server.plan.survey_round import counted, planned_energy, standing_of
+from server.plan.survey_round import counted, planned_energy, survey_status
 from server.survey.view import (
     BudgetView,
     LiveMissionView,
@@ -294,10 +294,10 @@ class MissionLedger:
 
     def _message(self, record: MissionRecord, plans: list[PlanRecord]) -> str:
         """Return what a mission says; a draft that waits may have become stale meanwhile."""
-        standing = standing_of(plans) if record.state == "ready" else None
-        if standing is None:
+        survey = survey_status(plans) if record.state == "ready" else None
+        if survey is None:
             return record.document["message"]
-        plan, status = standing.plan, self._fleet.status(record.robot)
+        plan, status = survey.plan, self._fleet.status(record.robot)
         found = outdated_by(status, plan, self._clock.now())
         if not found:
             return record.document["message"]
@@ -306,8 +306,8 @@ class MissionLedger:
 
     def _exploitation(self, record: MissionRecord, plans: list[PlanRecord]) -> float:
         """Return what the present round was planned with, else what its schedule says now."""
-        standing = standing_of(plans)
-        held = None if standing is None else standing.plan.document.get("exploitation")
+        survey = survey_status(plans)
+        held = None if survey is None else survey.plan.document.get("exploitation")
         if held is not None:
             return held
         config = PlannerConfig.model_validate(record.config)
@@ -339,8 +339,8 @@ class MissionLedger:
 
 def _plan_ids(plans: list[PlanRecord]) -> tuple[str | None, str | None]:
     """Return the plan of the present round, and the one that was made ahead for the next."""
-    standing = standing_of(plans)
-    if standing is None:
+    survey = survey_status(plans)
+    if survey is None:
         return None, None
-    ahead = standing.open_ahead
-    return standing.plan.id, None if ahead is None else ahead.id
+    ahead = survey.open_ahead
+    return survey.plan.id, None if ahead is None else ahead.id

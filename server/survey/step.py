@@ -24,10 +24,10 @@ from server.plan.search_request import SearchRequest
 from server.plan.survey_round import (
     AHEAD_OF,
     ENDED_BADLY,
-    Standing,
+    SurveyStatus,
     config_of_round,
     planned_energy,
-    standing_of,
+    survey_status,
     unusable_rest,
 )
 from server.survey.map_quality import SurveyMaps
@@ -69,15 +69,15 @@ class SurveySteps:
         """
         record, plans = await self._missions.get(mission), await self._missions.plans(mission)
         await self._missions.show(mission)
-        standing = standing_of(plans)
+        survey = survey_status(plans)
         if record.state in ENDED:
-            if standing is not None and standing.plan.state in ENDED_BADLY:
-                await self._let_go(standing, f"{mission} has ended.")
+            if survey is not None and survey.plan.state in ENDED_BADLY:
+                await self._let_go(survey, f"{mission} has ended.")
             return False
-        if standing is None:
+        if survey is None:
             await self.next_round(record, plans, 1)
             return False
-        plan = standing.plan
+        plan = survey.plan
         match plan.state:
             case "planning":
                 return False
@@ -94,11 +94,11 @@ class SurveySteps:
                     return await self._send(record, plan)
             case "running":
                 await self._missions.advance(mission, "running", _round_text(plan, record))
-                await self._plan_ahead(record, plans, standing)
+                await self._plan_ahead(record, plans, survey)
             case "done":
-                return await self._round_ended(record, plans, standing)
+                return await self._round_ended(record, plans, survey)
             case _:
-                await self._plan_ended_badly(record, plans, standing)
+                await self._plan_ended_badly(record, plans, survey)
         return False
 
     def flown_in_survey(self, robot: str) -> PlanRecord | None:
@@ -187,12 +187,12 @@ class SurveySteps:
         return False
 
     async def _plan_ahead(
-        self, record: MissionRecord, plans: list[PlanRecord], standing: Standing
+        self, record: MissionRecord, plans: list[PlanRecord], survey: SurveyStatus
     ) -> None:
         """Plan the next round from the end of the one that the robot flies, if it is time to."""
-        config, plan = PlannerConfig.model_validate(record.config), standing.plan
+        config, plan = PlannerConfig.model_validate(record.config), survey.plan
         wanted = record.automation and config.adaptive.plan_ahead
-        if not (wanted and _has_none_ahead(standing) and self.is_ahead_due(plan)):
+        if not (wanted and _has_none_ahead(survey) and self.is_ahead_due(plan)):
             return
         before = [other for other in plans if other.id != plan.id]
         spent = self._missions.spent(record.robot, before) + planned_energy(plan)
@@ -212,9 +212,9 @@ class SurveySteps:
         )
 
     async def _round_ended(
-        self, record: MissionRecord, plans: list[PlanRecord], standing: Standing
+        self, record: MissionRecord, plans: list[PlanRecord], survey: SurveyStatus
     ) -> bool:
-        plan, ahead = standing.plan, standing.open_ahead
+        plan, ahead = survey.plan, survey.open_ahead
         # The last samples of the round may still be on their way.
         await self._maps.settle(record.robot, QUIET_S, QUIET_LIMIT_S)
         map_std = await self._maps.note_std(record, plan.id)
@@ -226,7 +226,7 @@ class SurveySteps:
         elif remaining < self._planning.settings.least_energy(record.robot, config):
             reason = "The budget is spent"
         if reason:
-            await self._let_go(standing, f"{reason}.")
+            await self._let_go(survey, f"{reason}.")
             await self._maps.end(record, config, reason)
         elif ahead is None:
             await self.next_round(record, plans, plan.round + 1, self._warm_from(plan))
@@ -243,13 +243,11 @@ class SurveySteps:
         return False
 
     async def _plan_ended_badly(
-        self, record: MissionRecord, plans: list[PlanRecord], standing: Standing
+        self, record: MissionRecord, plans: list[PlanRecord], survey: SurveyStatus
     ) -> None:
-        plan = standing.plan
+        plan = survey.plan
         message = plan.document["message"]
-        await self._let_go(
-            standing, f"{plan.id}, at whose end it begins, was not flown to its end."
-        )
+        await self._let_go(survey, f"{plan.id}, at whose end it begins, was not flown to its end.")
         config = PlannerConfig.model_validate(record.config)
         rest = unusable_rest(plan, config)
         if plan.document.get("interrupted"):
@@ -262,10 +260,10 @@ class SurveySteps:
         else:
             await self._missions.advance(record.id, "stopped", message, automation=False)
 
-    async def _let_go(self, standing: Standing, reason: str) -> None:
+    async def _let_go(self, survey: SurveyStatus, reason: str) -> None:
         """Throw away a plan made ahead of one that did not end as planned, or was the last."""
-        if standing.open_ahead is not None:
-            await self._planning.cancel(standing.open_ahead.id, reason)
+        if survey.open_ahead is not None:
+            await self._planning.cancel(survey.open_ahead.id, reason)
 
     def _warm_from(self, plan: PlanRecord) -> Warm:
         """Return what a plan leaves to begin with: what was not flown of it, its runners-up."""
@@ -277,9 +275,9 @@ class SurveySteps:
         return self._fleet.status(plan.robot).plan_report
 
 
-def _has_none_ahead(standing: Standing) -> bool:
+def _has_none_ahead(survey: SurveyStatus) -> bool:
     """Tell whether no plan was made ahead, or the station stopped while it was made."""
-    ahead = standing.ahead
+    ahead = survey.ahead
     return ahead is None or bool(ahead.state == "failed" and ahead.document.get("interrupted"))
 
 

@@ -22,7 +22,7 @@ from server.base.problem import Problem, conflict
 from server.plan.planning import Planning
 from server.plan.search_request import SearchRequest
 from server.plan.state import ON_THE_WAY, PlanChanged
-from server.plan.survey_round import ENDED_BADLY, config_of_round, standing_of
+from server.plan.survey_round import ENDED_BADLY, config_of_round, survey_status
 from server.survey.mission_ledger import MissionLedger
 from server.survey.step import SurveySteps, request_of
 from server.transfer.state import TransferFailed
@@ -162,9 +162,9 @@ class Surveys:
             raise conflict(f"{mission} is {record.robot}'s.")
         if record.state not in {"ready", "stopped", "failed"}:
             raise conflict(f"{mission} is {record.state}; stop it before you plan again.")
-        standing = standing_of(plans)
-        if standing is not None and standing.plan.state in ON_THE_WAY:
-            raise conflict(f"{robot} has {standing.plan.id}; wait until it has ended.")
+        survey = survey_status(plans)
+        if survey is not None and survey.plan.state in ON_THE_WAY:
+            raise conflict(f"{robot} has {survey.plan.id}; wait until it has ended.")
         config_id, config = await self._planning.configure(robot, patch, by=by)
         self._planning.settings.check_start(robot, config)
         spent = self._missions.spent(robot, plans)
@@ -176,7 +176,7 @@ class Surveys:
                 config_id=config_id,
                 by=by,
                 mission=mission,
-                round_number=1 if standing is None else standing.next_round,
+                round_number=1 if survey is None else survey.next_round,
                 budget=min(config.round_budget, config.total_budget - spent),
             )
         )
@@ -204,12 +204,12 @@ class Surveys:
             if other.id != mission and other.state in _UNDER_WAY:
                 raise conflict(f"{record.robot} is on {other.id}; stop it first.")
         plans = await self._missions.plans(mission)
-        standing = standing_of(plans)
-        is_planned = standing is not None and standing.plan.state == "planning"
+        survey = survey_status(plans)
+        is_planned = survey is not None and survey.plan.state == "planning"
         state = "planning" if is_planned else "running"
         await self._missions.move(mission, state, f"Started by {by}.", automation=True)
-        if standing is None or standing.plan.state in ENDED_BADLY:
-            round_number = 1 if standing is None else standing.next_round
+        if survey is None or survey.plan.state in ENDED_BADLY:
+            round_number = 1 if survey is None else survey.next_round
             await self._steps.next_round(await self._missions.get(mission), plans, round_number)
         self._kick(mission)
 
@@ -251,8 +251,8 @@ class Surveys:
     async def _stop_for_plan(self, plan: str, reason: str) -> None:
         try:
             for mission in await self._missions.open():
-                standing = standing_of(await self._missions.plans(mission.id))
-                if standing is not None and standing.plan.id == plan:
+                survey = survey_status(await self._missions.plans(mission.id))
+                if survey is not None and survey.plan.id == plan:
                     await self._missions.give_up(mission.id, "stopped", reason)
         except StoreError as error:
             # The look that ``run`` takes now and then finds the plan where it stands.

@@ -25,7 +25,7 @@ class UploadRequest(Body):
     confirmed: bool = False
     """Whether to send a plan although it was made for another place or time; see `check`."""
     route: Literal["auto", "radio", "satellite"] = "auto"
-    """The road that it is to take; ``auto`` is what the robot's settings say."""
+    """The link that it is to take; ``auto`` is what the robot's settings say."""
     force: bool = False
     """Whether to send it by satellite although the robot was not heard for long."""
 

@@ -137,9 +137,9 @@ def apply(
 
 
 def withdraw_in(session: Session, robot: str, at: datetime, reason: str) -> None:
-    """Withdraw the transfers to a robot, in the transaction of a surface order.
+    """Withdraw the transfers to a robot, in the transaction of a command to surface.
 
-    Where the order goes by satellite too, it does itself what the word that calls back does.
+    Where that goes by satellite too, it does itself what the word that calls back does.
     """
     close_all(session, robot, TransferEvidence.WITHDRAWN, reason, at, calls_back=True)
 

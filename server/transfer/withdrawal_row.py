@@ -32,7 +32,7 @@ _SENDS_MAX: Final = 3
 def begin_withdrawal(session: Session, plan: OutboxRecord, at: datetime) -> OutboxRecord | None:
     """Add the word that a plan is withdrawn, if a gateway has or may have anything of it.
 
-    Nor may an older plan come alive whose place it had taken. The word goes with the order to empty
+    Nor may an older plan come alive whose place it had taken. It asks the gateway to empty
     the robot's queue, and has the robot refuse what it fetched before; the mission on board stays.
     """
     left = [one.counter for one in _given_up(session, plan, at) if _has_left(session, one, at)]

@@ -127,7 +127,7 @@ def test_track_tells_what_floated_from_what_was_flown():
     assert track.since(0).is_adrift.tolist() == [True, False, True, False, True]
 
 
-def standing(**changes):
+def satellite(**changes):
     values = {
         "credits_today": 4,
         "credits_per_day": 100,
@@ -142,21 +142,21 @@ def standing(**changes):
 def test_robot_that_misses_its_call_by_satellite_alarms_once(status, late_min, level):
     due = NOW - timedelta(minutes=late_min)
     status.links = link(LinkState.STALE, age_s=7200)
-    status.satellite = standing(next_session_at=due)
+    status.satellite = satellite(next_session_at=due)
     found = verdicts(status)
     assert (found["contact"].level if level else None) == level
     assert set(found) == ({"contact"} if level else set()), "silence is not alarmed as well"
 
 
 def test_spent_budget_alarms_only_while_something_waits_for_it(status):
-    status.satellite = standing(credits_today=100)
+    status.satellite = satellite(credits_today=100)
     assert verdicts(status) == {}
-    status.satellite = standing(credits_today=100, waits_for_budget=True)
+    status.satellite = satellite(credits_today=100, waits_for_budget=True)
     assert "100 of 100 credits" in verdicts(status)["satellite budget"].text
 
 
 def test_refused_plan_by_satellite_alarms_with_the_gateways_sentence(status):
-    status.satellite = standing(fault="plan-3 refused: RockBLOCK did not take it: no credit.")
+    status.satellite = satellite(fault="plan-3 refused: RockBLOCK did not take it: no credit.")
     assert verdicts(status)["satellite"].text == (
         "Satellite to mini-1: plan-3 refused: RockBLOCK did not take it: no credit."
     )

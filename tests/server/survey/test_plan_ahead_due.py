@@ -11,7 +11,7 @@ from server.plan.ahead import is_due, planned_rest, remaining_s, unflown
 from server.plan.document import legs_of, points_of
 from server.plan.search_request import SearchRequest
 from server.plan.state import PlanEvidence
-from server.plan.survey_round import standing_of
+from server.plan.survey_round import survey_status
 from tests.server.conftest import FAST, MINI, until
 
 NOW = datetime(2026, 5, 1, tzinfo=UTC)
@@ -75,6 +75,6 @@ def test_search_that_came_too_late_to_replace_a_draft_does_not_decide_a_survey()
     old = plan_record(1, "superseded", was_draft=True)
     new = plan_record(2, "draft", replaces="plan-1")
     late = plan_record(3, "failed", replaces="plan-1")
-    assert standing_of([late, new, old]).plan is new
-    assert standing_of([late, plan_record(1, "running", was_draft=True)]).plan.state == "running"
-    assert standing_of([plan_record(4, "failed"), new, old]).plan.state == "failed"
+    assert survey_status([late, new, old]).plan is new
+    assert survey_status([late, plan_record(1, "running", was_draft=True)]).plan.state == "running"
+    assert survey_status([plan_record(4, "failed"), new, old]).plan.state == "failed"
