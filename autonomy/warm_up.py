@@ -35,11 +35,11 @@ def search_step(objective: str) -> str:
 
 
 LATER = (
-    search_step("information_gain"),
     "autonomy.tracking.control.control_kernel",
     "autonomy.tracking.filter.filter_kernel",
     "autonomy.tracking.filter.hypothesis_kernel",
     "autonomy.tracking.filter.cloud_kernel",
+    search_step("information_gain"),
     "autonomy.field.learning.likelihood_kernel",
     "autonomy.whatif.kernel",
     "autonomy.identification.kernel",
@@ -48,7 +48,8 @@ LATER = (
     "autonomy.tracking.predictive.search",
     search_step("weighted"),
 )
-"""Steps for all else that the station offers, the most wanted first."""
+"""Steps for all else: first what a robot needs that follows a target, then the station's work, the
+most wanted first."""
 
 STEPS = (*FLIGHT, *LATER)
 """A step is a module with ``warm_up()``, which calls each of its kernels; what stands behind a
