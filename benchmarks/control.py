@@ -20,12 +20,13 @@ from autonomy.vehicle.config import MINIGLIDER
 from autonomy.whatif.comparison import compare
 from autonomy.whatif.config import (
     TABLE_3_1_LINEAR,
+    ControllerChoice,
     DisturbanceConfig,
     SensingConfig,
     StartConfig,
     TrialConfig,
 )
-from autonomy.whatif.run import ControllerChoice, fly_setting, run_trial
+from autonomy.whatif.run import fly_setting, run_trial
 from autonomy.whatif.setting import Setting, packed_references, setting
 from benchmarks import robust_control
 from benchmarks.calibration import COMPILED, best_of, calibrated, scaled_row

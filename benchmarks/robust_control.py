@@ -15,11 +15,12 @@ from autonomy.whatif.config import (
     TABLE_3_1_LINEAR,
     TABLE_3_3_DIAGONAL,
     TABLE_3_3_FIGURE_EIGHT,
+    ControllerChoice,
     DisturbanceConfig,
     SensingConfig,
     TrialConfig,
 )
-from autonomy.whatif.run import ControllerChoice, Trial, run_trial
+from autonomy.whatif.run import Trial, run_trial
 
 OFFSET_BAR = 0.5
 SWING_BAR_RAD = 0.1

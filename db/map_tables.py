@@ -46,16 +46,3 @@ class SmoothedSample(Base):
     east_m: Mapped[float]
     depth_m: Mapped[float]
     position_std_m: Mapped[float]
-
-
-class MapComparison(Base):
-    """The newest comparison of the field models on the samples of one robot's map."""
-
-    __tablename__ = "map_comparison"
-    __table_args__ = CLUSTERED
-
-    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
-    variable: Mapped[str] = mapped_column(primary_key=True)
-    at: Mapped[datetime]
-    document: Mapped[Document]
-    grid: Mapped[bytes]

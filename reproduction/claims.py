@@ -11,8 +11,8 @@ import numpy as np
 from autonomy.arrays import BoolArray, FloatArray
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.whatif import kernel
-from autonomy.whatif.config import ReferenceName, StartConfig, TrialConfig
-from autonomy.whatif.run import ControllerChoice, fly
+from autonomy.whatif.config import ControllerChoice, ReferenceName, StartConfig, TrialConfig
+from autonomy.whatif.run import fly
 from autonomy.whatif.setting import packed_references
 from reproduction.contender import CONTENDERS, Contender
 from reproduction.result import Figure, Hue, Mark, Panel, Report, Reproduction, Row, Series

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.whatif import kernel
-from autonomy.whatif.config import TrialConfig
-from autonomy.whatif.run import ControllerChoice, Trial, run_trial
+from autonomy.whatif.config import ControllerChoice, TrialConfig
+from autonomy.whatif.run import Trial, run_trial
 from reproduction.contender import Contender, Gains
 from reproduction.result import Report
 

@@ -4,6 +4,7 @@ from typing import Annotated
 
 import msgspec
 from fastapi import Depends, Response
+from pydantic import BaseModel
 from starlette.requests import HTTPConnection
 
 from server.station import Station
@@ -19,4 +20,6 @@ StationDep = Annotated[Station, Depends(get_station)]
 
 def encoded(view: object) -> Response:
     """Return a large view as JSON at once; its route declares the schema as ``response_model``."""
+    if isinstance(view, BaseModel):
+        return Response(view.model_dump_json(), media_type="application/json")
     return Response(msgspec.json.encode(view), media_type="application/json")

@@ -39,6 +39,9 @@ from autonomy.vehicle.config import Vehicle
 if TYPE_CHECKING:
     from autonomy.control.controller import Controller
 
+ControllerConfig = BacksteppingConfig | PidConfig | IntegralConfig | GovernorConfig | SwimmingConfig
+"""Settings of a controller."""
+
 
 @dataclass(frozen=True, slots=True)
 class ControllerKind:
@@ -46,17 +49,17 @@ class ControllerKind:
 
     key: str
     title: str
-    model: type[Configuration]
-    presets: Mapping[str, Configuration]
+    model: type[ControllerConfig]
+    presets: Mapping[str, ControllerConfig]
     """Settings a robot starts with, by the key of its vehicle."""
-    simulation_preset: Configuration
+    simulation_preset: ControllerConfig
     """Gains for exact states (thesis section 3.3)."""
     law: int
     """Which compiled law, of ``autonomy.control.law_number``."""
     pack: Callable[[Any], FloatArray]
     """Turns settings of ``model`` into the numbers that the compiled law takes."""
 
-    def preset(self, vehicle_key: str) -> Configuration:
+    def preset(self, vehicle_key: str) -> ControllerConfig:
         """Return the settings that a vehicle starts with, the defaults for an unknown one."""
         return self.presets.get(vehicle_key, self.model())
 

@@ -1,5 +1,6 @@
 """Turns the point where a search ended into a result, with no more certainty than there is."""
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,13 +18,34 @@ from autonomy.identification.least_squares import Descent, DivergedError
 from autonomy.identification.normal_equations import Information, normal_equations
 from autonomy.identification.problem import Problem, Workers
 from autonomy.identification.result import (
+    ActuatorOffsets,
+    CostPoint,
+    Fit,
+    FitChannels,
     IdentificationResult,
-    estimates,
-    fit_of,
-    identified_vehicle,
-    offsets_of,
+    ParameterEstimate,
+    UsedSegment,
 )
-from autonomy.identification.unknown import offset_unknowns
+from autonomy.identification.unknown import (
+    ALWAYS_FIXED,
+    GROUPS,
+    MASS_POSITION_OFFSET,
+    NET_BUOYANCY_OFFSET,
+    offset_unknowns,
+    parameter_title,
+)
+from autonomy.vehicle.config import Vehicle, VehicleParameters
+
+_MOST_POINTS = 2000
+_SHOWN = {"depth_m": 2, "roll_rad": 3, "pitch_rad": 4, "heading_rad": 5}
+"""Channels of a fit that are shown, and their columns among ``problem.CHANNELS``."""
+_AT_MINIMUM = 0.3
+"""A point this many standard deviations from the minimum is at it."""
+_CLEARLY = 5.0
+_UNEXPLAINED = 1.25
+"""The model does not explain a recording whose cost is beyond this, and beyond what chance gives
+once in a million times."""
+_OFFSET_STEPS = 20
 
 
 def moved_at_once(problem: Problem, *, early: bool) -> Problem:
@@ -62,15 +84,6 @@ def _moved(
     if early:
         return even[begin] + np.sign(way) * np.minimum(np.abs(way), rate * since)
     return even[end] - np.sign(way) * np.minimum(np.abs(way), rate * left)
-
-
-_AT_MINIMUM = 0.3
-"""A point this many standard deviations from the minimum is at it."""
-_CLEARLY = 5.0
-_UNEXPLAINED = 1.25
-"""The model does not explain a recording whose cost is beyond this, and beyond what chance gives
-once in a million times."""
-_OFFSET_STEPS = 20
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,18 +125,25 @@ def concluded(
     before = _before(problem, workers)
     after, _ = problem.simulate(point.u[None], point.initial[None], workers)
     return IdentificationResult(
-        problem.config.method,
-        identified_vehicle(problem, point.u, point.cost),
-        before.cost_as_is,
-        before.cost,
-        point.cost,
-        is_converged,
-        convergence,
-        estimates(problem, point.u, judged),
-        offsets_of(problem, point.u, judged),
-        (*_doubts(problem, point, is_converged=is_converged), *(d.message for d in directions)),
-        fit_of(problem, before.predicted, after[0]),
-        problem.report,
+        method=problem.config.method,
+        vehicle=_identified_vehicle(problem, point.u, point.cost),
+        cost_as_is=before.cost_as_is,
+        cost_before=before.cost,
+        cost_after=point.cost,
+        is_converged=is_converged,
+        convergence=[CostPoint(iteration=k, cost=cost) for k, cost in convergence],
+        parameters=_estimates(problem, point.u, judged),
+        offsets=_offsets_of(problem, point.u, judged),
+        findings=[
+            *_doubts(problem, point, is_converged=is_converged),
+            *(direction.message for direction in directions),
+        ],
+        fit=_fit_of(problem, before.predicted, after[0]),
+        segments=[
+            UsedSegment(start_s=part.start_s, end_s=part.end_s, rows=part.rows.size)
+            for part in problem.report.segments
+        ],
+        left_out=list(problem.report.left_out),
     )
 
 
@@ -188,3 +208,124 @@ def _before(problem: Problem, workers: Workers) -> Before:
         point = least_squares.descend(fit, start, workers)
     predicted, _ = fit.simulate(point.u[None], point.initial[None], workers)
     return Before(cost_as_is, point.cost, predicted[0])
+
+
+def _identified_vehicle(problem: Problem, u: FloatArray, cost: float) -> Vehicle:
+    """Return the vehicle with the values of a candidate ``u``, shape ``(n,)``."""
+    found = {
+        unknown.name: unknown.value(float(value))
+        for unknown, value in zip(problem.sought, u, strict=True)
+        if unknown.index >= 0
+    }
+    values = problem.vehicle.parameters.model_dump() | found
+    report = problem.report
+    note = (
+        f"identified from {report.duration_s:.0f} s of flight in {len(report.segments)} segments,"
+        f" cost {cost:.2f}"
+    )
+    if problem.config.fits_offsets:
+        offset_kg, offset_m = _offset_values(problem, u)
+        note += (
+            f"; belongs with a trim of {offset_kg * 1e3:+.2f} g and {offset_m * 1e3:+.2f} mm, which"
+            " were found with it"
+        )
+    return replace(problem.vehicle, parameters=VehicleParameters(**values), note=note)
+
+
+def _offset_values(problem: Problem, u: FloatArray) -> tuple[float, float]:
+    found = {
+        unknown.name: unknown.value(float(value))
+        for unknown, value in zip(problem.sought, u, strict=True)
+    }
+    return found.get(NET_BUOYANCY_OFFSET, 0.0), found.get(MASS_POSITION_OFFSET, 0.0)
+
+
+def _offsets_of(
+    problem: Problem, u: FloatArray, judged: tuple[Judgement, ...]
+) -> ActuatorOffsets | None:
+    """Return the actuators' offsets of a candidate ``u``, shape ``(n,)``, if they were sought."""
+    std = {
+        unknown.name: judgement.std * unknown.scale if math.isfinite(judgement.std) else None
+        for unknown, judgement in zip(problem.sought, judged, strict=True)
+    }
+    if NET_BUOYANCY_OFFSET not in std:
+        return None
+    offset_kg, offset_m = _offset_values(problem, u)
+    return ActuatorOffsets(
+        net_buoyancy_offset_kg=offset_kg,
+        net_buoyancy_std_kg=std[NET_BUOYANCY_OFFSET],
+        mass_position_offset_m=offset_m,
+        mass_position_std_m=std[MASS_POSITION_OFFSET],
+    )
+
+
+def _estimates(
+    problem: Problem, u: FloatArray, judged: tuple[Judgement, ...]
+) -> list[ParameterEstimate]:
+    """Return one estimate for each parameter of the table and each offset, in the table's order.
+
+    ``u`` is the candidate, shape ``(n,)``.
+    """
+    found = {
+        unknown.name: ParameterEstimate(
+            name=unknown.name,
+            title=unknown.title,
+            unit=unknown.unit,
+            before=unknown.nominal,
+            after=unknown.value(float(value)),
+            std=judgement.std * unknown.scale if math.isfinite(judgement.std) else None,
+            verdict=judgement.verdict,
+            reason=judgement.reason,
+        )
+        for unknown, value, judgement in zip(problem.sought, u, judged, strict=True)
+    }
+    table = {name for names in GROUPS.values() for name in names} | ALWAYS_FIXED.keys()
+    rows: list[ParameterEstimate] = []
+    for name, value in problem.vehicle.parameters.model_dump().items():
+        if name in found:
+            rows.append(found[name])
+        elif name in table:
+            title, unit = parameter_title(name)
+            kept = "is 0: no range to search" if value == 0.0 else "held fixed by the settings"
+            reason = ALWAYS_FIXED.get(name, kept)
+            rows.append(
+                ParameterEstimate(
+                    name=name,
+                    title=title,
+                    unit=unit,
+                    before=value,
+                    after=value,
+                    std=None,
+                    verdict="fixed",
+                    reason=reason,
+                )
+            )
+    offsets = (NET_BUOYANCY_OFFSET, MASS_POSITION_OFFSET)
+    return [*rows, *(found[name] for name in offsets if name in found)]
+
+
+def _fit_of(problem: Problem, before: FloatArray | None, after: FloatArray) -> Fit:
+    """Thin measured and predicted rows to what a plot shows.
+
+    Args:
+        problem: The fit.
+        before: Predicted by the parameters of before, shape ``(rows, 6)``, or None.
+        after: Predicted by those that were found, shape ``(rows, 6)``.
+    """
+    layout = problem.layout
+    every = max(math.ceil(layout.time_s.size / _MOST_POINTS), 1)
+    part = np.arange(0, layout.time_s.size, every)
+    segment = np.searchsorted(layout.segment_row, part, side="right") - 1
+    return Fit(
+        time_s=layout.time_s[part].tolist(),
+        segment=segment.tolist(),
+        measured=_channels(layout.measured[part]),
+        before=None if before is None else _channels(before[part]),
+        after=_channels(after[part]),
+    )
+
+
+def _channels(table: FloatArray) -> FitChannels:
+    return FitChannels.model_validate(
+        {name: table[:, column].tolist() for name, column in _SHOWN.items()}
+    )

@@ -3,15 +3,13 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.identification.normal_equations import Information
+from autonomy.identification.result import Verdict
 from autonomy.identification.unknown import Unknown
-
-Verdict = Literal["identified", "weak", "not identifiable", "fixed"]
 
 _WEAK = 0.05
 """A standard deviation beyond this part of a parameter's value makes it weak."""

@@ -120,15 +120,6 @@ class Reason:
     end_s: float
     message: str
 
-    def document(self) -> dict[str, str | float]:
-        """Return it in JSON's types."""
-        return {
-            "kind": self.kind,
-            "start_s": self.start_s,
-            "end_s": self.end_s,
-            "message": self.message,
-        }
-
 
 @dataclass(frozen=True, slots=True)
 class SegmentReport:

@@ -1,8 +1,7 @@
 """Advice to the operator: buoyancy and mass offsets from the last dives."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import replace
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from autonomy.identification.recording import Recording, Segment, segments
 from autonomy.identification.screening import explained, segment_means
 from autonomy.identification.unknown import offset_unknowns
 from autonomy.vehicle.config import Vehicle
-from autonomy.vehicle.trim import TrimConfig
+from autonomy.vehicle.trim import GlideError, TrimAdvice, TrimConfig
 
 _SHORTEST_S = 6.0
 _ENOUGH_S = 30.0
@@ -41,54 +40,6 @@ _SIDEWAYS = 0.2
 
 class NoAdviceError(ValueError):
     """The recording does not tell the trim; the message says why."""
-
-
-@dataclass(frozen=True, slots=True)
-class GlideError:
-    """Root mean square errors of the predicted gliding."""
-
-    depth_rate_m_s: float
-    pitch_rad: float
-
-    def document(self) -> dict[str, float]:
-        """Return it in JSON's types."""
-        return {"depth_rate_m_s": self.depth_rate_m_s, "pitch_rad": self.pitch_rad}
-
-
-@dataclass(frozen=True, slots=True)
-class TrimAdvice:
-    """What the dives say of a robot's trim, beside the trim that holds now."""
-
-    dives: int
-    """Dives that were used."""
-    present: TrimConfig
-    full_step: TrimConfig
-    """The trim that would have made the robot glide as its model says."""
-    half_step: TrimConfig
-    """Half-way there from the present trim: what a careful pilot sets first."""
-    net_buoyancy_std_kg: float
-    mass_position_std_m: float
-    rmse_now: GlideError
-    rmse_proposed: GlideError
-    is_worth_it: bool
-    message: str
-
-    def document(self) -> dict[str, Any]:
-        """Return it in JSON's types."""
-        return {
-            "dives": self.dives,
-            "net_buoyancy_offset_kg": self.full_step.net_buoyancy_offset_kg,
-            "net_buoyancy_std_kg": self.net_buoyancy_std_kg,
-            "mass_position_offset_m": self.full_step.mass_position_offset_m,
-            "mass_position_std_m": self.mass_position_std_m,
-            "rmse_now": self.rmse_now.document(),
-            "rmse_proposed": self.rmse_proposed.document(),
-            "half_step": self.half_step.model_dump(),
-            "full_step": self.full_step.model_dump(),
-            "present": self.present.model_dump(),
-            "message": self.message,
-            "is_worth_it": self.is_worth_it,
-        }
 
 
 def advise(
@@ -233,7 +184,8 @@ def _glide_error(
         rates.append(_slopes(layout.time_s[part], missed))
     pitch = predicted[0, :, 4] - layout.measured[:, 4]
     return GlideError(
-        float(np.sqrt(np.mean(np.concatenate(rates) ** 2))), float(np.sqrt(np.mean(pitch**2)))
+        depth_rate_m_s=float(np.sqrt(np.mean(np.concatenate(rates) ** 2))),
+        pitch_rad=float(np.sqrt(np.mean(pitch**2))),
     )
 
 
@@ -292,10 +244,6 @@ def _advice(
                 f"the {name} is off by more than a trim should mend: check the ballast first, or"
                 " identify the vehicle"
             )
-    full, half = (
-        _stepped(present, offset_kg, offset_m, 1.0),
-        _stepped(present, offset_kg, offset_m, 0.5),
-    )
     now, proposed = errors
     change_kg = offset_kg - present.net_buoyancy_offset_kg
     change_m = offset_m - present.mass_position_offset_m
@@ -306,25 +254,16 @@ def _advice(
     )
     is_worth_it = bool(is_sure and gains)
     return TrimAdvice(
-        dives,
-        present,
-        full,
-        half,
-        float(std[0]),
-        float(std[1]),
-        now,
-        proposed,
-        is_worth_it,
-        _message(dives, change_kg, change_m, std, is_worth_it=is_worth_it),
-    )
-
-
-def _stepped(present: TrimConfig, offset_kg: float, offset_m: float, share: float) -> TrimConfig:
-    """Return the trim part of the way to the one that was found, checked against its limits."""
-    now_kg, now_m = present.net_buoyancy_offset_kg, present.mass_position_offset_m
-    return TrimConfig(
-        net_buoyancy_offset_kg=now_kg + share * (offset_kg - now_kg),
-        mass_position_offset_m=now_m + share * (offset_m - now_m),
+        dives=dives,
+        present=present,
+        full_step=present.stepped(offset_kg, offset_m, 1.0),
+        half_step=present.stepped(offset_kg, offset_m, 0.5),
+        net_buoyancy_std_kg=float(std[0]),
+        mass_position_std_m=float(std[1]),
+        rmse_now=now,
+        rmse_proposed=proposed,
+        is_worth_it=is_worth_it,
+        message=_message(dives, change_kg, change_m, std, is_worth_it=is_worth_it),
     )
 
 

@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from typing import Any, cast
 
 from pydantic.fields import FieldInfo
+from typing_extensions import TypedDict
 
 from autonomy.configuration import Configuration
 from autonomy.vehicle.config import SwimGait, Vehicle, VehicleParameters
@@ -42,6 +43,30 @@ Location = tuple[str | int, ...]
 Values = dict[str, dict[str, float]]
 
 
+class Entry(TypedDict):
+    """A number of a vehicle."""
+
+    value: float
+    unit: str
+
+
+Section = dict[str, Entry]
+
+
+class VehicleDocument(TypedDict):
+    """A vehicle as people write it."""
+
+    format: int
+    key: str
+    title: str
+    note: str
+    parameters: Section
+    limits: Section
+    swim: Section
+    hull: Section
+    energy: Section
+
+
 @dataclass(frozen=True, slots=True)
 class EntryError:
     """One thing wrong with a document."""
@@ -64,15 +89,18 @@ class VehicleFileError(ValueError):
         )
 
 
-def vehicle_document(vehicle: Vehicle) -> dict[str, Any]:
+def vehicle_document(vehicle: Vehicle) -> VehicleDocument:
     """Return a vehicle as a document that JSON can hold; ``vehicle_from_document`` reads it."""
-    models: dict[str, Configuration] = {name: getattr(vehicle, name) for name in SECTIONS}
     return {
         "format": FORMAT,
         "key": vehicle.key,
         "title": vehicle.title,
         "note": vehicle.note,
-        **{name: _section_document(model) for name, model in models.items()},
+        "parameters": _section_document(vehicle.parameters),
+        "limits": _section_document(vehicle.limits),
+        "swim": _section_document(vehicle.swim),
+        "hull": _section_document(vehicle.hull),
+        "energy": _section_document(vehicle.energy),
     }
 
 
@@ -134,7 +162,7 @@ def allowed_range(model: type[Configuration], name: str) -> tuple[float, float]:
     return low, high
 
 
-def _section_document(model: Configuration) -> dict[str, Any]:
+def _section_document(model: Configuration) -> Section:
     fields = type(model).model_fields
     return {
         name: {"value": value, "unit": _unit(fields[name])}

@@ -1,6 +1,9 @@
 """Standing corrections of a robot's actuators, as glider pilots find them from past dives."""
 
+from pydantic import computed_field
+
 from autonomy.configuration import Configuration, quantity
+from autonomy.result import Result
 from autonomy.vehicle.config import ActuatorLimits
 
 _SHARE_MAX = 0.3
@@ -24,6 +27,57 @@ class TrimConfig(Configuration):
         0.0, "m", title="Mass position offset", ge=-0.05, le=0.05, display_unit="mm"
     )
     """Added to every position of the sliding mass; positive moves it forward, nose down."""
+
+    def stepped(self, offset_kg: float, offset_m: float, share: float) -> "TrimConfig":
+        """Return the trim part of the way to another one.
+
+        Raises:
+            ValidationError: If that is beyond what a trim can hold.
+        """
+        now_kg, now_m = self.net_buoyancy_offset_kg, self.mass_position_offset_m
+        return TrimConfig(
+            net_buoyancy_offset_kg=now_kg + share * (offset_kg - now_kg),
+            mass_position_offset_m=now_m + share * (offset_m - now_m),
+        )
+
+
+class GlideError(Result):
+    """Root mean square errors of the predicted gliding."""
+
+    depth_rate_m_s: float
+    pitch_rad: float
+
+
+class TrimAdvice(Result):
+    """What the dives say of a robot's trim, beside the trim that holds now."""
+
+    dives: int
+    """Dives that were used."""
+    present: TrimConfig
+    full_step: TrimConfig
+    """The trim that would have made the robot glide as its model says."""
+    half_step: TrimConfig
+    """Half-way there from the present trim: what a careful pilot sets first."""
+    net_buoyancy_std_kg: float | None
+    """Null where the offset is not known, as with the next."""
+    mass_position_std_m: float | None
+    rmse_now: GlideError | None
+    """Null of a trim that comes with an identified vehicle: nothing was flown with it."""
+    rmse_proposed: GlideError | None
+    is_worth_it: bool
+    message: str
+
+    @computed_field
+    @property
+    def net_buoyancy_offset_kg(self) -> float:
+        """That of the full step."""
+        return self.full_step.net_buoyancy_offset_kg
+
+    @computed_field
+    @property
+    def mass_position_offset_m(self) -> float:
+        """That of the full step."""
+        return self.full_step.mass_position_offset_m
 
 
 TRIM_PRESETS: dict[str, TrimConfig] = {"miniglider": TrimConfig(), "grace3": TrimConfig()}

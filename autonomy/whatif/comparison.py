@@ -3,14 +3,24 @@
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 
 from autonomy.arrays import FloatArray, IntArray, evenly_spread
+from autonomy.result import Result
 from autonomy.vehicle.config import Vehicle
-from autonomy.whatif.config import TrialConfig
-from autonomy.whatif.run import ControllerChoice, Trial, fly
+from autonomy.whatif.config import ControllerChoice, TrialConfig
+from autonomy.whatif.result import (
+    ComparedRun,
+    ComparisonResult,
+    ErrorBands,
+    Inputs,
+    RunSummary,
+    Track,
+    TrackErrors,
+    Travel,
+)
+from autonomy.whatif.run import Trial, fly
 from autonomy.whatif.setting import packed_references
 from autonomy.whatif.work import check_work
 
@@ -19,7 +29,6 @@ _BAND = (0.05, 0.95)
 _THREADS = 2
 MOST_POINTS = 400
 """Moments that are kept of each run: 65 kB, whatever the length of the trial."""
-_ERROR_NAMES = ("depth_m", "horizontal_m", "pitch_rad", "hybrid_rad")
 
 
 class TrialCancelledError(Exception):
@@ -65,23 +74,19 @@ class ControllerResult:
         order = np.argsort(self.rms[:, 1], kind="stable")
         return self.runs[int(order[(len(order) - 1) // 2])]
 
-    def summary(self) -> dict[str, Any]:
+    def summary(self) -> RunSummary:
         """Medians over the seeds."""
-        rms = np.median(self.rms, axis=0)
-        end = np.median([run.errors[-1, 1] for run in self.runs])
-        travel = np.median([run.travel for run in self.runs], axis=0)
-        return {
-            "depth_rms_m": _number(rms[0]),
-            "horizontal_rms_m": _number(rms[1]),
-            "horizontal_end_m": _number(end),
-            "pitch_rms_rad": _number(rms[2]),
-            "hybrid_rms_rad": _number(rms[3]),
-            "travel": {
-                name: _number(value)
-                for name, value in zip(("m0_kg", "rp1_m", "delta_rad"), travel, strict=True)
-            },
-            "energy_j": _number(np.median([run.energy_j for run in self.runs])),
-        }
+        depth, horizontal, pitch, hybrid = np.median(self.rms, axis=0)
+        m0_kg, rp1_m, delta_rad = np.median([run.travel for run in self.runs], axis=0)
+        return RunSummary(
+            depth_rms_m=depth,
+            horizontal_rms_m=horizontal,
+            horizontal_end_m=np.median([run.errors[-1, 1] for run in self.runs]),
+            pitch_rms_rad=pitch,
+            hybrid_rms_rad=hybrid,
+            travel=Travel(m0_kg=m0_kg, rp1_m=rp1_m, delta_rad=delta_rad),
+            energy_j=np.median([run.energy_j for run in self.runs]),
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -94,12 +99,8 @@ class Comparison:
     """Packed reference at the moments that are kept of each run, shape ``(n, 12)``."""
     results: tuple[ControllerResult, ...]
 
-    def document(self, max_points: int = MOST_POINTS) -> dict[str, Any]:
-        """Return what a page draws, JSON-able: SI units, angles in rad.
-
-        A track and the actuators are those of the run with the median horizontal error; errors
-        are medians over the seeds at each moment, and bands hold 90 % of the runs. What is not
-        finite is None.
+    def result(self, max_points: int = MOST_POINTS) -> ComparisonResult:
+        """Return what a page draws.
 
         Args:
             max_points: At most so many moments, and no more than are kept, evenly spread, the
@@ -107,20 +108,14 @@ class Comparison:
         """
         time_s = self.results[0].runs[0].time_s
         at = evenly_spread(len(time_s), max_points)
-        reference = self.reference[at]
-        return {
-            "time_s": _numbers(time_s[at]),
-            "reference": {
-                "north_m": _numbers(reference[:, 0]),
-                "east_m": _numbers(reference[:, 1]),
-                "depth_m": _numbers(reference[:, 2]),
-                "pitch_rad": _numbers(reference[:, 3]),
-            },
-            "runs": [_run_document(result, at) for result in self.results],
-            "seeds": list(self.config.seeds),
-            "vehicle": self.vehicle.key,
-            "note": self.vehicle.note,
-        }
+        return ComparisonResult(
+            time_s=time_s[at].tolist(),
+            reference=Track.model_validate(_columns(Track, self.reference[at])),
+            runs=[_compared_run(result, at) for result in self.results],
+            seeds=list(self.config.seeds),
+            vehicle=self.vehicle.key,
+            note=self.vehicle.note,
+        )
 
 
 def compare(
@@ -201,35 +196,28 @@ def _kept(trial: Trial, at: IntArray) -> KeptRun:
     )
 
 
-def _run_document(result: ControllerResult, at: IntArray) -> dict[str, Any]:
+def _compared_run(result: ControllerResult, at: IntArray) -> ComparedRun:
     shown = result.shown
     errors = np.array([run.errors[at] for run in result.runs])
     middle = np.median(errors, axis=0)
     low, high = np.quantile(errors, _BAND, axis=0)
-    return {
-        "kind": result.choice.kind,
-        "title": result.choice.title,
-        "north_m": _numbers(shown.state[at, 0]),
-        "east_m": _numbers(shown.state[at, 1]),
-        "depth_m": _numbers(shown.state[at, 2]),
-        "pitch_rad": _numbers(shown.state[at, 4]),
-        "errors": {name: _numbers(middle[:, i]) for i, name in enumerate(_ERROR_NAMES)},
-        "band": {
-            name: {"low": _numbers(low[:, i]), "high": _numbers(high[:, i])}
-            for i, name in enumerate(_ERROR_NAMES[:3])
-        },
-        "inputs": {
-            "m0_kg": _numbers(shown.inputs[at, 0]),
-            "rp1_m": _numbers(shown.inputs[at, 1]),
-            "delta_rad": _numbers(shown.inputs[at, 2]),
-        },
-        "summary": result.summary(),
-    }
+    return ComparedRun.model_validate(
+        {
+            "kind": result.choice.kind,
+            "title": result.choice.title,
+            **_columns(Track, shown.state[at][:, [0, 1, 2, 4]]),
+            "errors": _columns(TrackErrors, middle),
+            "band": {
+                name: {"low": low[:, i].tolist(), "high": high[:, i].tolist()}
+                for i, name in enumerate(ErrorBands.model_fields)
+            },
+            "inputs": _columns(Inputs, shown.inputs[at]),
+            "summary": result.summary(),
+        }
+    )
 
 
-def _numbers(values: FloatArray) -> list[float | None]:
-    return [_number(value) for value in values.tolist()]
-
-
-def _number(value: Any) -> float | None:  # noqa: ANN401 - a number of numpy or Python
-    return round(float(value), 9) if np.isfinite(value) else None
+def _columns(model: type[Result], table: FloatArray) -> dict[str, list[float]]:
+    """Name the columns of a table by the first fields of a model."""
+    columns = table.T.tolist()
+    return dict(zip(model.model_fields, columns, strict=False))

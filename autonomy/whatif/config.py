@@ -1,11 +1,13 @@
 """The scenario of a trial as one generated form; free of compiled code."""
 
 import math
+from dataclasses import dataclass
 from typing import Literal, Self
 
 from pydantic import model_validator
 
 from autonomy.configuration import Configuration, quantity
+from autonomy.control.catalogue import ControllerConfig
 
 ReferenceName = Literal[
     "linear_glide", "sawtooth", "diagonal", "figure_eight", "straight_glide", "level_swim"
@@ -185,6 +187,17 @@ class TrialConfig(Configuration):
     def seeds(self) -> tuple[int, ...]:
         """Seed of every run."""
         return tuple(range(self.seed, self.seed + self.runs))
+
+
+@dataclass(frozen=True, slots=True)
+class ControllerChoice:
+    """A controller with its settings, and what it is called in a comparison."""
+
+    kind: str
+    """Key of ``CONTROLLERS``."""
+    title: str
+    config: ControllerConfig
+    """The whole settings."""
 
 
 _AT_THE_REFERENCE = StartConfig(north_m=0.0, east_m=0.0, forward_speed_m_s=0.02)

@@ -6,25 +6,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.configuration import Configuration
 from autonomy.control.catalogue import CONTROLLERS
 from autonomy.vehicle.config import Vehicle
 from autonomy.whatif import kernel
-from autonomy.whatif.config import TrialConfig
+from autonomy.whatif.config import ControllerChoice, TrialConfig
 from autonomy.whatif.setting import Setting, packed_references, setting
 
 REPORTED_TRADE_RAD = math.pi / 9.0
 """``c`` of the reported hybrid error."""
-
-
-@dataclass(frozen=True, slots=True)
-class ControllerChoice:
-    """A controller with its settings, and what it is called in a comparison."""
-
-    kind: str
-    """Key of ``CONTROLLERS``."""
-    title: str
-    config: Configuration
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -4,8 +4,7 @@ from collections.abc import Sequence
 
 from autonomy.control.governor_config import GovernorConfig
 from autonomy.vehicle.config import Vehicle
-from autonomy.whatif.config import TrialConfig
-from autonomy.whatif.run import ControllerChoice
+from autonomy.whatif.config import ControllerChoice, TrialConfig
 
 MOST_STEPS_TOGETHER = 100_000_000
 """Most steps of the model in one comparison, all runs of all controllers: one to four minutes of

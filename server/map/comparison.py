@@ -1,6 +1,7 @@
 """Comparisons: all field models on the samples of one map, side by side with their scores."""
 
 import asyncio
+from dataclasses import asdict
 from datetime import datetime
 from typing import Any
 
@@ -8,24 +9,32 @@ from sqlalchemy.orm import Session
 
 from autonomy.field.score import Scores
 from db.column import moment
-from db.query.comparisons import keep_comparison
 from db.query.events import add_event
 from db.query.samples import SampleColumns, sample_columns
 from server.access.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import conflict, not_found
-from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.base.study import worked_out
+from server.base.worker import WorkerPool
 from server.fleet.fleet import Fleet
 from server.map.field_maps import FieldMaps
 from server.map.field_model import MODEL_TITLES
 from server.map.grid import grid_of
 from server.map.group import MapGroup
-from server.map.record import Comparison, comparison_record
+from server.map.record import Comparison, axes_of, comparison_arrays, keep_comparison
 from server.map.samples import field_samples, usable
 from server.map.site_map import basis_of, view_on_grid
 from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
-from server.map.view import ComparedModelView, MapComparisonView
+from server.map.view import (
+    AxesView,
+    ComparedModelScores,
+    ComparedModelView,
+    ComparedSamples,
+    ComparedView,
+    KeptComparison,
+    MapComparisonView,
+)
 
 
 class MapComparisons:
@@ -52,7 +61,7 @@ class MapComparisons:
         if group.live is None or not group.live.total:
             raise conflict(f"The map of {robot} has no sample yet; compare when it has some.")
         return await self._jobs.start(
-            group, lambda progress: self._compare(robot, group, progress), by=by
+            group, lambda progress: self._compare(robot, group, progress, by), by=by
         )
 
     def view(self, robot: str, variable: str) -> MapComparisonView:
@@ -62,56 +71,60 @@ class MapComparisons:
             Problem: 404 for an unknown robot or map, 409 for a recording.
         """
         group = map_group(self._maps, self._fleet, robot, variable)
-        found = group.comparison
-        state = "none" if found is None else "ready"
+        kept = group.comparison
+        found = ComparedSamples() if kept is None else kept.found
         job = self._jobs.get(group)
+        state = "none" if kept is None else "ready"
         return MapComparisonView(
             state=state if job is None else "working",
             job=job,
-            compared_at=None if found is None else found.compared_at,
-            samples=0 if found is None else found.samples,
-            against=None if found is None else found.against,
-            is_outdated=found is not None and found.basis != group.basis,
-            message="" if found is None else found.message,
+            compared_at=None if kept is None else kept.compared_at,
+            is_outdated=kept is not None and kept.found.basis != group.basis,
             models=[]
-            if found is None
+            if kept is None
             else [
                 ComparedModelView(
-                    title=MODEL_TITLES[one["model"]],
-                    is_default=one["model"] == group.config.model,
-                    **one,
+                    title=MODEL_TITLES[one.model],
+                    is_default=one.model == group.config.model,
+                    **one.model_dump(),
                 )
-                for one in found.models
+                for one in kept.found.models
             ],
+            **found.model_dump(include=set(ComparedSamples.model_fields)),
         )
 
-    async def _compare(self, robot: str, group: MapGroup, progress: JobProgress) -> dict[str, Any]:
+    async def _compare(
+        self, robot: str, group: MapGroup, progress: JobProgress, by: str
+    ) -> dict[str, Any]:
         progress.report(0.0, "Waiting for a free process")
         columns = await self._store.query(
             lambda session: sample_columns(session, group.robots, group.config.variable)
         )
         problem = await asyncio.to_thread(_problem, group, columns)
-        try:
-            found: Compared = await self._workers.run(
-                COMPARE_MAPS, problem, on_progress=lambda news: progress.report(*news)
-            )
-        except WORKER_FAILURES as error:
-            raise JobError(str(error)) from error
+        found: Compared = await worked_out(
+            self._workers, COMPARE_MAPS, problem, lambda news: progress.report(*news)
+        )
         if not found.models:
             raise JobError(f"No model could be made of the samples. {found.message}")
         comparison = _comparison(group, problem, columns, found, self._foundation.clock.now())
-        variable = group.config.variable
-        record = await asyncio.to_thread(comparison_record, robot, variable, comparison)
+        arrays = await asyncio.to_thread(comparison_arrays, comparison)
+        data = ComparedView(
+            variable=group.config.variable,
+            samples=comparison.found.samples,
+            against=comparison.found.against,
+        ).model_dump()
 
         def keep(session: Session) -> None:
-            keep_comparison(session, record)
-            text = f"The field models of {robot} were compared on {comparison.samples} samples."
-            data = {"variable": variable, "against": comparison.against}
-            add_event(session, record.at, "map.compared", text, robot=robot, data=data)
+            keep_comparison(session, robot, group.config.variable, comparison, arrays, by)
+            text = f"The field models of {robot} were compared on {data['samples']} samples."
+            event = {name: data[name] for name in ("variable", "against")}
+            add_event(
+                session, comparison.compared_at, "map.compared", text, robot=robot, data=event
+            )
 
         await self._store.write(keep)
         self._maps.set_comparison(robot, comparison)
-        return {"variable": variable, "samples": comparison.samples, "against": comparison.against}
+        return data
 
 
 def map_group(maps: FieldMaps, fleet: Fleet, robot: str, variable: str) -> MapGroup:
@@ -166,30 +179,33 @@ def _comparison(
         for one in found.models
         if one.mean is not None and one.std is not None
     }
+    first = next(iter(views.values()))
     return Comparison(
-        compared_at=at,
-        basis=basis_of(config, domain, len(good), smoothed),
-        samples=len(good),
-        against=found.against,
-        message=found.message,
-        models=tuple(
-            {
-                "model": one.model,
-                **_scores(one.scores),
-                "log_marginal_likelihood": one.log_marginal_likelihood,
-            }
-            for one in found.models
+        at,
+        KeptComparison(
+            samples=len(good),
+            against=found.against,
+            message=found.message,
+            basis=basis_of(config, domain, len(good), smoothed),
+            models=[
+                ComparedModelScores(
+                    model=one.model,
+                    log_marginal_likelihood=one.log_marginal_likelihood,
+                    **_scores(one.scores),
+                )
+                for one in found.models
+            ],
+            axes=AxesView(**axes_of(first)),
+            samples_per_level=list(first.samples_per_level),
+            updated_at=first.updated_at,
+            scale=first.variable.scale,
         ),
-        views=views,
+        views,
     )
 
 
-def _scores(scores: Scores | None) -> dict[str, float | None]:
+def _scores(scores: Scores | None) -> dict[str, float]:
     if scores is None:
-        return dict.fromkeys(("rmse", "nlpd", "wmse", "coverage"))
-    return {
-        "rmse": scores.rmse,
-        "nlpd": scores.nlpd,
-        "wmse": scores.wmse,
-        "coverage": scores.coverage_90,
-    }
+        return {}
+    known = asdict(scores)
+    return {"coverage": known.pop("coverage_90"), **known}

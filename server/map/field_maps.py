@@ -17,7 +17,6 @@ from datetime import datetime, timedelta
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError, StoreUnavailableError
-from db.query.comparisons import ComparisonRecord, list_comparisons
 from db.query.maps import add_map, newest_maps
 from db.query.robots import RobotRecord
 from db.query.samples import sample_columns
@@ -25,7 +24,7 @@ from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import Sample
 from server.map.group import MapGroup, MapKey, MapSettings
-from server.map.record import Comparison, comparison_of, record_of, scores_of, view_of
+from server.map.record import Comparison, newest_comparison, record_of, scores_of, view_of
 from server.map.samples import site_robots
 from server.map.site_map import SiteMap
 from server.map.smoothing import Smoothing
@@ -318,18 +317,9 @@ class FieldMaps:
 
     async def _load_comparison(self, group: MapGroup) -> None:
         """Show the newest comparison that was kept for any robot of the map."""
-
-        def read(session: Session) -> list[ComparisonRecord]:
-            return [one for robot in group.robots for one in list_comparisons(session, robot)]
-
-        kept = [
-            record
-            for record in await self._store.query(read)
-            if record.variable == group.config.variable
-        ]
-        if kept:
-            newest = max(kept, key=lambda record: record.at)
-            group.comparison = await asyncio.to_thread(comparison_of, newest)
+        group.comparison = await self._store.query(
+            lambda session: newest_comparison(session, group.robots, group.config.variable)
+        )
 
     def _tell(self, group: MapGroup) -> None:
         for robot in group.members:

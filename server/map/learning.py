@@ -13,6 +13,7 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from autonomy.field.config import FieldConfig
+from autonomy.field.learned import LearnedConfig
 from db.fault import StoreError
 from db.query import configurations as query
 from db.query.events import add_event
@@ -23,13 +24,15 @@ from server.base.configuration_kind import find_kind
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import conflict
-from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.base.study import worked_out
+from server.base.worker import WorkerPool
 from server.fleet.fleet import Fleet
 from server.map.comparison import map_group
 from server.map.field_maps import FieldMaps
 from server.map.group import MapGroup
 from server.map.samples import Water, field_samples
-from server.map.task import LEARN_FIELD, LearnedField, LearningProblem
+from server.map.task import LEARN_FIELD, LearningProblem
+from server.map.view import LearnedView
 
 log = logging.getLogger(__name__)
 
@@ -127,42 +130,30 @@ class MapLearning:
         )
         samples = await asyncio.to_thread(field_samples, columns)
         problem = LearningProblem(group.config, samples, _SEED)
-        try:
-            learned: LearnedField = await self._workers.run(
-                LEARN_FIELD, problem, on_progress=lambda news: progress.report(*news)
-            )
-        except WORKER_FAILURES as error:
-            raise JobError(str(error)) from error
-        version = await self._keep(robot, held, group.config, learned, len(samples))
-        return {
-            "variable": group.config.variable,
-            "samples": len(samples),
-            "config": version,
-            "is_changed": version is not None,
-            "before_nll": learned.before_nll,
-            "after_nll": learned.after_nll,
-            "message": learned.message,
-            "kernels": list(learned.kernels),
-        }
+        learned: LearnedConfig = await worked_out(
+            self._workers, LEARN_FIELD, problem, lambda news: progress.report(*news)
+        )
+        view = await self._keep(robot, held, group.config, learned, len(samples))
+        return view.model_dump()
 
     async def _keep(
         self,
         robot: str,
         held: Mapping[str, CurrentConfiguration],
         asked: FieldConfig,
-        found: LearnedField,
+        found: LearnedConfig,
         samples: int,
-    ) -> str | None:
-        """Keep what was learned as new versions, in one transaction; return the robot's.
+    ) -> LearnedView:
+        """Keep what was learned as new versions, in one transaction; tell the robot's.
 
         Raises:
             JobError: Somebody changed the settings meanwhile; nothing was kept.
         """
-        patch = _difference(asked, found.field) if found.is_changed else {}
+        patch = _difference(asked, found.config) if found.is_changed else {}
         at = self._foundation.clock.now()
         kind = find_kind("field")
 
-        def write(session: Session) -> str | None:
+        def write(session: Session) -> LearnedView:
             text = f"Learned the map of {robot} from {samples} samples: {found.message}"
             version: str | None = None
             for one, was in held.items() if patch else ():
@@ -183,16 +174,16 @@ class MapLearning:
                     robot=one,
                     data={"kind": kind.key, "id": kept.id},
                 )
-            data = {
-                "variable": asked.variable,
-                "samples": samples,
-                "config": version,
-                "before_nll": found.before_nll,
-                "after_nll": found.after_nll,
-                "kernels": list(found.kernels),
-            }
+            view = LearnedView(
+                **found.model_dump(exclude={"config", "is_changed"}),
+                is_changed=version is not None,
+                variable=asked.variable,
+                samples=samples,
+                config=version,
+            )
+            data = view.model_dump(exclude={"is_changed", "message"})
             add_event(session, at, "map.learned", text, robot=robot, data=data)
-            return version
+            return view
 
         return await self._store.write(write)
 

@@ -4,29 +4,22 @@ from collections.abc import Callable
 
 import numpy as np
 
+from autonomy.field.learned import LearnedConfig
 from autonomy.field.learning.model import learn_config
-from server.map.task import LearnedField, LearningProblem
+from server.map.task import LearningProblem
 
 
 def run(
     problem: LearningProblem,
     report: Callable[[tuple[float, str]], None],
     is_cancelled: Callable[[], bool],
-) -> LearnedField:
+) -> LearnedConfig:
     """Return the settings with what was learned, and by how much they are more likely."""
-    found = learn_config(
+    return learn_config(
         problem.field,
         problem.samples,
         starts=problem.field.learning.starts,
         rng=np.random.default_rng(problem.seed),
         report=lambda share, message: report((share, message)),
         is_cancelled=is_cancelled,
-    )
-    return LearnedField(
-        field=found.config,
-        is_changed=found.is_changed,
-        before_nll=found.before_nll,
-        after_nll=found.after_nll,
-        message=found.message,
-        kernels=found.kernels,
     )

@@ -7,16 +7,20 @@ from datetime import datetime
 from typing import Any
 
 import numpy as np
+from sqlalchemy.orm import Session
 
 from autonomy.arrays import FloatArray
 from autonomy.field.variable import VARIABLES
 from db.column import microseconds
-from db.query.comparisons import ComparisonRecord
+from db.query import studies as query
 from db.query.maps import MapRecord
 from server.map.field_model import MODEL_TITLES
+from server.map.view import KeptComparison
 from server.survey.view import ScoresView
 from webui.scene.source import MapView
 
+_COMPARISON = "comparison"
+"""Kind of the studies that comparisons are."""
 _SCORES = tuple(field.name for field in fields(ScoresView))
 
 
@@ -25,15 +29,7 @@ class Comparison:
     """Four models on the same samples."""
 
     compared_at: datetime
-    basis: str
-    """Name of what the maps are made of (``server.map.site_map.basis_of``)."""
-    samples: int
-    against: str | None
-    """``truth`` or ``held-out samples``; ``None`` where nothing could be scored."""
-    message: str
-    """What to know of the scores, one sentence or "" """
-    models: tuple[Mapping[str, Any], ...]
-    """Key and scores of each model; a score is ``None`` where there is none."""
+    found: KeptComparison
     views: Mapping[tuple[str, str], MapView]
     """By variable and model."""
 
@@ -47,7 +43,7 @@ def record_of(robot: str, view: MapView, scores: ScoresView | None, at: datetime
         at=at,
         samples=sum(view.samples_per_level),
         document={
-            "axes": _axes(view),
+            "axes": axes_of(view),
             "samples_per_level": list(view.samples_per_level),
             "scores": None if scores is None else asdict(scores),
         },
@@ -81,61 +77,77 @@ def scores_of(records: Iterable[MapRecord]) -> dict[tuple[str, str], ScoresView]
     }
 
 
-def comparison_record(robot: str, variable: str, comparison: Comparison) -> ComparisonRecord:
-    """Return a comparison as the database keeps it; the arrays lose what float32 cannot hold."""
+def comparison_arrays(comparison: Comparison) -> bytes:
+    """Return the maps of a comparison packed; they lose what float32 cannot hold."""
     arrays: dict[str, FloatArray] = {}
-    first = next(iter(comparison.views.values()))
     for (_, model), view in comparison.views.items():
         arrays |= {f"{model}.mean": view.mean, f"{model}.std": view.std}
-    return ComparisonRecord(
-        robot=robot,
-        variable=variable,
+    return _packed(arrays)
+
+
+def keep_comparison(
+    session: Session, robot: str, variable: str, comparison: Comparison, arrays: bytes, by: str
+) -> None:
+    """Keep a comparison in the place of the one before.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    query.replace_study(
+        session,
+        _COMPARISON,
+        robot,
+        asked={"variable": variable},
+        result=comparison.found.model_dump(mode="json"),
+        arrays=arrays,
         at=comparison.compared_at,
-        document={
-            "axes": _axes(first),
-            "basis": comparison.basis,
-            "samples": comparison.samples,
-            "samples_per_level": list(first.samples_per_level),
-            "updated_at": None if first.updated_at is None else first.updated_at.isoformat(),
-            "scale": first.variable.scale,
-            "against": comparison.against,
-            "message": comparison.message,
-            "models": [dict(one) for one in comparison.models],
-        },
-        grid=_packed(arrays),
+        by=by,
     )
 
 
-def comparison_of(record: ComparisonRecord) -> Comparison:
-    """Return a kept comparison."""
-    document, arrays = record.document, _unpacked(record.grid)
-    updated_at = document["updated_at"]
-    models = tuple(document["models"])
+def newest_comparison(session: Session, robots: Iterable[str], variable: str) -> Comparison | None:
+    """Return the newest comparison of a variable that was kept for any of some robots."""
+    kept = [
+        record
+        for robot in robots
+        for record in query.list_studies(session, _COMPARISON, robot)
+        if record.asked["variable"] == variable
+    ]
+    if not kept:
+        return None
+    newest = max(kept, key=lambda one: one.created_at).id
+    record = query.get_study(session, _COMPARISON, newest)
+    packed = query.get_arrays(session, _COMPARISON, newest)
+    found = KeptComparison.model_validate(record.result)
+    return _comparison_of(record.created_at, variable, found, _unpacked(packed or b""))
+
+
+def _comparison_of(
+    compared_at: datetime, variable: str, found: KeptComparison, arrays: Mapping[str, FloatArray]
+) -> Comparison:
+    document = found.model_dump()
     return Comparison(
-        compared_at=record.at,
-        basis=document["basis"],
-        samples=document["samples"],
-        against=document["against"],
-        message=document["message"],
-        models=models,
+        compared_at,
+        found,
         views={
-            (record.variable, one["model"]): _view(
+            (variable, one.model): _view(
                 document,
-                record.variable,
-                one["model"],
-                arrays[f"{one['model']}.mean"],
-                arrays[f"{one['model']}.std"],
-                samples_per_level=tuple(document["samples_per_level"]),
-                version=microseconds(record.at),
-                updated_at=None if updated_at is None else datetime.fromisoformat(updated_at),
+                variable,
+                one.model,
+                arrays[f"{one.model}.mean"],
+                arrays[f"{one.model}.std"],
+                samples_per_level=tuple(found.samples_per_level),
+                version=microseconds(compared_at),
+                updated_at=found.updated_at,
             )
-            for one in models
-            if f"{one['model']}.mean" in arrays
+            for one in found.models
+            if f"{one.model}.mean" in arrays
         },
     )
 
 
-def _axes(view: MapView) -> dict[str, list[float]]:
+def axes_of(view: MapView) -> dict[str, list[float]]:
+    """Return the coordinates of a map's grid."""
     return {"x_m": view.x_m.tolist(), "y_m": view.y_m.tolist(), "z_m": view.z_m.tolist()}
 
 

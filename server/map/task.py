@@ -15,7 +15,7 @@ from autonomy.site import Box, Site
 COMPARE_MAPS: Final = "server.map.comparison_task:run"
 """Takes a ``ComparisonProblem``, reports share and message, leaves ``Compared``."""
 LEARN_FIELD: Final = "server.map.learning_task:run"
-"""Takes a ``LearningProblem``, reports share and message, leaves a ``LearnedField``."""
+"""Takes a ``LearningProblem``, reports share and message, leaves a ``LearnedConfig``."""
 
 Against = Literal["truth", "held-out samples"]
 """What the models of a comparison are scored against."""
@@ -69,19 +69,3 @@ class LearningProblem:
     field: FieldConfig
     samples: FieldSamples
     seed: int
-
-
-@dataclass(frozen=True, slots=True)
-class LearnedField:
-    """What was learned of a field model; without the module that learned it, which loads numba."""
-
-    field: FieldConfig
-    """The settings with the learned kernels, those given if nothing was better."""
-    is_changed: bool
-    before_nll: float | None
-    """Negative log likelihood of the samples before; none where nothing could be compared."""
-    after_nll: float | None
-    message: str
-    """What was learned or why nothing was, for a person."""
-    kernels: tuple[str, ...]
-    """A sentence for each kernel."""

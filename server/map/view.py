@@ -4,6 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
 
+from autonomy.field.learned import LearnedKernels
+from autonomy.result import Result
 from server.base.view import View
 from server.survey.view import ScoresView
 
@@ -82,29 +84,54 @@ class MapEntryView(View):
     updated_at: datetime | None
 
 
-@dataclass(frozen=True, slots=True)
-class ComparedModelView(View):
-    """One field model in a comparison."""
+class ComparedModelScores(Result):
+    """How well one field model explains what is known."""
 
     model: str
-    title: str
-    is_default: bool
-    """Whether it is the model of the live map."""
-    rmse: float | None
+    rmse: float | None = None
     """Root mean square error in the model's scale; ``null`` with the others where nothing could be
     scored."""
-    nlpd: float | None
+    nlpd: float | None = None
     """Negative log predictive density per point; lower is better."""
-    wmse: float | None
+    wmse: float | None = None
     """Weighted mean squared error: 1 where the model's uncertainty is right."""
-    coverage: float | None
+    coverage: float | None = None
     """Share inside the central 90 % interval: 0.9 where the model's uncertainty is right."""
     log_marginal_likelihood: float
     """Log density of the samples under the model."""
 
 
-@dataclass(frozen=True, slots=True)
-class MapComparisonView(View):
+class ComparedModelView(ComparedModelScores):
+    """One field model in a comparison."""
+
+    title: str
+    is_default: bool
+    """Whether it is the model of the live map."""
+
+
+class ComparedSamples(Result):
+    """On what field models were compared."""
+
+    samples: int = 0
+    against: str | None = None
+    """``truth`` of a simulated field, or ``held-out samples`` of whole dives."""
+    message: str = ""
+    """Why there are no scores, if there are none."""
+
+
+class KeptComparison(ComparedSamples):
+    """A comparison as the database keeps it, beside its maps."""
+
+    basis: str
+    """Name of what the maps are made of (``server.map.site_map.basis_of``)."""
+    models: list[ComparedModelScores]
+    axes: AxesView
+    samples_per_level: list[int]
+    updated_at: datetime | None
+    scale: str
+
+
+class MapComparisonView(ComparedSamples):
     """All field models on the same samples."""
 
     state: str
@@ -112,14 +139,26 @@ class MapComparisonView(View):
     job: str | None
     """The job that works."""
     compared_at: datetime | None
-    samples: int
-    against: str | None
-    """``truth`` of a simulated field, or ``held-out samples`` of whole dives."""
     is_outdated: bool
     """Whether samples came, moved or settings changed since."""
-    message: str
-    """Why there are no scores, if there are none."""
     models: list[ComparedModelView]
+
+
+class ComparedView(Result):
+    """What the job of a comparison leaves."""
+
+    variable: str
+    samples: int
+    against: str | None
+
+
+class LearnedView(LearnedKernels):
+    """What the job of learning leaves."""
+
+    variable: str
+    samples: int
+    config: str | None
+    """Version of the field's settings with what was learned; null if nothing was better."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,15 +1,30 @@
 """Which what-if run each robot's 3D view shows, and what it draws of it."""
 
+import logging
+
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from db.query import whatifs as query
-from db.query.whatifs import Position, WhatIfRecord
+from autonomy.result import Result
+from autonomy.whatif.result import ComparisonResult, Track
+from db.query import studies as query
 from db.store import Store
-from server.base.problem import conflict, not_found
+from server.base.problem import Problem, conflict, not_found
+from server.base.study import study_as
 from server.fleet.fleet import Fleet
-from server.study.task import Document
 from webui.scene.source import ComparisonTrack, ComparisonView
+
+log = logging.getLogger(__name__)
+
+Position = tuple[float, float, float]
+
+
+class _ShownRun(Result):
+    id: str
+    robot: str
+    title: str
+    result: ComparisonResult
+    origin_ned: Position
 
 
 class ShownWhatIfs:
@@ -26,9 +41,11 @@ class ShownWhatIfs:
 
     async def load(self) -> None:
         """Take up what was shown when the station stopped."""
-        for record in await self._store.query(query.shown_whatifs):
-            if record.shown_from is not None:
-                self._take(record, record.shown_from)
+        for record in await self._store.query(lambda s: query.used_studies(s, "whatif")):
+            try:
+                self._take(study_as(_ShownRun, record))
+            except Problem as problem:
+                log.warning("%s", problem.detail)
 
     async def show(self, robot: str, whatif: str | None) -> None:
         """Show a run, beginning where the robot is now, or none.
@@ -40,17 +57,19 @@ class ShownWhatIfs:
         state = self._fleet.status(robot).state
         origin = (0.0, 0.0, 0.0) if state is None else state.position_ned
         if whatif is None:
-            await self._store.write(lambda session: query.show_whatif(session, robot, None, None))
+            await self._store.write(lambda s: query.use_only_study(s, "whatif", robot, None, None))
             self._views.pop(robot, None)
             self._ids.pop(robot, None)
             return
-        record = await self._store.query(lambda session: query.get_whatif(session, whatif))
+        record = await self._store.query(lambda s: query.get_study(s, "whatif", whatif))
         if record.robot != robot:
             raise not_found(f"There is no {whatif} of {robot}.")
         if record.result is None:
             raise conflict(f"{whatif} is {record.state}; it has nothing to show.")
-        await self._store.write(lambda session: query.show_whatif(session, robot, whatif, origin))
-        self._take(record, origin)
+        run = study_as(_ShownRun, record, origin_ned=origin)
+        use = {"origin_ned": list(origin)}
+        await self._store.write(lambda s: query.use_only_study(s, "whatif", robot, whatif, use))
+        self._take(run)
 
     def view(self, robot: str) -> ComparisonView | None:
         """Return what to draw for a robot; the same object while it is the same run and place."""
@@ -60,27 +79,27 @@ class ShownWhatIfs:
         """Return the id of the run that is shown for a robot."""
         return self._ids.get(robot)
 
-    def _take(self, record: WhatIfRecord, origin: Position) -> None:
-        if record.result is not None:
-            self._views[record.robot] = comparison_view(record, record.result, origin)
-            self._ids[record.robot] = record.id
+    def _take(self, run: _ShownRun) -> None:
+        self._views[run.robot] = _comparison_view(run)
+        self._ids[run.robot] = run.id
 
 
-def comparison_view(record: WhatIfRecord, result: Document, origin: Position) -> ComparisonView:
+def _comparison_view(run: _ShownRun) -> ComparisonView:
     """Return the tracks of a run in the site's frame.
 
-    North and east begin at ``origin``; depth is the run's own, for it begins at the surface.
+    North and east begin at its origin; depth is the run's own, for it begins at the surface.
     """
+    origin = run.origin_ned
     return ComparisonView(
-        version=f"{record.id} {origin[0]:.2f} {origin[1]:.2f}",
-        title=record.title,
-        reference_ned=_track(result["reference"], origin),
-        runs=tuple(ComparisonTrack(run["title"], _track(run, origin)) for run in result["runs"]),
+        version=f"{run.id} {origin[0]:.2f} {origin[1]:.2f}",
+        title=run.title,
+        reference_ned=_points(run.result.reference, origin),
+        runs=tuple(ComparisonTrack(one.title, _points(one, origin)) for one in run.result.runs),
     )
 
 
-def _track(document: Document, origin: Position) -> FloatArray:
+def _points(track: Track, origin: Position) -> FloatArray:
     """Return the finite points of a track, shape ``(n, 3)``, m."""
-    columns = [document["north_m"], document["east_m"], document["depth_m"]]
+    columns = [track.north_m, track.east_m, track.depth_m]
     points = np.array(columns, dtype=np.float64).T + np.array([origin[0], origin[1], 0.0])
     return points[np.isfinite(points).all(axis=1)]

@@ -14,28 +14,32 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from autonomy.identification.config import IdentificationConfig
+from autonomy.identification.result import CostPoint
 from autonomy.vehicle.parameter_file import vehicle_document, vehicle_from_document
-from db.fault import StoreError
-from db.query import identifications as query
+from db.query import studies as query
 from db.query.deployments import get_deployment
 from db.query.events import add_event
-from db.query.identifications import IdentificationRecord
+from db.query.studies import StudyRecord
 from server.access.foundation import Foundation
-from server.base.job import JobError, JobProgress
+from server.base.job import JobProgress
 from server.base.problem import Problem, below, conflict
-from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.base.study import Document, Refusal, Studies, study_as
+from server.base.worker import WorkerPool
 from server.fleet.fleet import Fleet
-from server.study.accepted import AcceptedIdentification, keep_offer
 from server.study.flight_recording import find_deployment, read_flight
-from server.study.identified import note_of, offsets_of
-from server.study.study import STOPPED, RunningStudies
+from server.study.identified import keep_offer, note_of, offsets_of
 from server.study.task import (
     CHECKPOINT,
     IDENTIFY,
-    Document,
-    IdentificationNews,
     IdentificationProblem,
-    Refusal,
+    SearchNews,
+)
+from server.study.view import (
+    AcceptedVehicleView,
+    IdentificationAsked,
+    IdentificationNews,
+    IdentificationSummaryView,
+    IdentificationView,
 )
 from server.study.whatif import vehicle_of
 from server.vehicle.vehicles import Vehicles
@@ -49,40 +53,38 @@ class _Live:
 
     progress: float = 0.0
     message: str = ""
-    convergence: list[dict[str, Any]] = field(default_factory=list)
+    convergence: list[CostPoint] = field(default_factory=list[CostPoint])
 
-    def take(self, news: IdentificationNews) -> None:
+    def take(self, news: SearchNews) -> None:
         # A search that goes on repeats the iterations after its checkpoint.
-        while self.convergence and self.convergence[-1]["iteration"] >= news.iteration:
+        while self.convergence and self.convergence[-1].iteration >= news.iteration:
             self.convergence.pop()
-        self.convergence.append({"iteration": news.iteration, "cost": news.best_cost})
+        self.convergence.append(CostPoint(iteration=news.iteration, cost=news.best_cost))
         self.progress = news.iteration / max(news.iterations, 1)
         self.message = news.message
 
+    def document(self) -> Document:
+        return IdentificationNews(progress=self.progress, convergence=self.convergence).model_dump(
+            mode="json"
+        )
 
-class Identifications:
+
+class Identifications(Studies[IdentificationProblem]):
     """Identifications of all robots. Belongs to one event loop."""
+
+    kind = "identification"
+    task = IDENTIFY
+    event_key = "id"
+    can_resume = True
 
     def __init__(
         self, foundation: Foundation, fleet: Fleet, vehicles: Vehicles, workers: WorkerPool
     ) -> None:
-        self._foundation = foundation
-        self._store = foundation.store
+        super().__init__(foundation.store, foundation.jobs, foundation.clock, workers)
+        self._configurations = foundation.configurations
         self._fleet = fleet
         self._vehicles = vehicles
-        self._workers = workers
-        self._running = RunningStudies(foundation.store, foundation.jobs)
         self._live: dict[str, _Live] = {}
-
-    async def load(self) -> None:
-        """Mark the searches that the station left behind; they can go on from their checkpoint."""
-        at = self._foundation.clock.now()
-        message = f"{STOPPED} Resume it."
-        await self._store.write(lambda s: query.interrupt_identifications(s, at, message))
-
-    async def stop(self) -> None:
-        """Interrupt every search."""
-        await self._running.stop()
 
     async def start(
         self,
@@ -104,29 +106,24 @@ class Identifications:
         """
         vehicle = vehicle_of(robot, self._fleet, self._vehicles)
         try:
-            found = await self._foundation.configurations.merged("identification", robot, patch)
+            found = await self._configurations.merged("identification", robot, patch)
         except Problem as problem:
             raise below(problem, "config") from problem
         config = found.value_as(IdentificationConfig)
         flight = await read_flight(
             self._store, await find_deployment(self._store, robot, deployment), start, end
         )
-        at = self._foundation.clock.now()
-        record = await self._store.write(
-            lambda session: query.add_identification(
-                session,
-                robot,
-                deployment,
-                vehicle=vehicle.key,
-                vehicle_document=vehicle_document(vehicle),
-                config=config.model_dump(mode="json"),
-                data_start_at=flight.start_at,
-                data_end_at=flight.end_at,
-                at=at,
-                by=by,
-            )
+        asked = IdentificationAsked(
+            deployment=deployment,
+            base_vehicle=vehicle.key,
+            vehicle_document=vehicle_document(vehicle),
+            config=config,
+            data_start_at=flight.start_at,
+            data_end_at=flight.end_at,
         )
+        record = await self._add(robot, asked, by)
         problem = IdentificationProblem(vehicle, flight.recording(), config, None)
+        self._live[record.id] = _Live()
         return record.id, await self._begin(record, problem, by)
 
     async def resume(self, identification: str, *, by: str) -> tuple[str, str]:
@@ -137,26 +134,31 @@ class Identifications:
             UnknownIdError: If there is none of this id.
             StoreError: Nothing was begun.
         """
-        await self._running.settle(identification)
-        record = await self.get(identification)
+        await self._settle(identification)
+        record = await self._record(identification)
         if record.state in {"running", "done"}:
             raise conflict(f"{identification} is {record.state}; it cannot go on.")
-        checkpoint = await self._store.query(lambda s: query.get_checkpoint(s, identification))
-        deployment = await self._store.query(lambda s: get_deployment(s, record.deployment))
-        flight = await read_flight(
-            self._store, deployment, record.data_start_at, record.data_end_at
+        asked = study_as(IdentificationAsked, record)
+        checkpoint = await self._store.query(
+            lambda s: query.get_checkpoint(s, self.kind, identification)
         )
+        deployment = await self._store.query(lambda s: get_deployment(s, asked.deployment))
+        flight = await read_flight(self._store, deployment, asked.data_start_at, asked.data_end_at)
         problem = IdentificationProblem(
-            vehicle_from_document(record.vehicle_document),
+            vehicle_from_document(asked.vehicle_document),
             flight.recording(),
-            IdentificationConfig.model_validate(record.config),
+            asked.config,
             checkpoint,
         )
-        if not await self._store.write(lambda s: query.reopen_identification(s, identification)):
+        if not await self._store.write(lambda s: query.reopen_study(s, self.kind, identification)):
             raise conflict(f"{identification} is running already.")
+        self._live[record.id] = _Live()
+        if checkpoint is not None:
+            news = study_as(IdentificationNews, record)
+            self._live[record.id] = _Live(news.progress, "", list(news.convergence))
         return record.id, await self._begin(record, problem, by)
 
-    async def cancel(self, identification: str) -> IdentificationRecord:
+    async def cancel(self, identification: str) -> IdentificationView:
         """Call a search off and wait until it has stopped; it can be resumed.
 
         Raises:
@@ -164,13 +166,13 @@ class Identifications:
             UnknownIdError: If there is none of this id.
         """
         record = await self.get(identification)
-        if not await self._running.cancel(identification):
+        if not await self._call_off(identification):
             raise conflict(f"{identification} is {record.state} already.")
         return await self.get(identification)
 
     async def accept(
         self, identification: str, *, key: str | None, title: str | None, by: str
-    ) -> AcceptedIdentification:
+    ) -> AcceptedVehicleView:
         """Keep what a search found as a vehicle of the catalogue, and offer the trim it needs.
 
         Raises:
@@ -182,183 +184,114 @@ class Identifications:
         record = await self.get(identification)
         if record.result is None:
             raise conflict(f"{identification} is {record.state}; there is nothing to accept.")
-        if record.accepted_vehicle is not None:
-            raise conflict(f"{identification} was accepted already, as {record.accepted_vehicle}.")
+        if record.vehicle is not None:
+            raise conflict(_accepted_already(identification, record.vehicle))
         wish = key or self._vehicles.free_key(f"{record.robot}-identified")
         base = vehicle_from_document(record.vehicle_document)
         offsets = offsets_of(record.result)
-        document = {
-            **record.result["vehicle"],
-            "key": wish,
-            "title": title or f"{base.title} of {record.robot}, identified",
-            "note": note_of(identification, record.deployment, offsets),
-        }
-        accepted: list[AcceptedIdentification] = []
+        found = replace(
+            record.result.vehicle,
+            key=wish,
+            title=title or f"{base.title} of {record.robot}, identified",
+            note=note_of(identification, record.deployment, offsets),
+        )
+        accepted: list[AcceptedVehicleView] = []
 
         def also(session: Session) -> None:
-            query.accept_identification(session, identification, wish)
-            at, data = self._foundation.clock.now(), {"id": identification, "vehicle": wish}
-            vehicle = vehicle_from_document(document)
-            accepted.append(keep_offer(session, record, offsets, vehicle, at=at, by=by))
+            use = query.get_study(session, self.kind, identification).use
+            if use is not None:
+                raise conflict(_accepted_already(identification, use["vehicle"]))
+            query.use_study(session, self.kind, identification, {"vehicle": wish})
+            at, data = self._clock.now(), {"id": identification, "vehicle": wish}
+            accepted.append(keep_offer(session, record, offsets, found, at=at, by=by))
             text = f"{by} accepted {identification} of {record.robot} as the vehicle {wish}."
             kind = "identification.accepted"
             add_event(session, at, kind, text, robot=record.robot, data=data)
 
-        try:
-            await self._vehicles.add(document, origin="identified", by=by, also=also)
-        except query.AcceptedAlreadyError as error:
-            raise conflict(str(error)) from error
+        await self._vehicles.add(vehicle_document(found), origin="identified", by=by, also=also)
         return accepted[-1]
 
-    async def get(self, identification: str) -> IdentificationRecord:
+    async def get(self, identification: str) -> IdentificationView:
         """Return one search as it stands now.
 
         Raises:
             UnknownIdError: If there is none of this id.
         """
-        record = await self._store.query(lambda s: query.get_identification(s, identification))
-        return self._with_news(record)
+        return study_as(IdentificationView, await self._record(identification))
 
     async def of_robot(
         self, robot: str, before: str | None, limit: int
-    ) -> list[IdentificationRecord]:
+    ) -> list[IdentificationSummaryView]:
         """Return the searches of a robot without their results, the newest first."""
         self._fleet.status(robot)
-        records = await self._store.query(
-            lambda session: query.list_identifications(session, robot, before=before, limit=limit)
-        )
-        return [self._with_news(record) for record in records]
+        return [_summary(record) for record in await self._records(robot, before, limit)]
 
-    def _with_news(self, record: IdentificationRecord) -> IdentificationRecord:
-        record = self._running.as_it_stands(record)
+    def _said(self, record: StudyRecord, state: str) -> str:
+        return f"{record.id} of {record.robot} from {record.asked['deployment']} is {state}."
+
+    def _as_it_stands(self, record: StudyRecord) -> StudyRecord:
+        record = super()._as_it_stands(record)
         live = self._live.get(record.id)
         if live is None or record.state != "running":
             return record
-        return replace(
-            record,
-            progress=live.progress,
-            message=live.message,
-            convergence=list(live.convergence),
-        )
+        return replace(record, message=live.message, news=live.document())
 
-    async def _begin(
-        self, record: IdentificationRecord, problem: IdentificationProblem, by: str
-    ) -> str:
-        done = [dict(point) for point in record.convergence] if problem.resume else []
-        self._live[record.id] = _Live(record.progress if done else 0.0, "", done)
-        try:
-            job = await self._foundation.jobs.start(
-                "identification", lambda progress: self._work(record, problem, progress), by=by
-            )
-        except StoreError:
-            await self._end(record, "failed", "The storage failed; resume it.")
-            self._live.pop(record.id, None)
-            raise
-        await self._running.begun(
-            record.id, job.id, lambda s: query.set_identification_job(s, record.id, job.id)
-        )
-        return job.id
+    def _news(self, study: str, *, is_done: bool) -> Document | None:
+        live = self._live.get(study)
+        if live is not None and is_done:
+            live.progress = 1.0
+        return None if live is None else live.document()
 
-    async def _work(
-        self, record: IdentificationRecord, problem: IdentificationProblem, progress: JobProgress
-    ) -> Document:
-        progress.report(0.0, "Waiting for a free process")
-        try:
-            result = await self._workers.run(
-                IDENTIFY, problem, on_progress=lambda news: self._take(record, news, progress)
-            )
-            await self._running.keep(
-                record.id, lambda session: self._write_result(session, record, result), progress
-            )
-        except WORKER_FAILURES as error:
-            await self._end(record, "failed", f"{error} Resume it.")
-            raise JobError(str(error)) from error
-        except BaseException:
-            # Cancelled: whoever did it waits until this is noted.
-            state = self._running.state_when_cancelled
-            message = f"{STOPPED} Resume it." if state == "interrupted" else "Cancelled."
-            await self._end(record, state, message)
-            raise
-        finally:
-            self._running.ended(record.id)
-            self._live.pop(record.id, None)
-        if isinstance(result, Refusal):
-            raise JobError(result.message)
-        return {"identification": record.id}
+    def _ended(self, study: str) -> None:
+        super()._ended(study)
+        self._live.pop(study, None)
 
-    def _take(
-        self, record: IdentificationRecord, news: IdentificationNews, progress: JobProgress
-    ) -> None:
+    def _take(self, record: StudyRecord, news: SearchNews, progress: JobProgress) -> None:
         live = self._live[record.id]
         live.take(news)
         progress.report(live.progress, news.message)
         checkpoint = news.checkpoint
         if checkpoint is None:
             return
-        curve, share, message = list(live.convergence), live.progress, news.message
+        document, message = live.document(), news.message
         kept = self._store.change(
             lambda session: query.keep_checkpoint(
                 session,
+                self.kind,
                 record.id,
                 checkpoint=checkpoint,
-                convergence=curve,
-                progress=share,
+                news=document,
                 message=message,
             )
         )
         kept.add_done_callback(_seen)
 
-    async def _end(self, record: IdentificationRecord, state: str, message: str) -> None:
-        live = self._live.get(record.id, _Live())
-        await self._running.keep_end(
-            record.id,
-            state,
-            message,
-            lambda session: self._write_end(session, record, live, state, message),
-        )
-
-    def _write_result(
-        self, session: Session, record: IdentificationRecord, result: Document | Refusal
+    def _write_refusal(
+        self, session: Session, record: StudyRecord, refusal: Refusal, news: Document | None
     ) -> None:
-        live = self._live.get(record.id, _Live())
-        if not isinstance(result, Refusal):
-            self._write_end(session, record, live, "done", "", result)
-        elif result.loc == CHECKPOINT:
-            # It fits no longer, so it would stop every further try.
-            query.drop_checkpoint(session, record.id)
-            message = f"{result.message} Resume it to begin anew."
-            self._write_end(session, record, _Live(), "failed", message)
-        else:
-            self._write_end(session, record, live, "failed", result.message)
+        if refusal.loc != CHECKPOINT:
+            super()._write_refusal(session, record, refusal, news)
+            return
+        # It fits no longer, so it would stop every further try.
+        message = f"{refusal.message} Resume it to begin anew."
+        query.keep_checkpoint(
+            session, self.kind, record.id, checkpoint=None, news={}, message=message
+        )
+        self._write_end(session, record, "failed", message, None)
 
-    def _write_end(
-        self,
-        session: Session,
-        record: IdentificationRecord,
-        live: _Live,
-        state: str,
-        message: str,
-        result: Document | None = None,
-    ) -> None:
-        at = self._foundation.clock.now()
-        query.end_identification(
-            session,
-            record.id,
-            state,
-            at=at,
-            message=message,
-            convergence=live.convergence,
-            result=result,
-        )
-        add_event(
-            session,
-            at,
-            f"identification.{state}",
-            f"{record.id} of {record.robot} from {record.deployment} is {state}.",
-            level="warning" if state == "failed" else "info",
-            robot=record.robot,
-            data={"id": record.id, "message": message},
-        )
+
+def _accepted_already(identification: str, vehicle: str) -> str:
+    return f"{identification} was accepted already, as {vehicle}."
+
+
+def _summary(record: StudyRecord) -> IdentificationSummaryView:
+    curve = study_as(IdentificationNews, record).convergence
+    return study_as(
+        IdentificationSummaryView,
+        record,
+        method=record.asked["config"]["method"],
+        best_cost=curve[-1].cost if curve else None,
+    )
 
 
 def _seen(kept: "Future[None]") -> None:

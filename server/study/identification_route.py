@@ -5,20 +5,16 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Response
 from pydantic import AwareDatetime, Field
 
-from db.query.identifications import IdentificationRecord
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
 from server.station_dependency import StationDep, encoded
-from server.study.identification_view import (
+from server.study.view import (
     AcceptedVehicleView,
-    ActuatorOffsetView,
-    ConvergenceView,
-    IdentificationSummaryView,
     IdentificationsView,
     IdentificationView,
+    StudyStartedView,
 )
-from server.study.whatif_view import StudyStartedView
 
 router = APIRouter(prefix="/api", tags=["identification"], route_class=IdempotentRoute)
 
@@ -57,7 +53,7 @@ async def start_identification(
     identification, job = await station.identifications.start(
         robot, body.deployment, body.config, start=body.start, end=body.end, by=caller.name
     )
-    return StudyStartedView(identification, job)
+    return StudyStartedView(id=identification, job=job)
 
 
 @router.get("/robots/{robot}/identifications")
@@ -70,15 +66,15 @@ async def list_identifications(
 ) -> IdentificationsView:
     """Return the searches of a robot, the newest first, without their results."""
     del caller
-    records = await station.identifications.of_robot(robot, before, limit)
-    return IdentificationsView([_summary(record) for record in records])
+    found = await station.identifications.of_robot(robot, before, limit)
+    return IdentificationsView(identifications=found)
 
 
 @router.get("/identifications/{identification}", response_model=IdentificationView)
 async def get_identification(caller: Viewer, identification: str, station: StationDep) -> Response:
     """Return one search as it stands now; its convergence grows while it runs."""
     del caller
-    return encoded(_view(await station.identifications.get(identification)))
+    return encoded(await station.identifications.get(identification))
 
 
 @router.post("/identifications/{identification}/cancel", response_model=IdentificationView)
@@ -87,7 +83,7 @@ async def cancel_identification(
 ) -> Response:
     """Call a search off; the answer comes when it has stopped. It can be resumed."""
     del caller
-    return encoded(_view(await station.identifications.cancel(identification)))
+    return encoded(await station.identifications.cancel(identification))
 
 
 @router.post("/identifications/{identification}/resume", status_code=202)
@@ -96,7 +92,7 @@ async def resume_identification(
 ) -> StudyStartedView:
     """Let a search go on from its last checkpoint, also after a restart of the station."""
     found, job = await station.identifications.resume(identification, by=caller.name)
-    return StudyStartedView(found, job)
+    return StudyStartedView(id=found, job=job)
 
 
 @router.post("/identifications/{identification}/accept", status_code=201)
@@ -109,56 +105,6 @@ async def accept_identification(
     offered as a trim advice.
     """
     wish = body or AcceptRequest()
-    done = await station.identifications.accept(
+    return await station.identifications.accept(
         identification, key=wish.key, title=wish.title, by=caller.name
-    )
-    return AcceptedVehicleView(
-        vehicle=done.vehicle,
-        offsets=[
-            ActuatorOffsetView(one.name, one.unit, one.value, one.std, one.verdict)
-            for one in done.offsets
-        ],
-        trim_advice=None if done.advice is None else dict(done.advice),
-        trim_message=done.message,
-    )
-
-
-def _summary(record: IdentificationRecord) -> IdentificationSummaryView:
-    return IdentificationSummaryView(
-        id=record.id,
-        deployment=record.deployment,
-        state=record.state,
-        method=str(record.config["method"]),
-        progress=record.progress,
-        message=record.message,
-        best_cost=record.convergence[-1]["cost"] if record.convergence else None,
-        vehicle=record.accepted_vehicle,
-        job=record.job,
-        created_at=record.created_at,
-        created_by=record.created_by,
-    )
-
-
-def _view(record: IdentificationRecord) -> IdentificationView:
-    return IdentificationView(
-        id=record.id,
-        robot=record.robot,
-        deployment=record.deployment,
-        state=record.state,
-        base_vehicle=record.vehicle,
-        config=dict(record.config),
-        data_start_at=record.data_start_at,
-        data_end_at=record.data_end_at,
-        progress=record.progress,
-        message=record.message,
-        convergence=[
-            ConvergenceView(point["iteration"], point["cost"]) for point in record.convergence
-        ],
-        has_checkpoint=record.has_checkpoint,
-        result=None if record.result is None else dict(record.result),
-        vehicle=record.accepted_vehicle,
-        job=record.job,
-        created_at=record.created_at,
-        created_by=record.created_by,
-        ended_at=record.ended_at,
     )

@@ -2,7 +2,6 @@
 
 import time
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -13,12 +12,13 @@ from autonomy.identification.progress import (
     IdentificationError,
     Progress,
 )
+from autonomy.identification.result import IdentificationResult
 from autonomy.identification.run import identify
+from server.base.study import Refusal
 from server.study.task import (
     CHECKPOINT,
-    IdentificationNews,
     IdentificationProblem,
-    Refusal,
+    SearchNews,
 )
 
 CHECKPOINT_PERIOD_S = 2.0
@@ -27,13 +27,13 @@ CHECKPOINT_PERIOD_S = 2.0
 
 def run(
     task: IdentificationProblem,
-    report: Callable[[IdentificationNews], None],
+    report: Callable[[SearchNews], None],
     is_cancelled: Callable[[], bool],
-) -> dict[str, Any] | Refusal:
-    """Return what was found for JSON, or why there is nothing to find."""
+) -> IdentificationResult | Refusal:
+    """Return what was found, or why there is nothing to find."""
     try:
         problem = problem_from(task.vehicle, task.recording, task.config)
-        found = identify(
+        return identify(
             problem,
             task.config,
             np.random.default_rng(task.config.seed),
@@ -47,7 +47,6 @@ def run(
         return Refusal(_sentence(error), CHECKPOINT)
     except IdentificationError as error:
         return Refusal(_sentence(error))
-    return found.document()
 
 
 def _sentence(error: IdentificationError) -> str:
@@ -58,7 +57,7 @@ def _sentence(error: IdentificationError) -> str:
 class _Reporter:
     """Passes progress on, with a checkpoint every now and then."""
 
-    def __init__(self, report: Callable[[IdentificationNews], None]) -> None:
+    def __init__(self, report: Callable[[SearchNews], None]) -> None:
         self._report = report
         self._kept_s = -CHECKPOINT_PERIOD_S
 
@@ -68,7 +67,7 @@ class _Reporter:
         if is_due:
             self._kept_s = now_s
         self._report(
-            IdentificationNews(
+            SearchNews(
                 iteration=progress.iteration,
                 iterations=progress.iterations,
                 best_cost=progress.best_cost,

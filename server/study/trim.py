@@ -1,41 +1,33 @@
 """Trim advice: what the last dives say of a robot's ballast, accepted by a person in steps."""
 
-from dataclasses import dataclass
+from datetime import datetime
 
 from sqlalchemy.orm import Session
 
 from autonomy.identification.config import IdentificationConfig
 from autonomy.vehicle.config import Vehicle
-from autonomy.vehicle.trim import TrimConfig, trim_flaw
-from db.query import trim as query
+from autonomy.vehicle.trim import TrimAdvice, TrimConfig, trim_flaw
+from db.query import studies as query
 from db.query.events import add_event
 from db.query.robots import get_robot
-from db.query.trim import TrimAdviceRecord
+from db.query.studies import StudyRecord
 from server.access.foundation import Foundation
-from server.base.configuration import CurrentConfiguration
-from server.base.job import JobError, JobProgress
+from server.base.job import JobProgress
 from server.base.problem import Problem, conflict, not_found
-from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.base.study import Document, study_as, worked_out
+from server.base.vehicle_catalogue import vehicle_digest
+from server.base.worker import WorkerPool
 from server.fleet.fleet import Fleet
 from server.study.flight_recording import find_deployment, read_last_dives
-from server.study.task import ADVISE_TRIM, Document, Refusal, TrimProblem
-from server.study.trim_advice import advice_document, fits, for_vehicle, in_words
+from server.study.task import ADVISE_TRIM, TrimProblem
+from server.study.view import AdviceAsked, TrimAdviceView, TrimView
 from server.study.whatif import vehicle_of
 from server.vehicle.vehicles import Vehicles
 
-STEPS = {0.5: ("half_step", "half a trim step"), 1.0: ("full_step", "a whole trim step")}
-"""Shares of an advice that can be taken: their names in its document, and in words."""
+STEPS = {0.5: "half a trim step", 1.0: "a whole trim step"}
+"""Shares of an advice that can be taken, in words."""
+_KIND = "advice"
 _ON_THE_WAY = {"sent": "on its way", "on_board": "on board", "running": "running"}
-
-
-@dataclass(frozen=True, slots=True)
-class AcceptedTrim:
-    """The trim of a robot after someone took an advice."""
-
-    trim: TrimConfig
-    config_id: str
-    reaches_robot: str
-    """When the robot will have it, in words."""
 
 
 class TrimAdvices:
@@ -66,15 +58,25 @@ class TrimAdvices:
         flight = await read_last_dives(self._store, found, dives, rules)
         present = await self._foundation.configurations.current("trim", robot)
         problem = TrimProblem(vehicle, flight.recording(), present.value_as(TrimConfig), dives)
+        asked = AdviceAsked(
+            deployment=found.id,
+            trim_version=present.etag,
+            vehicle=vehicle.key,
+            vehicle_digest=vehicle_digest(vehicle),
+        )
 
         async def work(progress: JobProgress) -> Document:
             progress.report(0.0, "Holding the last dives against the model")
-            return await self._advise(robot, found.id, problem, present, by)
+            advice: TrimAdvice = await worked_out(self._workers, ADVISE_TRIM, problem)
+            kept = await self._store.write(
+                lambda session: self._keep(session, robot, asked, advice, by)
+            )
+            return kept.model_dump(mode="json")
 
         job = await self._foundation.jobs.start("trim advice", work, by=by)
         return job.id
 
-    async def accept(self, robot: str, advice: str, share: float, *, by: str) -> AcceptedTrim:
+    async def accept(self, robot: str, advice: str, share: float, *, by: str) -> TrimView:
         """Change a robot's trim by a share of an advice.
 
         Raises:
@@ -84,20 +86,21 @@ class TrimAdvices:
             StoreError: Nothing was changed.
         """
         vehicle = vehicle_of(robot, self._fleet, self._vehicles)
-        record = await self._store.query(lambda session: query.get_advice(session, advice))
+        record = _view(await self._store.query(lambda s: query.get_study(s, _KIND, advice)))
         if record.robot != robot:
             raise not_found(f"There is no {advice} for {robot}.")
         if record.accepted_by is not None:
             raise conflict(f"{record.accepted_by} accepted {advice} already; ask for a new one.")
-        step, name = STEPS[share]
-        wanted = TrimConfig.model_validate(record.document[step])
+        wanted, name = record.full_step if share == 1.0 else record.half_step, STEPS[share]
         _refuse_flaw(wanted, vehicle)
         at = self._foundation.clock.now()
 
         def also(session: Session) -> None:
-            if get_robot(session, robot).model != vehicle.key or not fits(record, vehicle):
+            model = get_robot(session, robot).model
+            if model != vehicle.key or record.vehicle_digest != vehicle_digest(vehicle):
                 raise conflict(_other_vehicle(record))
-            query.accept_advice(session, advice, share, at=at, by=by)
+            use = {"accepted_at": at.isoformat(), "accepted_by": by, "accepted_share": share}
+            query.use_study(session, _KIND, advice, use)
             text = f"{by} accepted {name} for {robot}: {in_words(wanted)}."
             data = {"advice": advice, "share": share, "trim": wanted.model_dump()}
             add_event(session, at, "trim.accepted", text, robot=robot, data=data)
@@ -115,41 +118,23 @@ class TrimAdvices:
             ) from problem
         if held.id is None:
             raise TypeError("a kept version has an id")
-        return AcceptedTrim(held.value_as(TrimConfig), held.id, self._reaches(robot))
+        trim = held.value_as(TrimConfig)
+        return TrimView(
+            config_id=held.id,
+            net_buoyancy_offset_kg=trim.net_buoyancy_offset_kg,
+            mass_position_offset_m=trim.mass_position_offset_m,
+            reaches_robot=self._reaches(robot),
+        )
 
-    async def _advise(
-        self,
-        robot: str,
-        deployment: str,
-        problem: TrimProblem,
-        present: CurrentConfiguration,
-        by: str,
-    ) -> Document:
-        try:
-            found = await self._workers.run(ADVISE_TRIM, problem)
-        except WORKER_FAILURES as error:
-            raise JobError(str(error)) from error
-        if isinstance(found, Refusal):
-            raise JobError(found.message)
+    def _keep(
+        self, session: Session, robot: str, asked: AdviceAsked, advice: TrimAdvice, by: str
+    ) -> TrimAdviceView:
         at = self._foundation.clock.now()
-
-        def write(session: Session) -> TrimAdviceRecord:
-            record = query.add_advice(
-                session,
-                robot,
-                deployment,
-                trim_version=present.etag,
-                document=for_vehicle(found, problem.vehicle),
-                at=at,
-                by=by,
-            )
-            text = f"{by} asked for trim advice for {robot}: {found['message']}"
-            data = {"advice": record.id, "deployment": deployment}
-            add_event(session, at, "trim.advised", text, robot=robot, data=data)
-            return record
-
-        record = await self._store.write(write)
-        return advice_document(record)
+        view = add_advice(session, robot, asked, advice, at=at, by=by)
+        text = f"{by} asked for trim advice for {robot}: {advice.message}"
+        data = {"advice": view.id, "deployment": asked.deployment}
+        add_event(session, at, "trim.advised", text, robot=robot, data=data)
+        return view
 
     def _reaches(self, robot: str) -> str:
         plan = self._fleet.status(robot).plan
@@ -172,9 +157,36 @@ def _refuse_flaw(trim: TrimConfig, vehicle: Vehicle) -> None:
         raise conflict(f"No plan could hold this: {flaw}. Mend the ballast first.")
 
 
-def _other_vehicle(record: TrimAdviceRecord) -> str:
-    vehicle = record.document.get("vehicle", "of another version of the station")
+def _other_vehicle(advice: TrimAdviceView) -> str:
+    vehicle = advice.vehicle or "of another version of the station"
     return (
-        f"{record.id} is for the vehicle {vehicle}, which {record.robot} is not now; change the "
+        f"{advice.id} is for the vehicle {vehicle}, which {advice.robot} is not now; change the "
         "robot's model, or ask for a new advice."
     )
+
+
+def add_advice(
+    session: Session, robot: str, asked: AdviceAsked, advice: TrimAdvice, *, at: datetime, by: str
+) -> TrimAdviceView:
+    """Keep an advice that nobody has taken yet."""
+    record = query.add_study(
+        session,
+        _KIND,
+        robot,
+        asked=asked.model_dump(mode="json"),
+        result=advice.model_dump(mode="json"),
+        at=at,
+        by=by,
+    )
+    return _view(record)
+
+
+def _view(record: StudyRecord) -> TrimAdviceView:
+    return study_as(TrimAdviceView, record, **(record.result or {}))
+
+
+def in_words(trim: TrimConfig) -> str:
+    """Say a trim as pilots do, in grams and millimetres."""
+    buoyancy_g = trim.net_buoyancy_offset_kg * 1e3
+    position_mm = trim.mass_position_offset_m * 1e3
+    return f"net buoyancy {buoyancy_g:+.1f} g, mass position {position_mm:+.1f} mm"

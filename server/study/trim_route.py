@@ -7,8 +7,8 @@ from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
 from server.station_dependency import StationDep
-from server.study.identification_view import AdviceJobView, TrimView
 from server.study.trim import STEPS
+from server.study.view import AdviceJobView, TrimView
 
 router = APIRouter(prefix="/api/robots/{robot}/trim", tags=["trim"], route_class=IdempotentRoute)
 
@@ -50,7 +50,7 @@ async def start_advice(
     """
     wish = body or AdviceRequest()
     job = await station.trim.start(robot, wish.deployment, wish.dives, by=caller.name)
-    return AdviceJobView(job)
+    return AdviceJobView(job=job)
 
 
 @router.post("/accept")
@@ -61,10 +61,4 @@ async def accept_advice(
 
     409 if the trim was changed since the advice, or the advice was accepted already.
     """
-    done = await station.trim.accept(robot, body.advice, body.share, by=caller.name)
-    return TrimView(
-        config_id=done.config_id,
-        net_buoyancy_offset_kg=done.trim.net_buoyancy_offset_kg,
-        mass_position_offset_m=done.trim.mass_position_offset_m,
-        reaches_robot=done.reaches_robot,
-    )
+    return await station.trim.accept(robot, body.advice, body.share, by=caller.name)

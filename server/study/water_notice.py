@@ -1,27 +1,27 @@
 """What is odd about a what-if run: its reference may not fit into the robot's water."""
 
-from typing import Any
-
 import numpy as np
 
 from autonomy.site import Site
+from autonomy.whatif.result import Track
 
 _ABOVE_SURFACE_M = 0.05
 """Higher than this is above the surface; a reference that ends there may overshoot a little."""
 
 
-def water_notices(reference: dict[str, Any], site: Site) -> list[str]:
+def water_notices(reference: Track, site: Site) -> list[str]:
     """Say where a reference leaves the water, one sentence each.
 
     A run is computed without walls and floor, and begins wherever the robot is; what is told of
     walls is what fits nowhere between them.
 
     Args:
-        reference: ``north_m``, ``east_m`` and ``depth_m`` of a comparison's document.
+        reference: Where the robot is to be.
         site: Where the robot is.
     """
     north_m, east_m, depth_m = (
-        np.array(reference[name], dtype=np.float64) for name in ("north_m", "east_m", "depth_m")
+        np.array(along, dtype=np.float64)
+        for along in (reference.north_m, reference.east_m, reference.depth_m)
     )
     water, place = site.water, f"{site.name} ({site.kind})"
     notices: list[str] = []

@@ -5,20 +5,12 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query, Response
 from pydantic import Field
 
-from db.query.whatifs import WhatIfRecord
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
-from server.station import Station
 from server.station_dependency import StationDep, encoded
-from server.study.water_notice import water_notices
+from server.study.view import StudyStartedView, WhatIfsView, WhatIfView
 from server.study.whatif import ControllerRequest
-from server.study.whatif_view import (
-    StudyStartedView,
-    WhatIfSummaryView,
-    WhatIfsView,
-    WhatIfView,
-)
 
 router = APIRouter(prefix="/api", tags=["what-if"], route_class=IdempotentRoute)
 
@@ -60,7 +52,7 @@ async def start_whatif(
     """
     requests = [ControllerRequest(one.kind, one.title, one.config) for one in body.controllers]
     whatif, job = await station.whatifs.start(robot, body.scenario, requests, by=caller.name)
-    return StudyStartedView(whatif, job)
+    return StudyStartedView(id=whatif, job=job)
 
 
 @router.get("/robots/{robot}/whatifs")
@@ -73,30 +65,14 @@ async def list_whatifs(
 ) -> WhatIfsView:
     """Return the runs of a robot, the newest first, without their results."""
     del caller
-    records = await station.whatifs.of_robot(robot, before, limit)
-    shown = station.whatifs.shown.id_of(robot)
-    return WhatIfsView(
-        [
-            WhatIfSummaryView(
-                id=record.id,
-                state=record.state,
-                title=record.title,
-                vehicle=record.vehicle,
-                shown=record.id == shown,
-                job=record.job,
-                created_at=record.created_at,
-                created_by=record.created_by,
-            )
-            for record in records
-        ]
-    )
+    return WhatIfsView(whatifs=await station.whatifs.of_robot(robot, before, limit))
 
 
 @router.get("/whatifs/{whatif}", response_model=WhatIfView)
 async def get_whatif(caller: Viewer, whatif: str, station: StationDep) -> Response:
     """Return one run with its result."""
     del caller
-    return encoded(_view(station, await station.whatifs.get(whatif)))
+    return encoded(await station.whatifs.get(whatif))
 
 
 @router.put("/robots/{robot}/whatif/shown")
@@ -110,24 +86,3 @@ async def show_whatif(
     del caller
     await station.whatifs.shown.show(robot, body.id)
     return ShownWhatIf(id=station.whatifs.shown.id_of(robot))
-
-
-def _view(station: Station, record: WhatIfRecord) -> WhatIfView:
-    site = station.fleet.status(record.robot).record.site
-    return WhatIfView(
-        id=record.id,
-        robot=record.robot,
-        state=record.state,
-        title=record.title,
-        vehicle=record.vehicle,
-        scenario=dict(record.scenario),
-        controllers=[dict(controller) for controller in record.controllers],
-        message=record.message,
-        notices=[] if record.result is None else water_notices(record.result["reference"], site),
-        result=None if record.result is None else dict(record.result),
-        shown=station.whatifs.shown.id_of(record.robot) == record.id,
-        job=record.job,
-        created_at=record.created_at,
-        created_by=record.created_by,
-        ended_at=record.ended_at,
-    )

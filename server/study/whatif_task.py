@@ -1,14 +1,14 @@
 """Tries controllers in one scenario on the same seeds."""
 
 from collections.abc import Callable
-from typing import Any
 
 from autonomy.control.feasibility import InfeasibleReferenceError
 from autonomy.whatif.check import UnfitControllerError, check_scenario
 from autonomy.whatif.comparison import TrialCancelledError, compare
-from autonomy.whatif.run import ControllerChoice
+from autonomy.whatif.result import ComparisonResult
 from autonomy.whatif.work import TooMuchWorkError
-from server.study.task import Refusal, WhatIfProblem
+from server.base.study import Refusal
+from server.study.task import WhatIfProblem
 
 POINTS_MAX = 400
 
@@ -22,7 +22,7 @@ def check(
     """
     del report, is_cancelled
     try:
-        check_scenario(problem.vehicle, problem.scenario, _choices(problem))
+        check_scenario(problem.vehicle, problem.scenario, problem.controllers)
     except InfeasibleReferenceError as error:
         return _refusal(error, "scenario", "reference")
     except TooMuchWorkError as error:
@@ -36,23 +36,19 @@ def run(
     problem: WhatIfProblem,
     report: Callable[[tuple[float, str]], None],
     is_cancelled: Callable[[], bool],
-) -> dict[str, Any] | Refusal:
-    """Return the comparison for JSON."""
+) -> ComparisonResult | Refusal:
+    """Return the comparison."""
     try:
         found = compare(
             problem.vehicle,
             problem.scenario,
-            _choices(problem),
+            problem.controllers,
             report=lambda share, message: report((share, message)),
             is_cancelled=is_cancelled,
         )
     except TrialCancelledError:
         return Refusal("The comparison was cancelled.")
-    return found.document(max_points=POINTS_MAX)
-
-
-def _choices(problem: WhatIfProblem) -> list[ControllerChoice]:
-    return [ControllerChoice(one.kind, one.title, one.config) for one in problem.controllers]
+    return found.result(max_points=POINTS_MAX)
 
 
 def _refusal(error: Exception, *loc: str | int) -> Refusal:

@@ -8,7 +8,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from types import MappingProxyType
-from typing import Any
 
 import numpy as np
 
@@ -23,6 +22,7 @@ from autonomy.identification.polynomial import (
 from autonomy.identification.unknown import parameter_title
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.parameter_file import (
+    VehicleDocument,
     VehicleFileError,
     vehicle_document,
     vehicle_from_document,
@@ -83,7 +83,7 @@ class FittedVehicle:
     """Root mean square of what the polynomial leaves, by column, in the column's unit."""
     kept: tuple[str, ...]
     """Coefficients that the table does not tell; the vehicle keeps its own."""
-    document: dict[str, Any]
+    document: VehicleDocument
     """The vehicle as `POST /api/vehicles` takes it."""
 
 

@@ -4,12 +4,12 @@ import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
-from typing import Any
 
 from fastapi import APIRouter, Request
 from pydantic import Field, ValidationError
 from starlette.datastructures import UploadFile
 
+from autonomy.vehicle.parameter_file import VehicleDocument
 from server.access.dependency import Pilot
 from server.base.body import Body
 from server.base.problem import FieldError, Problem, invalid, unprocessable
@@ -63,7 +63,7 @@ class CoefficientsView(View):
     """Root mean square of what the polynomial leaves, by column, in the column's unit."""
     kept: list[str]
     """Coefficients that the table does not tell."""
-    document: dict[str, Any]
+    document: VehicleDocument
     """The vehicle with them, as `POST /api/vehicles` takes it; nothing is kept yet."""
 
 

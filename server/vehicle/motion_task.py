@@ -11,7 +11,8 @@ from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.polar import polar
 from autonomy.vehicle.stability import stability
 from autonomy.vehicle.steady import NoSteadyGlideError, steady_glide
-from server.study.task import Refusal, SteadyProblem
+from server.base.study import Refusal
+from server.vehicle.task import SteadyProblem
 
 _TABLES = (
     "speed_m_s",

@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 from fastapi import APIRouter, Query, Response
 
-from autonomy.vehicle.parameter_file import vehicle_document
+from autonomy.vehicle.parameter_file import VehicleDocument, vehicle_document
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.vehicle_catalogue import CatalogueEntry
@@ -40,7 +40,7 @@ async def add_vehicle(caller: Pilot, document: dict[str, Any], station: StationD
 
 
 @router.get("/{key}")
-async def get_vehicle(caller: Viewer, key: str, station: StationDep) -> dict[str, Any]:
+async def get_vehicle(caller: Viewer, key: str, station: StationDep) -> VehicleDocument:
     """Return the parameter document of a vehicle: every number with its unit."""
     del caller
     return vehicle_document(station.vehicles.get(key).vehicle)

@@ -19,10 +19,11 @@ from db.query.vehicles import VehicleExistsError, VehicleRecord, add_vehicle, li
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.problem import FieldError, Problem, conflict, not_found, unprocessable
+from server.base.study import Refusal
 from server.base.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of, vehicle_digest
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.plan.task import CAPABILITY, CapabilityProblem
-from server.study.task import POLAR, STEADY, Refusal, SteadyProblem
+from server.vehicle.task import POLAR, STEADY, SteadyProblem
 
 ANSWERS_KEPT = 64
 """So many polars and capabilities stay in memory, the last asked for."""

@@ -13,8 +13,13 @@ from autonomy.control.governor_config import (
 from autonomy.control.integral_config import INTEGRAL_EXPERIMENT
 from autonomy.control.reference.governor import SentCommands, governor_inputs
 from autonomy.vehicle.config import MINIGLIDER
-from autonomy.whatif.config import TABLE_3_3_DIAGONAL, TABLE_3_3_FIGURE_EIGHT, DisturbanceConfig
-from autonomy.whatif.run import ControllerChoice, run_trial
+from autonomy.whatif.config import (
+    TABLE_3_3_DIAGONAL,
+    TABLE_3_3_FIGURE_EIGHT,
+    ControllerChoice,
+    DisturbanceConfig,
+)
+from autonomy.whatif.run import run_trial
 from tests.autonomy.test_control import PACKED, close, random_reference, random_state
 
 SLOW = DisturbanceConfig(

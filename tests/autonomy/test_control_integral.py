@@ -11,8 +11,13 @@ from autonomy.control.reference.integral import integral_inputs
 from autonomy.control.swimming_config import SwimmingConfig
 from autonomy.control.trajectory import Reference
 from autonomy.vehicle.config import MINIGLIDER
-from autonomy.whatif.config import TABLE_3_1_LINEAR, TABLE_3_3_DIAGONAL, TrialConfig
-from autonomy.whatif.run import ControllerChoice, run_trial
+from autonomy.whatif.config import (
+    TABLE_3_1_LINEAR,
+    TABLE_3_3_DIAGONAL,
+    ControllerChoice,
+    TrialConfig,
+)
+from autonomy.whatif.run import run_trial
 from tests.autonomy.test_control import PACKED, close, random_reference, random_state
 
 SEEDS = (1, 2)

@@ -10,8 +10,8 @@ from autonomy.control.catalogue import CONTROLLERS
 from autonomy.control.reference.swimming import amplitude_for, swimming_command
 from autonomy.control.swimming_config import SWIMMING_PRESETS, SwimmingConfig
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
-from autonomy.whatif.config import StartConfig, StraightConfig, TrialConfig
-from autonomy.whatif.run import ControllerChoice, run_trial
+from autonomy.whatif.config import ControllerChoice, StartConfig, StraightConfig, TrialConfig
+from autonomy.whatif.run import run_trial
 from tests.autonomy.test_control import PACKED, close, random_reference, random_state
 
 SWIM = TrialConfig(

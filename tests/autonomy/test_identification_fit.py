@@ -204,10 +204,10 @@ def test_resumed_identification_ends_exactly_as_an_uninterrupted_one(short_runs)
     problem = problem_from(wrong_by(0.15), short_runs, SMALL)
     states: list[str] = []
     whole = run(problem, SMALL, report=lambda now: states.append(json.dumps(now.state)))
-    document = json.dumps(whole.document(), allow_nan=False)
+    document = whole.model_dump_json()
     for place in (4, 12, 25):
         again = run(problem, SMALL, resume=json.loads(states[place]), threads=1)
-        assert json.dumps(again.document()) == document
+        assert again.model_dump_json() == document
 
 
 def test_cancelled_identification_hands_over_its_state(short_runs):
@@ -227,7 +227,7 @@ def test_checkpoint_of_another_recording_is_refused(short_runs):
 def test_document_carries_a_vehicle_that_can_be_read_again(short_runs):
     config = SMALL.model_copy(update={"method": "least_squares"})
     result = run(problem_from(wrong_by(0.05), short_runs, config), config)
-    document = json.loads(json.dumps(result.document(), allow_nan=False))
+    document = json.loads(json.dumps(result.model_dump(mode="json"), allow_nan=False))
     vehicle = vehicle_from_document(document["vehicle"])
     assert vehicle.parameters == result.vehicle.parameters
     assert vehicle.note.startswith("identified from 80 s")

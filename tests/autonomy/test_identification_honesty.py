@@ -95,7 +95,7 @@ def test_kick_between_two_reports_is_left_out():
     kicked = recording.attitude_rad.copy()
     kicked[(recording.time_s > 90.0) & (recording.time_s < 95.0), 1] += 0.3
     result = run(replace(recording, attitude_rad=kicked), LEAST_SQUARES)
-    reasons = [reason for reason in result.report.left_out if reason.kind == "unexplained"]
+    reasons = [reason for reason in result.left_out if reason.kind == "unexplained"]
     assert len(reasons) == 1
     assert reasons[0].start_s < 95.0
     assert reasons[0].end_s > 90.0
@@ -115,7 +115,7 @@ def test_model_that_does_not_explain_is_said():
 
 def test_offsets_come_with_the_result_and_the_vehicle():
     result = run(short_flights(0.0007), LEAST_SQUARES)
-    offsets = json.loads(json.dumps(result.document()))["offsets"]
+    offsets = json.loads(result.model_dump_json())["offsets"]
     assert offsets["net_buoyancy_offset_kg"] == pytest.approx(0.0007, abs=1e-4)
     assert offsets["net_buoyancy_std_kg"] < 1e-4
     assert "trim of +0.7" in result.vehicle.note

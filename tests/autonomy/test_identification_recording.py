@@ -199,4 +199,4 @@ def test_columns_of_different_length_are_refused():
 def test_reason_has_a_document():
     messy = with_column(recording(), "time_s", 50, recording().time_s[49])
     (reason,) = segments(messy).left_out
-    assert reason.document()["kind"] == "repeated"
+    assert reason.kind == "repeated"

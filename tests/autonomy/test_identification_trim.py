@@ -1,7 +1,5 @@
 """Trim advice finds how far a robot's feedback is off, with the right sign."""
 
-import json
-
 import numpy as np
 import pytest
 
@@ -107,7 +105,7 @@ def test_right_trim_is_left_alone():
 def test_threads_do_not_change_the_advice():
     recording = synthetic(0.0005, 0.0, runs=2)
     documents = [
-        json.dumps(advise(MINIGLIDER, recording, TrimConfig(), threads=threads).document())
+        advise(MINIGLIDER, recording, TrimConfig(), threads=threads).model_dump_json()
         for threads in (1, 2)
     ]
     assert documents[0] == documents[1]

@@ -17,11 +17,12 @@ from autonomy.whatif.config import (
     TABLE_3_1_SAWTOOTH,
     TABLE_3_3_DIAGONAL,
     TRIAL_PRESETS,
+    ControllerChoice,
     DisturbanceConfig,
     SensingConfig,
     TrialConfig,
 )
-from autonomy.whatif.run import ControllerChoice, run_trial
+from autonomy.whatif.run import run_trial
 
 GOLDEN = json.loads((Path(__file__).parent / "golden_vehicle.json").read_text())
 THESIS = {"prop": "backstepping", "bs": "baseline", "pid": "pid"}
@@ -170,7 +171,7 @@ def test_every_controller_runs_the_scenario_that_a_form_starts_with(key):
     comparison = compare(
         vehicle, config, choices, report=lambda share, _message: shares.append(share)
     )
-    document = comparison.document(50)
+    document = comparison.result(50).model_dump(mode="json")
     assert shares[-1] == 1.0
     assert len(document["time_s"]) == 50
     assert document["time_s"][-1] == pytest.approx(config.period_s * (config.periods - 1))
@@ -184,7 +185,7 @@ def test_controllers_are_compared_on_the_same_seeds_and_bands_hold_the_median():
     comparison = compare(MINIGLIDER, config, choices)
     first, second = comparison.results
     assert [one.seed for one in first.runs] == [one.seed for one in second.runs] == [1, 2, 3, 4, 5]
-    run = comparison.document()["runs"][0]
+    run = comparison.result().model_dump()["runs"][0]
     middle = np.array(run["errors"]["horizontal_m"])
     assert np.all(np.array(run["band"]["horizontal_m"]["low"]) <= middle)
     assert np.all(np.array(run["band"]["horizontal_m"]["high"]) >= middle)

@@ -11,10 +11,10 @@ from autonomy.whatif.comparison import compare
 from autonomy.whatif.config import (
     TABLE_3_1_LINEAR,
     TABLE_3_3_DIAGONAL,
+    ControllerChoice,
     DisturbanceConfig,
     TrialConfig,
 )
-from autonomy.whatif.run import ControllerChoice
 from autonomy.whatif.setting import packed_references, setting
 from autonomy.whatif.work import MOST_STEPS_TOGETHER, TooMuchWorkError, check_work, planned_steps
 

@@ -8,7 +8,6 @@ import pytest
 from sqlalchemy.exc import IntegrityError
 
 from db.fault import UnknownIdError
-from db.query.comparisons import ComparisonRecord, keep_comparison, list_comparisons
 from db.query.robots import add_robot
 from db.query.sample_places import sample_places
 from db.query.samples import count_received, sample_columns
@@ -19,6 +18,7 @@ from db.query.smoothing import (
     track_columns,
     unjudged_span,
 )
+from db.query.studies import get_arrays, get_study, list_studies, replace_study
 from robot_link.messages import RobotId
 from tests.db.conftest import START, report, robot_record, sample
 
@@ -124,10 +124,13 @@ def test_samples_that_came_after_a_moment_are_counted(store):
 
 
 def test_newest_comparison_takes_the_place_of_the_one_before(store):
-    first = ComparisonRecord("mini-1", "blue_light", START, {"samples": 3}, b"a")
-    newer = replace(first, at=at(60), document={"samples": 9}, grid=b"b")
-    for record in (first, newer):
-        write(store, lambda session, record=record: keep_comparison(session, record))
-    assert read(store, lambda session: list_comparisons(session, "mini-1")) == [newer]
+    asked = {"asked": {"variable": "blue_light"}, "at": START, "by": "ann"}
+    first = {**asked, "result": {"samples": 3}, "arrays": b"a"}
+    newer = {**asked, "result": {"samples": 5}, "arrays": b"b"}
+    for found in (first, newer):
+        write(store, lambda s, found=found: replace_study(s, "comparison", "mini-1", **found))
+    (kept,) = read(store, lambda s: list_studies(s, "comparison", "mini-1"))
+    assert read(store, lambda s: get_study(s, "comparison", kept.id)).result == {"samples": 5}
+    assert read(store, lambda s: get_arrays(s, "comparison", kept.id)) == b"b"
     with pytest.raises(UnknownIdError):
-        write(store, lambda session: keep_comparison(session, replace(first, robot="nobody")))
+        write(store, lambda s: replace_study(s, "comparison", "nobody", **first))

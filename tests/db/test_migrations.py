@@ -7,10 +7,12 @@ from sqlalchemy.dialects import postgresql
 from sqlalchemy.orm import Session
 from sqlalchemy.schema import CreateIndex, CreateTable
 
+from db.column import moment
 from db.engine import write_engine
 from db.ingest import append_telemetry
 from db.migrate import NewerSchemaError, configuration, migrate, schema_version
 from db.query.robots import add_robot, list_robots
+from db.query.studies import add_study, get_arrays, get_checkpoint, get_study, list_studies
 from db.query.telemetry import newest_state
 from db.query.vehicles import list_vehicles
 from db.store import Store
@@ -51,6 +53,86 @@ def test_a_database_of_the_first_version_keeps_its_rows(url):
         assert [robot.id for robot in list_robots(session)] == ["mini-1"]
         assert newest_state(session, "mini-1").position_ned[2] == 0.7
         assert list_vehicles(session) == []
+    engine.dispose()
+
+
+OLD_STUDIES = """
+INSERT INTO job (key, kind, state, progress, message, created_at, created_by)
+  VALUES (4, 'whatif', 'done', 1, '', 5, 'ann');
+INSERT INTO whatif (key, robot_key, job_key, state, title, vehicle, scenario, controllers, message,
+                    result, shown_from, created_at, created_by, ended_at)
+  VALUES (3, 1, 4, 'done', 'PID', 'miniglider', '{"runs": 2}', '[{"kind": "controller.pid"}]', '',
+          '{"seeds": [1]}', '{"origin_ned": [1, 2, 0]}', 5000000, 'ann', 6000000);
+INSERT INTO identification (key, robot_key, deployment_key, state, vehicle, vehicle_document,
+                            config, data_start_at, data_end_at, progress, message, convergence,
+                            checkpoint, accepted_vehicle, created_at, created_by, ended_at)
+  VALUES (2, 1, 1, 'cancelled', 'miniglider', '{"key": "miniglider"}', '{"particles": 4}',
+          1000000, 2000000, 0.5, 'Cancelled.', '[{"iteration": 1, "cost": 2.0}]', '{"x": [1]}',
+          'mini-b', 7000000, 'bob', 8000000);
+INSERT INTO trim_advice (key, robot_key, deployment_key, trim_version, document, created_at,
+                         created_by, accepted_at, accepted_by, accepted_share)
+  VALUES (6, 1, 1, '"config-1"', '{"dives": 3, "vehicle": "miniglider", "vehicle_digest": "d"}',
+          9000000, 'ann', 10000000, 'bob', 0.5);
+INSERT INTO map_comparison (robot_key, variable, at, document, grid)
+  VALUES (1, 'blue_light', 11000000, '{"samples": 9}', X'6162');
+"""
+
+
+def test_studies_of_a_database_of_before_keep_their_ids_and_all_that_is_in_them(url):
+    engine = write_engine(url)
+    with engine.begin() as connection:
+        command.upgrade(configuration(connection), "0007")
+        with Session(connection) as session:
+            add_robot(session, robot_record())
+            session.commit()
+        for statement in OLD_STUDIES.split(";\n")[:-1]:
+            connection.exec_driver_sql(statement)
+    migrate(engine)
+    with Session(engine) as session:
+        whatif = get_study(session, "whatif", "whatif-3")
+        assert (whatif.robot, whatif.job, whatif.state) == ("mini-1", "job-4", "done")
+        assert whatif.asked == {
+            "title": "PID",
+            "vehicle": "miniglider",
+            "scenario": {"runs": 2},
+            "controllers": [{"kind": "controller.pid"}],
+        }
+        assert (whatif.result, whatif.use) == ({"seeds": [1]}, {"origin_ned": [1, 2, 0]})
+        assert (whatif.created_at, whatif.ended_at) == (moment(5_000_000), moment(6_000_000))
+
+        search = get_study(session, "identification", "identification-2")
+        assert (search.state, search.message, search.created_by) == (
+            "cancelled",
+            "Cancelled.",
+            "bob",
+        )
+        assert search.asked["deployment"] == "deployment-1"
+        assert search.asked["vehicle_document"] == {"key": "miniglider"}
+        assert search.asked["data_end_at"] == "1970-01-01T00:00:02+00:00"
+        assert search.news == {"progress": 0.5, "convergence": [{"iteration": 1, "cost": 2.0}]}
+        assert (search.use, search.result) == ({"vehicle": "mini-b"}, None)
+        assert search.has_checkpoint
+        assert get_checkpoint(session, "identification", search.id) == {"x": [1]}
+
+        advice = get_study(session, "advice", "advice-6")
+        assert (advice.state, advice.result) == ("done", {"dives": 3})
+        assert (advice.asked["trim_version"], advice.asked["vehicle"]) == (
+            '"config-1"',
+            "miniglider",
+        )
+        assert advice.use is not None
+        assert (advice.use["accepted_by"], advice.use["accepted_share"]) == ("bob", 0.5)
+
+        (comparison,) = list_studies(session, "comparison", "mini-1")
+        assert (comparison.asked, comparison.created_at) == (
+            {"variable": "blue_light"},
+            moment(11_000_000),
+        )
+        assert get_arrays(session, "comparison", comparison.id) == b"ab"
+        assert (
+            add_study(session, "whatif", "mini-1", asked={}, at=moment(0), by="ann").id
+            == "whatif-4"
+        )
     engine.dispose()
 
 

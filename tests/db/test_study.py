@@ -6,39 +6,29 @@ import pytest
 from db.column import moment
 from db.fault import UnknownIdError
 from db.query.deployments import list_deployments
-from db.query.identifications import (
-    AcceptedAlreadyError,
-    accept_identification,
-    add_identification,
-    end_identification,
-    get_checkpoint,
-    get_identification,
-    interrupt_identifications,
-    keep_checkpoint,
-    list_identifications,
-    reopen_identification,
-    set_identification_job,
-)
 from db.query.jobs import add_job
 from db.query.robots import add_robot
 from db.query.state_columns import begin_of_last_dives, state_columns
-from db.query.trim import accept_advice, add_advice, get_advice
+from db.query.studies import (
+    add_study,
+    end_study,
+    get_checkpoint,
+    get_study,
+    interrupt_studies,
+    keep_checkpoint,
+    list_studies,
+    reopen_study,
+    set_job,
+    use_only_study,
+    use_study,
+    used_studies,
+)
 from db.query.vehicles import (
     VehicleExistsError,
     VehicleRecord,
     add_vehicle,
     get_vehicle,
     list_vehicles,
-)
-from db.query.whatifs import (
-    add_whatif,
-    end_whatif,
-    get_whatif,
-    interrupt_whatifs,
-    list_whatifs,
-    set_whatif_job,
-    show_whatif,
-    shown_whatifs,
 )
 from tests.db.conftest import START, report, robot_record
 
@@ -58,20 +48,14 @@ def vehicle(key="mine"):
     return VehicleRecord(key, "Mine", "", "file", {"key": key}, START, "ann")
 
 
+def run(session, robot="mini-1"):
+    return add_study(session, "whatif", robot, asked=WHATIF, at=START, by="ann").id
+
+
 def begun(session, by="ann"):
     (deployment,) = list_deployments(session)
-    return add_identification(
-        session,
-        "mini-1",
-        deployment.id,
-        vehicle="miniglider",
-        vehicle_document={"key": "miniglider"},
-        config={"particles": 4},
-        data_start_at=START,
-        data_end_at=START,
-        at=START,
-        by=by,
-    ).id
+    asked = {"deployment": deployment.id, "base_vehicle": "miniglider"}
+    return add_study(session, "identification", "mini-1", asked=asked, at=START, by=by).id
 
 
 def test_a_vehicle_is_kept_once(store):
@@ -83,118 +67,92 @@ def test_a_vehicle_is_kept_once(store):
 
 
 def test_a_whatif_lists_without_its_result_and_is_read_with_it(store):
-    made = write(store, lambda s: add_whatif(s, "mini-1", at=START, by="ann", **WHATIF))
+    made = write(store, run)
     job = write(store, lambda s: add_job(s, "whatif", at=START, by="ann"))
-    write(store, lambda s: set_whatif_job(s, made.id, job.id))
-    write(store, lambda s: end_whatif(s, made.id, "done", at=START, message="", result={"a": 1}))
-    (listed,) = read(store, lambda s: list_whatifs(s, "mini-1"))
+    write(store, lambda s: set_job(s, "whatif", made, job.id))
+    end = {"at": START, "message": "", "result": {"a": 1}}
+    write(store, lambda s: end_study(s, "whatif", made, "done", **end))
+    (listed,) = read(store, lambda s: list_studies(s, "whatif", "mini-1"))
     assert (listed.state, listed.job, listed.result) == ("done", job.id, None)
-    assert read(store, lambda s: get_whatif(s, made.id)).result == {"a": 1}
-    assert read(store, lambda s: list_whatifs(s, "mini-1", before=made.id)) == []
+    found = read(store, lambda s: get_study(s, "whatif", made))
+    assert (found.result, found.asked) == ({"a": 1}, WHATIF)
+    assert read(store, lambda s: list_studies(s, "whatif", "mini-1", before=made)) == []
 
 
 def test_at_most_one_whatif_of_a_robot_is_shown(store):
-    ids = [
-        write(store, lambda s: add_whatif(s, "mini-1", at=START, by="ann", **WHATIF)).id
-        for _ in range(2)
-    ]
-    for whatif in ids:
-        write(store, lambda s, whatif=whatif: show_whatif(s, "mini-1", whatif, (1.0, 2.0, 0.0)))
-    (shown,) = read(store, shown_whatifs)
-    assert (shown.id, shown.shown_from) == (ids[1], (1.0, 2.0, 0.0))
-    write(store, lambda s: show_whatif(s, "mini-1", None, None))
-    assert read(store, shown_whatifs) == []
+    ids = [write(store, run) for _ in range(2)]
+    use = {"origin_ned": [1.0, 2.0, 0.0]}
+    for made in ids:
+        write(store, lambda s, made=made: use_only_study(s, "whatif", "mini-1", made, use))
+    (shown,) = read(store, lambda s: used_studies(s, "whatif"))
+    assert (shown.id, shown.use) == (ids[1], use)
+    write(store, lambda s: use_only_study(s, "whatif", "mini-1", None, None))
+    assert read(store, lambda s: used_studies(s, "whatif")) == []
 
 
 def test_a_whatif_of_another_robot_is_not_shown(store):
     write(store, lambda s: add_robot(s, robot_record("grace-1", 2)))
-    made = write(store, lambda s: add_whatif(s, "mini-1", at=START, by="ann", **WHATIF))
+    made = write(store, run)
     with pytest.raises(UnknownIdError):
-        write(store, lambda s: show_whatif(s, "grace-1", made.id, (0.0, 0.0, 0.0)))
+        write(store, lambda s: use_only_study(s, "whatif", "grace-1", made, {}))
+
+
+def test_each_kind_of_study_counts_for_itself(store):
+    ids = [write(store, add) for add in (run, begun, run, begun)]
+    assert ids == ["whatif-1", "identification-1", "whatif-2", "identification-2"]
 
 
 def test_studies_left_behind_are_interrupted(store):
-    whatif = write(store, lambda s: add_whatif(s, "mini-1", at=START, by="ann", **WHATIF)).id
+    whatif = write(store, run)
     search = write(store, begun)
-    write(store, lambda s: interrupt_whatifs(s, START, "stopped"))
-    assert write(store, lambda s: interrupt_identifications(s, START, "stopped")) == [search]
-    assert read(store, lambda s: get_whatif(s, whatif)).state == "interrupted"
-    assert read(store, lambda s: get_identification(s, search)).state == "interrupted"
-    assert write(store, lambda s: interrupt_identifications(s, START, "stopped")) == []
+    write(store, lambda s: interrupt_studies(s, "whatif", START, "stopped"))
+    assert read(store, lambda s: get_study(s, "identification", search)).state == "running"
+    write(store, lambda s: interrupt_studies(s, "identification", START, "stopped"))
+    assert read(store, lambda s: get_study(s, "whatif", whatif)).state == "interrupted"
+    ended = read(store, lambda s: get_study(s, "identification", search))
+    assert (ended.state, ended.message) == ("interrupted", "stopped")
+    write(store, lambda s: interrupt_studies(s, "identification", START, "again"))
+    assert read(store, lambda s: get_study(s, "identification", search)).message == "stopped"
 
 
 def test_a_checkpoint_holds_until_there_is_a_result(store):
-    search = write(store, begun)
-    assert not read(store, lambda s: get_identification(s, search)).has_checkpoint
-    curve = [{"iteration": 1, "cost": 2.0}]
-    write(
-        store,
-        lambda s: keep_checkpoint(
-            s, search, checkpoint={"x": [1.0]}, convergence=curve, progress=0.5, message="half"
-        ),
-    )
-    found = read(store, lambda s: get_identification(s, search))
-    assert (found.has_checkpoint, found.convergence, found.progress) == (True, curve, 0.5)
-    assert read(store, lambda s: get_checkpoint(s, search)) == {"x": [1.0]}
-    write(
-        store,
-        lambda s: end_identification(
-            s, search, "done", at=START, message="", convergence=curve, result={"r": 1}
-        ),
-    )
-    ended = read(store, lambda s: get_identification(s, search))
-    assert (ended.has_checkpoint, ended.progress, ended.result) == (False, 1.0, {"r": 1})
-    assert read(store, lambda s: list_identifications(s, "mini-1"))[0].result is None
+    search, kind = write(store, begun), "identification"
+    assert not read(store, lambda s: get_study(s, kind, search)).has_checkpoint
+    half = {"progress": 0.5, "convergence": [{"iteration": 1, "cost": 2.0}]}
+    kept = {"checkpoint": {"x": [1.0]}, "news": half, "message": "half"}
+    write(store, lambda s: keep_checkpoint(s, kind, search, **kept))
+    found = read(store, lambda s: get_study(s, kind, search))
+    assert (found.has_checkpoint, found.news) == (True, half)
+    assert read(store, lambda s: get_checkpoint(s, kind, search)) == {"x": [1.0]}
+    whole = {**half, "progress": 1.0}
+    end = {"at": START, "message": "", "news": whole, "result": {"r": 1}}
+    write(store, lambda s: end_study(s, kind, search, "done", **end))
+    ended = read(store, lambda s: get_study(s, kind, search))
+    assert (ended.has_checkpoint, ended.news, ended.result) == (False, whole, {"r": 1})
+    assert read(store, lambda s: list_studies(s, kind, "mini-1"))[0].result is None
 
 
 def test_a_search_that_goes_on_is_running_again(store):
-    search = write(store, begun)
-    write(store, lambda s: interrupt_identifications(s, START, "stopped"))
-    job = write(store, lambda s: add_job(s, "identification", at=START, by="ann"))
-    assert write(store, lambda s: reopen_identification(s, search))
-    assert not write(store, lambda s: reopen_identification(s, search))
-    write(store, lambda s: set_identification_job(s, search, job.id))
-    write(store, lambda s: accept_identification(s, search, "mini-b"))
-    found = read(store, lambda s: get_identification(s, search))
+    search, kind = write(store, begun), "identification"
+    write(store, lambda s: interrupt_studies(s, kind, START, "stopped"))
+    job = write(store, lambda s: add_job(s, kind, at=START, by="ann"))
+    assert write(store, lambda s: reopen_study(s, kind, search))
+    assert not write(store, lambda s: reopen_study(s, kind, search))
+    write(store, lambda s: set_job(s, kind, search, job.id))
+    write(store, lambda s: use_study(s, kind, search, {"vehicle": "mini-b"}))
+    found = read(store, lambda s: get_study(s, kind, search))
     assert (found.state, found.job, found.ended_at) == ("running", job.id, None)
-    assert found.accepted_vehicle == "mini-b"
-    with pytest.raises(AcceptedAlreadyError, match="as mini-b"):
-        write(store, lambda s: accept_identification(s, search, "mini-c"))
+    assert found.use == {"vehicle": "mini-b"}
 
 
 @pytest.mark.parametrize("identity", ["identification-9", "whatif-1", "identification-x"])
 def test_an_unknown_search_is_named(store, identity):
+    kind = "identification"
     with pytest.raises(UnknownIdError, match=identity):
-        read(store, lambda s: get_identification(s, identity))
+        read(store, lambda s: get_study(s, kind, identity))
+    nothing = {"checkpoint": {}, "news": {}, "message": ""}
     with pytest.raises(UnknownIdError, match=identity):
-        write(
-            store,
-            lambda s: keep_checkpoint(
-                s, identity, checkpoint={}, convergence=[], progress=0.0, message=""
-            ),
-        )
-
-
-def test_an_advice_remembers_who_took_it(store):
-    def add(session):
-        (deployment,) = list_deployments(session)
-        return add_advice(
-            session,
-            "mini-1",
-            deployment.id,
-            trim_version='"config-1"',
-            document={"dives": 3},
-            at=START,
-            by="ann",
-        )
-
-    advice = write(store, add)
-    assert advice.accepted_by is None
-    write(store, lambda s: accept_advice(s, advice.id, 0.5, at=START, by="bob"))
-    taken = read(store, lambda s: get_advice(s, advice.id))
-    assert (taken.accepted_by, taken.accepted_share, taken.robot) == ("bob", 0.5, "mini-1")
-    with pytest.raises(UnknownIdError):
-        read(store, lambda s: get_advice(s, "advice-9"))
+        write(store, lambda s: keep_checkpoint(s, kind, identity, **nothing))
 
 
 def test_reports_come_as_arrays_in_order_with_both_ends(store):

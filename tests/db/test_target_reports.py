@@ -112,7 +112,7 @@ def test_a_database_of_the_version_before_keeps_its_rows_and_takes_reports(url):
             session.commit()
     migrate(engine)
     with Session(engine) as session:
-        assert schema_version(session.connection()) == "0007"
+        assert schema_version(session.connection()) == "0008"
         assert newest_state(session, "mini-1").position_ned[2] == 0.7
         append_telemetry(session, [target_report(3)])
         session.commit()

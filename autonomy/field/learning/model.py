@@ -8,6 +8,7 @@ import numpy as np
 from autonomy.arrays import FloatArray, IntArray
 from autonomy.field.config import FieldConfig, KernelParameters
 from autonomy.field.fidelity import fidelity_level
+from autonomy.field.learned import LearnedConfig
 from autonomy.field.learning.level import learn, learn_levels
 from autonomy.field.learning.search import IsCancelled, Report
 from autonomy.field.learning.start import starting_kernels
@@ -28,23 +29,6 @@ _NOISE_ROUNDS = 3
 _LEAST_GAIN = 1e-3
 """Nats by which learned kernels must be more likely to be taken."""
 _SMALLEST_NOISE = 1e-12
-
-
-@dataclass(frozen=True, slots=True)
-class LearnedConfig:
-    """Outcome of learning the kernels of a field model."""
-
-    config: FieldConfig
-    """The settings with the learned kernels and mean, or those given if nothing was better."""
-    before_nll: float | None
-    """Negative log likelihood of the samples before; none where there was nothing to compare."""
-    after_nll: float | None
-    """Negative log likelihood of the same samples after."""
-    is_changed: bool
-    message: str
-    """What was learned or why nothing was, for a person."""
-    kernels: tuple[str, ...]
-    """A sentence for each kernel."""
 
 
 def learn_config(
@@ -322,11 +306,25 @@ def _judged(
             f"The negative log likelihood of {len(work.samples)} samples went from {before:.1f} "
             f"to {after:.1f}."
         )
-        return LearnedConfig(valid, before, after, True, message, kernels)
+        return LearnedConfig(
+            config=valid,
+            before_nll=before,
+            after_nll=after,
+            is_changed=True,
+            message=message,
+            kernels=list(kernels),
+        )
     message = "The present kernels explain the samples as well as any that were found."
     if floored != config:
         message = "The present kernels stay, but for a noise that was below its floor."
-    return LearnedConfig(floored, before, floored_nll, floored != config, message, ())
+    return LearnedConfig(
+        config=floored,
+        before_nll=before,
+        after_nll=floored_nll,
+        is_changed=floored != config,
+        message=message,
+        kernels=[],
+    )
 
 
 def _floored(config: FieldConfig, floor: float) -> FieldConfig:
@@ -341,7 +339,14 @@ def _floored(config: FieldConfig, floor: float) -> FieldConfig:
 
 
 def _kept(config: FieldConfig, message: str) -> LearnedConfig:
-    return LearnedConfig(config, None, None, is_changed=False, message=message, kernels=())
+    return LearnedConfig(
+        config=config,
+        before_nll=None,
+        after_nll=None,
+        is_changed=False,
+        message=message,
+        kernels=[],
+    )
 
 
 def _fact(name: str, kernel: KernelParameters, samples: int, message: str) -> str:

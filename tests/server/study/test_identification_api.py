@@ -13,12 +13,13 @@ from autonomy.identification.config import IdentificationConfig, NoiseLevels
 from autonomy.identification.recording import Recording
 from autonomy.vehicle.config import MINIGLIDER
 from db.fault import StoreUnavailableError
-from db.query import identifications as query
+from db.query import studies as query
 from db.tables import Deployment
 from robot_link.messages import RobotMode
 from server.access.role import Role
+from server.base.study import Refusal
 from server.study import flight_recording, identification_task
-from server.study.task import IdentificationProblem, Refusal
+from server.study.task import IdentificationProblem
 from tests.autonomy.identification_flight import open_loop_recording
 from tests.server.conftest import MINI, api_client, open_station, until
 from tests.server.fake_link import state_report
@@ -187,7 +188,7 @@ async def test_a_search_that_was_killed_with_the_station_is_interrupted(tmp_path
         begun = await start(pilot, await deployed(station, recording), SLOW)
         await checkpointed(pilot, begun)
         # Nobody notes how it ended: so it looks in the database after SIGKILL.
-        station.identifications._running.keep_end = _keep_nothing
+        station.identifications._end = _keep_nothing
     async with open_station(tmp_path, world) as station, api_client(station, Role.PILOT) as pilot:
         found = await get(pilot, begun)
         assert (found["state"], found["has_checkpoint"]) == ("interrupted", True)
@@ -195,8 +196,8 @@ async def test_a_search_that_was_killed_with_the_station_is_interrupted(tmp_path
         assert (await pilot.get(f"/api/jobs/{begun['job']}")).json()["state"] != "running"
 
 
-async def _keep_nothing(study, state, message, write):
-    del study, state, message, write
+async def _keep_nothing(record, state, message):
+    del record, state, message
 
 
 async def test_a_search_converges_while_it_is_watched(client, station, recording):

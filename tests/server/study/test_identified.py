@@ -1,23 +1,28 @@
 """Offsets of actuators that an identification found: named, offered as a trim, accepted."""
 
 import asyncio
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from autonomy.identification.config import NoiseLevels
+from autonomy.identification.result import IdentificationResult, ParameterEstimate
 from autonomy.vehicle.config import GRACE3, MINIGLIDER
 from autonomy.vehicle.trim import TrimConfig
-from server.study.identified import ActuatorOffset, note_of, offered_trim, offsets_of
+from server.study.identified import note_of, offered_trim, offsets_of
+from server.study.view import ActuatorOffsetView
 from tests.autonomy.identification_flight import open_loop_recording
 from tests.server.study.test_identification_api import QUICK, deployed, ended, start
 
 pytestmark = pytest.mark.usefixtures("in_threads")
 
 BIAS_KG = 0.003
-BUOYANCY = ActuatorOffset("net_buoyancy_offset_kg", "kg", 0.004, 0.0002, "identified")
-POSITION = ActuatorOffset("mass_position_offset_m", "m", 0.001, None, "not identifiable")
+BUOYANCY = ActuatorOffsetView(
+    name="net_buoyancy_offset_kg", unit="kg", value=0.004, std=0.0002, verdict="identified"
+)
+POSITION = ActuatorOffsetView(
+    name="mass_position_offset_m", unit="m", value=0.001, std=None, verdict="not identifiable"
+)
 
 
 @pytest.fixture(scope="module")
@@ -81,14 +86,14 @@ async def test_a_search_that_two_accept_at_once_becomes_one_vehicle(client, sear
 def test_an_offset_that_the_data_do_not_tell_stays_as_the_robot_has_it():
     present = TrimConfig(mass_position_offset_m=0.002)
     offered = offered_trim("identification-1", [BUOYANCY, POSITION], present, MINIGLIDER)
-    assert offered.document is not None
-    assert offered.document["full_step"] == {
+    assert offered.advice is not None
+    assert offered.advice.full_step.model_dump() == {
         "net_buoyancy_offset_kg": 0.004,
         "mass_position_offset_m": 0.002,
     }
-    assert offered.document["half_step"]["net_buoyancy_offset_kg"] == 0.002
-    assert offered.document["mass_position_std_m"] is None
-    assert offered.document["is_worth_it"]
+    assert offered.advice.half_step.net_buoyancy_offset_kg == 0.002
+    assert offered.advice.mass_position_std_m is None
+    assert offered.advice.is_worth_it
     assert "net buoyancy +4.00 g (±0.20)" in offered.message
     assert "mass position" not in offered.message
 
@@ -96,27 +101,27 @@ def test_an_offset_that_the_data_do_not_tell_stays_as_the_robot_has_it():
 def test_a_small_offset_is_not_worth_a_change_of_trim():
     present = TrimConfig(net_buoyancy_offset_kg=0.0038)
     offered = offered_trim("identification-1", [BUOYANCY], present, MINIGLIDER)
-    assert offered.document is not None
-    assert not offered.document["is_worth_it"]
+    assert offered.advice is not None
+    assert not offered.advice.is_worth_it
 
 
 @pytest.mark.parametrize(
     ("offset", "reason"),
     [
         (POSITION, "does not tell offsets"),
-        (replace(BUOYANCY, value=0.02), "beyond 30% of the actuator's travel"),
-        (replace(BUOYANCY, value=0.5), "beyond what a trim can hold"),
+        (BUOYANCY.model_copy(update={"value": 0.02}), "beyond 30% of the actuator's travel"),
+        (BUOYANCY.model_copy(update={"value": 0.5}), "beyond what a trim can hold"),
     ],
 )
 def test_a_trim_that_could_not_be_held_is_not_offered(offset, reason):
     offered = offered_trim("identification-1", [offset], TrimConfig(), MINIGLIDER)
-    assert offered.document is None
+    assert offered.advice is None
     assert reason in offered.message
 
 
 def test_travel_decides_whether_a_trim_is_offered():
-    heavy = replace(BUOYANCY, value=0.02)
-    assert offered_trim("identification-1", [heavy], TrimConfig(), GRACE3).document is not None
+    heavy = BUOYANCY.model_copy(update={"value": 0.02})
+    assert offered_trim("identification-1", [heavy], TrimConfig(), GRACE3).advice is not None
 
 
 def test_a_vehicle_s_note_names_what_was_found_with_it():
@@ -129,6 +134,7 @@ def test_a_vehicle_s_note_names_what_was_found_with_it():
 
 
 def test_offsets_that_were_not_sought_are_none():
-    fixed = {"name": "mass_position_offset_m", "unit": "m", "after": 0.0, "std": None}
-    drag = {**fixed, "name": "drag_0", "verdict": "identified"}
-    assert offsets_of({"parameters": [{**fixed, "verdict": "fixed"}, drag]}) == []
+    values = {"unit": "m", "before": 0.0, "after": 0.0, "std": None, "title": "", "reason": ""}
+    offset = ParameterEstimate(name="mass_position_offset_m", verdict="fixed", **values)
+    drag = ParameterEstimate(name="drag_0", verdict="identified", **values)
+    assert offsets_of(IdentificationResult.model_construct(parameters=[offset, drag])) == []

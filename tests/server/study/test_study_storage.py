@@ -6,8 +6,8 @@ from datetime import timedelta
 import pytest
 
 from db.fault import StoreUnavailableError
-from db.query import identifications, whatifs
-from server.study import study
+from db.query import studies
+from server.base import study
 from tests.server.conftest import MINI, until
 from tests.server.fake_link import state_report
 from tests.server.study import test_identification_api as searches
@@ -34,7 +34,7 @@ async def test_a_run_whose_row_does_not_learn_its_job_is_begun_once_and_knows_it
     client, monkeypatch
 ):
     with monkeypatch.context() as broken:
-        broken.setattr(whatifs, "set_whatif_job", failing)
+        broken.setattr(studies, "set_job", failing)
         begun = await runs.start(client, runs.LONG)
         assert (await client.get(f"/api/whatifs/{begun['id']}")).json()["job"] == begun["job"]
         (listed,) = (await client.get("/api/robots/mini-1/whatifs")).json()["whatifs"]
@@ -48,7 +48,7 @@ async def test_a_search_whose_row_does_not_learn_its_job_can_be_called_off(
     client, station, recording, monkeypatch
 ):
     body = await searches.deployed(station, recording)
-    monkeypatch.setattr(identifications, "set_identification_job", failing)
+    monkeypatch.setattr(studies, "set_job", failing)
     begun = await searches.start(client, body, searches.SLOW)
     assert (await searches.get(client, begun))["job"] == begun["job"]
     monkeypatch.undo()
@@ -61,16 +61,18 @@ async def test_a_run_that_was_called_off_while_nothing_could_be_kept_is_cancelle
 ):
     begun = await runs.start(client, runs.LONG)
     with monkeypatch.context() as broken:
-        broken.setattr(whatifs, "end_whatif", failing)
+        broken.setattr(studies, "end_study", failing)
         await client.delete(f"/api/jobs/{begun['job']}")
         found = (await client.get(f"/api/whatifs/{begun['id']}")).json()
         assert (found["state"], found["message"]) == ("cancelled", "Cancelled.")
-        stored = await station.foundation.store.query(lambda s: whatifs.get_whatif(s, begun["id"]))
+        stored = await station.foundation.store.query(
+            lambda s: studies.get_study(s, "whatif", begun["id"])
+        )
         assert stored.state == "running"
 
     async def is_kept():
         return await station.foundation.store.query(
-            lambda s: whatifs.get_whatif(s, begun["id"]).state == "cancelled"
+            lambda s: studies.get_study(s, "whatif", begun["id"]).state == "cancelled"
         )
 
     await until(is_kept)
@@ -87,7 +89,7 @@ async def test_a_search_that_was_called_off_while_nothing_could_be_kept_goes_on_
     await searches.checkpointed(client, begun)
     path = f"/api/identifications/{begun['id']}"
     with monkeypatch.context() as broken:
-        broken.setattr(identifications, "end_identification", failing)
+        broken.setattr(studies, "end_study", failing)
         assert (await client.post(f"{path}/cancel")).json()["state"] == "cancelled"
         again = await client.post(f"{path}/cancel")
         assert "is cancelled already" in again.json()["detail"]

@@ -9,11 +9,11 @@ from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_document
 from autonomy.vehicle.trim import TrimConfig
 from db.fault import StoreUnavailableError
-from db.query import trim as query
+from db.query import studies as query
 from db.query.state_columns import state_columns
 from server.access.role import Role
 from server.study import flight_recording, trim
-from server.study.trim_advice import in_words
+from server.study.trim import in_words
 from tests.autonomy.identification_flight import open_loop_recording
 from tests.server.conftest import api_client, until
 from tests.server.study.test_identification_api import BEGIN, deployed
@@ -149,7 +149,7 @@ async def test_an_acceptance_that_cannot_be_kept_changes_nothing(client, advice,
         raise StoreUnavailableError("The disk is full.")
 
     with monkeypatch.context() as broken:
-        broken.setattr(query, "accept_advice", failing)
+        broken.setattr(query, "use_study", failing)
         refused = await client.post(ACCEPT, json={"advice": advice["id"]})
     assert refused.status_code == 503
     assert (await trim_of(client))["id"] is None

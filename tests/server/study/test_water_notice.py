@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from autonomy.site import LAKE, TANK
+from autonomy.whatif.result import Track
 from server.study.water_notice import water_notices
 from tests.server.study.test_whatif_api import SHORT, ended, start
 
@@ -14,7 +15,8 @@ def reference(north_m=0.0, east_m=0.0, depth_m=0.0):
     """From the origin straight to a point."""
     share = np.linspace(0.0, 1.0, 5)
     ends = {"north_m": north_m, "east_m": east_m, "depth_m": depth_m}
-    return {name: [*(end * share).tolist()] for name, end in ends.items()}
+    along = {name: [*(end * share).tolist()] for name, end in ends.items()}
+    return Track(**along, pitch_rad=[0.0] * share.size)
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ from db.fault import StoreUnavailableError
 from db.store import Store
 from robot_link.messages import RobotMode
 from server.access.role import Role
-from server.study import study
+from server.base import study
 from tests.server.conftest import MINI, api_client, open_station, until
 from tests.server.fake_link import state_report
 

@@ -4,8 +4,8 @@ import pytest
 
 from autonomy.control.catalogue import CONTROLLERS
 from autonomy.vehicle.config import MINIGLIDER
-from autonomy.whatif.config import TrialConfig
-from server.study.task import WhatIfController, WhatIfProblem
+from autonomy.whatif.config import ControllerChoice, TrialConfig
+from server.study.task import WhatIfProblem
 from server.study.whatif_task import check
 
 
@@ -14,7 +14,7 @@ def refusal(scenario, **settings):
     for key in ("controller.pid", "controller.governor"):
         preset = CONTROLLERS[key].preset("miniglider")
         known = {name: value for name, value in settings.items() if hasattr(preset, name)}
-        controllers.append(WhatIfController(key, key, preset.model_copy(update=known)))
+        controllers.append(ControllerChoice(key, key, preset.model_copy(update=known)))
     problem = WhatIfProblem(MINIGLIDER, TrialConfig.model_validate(scenario), tuple(controllers))
     return check(problem, lambda _news: None, lambda: False)
 
