@@ -1,30 +1,40 @@
 import asyncio
 import shutil
+from collections.abc import AsyncGenerator, AsyncIterator, Callable, Coroutine, Iterator
 from contextlib import asynccontextmanager
 from datetime import UTC, datetime, timedelta
 from functools import cache, partialmethod
+from pathlib import Path
+from typing import TypeVar, overload
 
 import httpx
 import pytest
 import pytest_asyncio
+from fastapi import FastAPI
+from sqlalchemy.orm import Session
 
-from autonomy.site import LAKE, TANK
+from autonomy.site import LAKE, TANK, Site
 from db import engine
 from db.query.robots import RobotRecord, add_robot
 from db.store import Store
+from robot_link.clock import Clock
 from robot_link.messages import RobotId, SystemId
-from server.access.register import create_token
+from server.access.foundation import Foundation
+from server.access.register import IssuedToken, create_token
 from server.access.role import Role
 from server.app import create_app
 from server.base.settings import Settings
 from server.base.worker import WorkerPool
 from server.composition import run_station
+from server.link.radios import LinkFactory
 from server.plan.dry_run import DryRuns
-from server.station import Station
+from server.satellite.gateways import Gateways
+from server.station import GatewayFactory, Station
 from tests.server.fake_link import World, state_report
 from tests.server.fake_worker import FakeWorkers
 from tests.server.in_thread import run_in_thread
 
+T = TypeVar("T")
 MINI = RobotId("mini-1")
 GRACE = RobotId("grace-1")
 DATABASE = "station.sqlite3"
@@ -37,7 +47,17 @@ FAST = {
 """A survey of two short rounds; the search ends by its iterations on a machine of any speed."""
 
 
-async def until(condition, timeout_s=60.0):
+@overload
+async def until(
+    condition: Callable[[], Coroutine[object, object, T | None]], timeout_s: float = 60.0
+) -> T: ...
+
+
+@overload
+async def until(condition: Callable[[], T | None], timeout_s: float = 60.0) -> T: ...
+
+
+async def until(condition: Callable[[], object], timeout_s: float = 60.0) -> object:
     """Wait for something to become true; a coroutine function is awaited each time."""
     async with asyncio.timeout(timeout_s):
         while True:
@@ -49,7 +69,7 @@ async def until(condition, timeout_s=60.0):
             await asyncio.sleep(0.02)
 
 
-def robot_record(robot, system_id, model, site):
+def robot_record(robot: RobotId, system_id: int, model: str, site: Site) -> RobotRecord:
     return RobotRecord(
         id=robot,
         name=robot,
@@ -62,24 +82,49 @@ def robot_record(robot, system_id, model, site):
     )
 
 
+class OpenStation(Station):
+    """A station of which tests may look at what it stands on."""
+
+    def __init__(
+        self,
+        foundation: Foundation,
+        make_link: LinkFactory,
+        make_gateways: GatewayFactory = Gateways,
+    ) -> None:
+        super().__init__(foundation, make_link, make_gateways)
+        self.foundation = foundation
+
+
+class StationClient(httpx.AsyncClient):
+    """Speaks REST to a station in this process; knows the application and its own secret."""
+
+    def __init__(self, app: FastAPI, secret: str) -> None:
+        super().__init__(
+            transport=httpx.ASGITransport(app),
+            base_url="http://127.0.0.1",
+            headers={"Authorization": f"Bearer {secret}"},
+        )
+        self.app, self.secret = app, secret
+
+
 @asynccontextmanager
-async def open_station(tmp_path, world):
+async def open_station(tmp_path: Path, world: World) -> AsyncGenerator[OpenStation, None]:
     """Run a station with two robots on a data folder; closing it is an orderly stop."""
     settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
     async with run_station(
-        settings, lambda foundation: Station(foundation, world.make_link)
+        settings, lambda foundation: OpenStation(foundation, world.make_link)
     ) as running:
-        running.station.foundation = running.foundation
+        assert isinstance(running.station, OpenStation)
         yield running.station
 
 
-def _add_fleet(session):
+def _add_fleet(session: Session) -> None:
     add_robot(session, robot_record(MINI, 1, "miniglider", TANK))
     add_robot(session, robot_record(GRACE, 2, "grace3", LAKE))
 
 
 @pytest.fixture(scope="session")
-def prepared_database(tmp_path_factory):
+def prepared_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A database that knows two robots, made once: laying out the tables takes its time."""
     folder = tmp_path_factory.mktemp("prepared")
     store = Store.open(Settings(data_dir=folder).resolved_database_url)
@@ -89,7 +134,7 @@ def prepared_database(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def memory(prepared_database, tmp_path_factory):
+def memory(prepared_database: Path, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Store]:
     """The station's memory alone, shared by the tests of a module."""
     path = shutil.copy(prepared_database, tmp_path_factory.mktemp("memory"))
     store = Store.open(f"sqlite:///{path}")
@@ -98,40 +143,44 @@ def memory(prepared_database, tmp_path_factory):
 
 
 @pytest.fixture(autouse=True)
-def _known_fleet(prepared_database, tmp_path):
+def _known_fleet(prepared_database: Path, tmp_path: Path) -> None:
     shutil.copy(prepared_database, tmp_path / DATABASE)
 
 
 @pytest.fixture(autouse=True)
-def _impatient_database(monkeypatch):
+def _impatient_database(monkeypatch: pytest.MonkeyPatch) -> None:
     """Tests that lock the database need not wait a second for each try."""
     monkeypatch.setattr(engine, "BUSY_TIMEOUT_MS", 100)
 
 
 @pytest.fixture(autouse=True)
-def _cold_worker(monkeypatch):
+def _cold_worker(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few tests plan; the others need not pay for the planner's machine code."""
 
-    async def stay_cold(station):
+    async def stay_cold(station: Station) -> None:
         del station
 
     monkeypatch.setattr(Station, "_warm_up", stay_cold)
 
 
 @pytest.fixture(autouse=True)
-def _unrehearsed(monkeypatch):
+def _unrehearsed(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few tests are about rehearsals; the others need not wait for the simulated robot."""
-    monkeypatch.setattr(DryRuns, "before", lambda *_: None)
+
+    def nothing(*_: object) -> None:
+        return None
+
+    monkeypatch.setattr(DryRuns, "before", nothing)
 
 
 @pytest.fixture
-def in_threads(monkeypatch):
+def in_threads(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let tasks run here: a process of its own takes a second to load its compiled code."""
     monkeypatch.setattr(WorkerPool, "run", run_in_thread)
 
 
 @pytest_asyncio.fixture
-async def workers(monkeypatch):
+async def workers(monkeypatch: pytest.MonkeyPatch) -> FakeWorkers:
     """Let plans be made at once, by nobody; everything else goes to worker processes."""
     fake = FakeWorkers()
     monkeypatch.setattr(WorkerPool, "run", partialmethod(FakeWorkers.run_for, fake))
@@ -139,14 +188,14 @@ async def workers(monkeypatch):
 
 
 @pytest_asyncio.fixture
-async def world():
+async def world() -> AsyncIterator[World]:
     world = World()
     yield world
     await world.close()
 
 
 @pytest_asyncio.fixture
-async def station(tmp_path, world):
+async def station(tmp_path: Path, world: World) -> AsyncIterator[OpenStation]:
     async with open_station(tmp_path, world) as station:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
@@ -154,45 +203,45 @@ async def station(tmp_path, world):
 
 
 @pytest.fixture
-def foundation(station):
+def foundation(station: OpenStation) -> Foundation:
     return station.foundation
 
 
 @pytest.fixture
-def still(station, monkeypatch):
+def still(station: OpenStation, monkeypatch: pytest.MonkeyPatch) -> datetime:
     """Let the station's clock stand, so that what is new stays new on a busy machine."""
     now = datetime.now(UTC)
-    monkeypatch.setattr(type(station.foundation.clock), "now", lambda _: now)
+
+    def stand(_: Clock) -> datetime:
+        return now
+
+    monkeypatch.setattr(type(station.foundation.clock), "now", stand)
     return now
 
 
 @pytest_asyncio.fixture
-async def client(station):
+async def client(station: OpenStation) -> AsyncIterator[StationClient]:
     """Speaks REST to the station as a pilot."""
     async with api_client(station, Role.ADMIN) as client:
         yield client
 
 
 @cache
-def application():
+def application() -> FastAPI:
     """The routes, built once: all that they know of a station is in ``app.state``."""
     return create_app(Settings(simulation=True))
 
 
 @asynccontextmanager
-async def api_client(station, role):
+async def api_client(station: OpenStation, role: Role) -> AsyncGenerator[StationClient, None]:
     foundation = station.foundation
     app = application()
     app.state.foundation, app.state.station = foundation, station
-    issued = await foundation.store.write(
-        lambda session: create_token(
-            session, f"test {role}", role, timedelta(hours=1), at=datetime.now(UTC), by="test"
-        )
-    )
-    async with httpx.AsyncClient(
-        transport=httpx.ASGITransport(app),
-        base_url="http://127.0.0.1",
-        headers={"Authorization": f"Bearer {issued.secret}"},
-    ) as client:
-        client.app, client.secret = app, issued.secret
+
+    def write(session: Session) -> IssuedToken:
+        hour = timedelta(hours=1)
+        return create_token(session, f"test {role}", role, hour, at=datetime.now(UTC), by="test")
+
+    issued = await foundation.store.write(write)
+    async with StationClient(app, issued.secret) as client:
         yield client

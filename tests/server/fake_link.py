@@ -1,6 +1,7 @@
 """Robots that answer at once, in place of the radio and all that lies behind it."""
 
 import asyncio
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -8,58 +9,75 @@ import numpy as np
 
 from autonomy.field.synthetic import measure
 from autonomy.planner.leg.primitive import position_at
+from autonomy.planner.plan import PositionNed
 from autonomy.planner.preset import MINIGLIDER
+from robot_link.clock import Clock
 from robot_link.messages import (
     SURFACED_BY_COMMAND,
     CommandKind,
     CommandLevel,
+    CommandNumber,
     CommandReport,
+    LinkEvent,
     LinkReport,
     LinkState,
     LogId,
     OnboardPlanState,
+    PlanHash,
     PlanReport,
     RawFrame,
+    RobotId,
     RobotMode,
     Sample,
     StateReport,
     UploadReport,
 )
+from robot_link.mission import Mission
+from robot_link.service.file_store import FileEntry
+from robot_link.service.parameter_table import ParameterValue
+from robot_link.station.link import RobotEndpoint
+from robot_link.transport.datagram import DatagramTransport
+from server.link.signing import RobotSigning
 
 SAMPLES_PER_LEG = 4
 
 
-def state_report(robot, position_ned=(1.0, 0.5, 0.0), at=None, **changes):
+def state_report(
+    robot: RobotId,
+    position_ned: PositionNed = (1.0, 0.5, 0.0),
+    at: datetime | None = None,
+    **changes: object,
+) -> StateReport:
     at = at or datetime.now(UTC)
-    values = {
-        "robot": robot,
-        "measured_at": at,
-        "received_at": at,
-        "position_ned": position_ned,
-        "position_std_m": 0.02,
-        "velocity_ned": (0.0, 0.0, 0.0),
-        "roll_rad": 0.0,
-        "pitch_rad": -0.4,
-        "heading_rad": 1.0,
-        "net_buoyancy_kg": 0.01,
-        "mass_position_m": 0.002,
-        "tail_rad": 0.0,
-        "battery_fraction": 0.9,
-        "battery_v": 11.1,
-        "mode": RobotMode.IDLE,
-        "has_fix": True,
-        "energy_used": 0.0,
-    }
-    return StateReport(**{**values, **changes})
+    report = StateReport(
+        robot=robot,
+        measured_at=at,
+        received_at=at,
+        position_ned=position_ned,
+        position_std_m=0.02,
+        velocity_ned=(0.0, 0.0, 0.0),
+        roll_rad=0.0,
+        pitch_rad=-0.4,
+        heading_rad=1.0,
+        net_buoyancy_kg=0.01,
+        mass_position_m=0.002,
+        tail_rad=0.0,
+        battery_fraction=0.9,
+        battery_v=11.1,
+        mode=RobotMode.IDLE,
+        has_fix=True,
+        energy_used=0.0,
+    )
+    return replace(report, **changes)
 
 
 class FakeRobot:
     """The robot's memory and its way to fly: through the plan in no time, sampling the truth."""
 
-    def __init__(self, robot, tell):
+    def __init__(self, robot: RobotId, tell: Callable[[LinkEvent], None]) -> None:
         self.id = robot
         self.tell = tell
-        self.plan = None
+        self.plan: Mission | None = None
         self.state = OnboardPlanState.NONE
         self.leg = 0
         self.energy_used = 0.0
@@ -73,7 +91,7 @@ class FakeRobot:
         self.may_end.set()
         self.rng = np.random.default_rng(1)
 
-    def say(self, state=None, later_s=0.0):
+    def say(self, state: OnboardPlanState | None = None, later_s: float = 0.0) -> None:
         self.state = self.state if state is None else state
         at = datetime.now(UTC)
         self.tell(
@@ -90,26 +108,28 @@ class FakeRobot:
             )
         )
 
-    def take(self, mission):
+    def take(self, mission: Mission) -> None:
         self.plan, self.leg, self.energy_used, self.reason = mission, 0, 0.0, ""
         self.say(OnboardPlanState.ON_BOARD)
 
-    async def follow(self):
+    async def follow(self) -> None:
         """Say that it follows its target, until it may end."""
         self.say(OnboardPlanState.RUNNING)
         await self.may_end.wait()
         if self.state is OnboardPlanState.RUNNING:
             self.say(OnboardPlanState.DONE)
 
-    async def fly(self):
-        if self.plan.tracking is not None:
+    async def fly(self) -> None:
+        plan = self.plan
+        assert plan is not None
+        if plan.tracking is not None:
             await self.follow()
             return
         self.say(OnboardPlanState.RUNNING)
-        for number, leg in enumerate(self.plan.legs):
+        for number, leg in enumerate(plan.legs):
             self.leg = number
             await self.may_fly.wait()
-            if number == len(self.plan.legs) - 1 and not self.may_end.is_set():
+            if number == len(plan.legs) - 1 and not self.may_end.is_set():
                 self.say()
                 await self.may_end.wait()
             if self.state is not OnboardPlanState.RUNNING:
@@ -122,15 +142,20 @@ class FakeRobot:
             self.say()
             await asyncio.sleep(0)
         self.say(OnboardPlanState.DONE)
-        self.tell(state_report(self.id, self.plan.legs[-1].end_ned))
+        self.tell(state_report(self.id, plan.legs[-1].end_ned))
 
-    def end_early(self, reason):
+    def end_early(self, reason: str) -> None:
         self.reason = reason
         self.say(OnboardPlanState.FAILED)
 
     def sample(
-        self, position, variable="blue_light", value=None, position_std_m=0.05, measured_at=None
-    ):
+        self,
+        position: PositionNed,
+        variable: str = "blue_light",
+        value: float | None = None,
+        position_std_m: float = 0.05,
+        measured_at: datetime | None = None,
+    ) -> Sample:
         at = datetime.now(UTC)
         if value is None:
             value = float(measure(variable, np.array([position]), self.rng)[0])
@@ -140,7 +165,7 @@ class FakeRobot:
             self.sequence,
             variable,
             value,
-            tuple(position),
+            position,
             position_std_m,
             measured_at or at,
             at,
@@ -151,15 +176,19 @@ class FakeRobot:
 
 
 class FakeLink:
-    """Stands where ``StationLink`` stands."""
+    """Stands where ``StationLink`` stands; carries neither parameters nor files."""
 
-    def __init__(self, clock, on_event, world):
+    def __init__(self, clock: Clock, on_event: Callable[[LinkEvent], None], world: "World") -> None:
         self.on_event = on_event
         self.world = world
         self.clock = clock
         world.link = self
 
-    def set_robots(self, robots, transports):
+    def set_robots(
+        self,
+        robots: Mapping[RobotId, RobotEndpoint],
+        transports: Mapping[str, DatagramTransport],
+    ) -> None:
         del transports
         for robot in robots:
             known = self.world.robots.get(robot)
@@ -168,10 +197,24 @@ class FakeLink:
             else:
                 known.tell = self.on_event
 
-    async def run(self):
+    async def run(self) -> None:
         await asyncio.Event().wait()
 
-    async def upload(self, robot, mission):
+    async def read_parameters(self, robot: RobotId) -> Sequence[ParameterValue]:
+        raise NotImplementedError
+
+    async def write_parameter(self, robot: RobotId, name: str, value: float) -> ParameterValue:
+        raise NotImplementedError
+
+    async def list_files(self, robot: RobotId, path: str = "/") -> Sequence[FileEntry]:
+        raise NotImplementedError
+
+    async def download_file(
+        self, robot: RobotId, path: str, *, content: bytearray, report: Callable[[int, int], None]
+    ) -> bytes:
+        raise NotImplementedError
+
+    async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
         self.world.uploads.append((robot, mission.sha256()))
         fake = self.world.robots[robot]
         report = UploadReport(
@@ -187,13 +230,20 @@ class FakeLink:
         fake.take(mission)
         return replace(report, state=OnboardPlanState.ON_BOARD, items_sent=len(mission.legs))
 
-    def set_enabled(self, uri, is_enabled):
+    def set_enabled(self, uri: str, is_enabled: bool) -> None:
         self.world.switched.append((uri, is_enabled))
 
-    def cancel_upload(self, robot, reason):
+    def cancel_upload(self, robot: RobotId, reason: str) -> None:
         self.world.cancelled_uploads.append((robot, reason))
 
-    def send_command(self, robot, kind, number, expires, plan=None):
+    def send_command(
+        self,
+        robot: RobotId,
+        kind: CommandKind,
+        number: CommandNumber,
+        expires: datetime,
+        plan: PlanHash | None = None,
+    ) -> None:
         self.world.commands.append((robot, kind, number))
         self.level(robot, number, CommandLevel.QUEUED)
         if not self.world.in_reach:
@@ -206,51 +256,55 @@ class FakeLink:
         if kind is CommandKind.SURFACE and fake.state is OnboardPlanState.RUNNING:
             fake.end_early(SURFACED_BY_COMMAND)
 
-    def level(self, robot, number, level):
+    def level(self, robot: RobotId, number: CommandNumber, level: CommandLevel) -> None:
         self.on_event(CommandReport(robot, number, level, _now(), "xbee"))
 
-    def acknowledge_samples(self, robot, log, sequences):
+    def acknowledge_samples(self, robot: RobotId, log: LogId, sequences: Iterable[int]) -> None:
         self.world.acknowledged += [(robot, log, number) for number in sequences]
 
 
 class World:
     """What outlives a station: the robots, and a record of what they were told."""
 
-    def __init__(self):
-        self.robots = {}
-        self.link = None
-        self.uploads = []
-        self.cancelled_uploads = []
-        self.commands = []
-        self.acknowledged = []
-        self.switched = []
-        self.flights = []
+    link: FakeLink
+    """Of the station that runs, or that ran last."""
+
+    def __init__(self) -> None:
+        self.robots: dict[RobotId, FakeRobot] = {}
+        self.uploads: list[tuple[RobotId, PlanHash]] = []
+        self.cancelled_uploads: list[tuple[RobotId, str]] = []
+        self.commands: list[tuple[RobotId, CommandKind, CommandNumber]] = []
+        self.acknowledged: list[tuple[RobotId, LogId, int]] = []
+        self.switched: list[tuple[str, bool]] = []
+        self.flights: list[asyncio.Task[None]] = []
         self.in_reach = True
         self.radio_takes = True
         """Whether the radio takes the bytes of an upload."""
-        self.refuse_upload = None
+        self.refuse_upload: OnboardPlanState | None = None
         self.may_upload = asyncio.Event()
         self.may_upload.set()
 
-    def make_link(self, clock, on_event, signing):
+    def make_link(
+        self, clock: Clock, on_event: Callable[[LinkEvent], None], signing: RobotSigning
+    ) -> FakeLink:
         del signing
         return FakeLink(clock, on_event, self)
 
-    def tell(self, event):
+    def tell(self, event: LinkEvent) -> None:
         self.link.on_event(event)
 
-    def hear(self, robot, state=LinkState.LIVE, frames_bad=0):
+    def hear(self, robot: RobotId, state: LinkState = LinkState.LIVE, frames_bad: int = 0) -> None:
         """Let a robot come into reach."""
         self.tell(LinkReport(robot, "xbee", state, _now(), -50.0, 10, frames_bad))
 
-    def frame(self, robot, data=b"\xfd\x00"):
+    def frame(self, robot: RobotId, data: bytes = b"\xfd\x00") -> None:
         self.tell(RawFrame(robot, "xbee", False, data, _now()))
 
-    async def close(self):
+    async def close(self) -> None:
         for flight in self.flights:
             flight.cancel()
         await asyncio.gather(*self.flights, return_exceptions=True)
 
 
-def _now():
+def _now() -> datetime:
     return datetime.now(UTC)

@@ -1,15 +1,17 @@
 """Answers at once in the place of worker processes: plans are dives in place."""
 
 import asyncio
+from collections.abc import Callable
 
 import numpy as np
 
-from autonomy.planner.plan import ObjectivePoint, PlanResult, PlanStatus, PrimitiveKind
-from robot_link.dry_run import DRY_RUN, DryRun, DryRunTrack
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.plan import Candidate, ObjectivePoint, PlanResult, PlanStatus, PrimitiveKind
+from robot_link.dry_run import DryRun, DryRunProblem, DryRunTrack
 from server.base.worker import WorkerPool, WorkerTaskError
 from server.map.task import COMPARE_MAPS
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
-from server.plan.task import MAP_STD, PLAN_SURVEY
+from server.plan.task import MAP_STD, SurveyProblem
 
 DEPTHS_M = (0.30, 0.28, 0.26)
 """Of the best plan's dives and of its runners-up's."""
@@ -18,47 +20,63 @@ DEPTHS_M = (0.30, 0.28, 0.26)
 class FakeWorkers:
     """Stands where ``WorkerPool.run`` stands; what is asked of it is kept."""
 
-    def __init__(self):
-        self.problems = []
-        self.dry_runs = []
+    def __init__(self) -> None:
+        self.problems: list[SurveyProblem] = []
+        self.dry_runs: list[DryRunProblem] = []
         self.may_plan = asyncio.Event()
         self.may_plan.set()
         self.may_fly = asyncio.Event()
         self.may_fly.set()
-        self.fails = {COMPARE_MAPS: WorkerTaskError("ValueError: maps are not scored here")}
+        self.fails: dict[str, Exception] = {
+            COMPARE_MAPS: WorkerTaskError("ValueError: maps are not scored here")
+        }
         """What a task raises, by its name."""
         self.nothing_feasible = False
         self.breaks_off = 0
         """How many of the next dry runs do not come to the end of their plan."""
-        self.enters = ()
+        self.enters: tuple[str, ...] = ()
         """Keep-outs that every dry run leads into."""
         self.map_std = 1.0
         self.run_really = WorkerPool.run
 
     @staticmethod
-    async def run_for(pool, fake, task, payload, *, on_progress=None):
+    async def run_for(
+        pool: WorkerPool,
+        fake: "FakeWorkers",
+        task: str,
+        payload: object,
+        *,
+        on_progress: Callable[[object], None] | None = None,
+    ) -> object:
         """Do what ``WorkerPool.run`` does; a pool's own method calls it."""
         return await fake.run(pool, task, payload, on_progress=on_progress)
 
-    async def run(self, pool, task, payload, *, on_progress=None):
-        if task == PLAN_SURVEY:
+    async def run(
+        self,
+        pool: WorkerPool,
+        task: str,
+        payload: object,
+        *,
+        on_progress: Callable[[object], None] | None = None,
+    ) -> object:
+        if isinstance(payload, SurveyProblem):
             self.problems.append(payload)
             await self.may_plan.wait()
-        if task == DRY_RUN:
+        if isinstance(payload, DryRunProblem):
             self.dry_runs.append(payload)
             await self.may_fly.wait()
         if task in self.fails:
             raise self.fails[task]
-        if task == PLAN_SURVEY:
+        if isinstance(payload, SurveyProblem):
             return self.plan(payload)
-        if task == DRY_RUN:
+        if isinstance(payload, DryRunProblem):
             self.breaks_off -= 1
             return dry_run_of(payload, completed=self.breaks_off < 0, entered=self.enters)
         if task == MAP_STD:
             return self.map_std
         return await self.run_really(pool, task, payload, on_progress=on_progress)
 
-    def plan(self, problem):
+    def plan(self, problem: SurveyProblem) -> PlanResult:
         if self.nothing_feasible:
             message = "No trajectory: the water is too shallow."
             return PlanResult(PlanStatus.NOTHING_FEASIBLE, message, None, (), (), 0, False)
@@ -71,7 +89,9 @@ class FakeWorkers:
         return PlanResult(PlanStatus.FOUND, "Dives.", best, tuple(others), history, 3, False)
 
 
-def dives(config, start_xy, budget, depth_m):
+def dives(
+    config: PlannerConfig, start_xy: tuple[float, float], budget: float, depth_m: float
+) -> Candidate:
     """Return as many dives in place as a budget allows."""
     down, up = (LegRequest(PrimitiveKind.DIVE, (0.0, 0.0, z)) for z in (depth_m, 0.0))
     once = candidate_of(config, legs_from(config, start_xy, [down, up]))
@@ -82,7 +102,7 @@ def dives(config, start_xy, budget, depth_m):
     )
 
 
-def dry_run_of(problem, *, completed, entered=()):
+def dry_run_of(problem: DryRunProblem, *, completed: bool, entered: tuple[str, ...] = ()) -> DryRun:
     points = problem.planned_points
     ned = points[:, 1:4]
     return DryRun(

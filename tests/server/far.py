@@ -12,8 +12,7 @@ from server.base.settings import Settings
 from server.command import commands
 from server.composition import run_station
 from server.satellite import outbox
-from server.station import Station
-from tests.server.conftest import GRACE, api_client, until
+from tests.server.conftest import GRACE, OpenStation, api_client, until
 from tests.server.fake_link import state_report
 from tests.server.sky import URI
 
@@ -54,10 +53,10 @@ async def far_station(tmp_path, world, sky, monkeypatch, links=LINKS):
     give_links(tmp_path, links)
     settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
     async with run_station(
-        settings, lambda foundation: Station(foundation, world.make_link, sky.make_gateways)
+        settings, lambda foundation: OpenStation(foundation, world.make_link, sky.make_gateways)
     ) as running:
         station = running.station
-        station.foundation = running.foundation
+        assert isinstance(station, OpenStation)
         async with api_client(station, Role.ADMIN) as client:
             yield station, client
 
