@@ -11,10 +11,15 @@ from tests.webui.api_types import AppTypes, schema_kinds
 
 OTHERWISE = {
     "CommandLevel": "LevelView",
+    "Comparison": "ComparisonResult",
+    "ComparisonRun": "ComparedRun",
+    "ComparisonSummary": "RunSummary",
     "ConfigDocument": "ConfigurationView",
     "ConfigKind": "KindView",
     "EventPage": "EventsView",
+    "IdentifiedParameter": "ParameterEstimate",
     "InheritedSetting": "InheritedView",
+    "LeftOut": "Reason",
     "LogFile": "RobotLogView",
     "LogListing": "RobotLogsView",
     "MapListing": "MapEntryView",
@@ -36,6 +41,8 @@ OTHERWISE = {
     "TrackPlan": "PlanView",
     "TrackView": "TargetReportView",
     "TrimAccepted": "TrimView",
+    "TrimOffsets": "TrimConfig",
+    "TrimRmse": "GlideError",
     "VehicleListing": "VehicleView",
     "Way": "AutoRouteView",
     "WhatIfListing": "WhatIfSummaryView",
@@ -46,24 +53,13 @@ SENT = {"ControllerWish": "ControllerBody", "GatewayChange": "AccountBody"}
 """What the app sends."""
 
 OWN = {
-    "Band",
-    "Comparison",
-    "ComparisonRun",
-    "ComparisonSummary",
-    "CostPoint",
-    "IdentificationResult",
-    "IdentifiedParameter",
     "ImportResult",
     "JsonObject",
     "Learned",
-    "LeftOut",
     "LiveTick",
     "RowFault",
-    "TrimAdvice",
-    "TrimOffsets",
-    "TrimRmse",
 }
-"""Interfaces without a schema: results of jobs and studies, and the live stream's batches."""
+"""Interfaces without a schema: results of jobs, and the live stream's batches."""
 
 
 @pytest.fixture(scope="module")

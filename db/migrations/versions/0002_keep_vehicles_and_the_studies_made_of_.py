@@ -12,11 +12,13 @@ down_revision: str | None = "0001"
 branch_labels: str | Sequence[str] | None = None
 depends_on: str | Sequence[str] | None = None
 
+_KEY = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
+
 
 def upgrade() -> None:
     op.create_table(
         "vehicle",
-        sa.Column("key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
+        sa.Column("key", _KEY, nullable=False),
         sa.Column("id", sa.String(), nullable=False),
         sa.Column("title", sa.String(), nullable=False),
         sa.Column("note", sa.String(), nullable=False),
@@ -30,11 +32,9 @@ def upgrade() -> None:
     )
     op.create_table(
         "whatif",
-        sa.Column("key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
-        sa.Column(
-            "robot_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
-        ),
-        sa.Column("job_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=True),
+        sa.Column("key", _KEY, nullable=False),
+        sa.Column("robot_key", _KEY, nullable=False),
+        sa.Column("job_key", _KEY, nullable=True),
         sa.Column("state", sa.String(), nullable=False),
         sa.Column("title", sa.String(), nullable=False),
         sa.Column("vehicle", sa.String(), nullable=False),
@@ -51,22 +51,15 @@ def upgrade() -> None:
         sa.PrimaryKeyConstraint("key", name=op.f("pk_whatif")),
         sqlite_autoincrement=True,
     )
-    with op.batch_alter_table("whatif", schema=None) as batch_op:
-        batch_op.create_index(
-            batch_op.f("ix_whatif_robot_key_key"), ["robot_key", "key"], unique=False
-        )
-        batch_op.create_index(batch_op.f("ix_whatif_state"), ["state"], unique=False)
+    op.create_index(op.f("ix_whatif_robot_key_key"), "whatif", ["robot_key", "key"])
+    op.create_index(op.f("ix_whatif_state"), "whatif", ["state"])
 
     op.create_table(
         "identification",
-        sa.Column("key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
-        sa.Column(
-            "robot_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
-        ),
-        sa.Column(
-            "deployment_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
-        ),
-        sa.Column("job_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=True),
+        sa.Column("key", _KEY, nullable=False),
+        sa.Column("robot_key", _KEY, nullable=False),
+        sa.Column("deployment_key", _KEY, nullable=False),
+        sa.Column("job_key", _KEY, nullable=True),
         sa.Column("state", sa.String(), nullable=False),
         sa.Column("vehicle", sa.String(), nullable=False),
         sa.Column("vehicle_document", sa.JSON(), nullable=False),
@@ -92,21 +85,14 @@ def upgrade() -> None:
         sa.PrimaryKeyConstraint("key", name=op.f("pk_identification")),
         sqlite_autoincrement=True,
     )
-    with op.batch_alter_table("identification", schema=None) as batch_op:
-        batch_op.create_index(
-            batch_op.f("ix_identification_robot_key_key"), ["robot_key", "key"], unique=False
-        )
-        batch_op.create_index(batch_op.f("ix_identification_state"), ["state"], unique=False)
+    op.create_index(op.f("ix_identification_robot_key_key"), "identification", ["robot_key", "key"])
+    op.create_index(op.f("ix_identification_state"), "identification", ["state"])
 
     op.create_table(
         "trim_advice",
-        sa.Column("key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False),
-        sa.Column(
-            "robot_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
-        ),
-        sa.Column(
-            "deployment_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
-        ),
+        sa.Column("key", _KEY, nullable=False),
+        sa.Column("robot_key", _KEY, nullable=False),
+        sa.Column("deployment_key", _KEY, nullable=False),
         sa.Column("trim_version", sa.String(), nullable=False),
         sa.Column("document", sa.JSON(), nullable=False),
         sa.Column("created_at", db.column.Utc(), nullable=False),
@@ -123,25 +109,9 @@ def upgrade() -> None:
         sa.PrimaryKeyConstraint("key", name=op.f("pk_trim_advice")),
         sqlite_autoincrement=True,
     )
-    with op.batch_alter_table("trim_advice", schema=None) as batch_op:
-        batch_op.create_index(
-            batch_op.f("ix_trim_advice_robot_key_key"), ["robot_key", "key"], unique=False
-        )
+    op.create_index(op.f("ix_trim_advice_robot_key_key"), "trim_advice", ["robot_key", "key"])
 
 
 def downgrade() -> None:
-    with op.batch_alter_table("trim_advice", schema=None) as batch_op:
-        batch_op.drop_index(batch_op.f("ix_trim_advice_robot_key_key"))
-
-    op.drop_table("trim_advice")
-    with op.batch_alter_table("identification", schema=None) as batch_op:
-        batch_op.drop_index(batch_op.f("ix_identification_state"))
-        batch_op.drop_index(batch_op.f("ix_identification_robot_key_key"))
-
-    op.drop_table("identification")
-    with op.batch_alter_table("whatif", schema=None) as batch_op:
-        batch_op.drop_index(batch_op.f("ix_whatif_state"))
-        batch_op.drop_index(batch_op.f("ix_whatif_robot_key_key"))
-
-    op.drop_table("whatif")
-    op.drop_table("vehicle")
+    for table in ("trim_advice", "identification", "whatif", "vehicle"):
+        op.drop_table(table)

@@ -12,13 +12,13 @@ down_revision: str | None = "0002"
 branch_labels: str | Sequence[str] | None = None
 depends_on: str | Sequence[str] | None = None
 
+_KEY = sa.BigInteger().with_variant(sa.Integer(), "sqlite")
+
 
 def upgrade() -> None:
     op.create_table(
         "smoothed_sample",
-        sa.Column(
-            "robot_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
-        ),
+        sa.Column("robot_key", _KEY, nullable=False),
         sa.Column("log", sa.BigInteger(), nullable=False),
         sa.Column("sequence", sa.BigInteger(), nullable=False),
         sa.Column("north_m", sa.Double(), nullable=False),
@@ -35,9 +35,7 @@ def upgrade() -> None:
     )
     op.create_table(
         "map_comparison",
-        sa.Column(
-            "robot_key", sa.BigInteger().with_variant(sa.Integer(), "sqlite"), nullable=False
-        ),
+        sa.Column("robot_key", _KEY, nullable=False),
         sa.Column("variable", sa.String(), nullable=False),
         sa.Column("at", db.column.Utc(), nullable=False),
         sa.Column("document", sa.JSON(), nullable=False),
@@ -51,5 +49,5 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    op.drop_table("map_comparison")
-    op.drop_table("smoothed_sample")
+    for table in ("map_comparison", "smoothed_sample"):
+        op.drop_table(table)

@@ -48,5 +48,5 @@ def upgrade() -> None:
 
 
 def downgrade() -> None:
-    op.drop_table("robot_log")
-    op.drop_table("robot_parameter")
+    for table in ("robot_log", "robot_parameter"):
+        op.drop_table(table)

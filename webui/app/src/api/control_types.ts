@@ -79,7 +79,7 @@ export interface WhatIf extends WhatIfListing {
   job: string | null;
 }
 
-type Values = readonly (number | null)[];
+export type Values = readonly (number | null)[];
 
 export interface Band {
   low: Values;
@@ -173,6 +173,14 @@ export interface LeftOut {
   message: string;
 }
 
+/** Measured beside predicted. */
+export interface Fit {
+  time_s: readonly number[];
+  measured: FitChannels;
+  before: FitChannels | null;
+  after: FitChannels;
+}
+
 export interface IdentificationResult {
   method: string;
   /** With the best actuator offsets; `null` where the model of before cannot follow. */
@@ -184,12 +192,7 @@ export interface IdentificationResult {
   parameters: readonly IdentifiedParameter[];
   /** What the data cannot tell, in words, worst first. */
   findings?: readonly string[];
-  fit: {
-    time_s: readonly number[];
-    measured: FitChannels;
-    before: FitChannels;
-    after: FitChannels;
-  };
+  fit: Fit;
   segments: readonly JsonObject[];
   left_out: readonly LeftOut[];
 }

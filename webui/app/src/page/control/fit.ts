@@ -49,7 +49,7 @@ export function fitPlots(fit: IdentificationResult['fit']): FitPlot[] {
           return value === null ? null : value * factor;
         }),
       });
-    const columns = [fit.measured[key], fit.before[key], fit.after[key]].map(column);
+    const columns = [fit.measured[key], fit.before?.[key], fit.after[key]].map(column);
     const line = (name: string, colour: string, dash?: readonly number[]): Line => ({
       label: name,
       unit: label,
