@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help demo test walks check bench reproduce setup setup-dev ready dialect packages app flight coverage clean
+.PHONY: help demo test walks check bench reproduce setup setup-dev ready environment dialect packages app flight coverage clean
 
 help:
 	@echo "make demo    start the station with two simulated robots and print its address"
@@ -53,8 +53,11 @@ setup-dev: $(VENV)/dev.stamp ready
 # All that a demo needs to begin; the station compiles the other kernels while it runs. The steps
 # that wait for nothing of each other go side by side.
 ready:
-	@$(MAKE) --no-print-directory -j2 $(VENV)/runtime.stamp packages
+	@$(MAKE) --no-print-directory -j2 environment packages
 	@$(MAKE) --no-print-directory -j2 app flight
+
+environment: $(VENV)/runtime.stamp
+	@:
 
 dialect:
 	@$(BIN)/python -m robot_link.mavlink.build
