@@ -21,8 +21,7 @@ from db.store import Store
 from db.tables import SampleRow, StateRow
 from robot_link.messages import RobotId, StateReport, SystemId
 from server.base.settings import Settings
-from server.composition import run_station
-from server.station import Station
+from server.station import Station, run_station
 
 ROBOTS = 20
 FULL_SPEED_MESSAGES = 30_000

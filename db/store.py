@@ -33,7 +33,8 @@ class Store:
         self._write_engine = write_engine
         self._read_engine = read_engine
         self._listeners: list[FaultListener] = []
-        self._writer = Writer(write_engine, append_telemetry, self._tell)
+        self._changed: list[Callable[[], object]] = []
+        self._writer = Writer(write_engine, append_telemetry, self._tell, self._tell_change)
         self._readers = ThreadPoolExecutor(READERS, thread_name_prefix="db-reader")
 
     @classmethod
@@ -69,7 +70,7 @@ class Store:
 
     @property
     def commits(self) -> int:
-        """Count of committed transactions: as long as it stands still, no reader sees news."""
+        """Count of committed transactions."""
         return self._writer.commits
 
     @property
@@ -80,6 +81,15 @@ class Store:
     def add_fault_listener(self, listener: FaultListener) -> None:
         """Call ``listener`` on the writer's thread with each change of ``fault``."""
         self._listeners.append(listener)
+
+    @contextmanager
+    def listening(self, listener: Callable[[], object]) -> Generator[None]:
+        """Call ``listener`` on the writer's thread after each change that was committed."""
+        self._changed.append(listener)
+        try:
+            yield
+        finally:
+            self._changed.remove(listener)
 
     def change(self, function: Callable[[Session], T]) -> "Future[T]":
         """Run ``function`` in a transaction of its own; the future resolves after the commit.
@@ -133,6 +143,10 @@ class Store:
         self._readers.shutdown()
         self._read_engine.dispose()
         self._write_engine.dispose()
+
+    def _tell_change(self) -> None:
+        for listener in list(self._changed):
+            listener()
 
     def _tell(self, fault: str | None) -> None:
         for listener in list(self._listeners):

@@ -48,10 +48,13 @@ class Writer:
     memory and are tried again, and their futures resolve only after the commit that holds them.
     """
 
-    def __init__(self, engine: Engine, append: Append, on_fault: FaultListener) -> None:
+    def __init__(
+        self, engine: Engine, append: Append, on_fault: FaultListener, on_change: Callable[[], None]
+    ) -> None:
         self._engine = engine
         self._append = append
         self._on_fault = on_fault
+        self._on_change = on_change
         self._inbox: queue.SimpleQueue[_Change | _Rows | None] = queue.SimpleQueue()
         self._pending: deque[_Rows] = deque()
         self._pending_since_s = 0.0
@@ -179,6 +182,7 @@ class Writer:
             item.future.set_exception(error)
         else:
             item.future.set_result(result)
+            self._on_change()
 
     def _commit(self, function: Callable[[Session], T]) -> T:
         try:

@@ -1,1 +1,4 @@
-"""Who is asking, and what they may do."""
+"""Who may come in: people, roles, sessions, tokens, and requests that act once.
+
+Publishes nothing.
+"""

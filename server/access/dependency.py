@@ -9,51 +9,41 @@ A route names the right it needs by the type of its caller, and so cannot forget
 from typing import Annotated
 
 from fastapi import Depends, Request, WebSocket
-from starlette.requests import HTTPConnection
 
-from db.store import Store
-from robot_link.clock import Clock
-from server.access.access import Caller
-from server.access.foundation import Foundation
+from server.access.access import Access, Caller
+from server.access.guard import Guard
 from server.access.role import Right
+from server.base.dependency import FoundationDep
 
 
-def get_foundation(connection: HTTPConnection) -> Foundation:
-    """Return the foundation of the application that serves this connection."""
-    return connection.app.state.foundation
+def get_guard(foundation: FoundationDep) -> Guard:
+    """Return who checks the requests of this station."""
+    return foundation.services.get(Guard)
 
 
-FoundationDep = Annotated[Foundation, Depends(get_foundation)]
+def get_access(foundation: FoundationDep) -> Access:
+    """Return who knows the people of this station."""
+    return foundation.services.get(Access)
 
 
-def get_store(foundation: FoundationDep) -> Store:
-    """Return the station's memory."""
-    return foundation.store
+AccessDep = Annotated[Access, Depends(get_access)]
+GuardDep = Annotated[Guard, Depends(get_guard)]
 
 
-def get_clock(foundation: FoundationDep) -> Clock:
-    """Return the robots' clock."""
-    return foundation.clock
+async def _viewer(request: Request, guard: GuardDep) -> Caller:
+    return await guard.caller(request, Right.VIEW)
 
 
-StoreDep = Annotated[Store, Depends(get_store)]
-ClockDep = Annotated[Clock, Depends(get_clock)]
+async def _pilot(request: Request, guard: GuardDep) -> Caller:
+    return await guard.caller(request, Right.PILOT)
 
 
-async def _viewer(request: Request, foundation: FoundationDep) -> Caller:
-    return await foundation.guard.caller(request, Right.VIEW)
+async def _admin(request: Request, guard: GuardDep) -> Caller:
+    return await guard.caller(request, Right.ADMINISTER)
 
 
-async def _pilot(request: Request, foundation: FoundationDep) -> Caller:
-    return await foundation.guard.caller(request, Right.PILOT)
-
-
-async def _admin(request: Request, foundation: FoundationDep) -> Caller:
-    return await foundation.guard.caller(request, Right.ADMINISTER)
-
-
-async def _websocket_viewer(websocket: WebSocket, foundation: FoundationDep) -> Caller:
-    return await foundation.guard.websocket_caller(websocket)
+async def _websocket_viewer(websocket: WebSocket, guard: GuardDep) -> Caller:
+    return await guard.websocket_caller(websocket)
 
 
 Viewer = Annotated[Caller, Depends(_viewer)]

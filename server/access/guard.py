@@ -3,7 +3,7 @@
 from typing import Final
 from urllib.parse import urlsplit
 
-from fastapi import Request, WebSocket, WebSocketException, status
+from fastapi import Request, Response, WebSocket, WebSocketException, status
 from starlette.requests import HTTPConnection
 
 from server.access.access import Access, Caller
@@ -26,6 +26,18 @@ class Guard:
     def cookie_name(self, connection: HTTPConnection) -> str:
         """Return the session cookie's name; it holds the port, which cookies do not."""
         return f"grace_session_{connection.url.port or 'default'}"
+
+    def set_cookie(self, request: Request, response: Response, secret: str) -> None:
+        """Let a browser keep its session's secret, where no script can read it."""
+        response.set_cookie(
+            self.cookie_name(request),
+            secret,
+            max_age=int(self._settings.session_hours * 3600),
+            path="/",
+            httponly=True,
+            samesite="lax",
+            secure=self._settings.secure_cookie,
+        )
 
     def host_is_ours(self, connection: HTTPConnection) -> bool:
         """Tell whether the request names a host of this station.

@@ -11,8 +11,9 @@ from fastapi.routing import APIRoute
 
 from db.fault import StoreError, StoreUnavailableError
 from db.query.idempotency import GivenAnswer, claim, forget_before, release, settle
-from server.access.foundation import Foundation
+from server.access.guard import Guard
 from server.access.role import Right
+from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict
 
 HEADER: Final = "Idempotency-Key"
@@ -51,7 +52,7 @@ def _storage_fails(request: Request) -> bool:
 
 async def _once(request: Request, key: str, handler: Handler) -> Response:
     foundation: Foundation = request.app.state.foundation
-    person = await foundation.guard.caller(request, Right.VIEW)
+    person = await foundation.services.get(Guard).caller(request, Right.VIEW)
     caller = f"{person.role} {person.name}"
     head = f"{request.method} {request.url.path}?{request.url.query}\n".encode()
     fingerprint = hashlib.sha256(head + await request.body()).hexdigest()

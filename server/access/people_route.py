@@ -10,9 +10,10 @@ from db.query import people as query
 from db.query.people import PersonRecord, TokenRecord
 from server.access import register
 from server.access.access import password_hash_of
-from server.access.dependency import Admin, ClockDep, StoreDep
+from server.access.dependency import Admin
 from server.access.role import Role
 from server.base.body import Body
+from server.base.dependency import ClockDep, StoreDep
 from server.base.view import View
 
 router = APIRouter(tags=["people"])

@@ -8,9 +8,9 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import RedirectResponse
 from pydantic import Field, SecretStr
 
-from server.access.access import Caller, SignedIn
-from server.access.dependency import FoundationDep, Viewer
-from server.access.foundation import Foundation
+from server.access.access import Caller
+from server.access.dependency import AccessDep, GuardDep, Viewer
+from server.access.guard import Guard
 from server.base.body import Body
 from server.base.problem import FieldError, Problem, unprocessable
 from server.base.view import View
@@ -56,83 +56,71 @@ async def get_session(caller: Viewer) -> SessionView:
 
 @router.post("/api/session")
 async def sign_in(
-    body: SignInBody, request: Request, response: Response, foundation: FoundationDep
+    body: SignInBody, request: Request, response: Response, access: AccessDep, guard: GuardDep
 ) -> SessionView:
     """Sign in by name and password, or by a one-time token; the answer sets the cookie."""
-    _refuse_foreign_page(request, foundation)
+    _refuse_foreign_page(request, guard)
     if body.token is not None:
-        signed_in = await foundation.access.sign_in_once(body.token.get_secret_value())
+        signed_in = await access.sign_in_once(body.token.get_secret_value())
     elif body.name is not None and body.password is not None:
         password = body.password.get_secret_value()
-        signed_in = await foundation.access.sign_in(body.name, password)
+        signed_in = await access.sign_in(body.name, password)
     else:
         missing = "password" if body.name is not None else "name"
         raise unprocessable("1 field is wrong.", [FieldError(loc=[missing], msg="Field required")])
-    _set_cookie(request, response, foundation, signed_in)
+    guard.set_cookie(request, response, signed_in.secret)
     return _view(signed_in.caller)
 
 
 @router.post("/api/session/first", status_code=201)
 async def create_first_admin(
-    body: FirstAdminBody, request: Request, response: Response, foundation: FoundationDep
+    body: FirstAdminBody, request: Request, response: Response, access: AccessDep, guard: GuardDep
 ) -> SessionView:
     """Create the first administrator with the code that the station printed, and sign in."""
-    _refuse_foreign_page(request, foundation)
-    signed_in = await foundation.access.create_first_admin(
+    _refuse_foreign_page(request, guard)
+    signed_in = await access.create_first_admin(
         body.name, body.password.get_secret_value(), body.code
     )
-    _set_cookie(request, response, foundation, signed_in)
+    guard.set_cookie(request, response, signed_in.secret)
     return _view(signed_in.caller)
 
 
 @router.delete("/api/session", status_code=204)
 async def sign_out(
-    caller: Viewer, request: Request, response: Response, foundation: FoundationDep
+    caller: Viewer, request: Request, response: Response, access: AccessDep, guard: GuardDep
 ) -> None:
     """End this browser's session."""
     del caller
-    name = foundation.guard.cookie_name(request)
+    name = guard.cookie_name(request)
     secret = request.cookies.get(name)
     if secret is not None:
-        await foundation.access.sign_out(secret)
+        await access.sign_out(secret)
     response.delete_cookie(name, path="/")
 
 
 @router.get("/sign-in", include_in_schema=False)
 async def sign_in_by_link(
-    request: Request, foundation: FoundationDep, token: Annotated[str, Query(max_length=200)]
+    request: Request,
+    access: AccessDep,
+    guard: GuardDep,
+    token: Annotated[str, Query(max_length=200)],
 ) -> Response:
     """Use a one-time sign-in up and go on to the operator app; a used link leads there too."""
     response = RedirectResponse("/", status_code=303)
     try:
-        signed_in = await foundation.access.sign_in_once(token)
+        signed_in = await access.sign_in_once(token)
     except Problem as problem:
         if problem.status != 401:
             raise
         return response
-    _set_cookie(request, response, foundation, signed_in)
+    guard.set_cookie(request, response, signed_in.secret)
     return response
 
 
-def _refuse_foreign_page(request: Request, foundation: Foundation) -> None:
+def _refuse_foreign_page(request: Request, guard: Guard) -> None:
     """Keep other sites from signing a browser in behind its person's back."""
-    if "origin" in request.headers and not foundation.guard.origin_is_ours(request):
+    if "origin" in request.headers and not guard.origin_is_ours(request):
         raise Problem(403, "This sign-in came from a page that is not the station's.")
-
-
-def _set_cookie(
-    request: Request, response: Response, foundation: Foundation, signed_in: SignedIn
-) -> None:
-    settings = foundation.settings
-    response.set_cookie(
-        foundation.guard.cookie_name(request),
-        signed_in.secret,
-        max_age=int(settings.session_hours * 3600),
-        path="/",
-        httponly=True,
-        samesite="lax",
-        secure=settings.secure_cookie,
-    )
 
 
 def _view(caller: Caller) -> SessionView:

@@ -1,1 +1,4 @@
-"""Alarm rules and their acknowledgement."""
+"""Rules that raise and clear alarms about robots.
+
+Publishes nothing of its own; the alarm board tells ``AlarmChanged``.
+"""

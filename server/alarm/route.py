@@ -7,7 +7,8 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 
 from db.query.alarms import AlarmRecord, closed_alarms
-from server.access.dependency import FoundationDep, Pilot, Viewer
+from server.access.dependency import Pilot, Viewer
+from server.base.dependency import FoundationDep
 from server.base.view import View
 
 router = APIRouter(prefix="/api/alarms", tags=["alarms"])

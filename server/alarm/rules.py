@@ -201,7 +201,7 @@ async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock) -> None:
     while True:
         watch = Watch(clock.now(), since, clock.speed)
         for status in list(fleet.statuses):
-            robot, before = status.record.id, alarms.worst_level(status.record.id)
+            robot = status.record.id
             for rule in RULES:
                 verdict = rule.judge(status, watch)
                 if verdict is None:
@@ -209,6 +209,4 @@ async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock) -> None:
                     await alarms.clear(rule.cause, robot=robot, text=over)
                 else:
                     await alarms.raise_(rule.cause, verdict.text, level=verdict.level, robot=robot)
-            if alarms.worst_level(robot) != before:
-                fleet.touch(robot)
         await asyncio.sleep(PERIOD_S)

@@ -15,6 +15,8 @@ from db.query.alarms import AlarmRecord
 from db.query.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
+from server.base.event import AlarmChanged
+from server.base.event_bus import EventBus
 from server.base.problem import not_found
 
 logger = logging.getLogger(__name__)
@@ -28,8 +30,9 @@ class AlarmBoard:
     while it cannot be written; it is written once storage works again. Belongs to one event loop.
     """
 
-    def __init__(self, store: Store, clock: Clock) -> None:
+    def __init__(self, store: Store, clock: Clock, bus: EventBus) -> None:
         self._store = store
+        self._bus = bus
         self._clock = clock
         self._open: dict[str, AlarmRecord] = {}
         self._last_number = 0
@@ -164,6 +167,7 @@ class AlarmBoard:
             await self.save_waiting()
         except StoreUnavailableError:
             logger.warning("alarm %s (%s) waits for the storage", alarm.id, alarm.text)
+        self._bus.publish(AlarmChanged(alarm))
         return alarm
 
 

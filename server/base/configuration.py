@@ -18,6 +18,8 @@ from db.query.robots import get_robot
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.configuration_kind import ConfigurationKind, find_kind
+from server.base.event import SettingsChanged
+from server.base.event_bus import EventBus
 from server.base.problem import Problem, invalid
 from server.base.vehicle_catalogue import preset_key
 
@@ -64,8 +66,9 @@ class ConfigurationBook:
     one that is nearest in mass.
     """
 
-    def __init__(self, store: Store, clock: Clock) -> None:
+    def __init__(self, store: Store, clock: Clock, bus: EventBus) -> None:
         self._store = store
+        self._bus = bus
         self._clock = clock
 
     async def current(self, kind: str, robot: str | None) -> CurrentConfiguration:
@@ -135,7 +138,9 @@ class ConfigurationBook:
                 also(session)
             return CurrentConfiguration(kind, robot, record.id, value, now.preset, at, by)
 
-        return await self._store.write(change)
+        changed = await self._store.write(change)
+        self._bus.publish(SettingsChanged(kind, robot))
+        return changed
 
 
 def current(session: Session, kind: ConfigurationKind, robot: str | None) -> CurrentConfiguration:

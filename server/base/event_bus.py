@@ -20,11 +20,11 @@ class EventBus:
     """
 
     def __init__(self) -> None:
-        self._handlers: dict[type, list[Callable[[Any], None]]] = defaultdict(list)
+        self._handlers: dict[type, list[Callable[[Any], object]]] = defaultdict(list)
         self._waiting: list[object] = []
         self._is_publishing = False
 
-    def subscribe(self, kind: type[E], handler: Callable[[E], None]) -> None:
+    def subscribe(self, kind: type[E], handler: Callable[[E], object]) -> None:
         """Have every event of exactly this type handed to a handler."""
         self._handlers[kind].append(handler)
 

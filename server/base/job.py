@@ -11,6 +11,8 @@ from db.query import jobs as query
 from db.query.jobs import JobRecord
 from db.store import Store
 from robot_link.clock import Clock
+from server.base.event import JobChanged
+from server.base.event_bus import EventBus
 from server.base.problem import conflict
 
 logger = logging.getLogger(__name__)
@@ -42,9 +44,10 @@ JobWork = Callable[[JobProgress], Awaitable[Mapping[str, Any]]]
 class JobBoard:
     """Runs jobs as tasks of one event loop and keeps what became of them."""
 
-    def __init__(self, store: Store, clock: Clock) -> None:
+    def __init__(self, store: Store, clock: Clock, bus: EventBus) -> None:
         self._store = store
         self._clock = clock
+        self._bus = bus
         self._running: dict[str, JobRecord] = {}
         self._tasks: dict[str, asyncio.Task[None]] = {}
 
@@ -59,7 +62,7 @@ class JobBoard:
         at = self._clock.now()
         job = await self._store.write(lambda session: query.add_job(session, kind, at=at, by=by))
         job = replace(job, state="running")
-        self._running[job.id] = job
+        self._show(job)
         self._tasks[job.id] = asyncio.create_task(self._run(job.id, work), name=f"{kind} {job.id}")
         # A task that is cancelled before its first step would never note its own end.
         await asyncio.sleep(0)
@@ -104,7 +107,7 @@ class JobBoard:
 
     async def _run(self, job: str, work: JobWork) -> None:
         def tell(progress: float, message: str) -> None:
-            self._running[job] = replace(self._running[job], progress=progress, message=message)
+            self._show(replace(self._running[job], progress=progress, message=message))
 
         try:
             result = await work(JobProgress(tell))
@@ -131,3 +134,8 @@ class JobBoard:
         finally:
             self._running.pop(job)
             self._tasks.pop(job)
+            self._bus.publish(JobChanged(record))
+
+    def _show(self, job: JobRecord) -> None:
+        self._running[job.id] = job
+        self._bus.publish(JobChanged(job))

@@ -7,22 +7,20 @@ longer in memory for it comes from the database.
 """
 
 import asyncio
+import contextlib
 import itertools
-import logging
 from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
 from datetime import datetime
 
 import msgspec
-from sqlalchemy.exc import SQLAlchemyError
 
-from db.fault import StoreError
-from db.query.events import EventRecord, events_after, last_cursor
+from db.query.events import EventRecord, events_after
 from db.store import Store
 from robot_link.clock import Clock
-
-log = logging.getLogger(__name__)
+from server.base.event import EventLogged
+from server.base.event_log import EventLog
 
 TICK_S = 0.1
 QUIET_S = 1.0
@@ -30,11 +28,8 @@ QUIET_S = 1.0
 EVENTS_IN_MEMORY = 1000
 EVENTS_PER_BATCH = 500
 PARTS_PER_SECTION = 100
-_LOOK_TICKS = 2
-"""Ticks between two looks into the log where something was committed,"""
-_LOOK_ANYWAY_TICKS = 10
-"""and where nothing was: the command line writes too."""
-SECTIONS = ("robots", "plans", "missions", "jobs")
+SECTIONS = ("robots", "plans", "missions", "jobs", "commands", "transfers")
+"""What the stream carries; a capability puts into its own."""
 
 Value = Callable[[], object]
 Send = Callable[[str], Awaitable[None]]
@@ -76,24 +71,23 @@ class LiveFeed:
     Belongs to one event loop. ``run`` is its heartbeat; without it no client gets anything.
     """
 
-    def __init__(self, store: Store, clock: Clock, count_alarms: Callable[[], int]) -> None:
+    def __init__(
+        self, store: Store, clock: Clock, count_alarms: Callable[[], int], log: EventLog
+    ) -> None:
         self._store = store
         self._clock = clock
         self._count_alarms = count_alarms
+        self._log = log
         self._parts: dict[str, dict[str, _Part]] = {section: {} for section in SECTIONS}
         self._due: list[_Part] = []
         self._events: deque[_Happening] = deque(maxlen=EVENTS_IN_MEMORY)
         self._forgotten = 0
         self._cursor = 0
-        self._commits = -1
         self._ticks = 0
         self._tick = asyncio.Event()
-        self._knows_log = asyncio.Event()
-        """Set once it is known where the log ends: who comes before waits for that."""
+        self._news = asyncio.Event()
         self._closed = False
         self._batches: dict[tuple[int, int, frozenset[str] | None], str] = {}
-        self.listeners: list[Callable[[EventRecord], None]] = []
-        """Called with every event of the station, in order; must return at once."""
 
     def put(self, section: str, key: str, value: Value, robot: str | None = None) -> None:
         """Note that a part changed; ``value`` is asked for it at most once a tick.
@@ -107,18 +101,21 @@ class LiveFeed:
         if not part.is_due:
             part.is_due = True
             self._due.append(part)
+            self._news.set()
         if len(parts) > PARTS_PER_SECTION:
             del parts[next(iter(parts))]
 
     async def run(self) -> None:
-        """Tick until cancelled."""
-        self._cursor = self._forgotten = await self._end_of_log()
-        self._knows_log.set()
-        due_s = asyncio.get_running_loop().time()
+        """Tick when there is news, at most once in ``TICK_S``, until cancelled."""
+        await self._log.is_known.wait()
+        self._cursor = self._forgotten = max(self._cursor, self._log.cursor)
         while True:
-            await self._advance()
-            due_s = max(due_s + TICK_S, asyncio.get_running_loop().time())
-            await asyncio.sleep(due_s - asyncio.get_running_loop().time())
+            self._news.clear()
+            self._advance()
+            await asyncio.sleep(TICK_S)
+            with contextlib.suppress(TimeoutError):
+                async with asyncio.timeout(QUIET_S - TICK_S):
+                    await self._news.wait()
 
     async def follow(self, send: Send, robots: frozenset[str] | None, after: int | None) -> None:
         """Send batches to one client until the feed closes or ``send`` fails.
@@ -129,12 +126,13 @@ class LiveFeed:
             after: Cursor of the last event that the client knows; ``None`` for the events from
                 now on.
         """
-        await self._knows_log.wait()
+        while not (self._ticks or self._closed):
+            await self._tick.wait()
         reader = _Reader(robots, self._cursor if after is None else after)
         sent_s = -QUIET_S
         now_s = asyncio.get_running_loop().time
         while not self._closed:
-            if self._has_news(reader) or now_s() - sent_s >= QUIET_S:
+            if self._has_news(reader) or now_s() - sent_s >= QUIET_S - TICK_S:
                 batch = await self._batch(reader)
                 sent_s = now_s()
                 await send(batch)
@@ -144,32 +142,20 @@ class LiveFeed:
     def close(self) -> None:
         """Let every ``follow`` return."""
         self._closed = True
-        self._knows_log.set()
         self._tick.set()
 
-    async def _end_of_log(self) -> int:
-        """Return the cursor of the newest event, as soon as storage works."""
-        while True:
-            try:
-                return await self._store.query(last_cursor)
-            except (StoreError, SQLAlchemyError) as error:
-                log.warning("the live stream begins when storage works: %s", error)
-            await asyncio.sleep(TICK_S)
+    def take(self, logged: EventLogged) -> None:
+        """Take an event of the log for everyone who watches."""
+        if len(self._events) == EVENTS_IN_MEMORY:
+            self._forgotten = self._events[0].cursor
+        event = logged.event
+        self._events.append(_happening(event))
+        self._cursor = event.cursor
+        self._news.set()
 
-    async def _advance(self) -> None:
-        events: list[EventRecord] = []
-        period = _LOOK_TICKS if self._store.commits != self._commits else _LOOK_ANYWAY_TICKS
-        if self._ticks % period == 0:
-            events = await self._events_if_readable()
+    def _advance(self) -> None:
         self._ticks += 1
         self._batches.clear()
-        for event in events:
-            if len(self._events) == EVENTS_IN_MEMORY:
-                self._forgotten = self._events[0].cursor
-            self._events.append(_happening(event))
-            self._cursor = event.cursor
-            for listener in self.listeners:
-                listener(event)
         while self._due:
             part = self._due.pop()
             part.is_due = False
@@ -177,28 +163,6 @@ class LiveFeed:
             part.changed = self._ticks
         tick, self._tick = self._tick, asyncio.Event()
         tick.set()
-
-    async def _events_if_readable(self) -> list[EventRecord]:
-        """Read new events; gauges go on while storage fails, and events follow when it works."""
-        commits = self._store.commits
-        try:
-            events = await self._new_events()
-        except (StoreError, SQLAlchemyError) as error:
-            log.warning("events wait until storage works: %s", error)
-            return []
-        self._commits = commits
-        return events
-
-    async def _new_events(self) -> list[EventRecord]:
-        events: list[EventRecord] = []
-        while True:
-            cursor = events[-1].cursor if events else self._cursor
-            page = await self._store.query(
-                lambda session, cursor=cursor: events_after(session, cursor, limit=EVENTS_PER_BATCH)
-            )
-            events += page
-            if len(page) < EVENTS_PER_BATCH:
-                return events
 
     def _has_news(self, reader: _Reader) -> bool:
         if reader.seen < 0 or reader.cursor < self._cursor:

@@ -21,7 +21,7 @@ from robot_link.messages import (
     PlanHash,
     RobotId,
 )
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.problem import conflict
 from server.base.retry_queue import RetryQueue
 from server.base.secret import SecretUnreadableError

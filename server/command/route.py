@@ -3,17 +3,21 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Depends, Query
 
 from robot_link.messages import CommandKind
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
+from server.base.dependency import service
 from server.base.view import View
+from server.command.commands import Commands
 from server.command.view import CommandView
-from server.station_dependency import StationDep
+from server.fleet.dependency import FleetDep
 
 router = APIRouter(prefix="/api", tags=["commands"], route_class=IdempotentRoute)
+
+CommandsDep = Annotated[Commands, Depends(service(Commands))]
 
 
 class CommandRequest(Body):
@@ -37,14 +41,14 @@ class CommandIdView(View):
 
 @router.post("/robots/{robot}/commands", status_code=202)
 async def create_command(
-    caller: Pilot, robot: str, body: CommandRequest, station: StationDep
+    caller: Pilot, robot: str, body: CommandRequest, commands: CommandsDep
 ) -> CommandIdView:
     """Send an order; the answer says that it was written down, not that anyone has it.
 
     409 if the robot has no link of the route that is asked for.
     """
     kind = CommandKind(body.kind)
-    command = await station.commands.send(robot, kind, by=caller.name, requested=body.route)
+    command = await commands.send(robot, kind, by=caller.name, requested=body.route)
     return CommandIdView(command)
 
 
@@ -52,17 +56,18 @@ async def create_command(
 async def list_commands(
     caller: Viewer,
     robot: str,
-    station: StationDep,
+    commands: CommandsDep,
+    fleet: FleetDep,
     limit: Annotated[int, Query(ge=1, le=1000)] = 50,
 ) -> list[CommandView]:
     """Return the newest commands of a robot, the newest first."""
     del caller
-    station.fleet.status(robot)
-    return await station.commands.latest(robot, limit)
+    fleet.status(robot)
+    return await commands.latest(robot, limit)
 
 
 @router.get("/commands/{command}")
-async def get_command(caller: Viewer, command: str, station: StationDep) -> CommandView:
+async def get_command(caller: Viewer, command: str, commands: CommandsDep) -> CommandView:
     """Return a command with every level that was proved, and one sentence about it."""
     del caller
-    return await station.commands.view(command)
+    return await commands.view(command)

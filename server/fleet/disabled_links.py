@@ -11,6 +11,8 @@ from db.query.settings import get_setting, put_setting
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.station.path import RadioPath
+from server.base.event_bus import EventBus
+from server.fleet.event import LinkSwitched
 from server.fleet.words import carrier_title
 
 _SETTING = "unplugged links"
@@ -24,8 +26,9 @@ def shared_port(uri: str) -> str:
 class DisabledLinks:
     """Disabled links by their ports. Belongs to one event loop."""
 
-    def __init__(self, store: Store, clock: Clock) -> None:
+    def __init__(self, store: Store, clock: Clock, bus: EventBus) -> None:
         self._store = store
+        self._bus = bus
         self._clock = clock
         self._disabled: set[str] = set()
 
@@ -75,3 +78,4 @@ class DisabledLinks:
 
         await self._store.write(write)
         self._disabled = wanted
+        self._bus.publish(LinkSwitched(uri, is_enabled))

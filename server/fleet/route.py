@@ -3,7 +3,7 @@
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 from pydantic import AwareDatetime, Field
 from sqlalchemy.orm import Session
 
@@ -22,15 +22,24 @@ from db.query.sample_places import SamplePlaces, sample_places
 from db.query.telemetry import history, track
 from robot_link.messages import STATE, RobotId, SystemId
 from robot_link.station.gateway.address import check_link
-from server.access.dependency import Admin, FoundationDep, StoreDep, Viewer
+from server.access.dependency import Admin, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
+from server.base.dependency import FoundationDep, StoreDep, service
 from server.base.problem import FieldError, conflict, not_found, unprocessable
+from server.base.view import encoded
+from server.fleet.dependency import FleetDep
+from server.fleet.panel import FleetViews
+from server.fleet.roster import Roster
 from server.fleet.trail import DRIFT_MODES
 from server.fleet.view import RobotView, SamplesView, StateView, TrackView
-from server.station_dependency import StationDep, encoded
+from server.vehicle.vehicles import Vehicles
 
 router = APIRouter(prefix="/api/robots", tags=["robots"], route_class=IdempotentRoute)
+
+FleetViewsDep = Annotated[FleetViews, Depends(service(FleetViews))]
+RosterDep = Annotated[Roster, Depends(service(Roster))]
+VehiclesDep = Annotated[Vehicles, Depends(service(Vehicles))]
 
 MaxPoints = Annotated[
     int, Query(ge=2, le=20_000, description="Thin the series to at most this many points.")
@@ -71,18 +80,23 @@ class RobotChanges(Body):
 
 
 @router.get("")
-async def list_robots(caller: Viewer, station: StationDep) -> list[RobotView]:
+async def list_robots(caller: Viewer, fleet: FleetDep, views: FleetViewsDep) -> list[RobotView]:
     """Return every robot with what it is doing, when it is heard next, and its worst alarm."""
     del caller
-    return [station.fleet.robot_view(status.record.id) for status in station.fleet.statuses]
+    return [views.robot_view(status.record.id) for status in fleet.statuses]
 
 
 @router.post("", status_code=201)
 async def create_robot(
-    caller: Admin, robot: NewRobot, station: StationDep, foundation: FoundationDep
+    caller: Admin,
+    robot: NewRobot,
+    views: FleetViewsDep,
+    roster: RosterDep,
+    vehicles: VehiclesDep,
+    foundation: FoundationDep,
 ) -> RobotView:
     """Add a robot; the station listens for it at once."""
-    station.vehicles.check_model(robot.model)
+    vehicles.check_model(robot.model)
     _check_links(robot.links)
     at = foundation.clock.now()
     record = RobotRecord(
@@ -101,15 +115,15 @@ async def create_robot(
         add_event(session, at, "robot.added", f"{caller.name} added {robot.id}.", robot=robot.id)
 
     await _keep(foundation, write)
-    await station.refresh(robot.id)
-    return station.fleet.robot_view(robot.id)
+    await roster.refresh(robot.id)
+    return views.robot_view(robot.id)
 
 
 @router.get("/{robot}")
-async def get_robot(caller: Viewer, robot: str, station: StationDep) -> RobotView:
+async def get_robot(caller: Viewer, robot: str, views: FleetViewsDep) -> RobotView:
     """Return one robot."""
     del caller
-    return station.fleet.robot_view(robot)
+    return views.robot_view(robot)
 
 
 @router.patch("/{robot}")
@@ -117,14 +131,17 @@ async def patch_robot(
     caller: Admin,
     robot: str,
     changes: RobotChanges,
-    station: StationDep,
+    fleet: FleetDep,
+    views: FleetViewsDep,
+    roster: RosterDep,
+    vehicles: VehiclesDep,
     foundation: FoundationDep,
 ) -> RobotView:
     """Change a robot's name, model, links or site."""
-    station.fleet.status(robot)
+    fleet.status(robot)
     given = changes.model_dump(exclude_unset=True, exclude_none=True)
     if changes.model is not None:
-        station.vehicles.check_model(changes.model)
+        vehicles.check_model(changes.model)
     if changes.links is not None:
         _check_links(changes.links)
     at = foundation.clock.now()
@@ -135,15 +152,15 @@ async def patch_robot(
         add_event(session, at, "robot.changed", text, robot=robot, data={"fields": list(given)})
 
     await _keep(foundation, write)
-    await station.refresh(robot)
-    return station.fleet.robot_view(robot)
+    await roster.refresh(robot)
+    return views.robot_view(robot)
 
 
 @router.get("/{robot}/state")
-async def get_state(caller: Viewer, robot: str, station: StationDep) -> StateView:
+async def get_state(caller: Viewer, robot: str, views: FleetViewsDep) -> StateView:
     """Return the newest value of every channel, each with its age."""
     del caller
-    return station.fleet.state_view(robot)
+    return views.state_view(robot)
 
 
 @router.get("/{robot}/samples", response_model=SamplesView)
@@ -154,7 +171,7 @@ async def get_samples(
         str, Query(description="Key of a channel of the state, or of a field variable.")
     ],
     store: StoreDep,
-    station: StationDep,
+    fleet: FleetDep,
     start: Start = None,
     end: End = None,
     max_points: MaxPoints = 2000,
@@ -164,7 +181,7 @@ async def get_samples(
 ) -> Response:
     """Return the history of one channel, thinned so that every extreme stays."""
     del caller
-    thresholds_m = station.fleet.status(robot).track.thresholds_m
+    thresholds_m = fleet.status(robot).track.thresholds_m
     unit = _unit(channel)
     if positions and channel in VARIABLES:
         placed = await store.query(
@@ -184,18 +201,18 @@ async def get_track(
     caller: Viewer,
     robot: str,
     foundation: FoundationDep,
-    station: StationDep,
+    fleet: FleetDep,
     start: Start = None,
     end: End = None,
     max_points: MaxPoints = 2000,
 ) -> Response:
     """Return where the robot believed to be, with uncertainty and fidelity level."""
     del caller
-    site = station.fleet.status(robot).record.site
+    site = fleet.status(robot).record.site
     found = await foundation.store.query(
         lambda session: track(session, robot, start, end, max_points)
     )
-    thresholds_m = station.fleet.status(robot).track.thresholds_m
+    thresholds_m = fleet.status(robot).track.thresholds_m
     positions = np.array([point.position_ned for point in found.points]).reshape(-1, 3)
     std_m = np.array([point.position_std_m for point in found.points])
     geodetic = wgs84_from_ned(positions[:, :2], site.origin_latitude_deg, site.origin_longitude_deg)

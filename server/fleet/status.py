@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
 from autonomy.arrays import FloatArray
-from autonomy.planner.plan import Leg, PositionNed
+from autonomy.planner.plan import Leg
 from db.query.plans import PlanRecord
 from db.query.robots import RobotRecord
 from robot_link.messages import (
@@ -105,8 +105,6 @@ class RobotStatus:
     """Newest sample by variable."""
     plan: PlanInHand | None = None
     mission_id: str | None = None
-    geodetic: tuple[PositionNed, tuple[float, float]] | None = None
-    """A position of late with its latitude and longitude."""
     refused: int = 0
     """Values that were not believed since the station started."""
 

@@ -1,1 +1,5 @@
-"""The radios, modems and acoustic ranges by which the station reaches robots."""
+"""Radios and acoustic modems, and the intake of all that robots say by whichever link.
+
+Publishes ``SamplesStored``, ``PlanReported``, ``TargetReported``, ``UploadReported``,
+``CommandReported`` and ``RadiosChanged`` (``server.link.event``).
+"""

@@ -6,10 +6,8 @@ twice is stored once. Gauges are latest-wins and do not wait for the database.
 
 import asyncio
 import logging
-from collections import defaultdict
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from concurrent.futures import Future
-from dataclasses import dataclass
 
 from db.fault import StoreError
 from db.ingest import Telemetry
@@ -20,7 +18,6 @@ from robot_link.messages import (
     CommandReport,
     LinkEvent,
     LinkReport,
-    LogId,
     PlanReport,
     RawFrame,
     RobotId,
@@ -29,9 +26,17 @@ from robot_link.messages import (
     TargetReport,
     UploadReport,
 )
+from server.base.event_bus import EventBus
 from server.fleet.clock_fault import ClockJudge
 from server.fleet.fleet import Fleet
 from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_target
+from server.link.event import (
+    CommandReported,
+    PlanReported,
+    SamplesStored,
+    TargetReported,
+    UploadReported,
+)
 
 log = logging.getLogger(__name__)
 
@@ -39,29 +44,14 @@ GATHER_S = 0.05
 """Telemetry is handed to the database in pieces of this length."""
 
 
-@dataclass(frozen=True, slots=True)
-class Listeners:
-    """Who is told what; all are called on the event loop."""
-
-    acknowledge: Callable[[RobotId, LogId, Sequence[int]], None]
-    """The rows of these samples are committed."""
-    samples: Callable[[Sequence[Sample]], None]
-    """New measurements, committed and believable; some may have been told before."""
-    plan: Callable[[PlanReport], None]
-    upload: Callable[[UploadReport], None]
-    command: Callable[[CommandReport], None]
-    track: Callable[[TargetReport], None]
-    """Believable; its row is on its way to the database."""
-
-
 class Ingest:
     """Takes link events in the order in which they happened. Belongs to one event loop."""
 
-    def __init__(self, store: Store, fleet: Fleet, clock: Clock, listeners: Listeners) -> None:
+    def __init__(self, store: Store, fleet: Fleet, clock: Clock, bus: EventBus) -> None:
         self._store = store
         self._fleet = fleet
         self._clock = clock
-        self._listeners = listeners
+        self._bus = bus
         self._rows: list[Telemetry] = []
         self._samples: list[Sample] = []
         self._refused: list[Sample] = []
@@ -95,9 +85,9 @@ class Ingest:
             case TargetReport():
                 self._take_target(event)
             case UploadReport():
-                self._listeners.upload(event)
+                self._bus.publish(UploadReported(event))
             case CommandReport():
-                self._listeners.command(event)
+                self._bus.publish(CommandReported(event))
 
     async def store(self, events: Sequence[LinkEvent]) -> None:
         """Take what may have been long on its way; return once everything is committed.
@@ -149,12 +139,12 @@ class Ingest:
         report = self._clock_of(report.robot).dated(report)
         self._append(report)
         self._fleet.take_plan_report(report)
-        self._listeners.plan(report)
+        self._bus.publish(PlanReported(report))
 
     def _take_state(self, report: StateReport, *, is_prompt: bool) -> None:
         judge = self._clock_of(report.robot)
         judge.hear(report, is_prompt=is_prompt)
-        self._fleet.status(report.robot).clock_fault = judge.fault
+        self._fleet.set_clock_fault(report.robot, judge.fault)
         report = judge.dated(report)
         site = self._fleet.status(report.robot).record.site
         fault = fault_of_state(report, site, self._clock.now(), self._clock.speed)
@@ -175,7 +165,7 @@ class Ingest:
         self._told_faults.discard((report.robot, "track"))
         self._append(report)
         self._fleet.take_target(report)
-        self._listeners.track(report)
+        self._bus.publish(TargetReported(report))
 
     def _take_sample(self, sample: Sample) -> None:
         sample = self._clock_of(sample.robot).dated(sample)
@@ -197,20 +187,14 @@ class Ingest:
         if error is not None:
             log.error("telemetry was not stored: %s", error)
             return
-        stored: dict[tuple[RobotId, LogId], list[int]] = defaultdict(list)
-        for sample in (*samples, *refused):
-            stored[sample.robot, sample.log].append(sample.sequence)
-        for (robot, sample_log), sequences in stored.items():
-            self._listeners.acknowledge(robot, sample_log, sequences)
         for sample in samples:
             self._fleet.take_sample(sample)
-        if samples:
-            self._listeners.samples(samples)
+        if samples or refused:
+            self._bus.publish(SamplesStored(samples, refused))
 
     def _refuse(self, robot: RobotId, what: str, fault: str) -> None:
         """Count a value that cannot be true, and say so once until a good one came."""
-        status = self._fleet.status(robot)
-        status.refused += 1
+        self._fleet.count_refused(robot)
         if (robot, what) in self._told_faults:
             return
         self._told_faults.add((robot, what))

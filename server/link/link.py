@@ -1,13 +1,11 @@
 """What the services ask of the links to the robots."""
 
-from collections.abc import Iterable
 from datetime import datetime
 from typing import Protocol
 
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
-    LogId,
     PlanHash,
     RobotId,
     UploadReport,
@@ -35,8 +33,4 @@ class Radio(Protocol):
         plan: PlanHash | None = None,
     ) -> None:
         """Send a command until it is answered or expires."""
-        ...
-
-    def acknowledge_samples(self, robot: RobotId, log: LogId, sequences: Iterable[int]) -> None:
-        """Tell a robot that these samples are stored."""
         ...

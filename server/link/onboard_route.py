@@ -1,19 +1,25 @@
 """What robots keep on board: parameters and log files, asked for over radio only."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Depends
 from fastapi.responses import FileResponse
 from pydantic import Field
 
-from server.access.dependency import FoundationDep, Pilot, Viewer
+from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
+from server.base.dependency import FoundationDep, service
 from server.base.view import View
 from server.link.onboard_view import ParametersView, ParameterView, RobotLogsView
-from server.station_dependency import StationDep
+from server.link.parameters import Parameters
+from server.link.robot_logs import RobotLogs
 
 router = APIRouter(prefix="/api/robots/{robot}", tags=["on board"], route_class=IdempotentRoute)
+
+ParametersDep = Annotated[Parameters, Depends(service(Parameters))]
+RobotLogsDep = Annotated[RobotLogs, Depends(service(RobotLogs))]
 
 
 class ParameterRequest(Body):
@@ -36,45 +42,45 @@ class JobIdView(View):
 
 
 @router.get("/parameters")
-async def list_parameters(caller: Viewer, robot: str, station: StationDep) -> ParametersView:
+async def list_parameters(caller: Viewer, robot: str, parameters: ParametersDep) -> ParametersView:
     """Return the robot's parameters as it said them last."""
     del caller
-    return await station.parameters.view(robot)
+    return await parameters.view(robot)
 
 
 @router.post("/parameters/read", status_code=202)
-async def read_parameters(caller: Pilot, robot: str, station: StationDep) -> JobIdView:
+async def read_parameters(caller: Pilot, robot: str, parameters: ParametersDep) -> JobIdView:
     """Ask the robot for all of its parameters."""
-    return JobIdView(await station.parameters.read(robot, by=caller.name))
+    return JobIdView(await parameters.read(robot, by=caller.name))
 
 
 @router.put("/parameters/{name}")
 async def write_parameter(
-    caller: Pilot, robot: str, name: str, body: ParameterRequest, station: StationDep
+    caller: Pilot, robot: str, name: str, body: ParameterRequest, parameters: ParametersDep
 ) -> ParameterView:
     """Set a parameter and answer with what the robot says that it is now."""
-    return await station.parameters.write(robot, name, body.value, by=caller.name)
+    return await parameters.write(robot, name, body.value, by=caller.name)
 
 
 @router.get("/logs")
-async def list_logs(caller: Viewer, robot: str, station: StationDep) -> RobotLogsView:
+async def list_logs(caller: Viewer, robot: str, logs: RobotLogsDep) -> RobotLogsView:
     """Return the files that the robot named last, and which of them are ashore."""
     del caller
-    return await station.robot_logs.view(robot)
+    return await logs.view(robot)
 
 
 @router.post("/logs/read", status_code=202)
-async def read_logs(caller: Pilot, robot: str, station: StationDep) -> JobIdView:
+async def read_logs(caller: Pilot, robot: str, logs: RobotLogsDep) -> JobIdView:
     """Ask the robot which files it has."""
-    return JobIdView(await station.robot_logs.read(robot, by=caller.name))
+    return JobIdView(await logs.read(robot, by=caller.name))
 
 
 @router.post("/logs/download", status_code=202)
 async def download_log(
-    caller: Pilot, robot: str, body: LogRequest, station: StationDep
+    caller: Pilot, robot: str, body: LogRequest, logs: RobotLogsDep
 ) -> JobIdView:
     """Fetch a file; a transfer that broke off before goes on where it stopped."""
-    return JobIdView(await station.robot_logs.download(robot, body.path, by=caller.name))
+    return JobIdView(await logs.download(robot, body.path, by=caller.name))
 
 
 @router.get(
@@ -83,11 +89,11 @@ async def download_log(
     responses={200: {"content": {"application/octet-stream": {}}}},
 )
 async def get_log(
-    caller: Viewer, robot: str, log: str, station: StationDep, foundation: FoundationDep
+    caller: Viewer, robot: str, log: str, logs: RobotLogsDep, foundation: FoundationDep
 ) -> FileResponse:
     """Return the copy of a file that was fetched."""
     del caller
-    record, path = await station.robot_logs.copy(robot, log)
+    record, path = await logs.copy(robot, log)
     mark = "SIMULATION_" if foundation.settings.simulation else ""
     name = f"{mark}{robot}_{record.path.rsplit('/', 1)[-1]}"
     return FileResponse(path, media_type="application/octet-stream", filename=name)

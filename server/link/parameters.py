@@ -14,7 +14,7 @@ from db.query.onboard import ParameterRecord
 from robot_link.messages import RobotId
 from robot_link.service.parameter_table import ParameterType, ParameterValue
 from robot_link.station.error import NoAnswerError, ServiceError
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import FieldError, Problem, conflict, not_found, unprocessable

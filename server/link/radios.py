@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections import defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import datetime
 from typing import Protocol
@@ -29,6 +30,7 @@ from robot_link.station.link import RobotEndpoint, StationLink
 from robot_link.station.path import RadioPath
 from robot_link.transport.datagram import DatagramTransport
 from robot_link.transport.opening import is_radio, open_transport
+from server.link.event import SamplesStored
 from server.link.link import Radio
 from server.link.parameters import ParameterRadio
 from server.link.robot_logs import FileRadio
@@ -53,6 +55,10 @@ class Link(Radio, ParameterRadio, FileRadio, Protocol):
 
     def set_enabled(self, uri: str, is_enabled: bool) -> None:
         """Enable or disable a link; KeyError if there is no such link."""
+        ...
+
+    def acknowledge_samples(self, robot: RobotId, log: LogId, sequences: Iterable[int]) -> None:
+        """Tell a robot that these samples are stored."""
         ...
 
     async def run(self) -> None:
@@ -171,10 +177,14 @@ class Radios:
             log.warning("%s has no link; its %s order waits", robot, kind)
             self._waiting[robot, number] = expires
 
-    def acknowledge_samples(self, robot: RobotId, log: LogId, sequences: Iterable[int]) -> None:
-        """Tell a robot that these samples are stored."""
-        if robot in self._robots:
-            self._link.acknowledge_samples(robot, log, sequences)
+    def acknowledge(self, stored: SamplesStored) -> None:
+        """Tell robots which samples they may forget."""
+        sequences: dict[tuple[RobotId, LogId], list[int]] = defaultdict(list)
+        for sample in (*stored.samples, *stored.refused):
+            if sample.robot in self._robots:
+                sequences[sample.robot, sample.log].append(sample.sequence)
+        for (robot, sample_log), numbers in sequences.items():
+            self._link.acknowledge_samples(robot, sample_log, numbers)
 
     async def read_parameters(self, robot: RobotId) -> Sequence[ParameterValue]:
         """Return every parameter of a robot; see ``StationLink``."""

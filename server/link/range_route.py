@@ -7,7 +7,8 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 
 from db.query.ranges import list_ranges
-from server.access.dependency import StoreDep, Viewer
+from server.access.dependency import Viewer
+from server.base.dependency import StoreDep
 from server.base.view import View
 
 router = APIRouter(prefix="/api/robots", tags=["robots"])

@@ -29,7 +29,7 @@ from robot_link.station.gateway.address import (
     is_acoustic,
 )
 from robot_link.transport.datagram import Garbled, PortChanged
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 
 log = logging.getLogger(__name__)
 

@@ -12,7 +12,7 @@ from db.query.onboard import LogRecord
 from robot_link.messages import RobotId
 from robot_link.service.file_store import FileEntry
 from robot_link.station.error import ServiceError
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import not_found

@@ -1,18 +1,23 @@
-"""The links of robots: their state, their plugs, and what crossed the satellite."""
+"""The links of robots: their state, and whether they may be used."""
 
 from typing import Annotated
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Depends
 from pydantic import Field
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
+from server.base.dependency import service
+from server.base.problem import not_found
+from server.fleet.dependency import FleetDep
+from server.fleet.disabled_links import DisabledLinks
 from server.fleet.link_panel import link_views
-from server.fleet.link_view import RobotLinkView, SatelliteView
-from server.station_dependency import StationDep
+from server.fleet.link_view import RobotLinkView
 
 router = APIRouter(prefix="/api/robots", tags=["links"], route_class=IdempotentRoute)
+
+DisabledLinksDep = Annotated[DisabledLinks, Depends(service(DisabledLinks))]
 
 
 class PlugRequest(Body):
@@ -25,31 +30,21 @@ class PlugRequest(Body):
 
 
 @router.get("/{robot}/links")
-async def get_links(caller: Viewer, robot: str, station: StationDep) -> list[RobotLinkView]:
+async def get_links(caller: Viewer, robot: str, fleet: FleetDep) -> list[RobotLinkView]:
     """Return every link of a robot: its state, its age, and what it carries."""
     del caller
-    return link_views(station.fleet.status(robot))
+    return link_views(fleet.status(robot))
 
 
 @router.post("/{robot}/links/plug")
 async def enable_link(
-    caller: Pilot, robot: str, body: PlugRequest, station: StationDep
+    caller: Pilot, robot: str, body: PlugRequest, disabled_links: DisabledLinksDep, fleet: FleetDep
 ) -> list[RobotLinkView]:
     """Pull the plug of a link, or put it back; robots that share a radio share its plug.
 
     Nothing is sent by an unplugged satellite link, and its gateway is asked to keep what comes.
     """
-    await station.set_enabled(robot, body.uri, is_enabled=body.plugged, by=caller.name)
-    return link_views(station.fleet.status(robot))
-
-
-@router.get("/{robot}/satellite")
-async def get_satellite(
-    caller: Viewer,
-    robot: str,
-    station: StationDep,
-    limit: Annotated[int, Query(ge=1, le=1000)] = 100,
-) -> SatelliteView:
-    """Return a robot's satellite budget and its newest messages, out and in."""
-    del caller
-    return await station.satellite.view(robot, limit)
+    if body.uri not in fleet.status(robot).record.links:
+        raise not_found(f"{robot} has no link {body.uri!r}.")
+    await disabled_links.set(body.uri, is_enabled=body.plugged, robot=robot, by=caller.name)
+    return link_views(fleet.status(robot))

@@ -1,1 +1,4 @@
-"""Field maps: grown, smoothed, learned, compared, exported."""
+"""Field maps that grow while samples arrive; comparisons of their models, and learning.
+
+Publishes ``MapChanged`` and ``DivesSmoothed`` (``server.map.event``).
+"""

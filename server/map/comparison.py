@@ -11,7 +11,7 @@ from autonomy.field.score import Scores
 from db.column import moment
 from db.query.events import add_event
 from db.query.samples import SampleColumns, sample_columns
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import conflict, not_found

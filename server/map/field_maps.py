@@ -11,8 +11,8 @@ shown.
 import asyncio
 import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
-from datetime import datetime, timedelta
+from collections.abc import Mapping
+from datetime import timedelta
 
 from sqlalchemy.orm import Session
 
@@ -22,13 +22,16 @@ from db.query.robots import RobotRecord
 from db.query.samples import sample_columns
 from db.store import Store
 from robot_link.clock import Clock
-from robot_link.messages import Sample
+from server.base.event_bus import EventBus
+from server.fleet.event import FixTaken
+from server.link.event import SamplesStored
+from server.map.event import DivesSmoothed, MapChanged
 from server.map.group import MapGroup, MapKey, MapSettings
 from server.map.record import Comparison, newest_comparison, record_of, scores_of, view_of
 from server.map.samples import site_robots
 from server.map.site_map import SiteMap
 from server.map.smoothing import Smoothing
-from server.survey.view import ScoresView
+from server.map.view import ScoresView
 from webui.scene.source import MapView, SampleView
 
 log = logging.getLogger(__name__)
@@ -48,8 +51,9 @@ SNAPSHOT_PERIOD = timedelta(minutes=10)
 class FieldMaps:
     """Owns all maps. Belongs to one event loop; the algebra runs in one thread at a time."""
 
-    def __init__(self, store: Store, clock: Clock) -> None:
+    def __init__(self, store: Store, clock: Clock, bus: EventBus) -> None:
         self._store = store
+        self._bus = bus
         self._clock = clock
         self._groups: list[MapGroup] = []
         self._of: dict[str, MapGroup] = {}
@@ -62,10 +66,6 @@ class FieldMaps:
         self._smoothing = Smoothing(store, clock)
         self._algebra = asyncio.Lock()
         self._news = asyncio.Event()
-        self.listeners: list[Callable[[str], None]] = []
-        """Called with a robot's id when its maps changed."""
-        self.on_dive: list[Callable[[str], None]] = []
-        """Called with a robot's id when its dives were looked at after a fix."""
 
     async def open(self, record: RobotRecord, settings: MapSettings) -> None:
         """Make the map of a robot from its stored samples; again only if something changed."""
@@ -96,8 +96,9 @@ class FieldMaps:
         self._recorded[robot] = (views, scores_of(saved))
         self._tell_robot(robot)
 
-    def feed(self, samples: Sequence[Sample]) -> None:
+    def feed(self, stored: SamplesStored) -> None:
         """Take committed samples; those that are in the maps already change nothing."""
+        samples = stored.samples
         now_s = time.monotonic()
         self._smoothing.feed(samples)
         for sample in samples:
@@ -111,10 +112,10 @@ class FieldMaps:
                 self._look_at_dives(robot)
         self._news.set()
 
-    def take_fix(self, robot: str, at: datetime) -> None:
+    def take_fix(self, fix: FixTaken) -> None:
         """Take that a robot reported a fix: it may have ended a dive."""
-        self._smoothing.take_fix(robot, at)
-        self._look_at_dives(robot)
+        self._smoothing.take_fix(fix.robot, fix.at)
+        self._look_at_dives(fix.robot)
 
     async def quiet(self, robot: str, for_s: float, at_most_s: float) -> None:
         """Wait until no sample of a robot came for a while of the wall from now on."""
@@ -284,8 +285,7 @@ class FieldMaps:
         if moved:
             for group in self._groups:
                 group.is_stale = group.is_stale or robot in group.robots
-        for listener in self.on_dive:
-            listener(robot)
+        self._bus.publish(DivesSmoothed(robot))
 
     async def _save_if_due(self, group: MapGroup) -> None:
         now = self._clock.now()
@@ -326,8 +326,7 @@ class FieldMaps:
             self._tell_robot(robot)
 
     def _tell_robot(self, robot: str) -> None:
-        for listener in self.listeners:
-            listener(robot)
+        self._bus.publish(MapChanged(robot))
 
 
 def _names(group: MapGroup) -> str:

@@ -6,14 +6,16 @@ from datetime import datetime
 
 from autonomy.field.config import FieldConfig
 from autonomy.field.grid import Grid
+from autonomy.planner.config import PlannerConfig
 from autonomy.site import Box, Site
 from db.query.robots import RobotRecord
 from robot_link.messages import Sample
+from server.base.configuration import CurrentConfiguration
 from server.map.grid import grid_of
 from server.map.record import Comparison
 from server.map.samples import Water
 from server.map.site_map import SiteMap, basis_of
-from server.survey.view import ScoresView
+from server.map.view import ScoresView
 from webui.scene.source import MapView
 
 MapKey = tuple[str, str]
@@ -101,3 +103,12 @@ class MapGroup:
         shown = {(variable, live.view.model): live.view}
         compared = {} if self.comparison is None else self.comparison.views
         return shown | {key: view for key, view in compared.items() if key not in shown}
+
+
+def field_config_of(found: CurrentConfiguration, planner: PlannerConfig) -> FieldConfig:
+    """Return a field's settings with the planner's fidelity thresholds, where they fit."""
+    value = found.value_as(FieldConfig)
+    thresholds_m = planner.fidelity_thresholds_m
+    if len(thresholds_m) != len(value.fidelity_thresholds_m):
+        return value
+    return value.with_thresholds(thresholds_m)

@@ -18,9 +18,10 @@ from db.fault import StoreError
 from db.query import configurations as query
 from db.query.events import add_event
 from db.query.samples import count_received, sample_columns
-from server.access.foundation import Foundation
 from server.base.configuration import CurrentConfiguration, current
 from server.base.configuration_kind import find_kind
+from server.base.event import SettingsChanged
+from server.base.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey
 from server.base.problem import conflict
@@ -28,6 +29,7 @@ from server.base.study import worked_out
 from server.base.worker import WorkerPool
 from server.fleet.fleet import Fleet
 from server.map.comparison import map_group
+from server.map.event import DivesSmoothed
 from server.map.field_maps import FieldMaps
 from server.map.group import MapGroup
 from server.map.samples import Water, field_samples
@@ -57,7 +59,7 @@ class MapLearning:
         self._learned_at: dict[tuple[Water, str], int] = {}
         """Samples of a variable that a water's map had when its kernels were last learned."""
         self._is_beginning = False
-        maps.on_dive.append(self.dive_ended)
+        foundation.bus.subscribe(DivesSmoothed, self._dive_ended)
 
     @property
     def is_busy(self) -> bool:
@@ -76,8 +78,9 @@ class MapLearning:
             raise conflict(f"The map of {robot} needs {_LEAST_SAMPLES} samples to learn from.")
         return await self._begin(robot, group, by)
 
-    def dive_ended(self, robot: str) -> None:
+    def _dive_ended(self, event: DivesSmoothed) -> None:
         """Learn in the background if a map says so and enough samples came since the last time."""
+        robot = event.robot
         group = self._maps.group(robot)
         if group is None or not group.config.learning.online or self.is_busy:
             return
@@ -185,7 +188,10 @@ class MapLearning:
             add_event(session, at, "map.learned", text, robot=robot, data=data)
             return view
 
-        return await self._store.write(write)
+        version = await self._store.write(write)
+        for one in held if patch else ():
+            self._foundation.bus.publish(SettingsChanged(kind.key, one))
+        return version
 
 
 def _key(group: MapGroup) -> tuple[Water, str]:

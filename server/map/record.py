@@ -15,8 +15,7 @@ from db.column import microseconds
 from db.query import studies as query
 from db.query.maps import MapRecord
 from server.map.field_model import MODEL_TITLES
-from server.map.view import KeptComparison
-from server.survey.view import ScoresView
+from server.map.view import KeptComparison, ScoresView
 from webui.scene.source import MapView
 
 _COMPARISON = "comparison"

@@ -5,12 +5,18 @@ from enum import StrEnum
 from typing import Annotated
 
 import numpy as np
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 
-from server.access.dependency import FoundationDep, Pilot, Viewer
+from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
+from server.base.dependency import FoundationDep, service
 from server.base.problem import not_found
+from server.base.view import encoded
+from server.fleet.dependency import FleetDep
+from server.map.comparison import MapComparisons
 from server.map.export import ORDER, MapExport, archive, table
+from server.map.field_maps import FieldMaps
+from server.map.learning import MapLearning
 from server.map.view import (
     AxesView,
     FieldMapView,
@@ -19,11 +25,13 @@ from server.map.view import (
     MapJobView,
     SampleCountView,
 )
-from server.station import Station
-from server.station_dependency import StationDep, encoded
 from webui.scene.source import MapView
 
 router = APIRouter(prefix="/api/robots/{robot}/maps", tags=["maps"], route_class=IdempotentRoute)
+
+MapComparisonsDep = Annotated[MapComparisons, Depends(service(MapComparisons))]
+MapLearningDep = Annotated[MapLearning, Depends(service(MapLearning))]
+FieldMapsDep = Annotated[FieldMaps, Depends(service(FieldMaps))]
 
 
 class MapFormat(StrEnum):
@@ -37,12 +45,14 @@ class MapFormat(StrEnum):
 
 
 @router.get("")
-async def list_maps(caller: Viewer, robot: str, station: StationDep) -> list[MapEntryView]:
+async def list_maps(
+    caller: Viewer, robot: str, fleet: FleetDep, maps: FieldMapsDep
+) -> list[MapEntryView]:
     """Return which variables of a robot are mapped, and by which models."""
     del caller
-    station.fleet.status(robot)
+    fleet.status(robot)
     entries: dict[str, MapEntryView] = {}
-    for (key, model), view in station.maps.views(robot).items():
+    for (key, model), view in maps.views(robot).items():
         if key in entries:
             entries[key].models.append(model)
             entries[key].titles[model] = view.title or model
@@ -68,7 +78,8 @@ async def get_map(
     caller: Viewer,
     robot: str,
     variable: str,
-    station: StationDep,
+    fleet: FleetDep,
+    maps: FieldMapsDep,
     foundation: FoundationDep,
     model: Annotated[
         str | None,
@@ -78,14 +89,14 @@ async def get_map(
 ) -> Response:
     """Return mean and standard deviation on the map's grid; nothing where there is no water."""
     del caller
-    record = station.fleet.status(robot).record
-    view = _find(station, robot, variable, model)
+    record = fleet.status(robot).record
+    view = _find(maps, robot, variable, model)
     export = MapExport(
         robot=robot,
         site=record.site,
         view=view,
-        config_version=station.maps.version(robot),
-        smoothed=_smoothed(station, robot),
+        config_version=maps.version(robot),
+        smoothed=_smoothed(maps, robot),
         is_simulation=foundation.settings.simulation or record.simulated,
     )
     if format is MapFormat.NPZ:
@@ -94,46 +105,46 @@ async def get_map(
     if format is MapFormat.CSV:
         content = (await asyncio.to_thread(table, export)).encode()
         return _file(content, "text/csv; charset=utf-8", export.name("csv"))
-    answer = encoded(_map_view(station, export))
+    answer = encoded(_map_view(maps, export))
     answer.headers.update(_named(export.name("json")))
     return answer
 
 
 @router.get("/{variable}/comparison")
 async def get_comparison(
-    caller: Viewer, robot: str, variable: str, station: StationDep
+    caller: Viewer, robot: str, variable: str, comparisons: MapComparisonsDep
 ) -> MapComparisonView:
     """Return the newest comparison of all field models on the samples of a map."""
     del caller
-    return station.comparisons.view(robot, variable)
+    return comparisons.view(robot, variable)
 
 
 @router.post("/{variable}/comparison", status_code=202)
 async def start_comparison(
-    caller: Pilot, robot: str, variable: str, station: StationDep
+    caller: Pilot, robot: str, variable: str, comparisons: MapComparisonsDep
 ) -> MapJobView:
     """Compare all field models on all samples, in a process of its own.
 
     They are scored against the truth where the robot is simulated, else against whole dives that
     are held out. The same job is returned while one is under way.
     """
-    return MapJobView(await station.comparisons.start(robot, variable, by=caller.name))
+    return MapJobView(await comparisons.start(robot, variable, by=caller.name))
 
 
 @router.post("/{variable}/learning", status_code=202)
 async def start_learning(
-    caller: Pilot, robot: str, variable: str, station: StationDep
+    caller: Pilot, robot: str, variable: str, learning: MapLearningDep
 ) -> MapJobView:
     """Learn the kernels of the map's model from all samples, in a process of its own.
 
     What is found becomes a new version of the `field` settings, and the map is made anew. The same
     job is returned while one is under way.
     """
-    return MapJobView(await station.learning.start(robot, variable, by=caller.name))
+    return MapJobView(await learning.start(robot, variable, by=caller.name))
 
 
-def _find(station: Station, robot: str, variable: str, model: str | None) -> MapView:
-    views = station.maps.views(robot)
+def _find(maps: FieldMaps, robot: str, variable: str, model: str | None) -> MapView:
+    views = maps.views(robot)
     for (key, of_model), view in views.items():
         if key == variable and model in {None, of_model}:
             return view
@@ -142,12 +153,12 @@ def _find(station: Station, robot: str, variable: str, model: str | None) -> Map
     raise not_found(f"There is no such map of {robot}; there are: {known}{hint}.")
 
 
-def _smoothed(station: Station, robot: str) -> int:
-    samples = station.maps.samples(robot)
+def _smoothed(maps: FieldMaps, robot: str) -> int:
+    samples = maps.samples(robot)
     return 0 if samples is None else int(np.count_nonzero(samples.is_smoothed))
 
 
-def _map_view(station: Station, export: MapExport) -> FieldMapView:
+def _map_view(maps: FieldMaps, export: MapExport) -> FieldMapView:
     robot, view = export.robot, export.view
     variable = view.variable
     wet = np.isfinite(view.mean)
@@ -171,11 +182,11 @@ def _map_view(station: Station, export: MapExport) -> FieldMapView:
         mask=None if wet.all() else wet.ravel().tolist(),
         samples=SampleCountView(export.samples, list(view.samples_per_level)),
         smoothed_samples=export.smoothed,
-        models=[model for key, model in station.maps.views(robot) if key == variable.key],
+        models=[model for key, model in maps.views(robot) if key == variable.key],
         config_version=export.config_version,
         simulation=export.is_simulation,
         updated_at=view.updated_at,
-        scores=station.maps.scores(robot).get((variable.key, view.model)),
+        scores=maps.scores(robot).get((variable.key, view.model)),
     )
 
 

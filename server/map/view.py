@@ -7,7 +7,22 @@ from datetime import datetime
 from autonomy.field.learned import LearnedKernels
 from autonomy.result import Result
 from server.base.view import View
-from server.survey.view import ScoresView
+
+
+@dataclass(frozen=True, slots=True)
+class ScoresView(View):
+    """A map held against the truth of the simulated field."""
+
+    model: str
+    title: str
+    rmse: float
+    nlpd: float
+    """Negative log predictive density per point."""
+    wmse: float
+    """Weighted mean squared error: 1 where the model's uncertainty is right."""
+    coverage_90: float
+    """Share of the truth inside the 90 % interval."""
+    samples: int
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,7 @@ from sqlalchemy.orm import Session
 
 from db.query import plans as query
 from db.query.plans import PlanRecord, PlanStateError
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.live_feed import LiveFeed
 from server.fleet.fleet import Fleet
 from server.fleet.status import PlanInHand

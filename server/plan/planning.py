@@ -18,8 +18,8 @@ from autonomy.warm_up import search_step
 from db.fault import StoreUnavailableError
 from db.query.plans import PlanRecord, PlanStateError
 from robot_link.satellite.config import SatelliteConfig
-from server.access.foundation import Foundation
 from server.base.configuration_kind import ONBOARD_CONTROLLER
+from server.base.foundation import Foundation
 from server.base.machine_code import MachineCode
 from server.base.problem import conflict
 from server.base.retry_queue import until_stored

@@ -13,9 +13,9 @@ from autonomy.planner.plan import Leg
 from db.query.missions import OPEN_STATES, get_mission
 from db.query.plans import PlanRecord, list_plans
 from robot_link.messages import PlanReport
-from server.access.foundation import Foundation
-from server.base.configuration import CurrentConfiguration
+from server.base.foundation import Foundation
 from server.fleet.fleet import Fleet
+from server.map.group import field_config_of
 from server.map.samples import Water, site_samples
 from server.plan.ahead import planned_rest
 from server.plan.task import MapProblem, SurveyProblem
@@ -102,15 +102,6 @@ class RoundProblems:
         )
         rests = [planned_rest(plan, reports[plan.robot]) for plan in plans]
         return np.concatenate([np.empty((0, 5)), *rests])
-
-
-def field_config_of(found: CurrentConfiguration, planner: PlannerConfig) -> FieldConfig:
-    """Return a field's settings with the planner's fidelity thresholds, where they fit."""
-    value = found.value_as(FieldConfig)
-    thresholds_m = planner.fidelity_thresholds_m
-    if len(thresholds_m) != len(value.fidelity_thresholds_m):
-        return value
-    return value.with_thresholds(thresholds_m)
 
 
 def _coming(

@@ -8,7 +8,7 @@ from autonomy.planner.approach import approach_energy, way_in
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.outcome import least_energy
 from autonomy.site import Box
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
 from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording

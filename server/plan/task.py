@@ -15,7 +15,6 @@ from autonomy.field.samples import FieldSamples
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg
 from autonomy.site import Site
-from autonomy.vehicle.config import Vehicle
 
 LOAD_PLANNER: Final = "server.plan.search_task:load"
 """Takes nothing and leaves nothing."""
@@ -23,8 +22,6 @@ PLAN_SURVEY: Final = "server.plan.search_task:run"
 """Takes a ``SurveyProblem``, reports ``ObjectivePoint``, leaves a ``PlanResult``."""
 MAP_STD: Final = "server.plan.search_task:mean_std"
 """Takes a ``MapProblem``, leaves the mean standard deviation of the map over the domain."""
-CAPABILITY: Final = "server.vehicle.capability_task:run"
-"""Takes a ``CapabilityProblem``, leaves primitives and energies as a JSON document."""
 
 
 def _no_points() -> FloatArray:
@@ -67,12 +64,3 @@ class MapProblem:
     field: FieldConfig
     samples: FieldSamples
     site: Site | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class CapabilityProblem:
-    """A vehicle of which it is asked what it can fly."""
-
-    vehicle: Vehicle
-    depth_m: float | None
-    """Depth of the water; ``None`` for as deep as it needs."""

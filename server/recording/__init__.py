@@ -1,1 +1,4 @@
-"""Recorded deployments: read from a file, kept, mapped, written to files again."""
+"""What flights leave behind: imports, exports, journals, and replays of them.
+
+Publishes nothing.
+"""

@@ -14,10 +14,11 @@ from db.query.robots import get_robot
 from db.query.samples import sampled_variables
 from db.query.target_span import TargetSpan
 from db.store import Store
-from server.access.dependency import StoreDep, Viewer
+from server.access.dependency import Viewer
+from server.base.dependency import StoreDep
 from server.base.view import View
 from server.recording.export import csv_blocks, geojson, kml
-from server.recording.target_export import target_csv_blocks
+from server.target.export import target_csv_blocks
 
 router = APIRouter(prefix="/api/deployments", tags=["data"])
 Format = Literal["csv", "geojson", "kml", "tracking"]

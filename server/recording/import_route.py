@@ -10,7 +10,8 @@ from typing import IO, Annotated, Any
 
 from fastapi import APIRouter, Form, UploadFile
 
-from server.access.dependency import FoundationDep, Pilot
+from server.access.dependency import Pilot
+from server.base.dependency import FoundationDep
 from server.base.job import JobProgress
 from server.base.view import View
 from server.recording.intake import ImportOrder, run_import

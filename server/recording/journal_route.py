@@ -14,7 +14,8 @@ from sqlalchemy.orm import Session
 from db.query.journal import JournalRange, iterate_frames
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.messages import RawFrame
-from server.access.dependency import FoundationDep, StoreDep, Viewer
+from server.access.dependency import Viewer
+from server.base.dependency import FoundationDep, StoreDep
 from server.base.view import View
 from server.recording.tlog import tlog_blocks
 

@@ -14,16 +14,17 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Depends, Request
 from pydantic import Field, SecretStr, ValidationError
 from sqlalchemy.orm import Session
-from starlette.requests import ClientDisconnect, HTTPConnection
+from starlette.requests import ClientDisconnect
 
 from db.fault import StoreError
 from db.query.events import add_event
 from robot_link.station.gateway import cloudloop, rockblock
 from robot_link.station.gateway.gateway import HeldBackError, MobileOriginated
 from robot_link.station.gateway.push import PushRefusal
-from server.access.dependency import Admin, FoundationDep
-from server.access.foundation import Foundation
+from server.access.dependency import Admin
 from server.base.body import Body
+from server.base.dependency import FoundationDep, service
+from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, invalid, not_found, unprocessable
 from server.base.secret import (
     DEFAULT_URLS,
@@ -41,11 +42,7 @@ PUSH_BYTES_MAX: Final = 8 * 1024
 _STATUS_OF_REFUSAL: Final = {"malformed": 400, "signature": 403, "disagrees": 403}
 
 
-def _gateways(connection: HTTPConnection) -> Gateways:
-    return connection.app.state.station.gateways
-
-
-GatewaysDep = Annotated[Gateways, Depends(_gateways)]
+GatewaysDep = Annotated[Gateways, Depends(service(Gateways))]
 
 
 class AccountBody(Body):

@@ -32,8 +32,8 @@ from robot_link.station.gateway.gateway import (
     Taken,
 )
 from robot_link.station.gateway.rockblock import RockBlockGateway
-from server.access.foundation import Foundation
 from server.access.rate import RateLimit
+from server.base.foundation import Foundation
 from server.base.secret import GATEWAY_KINDS, GatewayAccount, GatewayKind, SecretUnreadableError
 
 log = logging.getLogger(__name__)

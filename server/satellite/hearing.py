@@ -60,9 +60,7 @@ class Hearing:
             next_session_at=next_session_at(status, newest, period_s),
             fault=account.fault,
         )
-        if status.satellite != shown:
-            status.satellite = shown
-            self._fleet.touch(status.record.id)
+        self._fleet.set_satellite(status.record.id, shown)
 
     def _report(self, status: RobotStatus, modem: Modem, settings: Settings) -> None:
         report = link_report(

@@ -11,7 +11,7 @@ from robot_link.messages import (
     PlanReport,
 )
 from robot_link.station.gateway.gateway import HeldBackError, MobileOriginated
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.retry_queue import RetryQueue, until_stored
 from server.base.secret import SecretUnreadableError
 from server.fleet.disabled_links import DisabledLinks

@@ -1,1 +1,4 @@
-"""The 3D view: what it may draw, and the door to it."""
+"""Robots, plans and maps in three dimensions; shows, and changes nothing.
+
+Publishes nothing.
+"""

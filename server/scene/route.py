@@ -9,20 +9,23 @@ import asyncio
 from typing import Annotated, Literal, cast
 
 import websockets
-from fastapi import APIRouter, Query, Response, WebSocket, WebSocketDisconnect
+from fastapi import APIRouter, Depends, Query, Response, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse
 from pydantic import Field
 
 from robot_link.messages import RobotId
 from server.access.dependency import Pilot, Viewer, WebSocketViewer
 from server.base.body import Body
+from server.base.dependency import service
 from server.base.problem import Problem, not_found
+from server.scene.host import SceneHost
 from server.scene.view import SceneStateView
-from server.station_dependency import StationDep
 from webui.scene.page import page
 from webui.scene.view import SceneChange, SceneState
 
 router = APIRouter(tags=["view"])
+
+SceneHostDep = Annotated[SceneHost, Depends(service(SceneHost))]
 
 _POLICY = (
     "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; "
@@ -58,21 +61,21 @@ _MAY_BE_NULL = ("slice_depth", "slice_north", "slice_east")
 
 
 @router.get("/api/robots/{robot}/view")
-async def get_scene_state(caller: Viewer, robot: RobotId, station: StationDep) -> SceneStateView:
+async def get_scene_state(caller: Viewer, robot: RobotId, scenes: SceneHostDep) -> SceneStateView:
     """Return what everybody who looks at a robot's 3D view sees."""
-    return _told(robot, await station.scenes.state(robot))
+    return _told(robot, await scenes.state(robot))
 
 
 @router.patch("/api/robots/{robot}/view")
 async def change_scene_state(
-    caller: Pilot, robot: RobotId, body: SceneChangeBody, station: StationDep
+    caller: Pilot, robot: RobotId, body: SceneChangeBody, scenes: SceneHostDep
 ) -> SceneStateView:
     """Let everybody see another quantity, slice, opacity, exaggeration or layer."""
     given = body.model_dump(exclude_unset=True)
     change = {
         key: value for key, value in given.items() if value is not None or key in _MAY_BE_NULL
     }
-    return _told(robot, await station.scenes.change(robot, cast("SceneChange", change)))
+    return _told(robot, await scenes.change(robot, cast("SceneChange", change)))
 
 
 def _told(robot: str, state: SceneState | None) -> SceneStateView:
@@ -97,13 +100,13 @@ async def choose_view(
 async def show_view(
     robot: RobotId,
     caller: Viewer,
-    station: StationDep,
+    scenes: SceneHostDep,
     framed: Framed = False,
     websocket: Annotated[str | None, Query(include_in_schema=False)] = None,
 ) -> Response:
     """Return viser's page, which then opens the WebSocket of the same path."""
     _refuse_foreign_scene(websocket)
-    if await station.scenes.port(robot) is None:
+    if await scenes.port(robot) is None:
         raise not_found(f"There is no robot {robot}.")
     return Response(
         page(is_framed=framed),
@@ -114,10 +117,10 @@ async def show_view(
 
 @router.websocket("/view/{robot}")
 async def pipe_view(
-    websocket: WebSocket, robot: RobotId, caller: WebSocketViewer, station: StationDep
+    websocket: WebSocket, robot: RobotId, caller: WebSocketViewer, scenes: SceneHostDep
 ) -> None:
     """Carry bytes between a browser and the robot's scene until either end closes."""
-    port = await station.scenes.port(robot)
+    port = await scenes.port(robot)
     offered = websocket.scope.get("subprotocols", [])
     if port is None or not offered:
         await websocket.close(code=1008)

@@ -20,7 +20,7 @@ from db.query import studies as query
 from db.query.deployments import get_deployment
 from db.query.events import add_event
 from db.query.studies import StudyRecord
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.job import JobProgress
 from server.base.problem import Problem, below, conflict
 from server.base.study import Document, Refusal, Studies, study_as

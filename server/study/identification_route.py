@@ -2,13 +2,15 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 from pydantic import AwareDatetime, Field
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
-from server.station_dependency import StationDep, encoded
+from server.base.dependency import service
+from server.base.view import encoded
+from server.study.identification import Identifications
 from server.study.view import (
     AcceptedVehicleView,
     IdentificationsView,
@@ -17,6 +19,8 @@ from server.study.view import (
 )
 
 router = APIRouter(prefix="/api", tags=["identification"], route_class=IdempotentRoute)
+
+IdentificationsDep = Annotated[Identifications, Depends(service(Identifications))]
 
 
 class IdentificationRequest(Body):
@@ -44,13 +48,13 @@ class AcceptRequest(Body):
 
 @router.post("/robots/{robot}/identifications", status_code=202)
 async def start_identification(
-    caller: Pilot, robot: str, body: IdentificationRequest, station: StationDep
+    caller: Pilot, robot: str, body: IdentificationRequest, identifications: IdentificationsDep
 ) -> StudyStartedView:
     """Begin a search in a process of its own.
 
     409 says what a recording lacks: channels, reports from under water, or any report at all.
     """
-    identification, job = await station.identifications.start(
+    identification, job = await identifications.start(
         robot, body.deployment, body.config, start=body.start, end=body.end, by=caller.name
     )
     return StudyStartedView(id=identification, job=job)
@@ -60,44 +64,49 @@ async def start_identification(
 async def list_identifications(
     caller: Viewer,
     robot: str,
-    station: StationDep,
+    identifications: IdentificationsDep,
     before: Annotated[str | None, Query(description="Id to go on before.")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 50,
 ) -> IdentificationsView:
     """Return the searches of a robot, the newest first, without their results."""
     del caller
-    found = await station.identifications.of_robot(robot, before, limit)
+    found = await identifications.of_robot(robot, before, limit)
     return IdentificationsView(identifications=found)
 
 
 @router.get("/identifications/{identification}", response_model=IdentificationView)
-async def get_identification(caller: Viewer, identification: str, station: StationDep) -> Response:
+async def get_identification(
+    caller: Viewer, identification: str, identifications: IdentificationsDep
+) -> Response:
     """Return one search as it stands now; its convergence grows while it runs."""
     del caller
-    return encoded(await station.identifications.get(identification))
+    return encoded(await identifications.get(identification))
 
 
 @router.post("/identifications/{identification}/cancel", response_model=IdentificationView)
 async def cancel_identification(
-    caller: Pilot, identification: str, station: StationDep
+    caller: Pilot, identification: str, identifications: IdentificationsDep
 ) -> Response:
     """Call a search off; the answer comes when it has stopped. It can be resumed."""
     del caller
-    return encoded(await station.identifications.cancel(identification))
+    return encoded(await identifications.cancel(identification))
 
 
 @router.post("/identifications/{identification}/resume", status_code=202)
 async def resume_identification(
-    caller: Pilot, identification: str, station: StationDep
+    caller: Pilot, identification: str, identifications: IdentificationsDep
 ) -> StudyStartedView:
     """Let a search go on from its last checkpoint, also after a restart of the station."""
-    found, job = await station.identifications.resume(identification, by=caller.name)
+    found, job = await identifications.resume(identification, by=caller.name)
     return StudyStartedView(id=found, job=job)
 
 
 @router.post("/identifications/{identification}/accept", status_code=201)
 async def accept_identification(
-    caller: Pilot, identification: str, station: StationDep, body: AcceptRequest | None = None
+    caller: Pilot,
+    identification: str,
+    identifications: IdentificationsDep,
+    body: AcceptRequest | None = None,
 ) -> AcceptedVehicleView:
     """Keep what was found as a vehicle of the catalogue; the robot's model stays as it is.
 
@@ -105,6 +114,6 @@ async def accept_identification(
     offered as a trim advice.
     """
     wish = body or AcceptRequest()
-    return await station.identifications.accept(
+    return await identifications.accept(
         identification, key=wish.key, title=wish.title, by=caller.name
     )

@@ -11,7 +11,7 @@ from db.query import studies as query
 from db.query.events import add_event
 from db.query.robots import get_robot
 from db.query.studies import StudyRecord
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.job import JobProgress
 from server.base.problem import Problem, conflict, not_found
 from server.base.study import Document, study_as, worked_out

@@ -1,16 +1,20 @@
 """Trim: advice from the last dives, accepted by a person in steps."""
 
-from fastapi import APIRouter
+from typing import Annotated
+
+from fastapi import APIRouter, Depends
 from pydantic import Field, field_validator
 
 from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
-from server.station_dependency import StationDep
-from server.study.trim import STEPS
+from server.base.dependency import service
+from server.study.trim import STEPS, TrimAdvices
 from server.study.view import AdviceJobView, TrimView
 
 router = APIRouter(prefix="/api/robots/{robot}/trim", tags=["trim"], route_class=IdempotentRoute)
+
+TrimAdvicesDep = Annotated[TrimAdvices, Depends(service(TrimAdvices))]
 
 
 class AdviceRequest(Body):
@@ -40,7 +44,7 @@ class TrimAcceptance(Body):
 
 @router.post("/advice", status_code=202)
 async def start_advice(
-    caller: Pilot, robot: str, station: StationDep, body: AdviceRequest | None = None
+    caller: Pilot, robot: str, trim: TrimAdvicesDep, body: AdviceRequest | None = None
 ) -> AdviceJobView:
     """Work out by how much the trim is off.
 
@@ -49,16 +53,16 @@ async def start_advice(
     where there is too little steady gliding.
     """
     wish = body or AdviceRequest()
-    job = await station.trim.start(robot, wish.deployment, wish.dives, by=caller.name)
+    job = await trim.start(robot, wish.deployment, wish.dives, by=caller.name)
     return AdviceJobView(job=job)
 
 
 @router.post("/accept")
 async def accept_advice(
-    caller: Pilot, robot: str, body: TrimAcceptance, station: StationDep
+    caller: Pilot, robot: str, body: TrimAcceptance, trim: TrimAdvicesDep
 ) -> TrimView:
     """Change the trim by half of an advice's step, or all of it; the answer says when it arrives.
 
     409 if the trim was changed since the advice, or the advice was accepted already.
     """
-    return await station.trim.accept(robot, body.advice, body.share, by=caller.name)
+    return await trim.accept(robot, body.advice, body.share, by=caller.name)

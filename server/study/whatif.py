@@ -8,8 +8,8 @@ from autonomy.control.catalogue import CONTROLLERS, ControllerConfig
 from autonomy.vehicle.config import Vehicle
 from autonomy.whatif.config import ControllerChoice, TrialConfig
 from db.query.studies import StudyRecord
-from server.access.foundation import Foundation
 from server.base.configuration_kind import KINDS
+from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, below, conflict, unprocessable
 from server.base.study import Refusal, Studies, study_as
 from server.base.worker import WORKER_FAILURES, WorkerPool

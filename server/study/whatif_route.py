@@ -2,17 +2,20 @@
 
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 from pydantic import Field
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
-from server.station_dependency import StationDep, encoded
+from server.base.dependency import service
+from server.base.view import encoded
 from server.study.view import StudyStartedView, WhatIfsView, WhatIfView
-from server.study.whatif import ControllerRequest
+from server.study.whatif import ControllerRequest, WhatIfs
 
 router = APIRouter(prefix="/api", tags=["what-if"], route_class=IdempotentRoute)
+
+WhatIfsDep = Annotated[WhatIfs, Depends(service(WhatIfs))]
 
 
 class ControllerBody(Body):
@@ -44,14 +47,14 @@ class ShownWhatIf(Body):
 
 @router.post("/robots/{robot}/whatif", status_code=202)
 async def start_whatif(
-    caller: Pilot, robot: str, body: WhatIfRequest, station: StationDep
+    caller: Pilot, robot: str, body: WhatIfRequest, whatifs: WhatIfsDep
 ) -> StudyStartedView:
     """Begin a run in a process of its own.
 
     422 names each wrong field by its path, or the limit of the vehicle that the reference breaks.
     """
     requests = [ControllerRequest(one.kind, one.title, one.config) for one in body.controllers]
-    whatif, job = await station.whatifs.start(robot, body.scenario, requests, by=caller.name)
+    whatif, job = await whatifs.start(robot, body.scenario, requests, by=caller.name)
     return StudyStartedView(id=whatif, job=job)
 
 
@@ -59,30 +62,30 @@ async def start_whatif(
 async def list_whatifs(
     caller: Viewer,
     robot: str,
-    station: StationDep,
+    whatifs: WhatIfsDep,
     before: Annotated[str | None, Query(description="Id to go on before.")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 50,
 ) -> WhatIfsView:
     """Return the runs of a robot, the newest first, without their results."""
     del caller
-    return WhatIfsView(whatifs=await station.whatifs.of_robot(robot, before, limit))
+    return WhatIfsView(whatifs=await whatifs.of_robot(robot, before, limit))
 
 
 @router.get("/whatifs/{whatif}", response_model=WhatIfView)
-async def get_whatif(caller: Viewer, whatif: str, station: StationDep) -> Response:
+async def get_whatif(caller: Viewer, whatif: str, whatifs: WhatIfsDep) -> Response:
     """Return one run with its result."""
     del caller
-    return encoded(await station.whatifs.get(whatif))
+    return encoded(await whatifs.get(whatif))
 
 
 @router.put("/robots/{robot}/whatif/shown")
 async def show_whatif(
-    caller: Pilot, robot: str, body: ShownWhatIf, station: StationDep
+    caller: Pilot, robot: str, body: ShownWhatIf, whatifs: WhatIfsDep
 ) -> ShownWhatIf:
     """Draw a run in the 3D view, beginning where the robot is now, or none.
 
     409 says that a run has no result to draw.
     """
     del caller
-    await station.whatifs.shown.show(robot, body.id)
-    return ShownWhatIf(id=station.whatifs.shown.id_of(robot))
+    await whatifs.shown.show(robot, body.id)
+    return ShownWhatIf(id=whatifs.shown.id_of(robot))

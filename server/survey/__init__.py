@@ -1,1 +1,4 @@
-"""Adaptive surveys: missions whose rounds are planned, flown and mapped."""
+"""Missions of several rounds, which plan, fly and map until their budget is spent.
+
+Publishes nothing.
+"""

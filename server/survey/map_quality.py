@@ -6,7 +6,7 @@ from typing import Any
 
 from autonomy.planner.config import PlannerConfig
 from db.query.missions import MissionRecord
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
 from server.map.field_maps import FieldMaps

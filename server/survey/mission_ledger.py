@@ -15,6 +15,7 @@ from robot_link.clock import Clock
 from server.base.alarm_board import AlarmBoard
 from server.base.live_feed import LiveFeed
 from server.fleet.fleet import Fleet
+from server.map.view import ScoresView
 from server.plan.document import onboard_view
 from server.plan.drafting import outdated_by
 from server.plan.survey_round import counted, planned_energy, survey_status
@@ -23,7 +24,6 @@ from server.survey.view import (
     LiveMissionView,
     MissionView,
     RoundView,
-    ScoresView,
 )
 
 GIVEN_UP = "survey stopped"

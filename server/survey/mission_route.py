@@ -3,19 +3,25 @@
 from dataclasses import dataclass
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Depends, Query
 from pydantic import Field, field_validator
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
+from server.base.dependency import service
 from server.base.view import View
+from server.fleet.dependency import FleetDep
 from server.fleet.status import FOLLOW_TARGET
-from server.plan.route import PartialConfig
-from server.station_dependency import StationDep
+from server.survey.mission_ledger import MissionLedger
+from server.survey.plan_route import PartialConfig
+from server.survey.surveys import Surveys
 from server.survey.view import MissionView
 
 router = APIRouter(prefix="/api", tags=["missions"], route_class=IdempotentRoute)
+
+MissionLedgerDep = Annotated[MissionLedger, Depends(service(MissionLedger))]
+SurveysDep = Annotated[Surveys, Depends(service(Surveys))]
 
 
 class MissionRequest(Body):
@@ -45,11 +51,11 @@ class MissionIdView(View):
 
 @router.post("/robots/{robot}/missions", status_code=202)
 async def create_mission(
-    caller: Pilot, robot: str, body: MissionRequest, station: StationDep
+    caller: Pilot, robot: str, body: MissionRequest, surveys: SurveysDep
 ) -> MissionIdView:
     """Begin a survey: its first round is planned and then waits for `start`."""
     return MissionIdView(
-        await station.surveys.create(robot, body.config, automation=body.automation, by=caller.name)
+        await surveys.create(robot, body.config, automation=body.automation, by=caller.name)
     )
 
 
@@ -57,32 +63,33 @@ async def create_mission(
 async def list_missions(
     caller: Viewer,
     robot: str,
-    station: StationDep,
+    fleet: FleetDep,
+    missions: MissionLedgerDep,
     before: Annotated[str | None, Query(description="Id to go on before.")] = None,
     limit: Annotated[int, Query(ge=1, le=100)] = 20,
 ) -> list[MissionView]:
     """Return the missions of a robot, the newest first."""
     del caller
-    station.fleet.status(robot)
-    return await station.missions.views(robot, before, limit)
+    fleet.status(robot)
+    return await missions.views(robot, before, limit)
 
 
 @router.get("/missions/{mission}")
-async def get_mission(caller: Viewer, mission: str, station: StationDep) -> MissionView:
+async def get_mission(caller: Viewer, mission: str, missions: MissionLedgerDep) -> MissionView:
     """Return a mission: state, rounds, budget spent as the robot reports it, scores."""
     del caller
-    return await station.missions.view(mission)
+    return await missions.view(mission)
 
 
 @router.post("/missions/{mission}/start", status_code=202)
-async def start_mission(caller: Pilot, mission: str, station: StationDep) -> MissionIdView:
+async def start_mission(caller: Pilot, mission: str, surveys: SurveysDep) -> MissionIdView:
     """Send and start the draft, and each further round, until the budget is spent."""
-    await station.surveys.start(mission, by=caller.name)
+    await surveys.start(mission, by=caller.name)
     return MissionIdView(mission)
 
 
 @router.post("/missions/{mission}/stop", status_code=202)
-async def stop_mission(caller: Pilot, mission: str, station: StationDep) -> MissionIdView:
+async def stop_mission(caller: Pilot, mission: str, surveys: SurveysDep) -> MissionIdView:
     """End the automation; the draft stays, and the robot finishes the plan that it flies."""
-    await station.surveys.stop(mission, by=caller.name)
+    await surveys.stop(mission, by=caller.name)
     return MissionIdView(mission)

@@ -1,18 +1,22 @@
 """Surveys that several robots of one site fly together."""
 
 from dataclasses import dataclass
+from typing import Annotated
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Depends
 from pydantic import Field
 
 from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
+from server.base.dependency import service
 from server.base.view import View
-from server.plan.route import PartialConfig
-from server.station_dependency import StationDep
+from server.survey.fleet_survey import FleetSurveys
+from server.survey.plan_route import PartialConfig
 
 router = APIRouter(prefix="/api", tags=["missions"], route_class=IdempotentRoute)
+
+FleetSurveysDep = Annotated[FleetSurveys, Depends(service(FleetSurveys))]
 
 
 class SurveyRequest(Body):
@@ -40,12 +44,12 @@ class SurveyView(View):
 
 
 @router.post("/surveys", status_code=202)
-async def create_survey(caller: Pilot, body: SurveyRequest, station: StationDep) -> SurveyView:
+async def create_survey(caller: Pilot, body: SurveyRequest, surveys: FleetSurveysDep) -> SurveyView:
     """Begin a survey of several robots, planned in turn against the joint map and each other.
 
     422 names each robot that does not fit; nothing is begun then.
     """
-    missions = await station.fleet_surveys.create(
+    missions = await surveys.create(
         body.robots, body.config, automation=body.automation, by=caller.name
     )
     return SurveyView([RobotMissionView(robot, mission) for robot, mission in missions])

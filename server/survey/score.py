@@ -4,13 +4,13 @@ from dataclasses import asdict
 
 from autonomy.planner.config import PlannerConfig
 from db.query.robots import get_robot
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.worker import WorkerPool
 from server.map.field_model import MODEL_TITLES
+from server.map.group import field_config_of
 from server.map.samples import site_samples
 from server.map.task import COMPARE_MAPS, Compared, ComparisonProblem
-from server.plan.round_problem import field_config_of
-from server.survey.view import ScoresView
+from server.map.view import ScoresView
 
 
 async def map_scores(

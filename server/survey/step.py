@@ -12,7 +12,7 @@ from autonomy.planner.plan import Leg
 from db.query.missions import MissionRecord, get_mission
 from db.query.plans import PlanRecord
 from robot_link.messages import PlanReport
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict
 from server.fleet.fleet import Fleet
 from server.plan.ahead import is_due, unflown

@@ -17,7 +17,7 @@ from db.fault import StoreError
 from db.query.events import add_event
 from db.query.missions import change_mission, list_missions
 from db.query.plans import PlanRecord
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict
 from server.plan.planning import Planning
 from server.plan.search_request import SearchRequest

@@ -5,6 +5,7 @@ from datetime import datetime
 from typing import Any
 
 from server.base.view import View
+from server.map.view import ScoresView
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,22 +39,6 @@ class BudgetView(View):
     """Time of the rounds that were begun, by their plans."""
     satellite_bytes: int
     """What the rounds that were begun say by satellite, by their plans."""
-
-
-@dataclass(frozen=True, slots=True)
-class ScoresView(View):
-    """A map held against the truth of the simulated field."""
-
-    model: str
-    title: str
-    rmse: float
-    nlpd: float
-    """Negative log predictive density per point."""
-    wmse: float
-    """Weighted mean squared error: 1 where the model's uncertainty is right."""
-    coverage_90: float
-    """Share of the truth inside the 90 % interval."""
-    samples: int
 
 
 @dataclass(frozen=True, slots=True)

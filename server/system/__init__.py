@@ -1,1 +1,4 @@
-"""What the station says of itself: health, events, jobs, settings, the live stream."""
+"""The station itself: health, settings, events, jobs, the live stream and the documentation.
+
+Publishes nothing.
+"""

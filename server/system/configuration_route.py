@@ -8,9 +8,10 @@ from fastapi import APIRouter, Header, Query, Response
 
 from db.query.configurations import configuration_history, get_configuration
 from db.query.robots import list_robots
-from server.access.dependency import FoundationDep, Pilot, StoreDep, Viewer
+from server.access.dependency import Pilot, Viewer
 from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import KINDS, find_kind
+from server.base.dependency import FoundationDep, StoreDep
 from server.base.view import View
 
 router = APIRouter(prefix="/api/config", tags=["config"])

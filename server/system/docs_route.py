@@ -8,7 +8,7 @@ from typing import Any
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
 
-from server.access.dependency import FoundationDep
+from server.base.dependency import FoundationDep
 
 router = APIRouter()
 _METHODS = ("get", "post", "patch", "put", "delete")

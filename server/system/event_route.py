@@ -7,7 +7,8 @@ from typing import Annotated, Any
 from fastapi import APIRouter, Query
 
 from db.query.events import EventRecord, events_after, newest_events
-from server.access.dependency import StoreDep, Viewer
+from server.access.dependency import Viewer
+from server.base.dependency import StoreDep
 from server.base.view import View
 
 router = APIRouter(prefix="/api/events", tags=["events"])

@@ -8,7 +8,8 @@ from fastapi import APIRouter
 
 from db.fault import StoreUnavailableError
 from db.query.robots import list_robots
-from server.access.dependency import FoundationDep
+from server.access.dependency import AccessDep
+from server.base.dependency import FoundationDep
 from server.base.view import View
 
 router = APIRouter(prefix="/api/health", tags=["station"])
@@ -53,7 +54,7 @@ class HealthView(View):
 
 
 @router.get("")
-async def get_health(foundation: FoundationDep) -> HealthView:
+async def get_health(foundation: FoundationDep, access: AccessDep) -> HealthView:
     """Return whether the station works."""
     store = foundation.store
     fault = store.fault
@@ -65,7 +66,7 @@ async def get_health(foundation: FoundationDep) -> HealthView:
     return HealthView(
         status="ok" if fault is None else "degraded",
         ready=fault is None,
-        first_start=foundation.access.needs_first_admin,
+        first_start=access.needs_first_admin,
         simulation=foundation.settings.simulation,
         version=version("grace-ground-station"),
         storage=StorageView(fault is None, fault or "", store.waiting_rows),

@@ -8,7 +8,8 @@ from fastapi import APIRouter, Query
 
 from db.query.jobs import JobRecord
 from db.query.jobs import list_jobs as query_jobs
-from server.access.dependency import FoundationDep, Pilot, Viewer
+from server.access.dependency import Pilot, Viewer
+from server.base.dependency import FoundationDep
 from server.base.view import View
 
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])

@@ -4,19 +4,22 @@ import asyncio
 from datetime import UTC, datetime
 from typing import Annotated
 
-from fastapi import APIRouter, Query, WebSocket, WebSocketDisconnect, status
+from fastapi import APIRouter, Depends, Query, WebSocket, WebSocketDisconnect, status
 
 from server.access.dependency import WebSocketViewer
-from server.station_dependency import StationDep
+from server.base.dependency import service
+from server.base.live_feed import LiveFeed
 
 router = APIRouter(tags=["live"])
+
+LiveFeedDep = Annotated[LiveFeed, Depends(service(LiveFeed))]
 
 
 @router.websocket("/api/live")
 async def live(
     websocket: WebSocket,
     caller: WebSocketViewer,
-    station: StationDep,
+    feed: LiveFeedDep,
     robots: Annotated[str | None, Query(description="Ids, separated by commas.")] = None,
     after: Annotated[int | None, Query(ge=0, description="Cursor of the last event seen.")] = None,
 ) -> None:
@@ -24,7 +27,7 @@ async def live(
     wanted = None if robots is None else frozenset(filter(None, robots.split(",")))
     await websocket.accept()
     sending = asyncio.create_task(
-        station.feed.follow(websocket.send_text, wanted, after), name="live stream to a client"
+        feed.follow(websocket.send_text, wanted, after), name="live stream to a client"
     )
     leaving = asyncio.create_task(_until_gone(websocket), name="client of the live stream")
     signed_in_s = (caller.expires_at - datetime.now(UTC)).total_seconds()

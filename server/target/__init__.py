@@ -1,1 +1,4 @@
-"""Following a target that is known by its range alone."""
+"""Pursuit of targets by range alone: planning it, and telling what becomes of it.
+
+Publishes nothing.
+"""

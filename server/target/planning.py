@@ -19,8 +19,8 @@ from robot_link.messages import CommandKind
 from robot_link.mission import Mission, MissionSettings
 from robot_link.satellite.config import SatelliteConfig
 from robot_link.target_settings import TargetSettings
-from server.access.foundation import Foundation
 from server.base.configuration import CurrentConfiguration
+from server.base.foundation import Foundation
 from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
 from server.fleet.status import FOLLOW_TARGET, RobotStatus

@@ -7,10 +7,12 @@ from fastapi import APIRouter, Query, Response
 from fastapi.responses import StreamingResponse
 from pydantic import AwareDatetime
 
-from server.access.dependency import FoundationDep, Viewer
+from server.access.dependency import Viewer
+from server.base.dependency import FoundationDep
+from server.base.view import encoded
+from server.fleet.dependency import FleetDep
 from server.fleet.target_view import TargetReportsView
-from server.recording.target_export import target_csv_blocks
-from server.station_dependency import StationDep, encoded
+from server.target.export import target_csv_blocks
 from server.target.history import TargetHistory
 
 router = APIRouter(prefix="/api/robots", tags=["tracking"])
@@ -25,7 +27,7 @@ async def get_tracking(
     caller: Viewer,
     robot: str,
     foundation: FoundationDep,
-    station: StationDep,
+    fleet: FleetDep,
     plan: PlanQuery = None,
     after: Annotated[
         AwareDatetime | None,
@@ -38,7 +40,7 @@ async def get_tracking(
     Go on from the ``measured_at`` of the last with ``after``.
     """
     del caller
-    station.fleet.status(robot)
+    fleet.status(robot)
     found = await TargetHistory(foundation.store).reports(robot, plan, after, limit)
     return encoded(found)
 
@@ -52,12 +54,12 @@ async def export_tracking(
     caller: Viewer,
     robot: str,
     foundation: FoundationDep,
-    station: StationDep,
+    fleet: FleetDep,
     plan: PlanQuery = None,
 ) -> Response:
     """Return a robot's reports on its target as CSV; simulated data says so."""
     del caller
-    record = station.fleet.status(robot).record
+    record = fleet.status(robot).record
     store = foundation.store
     wanted = await TargetHistory(store).range_of(robot, plan)
     mark = "SIMULATION_" if record.simulated else ""

@@ -32,7 +32,7 @@ from robot_link.mission import Mission
 from robot_link.satellite.blob import Blob
 from robot_link.station.gateway.address import SATELLITE_CARRIERS
 from robot_link.station.link import UploadUnderWayError
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.retry_queue import until_stored
 from server.command.commands import Commands
 from server.command.state import SETTLED

@@ -9,7 +9,7 @@ from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import sizes
 from robot_link.satellite.config import Tariff
 from robot_link.satellite.cost import credits, quote
-from server.access.foundation import Foundation
+from server.base.foundation import Foundation
 from server.base.problem import conflict
 from server.fleet.link_view import (
     AutoRouteView,

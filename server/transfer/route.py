@@ -1,20 +1,24 @@
 """Transfers: what one would cost, sending a plan, and how far it is on its way."""
 
-from dataclasses import dataclass
-from typing import Literal
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Depends
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.body import Body
+from server.base.dependency import service
 from server.base.view import View
 from server.fleet.link_view import SatelliteQuoteView
-from server.plan.view import TransferView
-from server.station_dependency import StationDep
-from server.transfer.transfers import LinkRequest
+from server.plan.ledger import PlanLedger
+from server.plan.view import PlanView, TransferView
+from server.transfer.transfers import LinkRequest, Transfers
 
 router = APIRouter(prefix="/api", tags=["transfers"], route_class=IdempotentRoute)
+
+PlanLedgerDep = Annotated[PlanLedger, Depends(service(PlanLedger))]
+TransfersDep = Annotated[Transfers, Depends(service(Transfers))]
 
 
 class UploadRequest(Body):
@@ -37,19 +41,29 @@ class TransferIdView(View):
     transfer: str
 
 
+@router.get("/plans/{plan}", tags=["plans"])
+async def get_plan(
+    caller: Viewer, plan: str, ledger: PlanLedgerDep, transfers: TransfersDep
+) -> PlanView:
+    """Return a plan: its legs, its account, what it breaks, and where it is on its way."""
+    del caller
+    view = ledger.view(await ledger.get(plan))
+    return replace(view, transfer=await transfers.view_of_plan(plan))
+
+
 @router.get("/plans/{plan}/satellite", tags=["plans"])
-async def quote_plan(caller: Viewer, plan: str, station: StationDep) -> SatelliteQuoteView:
+async def quote_plan(caller: Viewer, plan: str, transfers: TransfersDep) -> SatelliteQuoteView:
     """Return what the plan would cost by satellite: bytes, messages, credits, price; sends nothing.
 
     The bytes of each message are those that are sent.
     """
     del caller
-    return await station.transfers.quote(plan)
+    return await transfers.quote(plan)
 
 
 @router.post("/plans/{plan}/upload", status_code=202, tags=["plans"])
 async def upload_plan(
-    caller: Pilot, plan: str, station: StationDep, body: UploadRequest | None = None
+    caller: Pilot, plan: str, transfers: TransfersDep, body: UploadRequest | None = None
 ) -> TransferIdView:
     """Bring a draft on board; 409 lists each limit that it breaks, or why it is outdated.
 
@@ -57,7 +71,7 @@ async def upload_plan(
     """
     del caller
     wanted = body or UploadRequest()
-    transfer = await station.transfers.send(
+    transfer = await transfers.send(
         plan,
         start=wanted.start,
         confirmed=wanted.confirmed,
@@ -67,13 +81,13 @@ async def upload_plan(
 
 
 @router.get("/transfers/{transfer}")
-async def get_transfer(caller: Viewer, transfer: str, station: StationDep) -> TransferView:
+async def get_transfer(caller: Viewer, transfer: str, transfers: TransfersDep) -> TransferView:
     """Return a transfer: its parts, the level that is proved, and what it has cost."""
     del caller
-    return await station.transfers.view(transfer)
+    return await transfers.view(transfer)
 
 
 @router.post("/transfers/{transfer}/withdraw")
-async def withdraw_transfer(caller: Pilot, transfer: str, station: StationDep) -> TransferView:
+async def withdraw_transfer(caller: Pilot, transfer: str, transfers: TransfersDep) -> TransferView:
     """Withdraw a transfer that has not arrived; what a gateway took may still reach the robot."""
-    return await station.transfers.withdraw_transfer(transfer, by=caller.name)
+    return await transfers.withdraw_transfer(transfer, by=caller.name)

@@ -1,1 +1,4 @@
-"""The catalogue of vehicles, and how each of them moves."""
+"""The catalogue of vehicles: parameters, polars, and new ones from files.
+
+Publishes nothing.
+"""

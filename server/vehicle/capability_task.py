@@ -6,7 +6,7 @@ from typing import Any
 from autonomy.planner.capability import energy_of, joules_per_unit, motion_of
 from autonomy.vehicle.steady import NoSteadyGlideError
 from server.base.study import Refusal
-from server.plan.task import CapabilityProblem
+from server.vehicle.task import CapabilityProblem
 
 
 def run(

@@ -4,17 +4,18 @@ import asyncio
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Depends, Request
 from pydantic import Field, ValidationError
 from starlette.datastructures import UploadFile
 
 from autonomy.vehicle.parameter_file import VehicleDocument
 from server.access.dependency import Pilot
 from server.base.body import Body
+from server.base.dependency import service
 from server.base.problem import FieldError, Problem, invalid, unprocessable
 from server.base.view import View
-from server.station_dependency import StationDep
 from server.vehicle.coefficients import (
     COLUMNS,
     CoefficientTableError,
@@ -23,8 +24,11 @@ from server.vehicle.coefficients import (
     fit_vehicle,
     json_rows,
 )
+from server.vehicle.vehicles import Vehicles
 
 router = APIRouter(prefix="/api/vehicles", tags=["vehicles"])
+
+VehiclesDep = Annotated[Vehicles, Depends(service(Vehicles))]
 
 
 class CoefficientRequest(Body):
@@ -94,18 +98,18 @@ _CONTENT = {
     openapi_extra={"requestBody": {"required": True, "content": _CONTENT}},
 )
 async def fit_coefficients(
-    caller: Pilot, key: str, request: Request, station: StationDep
+    caller: Pilot, key: str, request: Request, vehicles: VehiclesDep
 ) -> CoefficientsView:
     """Fit the coefficients of a vehicle to a table."""
     del caller
-    base = station.vehicles.get(key).vehicle
+    base = vehicles.get(key).vehicle
     try:
         rows, wish = await _asked(request)
         fit = partial(
             fit_vehicle,
             base,
             rows,
-            key=wish.key or station.vehicles.free_key(f"{base.key[:30]}-tunnel"),
+            key=wish.key or vehicles.free_key(f"{base.key[:30]}-tunnel"),
             title=wish.title or f"{base.title[:60]}, from a tunnel",
             water_density_kg_m3=wish.water_density_kg_m3,
         )

@@ -1,15 +1,18 @@
 """The catalogue of vehicles: their parameters, their polars, and new ones from files."""
 
+from collections.abc import Sequence
 from typing import Annotated, Any
 
-from fastapi import APIRouter, Query, Response
+from fastapi import APIRouter, Depends, Query, Response
 
 from autonomy.vehicle.parameter_file import VehicleDocument, vehicle_document
+from db.query.robots import RobotRecord, list_robots
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
+from server.base.dependency import StoreDep, service
 from server.base.vehicle_catalogue import CatalogueEntry
-from server.station import Station
-from server.station_dependency import StationDep, encoded
+from server.base.view import encoded
+from server.vehicle.vehicles import Vehicles
 from server.vehicle.view import (
     CapabilityView,
     PolarView,
@@ -20,47 +23,52 @@ from server.vehicle.view import (
 
 router = APIRouter(prefix="/api/vehicles", tags=["vehicles"], route_class=IdempotentRoute)
 
+VehiclesDep = Annotated[Vehicles, Depends(service(Vehicles))]
+
 
 @router.get("")
-async def list_vehicles(caller: Viewer, station: StationDep) -> VehiclesView:
+async def list_vehicles(caller: Viewer, store: StoreDep, vehicles: VehiclesDep) -> VehiclesView:
     """Return every vehicle that a robot can be, and which robots are."""
     del caller
-    return VehiclesView([_view(station, entry) for entry in station.vehicles.entries])
+    robots = await store.query(list_robots)
+    return VehiclesView([_view(entry, robots) for entry in vehicles.entries])
 
 
 @router.post("", status_code=201)
-async def add_vehicle(caller: Pilot, document: dict[str, Any], station: StationDep) -> VehicleView:
+async def add_vehicle(
+    caller: Pilot, document: dict[str, Any], vehicles: VehiclesDep
+) -> VehicleView:
     """Add a vehicle by its parameter document, in the form that `GET /api/vehicles/{key}` returns.
 
     422 names every entry that is missing, unknown, without its unit or out of range, with the
     allowed range; 409 says that the key is taken. A vehicle is never changed afterwards.
     """
-    entry = await station.vehicles.add(document, origin="file", by=caller.name)
-    return _view(station, entry)
+    entry = await vehicles.add(document, origin="file", by=caller.name)
+    return _view(entry, [])
 
 
 @router.get("/{key}")
-async def get_vehicle(caller: Viewer, key: str, station: StationDep) -> VehicleDocument:
+async def get_vehicle(caller: Viewer, key: str, vehicles: VehiclesDep) -> VehicleDocument:
     """Return the parameter document of a vehicle: every number with its unit."""
     del caller
-    return vehicle_document(station.vehicles.get(key).vehicle)
+    return vehicle_document(vehicles.get(key).vehicle)
 
 
 @router.get("/{key}/polar", response_model=PolarView)
-async def get_polar(caller: Viewer, key: str, station: StationDep) -> Response:
+async def get_polar(caller: Viewer, key: str, vehicles: VehiclesDep) -> Response:
     """Return how a vehicle glides by net buoyancy and mass position, and where that is stable.
 
     The first answer of a vehicle takes seconds, further ones come from memory.
     """
     del caller
-    return encoded(await station.vehicles.polar(key))
+    return encoded(await vehicles.polar(key))
 
 
 @router.get("/{key}/capability", response_model=CapabilityView)
 async def get_capability(
     caller: Viewer,
     key: str,
-    station: StationDep,
+    vehicles: VehiclesDep,
     depth_m: Annotated[
         float | None, Query(description="Depth of the water; by default as deep as it needs.", gt=0)
     ] = None,
@@ -70,14 +78,14 @@ async def get_capability(
     The first answer of a vehicle takes seconds, further ones come from memory.
     """
     del caller
-    return encoded(await station.vehicles.capability(key, depth_m))
+    return encoded(await vehicles.capability(key, depth_m))
 
 
 @router.get("/{key}/steady", response_model=SteadyView)
 async def get_steady(
     caller: Viewer,
     key: str,
-    station: StationDep,
+    vehicles: VehiclesDep,
     m0_kg: Annotated[float, Query(description="Net buoyancy, positive heavy.")],
     rp1_m: Annotated[float, Query(description="Position of the sliding mass, positive forward.")],
     delta_rad: Annotated[float, Query(description="Tail angle.")] = 0.0,
@@ -87,21 +95,17 @@ async def get_steady(
     422 says in words where there is no such motion, or which input is beyond its stop.
     """
     del caller
-    return encoded(await station.vehicles.steady(key, m0_kg, rp1_m, delta_rad))
+    return encoded(await vehicles.steady(key, m0_kg, rp1_m, delta_rad))
 
 
-def _view(station: Station, entry: CatalogueEntry) -> VehicleView:
+def _view(entry: CatalogueEntry, robots: Sequence[RobotRecord]) -> VehicleView:
     vehicle = entry.vehicle
     return VehicleView(
         key=vehicle.key,
         title=vehicle.title,
         note=vehicle.note,
         origin=entry.origin,
-        robots=[
-            status.record.id
-            for status in station.fleet.statuses
-            if status.record.model == vehicle.key
-        ],
+        robots=[robot.id for robot in robots if robot.model == vehicle.key],
         created_at=entry.created_at,
         created_by=entry.created_by,
     )

@@ -5,6 +5,8 @@ from typing import Final
 
 from autonomy.vehicle.config import Vehicle
 
+CAPABILITY: Final = "server.vehicle.capability_task:run"
+"""Takes a ``CapabilityProblem``, leaves primitives and energies as a JSON document."""
 POLAR: Final = "server.vehicle.motion_task:polar_document"
 """Takes a ``Vehicle``, leaves the JSON document of its polar."""
 STEADY: Final = "server.vehicle.motion_task:steady_document"
@@ -19,3 +21,12 @@ class SteadyProblem:
     m0_kg: float
     rp1_m: float
     delta_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class CapabilityProblem:
+    """A vehicle of which it is asked what it can fly."""
+
+    vehicle: Vehicle
+    depth_m: float | None
+    """Depth of the water; ``None`` for as deep as it needs."""

@@ -22,8 +22,7 @@ from server.base.problem import FieldError, Problem, conflict, not_found, unproc
 from server.base.study import Refusal
 from server.base.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of, vehicle_digest
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.plan.task import CAPABILITY, CapabilityProblem
-from server.vehicle.task import POLAR, STEADY, SteadyProblem
+from server.vehicle.task import CAPABILITY, POLAR, STEADY, CapabilityProblem, SteadyProblem
 
 ANSWERS_KEPT = 64
 """So many polars and capabilities stay in memory, the last asked for."""

@@ -19,20 +19,19 @@ from db.query.robots import RobotRecord, add_robot
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import RobotId, SystemId
-from server.access.foundation import Foundation
 from server.access.register import IssuedToken, create_token
 from server.access.role import Role
 from server.app import create_app
+from server.base.foundation import Foundation
 from server.base.settings import Settings
 from server.base.worker import WorkerPool
-from server.composition import run_station
-from server.link.radios import LinkFactory
+from server.plan import install as plan
 from server.plan.dry_run import DryRuns
-from server.satellite.gateways import Gateways
-from server.station import GatewayFactory, Station
+from server.station import Station, run_station
 from tests.server.fake_link import World, state_report
 from tests.server.fake_worker import FakeWorkers
 from tests.server.in_thread import run_in_thread
+from tests.server.station_parts import OpenStation
 
 T = TypeVar("T")
 MINI = RobotId("mini-1")
@@ -82,19 +81,6 @@ def robot_record(robot: RobotId, system_id: int, model: str, site: Site) -> Robo
     )
 
 
-class OpenStation(Station):
-    """A station of which tests may look at what it stands on."""
-
-    def __init__(
-        self,
-        foundation: Foundation,
-        make_link: LinkFactory,
-        make_gateways: GatewayFactory = Gateways,
-    ) -> None:
-        super().__init__(foundation, make_link, make_gateways)
-        self.foundation = foundation
-
-
 class StationClient(httpx.AsyncClient):
     """Speaks REST to a station in this process; knows the application and its own secret."""
 
@@ -112,10 +98,9 @@ async def open_station(tmp_path: Path, world: World) -> AsyncGenerator[OpenStati
     """Run a station with two robots on a data folder; closing it is an orderly stop."""
     settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
     async with run_station(
-        settings, lambda foundation: OpenStation(foundation, world.make_link)
+        settings, lambda foundation: Station(foundation, world.make_link)
     ) as running:
-        assert isinstance(running.station, OpenStation)
-        yield running.station
+        yield OpenStation(running.foundation)
 
 
 def _add_fleet(session: Session) -> None:
@@ -157,10 +142,10 @@ def _impatient_database(monkeypatch: pytest.MonkeyPatch) -> None:
 def _cold_worker(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few tests plan; the others need not pay for the planner's machine code."""
 
-    async def stay_cold(station: Station) -> None:
-        del station
+    async def stay_cold(*_: object) -> None:
+        pass
 
-    monkeypatch.setattr(Station, "_warm_up", stay_cold)
+    monkeypatch.setattr(plan, "warm_up", stay_cold)
 
 
 @pytest.fixture(autouse=True)
@@ -236,7 +221,7 @@ def application() -> FastAPI:
 async def api_client(station: OpenStation, role: Role) -> AsyncGenerator[StationClient, None]:
     foundation = station.foundation
     app = application()
-    app.state.foundation, app.state.station = foundation, station
+    app.state.foundation = foundation
 
     def write(session: Session) -> IssuedToken:
         hour = timedelta(hours=1)

@@ -5,13 +5,13 @@ from contextlib import asynccontextmanager
 from db.query.robots import change_robot
 from db.store import Store
 from robot_link.messages import LinkState
-from server import composition
 from server.access.role import Role
+from server.base import foundation
 from server.base.secret import SecretStore
 from server.base.settings import Settings
 from server.command import commands
-from server.composition import run_station
 from server.satellite import outbox
+from server.station import Station, run_station
 from tests.server.conftest import GRACE, OpenStation, api_client, until
 from tests.server.fake_link import state_report
 from tests.server.sky import URI
@@ -47,16 +47,15 @@ def place_under(sky, tmp_path):
 @asynccontextmanager
 async def far_station(tmp_path, world, sky, monkeypatch, links=LINKS):
     """Run a station on the sky's clock whose lake robot was heard by satellite just now."""
-    monkeypatch.setattr(composition, "read_clock", lambda _: sky.clock)
+    monkeypatch.setattr(foundation, "read_clock", lambda _: sky.clock)
     monkeypatch.setattr(outbox, "LOOK_S", 0.02)
     monkeypatch.setattr(commands, "_WRITE_PATIENCE_S", 30.0)
     give_links(tmp_path, links)
     settings = Settings(data_dir=tmp_path, simulation=True, worker_processes=1)
     async with run_station(
-        settings, lambda foundation: OpenStation(foundation, world.make_link, sky.make_gateways)
+        settings, lambda base: Station(base, world.make_link, sky.make_gateways)
     ) as running:
-        station = running.station
-        assert isinstance(station, OpenStation)
+        station = OpenStation(running.foundation)
         async with api_client(station, Role.ADMIN) as client:
             yield station, client
 

@@ -16,8 +16,8 @@ from db.query.robots import RobotRecord
 from db.store import Store
 from robot_link.messages import RobotId, SystemId
 from robot_link.station.gateway.gateway import MobileOriginated
-from server.access.foundation import Foundation
 from server.app import create_app
+from server.base.foundation import Foundation
 from server.base.secret import GatewayAccount
 from server.base.settings import Settings
 from server.satellite.gateways import Gateways
@@ -33,7 +33,8 @@ class Keeper:
         self._store = foundation.store
         self.fault: Exception | None = None
         self.messages: list[MobileOriginated] = []
-        self.gateways = Gateways(foundation, self.take)
+        self.gateways = foundation.services.add(Gateways(foundation, self.take))
+        foundation.services.add(self)
 
     async def start(self) -> None:
         await self.gateways.start()
@@ -64,6 +65,11 @@ def blank_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
 @pytest.fixture(autouse=True)
 def _tables(blank_database: Path, tmp_path: Path) -> None:
     shutil.copy(blank_database, tmp_path / blank_database.name)
+
+
+def keeper_of(app: FastAPI) -> Keeper:
+    """Return what stands where the station's services are."""
+    return app.state.foundation.services.get(Keeper)
 
 
 @asynccontextmanager

@@ -10,9 +10,9 @@ from fastapi import FastAPI
 from sqlalchemy.orm import Session
 
 from server.access import register
-from server.access.foundation import Foundation
 from server.access.role import Role
 from server.app import create_app
+from server.base.foundation import Foundation
 from server.base.settings import Settings
 
 PASSWORD = "correct horse battery"

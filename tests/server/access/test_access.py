@@ -10,6 +10,7 @@ from fastapi import WebSocketException
 from starlette.websockets import WebSocket
 
 from server.access import register, throttle
+from server.access.guard import Guard
 from server.access.role import Role
 from server.base.settings import Settings
 from tests.server.station_app import (
@@ -269,7 +270,7 @@ async def test_a_websocket_with_a_cookie_must_come_from_the_stations_page(
     headers = {"Host": host, "Cookie": f"{name}={value}"}
     if origin is not None:
         headers["Origin"] = origin
-    guard = app.state.foundation.guard
+    guard = app.state.foundation.services.get(Guard)
     if allowed:
         assert (await guard.websocket_caller(websocket_of(app, headers))).name == "ann"
     else:
@@ -279,7 +280,7 @@ async def test_a_websocket_with_a_cookie_must_come_from_the_stations_page(
 
 async def test_a_script_opens_a_websocket_by_header_or_by_query(app):
     token = await token_of(app, Role.VIEWER)
-    guard = app.state.foundation.guard
+    guard = app.state.foundation.services.get(Guard)
     host = {"Host": "127.0.0.1:8000"}
     by_header = websocket_of(app, {**host, **bearer(token)})
     assert (await guard.websocket_caller(by_header)).name == "script"

@@ -11,6 +11,11 @@ from tests.db.conftest import robot_record
 from tests.server.station_app import running, signed_in
 
 
+@pytest.fixture(autouse=True)
+def _known_fleet():
+    """Begin with an empty database."""
+
+
 @pytest.fixture
 async def app(tmp_path):
     async with running(tmp_path) as app:

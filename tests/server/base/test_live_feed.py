@@ -1,5 +1,6 @@
 import asyncio
 import json
+from contextlib import asynccontextmanager
 from datetime import UTC, datetime
 
 import pytest
@@ -9,8 +10,10 @@ from sqlalchemy.exc import OperationalError
 from db.query.events import add_event
 from db.store import Store
 from robot_link.clock import SystemClock
+from server.base.event import EventLogged, JobChanged
+from server.base.event_bus import EventBus
+from server.base.event_log import EventLog
 from server.base.job import JobBoard
-from server.base.job_watch import watch_jobs
 from server.base.live_feed import EVENTS_IN_MEMORY, QUIET_S, LiveFeed
 from tests.server.conftest import until
 
@@ -22,15 +25,30 @@ def store(tmp_path):
     store.close()
 
 
-@pytest_asyncio.fixture
-async def feed(store):
-    feed = LiveFeed(store, SystemClock(), lambda: 3)
-    beat = asyncio.create_task(feed.run())
-    await until(lambda: feed._ticks)
+def feed_of(store, alarms=0):
+    """Return a live stream, and the reader of the log that tells it of events."""
+    bus = EventBus()
+    log = EventLog(store, bus)
+    feed = LiveFeed(store, SystemClock(), lambda: alarms, log)
+    bus.subscribe(EventLogged, feed.take)
+    return feed, log
+
+
+@asynccontextmanager
+async def beating(feed, log):
+    tasks = [asyncio.create_task(feed.run()), asyncio.create_task(log.run())]
     yield feed
     feed.close()
-    beat.cancel()
-    await asyncio.gather(beat, return_exceptions=True)
+    for task in tasks:
+        task.cancel()
+    await asyncio.gather(*tasks, return_exceptions=True)
+
+
+@pytest_asyncio.fixture
+async def feed(store):
+    async with beating(*feed_of(store, alarms=3)) as feed:
+        await until(lambda: feed._ticks)
+        yield feed
 
 
 class Client:
@@ -145,20 +163,18 @@ async def test_stream_begins_once_the_log_can_be_read_and_tells_nobody_what_was_
         return await query(function)
 
     monkeypatch.setattr(store, "query", fail_twice)
-    feed = LiveFeed(store, SystemClock(), lambda: 0)
+    feed, log = feed_of(store)
     client = Client(feed)
-    beat = asyncio.create_task(feed.run())
-    await client.until(lambda: client.batches)
-    await happen(store, "now")
-    await client.until(lambda: client.events)
-    assert client.events == ["now"]
-    feed.close()
-    beat.cancel()
-    await asyncio.gather(beat, client.task, return_exceptions=True)
+    async with beating(feed, log):
+        await client.until(lambda: client.batches)
+        await happen(store, "now")
+        await client.until(lambda: client.events)
+        assert client.events == ["now"]
+    await asyncio.gather(client.task, return_exceptions=True)
 
 
 async def test_client_of_a_stream_that_never_began_is_let_go_when_it_closes(store):
-    feed = LiveFeed(store, SystemClock(), lambda: 0)
+    feed, _ = feed_of(store)
     client = Client(feed)
     await asyncio.sleep(0)
     feed.close()
@@ -223,8 +239,9 @@ async def test_closing_the_feed_lets_every_client_go(feed):
 
 
 async def test_running_job_is_shown_until_it_ends(feed, store):
-    jobs = JobBoard(store, SystemClock())
-    watch = asyncio.create_task(watch_jobs(jobs, feed))
+    bus = EventBus()
+    bus.subscribe(JobChanged, lambda it: feed.put("jobs", it.job.id, lambda: it.job))
+    jobs = JobBoard(store, SystemClock(), bus)
     client = Client(feed)
     may_end = asyncio.Event()
 
@@ -238,5 +255,4 @@ async def test_running_job_is_shown_until_it_ends(feed, store):
     may_end.set()
     await client.until(lambda: client.last(job.id).get("state") == "done")
     assert client.last(job.id)["result"] == {"rows": 3}
-    watch.cancel()
     await jobs.stop()

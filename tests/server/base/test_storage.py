@@ -11,6 +11,11 @@ from tests.db.conftest import robot_record, sample
 from tests.server.station_app import running, signed_in
 
 
+@pytest.fixture(autouse=True)
+def _known_fleet():
+    """Begin with an empty database."""
+
+
 @contextmanager
 def locked(folder):
     other = sqlite3.connect(folder / "station.sqlite3", isolation_level=None)

@@ -81,11 +81,11 @@ async def test_restarted_station_remembers_that_a_robot_dived(tmp_path, world):
         world.hear(GRACE)
         world.tell(state_report(GRACE, (200.0, 200.0, 4.0), mode=RobotMode.GLIDING))
     async with open_station(tmp_path, world) as station:
-        robot = station.fleet.robot_view(GRACE)
+        robot = station.views.robot_view(GRACE)
         assert robot.link.state == "submerged"
         assert robot.surface_forecast == "Reaches grace-1 at its next surfacing"
         world.hear(GRACE)
-        assert station.fleet.robot_view(GRACE).link.state == "live"
+        assert station.views.robot_view(GRACE).link.state == "live"
 
 
 @pytest.mark.parametrize(

@@ -52,10 +52,10 @@ async def test_robots_that_share_a_radio_share_its_plug(radios, world, robots):
 
 
 async def test_both_robots_links_show_a_shared_plug_as_it_is(foundation):
-    disabled_links = DisabledLinks(foundation.store, foundation.clock)
+    disabled_links = DisabledLinks(foundation.store, foundation.clock, foundation.bus)
     await disabled_links.set(FIRST, is_enabled=False, robot="mini-1", by="test")
     assert not disabled_links.is_enabled(SECOND)
-    again = DisabledLinks(foundation.store, foundation.clock)
+    again = DisabledLinks(foundation.store, foundation.clock, foundation.bus)
     await again.load()
     assert not again.is_enabled(FIRST)
     await again.set(SECOND, is_enabled=True, robot="mini-1", by="test")

@@ -16,6 +16,7 @@ from robot_link.station.gateway.address import acoustic_address
 from server.app import create_app
 from server.base.settings import Settings
 from server.link.ranging import Ranging
+from server.plan import install as plan
 from server.station import Station
 from simulator.acoustic_modem import AcousticConditions, AcousticModem, AcousticNode
 from tests.robot_link.test_acoustic_modem import SOON_SILENT, FakeModem, replying, scaled_clock
@@ -158,10 +159,10 @@ async def test_links_that_name_one_modem_twice_are_left_alone(tmp_path):
 
 
 async def test_the_whole_station_asks_a_robot_whose_modem_is_at_a_line(tmp_path, monkeypatch):
-    async def stay_cold(station):
-        del station
+    async def stay_cold(*_):
+        pass
 
-    monkeypatch.setattr(Station, "_warm_up", stay_cold)
+    monkeypatch.setattr(plan, "warm_up", stay_cold)
     line = tmp_path / "modem"
     under_water = {2: AcousticNode(lambda: (30.0, 40.0, 0.0))}
     clock = scaled_clock(20.0)

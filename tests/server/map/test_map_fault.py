@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from db.fault import StoreUnavailableError
+from server.link.event import SamplesStored
 from server.map import field_maps as mapping
 from server.map.field_maps import FieldMaps
 from server.map.site_map import SiteMap
@@ -82,7 +83,7 @@ async def test_map_that_storage_kept_from_being_made_anew_is_made_anew_later(
     group = station.maps.group(MINI)
     before = group.live
     group.is_stale = True
-    station.maps.feed([])
+    station.maps.feed(SamplesStored([], []))
     await until(lambda: group.live is not before)
     assert failed
     assert not group.is_stale
@@ -109,7 +110,7 @@ async def test_of_two_changes_of_the_settings_the_later_one_holds(client, statio
     await asyncio.sleep(0.1)
     go_on.set()
     await refresh
-    await until(lambda: not station._opening_maps.locked())
+    await until(lambda: not station.opening._turn.locked())
     assert station.maps.group(MINI).config.prior_mean == 6.0
     assert (await client.get("/api/config/field?robot=mini-1")).json()["id"] == (
         station.maps.version(MINI)

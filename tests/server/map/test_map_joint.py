@@ -10,6 +10,7 @@ from autonomy.site import TANK, Area, Bathymetry
 from db.query.robots import add_robot, change_robot
 from db.query.samples import sample_columns
 from robot_link.messages import LogId, RobotId, Sample
+from server.link.event import SamplesStored
 from server.map.samples import field_samples, site_robots, site_samples
 from tests.server.conftest import MINI, open_station, robot_record, until
 from tests.server.fake_link import state_report
@@ -131,7 +132,8 @@ async def test_settings_of_one_robot_give_it_a_map_of_its_own_of_all_samples(cli
 
 
 async def test_sample_that_is_no_number_is_left_out_and_logged(pair, caplog):
-    pair.maps.feed([sample(MINI, 0, float("nan"), 0.02), sample(MINI, 1, 0.4, 0.02)])
+    samples = [sample(MINI, 0, float("nan"), 0.02), sample(MINI, 1, 0.4, 0.02)]
+    pair.maps.feed(SamplesStored(samples, []))
     await until(lambda: in_map(pair, MINI) == 1)
     assert "left out of the map" in caplog.text
     assert np.isfinite(pair.maps.views(MINI)[LIVE].mean).all()

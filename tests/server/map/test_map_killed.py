@@ -24,7 +24,7 @@ from datetime import timedelta
 from pathlib import Path
 
 from server.map import field_maps, smoothing
-from server.station import Station
+from server.plan import install as plan
 from tests.server.conftest import MINI, open_station, until
 from tests.server.dive import begin_of, dive
 from tests.server.fake_link import World
@@ -39,8 +39,8 @@ async def stop_at_the_second(self, robot, begin, fix):
     return await look_from(self, robot, begin, fix)
 
 
-async def stay_cold(station):
-    del station
+async def stay_cold(*_):
+    pass
 
 
 async def main():
@@ -58,7 +58,7 @@ async def main():
         await asyncio.sleep(600.0)
 
 
-Station._warm_up = stay_cold
+plan.warm_up = stay_cold
 field_maps.QUIET_S, smoothing.ROWS_PER_LOOK = 0.1, 40
 smoothing.Smoothing._look_from = stop_at_the_second
 asyncio.run(main())

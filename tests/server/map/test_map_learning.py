@@ -13,6 +13,7 @@ from db.query.robots import add_robot
 from robot_link.messages import LogId, RobotId, Sample
 from server.map import field_maps as mapping
 from server.map import learning_task as learn_field
+from server.map.event import DivesSmoothed
 from tests.server.conftest import MINI, open_station, robot_record, until
 from tests.server.fake_link import state_report
 
@@ -161,7 +162,10 @@ async def test_station_learns_by_itself_between_dives(client, station, world, in
     await client.patch("/api/config/field?robot=mini-1", json={"learning": learning})
     await until(lambda: (map_ := station.maps.group(MINI)) and map_.config.learning.online)
     looked = []
-    station.maps.on_dive.append(lambda robot: looked.append(station.maps.group(robot).live.total))
+    station.foundation.bus.subscribe(
+        DivesSmoothed,
+        lambda dive: looked.append(station.maps.group(dive.robot).live.total),
+    )
 
     async def surfaced_with(count, first):
         """Let samples come, and a fix; wait until the station has thought about learning."""

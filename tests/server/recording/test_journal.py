@@ -23,10 +23,9 @@ from robot_link.messages import LogId, RawFrame, RobotId, SystemId
 from robot_link.sample_log import MemorySampleLog
 from robot_link.transport.datagram import Address
 from server.base.settings import Settings
-from server.composition import run_station
 from server.recording.replay import compare, replay_into
 from server.recording.tlog import tlog_blocks
-from server.station import Station
+from server.station import Station, run_station
 from simulator.xbee_network import AirConditions, XBeeNetwork
 from tests.db.target import target_report
 from tests.server.conftest import MINI, until

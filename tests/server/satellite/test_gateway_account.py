@@ -12,7 +12,7 @@ from server.base.secret import GatewayAccount, SecretStore, SecretUnreadableErro
 from tests.robot_link.http_peer import http_peer
 from tests.robot_link.signed_push import IMEI, public_pem
 from tests.robot_link.test_directip import confirmation, gateway_saying
-from tests.server.gateway_station import _tables, blank_database, robot, station
+from tests.server.gateway_station import _tables, blank_database, keeper_of, robot, station
 from tests.server.station_app import signed_in
 
 __all__ = ["_tables", "blank_database"]
@@ -97,7 +97,7 @@ async def test_a_damaged_account_is_told_and_can_be_entered_again(app, admin, tm
     shown = (await admin.get("/api/gateways")).json()["gateways"][0]
     assert "enter it again" in shown["fault"]
     with pytest.raises(GatewayRefusal) as found:
-        await app.state.station.gateways.send("rockblock", IMEI, b"x", client_id=1)
+        await keeper_of(app).gateways.send("rockblock", IMEI, b"x", client_id=1)
     assert (found.value.fault, found.value.retry) == (GatewayFault.NO_ACCOUNT, "later")
     body = {"username": "ann", "password": "p"}
     assert (await admin.put("/api/gateways/rockblock", json=body)).json()["fault"] is None
@@ -107,7 +107,7 @@ async def test_a_damaged_account_is_told_and_can_be_entered_again(app, admin, tm
 
 
 async def send(app, carrier, imei=IMEI, data=b"x"):
-    return await app.state.station.gateways.send(carrier, imei, data, client_id=7)
+    return await keeper_of(app).gateways.send(carrier, imei, data, client_id=7)
 
 
 async def test_a_message_goes_by_the_account_that_holds_now(app):

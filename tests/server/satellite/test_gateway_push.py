@@ -30,7 +30,14 @@ from tests.robot_link.signed_push import (
     unsigned_token,
 )
 from tests.robot_link.test_directip import CAPTURE, deliver
-from tests.server.gateway_station import PASSWORD, _tables, blank_database, robot, station
+from tests.server.gateway_station import (
+    PASSWORD,
+    _tables,
+    blank_database,
+    keeper_of,
+    robot,
+    station,
+)
 from tests.server.station_app import client_of, signed_in
 
 CLOUDLOOP_IMEI = "300234065366010"
@@ -68,7 +75,7 @@ async def push(app, client, body, kind=FORM, **headers):
 
 
 def traffic(app, kind="rockblock"):
-    return app.state.station.gateways.traffic[kind]
+    return keeper_of(app).gateways.traffic[kind]
 
 
 async def events(app, kind):
@@ -80,7 +87,7 @@ async def events(app, kind):
 async def test_a_signed_push_is_kept_before_it_is_answered(app, gateway, body, kind):
     answer = await push(app, gateway, body, kind)
     assert (answer.status_code, answer.json()) == (200, {"is_new": True})
-    (message,) = app.state.station.messages
+    (message,) = keeper_of(app).messages
     assert (message.imei, message.data, message.momsn) == (IMEI, b"Hello", 66)
     assert traffic(app).accepted == 1
 
@@ -109,7 +116,7 @@ async def test_without_the_secret_path_there_is_nothing(app, gateway):
     for word in ("x", "rockblock", "é", app.state.foundation.secrets.push_path("cloudloop")):
         answer = await gateway.post(f"/api/gateways/rockblock/push/{word}", content=form_push())
         assert answer.status_code == 404
-    assert app.state.station.messages == []
+    assert keeper_of(app).messages == []
     assert traffic(app).refused == {"bad_path": 4}
 
 
@@ -128,7 +135,7 @@ async def test_forged_pushes_are_refused_counted_and_told_once(app, gateway):
         answer = await push(app, gateway, body, JSON if body.startswith(b"{") else FORM)
         assert answer.status_code == 403
     assert traffic(app).refused == {"signature": 4, "disagrees": 2}
-    assert app.state.station.messages == []
+    assert keeper_of(app).messages == []
     assert len(await events(app, "gateway.refused")) == 2
 
 
@@ -183,7 +190,7 @@ async def test_a_push_whose_sender_hangs_up_in_the_middle_is_refused_and_counted
 
 
 async def test_pushes_that_come_too_often_are_asked_to_come_later(app, gateway):
-    app.state.station.gateways.limits["rockblock"] = RateLimit(2, 1e-6)
+    keeper_of(app).gateways.limits["rockblock"] = RateLimit(2, 1e-6)
     statuses = [(await push(app, gateway, form_push())).status_code for _ in range(4)]
     assert statuses == [200, 200, 429, 429]
     assert (await push(app, gateway, form_push())).headers["Retry-After"] == "5"
@@ -191,7 +198,7 @@ async def test_pushes_that_come_too_often_are_asked_to_come_later(app, gateway):
 
 
 async def test_whoever_lacks_the_path_cannot_keep_the_gateway_out(app, gateway):
-    app.state.station.gateways.limits["rockblock"] = RateLimit(1, 1e-6)
+    keeper_of(app).gateways.limits["rockblock"] = RateLimit(1, 1e-6)
     for _ in range(5):
         await gateway.post("/api/gateways/rockblock/push/x", content=form_push())
     assert (await push(app, gateway, form_push())).status_code == 200
@@ -200,7 +207,7 @@ async def test_whoever_lacks_the_path_cannot_keep_the_gateway_out(app, gateway):
 async def test_a_payload_that_cannot_be_read_is_kept_raw_and_flagged(app, gateway):
     answer = await push(app, gateway, form_push(push_fields(data="no hex")))
     assert answer.status_code == 200
-    (message,) = app.state.station.messages
+    (message,) = keeper_of(app).messages
     assert (message.data, bool(message.fault)) == (b"no hex", True)
 
 
@@ -209,7 +216,7 @@ async def test_an_empty_payload_is_a_message(app, gateway):
 
 
 async def test_a_push_that_could_not_be_kept_is_pushed_again(app, gateway):
-    keeper = app.state.station
+    keeper = keeper_of(app)
     for fault in (HeldBackError("The link is unplugged."), StoreUnavailableError("disk full")):
         keeper.fault = fault
         answer = await push(app, gateway, form_push())
@@ -225,7 +232,7 @@ async def test_a_modem_that_no_robot_has_is_told_of_once(app, gateway):
         await push(app, gateway, form_push(push_fields(momsn=momsn)))
     (event,) = await events(app, "gateway.unknown_imei")
     assert IMEI in event.text
-    assert len(app.state.station.messages) == 2
+    assert len(keeper_of(app).messages) == 2
 
 
 async def test_a_modem_that_a_robot_has_is_no_stranger(app, gateway):
@@ -248,13 +255,13 @@ async def test_cloudloop_pushes_to_its_own_path(app, gateway):
         assert (answer.status_code, answer.json()) == (200, {"is_new": is_new})
     assert (await gateway.post(path, content=b"[]")).status_code == 400
     assert traffic(app, "cloudloop").refused == {"malformed": 1}
-    (message, _) = app.state.station.messages
+    (message, _) = keeper_of(app).messages
     assert (message.imei, message.data) == (CLOUDLOOP_IMEI, b"Hello")
 
 
 async def test_directip_messages_come_by_their_own_port_and_are_confirmed(tmp_path):
     async with station(tmp_path, directip_port=0) as app:
-        gateways = app.state.station.gateways
+        gateways = keeper_of(app).gateways
         await gateways.set_account(
             "directip", GatewayAccount(url="tcp://127.0.0.1:1", confirms=True)
         )
@@ -269,12 +276,12 @@ async def test_directip_messages_come_by_their_own_port_and_are_confirmed(tmp_pa
 
 async def test_directip_messages_that_come_too_often_are_left_with_the_gateway(tmp_path):
     async with station(tmp_path, directip_port=0) as app:
-        gateways = app.state.station.gateways
+        gateways = keeper_of(app).gateways
         gateways.limits["directip"] = RateLimit(1, 1e-6)
         await until(lambda: gateways.directip_port)
         for _ in range(3):
             assert await deliver(gateways.directip_port, CAPTURE) == b""
-    assert len(app.state.station.messages) == 1
+    assert len(keeper_of(app).messages) == 1
     assert gateways.traffic["directip"].refused == {"too_often": 2, "not_kept": 2}
 
 
@@ -287,7 +294,7 @@ async def test_a_directip_port_that_is_taken_is_told_as_an_alarm(tmp_path):
             alarms = app.state.foundation.alarms
             await until(lambda: alarms.open)
             assert f"127.0.0.1:{port} cannot be listened on" in alarms.open[0].text
-            assert app.state.station.gateways.directip_port is None
+            assert keeper_of(app).gateways.directip_port is None
 
 
 async def test_nothing_secret_is_told_logged_or_put_into_an_event(app, gateway, caplog):
@@ -300,7 +307,7 @@ async def test_nothing_secret_is_told_logged_or_put_into_an_event(app, gateway, 
         told.append((await admin.put("/api/gateways/rockblock", json=body)).text)
         told.append((await admin.get("/api/gateways")).text)
         told.append((await admin.get("/api/events")).text)
-        app.state.station.fault = RuntimeError("broken")
+        keeper_of(app).fault = RuntimeError("broken")
         assert (await push(app, gateway, form_push())).status_code == 500
         told.append((await push(app, gateway, b"rubbish")).text)
         told.append((await gateway.post(push_path(app) + "x")).text)

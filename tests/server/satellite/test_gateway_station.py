@@ -8,6 +8,8 @@ from robot_link.clock import SystemClock
 from server.app import create_app
 from server.base.secret import GatewayAccount, SecretStore
 from server.base.settings import Settings
+from server.fleet.disabled_links import DisabledLinks
+from server.plan import install as plan
 from server.station import Station
 from tests.robot_link.signed_push import FORM, IMEI, form_push, public_pem, push_fields
 from tests.server.fake_link import World
@@ -21,10 +23,10 @@ __all__ = ["_tables", "blank_database"]
 async def whole_station(folder, monkeypatch):
     """Run every service on a data folder that knows one robot with a RockBLOCK modem."""
 
-    async def stay_cold(station):
-        del station
+    async def stay_cold(*_):
+        pass
 
-    monkeypatch.setattr(Station, "_warm_up", stay_cold)
+    monkeypatch.setattr(plan, "warm_up", stay_cold)
     settings = Settings(data_dir=folder, worker_processes=1)
     secrets = SecretStore(settings.secret_dir)
     secrets.set_gateway(
@@ -61,7 +63,8 @@ async def test_while_its_link_is_unplugged_a_robots_messages_stay_with_the_gatew
 ):
     async with whole_station(tmp_path, monkeypatch) as (app, gateway, path):
         uri = f"rockblock://{IMEI}"
-        await app.state.station.set_enabled("grace-1", uri, is_enabled=False, by="test")
+        links = app.state.foundation.services.get(DisabledLinks)
+        await links.set(uri, is_enabled=False, robot="grace-1", by="test")
         assert (await gateway.post(path, content=form_push())).status_code == 503
-        await app.state.station.set_enabled("grace-1", uri, is_enabled=True, by="test")
+        await links.set(uri, is_enabled=True, robot="grace-1", by="test")
         assert (await gateway.post(path, content=form_push())).json() == {"is_new": True}

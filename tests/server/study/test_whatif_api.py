@@ -161,7 +161,7 @@ async def test_a_run_is_shown_in_3d_from_where_the_robot_is(tmp_path, world):
     async with open_station(tmp_path, world) as station, api_client(station, Role.PILOT) as pilot:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.3), mode=RobotMode.GLIDING))
-        source = station._scene_source(MINI)
+        source = station.scene_source(MINI)
         assert source.comparison() is None
         begun = await start(pilot)
         found = await ended(pilot, begun)
@@ -178,11 +178,11 @@ async def test_a_run_is_shown_in_3d_from_where_the_robot_is(tmp_path, world):
         listed = (await pilot.get("/api/robots/mini-1/whatifs")).json()["whatifs"]
         assert listed[0]["shown"]
     async with open_station(tmp_path, world) as station, api_client(station, Role.PILOT) as pilot:
-        again = station._scene_source(MINI).comparison()
+        again = station.scene_source(MINI).comparison()
         np.testing.assert_array_equal(again.reference_ned, view.reference_ned)
         assert again.version == view.version
         assert (await pilot.put(path, json={"id": None})).json() == {"id": None}
-        assert station._scene_source(MINI).comparison() is None
+        assert station.scene_source(MINI).comparison() is None
 
 
 async def test_only_a_run_of_the_robot_with_a_result_is_shown(client):

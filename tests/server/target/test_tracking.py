@@ -23,7 +23,7 @@ async def test_live_robot_shows_the_newest_report(client, station, world):
     shown = (await client.get("/api/robots/mini-1/state")).json()["tracking"]
     assert shown["range_m"] == 0.61
     assert shown["phase"] == "tracking"
-    assert station.fleet.live_view(MINI).tracking.range_m == 0.61
+    assert station.views.live_view(MINI).tracking.range_m == 0.61
     first, second = shown["hypotheses"]
     assert first == {
         "position_ne_m": [1.4, 0.8],
@@ -113,7 +113,7 @@ async def test_a_mission_that_ended_long_ago_concerns_nobody(client, station, wo
 
     world.tell(now_report(1000.0, TargetPhase.ENDED))
     assert await shown() is None
-    assert station._scene_source(MINI).target() is None
+    assert station.scene_source(MINI).target() is None
     world.tell(now_report(900.0))
     assert (await shown())["phase"] == "tracking", "for all one knows it goes on"
     world.robots[MINI].say(OnboardPlanState.DONE)
@@ -123,7 +123,7 @@ async def test_a_mission_that_ended_long_ago_concerns_nobody(client, station, wo
 
 
 async def test_scene_draws_what_the_robot_says_and_greys_what_is_old(station, world, client):
-    source = station._scene_source(MINI)
+    source = station.scene_source(MINI)
     assert source.target() is None
     await draft(client, {"target": {"depth_m": 0.3}})
     report = now_report()
@@ -142,7 +142,7 @@ async def test_scene_draws_what_the_robot_says_and_greys_what_is_old(station, wo
 
 async def test_an_old_report_is_grey_in_the_scene(station, world):
     world.tell(now_report(30.0))
-    shown = station._scene_source(MINI).target()
+    shown = station.scene_source(MINI).target()
     assert (shown.range_m, shown.is_old) == (None, True)
 
 
@@ -184,4 +184,4 @@ async def test_what_was_shown_is_shown_again_after_a_restart(tmp_path, world):
         assert await until(stored) == report
     async with open_station(tmp_path, world) as station:
         assert station.fleet.status(MINI).target_report == report
-        assert station.fleet.live_view(MINI).tracking.phase == "tracking"
+        assert station.views.live_view(MINI).tracking.phase == "tracking"

@@ -297,7 +297,7 @@ async def test_lists_and_the_robot_page_know_it(client, station):
     assert (summary["id"], summary["kind"], summary["violations"]) == (plan, "track_target", 0)
     robot = (await client.get("/api/robots/mini-1")).json()
     assert robot["plan_id"] == plan
-    source = station._scene_source(MINI)
+    source = station.scene_source(MINI)
     assert source.plan() is None
     assert source.keep_outs() == ()
     assert source.target_path().shape == (301, 3)

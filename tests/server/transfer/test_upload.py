@@ -6,6 +6,7 @@ from autonomy.planner.plan import PrimitiveKind
 from autonomy.planner.preset import MINIGLIDER
 from robot_link.messages import CommandKind, LinkState, OnboardPlanState
 from server.plan.document import mission_of
+from server.plan.ledger import PlanLedger
 from server.plan.primitive_legs import LegRequest
 from tests.server.conftest import MINI, open_station, until
 from tests.server.fake_link import state_report
@@ -125,8 +126,8 @@ async def test_plan_whose_echo_was_lost_is_found_on_board_later(client, world):
     robot = world.robots[MINI]
     world.refuse_upload = None
     # The robot had it all along, and says so at the next contact.
-    station = client.app.state.station
-    robot.take(mission_of(await station.plans.get(plan)))
+    plans = client.app.state.foundation.services.get(PlanLedger)
+    robot.take(mission_of(await plans.get(plan)))
     await plan_in(client, plan, "on_board")
 
 

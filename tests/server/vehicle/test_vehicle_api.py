@@ -85,7 +85,7 @@ async def test_a_robot_is_switched_to_a_vehicle_of_the_catalogue(client, station
     assert (changed["model_note"], changed["model_origin"]) == ("after the refit", "file")
     listed = (await client.get("/api/vehicles")).json()["vehicles"]
     assert [one["robots"] for one in listed] == [[], ["grace-1"], ["mini-1"]]
-    assert station._scene_source(MINI).hull == MINIGLIDER.hull
+    assert station.scene_source(MINI).hull == MINIGLIDER.hull
 
 
 async def test_an_unknown_model_is_refused_with_those_that_exist(client):

@@ -5,6 +5,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from server.access.guard import Guard
 from server.base.problem import problem_response
 
 _HEADERS = {
@@ -41,7 +42,7 @@ class RequestGuard:
                     headers.setdefault("Cache-Control", "no-store")
             await send(message)
 
-        if request.app.state.foundation.guard.host_is_ours(request):
+        if request.app.state.foundation.services.get(Guard).host_is_ours(request):
             await self._app(scope, _limited(request, receive), send_guarded)
         else:
             refusal = problem_response(421, f"This station is not {request.url.hostname}.")

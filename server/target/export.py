@@ -10,7 +10,6 @@ from db.query.target_reports import iterate_target_reports
 from db.query.target_span import TargetSpan
 from robot_link.messages import TargetEstimate, TargetReport
 from server.fleet.target_end import with_reasons
-from server.recording.table import COMMENT
 
 _ESTIMATES = 2
 _OF_ESTIMATE = (
@@ -27,6 +26,7 @@ COLUMNS = (
     "reason",
 )  # fmt: skip
 """Columns of the file; what is not known is left empty."""
+_COMMENT = "#"
 _BLOCK_ROWS = 500
 
 
@@ -40,10 +40,10 @@ def target_csv_blocks(
         robot: Who said it.
         wanted: Which reports; ``None`` for none.
     """
-    mark = f"{COMMENT} SIMULATION: this robot does not exist\n" if robot.simulated else ""
+    mark = f"{_COMMENT} SIMULATION: this robot does not exist\n" if robot.simulated else ""
     site = robot.site
     yield (
-        f"{mark}{COMMENT} {robot.id}, target: times Unix s (UTC), ranges horizontal, positions in "
+        f"{mark}{_COMMENT} {robot.id}, target: times Unix s (UTC), ranges horizontal, positions in "
         f"the frame of {site.name} (origin {site.origin_latitude_deg:.7f} deg, "
         f"{site.origin_longitude_deg:.7f} deg)\n" + ",".join(COLUMNS) + "\n"
     )

@@ -1,0 +1,113 @@
+"""What every service and route of one station stands on."""
+
+import asyncio
+from contextlib import AsyncExitStack
+from dataclasses import dataclass
+
+from db.store import Store
+from robot_link.clock import Clock
+from server.base.alarm_board import AlarmBoard
+from server.base.background import Background
+from server.base.clock_file import read_clock
+from server.base.configuration import ConfigurationBook
+from server.base.event import EventLogged
+from server.base.event_bus import EventBus
+from server.base.event_log import EventLog
+from server.base.job import JobBoard
+from server.base.lifetime import Lifetime
+from server.base.live_feed import LiveFeed
+from server.base.secret import SecretStore
+from server.base.services import Services
+from server.base.settings import Settings
+from server.base.storage_watch import watch_storage
+from server.base.worker import WorkerPool
+
+STUDY_NICENESS = 10
+"""What-if runs and identifications give way to the planner and to the station itself."""
+_ALARM_TASK = "alarm about"
+
+
+@dataclass(frozen=True, slots=True)
+class Foundation:
+    """The shared parts of one station, opened before its capabilities and closed after them."""
+
+    settings: Settings
+    clock: Clock
+    """Time of the robots: events, plans and measurements. A demo's runs faster than the wall."""
+    store: Store
+    bus: EventBus
+    """What happened, told after it was committed."""
+    background: Background
+    alarms: AlarmBoard
+    jobs: JobBoard
+    configurations: ConfigurationBook
+    secrets: SecretStore
+    """Keys of robots and accounts with gateways; what it holds is shown to nobody."""
+    feed: LiveFeed
+    workers: WorkerPool
+    study_workers: WorkerPool
+    """Processes that give way to all others."""
+    services: Services
+    """What the capabilities have installed."""
+    lifetime: Lifetime
+    """Where capabilities say what is to be loaded, started and ended."""
+
+
+async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundation:
+    """Open the database and what works on it; the stack closes it.
+
+    Raises:
+        StoreUnavailableError: If the database cannot be opened.
+        NewerSchemaError: If a later version of the station wrote it.
+    """
+    settings.data_dir.mkdir(parents=True, exist_ok=True)
+    clock = read_clock(settings.clock_file)
+    store = await asyncio.to_thread(Store.open, settings.resolved_database_url)
+    stack.push_async_callback(asyncio.to_thread, store.close)
+    bus = EventBus()
+    alarms = AlarmBoard(store, clock, bus)
+    background = Background(lambda name, error: _part_failed(background, alarms, name, error))
+    stack.push_async_callback(background.stop)
+    jobs = JobBoard(store, clock, bus)
+    stack.push_async_callback(jobs.stop)
+    workers = WorkerPool(settings.worker_processes)
+    study_workers = WorkerPool(settings.worker_processes, niceness=STUDY_NICENESS)
+    stack.push_async_callback(workers.stop)
+    stack.push_async_callback(study_workers.stop)
+    event_log = EventLog(store, bus)
+    feed = LiveFeed(store, clock, lambda: alarms.unacknowledged, event_log)
+    bus.subscribe(EventLogged, feed.take)
+    lifetime = Lifetime(background)
+    lifetime.on_closing(feed.close)
+    lifetime.run("live stream", feed.run)
+    lifetime.run("event log", event_log.run)
+    lifetime.on_closing(workers.hurry)
+    lifetime.on_closing(study_workers.hurry)
+    await alarms.load()
+    await jobs.load()
+    background.start("storage watch", watch_storage(store, alarms, clock))
+    return Foundation(
+        settings=settings,
+        clock=clock,
+        store=store,
+        bus=bus,
+        background=background,
+        alarms=alarms,
+        jobs=jobs,
+        configurations=ConfigurationBook(store, clock, bus),
+        secrets=SecretStore(settings.secret_dir),
+        feed=feed,
+        workers=workers,
+        study_workers=study_workers,
+        services=Services(),
+        lifetime=lifetime,
+    )
+
+
+def _part_failed(
+    background: Background, alarms: AlarmBoard, name: str, error: BaseException
+) -> None:
+    if name.startswith(_ALARM_TASK):
+        return
+    text = f"A part of the station stopped ({name}: {type(error).__name__}); restart the station."
+    background.start(f"{_ALARM_TASK} {name}", alarms.raise_(f"part:{name}", text, level="critical"))

@@ -1,0 +1,243 @@
+"""A robot as REST and the live stream say it."""
+
+import math
+from collections.abc import Callable
+
+from autonomy.field.variable import VARIABLES
+from autonomy.frames import wgs84_from_ned
+from autonomy.planner.plan import PositionNed
+from autonomy.site import Site
+from autonomy.tracking.phase import TargetPhase
+from robot_link.messages import STATE, LinkState
+from server.fleet.fleet import Fleet
+from server.fleet.link_panel import link_views
+from server.fleet.status import RobotStatus
+from server.fleet.target_end import reason_by
+from server.fleet.target_report import target_view
+from server.fleet.target_view import TargetReportView
+from server.fleet.view import (
+    ChannelView,
+    ContactView,
+    LinkView,
+    LiveRobotView,
+    OnboardPlanView,
+    PositionView,
+    RobotView,
+    StateView,
+)
+from server.fleet.words import activity, clock_time, onboard_plan_state, surface_forecast
+from server.vehicle.vehicles import Vehicles
+
+_FIELD_LIMIT_S = 120.0
+"""Age from which a measurement of a field must look old, at the clock's normal speed."""
+_SAME_PLACE_M = 0.02
+
+
+class FleetViews:
+    """Makes views of the fleet; it changes nothing. Belongs to one event loop."""
+
+    def __init__(
+        self, fleet: Fleet, vehicles: Vehicles, alarm_level: Callable[[str], str | None]
+    ) -> None:
+        self._fleet = fleet
+        self._vehicles = vehicles
+        self._alarm_level = alarm_level
+        self._places: dict[str, tuple[Site, PositionNed, tuple[float, float]]] = {}
+        """A position of late of each robot, in its water, with its latitude and longitude."""
+
+    def robot_view(self, robot: str) -> RobotView:
+        """Return a robot as the fleet's list shows it."""
+        status = self._fleet.status(robot)
+        record = status.record
+        vehicle = self._vehicles.find(record.model)
+        return RobotView(
+            id=record.id,
+            name=record.name,
+            model=record.model if vehicle is None else vehicle.title,
+            model_key=record.model,
+            model_note="" if vehicle is None else vehicle.note,
+            model_origin=self._vehicles.origin(record.model),
+            kind=record.kind,
+            system_id=record.system_id,
+            simulated=record.simulated,
+            site=record.site,
+            link=self._link_view(status),
+            mode=None if status.state is None else status.state.mode.name.lower(),
+            activity=self._activity(status),
+            mission_id=status.mission_id,
+            plan_id=None if status.plan is None else status.plan.plan_id,
+            next_contact=self._next_contact(status),
+            surface_forecast=self._forecast(status),
+            alarm_level=self._alarm_level(robot),
+        )
+
+    def state_view(self, robot: str) -> StateView:
+        """Return the newest value of everything that a robot reports."""
+        status = self._fleet.status(robot)
+        return StateView(
+            robot=robot,
+            channels=self._channels(status),
+            position=self._position(status),
+            mode=None if status.state is None else status.state.mode.name.lower(),
+            activity=self._activity(status),
+            plan=self._onboard_plan(status),
+            link=self._link_view(status),
+            links=link_views(status),
+            clock_fault=None if status.clock_fault is None else status.clock_fault.text,
+            tracking=self._tracking(status),
+        )
+
+    def live_view(self, robot: str) -> LiveRobotView:
+        """Return a robot as the live stream carries it."""
+        status = self._fleet.status(robot)
+        state = self.state_view(robot)
+        return LiveRobotView(
+            robot=state.robot,
+            channels=state.channels,
+            position=state.position,
+            mode=state.mode,
+            activity=state.activity,
+            plan=state.plan,
+            link=state.link,
+            links=state.links,
+            clock_fault=state.clock_fault,
+            tracking=state.tracking,
+            mission_id=status.mission_id,
+            plan_id=None if status.plan is None else status.plan.plan_id,
+            next_contact=self._next_contact(status),
+            surface_forecast=self._forecast(status),
+            alarm_level=self._alarm_level(robot),
+        )
+
+    def _activity(self, status: RobotStatus) -> str:
+        if status.record.kind == "recorded":
+            return "Recording"
+        plan = status.plan
+        flying = plan is not None and plan.state == "running"
+        track = self._fleet.target_shown(status)
+        return activity(
+            status.state,
+            plan.round_text if plan and flying else "",
+            self._fleet.is_old(status),
+            is_teaching=track is not None
+            and not track.is_barrier_on
+            and track.phase is not TargetPhase.ENDED,
+        )
+
+    def _next_contact(self, status: RobotStatus) -> ContactView | None:
+        if status.link_state is not LinkState.SUBMERGED:
+            return None
+        at = status.next_surfacing()
+        if at is None:
+            return None
+        return ContactView(at, f"Next surfacing about {clock_time(at)}")
+
+    def _forecast(self, status: RobotStatus) -> str:
+        if status.record.kind == "recorded":
+            return "A recording cannot be told anything"
+        link = status.link
+        return surface_forecast(
+            status.record.id,
+            status.link_state,
+            "" if link is None else link.carrier,
+            status.next_surfacing(),
+        )
+
+    def _link_view(self, status: RobotStatus) -> LinkView:
+        link = status.link
+        if link is None:
+            return LinkView("", LinkState.NEVER_HEARD.value, None, None, None, 0, 0)
+        return LinkView(
+            carrier=link.carrier,
+            state=link.state.value,
+            heard_at=link.heard_at,
+            age_s=None if link.heard_at is None else self._fleet.age_s(link.heard_at),
+            rssi_dbm=link.rssi_dbm,
+            frames_received=link.frames_received,
+            frames_bad=link.frames_bad,
+        )
+
+    def _channels(self, status: RobotStatus) -> dict[str, ChannelView]:
+        channels: dict[str, ChannelView] = {}
+        if status.state is not None:
+            age_s = self._fleet.age_s(status.state.measured_at)
+            values = STATE.shown(status.state)
+            for key, gauge in STATE.gauges.items():
+                channels[key] = ChannelView(
+                    value=values[key],
+                    unit=STATE[key].unit,
+                    display_unit=STATE[key].display_unit,
+                    measured_at=status.state.measured_at,
+                    received_at=status.state.received_at,
+                    age_s=age_s,
+                    limit_s=self._fleet.limit_s(gauge.limit_s),
+                )
+        for key, sample in status.samples.items():
+            channels[key] = ChannelView(
+                value=sample.value,
+                unit=VARIABLES[key].unit,
+                display_unit=None,
+                measured_at=sample.measured_at,
+                received_at=sample.received_at,
+                age_s=self._fleet.age_s(sample.measured_at),
+                limit_s=self._fleet.limit_s(_FIELD_LIMIT_S),
+            )
+        return channels
+
+    def _position(self, status: RobotStatus) -> PositionView | None:
+        state = status.state
+        if state is None:
+            return None
+        latitude_deg, longitude_deg = self._geodetic(status, state.position_ned)
+        return PositionView(
+            ned_m=state.position_ned,
+            std_m=state.position_std_m,
+            latitude_deg=latitude_deg,
+            longitude_deg=longitude_deg,
+            has_fix=state.has_fix,
+            measured_at=state.measured_at,
+            received_at=state.received_at,
+            age_s=self._fleet.age_s(state.measured_at),
+        )
+
+    def _geodetic(self, status: RobotStatus, position_ned: PositionNed) -> tuple[float, float]:
+        """Return latitude and longitude, converted anew after ``_SAME_PLACE_M`` of way.
+
+        The conversion costs more than all the rest of a view that is made ten times a second.
+        """
+        site, robot = status.record.site, status.record.id
+        known = self._places.get(robot)
+        if (
+            known is None
+            or known[0] is not site
+            or math.dist(known[1][:2], position_ned[:2]) > _SAME_PLACE_M
+        ):
+            latitude_deg, longitude_deg = wgs84_from_ned(
+                position_ned[:2], site.origin_latitude_deg, site.origin_longitude_deg
+            )
+            known = (site, position_ned, (float(latitude_deg), float(longitude_deg)))
+            self._places[robot] = known
+        return known[2]
+
+    def _tracking(self, status: RobotStatus) -> TargetReportView | None:
+        report = self._fleet.target_shown(status)
+        if report is None:
+            return None
+        return target_view(report, reason_by(report, status.plan_report))
+
+    def _onboard_plan(self, status: RobotStatus) -> OnboardPlanView | None:
+        report = status.plan_report
+        if report is None:
+            return None
+        plan = status.plan
+        return OnboardPlanView(
+            plan_id=plan.plan_id
+            if plan is not None and plan.record.sha256 == report.sha256
+            else None,
+            sha256=report.sha256,
+            state=onboard_plan_state(report.state),
+            leg=report.leg,
+            legs=report.legs,
+            energy_used=report.energy_used,
+            age_s=self._fleet.age_s(report.measured_at),
+        )

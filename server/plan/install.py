@@ -1,0 +1,50 @@
+"""Puts the capability together."""
+
+import logging
+
+from autonomy.warm_up import search_step
+from server.base.foundation import Foundation
+from server.base.machine_code import MachineCode
+from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.fleet.fleet import Fleet
+from server.link.event import PlanReported
+from server.plan import route
+from server.plan.dry_run import DryRuns
+from server.plan.follow import PlanFollower
+from server.plan.ledger import PlanLedger
+from server.plan.planning import Planning
+from server.plan.task import LOAD_PLANNER
+
+log = logging.getLogger(__name__)
+
+ROUTERS = (route.router,)
+
+
+def install(foundation: Foundation) -> None:
+    """Make what plans, keeps plans, and moves them by what robots say."""
+    services, workers = foundation.services, foundation.workers
+    fleet = services.get(Fleet)
+    machine_code = MachineCode(foundation.jobs)
+    ledger = services.add(PlanLedger(foundation, fleet, foundation.feed))
+    planning = services.add(Planning(foundation, fleet, ledger, workers, machine_code))
+    follower = PlanFollower(foundation.store, ledger)
+
+    foundation.bus.subscribe(PlanReported, lambda event: follower.take(event.report))
+    lifetime = foundation.lifetime
+    lifetime.on_load(ledger.load)
+    lifetime.on_stop(planning.stop)
+    lifetime.run("waiting plans", ledger.watch_drafts)
+    lifetime.run("plan reports", follower.run)
+    lifetime.on_start(planning.resume)
+    lifetime.run("planner's machine code", lambda: warm_up(fleet, workers, machine_code))
+
+
+async def warm_up(fleet: Fleet, workers: WorkerPool, machine_code: MachineCode) -> None:
+    """Compile what is not, and let a worker load the planner, so that nobody waits later."""
+    await machine_code.prepare()
+    await machine_code.wait_for(search_step("information_gain"), lambda _: None)
+    try:
+        await workers.run(LOAD_PLANNER, None)
+        await DryRuns(fleet, workers).warm_up()
+    except WORKER_FAILURES as error:
+        log.warning("the planner could not be loaded ahead: %s", error)

@@ -1,0 +1,53 @@
+"""Puts the capability together."""
+
+from collections.abc import Callable
+
+from robot_link.station.gateway.gateway import MobileOriginated
+from server.base.foundation import Foundation
+from server.fleet.disabled_links import DisabledLinks
+from server.fleet.event import LinkSwitched
+from server.fleet.fleet import Fleet
+from server.link.ingest import Ingest
+from server.satellite import gateway_route, route
+from server.satellite.gateways import Gateways, KeepMessage
+from server.satellite.satellite import Satellite
+
+ROUTERS = (gateway_route.router, route.router)
+
+GatewayFactory = Callable[[Foundation, KeepMessage], Gateways]
+
+
+def install(foundation: Foundation, make_gateways: GatewayFactory) -> None:
+    """Make what carries plans, orders and messages by satellite.
+
+    Args:
+        foundation: What the station stands on.
+        make_gateways: Makes the gateways; where tests put their own.
+    """
+    services = foundation.services
+
+    async def take(message: MobileOriginated) -> bool:
+        return await satellite.take(message)
+
+    gateways = services.add(make_gateways(foundation, take), Gateways)
+    satellite = Satellite(
+        foundation,
+        services.get(Fleet),
+        gateways,
+        services.get(DisabledLinks),
+        services.get(Ingest).store,
+    )
+    services.add(satellite)
+
+    async def follow_switch() -> None:
+        await satellite.refresh()
+        satellite.stir()
+
+    foundation.bus.subscribe(
+        LinkSwitched,
+        lambda _: foundation.background.start("satellite links", follow_switch()),
+    )
+    foundation.lifetime.on_load(satellite.load)
+    foundation.lifetime.run("satellite", satellite.run)
+    foundation.lifetime.on_start(gateways.start)
+    foundation.lifetime.on_stop(gateways.stop)

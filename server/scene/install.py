@@ -1,0 +1,30 @@
+"""Puts the capability together."""
+
+from robot_link.messages import RobotId
+from server.base.foundation import Foundation
+from server.fleet.fleet import Fleet
+from server.map.field_maps import FieldMaps
+from server.scene import route
+from server.scene.host import SceneHost
+from server.scene.source import StationSceneSource
+from server.study.whatif import WhatIfs
+from server.vehicle.vehicles import Vehicles
+from webui.scene.source import SceneSource
+
+ROUTERS = (route.router,)
+
+
+def install(foundation: Foundation) -> None:
+    """Make what draws robots and maps in three dimensions."""
+    services = foundation.services
+    fleet, maps = services.get(Fleet), services.get(FieldMaps)
+    vehicles, shown = services.get(Vehicles), services.get(WhatIfs).shown
+
+    def source_of(robot: RobotId) -> SceneSource | None:
+        if not fleet.knows(robot):
+            return None
+        return StationSceneSource(robot, fleet, maps, vehicles, shown)
+
+    scenes = services.add(SceneHost(source_of))
+    foundation.lifetime.on_stop(scenes.stop)
+    foundation.lifetime.run("scenes", scenes.run)

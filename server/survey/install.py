@@ -1,0 +1,61 @@
+"""Puts the capability together."""
+
+from server.base.foundation import Foundation
+from server.command.commands import Commands
+from server.fleet.fleet import Fleet
+from server.link.event import PlanReported
+from server.map.field_maps import FieldMaps
+from server.plan.ledger import PlanLedger, PlanOutdated
+from server.plan.planning import Planning
+from server.survey import mission_route, plan_route, route
+from server.survey.fleet_survey import FleetSurveys
+from server.survey.map_quality import SurveyMaps
+from server.survey.mission_ledger import MissionLedger
+from server.survey.plan_choice import PlanChoices
+from server.survey.step import SurveySteps
+from server.survey.surveys import Surveys, purge_in
+from server.transfer.transfers import Transfers
+
+ROUTERS = (mission_route.router, route.router, plan_route.router)
+
+
+def install(foundation: Foundation) -> None:
+    """Make missions of several rounds, and let them go on by what plans and robots do."""
+    services, bus = foundation.services, foundation.bus
+    fleet, plans = services.get(Fleet), services.get(PlanLedger)
+    planning, transfers = services.get(Planning), services.get(Transfers)
+    commands = services.get(Commands)
+    missions = MissionLedger(
+        foundation.store, foundation.clock, foundation.alarms, fleet, foundation.feed
+    )
+    services.add(missions)
+    services.add(PlanChoices(foundation, fleet, plans, missions, planning))
+    quality = SurveyMaps(
+        foundation,
+        fleet,
+        missions,
+        planning.problems,
+        services.get(FieldMaps),
+        foundation.workers,
+    )
+    steps = SurveySteps(foundation, fleet, missions, plans, planning, transfers, quality)
+    surveys = services.add(Surveys(foundation, missions, planning, transfers, steps))
+    services.add(FleetSurveys(fleet, surveys))
+
+    async def show(robot: str) -> None:
+        mission = fleet.status(robot).mission_id
+        if mission is not None:
+            await missions.show(mission)
+
+    def plan_reported(event: PlanReported) -> None:
+        missions.robot_said_more(event.report.robot)
+        surveys.robot_said_more(event.report.robot)
+
+    bus.subscribe(PlanReported, plan_reported)
+    bus.subscribe(PlanOutdated, lambda event: missions.robot_said_more(event.robot))
+    commands.purges.append(purge_in)
+    commands.on_surface.append(show)
+    foundation.lifetime.on_load(missions.load)
+    foundation.lifetime.on_stop(surveys.stop_all)
+    foundation.lifetime.on_start(surveys.resume)
+    foundation.lifetime.run("surveys", surveys.run)

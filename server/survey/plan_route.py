@@ -1,0 +1,152 @@
+"""Plans are asked for here, whatever their kind, and drafts exchanged for others."""
+
+from typing import Annotated, Any, Literal
+
+from fastapi import APIRouter, Depends
+from pydantic import Field
+
+from autonomy.planner.plan import PrimitiveKind
+from server.access.dependency import Pilot
+from server.access.idempotency import IdempotentRoute
+from server.base.body import Body
+from server.base.dependency import service
+from server.plan.planning import Planning
+from server.plan.primitive_legs import LegRequest
+from server.plan.route import PlanIdView
+from server.plan.search_request import SearchRequest
+from server.survey.plan_choice import PlanChoices
+from server.survey.surveys import Surveys
+from server.target.planning import TargetPlanning
+from server.target.settings import Base
+
+router = APIRouter(prefix="/api", tags=["plans"], route_class=IdempotentRoute)
+
+PlanChoicesDep = Annotated[PlanChoices, Depends(service(PlanChoices))]
+PlanningDep = Annotated[Planning, Depends(service(Planning))]
+SurveysDep = Annotated[Surveys, Depends(service(Surveys))]
+TargetPlanningDep = Annotated[TargetPlanning, Depends(service(TargetPlanning))]
+
+PartialConfig = Annotated[
+    dict[str, Any],
+    Field(
+        description="Fields of the planner's configuration that differ from what holds for the "
+        "robot; see `GET /api/config/planner/schema`. They become its new version."
+    ),
+]
+
+
+class SurveyPlanRequest(Body):
+    """One round of a survey, to be searched for by the planner."""
+
+    kind: Literal["adaptive_survey"]
+    config: PartialConfig = Field(default_factory=dict)
+    mission: str | None = None
+    """A mission that waits for its start: the plan takes the place of its newest draft."""
+
+
+class LegBody(Body):
+    """One motion primitive; it starts where the one before ended."""
+
+    kind: PrimitiveKind
+    end_ned: tuple[float, float, float]
+    """North, east, depth. Of a dive or spiral only the depth counts."""
+    speed_m_s: float | None = Field(default=None, gt=0.0, le=5.0)
+    """Vertical speed, of a swim the speed over ground; by default the planner's."""
+    heading_rad: float = 0.0
+    """Heading at which a spiral is entered."""
+    radius_m: float = Field(default=0.0, ge=0.0)
+    """Radius of a spiral."""
+    turn_rad: float = 0.0
+    """Angle that a spiral turns through, positive to starboard."""
+
+
+class PrimitivesPlanRequest(Body):
+    """Legs laid out by hand, from where the robot is."""
+
+    kind: Literal["primitives"]
+    legs: list[LegBody] = Field(min_length=1, max_length=500)
+    config: PartialConfig = Field(default_factory=dict)
+
+
+class TargetPlanRequest(Body):
+    """A target that the robot is to follow by its range alone."""
+
+    kind: Literal["track_target"]
+    config: Annotated[
+        dict[str, Any],
+        Field(
+            description="Fields of the tracking configuration that differ from what holds for the "
+            "robot; see `GET /api/config/tracking/schema`. They become its new version."
+        ),
+    ] = Field(default_factory=dict)
+    base: Base = "kept"
+    """What they are laid over: ``kept``, the settings of the robot's last plan, whoever made it, or
+    the ``preset`` of its vehicle."""
+
+
+PlanRequest = Annotated[
+    SurveyPlanRequest | PrimitivesPlanRequest | TargetPlanRequest, Field(discriminator="kind")
+]
+
+
+class ChoiceRequest(Body):
+    """Which of a draft's runners-up shall take its place."""
+
+    runner_up: int = Field(ge=0)
+    """Position in the draft's list of runners-up."""
+
+
+class ContinueRequest(Body):
+    """How long to search on."""
+
+    planning_time_s: float | None = Field(default=None, gt=0.0, le=600.0)
+    """By default as long as the draft's own search."""
+
+
+@router.post("/robots/{robot}/plans", status_code=202)
+async def create_plan(
+    caller: Pilot,
+    robot: str,
+    body: PlanRequest,
+    planning: PlanningDep,
+    surveys: SurveysDep,
+    targets: TargetPlanningDep,
+) -> PlanIdView:
+    """Begin a plan: 409 or 422 at once if it cannot be made, else it becomes a draft or fails."""
+    if isinstance(body, SurveyPlanRequest) and body.mission is not None:
+        plan = await surveys.plan_again(robot, body.mission, body.config, by=caller.name)
+        return PlanIdView(plan.id)
+    if isinstance(body, TargetPlanRequest):
+        plan = await targets.plan(robot, body.config, by=caller.name, base=body.base)
+        return PlanIdView(plan.id)
+    config_id, config = await planning.configure(robot, body.config, by=caller.name)
+    if isinstance(body, PrimitivesPlanRequest):
+        legs = [
+            LegRequest(
+                leg.kind, leg.end_ned, leg.speed_m_s, leg.heading_rad, leg.radius_m, leg.turn_rad
+            )
+            for leg in body.legs
+        ]
+        plan = await planning.plan_primitives(robot, config, config_id, legs, by=caller.name)
+    else:
+        plan = await planning.plan_survey(SearchRequest(robot, config, config_id, by=caller.name))
+    return PlanIdView(plan.id)
+
+
+@router.post("/plans/{plan}/choose", status_code=202)
+async def choose_runner_up(
+    caller: Pilot, plan: str, body: ChoiceRequest, choices: PlanChoicesDep
+) -> PlanIdView:
+    """Make a draft of a runner-up; the old draft stays one until then, and is then superseded."""
+    record = await choices.choose(plan, body.runner_up, by=caller.name)
+    return PlanIdView(record.id)
+
+
+@router.post("/plans/{plan}/continue", status_code=202)
+async def continue_search(
+    caller: Pilot, plan: str, choices: PlanChoicesDep, body: ContinueRequest | None = None
+) -> PlanIdView:
+    """Search on from a draft and its runners-up; the old draft stays until the new one is found."""
+    wanted = body or ContinueRequest()
+    record = await choices.go_on(plan, wanted.planning_time_s, by=caller.name)
+    return PlanIdView(record.id)

@@ -1,0 +1,30 @@
+"""Puts the capability together."""
+
+from server.base.event import JobChanged
+from server.base.foundation import Foundation
+from server.system import (
+    configuration_route,
+    docs_route,
+    event_route,
+    health_route,
+    job_route,
+    live_route,
+)
+
+ROUTERS = (
+    health_route.router,
+    configuration_route.router,
+    event_route.router,
+    job_route.router,
+    live_route.router,
+    docs_route.router,
+)
+
+
+def install(foundation: Foundation) -> None:
+    """Show jobs in the live stream."""
+    feed = foundation.feed
+    foundation.services.add(feed)
+    foundation.bus.subscribe(
+        JobChanged, lambda event: feed.put("jobs", event.job.id, lambda: event.job)
+    )
