@@ -13,7 +13,6 @@ from db.query.satellite_messages import SatelliteMessage
 from robot_link.messages import CommandKind, CommandLevel, CommandNumber, PlanHash
 from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.order import pack_order
-from robot_link.station.gateway.gateway import Taken
 from robot_link.station.ground import next_counter
 from server.command import state
 from server.satellite import repeating
@@ -100,9 +99,7 @@ class CommandRows(RowKind):
         is_due = not row.document["is_given_up"] and repeating.is_due(row.document)
         return (0,) if is_due else ()
 
-    def pack(
-        self, session: Session, row: OutboxRecord, means: Means, *, ack_seen: bool
-    ) -> Sequence[bytes]:
+    def pack(self, session: Session, row: OutboxRecord, means: Means) -> Sequence[bytes]:
         """Return the message that carries the command."""
         del session
         document = row.document
@@ -114,7 +111,7 @@ class CommandRows(RowKind):
             means.key,
             means.modem.system,
             row.counter,
-            ack_seen=ack_seen,
+            ack_seen=means.ack_seen,
         )
         return (data,)
 
@@ -124,15 +121,10 @@ class CommandRows(RowKind):
         return f"the {row.document['kind']} order"
 
     def taken(
-        self,
-        session: Session,
-        row: OutboxRecord,
-        message: SatelliteMessage,
-        answer: Taken,
-        at: datetime,
+        self, session: Session, row: OutboxRecord, message: SatelliteMessage, at: datetime
     ) -> OutboxRecord:
         """Note that a gateway took a command."""
-        del message, answer
+        del message
         level = "queued" if row.level == query.CREATED else row.level
         _note(session, row, CommandLevel.QUEUED, at)
         document = repeating.sent(row.document)

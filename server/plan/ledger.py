@@ -73,19 +73,22 @@ class PlanLedger:
     ) -> PlanRecord:
         """Add a plan that is about to be planned, with what is known of it already."""
         at = self._clock.now()
-        record = await self._store.write(
-            lambda session: begin(
+        known = {"config_id": config_id, "message": "", **(document or {})}
+
+        def write(session: Session) -> PlanRecord:
+            plan = query.add_plan(
                 session,
                 robot,
                 kind,
                 config=config,
-                document={"config_id": config_id, "message": "", **(document or {})},
                 at=at,
                 by=by,
                 mission=mission,
                 round_number=round_number,
             )
-        )
+            return begin(session, plan, known, at)
+
+        record = await self._store.write(write)
         self.publish(record)
         return record
 

@@ -86,31 +86,10 @@ def leads_on(state: str, evidence: PlanEvidence) -> bool:
     return (state, evidence) in TRANSITIONS
 
 
-def begin(
-    session: Session,
-    robot: str,
-    kind: str,
-    *,
-    config: Mapping[str, Any],
-    document: Mapping[str, Any],
-    at: datetime,
-    by: str,
-    mission: str | None = None,
-    round_number: int = 1,
-) -> PlanRecord:
-    """Add a plan that is about to be made, in the state ``planning``, with its event."""
-    plan = query.add_plan(
-        session,
-        robot,
-        kind,
-        config=config,
-        at=at,
-        by=by,
-        mission=mission,
-        round_number=round_number,
-    )
+def begin(session: Session, plan: str, document: Mapping[str, Any], at: datetime) -> PlanRecord:
+    """Write down what is known of a plan that was added, and that it is about to be made."""
     record = query.change_plan(session, plan, at=at, document=document)
-    _note(session, record, "plan.planning", f"Planning {plan} for {robot}.", at)
+    _note(session, record, "plan.planning", f"Planning {plan} for {record.robot}.", at)
     return record
 
 

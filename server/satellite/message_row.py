@@ -51,7 +51,7 @@ def taken(
     row = outbox_query.get_outbox(session, before.outbox)
     if before.queued_at is not None:
         return row
-    query.change_message(
+    has = query.change_message(
         session,
         message,
         state="taken",
@@ -64,7 +64,7 @@ def taken(
     sent = RawFrame(RobotId(row.robot), before.carrier, True, before.data, at)
     append_telemetry(session, [sent])
     if row.ended_at is None:
-        row = kinds.of(row).taken(session, row, before, answer, at)
+        row = kinds.of(row).taken(session, row, has, at)
     if before.flush and (call.flush or call.message.attempts > 1):
         for one in outbox_query.open_outbox(session, row.robot):
             if one.imei == row.imei:

@@ -1,6 +1,6 @@
 """Which messages are to be sent now, and their rows: written down before the first byte leaves."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from typing import Final
 
@@ -51,7 +51,8 @@ def prepare(session: Session, kinds: RowKinds, outbox: str, means: Means, now: d
     if not due:
         return Looked()
     kind = kinds.of(row)
-    parts = kind.pack(session, row, means, ack_seen=_ack_seen(session, kinds, row))
+    means = replace(means, ack_seen=_ack_seen(session, kinds, row))
+    parts = kind.pack(session, row, means)
     for index in due:
         data = parts[index]
         cost = credits(len(data), means.tariff)

@@ -15,7 +15,7 @@ from db.query.outbox import OutboxRecord
 from db.query.satellite_messages import SatelliteMessage
 from robot_link.satellite.config import Tariff
 from robot_link.satellite.content import CommandAnswer, ShortPlanReport, TransferAck
-from robot_link.station.gateway.gateway import Taken
+from server.satellite.ending import end_row
 from server.satellite.modem import Modem
 
 FIRST_PRIORITY = 1
@@ -30,6 +30,8 @@ class Means:
     modem: Modem
     key: bytes
     tariff: Tariff
+    ack_seen: bool = False
+    """Whether the robot need not repeat its word on anything from before."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,17 +59,8 @@ class RowKind(ABC):
         """Return the parts that are to be sent now, but for those that are being sent."""
 
     @abstractmethod
-    def pack(
-        self, session: Session, row: OutboxRecord, means: Means, *, ack_seen: bool
-    ) -> Sequence[bytes]:
-        """Return the message of each part.
-
-        Args:
-            session: Where to read.
-            row: Whose parts.
-            means: What sending takes.
-            ack_seen: Whether the robot need not repeat its word on anything from before.
-        """
+    def pack(self, session: Session, row: OutboxRecord, means: Means) -> Sequence[bytes]:
+        """Return the message of each part."""
 
     @abstractmethod
     def title(self, row: OutboxRecord, part: int) -> str:
@@ -75,20 +68,15 @@ class RowKind(ABC):
 
     @abstractmethod
     def taken(
-        self,
-        session: Session,
-        row: OutboxRecord,
-        message: SatelliteMessage,
-        answer: Taken,
-        at: datetime,
+        self, session: Session, row: OutboxRecord, message: SatelliteMessage, at: datetime
     ) -> OutboxRecord:
         """Note that the gateway has a message of an open row."""
 
-    @abstractmethod
     def refused(
         self, session: Session, row: OutboxRecord, reason: str, at: datetime
     ) -> OutboxRecord:
-        """Note that the gateway will never take a message of an open row."""
+        """End an open row of which the gateway will never take a message."""
+        return end_row(session, row.id, "refused", reason, at)
 
     @abstractmethod
     def expired(self, session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:

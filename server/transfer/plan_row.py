@@ -15,7 +15,6 @@ from robot_link.messages import OnboardPlanState
 from robot_link.satellite.blob import Blob
 from robot_link.satellite.chunk import cut
 from robot_link.satellite.content import TransferAck, TransferState
-from robot_link.station.gateway.gateway import Taken
 from robot_link.station.ground import GroundState, GroundTransfer, PartLevel, next_counter
 from server.plan.document import mission_of
 from server.satellite.ending import end_row
@@ -130,35 +129,22 @@ class PlanRows(RowKind):
         del session
         return tuple(ground_of(row).due(now))
 
-    def pack(
-        self, session: Session, row: OutboxRecord, means: Means, *, ack_seen: bool
-    ) -> Sequence[bytes]:
+    def pack(self, session: Session, row: OutboxRecord, means: Means) -> Sequence[bytes]:
         """Return the message of each part."""
         blob = Blob.of(mission_of(get_plan(session, row.document["plan"])))
         start, system = ground_of(row).start, means.modem.system
-        return cut(blob, means.key, system, row.counter, start=start, ack_seen=ack_seen)
+        return cut(blob, means.key, system, row.counter, start=start, ack_seen=means.ack_seen)
 
     def title(self, row: OutboxRecord, part: int) -> str:
         """Return which part of which plan it is."""
         return f"part {part + 1} of {len(ground_of(row).parts)} of {row.document['plan']}"
 
     def taken(
-        self,
-        session: Session,
-        row: OutboxRecord,
-        message: SatelliteMessage,
-        answer: Taken,
-        at: datetime,
+        self, session: Session, row: OutboxRecord, message: SatelliteMessage, at: datetime
     ) -> OutboxRecord:
         """Note that the gateway has a part."""
-        sent = ground_of(row).sent(message.part, at, answer.message_id, answer.mtmsn)
+        sent = ground_of(row).sent(message.part, at, message.message_id, message.mtmsn)
         return keep(session, row, sent, at)
-
-    def refused(
-        self, session: Session, row: OutboxRecord, reason: str, at: datetime
-    ) -> OutboxRecord:
-        """End a plan that the gateway will never take."""
-        return end_row(session, row.id, "refused", reason, at)
 
     def expired(self, session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
         """Give a plan up whose time has passed, and have the robot refuse what is left of it."""

@@ -14,7 +14,6 @@ from db.query import outbox as query
 from db.query.outbox import OutboxRecord
 from db.query.satellite_messages import SatelliteMessage, messages_of
 from robot_link.satellite.withdrawal import pack_withdrawal
-from robot_link.station.gateway.gateway import Taken
 from robot_link.station.ground import GroundState, GroundTransfer, next_counter
 from server.command.satellite_row import is_surface
 from server.fleet.words import carrier_title
@@ -75,12 +74,12 @@ class WithdrawalRows(RowKind):
         )
         return () if is_said else (0,)
 
-    def pack(
-        self, session: Session, row: OutboxRecord, means: Means, *, ack_seen: bool
-    ) -> Sequence[bytes]:
+    def pack(self, session: Session, row: OutboxRecord, means: Means) -> Sequence[bytes]:
         """Return the message that withdraws every plan before it."""
         del session
-        return (pack_withdrawal(row.counter, means.key, means.modem.system, ack_seen=ack_seen),)
+        return (
+            pack_withdrawal(row.counter, means.key, means.modem.system, ack_seen=means.ack_seen),
+        )
 
     def title(self, row: OutboxRecord, part: int) -> str:
         """Return what the message is."""
@@ -88,15 +87,10 @@ class WithdrawalRows(RowKind):
         return "the word that withdraws what is still on its way"
 
     def taken(
-        self,
-        session: Session,
-        row: OutboxRecord,
-        message: SatelliteMessage,
-        answer: Taken,
-        at: datetime,
+        self, session: Session, row: OutboxRecord, message: SatelliteMessage, at: datetime
     ) -> OutboxRecord:
         """Note that a gateway took it, which does not say that the robot will hear it."""
-        del message, answer, at
+        del message, at
         level = "queued" if row.level == query.CREATED else row.level
         document = repeating.sent(row.document)
         return query.change_outbox(session, row.id, document=document, level=level)
@@ -107,12 +101,6 @@ class WithdrawalRows(RowKind):
             return row
         reason = f"{row.robot}'s modem fetched it"
         return end_row(session, row.id, "sent", reason, at, level="radio")
-
-    def refused(
-        self, session: Session, row: OutboxRecord, reason: str, at: datetime
-    ) -> OutboxRecord:
-        """End what the gateway will never take."""
-        return end_row(session, row.id, "refused", reason, at)
 
     def expired(self, session: Session, row: OutboxRecord, at: datetime) -> OutboxRecord:
         """End what nothing is left of that could be refused."""

@@ -91,3 +91,8 @@ def test_transfer_follows_the_table_and_its_plan_what_it_proves(memory, story):
 
 def test_one_module_moves_transfers():
     assert callers_of("change_transfer") == {"transfer/state.py"}
+
+
+def test_transfers_and_commands_ask_nobody_again_and_again():
+    waits = {file.partition("/")[0] for file in callers_of("sleep")}
+    assert not waits & {"transfer", "command"}
