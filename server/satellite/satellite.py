@@ -123,11 +123,6 @@ class Satellite:
         """Why rows of the outbox are not sent on, by their ids."""
         return self.outbox.waits
 
-    def is_enabled(self, imei: str) -> bool:
-        """Tell whether messages of a modem are taken; a stranger's are."""
-        modem = self._modem(imei)
-        return modem is None or self._disabled_links.is_enabled(modem.uri)
-
     async def take(self, message: MobileOriginated) -> bool:
         """Take what a gateway delivers; tell whether it is new. It is kept when this returns.
 
