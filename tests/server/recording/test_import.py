@@ -20,6 +20,11 @@ from tests.server.station_app import running, signed_in
 REAL = Path(__file__).parents[4] / "shared" / "data" / "eva035_chl_temp.csv"
 
 
+@pytest.fixture
+def _known_fleet():
+    """The station is new: no robots are known before a test adds its own."""
+
+
 def dive_csv(rows=60, broken=(), start_s=1_563_751_502):
     """One yo of a glider in a field that falls with depth."""
     lines = ["time,latitude,longitude,depth,chlorophyll"]
