@@ -21,8 +21,8 @@ HERE = Path(__file__).parent
 INCLUDED = ("common.xml", "standard.xml", "minimal.xml")
 
 
-def build(target: Path, source: Path = HERE / "grace.xml") -> None:
-    """Write the dialect that ``source`` generates to ``target`` and an empty package around it.
+def build(target: Path, source: Path | None = None) -> None:
+    """Write the dialect that ``source``, else ``grace.xml``, generates to ``target`` and an empty package around it.
 
     Raises:
         RuntimeError: If the generator refuses ``grace.xml``; the message is the generator's own.
@@ -31,7 +31,7 @@ def build(target: Path, source: Path = HERE / "grace.xml") -> None:
     with tempfile.TemporaryDirectory() as folder:
         for name in INCLUDED:
             shutil.copy(definitions / name, folder)
-        shutil.copy(source, Path(folder) / "grace.xml")
+        shutil.copy(source or HERE / "grace.xml", Path(folder) / "grace.xml")
         generated = Path(folder) / "grace.py"
         said = io.StringIO()
         options = mavgen.Opts(str(generated), mavparse.PROTOCOL_2_0, language="Python3")

@@ -61,11 +61,16 @@ from robot_link.satellite.state_code import STATE_BYTES, packed_state, unpacked_
 from server.fleet.plausibility import fault_of_state
 from server.recording.table import Policy, read_recording
 from tests.db.conftest import robot_record
-from tests.robot_link.satellite_case import state
 
 NOW = datetime(2026, 5, 1, 12, 0, tzinfo=UTC)
-REPORT = state(
-    robot="mini-1", measured_at=NOW, received_at=NOW, position_ned=(1.0, 0.5, 0.25), **{KEY: 281.5}
+NUMBERS = {"north_m": 1.0, "east_m": 0.5, "depth_m": 0.25, KEY: 281.5}
+REPORT = StateReport(
+    robot=messages.RobotId("mini-1"),
+    measured_at=NOW,
+    received_at=NOW,
+    mode=messages.RobotMode.GLIDING,
+    has_fix=False,
+    **messages.STATE.fields(tuple(NUMBERS.get(key, 0.125) for key in messages.STATE.keys)),
 )
 
 
