@@ -16,12 +16,15 @@ that was stored or is on board stays what it was.
 
 import hashlib
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Self
+from typing import Annotated, Self, get_args, get_type_hints
 
 import cbor2
 
+from autonomy.planner.config import PlannerConfig
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
+from autonomy.vehicle.trim import TrimConfig
 from robot_link.messages import PlanHash
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.target_settings import TargetSettings
@@ -45,23 +48,80 @@ ITEM_FIELDS = 10
 
 
 @dataclass(frozen=True, slots=True)
-class MissionSettings:
-    """What the robot must know beside the legs."""
+class _Whole:
+    """How a field travels: as the whole number next to the field times its scale."""
 
-    sample_period_s: float
+    title: str
+    scale: float
+
+
+@dataclass(frozen=True, slots=True)
+class MissionSettings:
+    """What the robot must know beside the legs; travels in the order of declaration."""
+
+    sample_period_s: Annotated[float, _Whole("sample period", 1e3)]
     """Time between two field samples."""
-    max_uncertainty_m: float
+    max_uncertainty_m: Annotated[float, _Whole("uncertainty", 1e3)]
     """The robot comes up when its horizontal position std exceeds this."""
-    timeout_s: float
+    timeout_s: Annotated[float, _Whole("timeout", 1.0)]
     """The robot comes up and ends the mission after this time."""
-    start_x_m: float
+    start_x_m: Annotated[float, _Whole("start x", 1e3)]
     """Northing where the first leg begins."""
-    start_y_m: float
+    start_y_m: Annotated[float, _Whole("start y", 1e3)]
     """Easting where the first leg begins."""
-    net_buoyancy_offset_kg: float = 0.0
+    net_buoyancy_offset_kg: Annotated[float, _Whole("net buoyancy offset", 1e6)] = 0.0
     """Added to every set point of the net buoyancy; positive sinks."""
-    mass_position_offset_m: float = 0.0
+    mass_position_offset_m: Annotated[float, _Whole("mass position offset", 1e6)] = 0.0
     """Added to every set point of the sliding mass; positive moves it forward."""
+
+    @classmethod
+    def of(
+        cls,
+        planner: PlannerConfig,
+        trim: TrimConfig,
+        start: PositionNed,
+        duration_s: float,
+    ) -> Self:
+        """Return the settings of a mission that is planned to take ``duration_s``.
+
+        What the planner's settings and the trim have by the name of a field is taken over.
+        """
+        shared = _WHOLES.keys() & PlannerConfig.model_fields.keys()
+        return cls(
+            **{name: getattr(planner, name) for name in shared},
+            sample_period_s=planner.primitives.point_interval_s,
+            timeout_s=planner.mission.patience_factor * duration_s + planner.mission.patience_s,
+            start_x_m=start[0],
+            start_y_m=start[1],
+            **trim.model_dump(),
+        )
+
+    @classmethod
+    def from_integers(cls, integers: Sequence[int]) -> Self:
+        """Return what integers say; the last fields, which are 0, may be left out."""
+        scaled = zip(_WHOLES.items(), integers, strict=False)
+        return cls(**{name: integer / whole.scale for (name, whole), integer in scaled})
+
+    def integers(self) -> tuple[int, ...]:
+        """Return the wire integers of all fields.
+
+        Raises:
+            ValueError: If a number does not fit; it is named.
+        """
+        numbers = {
+            whole.title: getattr(self, name) * whole.scale for name, whole in _WHOLES.items()
+        }
+        return _rounded("the settings", numbers)
+
+    def is_too_uncertain(self, position_std_m: float) -> bool:
+        """Tell whether a position is less certain than the mission allows."""
+        return position_std_m > self.max_uncertainty_m
+
+
+_WHOLES: dict[str, _Whole] = {
+    name: get_args(hint)[1]
+    for name, hint in get_type_hints(MissionSettings, include_extras=True).items()
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,23 +214,14 @@ class Mission:
         version = _format_of(
             len(settings), has_onboard=onboard is not None, is_tracking=tracking is not None
         )
-        sample_ms, uncertainty_mm, timeout_s, x_mm, y_mm, *trim = settings
-        buoyancy_mg, mass_um = trim or (0, 0)
-        start: PositionNed = (x_mm / 1e3, y_mm / 1e3, 0.0)
+        known = MissionSettings.from_integers(settings)
+        start: PositionNed = (known.start_x_m, known.start_y_m, 0.0)
         rebuilt: list[Leg] = []
         for integers in legs:
             rebuilt.append(_leg(start, integers, may_jump=len(rebuilt) > 0))
             start = rebuilt[-1].end_ned
         return cls(
-            settings=MissionSettings(
-                sample_ms / 1e3,
-                uncertainty_mm / 1e3,
-                float(timeout_s),
-                x_mm / 1e3,
-                y_mm / 1e3,
-                buoyancy_mg / 1e6,
-                mass_um / 1e6,
-            ),
+            settings=known,
             legs=tuple(rebuilt),
             format=version,
             onboard=onboard,
@@ -264,16 +315,7 @@ def _format_of(settings: int, *, has_onboard: bool, is_tracking: bool) -> int:
 def _settings_integers(settings: MissionSettings, version: int) -> tuple[int, ...]:
     if version not in SETTINGS_FIELDS:
         raise ValueError(f"format {version} of missions is unknown")
-    named = {
-        "sample period": settings.sample_period_s * 1e3,
-        "uncertainty": settings.max_uncertainty_m * 1e3,
-        "timeout": settings.timeout_s,
-        "start x": settings.start_x_m * 1e3,
-        "start y": settings.start_y_m * 1e3,
-        "net buoyancy offset": settings.net_buoyancy_offset_kg * 1e6,
-        "mass position offset": settings.mass_position_offset_m * 1e6,
-    }
-    integers = _rounded("the settings", named)
+    integers = settings.integers()
     count = SETTINGS_FIELDS[version]
     if any(integers[count:]):
         raise ValueError(f"format {version} of missions carries no trim")

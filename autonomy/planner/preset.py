@@ -15,7 +15,6 @@ from autonomy.site import LAKE, TANK
 
 MINIGLIDER = PlannerConfig(
     domain=TANK.domain,
-    max_uncertainty_m=0.25,
     fidelity_thresholds_m=(0.05, 0.12),
     primitives=PrimitiveConfig(
         glide_speed_m_s=0.025,

@@ -326,7 +326,7 @@ class Executive:
         mission = self._mission
         if mission is None or self._flight.is_surfaced(estimate):
             return False
-        return estimate.position_std_m > mission.settings.max_uncertainty_m
+        return mission.settings.is_too_uncertain(estimate.position_std_m)
 
     def _turn(self, estimate: Estimate) -> None:
         """Turn towards the next leg that has a heading, if the dive does not begin by swimming."""

@@ -30,7 +30,7 @@ def danger(flight: Flight, settings: MissionSettings, estimate: Estimate) -> str
     north, east, depth = estimate.position_ned
     if flight.is_surfaced(estimate):
         return ""
-    if estimate.position_std_m > settings.max_uncertainty_m:
+    if settings.is_too_uncertain(estimate.position_std_m):
         return "the position is too uncertain"
     profile = flight.profile
     if depth > float(flight.site.floor_m(north, east)) - profile.floor_margin_m:

@@ -8,7 +8,7 @@ too flat or too steep.
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from autonomy.frames import ned_from_wgs84, wgs84_from_ned
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
@@ -38,6 +38,9 @@ class WaypointRefusal(ValueError):  # noqa: N818 - an answer, as others of this 
         self.result = result
 
 
+_SETTINGS = MissionSettings(2.0, 20.0, 60.0, 0.0, 0.0)
+
+
 @dataclass(frozen=True, slots=True)
 class WaypointRules:
     """How a robot flies waypoints that name no speed, and what it can fly."""
@@ -56,10 +59,8 @@ class WaypointRules:
     """Greatest slope of a glide; a vertical way is a dive."""
     depth_max_m: float = 50.0
     """Greatest depth."""
-    sample_period_s: float = 2.0
-    """Time between two field samples."""
-    max_uncertainty_m: float = 20.0
-    """Horizontal position std at which the robot comes up."""
+    settings: MissionSettings = _SETTINGS
+    """What holds for every such mission; its timeout is added to that of the duration."""
     timeout_factor: float = 3.0
     """The mission ends after so many times its planned duration."""
 
@@ -103,13 +104,8 @@ def mission_of_waypoints(
     if not legs:
         raise WaypointRefusal(0, grace.MAV_MISSION_INVALID, "the mission leads nowhere")
     duration_s = sum(leg.duration_s for leg in legs)
-    settings = MissionSettings(
-        sample_period_s=rules.sample_period_s,
-        max_uncertainty_m=rules.max_uncertainty_m,
-        timeout_s=math.ceil(rules.timeout_factor * duration_s) + 60.0,
-        start_x_m=start[0],
-        start_y_m=start[1],
-    )
+    patience_s = math.ceil(rules.timeout_factor * duration_s) + rules.settings.timeout_s
+    settings = replace(rules.settings, timeout_s=patience_s, start_x_m=start[0], start_y_m=start[1])
     try:
         return Mission.from_legs(settings, tuple(legs))
     except ValueError as error:

@@ -22,7 +22,11 @@ INCLUDED = ("common.xml", "standard.xml", "minimal.xml")
 
 
 def build(target: Path, source: Path | None = None) -> None:
-    """Write the dialect that ``source``, else ``grace.xml``, generates to ``target`` and an empty package around it.
+    """Write the dialect to ``target`` and an empty package around it.
+
+    Args:
+        target: The module.
+        source: The dialect's XML, by default ``grace.xml`` beside this file.
 
     Raises:
         RuntimeError: If the generator refuses ``grace.xml``; the message is the generator's own.

@@ -52,15 +52,7 @@ def draft_of(
     first = best.legs[0].start_ned
     offsets = trim.value_as(TrimConfig)
     comes_up = surfacings(best.legs)
-    settings = MissionSettings(
-        sample_period_s=config.primitives.point_interval_s,
-        max_uncertainty_m=config.max_uncertainty_m,
-        timeout_s=config.mission.patience_factor * best.duration_s + config.mission.patience_s,
-        start_x_m=first[0],
-        start_y_m=first[1],
-        net_buoyancy_offset_kg=offsets.net_buoyancy_offset_kg,
-        mass_position_offset_m=offsets.mass_position_offset_m,
-    )
+    settings = MissionSettings.of(config, offsets, first, best.duration_s)
     onboard, unfit = _onboard_settings(controller, config, field)
     return Draft(
         mission=Mission.from_legs(settings, best.legs, onboard=onboard),

@@ -13,6 +13,7 @@ from autonomy.planner.plan import PrimitiveKind
 from autonomy.planner.preset import MINIGLIDER
 from autonomy.site import TANK
 from autonomy.vehicle.config import VEHICLES, Vehicle
+from autonomy.vehicle.trim import TrimConfig
 from db.query.plans import PlanRecord
 from robot_link.dry_run import DRY_RUN, DryRun, DryRunProblem
 from robot_link.mission import Mission, MissionSettings
@@ -80,13 +81,7 @@ class DryRuns:
         """
         down, up = (LegRequest(PrimitiveKind.DIVE, (1.0, 0.5, depth_m)) for depth_m in (0.25, 0.0))
         dive = candidate_of(MINIGLIDER, legs_from(MINIGLIDER, (1.0, 0.5), (down, up)))
-        settings = MissionSettings(
-            sample_period_s=2.0,
-            max_uncertainty_m=MINIGLIDER.max_uncertainty_m,
-            timeout_s=600.0,
-            start_x_m=1.0,
-            start_y_m=0.5,
-        )
+        settings = MissionSettings.of(MINIGLIDER, TrimConfig(), dive.legs[0].start_ned, 600.0)
         problem = DryRunProblem(
             mission=Mission.from_legs(settings, dive.legs),
             planned_points=dive.points,

@@ -23,6 +23,8 @@ class Dives:
     """From one surfacing to the next; infinite where none is needed."""
     rising_s: float
     """Of that, coming up, while the tail rests."""
+    limit_m: float
+    """Standard deviation of the position at which it comes up."""
 
     @property
     def share(self) -> float:
@@ -49,16 +51,16 @@ def dives_of(config: TrackingConfig, planner: PlannerConfig, vehicle: Vehicle | 
         planner: The robot's settings: how fast its position drifts, how uncertain it may become.
         vehicle: Its model; without one its ballast takes no time.
     """
-    drift = planner.position_filter.drift_m_sqrt_s
+    drift, limit_m = planner.position_filter.drift_m_sqrt_s, planner.max_uncertainty_m
     if not is_deep(config, planner) or config.target.kind == "beacon" or drift == 0.0:
-        return Dives(math.inf, 0.0)
-    span_m2 = planner.max_uncertainty_m**2 - planner.position_filter.fix_std_m**2
+        return Dives(math.inf, 0.0, limit_m)
+    span_m2 = limit_m**2 - planner.position_filter.fix_std_m**2
     blind_s = max(0.0, span_m2) / drift**2  # until the position is too uncertain
     # the pump takes in what let the robot float, and gives it out again
     limits = None if vehicle is None else vehicle.limits
     ballast_s = 0.0 if limits is None else -limits.m0_min_kg / limits.m0_rate_kg_s
     up_s = 2.0 * ballast_s + planner.mission.turn_time_s
-    return Dives(max(blind_s + up_s, _LEAST_S), ballast_s)
+    return Dives(max(blind_s + up_s, _LEAST_S), ballast_s, limit_m)
 
 
 def target_account(
@@ -86,7 +88,7 @@ def target_account(
     std_m = 0.0 if state is None else state.position_std_m
     if is_deep(config, planner):
         drift_m = planner.position_filter.drift_m_sqrt_s * math.sqrt(duration_s)
-        std_m = min(math.hypot(std_m, drift_m), max(std_m, planner.max_uncertainty_m))
+        std_m = min(math.hypot(std_m, drift_m), max(std_m, dives.limit_m))
     surfacings = dives.surfacings(duration_s)
     return AccountView(
         energy=_energy(_prices(planner, vehicle), duration_s, dives.share),

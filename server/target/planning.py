@@ -182,16 +182,8 @@ def _mission(
     trim: TrimConfig,
     position: tuple[float, float, float],
 ) -> Mission:
-    limits = planner.mission
-    settings = MissionSettings(
-        sample_period_s=planner.primitives.point_interval_s,
-        max_uncertainty_m=planner.max_uncertainty_m,
-        timeout_s=limits.patience_factor * order.config().motion.duration_s + limits.patience_s,
-        start_x_m=position[0],
-        start_y_m=position[1],
-        net_buoyancy_offset_kg=trim.net_buoyancy_offset_kg,
-        mass_position_offset_m=trim.mass_position_offset_m,
-    )
+    duration_s = order.config().motion.duration_s
+    settings = MissionSettings.of(planner, trim, position, duration_s)
     return Mission.for_target(settings, order)
 
 

@@ -127,7 +127,8 @@ def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
     """
     interval = config.primitives.point_interval_s
     growth = config.position_filter.drift_m_sqrt_s**2 * interval
-    limit = math.sqrt(config.max_uncertainty_m**2 + growth)
+    allowed = config.max_uncertainty_m
+    limit = math.sqrt(allowed**2 + growth)
     begin = 0
     for number, leg in enumerate(legs):
         if leg.end_ned[2] > PLACE_TOLERANCE_M:
@@ -139,6 +140,6 @@ def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
                 "max_uncertainty_m",
                 f"The position becomes uncertain by {worst[POINT_STD]:.2g} m, "
                 f"{worst[POINT_TIME]:.0f} s after leg {begin + 1} begins; "
-                f"the limit is {config.max_uncertainty_m:g} m.",
+                f"the limit is {allowed:g} m.",
             )
         begin = number + 1
