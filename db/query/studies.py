@@ -5,7 +5,7 @@ documents are those of its kind; no query looks into them.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from datetime import datetime
 from typing import Any
 
@@ -282,18 +282,12 @@ def _row(session: Session, kind: str, study: str) -> Study:
 
 
 def _record(row: Study, robot: str, result: Document | None) -> StudyRecord:
+    same = {name: getattr(row, name) for name in _SAME}
+    job = None if row.job_key is None else public_id("job", row.job_key)
     return StudyRecord(
-        id=public_id(row.kind, row.number),
-        robot=robot,
-        job=None if row.job_key is None else public_id("job", row.job_key),
-        state=row.state,
-        message=row.message,
-        asked=row.asked,
-        news=row.news,
-        use=row.use,
-        has_checkpoint=row.has_checkpoint,
-        result=result,
-        created_at=row.created_at,
-        created_by=row.created_by,
-        ended_at=row.ended_at,
+        id=public_id(row.kind, row.number), robot=robot, job=job, result=result, **same
     )
+
+
+_SAME = {field.name for field in fields(StudyRecord)} - {"id", "robot", "job", "result"}
+"""What a record says as its row does."""

@@ -9,7 +9,7 @@ import asyncio
 import logging
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from datetime import datetime
 from typing import Any, ClassVar, Generic, TypeVar
 
@@ -76,22 +76,8 @@ def study_as(model: type[_Model], record: StudyRecord, **more: object) -> _Model
     Raises:
         Problem: 409 if another version of the station kept something that does not fit.
     """
-    whole = {
-        **record.asked,
-        **record.news,
-        **(record.use or {}),
-        "id": record.id,
-        "robot": record.robot,
-        "state": record.state,
-        "message": record.message,
-        "job": record.job,
-        "has_checkpoint": record.has_checkpoint,
-        "result": record.result,
-        "created_at": record.created_at,
-        "created_by": record.created_by,
-        "ended_at": record.ended_at,
-        **more,
-    }
+    head = {field.name: getattr(record, field.name) for field in fields(record)}
+    whole = {**record.asked, **record.news, **(record.use or {}), **head, **more}
     try:
         return model.model_validate(whole)
     except ValidationError as error:
