@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from db.identity import key_of, public_id
 from db.query.robots import robot_key
+from db.record import same
 from db.tables import Alarm, Robot
 
 
@@ -82,15 +83,9 @@ def last_alarm_number(session: Session) -> int:
 
 
 def _record(row: Alarm, robot: str | None) -> AlarmRecord:
-    return AlarmRecord(
+    return same(
+        AlarmRecord,
+        row,
         id=public_id("alarm", row.key),
-        cause=row.cause,
         robot=robot,
-        level=row.level,
-        text=row.text,
-        state=row.state,
-        raised_at=row.raised_at,
-        acknowledged_at=row.acknowledged_at,
-        acknowledged_by=row.acknowledged_by,
-        cleared_at=row.cleared_at,
     )

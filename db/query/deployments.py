@@ -13,6 +13,7 @@ from db.fault import StoreError, UnknownIdError
 from db.identity import key_of, public_id
 from db.ingest import insert_new
 from db.query.robots import robot_key
+from db.record import same
 from db.tables import Deployment, Robot, SampleRow, StateRow
 from robot_link.messages import STATE
 
@@ -231,15 +232,10 @@ def _samples(
 
 
 def _record(row: Deployment, robot: str) -> DeploymentRecord:
-    return DeploymentRecord(
+    return same(
+        DeploymentRecord,
+        row,
         id=public_id("deployment", row.key),
         robot=robot,
-        kind=row.kind,
-        title=row.title,
-        log=row.log,
-        started_at=row.started_at,
-        ended_at=row.ended_at,
-        rows=row.rows,
         variables=tuple(row.variables),
-        document=row.document,
     )

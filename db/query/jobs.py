@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from db.fault import UnknownIdError
 from db.identity import key_of, public_id
+from db.record import same
 from db.tables import Job
 
 OPEN_STATES = ("queued", "running")
@@ -94,14 +95,8 @@ def fail_open_jobs(session: Session, at: datetime, message: str) -> None:
 
 
 def _record(row: Job) -> JobRecord:
-    return JobRecord(
+    return same(
+        JobRecord,
+        row,
         id=public_id("job", row.key),
-        kind=row.kind,
-        state=row.state,
-        progress=row.progress,
-        message=row.message,
-        result=row.result,
-        created_at=row.created_at,
-        created_by=row.created_by,
-        ended_at=row.ended_at,
     )

@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.query.robots import robot_key
+from db.record import same
 from db.tables import Mission, Robot
 
 OPEN_STATES = ("planning", "ready", "running", "replanning", "scoring")
@@ -134,14 +135,9 @@ def list_missions(
 
 
 def _record(row: Mission, robot: str) -> MissionRecord:
-    return MissionRecord(
+    return same(
+        MissionRecord,
+        row,
         id=public_id("mission", row.key),
         robot=robot,
-        kind=row.kind,
-        state=row.state,
-        automation=row.automation,
-        config=row.config,
-        document=row.document,
-        created_at=row.created_at,
-        created_by=row.created_by,
     )

@@ -11,6 +11,7 @@ from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.onboard_tables import RobotLogRow, RobotParameterRow
 from db.query.robots import robot_key
+from db.record import same
 from db.tables import Robot
 
 
@@ -155,13 +156,9 @@ def get_log(session: Session, log: str) -> LogRecord:
 
 
 def _record(row: RobotLogRow, robot: str) -> LogRecord:
-    return LogRecord(
+    return same(
+        LogRecord,
+        row,
         id=public_id("log", row.key),
         robot=robot,
-        path=row.path,
-        size=row.size,
-        listed_at=row.listed_at,
-        fetched_size=row.fetched_size,
-        sha256=row.sha256,
-        fetched_at=row.fetched_at,
     )

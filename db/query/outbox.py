@@ -13,6 +13,7 @@ from db.identity import key_of, public_id
 from db.link_tables import OutboxRow
 from db.query.change import set_fields
 from db.query.robots import robot_key
+from db.record import same
 from db.tables import Robot
 
 CREATED = "created"
@@ -183,20 +184,11 @@ def _rows() -> Select[OutboxRow, str]:
 
 
 def _record(row: OutboxRow, robot: str) -> OutboxRecord:
-    return OutboxRecord(
+    return same(
+        OutboxRecord,
+        row,
         id=public_id("outbox", row.key),
         robot=robot,
-        kind=row.kind,
         transfer=None if row.transfer_key is None else public_id("transfer", row.transfer_key),
         command=None if row.command_key is None else public_id("command", row.command_key),
-        carrier=row.carrier,
-        imei=row.imei,
-        state=row.state,
-        level=row.level,
-        counter=row.counter,
-        document=row.document,
-        created_at=row.created_at,
-        expires_at=row.expires_at,
-        ended_at=row.ended_at,
-        reason=row.reason,
     )

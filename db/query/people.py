@@ -13,6 +13,7 @@ from db import person_tables
 from db.fault import StoreError, UnknownIdError
 from db.identity import key_of, public_id
 from db.person_tables import Person, Token
+from db.record import same
 
 
 class PersonExistsError(StoreError):
@@ -264,13 +265,8 @@ def _person(row: Person) -> PersonRecord:
 
 
 def _token(row: Token) -> TokenRecord:
-    return TokenRecord(
+    return same(
+        TokenRecord,
+        row,
         id=public_id("token", row.key),
-        name=row.name,
-        role=row.role,
-        one_time=row.one_time,
-        created_at=row.created_at,
-        expires_at=row.expires_at,
-        used_at=row.used_at,
-        revoked_at=row.revoked_at,
     )

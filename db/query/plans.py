@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from db.fault import StoreError, UnknownIdError
 from db.identity import key_of, public_id
 from db.query.robots import robot_key
+from db.record import same
 from db.tables import Plan, Robot
 
 ENDED_STATES = ("done", "failed", "superseded", "cancelled")
@@ -199,21 +200,10 @@ def newest_begun(session: Session, robot: str, kind: str) -> str | None:
 
 
 def _record(row: Plan, robot: str) -> PlanRecord:
-    return PlanRecord(
+    return same(
+        PlanRecord,
+        row,
         id=public_id("plan", row.key),
         robot=robot,
-        kind=row.kind,
         mission=None if row.mission_key is None else public_id("mission", row.mission_key),
-        round=row.round,
-        state=row.state,
-        sha256=row.sha256,
-        config=row.config,
-        document=row.document,
-        created_at=row.created_at,
-        created_by=row.created_by,
-        draft_at=row.draft_at,
-        sent_at=row.sent_at,
-        on_board_at=row.on_board_at,
-        running_at=row.running_at,
-        ended_at=row.ended_at,
     )

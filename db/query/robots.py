@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.site import Site
 from db.fault import StoreError, UnknownIdError
+from db.record import same
 from db.tables import Deployment, Robot
 from robot_link.messages import RobotId, SystemId
 
@@ -143,13 +144,11 @@ def _row(session: Session, robot: str) -> Robot:
 
 
 def _record(row: Robot) -> RobotRecord:
-    return RobotRecord(
+    return same(
+        RobotRecord,
+        row,
         id=RobotId(row.id),
-        name=row.name,
-        model=row.model,
-        kind=row.kind,
         system_id=None if row.system_id is None else SystemId(row.system_id),
         links=tuple(row.links),
         site=Site.model_validate(row.site),
-        created_at=row.created_at,
     )

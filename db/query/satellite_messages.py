@@ -12,6 +12,7 @@ from db.identity import key_of, public_id
 from db.link_tables import OutboxRow, SatelliteMessageRow
 from db.query.change import set_fields
 from db.query.robots import robot_key
+from db.record import same
 from db.tables import Robot
 
 SENDING = "sending"
@@ -226,25 +227,11 @@ def _rows() -> Select[SatelliteMessageRow, str, str]:
 
 
 def _record(row: SatelliteMessageRow, robot: str, kind: str) -> SatelliteMessage:
-    return SatelliteMessage(
+    return same(
+        SatelliteMessage,
+        row,
         id=public_id("message", row.key),
         robot=robot,
         outbox=public_id("outbox", row.outbox_key),
         kind=kind,
-        part=row.part,
-        carrier=row.carrier,
-        imei=row.imei,
-        data=row.data,
-        credits=row.credits,
-        flush=row.flush,
-        priority=row.priority,
-        state=row.state,
-        attempts=row.attempts,
-        message_id=row.message_id,
-        mtmsn=row.mtmsn,
-        created_at=row.created_at,
-        retry_at=row.retry_at,
-        queued_at=row.queued_at,
-        radio_at=row.radio_at,
-        text=row.text,
     )

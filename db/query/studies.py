@@ -5,7 +5,7 @@ documents are those of its kind; no query looks into them.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session, undefer
 from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.query.robots import robot_key
+from db.record import same
 from db.study_tables import Study
 from db.tables import Robot
 
@@ -282,12 +283,11 @@ def _row(session: Session, kind: str, study: str) -> Study:
 
 
 def _record(row: Study, robot: str, result: Document | None) -> StudyRecord:
-    same = {name: getattr(row, name) for name in _SAME}
-    job = None if row.job_key is None else public_id("job", row.job_key)
-    return StudyRecord(
-        id=public_id(row.kind, row.number), robot=robot, job=job, result=result, **same
+    return same(
+        StudyRecord,
+        row,
+        id=public_id(row.kind, row.number),
+        robot=robot,
+        job=None if row.job_key is None else public_id("job", row.job_key),
+        result=result,
     )
-
-
-_SAME = {field.name for field in fields(StudyRecord)} - {"id", "robot", "job", "result"}
-"""What a record says as its row does."""

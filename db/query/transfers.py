@@ -11,6 +11,7 @@ from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.query.change import set_fields
 from db.query.robots import robot_key
+from db.record import same
 from db.tables import Robot, Transfer
 
 _CHANGEABLE = frozenset({"state", "level", "items_sent", "carrier", "ended_at", "reason"})
@@ -133,20 +134,10 @@ def open_transfers(session: Session) -> list[TransferRecord]:
 
 
 def _record(row: Transfer, robot: str) -> TransferRecord:
-    return TransferRecord(
+    return same(
+        TransferRecord,
+        row,
         id=public_id("transfer", row.key),
         robot=robot,
         plan=public_id("plan", row.plan_key),
-        state=row.state,
-        level=row.level,
-        items=row.items,
-        items_sent=row.items_sent,
-        bytes=row.bytes,
-        start=row.start,
-        started_at=row.started_at,
-        ended_at=row.ended_at,
-        reason=row.reason,
-        route=row.route,
-        carrier=row.carrier,
-        is_forced=row.is_forced,
     )

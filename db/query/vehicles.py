@@ -9,6 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError
+from db.record import same
 from db.study_tables import VehicleRow
 
 
@@ -66,12 +67,8 @@ def list_vehicles(session: Session) -> list[VehicleRecord]:
 
 
 def _record(row: VehicleRow) -> VehicleRecord:
-    return VehicleRecord(
+    return same(
+        VehicleRecord,
+        row,
         key=row.id,
-        title=row.title,
-        note=row.note,
-        origin=row.origin,
-        document=row.document,
-        created_at=row.created_at,
-        created_by=row.created_by,
     )
