@@ -12,9 +12,8 @@ from server.access import register
 from server.access.access import password_hash_of
 from server.access.dependency import Admin
 from server.access.role import Role
-from server.base.body import Body
 from server.base.dependency import ClockDep, StoreDep
-from server.base.view import View
+from server.base.view import Body, View
 
 router = APIRouter(tags=["people"])
 

@@ -11,9 +11,8 @@ from pydantic import Field, SecretStr
 from server.access.access import Caller
 from server.access.dependency import AccessDep, GuardDep, Viewer
 from server.access.guard import Guard
-from server.base.body import Body
 from server.base.problem import FieldError, Problem, unprocessable
-from server.base.view import View
+from server.base.view import Body, View
 
 router = APIRouter(tags=["session"])
 

@@ -15,8 +15,7 @@ from db.query.alarms import AlarmRecord
 from db.query.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
-from server.base.event import AlarmChanged
-from server.base.event_bus import EventBus
+from server.base.event_bus import AlarmChanged, EventBus
 from server.base.problem import not_found
 
 logger = logging.getLogger(__name__)

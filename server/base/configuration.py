@@ -18,8 +18,7 @@ from db.query.robots import get_robot
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.configuration_kind import ConfigurationKind, find_kind
-from server.base.event import SettingsChanged
-from server.base.event_bus import EventBus
+from server.base.event_bus import EventBus, SettingsChanged
 from server.base.problem import Problem, invalid
 from server.base.vehicle_catalogue import preset_key
 

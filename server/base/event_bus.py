@@ -6,7 +6,12 @@ subscribe when they are installed. Nobody asks again and again for what could be
 
 from collections import defaultdict
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Any, TypeVar
+
+from db.query.alarms import AlarmRecord
+from db.query.events import EventRecord
+from db.query.jobs import JobRecord
 
 E = TypeVar("E")
 
@@ -42,3 +47,33 @@ class EventBus:
         finally:
             self._waiting.clear()
             self._is_publishing = False
+
+
+@dataclass(frozen=True, slots=True)
+class SettingsChanged:
+    """A new version of tunable settings was saved."""
+
+    kind: str
+    robot: str | None
+    """Whose; ``None`` for every robot that has none of its own."""
+
+
+@dataclass(frozen=True, slots=True)
+class JobChanged:
+    """A job began, got further or ended."""
+
+    job: JobRecord
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmChanged:
+    """An alarm was raised, changed, acknowledged or closed."""
+
+    alarm: AlarmRecord
+
+
+@dataclass(frozen=True, slots=True)
+class EventLogged:
+    """The event log has a new row, of this process or of another such as the command line."""
+
+    event: EventRecord

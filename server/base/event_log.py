@@ -9,8 +9,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from db.fault import StoreError
 from db.query.events import EventRecord, events_after, last_cursor
 from db.store import Store
-from server.base.event import EventLogged
-from server.base.event_bus import EventBus
+from server.base.event_bus import EventBus, EventLogged
 
 log = logging.getLogger(__name__)
 

@@ -1,26 +1,56 @@
 """What every service and route of one station stands on."""
 
 import asyncio
+import contextlib
 from contextlib import AsyncExitStack
 from dataclasses import dataclass
+from typing import Any, TypeVar
 
+from db.fault import StoreUnavailableError
+from db.query.settings import put_setting
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.alarm_board import AlarmBoard
-from server.base.background import Background
 from server.base.clock_file import read_clock
 from server.base.configuration import ConfigurationBook
-from server.base.event import EventLogged
-from server.base.event_bus import EventBus
+from server.base.event_bus import EventBus, EventLogged
 from server.base.event_log import EventLog
 from server.base.job import JobBoard
-from server.base.lifetime import Lifetime
+from server.base.lifetime import Background, Lifetime
 from server.base.live_feed import LiveFeed
 from server.base.secret import SecretStore
-from server.base.services import Services
 from server.base.settings import Settings
-from server.base.storage_watch import watch_storage
 from server.base.worker import WorkerPool
+
+S = TypeVar("S")
+
+
+class Services:
+    """What the capabilities of one station have made so far.
+
+    A capability asks for what lies below it while it is installed; a route asks for its own
+    service by ``server.base.dependency.service``.
+    """
+
+    def __init__(self) -> None:
+        self._services: dict[type, Any] = {}
+
+    def add(self, service: S, kind: type[S] | None = None) -> S:
+        """Keep a service under its own type, or under the protocol that it stands for."""
+        self._services[kind or type(service)] = service
+        return service
+
+    def get(self, kind: type[S]) -> S:
+        """Return the service of a type.
+
+        Raises:
+            LookupError: If nobody has installed it.
+        """
+        try:
+            return self._services[kind]
+        except KeyError:
+            raise LookupError(f"no {kind.__name__} is installed") from None
+
 
 STUDY_NICENESS = 10
 """What-if runs and identifications give way to the planner and to the station itself."""
@@ -111,3 +141,42 @@ def _part_failed(
         return
     text = f"A part of the station stopped ({name}: {type(error).__name__}); restart the station."
     background.start(f"{_ALARM_TASK} {name}", alarms.raise_(f"part:{name}", text, level="critical"))
+
+
+CAUSE = "storage"
+PROBE_PERIOD_S = 2.0
+
+
+async def watch_storage(store: Store, alarms: AlarmBoard, clock: Clock) -> None:
+    """Raise and clear the alarm about storage until cancelled.
+
+    While storage fails, a small write tries it every ``PROBE_PERIOD_S``: when nobody else writes,
+    nothing else would notice that the disk has room again.
+    """
+    loop = asyncio.get_running_loop()
+    changed = asyncio.Event()
+
+    def tell(fault: str | None) -> None:
+        del fault
+        loop.call_soon_threadsafe(changed.set)
+
+    store.add_fault_listener(tell)
+    while True:
+        changed.clear()
+        fault = store.fault
+        if fault is None:
+            await alarms.clear(CAUSE)
+            await changed.wait()
+            continue
+        await alarms.raise_(
+            CAUSE,
+            f"{fault} Plans and commands are refused; telemetry waits in memory.",
+            level="critical",
+        )
+        with contextlib.suppress(TimeoutError):
+            async with asyncio.timeout(PROBE_PERIOD_S):
+                await changed.wait()
+        with contextlib.suppress(StoreUnavailableError):
+            at = clock.now().isoformat()
+            await store.write(lambda session, at=at: put_setting(session, "storage", {"at": at}))
+            await alarms.save_waiting()

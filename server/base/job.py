@@ -11,8 +11,7 @@ from db.query import jobs as query
 from db.query.jobs import JobRecord
 from db.store import Store
 from robot_link.clock import Clock
-from server.base.event import JobChanged
-from server.base.event_bus import EventBus
+from server.base.event_bus import EventBus, JobChanged
 from server.base.problem import conflict
 
 logger = logging.getLogger(__name__)

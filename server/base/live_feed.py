@@ -19,7 +19,7 @@ import msgspec
 from db.query.events import EventRecord, events_after
 from db.store import Store
 from robot_link.clock import Clock
-from server.base.event import EventLogged
+from server.base.event_bus import EventLogged
 from server.base.event_log import EventLog
 
 TICK_S = 0.1

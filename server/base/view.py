@@ -1,4 +1,4 @@
-"""Parent of every view, and its way out."""
+"""Parents of views and of request bodies, and how a large view goes out."""
 
 import msgspec
 from fastapi import Response
@@ -17,3 +17,9 @@ def encoded(view: object) -> Response:
     if isinstance(view, BaseModel):
         return Response(view.model_dump_json(), media_type="application/json")
     return Response(msgspec.json.encode(view), media_type="application/json")
+
+
+class Body(BaseModel):
+    """A closed body: an unknown field is an error, so that a typo is not silently ignored."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)

@@ -13,9 +13,9 @@ from db.migrate import NewerSchemaError
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.clock_file import read_clock
-from server.base.data_folder import CLOCK_FILE
 from server.base.problem import Problem
 from server.base.settings import Settings
+from server.cli.data_folder import CLOCK_FILE
 from server.cli.failure import CommandError
 
 

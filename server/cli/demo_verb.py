@@ -23,9 +23,9 @@ from robot_link.messages import RobotId
 from server.access import register
 from server.access.role import Role
 from server.base.clock_file import read_clock, start_clock, stop_clock
-from server.base.data_folder import CLOCK_FILE
 from server.base.secret import SecretStore
 from server.cli.data import add_data_option, open_store, settings_of
+from server.cli.data_folder import CLOCK_FILE
 from server.cli.demo_gateway import prepare_gateway
 from server.cli.failure import CommandError
 from server.cli.simulate_verb import LINK_FOLDER, add_water_options, part

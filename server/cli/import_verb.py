@@ -12,9 +12,9 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from db.query.deployments import DeploymentExistsError
-from server.base.data_folder import DataFolderTakenError, hold_data_folder
 from server.base.job import JobError
 from server.cli.data import add_data_option, clock_of, open_store, settings_of
+from server.cli.data_folder import DataFolderTakenError, hold_data_folder
 from server.cli.failure import CommandError
 from server.cli.remote import add_remote_options, checked, open_remote
 from server.recording import intake

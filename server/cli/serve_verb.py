@@ -13,10 +13,10 @@ import uvicorn
 from db.fault import StoreError
 from db.migrate import NewerSchemaError
 from server.app import create_app
-from server.base.data_folder import DataFolderTakenError, hold_data_folder
 from server.base.settings import Settings
 from server.cli.console_log import log_to_console
 from server.cli.data import add_data_option, settings_of
+from server.cli.data_folder import DataFolderTakenError, hold_data_folder
 from server.cli.failure import CommandError
 from server.cli.parent import end_with_parent
 

@@ -5,10 +5,10 @@ from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, Namespace
 from pydantic import ValidationError
 
 from server.base.clock_file import ClockAnchors, start_clock
-from server.base.data_folder import CLOCK_FILE
 from server.base.secret import SecretStore
 from server.cli.console_log import log_to_console
 from server.cli.data import add_data_option, settings_of
+from server.cli.data_folder import CLOCK_FILE
 from server.cli.failure import CommandError
 
 LINK_FOLDER = "links"

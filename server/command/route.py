@@ -8,9 +8,8 @@ from fastapi import APIRouter, Depends, Query
 from robot_link.messages import CommandKind
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.dependency import service
-from server.base.view import View
+from server.base.view import Body, View
 from server.command.commands import Commands
 from server.command.view import CommandView
 from server.fleet.dependency import FleetDep

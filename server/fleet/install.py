@@ -1,6 +1,6 @@
 """Puts the capability together."""
 
-from server.base.event import AlarmChanged, EventLogged, SettingsChanged
+from server.base.event_bus import AlarmChanged, EventLogged, SettingsChanged
 from server.base.foundation import Foundation
 from server.fleet import route
 from server.fleet.disabled_links import DisabledLinks

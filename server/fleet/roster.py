@@ -11,7 +11,7 @@ from db.query.samples import newest_samples
 from db.query.target_reports import newest_target_report
 from db.query.telemetry import newest_plan_report, newest_state
 from db.query.telemetry import track as stored_track
-from server.base.event import EventLogged, SettingsChanged
+from server.base.event_bus import EventLogged, SettingsChanged
 from server.base.foundation import Foundation
 from server.fleet.event import RobotChanged
 from server.fleet.fleet import Fleet, Memory

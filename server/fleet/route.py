@@ -24,10 +24,9 @@ from robot_link.messages import STATE, RobotId, SystemId
 from robot_link.station.gateway.address import check_link
 from server.access.dependency import Admin, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.dependency import FoundationDep, StoreDep, service
 from server.base.problem import FieldError, conflict, not_found, unprocessable
-from server.base.view import encoded
+from server.base.view import Body, encoded
 from server.fleet.dependency import FleetDep
 from server.fleet.panel import FleetViews
 from server.fleet.roster import Roster

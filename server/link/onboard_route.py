@@ -9,9 +9,8 @@ from pydantic import Field
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.dependency import FoundationDep, service
-from server.base.view import View
+from server.base.view import Body, View
 from server.link.onboard_view import ParametersView, ParameterView, RobotLogsView
 from server.link.parameters import Parameters
 from server.link.robot_logs import RobotLogs

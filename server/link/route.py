@@ -7,9 +7,9 @@ from pydantic import Field
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.dependency import service
 from server.base.problem import not_found
+from server.base.view import Body
 from server.fleet.dependency import FleetDep
 from server.fleet.disabled_links import DisabledLinks
 from server.fleet.link_panel import link_views

@@ -20,7 +20,7 @@ from db.query.events import add_event
 from db.query.samples import count_received, sample_columns
 from server.base.configuration import CurrentConfiguration, current
 from server.base.configuration_kind import find_kind
-from server.base.event import SettingsChanged
+from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
 from server.base.job import JobError, JobProgress
 from server.base.job_per_key import JobPerKey

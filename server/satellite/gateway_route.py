@@ -22,7 +22,6 @@ from robot_link.station.gateway import cloudloop, rockblock
 from robot_link.station.gateway.gateway import HeldBackError, MobileOriginated
 from robot_link.station.gateway.push import PushRefusal
 from server.access.dependency import Admin
-from server.base.body import Body
 from server.base.dependency import FoundationDep, service
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, invalid, not_found, unprocessable
@@ -33,7 +32,7 @@ from server.base.secret import (
     GatewayKind,
     SecretUnreadableError,
 )
-from server.base.view import View
+from server.base.view import Body, View
 from server.satellite.gateways import GATEWAY_TITLES, Gateways
 
 router = APIRouter(prefix="/api/gateways", tags=["gateways"])

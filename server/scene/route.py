@@ -15,9 +15,9 @@ from pydantic import Field
 
 from robot_link.messages import RobotId
 from server.access.dependency import Pilot, Viewer, WebSocketViewer
-from server.base.body import Body
 from server.base.dependency import service
 from server.base.problem import Problem, not_found
+from server.base.view import Body
 from server.scene.host import SceneHost
 from server.scene.view import SceneStateView
 from webui.scene.page import page

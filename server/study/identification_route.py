@@ -7,9 +7,8 @@ from pydantic import AwareDatetime, Field
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.dependency import service
-from server.base.view import encoded
+from server.base.view import Body, encoded
 from server.study.identification import Identifications
 from server.study.view import (
     AcceptedVehicleView,

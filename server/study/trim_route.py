@@ -7,8 +7,8 @@ from pydantic import Field, field_validator
 
 from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.dependency import service
+from server.base.view import Body
 from server.study.trim import STEPS, TrimAdvices
 from server.study.view import AdviceJobView, TrimView
 

@@ -7,9 +7,8 @@ from pydantic import Field
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.dependency import service
-from server.base.view import encoded
+from server.base.view import Body, encoded
 from server.study.view import StudyStartedView, WhatIfsView, WhatIfView
 from server.study.whatif import ControllerRequest, WhatIfs
 

@@ -8,9 +8,8 @@ from pydantic import Field, field_validator
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.dependency import service
-from server.base.view import View
+from server.base.view import Body, View
 from server.fleet.dependency import FleetDep
 from server.fleet.status import FOLLOW_TARGET
 from server.survey.mission_ledger import MissionLedger

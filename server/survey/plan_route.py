@@ -8,8 +8,8 @@ from pydantic import Field
 from autonomy.planner.plan import PrimitiveKind
 from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.dependency import service
+from server.base.view import Body
 from server.plan.planning import Planning
 from server.plan.primitive_legs import LegRequest
 from server.plan.route import PlanIdView

@@ -8,9 +8,8 @@ from pydantic import Field
 
 from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.dependency import service
-from server.base.view import View
+from server.base.view import Body, View
 from server.survey.fleet_survey import FleetSurveys
 from server.survey.plan_route import PartialConfig
 

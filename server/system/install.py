@@ -1,6 +1,6 @@
 """Puts the capability together."""
 
-from server.base.event import JobChanged
+from server.base.event_bus import JobChanged
 from server.base.foundation import Foundation
 from server.system import (
     configuration_route,

@@ -7,9 +7,8 @@ from fastapi import APIRouter, Depends
 
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.dependency import service
-from server.base.view import View
+from server.base.view import Body, View
 from server.fleet.link_view import SatelliteQuoteView
 from server.plan.ledger import PlanLedger
 from server.plan.view import PlanView, TransferView

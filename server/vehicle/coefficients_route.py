@@ -12,10 +12,9 @@ from starlette.datastructures import UploadFile
 
 from autonomy.vehicle.parameter_file import VehicleDocument
 from server.access.dependency import Pilot
-from server.base.body import Body
 from server.base.dependency import service
 from server.base.problem import FieldError, Problem, invalid, unprocessable
-from server.base.view import View
+from server.base.view import Body, View
 from server.vehicle.coefficients import (
     COLUMNS,
     CoefficientTableError,

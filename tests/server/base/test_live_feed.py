@@ -10,8 +10,7 @@ from sqlalchemy.exc import OperationalError
 from db.query.events import add_event
 from db.store import Store
 from robot_link.clock import SystemClock
-from server.base.event import EventLogged, JobChanged
-from server.base.event_bus import EventBus
+from server.base.event_bus import EventBus, EventLogged, JobChanged
 from server.base.event_log import EventLog
 from server.base.job import JobBoard
 from server.base.live_feed import EVENTS_IN_MEMORY, QUIET_S, LiveFeed

@@ -8,8 +8,8 @@ from fastapi import APIRouter
 from db.fault import StoreUnavailableError, UnknownIdError
 from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
-from server.base.body import Body
 from server.base.problem import FieldError, conflict
+from server.base.view import Body
 from tests.server.station_app import running, signed_in
 
 

@@ -7,7 +7,7 @@ import pytest
 from alembic.script import ScriptDirectory
 
 from db.migrate import configuration
-from server.base.data_folder import hold_data_folder
+from server.cli.data_folder import hold_data_folder
 from server.cli.main import VERBS, main
 from tests.server.recording.test_import import dive_csv
 
