@@ -87,10 +87,12 @@ def digest_of(compiled: Callable[..., object]) -> str:
 
 
 def _compiled(function: Callable[P, R], **options: object) -> Callable[P, R]:
-    dispatcher = cast("Any", numba.njit)(nogil=True, no_cfunc_wrapper=True, **options)(function)
+    dispatcher: Any = cast("Any", numba.njit)(nogil=True, no_cfunc_wrapper=True, **options)(
+        function
+    )
     if not isinstance(dispatcher, Dispatcher):  # NUMBA_DISABLE_JIT leaves the plain function
         return function
-    dispatcher._cache = _KernelCache(dispatcher)  # noqa: SLF001 - as its enable_caching does
+    cast("Any", dispatcher)._cache = _KernelCache(dispatcher)  # noqa: SLF001 - as enable_caching does
     if options.get("no_cpython_wrapper"):
         _keep_from_interpreter(dispatcher)
     return cast("Callable[P, R]", dispatcher)
