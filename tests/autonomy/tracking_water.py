@@ -40,6 +40,9 @@ def whole(range_m: float) -> tuple[RangeHeard, ...]:
 class Water:
     """A robot at ``pose`` (north, east, heading, speed) that obeys its tracker, and a target."""
 
+    newest: TrackerStep
+    """What the tracker said last."""
+
     def __init__(
         self,
         config: TrackingConfig,
@@ -53,10 +56,6 @@ class Water:
         self.time_s = 0.0
         self.steps: list[TrackerStep] = []
         self.is_moved = True
-
-    @property
-    def newest(self) -> TrackerStep:
-        return self.steps[-1]
 
     @property
     def distance(self) -> float:
@@ -75,8 +74,9 @@ class Water:
         """Let the tracker command for a while."""
         for _ in range(round(duration_s / DT_S)):
             reading = self.measured(change)
-            self.steps.append(self.tracker.step(reading, DT_S if self.steps else 0.0))
+            self.newest = self.tracker.step(reading, DT_S if self.steps else 0.0)
             assert np.isfinite(self.newest.command).all()
+            self.steps.append(self.newest)
             if self.is_moved:
                 turn_rate, acceleration = self.newest.command
                 self.pose = unicycle.advance(self.pose, turn_rate, acceleration, DT_S)
