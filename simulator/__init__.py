@@ -1,1 +1,1 @@
-"""Robots that do not exist: plant, sensors, onboard program and emulated radios."""
+"""Robots that do not exist: plant, sensors and emulated radios."""

@@ -52,8 +52,10 @@ def apply(
 ) -> CommandRecord:
     """Write down a level that was proved; one that is settled is not sent by satellite any more."""
     before = query.get_command(session, command)
-    after = query.add_level(session, command, level, at=at, carrier=carrier, reason=reason)
     step = TRANSITIONS.get((before.level, level))
+    if step is None and level.value != before.level:
+        return before
+    after = query.add_level(session, command, level, at=at, carrier=carrier, reason=reason)
     if step is None:
         return after
     add_event(

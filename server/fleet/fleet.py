@@ -96,11 +96,11 @@ class Fleet:
             status.disabled_links = ports
             self.touch(robot)
 
-    def set_satellite(self, robot: str, standing: SatelliteStatus) -> None:
+    def set_satellite(self, robot: str, satellite: SatelliteStatus) -> None:
         """Say where the satellite link of a robot stands."""
         status = self._statuses[robot]
-        if status.satellite != standing:
-            status.satellite = standing
+        if status.satellite != satellite:
+            status.satellite = satellite
             self.touch(robot)
 
     def set_clock_fault(self, robot: str, fault: ClockFault | None) -> None:

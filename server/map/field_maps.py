@@ -1,11 +1,11 @@
 """The field maps of every robot, growing while samples arrive.
 
-Robots of one water share the map of its variable by the configured model (``map_samples``). Maps
-are made from the stored samples when the station starts or a setting changes, fed in pieces, and
-made anew when a dive was smoothed, all in a thread, so that the event loop never waits for algebra.
-Memory is bounded by ``FieldConfig.max_samples``: a full map keeps an evenly spread part of its
-samples (see ``LiveMap``). The maps of a recording were fitted when it was imported and are only
-shown.
+Robots of one water share the map of its variable by the configured model; ``server.map.samples``
+finds theirs. Maps are made from the stored samples when the station starts or a setting changes,
+fed in pieces, and made anew when a dive was smoothed, all in a thread, so that the event loop never
+waits for algebra. Memory is bounded by ``FieldConfig.max_samples``: a full map keeps an evenly
+spread part of its samples (see ``LiveMap``). The maps of a recording were fitted when it was
+imported and are only shown.
 """
 
 import asyncio

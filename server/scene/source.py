@@ -56,27 +56,27 @@ class StationSceneSource:
     @property
     def title(self) -> str:
         """Return the robot's display name."""
-        return self._picture.record.name
+        return self._status.record.name
 
     @property
     def hull(self) -> Hull:
         """Return the robot's outer sizes, those of a usual one where its vehicle is unknown."""
-        vehicle = self._vehicles.find(self._picture.record.model)
+        vehicle = self._vehicles.find(self._status.record.model)
         return Hull() if vehicle is None else vehicle.hull
 
     @property
     def site(self) -> Site:
         """Return the water that the robot works in."""
-        return self._picture.record.site
+        return self._status.record.site
 
     @property
     def fidelity_levels(self) -> int:
         """Return how many fidelity levels the track distinguishes."""
-        return self._picture.track.levels
+        return self._status.track.levels
 
     def pose(self) -> Pose | None:
         """Return the newest pose."""
-        state = self._picture.state
+        state = self._status.state
         if state is None:
             return None
         return Pose(
@@ -88,16 +88,16 @@ class StationSceneSource:
             heading_rad=state.heading_rad,
             tail_rad=state.tail_rad,
             mode=state.mode,
-            is_old=self._fleet.is_old(self._picture),
+            is_old=self._fleet.is_old(self._status),
         )
 
     def track_since(self, cursor: int) -> TrackPiece:
         """Return the track from ``cursor`` on."""
-        return self._picture.track.since(cursor)
+        return self._status.track.since(cursor)
 
     def plan(self) -> PlanView | None:
         """Return the plan to draw; the same object as long as nothing about it changed."""
-        hand, leg_now = self._picture.plan, self._picture.leg_now
+        hand, leg_now = self._status.plan, self._status.leg_now
         if hand is None or not hand.legs:
             return None
         if self._plan is None or self._plan[:2] != (hand, leg_now):
@@ -126,7 +126,7 @@ class StationSceneSource:
 
     def keep_outs(self) -> tuple[Area, ...]:
         """Return what the plan in hand keeps out of."""
-        hand = self._picture.plan
+        hand = self._status.plan
         if hand is not self._kept_out_by:
             self._kept_out_by = hand
             areas = [] if hand is None else hand.record.config.get("keep_outs", [])
@@ -135,7 +135,7 @@ class StationSceneSource:
 
     def target(self) -> TargetView | None:
         """Return the target that the robot follows; the same object as long as nothing changed."""
-        report = self._fleet.target_shown(self._picture)
+        report = self._fleet.target_shown(self._status)
         if report is None:
             return None
         is_old = self._fleet.is_target_old(report)
@@ -145,14 +145,14 @@ class StationSceneSource:
 
     def target_path(self) -> FloatArray | None:
         """Return where a virtual target of the plan in hand goes."""
-        hand = self._picture.plan
+        hand = self._status.plan
         if hand is not self._path_of:
             self._path_of = hand
             self._path = None if hand is None else _target_path(hand)
         return self._path
 
     def _target_view(self, report: TargetReport, *, is_old: bool) -> TargetView:
-        hand, state = self._picture.plan, self._picture.state
+        hand, state = self._status.plan, self._status.state
         depth_m = 0.0 if hand is None else _target_depth_m(hand)
         hears = report.phase in (TargetPhase.TRACKING, TargetPhase.WAITING)
         return TargetView(
@@ -169,7 +169,7 @@ class StationSceneSource:
         )
 
     @property
-    def _picture(self) -> RobotStatus:
+    def _status(self) -> RobotStatus:
         return self._fleet.status(self._robot)
 
 

@@ -9,7 +9,6 @@ from urllib.parse import parse_qsl, unquote, urlsplit
 
 from simulator.iridium.loopback import connections
 
-_HEAD_BYTES = 16384
 _BODY_BYTES = 65536
 
 
