@@ -107,7 +107,7 @@ class FieldMaps:
                 if sample.robot in group.robots:
                     group.waiting.append(sample)
         for robot in {sample.robot for sample in samples}:
-            if self._smoothing.is_behind(robot):
+            if self._smoothing.has_ended_dive(robot) or self._smoothing.is_behind(robot):
                 # the fix that ended their dive was told before they were committed
                 self._look_at_dives(robot)
         self._news.set()

@@ -82,6 +82,8 @@ class Smoothing:
         """Fixes whose dives were told of, by robot."""
         self._told: dict[str, datetime] = {}
         """Newest fix that a robot reported, which the database may not have yet."""
+        self._seen: dict[str, datetime] = {}
+        """Newest fix that the database had at the last look, by robot."""
         self._looking = asyncio.Lock()
 
     def feed(self, samples: Sequence[Sample]) -> None:
@@ -98,7 +100,13 @@ class Smoothing:
 
     def is_behind(self, robot: str) -> bool:
         """Tell whether a fix was reported that was not in the database at the last look."""
-        return robot in self._told and self.is_pending(robot)
+        told, seen = self._told.get(robot), self._seen.get(robot)
+        return told is not None and (seen is None or told > seen) and self.is_pending(robot)
+
+    def has_ended_dive(self, robot: str) -> bool:
+        """Tell whether a sample that is to be looked at was taken before a fix that is known of."""
+        told, first = self._told.get(robot), self._pending.get(robot)
+        return told is not None and first is not None and first < told
 
     def is_pending(self, robot: str) -> bool:
         """Tell whether samples of a robot may be there to be looked at."""
@@ -136,8 +144,7 @@ class Smoothing:
         fix = await self._store.query(lambda session: newest_fix(session, robot))
         if fix is None:
             return None
-        if fix >= self._told.get(robot, fix):
-            self._told.pop(robot, None)
+        self._seen[robot] = fix
         if robot not in self._newest:
             span = await self._store.query(lambda session: unjudged_span(session, robot))
             if span is not None:

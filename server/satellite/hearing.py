@@ -48,8 +48,7 @@ class Hearing:
     def show(self, status: RobotStatus, account: Account, *, waits_for_budget: bool) -> None:
         """Show where the satellite links of a robot stand."""
         modems = modems_of(status.record)
-        for modem in modems:
-            self._report(status, modem, account.settings)
+        self.show_links(status, account.settings)
         heard = [found for one in modems if (found := self._heard.get(one.imei)) is not None]
         newest = max(heard, key=lambda one: one.session_at, default=None)
         period_s = account.settings.satellite.session_period_s
@@ -61,6 +60,11 @@ class Hearing:
             fault=account.fault,
         )
         self._fleet.set_satellite(status.record.id, shown)
+
+    def show_links(self, status: RobotStatus, settings: Settings) -> None:
+        """Show the satellite links of a robot by what is known of its settings already."""
+        for modem in modems_of(status.record):
+            self._report(status, modem, settings)
 
     def _report(self, status: RobotStatus, modem: Modem, settings: Settings) -> None:
         report = link_report(

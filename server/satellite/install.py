@@ -39,14 +39,7 @@ def install(foundation: Foundation, make_gateways: GatewayFactory) -> None:
     )
     services.add(satellite)
 
-    async def follow_switch() -> None:
-        await satellite.refresh()
-        satellite.stir()
-
-    foundation.bus.subscribe(
-        LinkSwitched,
-        lambda _: foundation.background.start("satellite links", follow_switch()),
-    )
+    foundation.bus.subscribe(LinkSwitched, lambda _: satellite.follow_switch())
     foundation.lifetime.on_load(satellite.load)
     foundation.lifetime.run("satellite", satellite.run)
     foundation.lifetime.on_start(gateways.start)

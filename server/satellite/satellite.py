@@ -118,6 +118,12 @@ class Satellite:
             waits = self.outbox.waits_for_budget(robot)
             self._hearing.show(status, found[robot], waits_for_budget=waits)
 
+    def follow_switch(self) -> None:
+        """Have a link that was enabled or disabled count at once."""
+        for status in self._fleet.statuses:
+            self._hearing.show_links(status, self.settings(status.record.id))
+        self.stir()
+
     @property
     def waits(self) -> Mapping[str, str]:
         """Why rows of the outbox are not sent on, by their ids."""

@@ -118,10 +118,10 @@ def test_field_is_measured_where_the_robot_truly_is():
 def test_noise_of_the_sensors_does_not_depend_on_the_plant():
     sensors = Sensors(MINI_1.sensors, "blue_light", np.random.default_rng(3))
     same = Sensors(MINI_1.sensors, "blue_light", np.random.default_rng(3))
+    battery = body().battery
     low, high = np.zeros(15), np.full(15, 0.01)
-    assert sensors.read(0.0, high, 1.0, 10.0).depth_m - same.read(
-        0.0, low, 1.0, 10.0
-    ).depth_m == pytest.approx(0.01)
+    deeper, higher = sensors.read(0.0, high, battery), same.read(0.0, low, battery)
+    assert deeper.depth_m - higher.depth_m == pytest.approx(0.01)
 
 
 def test_battery_pays_for_electronics_and_more_for_moving_actuators():
