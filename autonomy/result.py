@@ -12,7 +12,9 @@ class Result(BaseModel):
     It reads what an older version kept: fields that it does not know are passed over.
     """
 
-    model_config = ConfigDict(frozen=True, use_attribute_docstrings=True)
+    model_config = ConfigDict(
+        frozen=True, use_attribute_docstrings=True, json_schema_serialization_defaults_required=True
+    )
 
 
 def known(value: float | None) -> float | None:

@@ -9,6 +9,7 @@ from fastapi import FastAPI
 from server.access.middleware import RequestGuard
 from server.base.problem import ProblemDetails, install_problem_handlers
 from server.base.settings import Settings
+from server.document import DocumentedApp
 from server.station import ROUTERS, MakeService, Station, run_station
 from webui.static import mount_app
 
@@ -30,7 +31,7 @@ def create_app(settings: Settings, make_service: MakeService = Station) -> FastA
             app.state.first_code = running.first_code
             yield
 
-    app = FastAPI(
+    app = DocumentedApp(
         title="Grace Ground Station",
         summary="Plan, upload, watch and map with gliding robotic fish.",
         version=version("grace-ground-station"),

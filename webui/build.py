@@ -14,12 +14,18 @@ import sys
 from pathlib import Path
 
 HERE = Path(__file__).parent
+ROOT = HERE.parent
 APP = HERE / "app"
 DIST = HERE / "dist"
 STAMP = DIST / "source.sha256"
-NODE_LOCK = HERE.parent / "requirements-node.lock"
+NODE_LOCK = ROOT / "requirements-node.lock"
 SMALLEST_NODE = 20
-NOT_SOURCES = {"node_modules", "dist", "mock"}
+NOT_SOURCES = {"node_modules", "dist", "python.sha256"}
+GENERATED = APP / "src" / "api" / "generated"
+DOCUMENT = GENERATED / "openapi.json"
+TYPES = GENERATED / "station.d.ts"
+TYPED_BY = ("autonomy", "db", "robot_link", "server", "webui")
+"""Packages whose sources may change the station's OpenAPI document."""
 
 
 class BuildError(Exception):
@@ -37,6 +43,7 @@ def main(arguments: list[str]) -> int:
                 _install_packages()
         elif arguments:
             _install_packages()
+            _generate_types()
             for script in ("check", "test"):
                 _npm("run", script)
         else:
@@ -47,7 +54,22 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
+def dev_command(host: str, port: str, station_url: str) -> tuple[str, ...]:
+    """Return what serves the app from its sources, with the station behind it; see ``APP``.
+
+    Raises:
+        BuildError: If its packages cannot be installed or its types not be generated.
+    """
+    _install_packages()
+    _generate_types()
+    node = str(Path(_npm_path()).with_name("node"))
+    vite = str(APP / "node_modules" / "vite" / "bin" / "vite.js")
+    where = ("--host", host, "--port", port, "--strictPort", "--clearScreen", "false")
+    return ("env", f"GRACE_STATION={station_url}", node, vite, *where)
+
+
 def _build_if_stale() -> None:
+    _generate_types()
     digest = _source_digest()
     if STAMP.exists() and STAMP.read_text() == digest:
         return
@@ -59,12 +81,31 @@ def _build_if_stale() -> None:
     STAMP.write_text(digest)
 
 
+def _generate_types() -> None:
+    """Generate the app's types from what the station's sources say of its REST interface."""
+    stamp = GENERATED / "python.sha256"
+    sources = [path for package in TYPED_BY for path in (ROOT / package).rglob("*.py")]
+    digest = _digest(ROOT, sources)
+    if TYPES.exists() and stamp.exists() and stamp.read_text() == digest:
+        return
+    GENERATED.mkdir(exist_ok=True)
+    before = DOCUMENT.read_bytes() if DOCUMENT.exists() else b""
+    _run([sys.executable, "-m", "server.cli", "openapi", "--out", str(DOCUMENT)], ROOT)
+    if not TYPES.exists() or DOCUMENT.read_bytes() != before:
+        _install_packages()
+        _npm("run", "types")
+    stamp.write_text(digest)
+
+
 def _source_digest() -> str:
+    parts = ((path, path.relative_to(APP).parts) for path in APP.rglob("*"))
+    return _digest(APP, [path for path, inside in parts if not NOT_SOURCES.intersection(inside)])
+
+
+def _digest(root: Path, paths: list[Path]) -> str:
     digest = hashlib.sha256()
-    for path in sorted(APP.rglob("*")):
-        inside = path.relative_to(APP)
-        if path.is_file() and not NOT_SOURCES.intersection(inside.parts):
-            digest.update(str(inside).encode() + b"\0" + path.read_bytes())
+    for path in sorted(path for path in paths if path.is_file()):
+        digest.update(str(path.relative_to(root)).encode() + b"\0" + path.read_bytes())
     return digest.hexdigest()
 
 
@@ -79,12 +120,16 @@ def _install_packages() -> None:
 
 
 def _npm(*arguments: str) -> None:
-    command = [_npm_path(), "--loglevel=error", *arguments]
+    _run([_npm_path(), "--loglevel=error", *arguments], APP, _environment())
+
+
+def _run(command: list[str], folder: Path, environment: dict[str, str] | None = None) -> None:
     done = subprocess.run(
-        command, cwd=APP, capture_output=True, text=True, check=False, env=_environment()
+        command, cwd=folder, capture_output=True, text=True, check=False, env=environment
     )
     if done.returncode != 0:
-        raise BuildError(f"npm {' '.join(arguments)} failed:\n{done.stdout}{done.stderr}")
+        words = " ".join([Path(command[0]).name, *command[1:]])
+        raise BuildError(f"{words} failed:\n{done.stdout}{done.stderr}")
 
 
 def _environment() -> dict[str, str]:

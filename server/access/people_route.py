@@ -50,7 +50,7 @@ class PersonView(View):
     """Someone who may sign in."""
 
     name: str
-    role: str
+    role: Role
     created_at: datetime
     disabled: bool
 
@@ -68,7 +68,7 @@ class TokenView(View):
 
     id: str
     name: str
-    role: str
+    role: Role
     created_at: datetime
     expires_at: datetime
     revoked_at: datetime | None
@@ -166,10 +166,12 @@ async def revoke_token(caller: Admin, token: str, store: StoreDep, clock: ClockD
 
 
 def _person(person: PersonRecord) -> PersonView:
-    return PersonView(person.name, person.role, person.created_at, person.disabled_at is not None)
+    return PersonView(
+        person.name, Role(person.role), person.created_at, person.disabled_at is not None
+    )
 
 
 def _token(token: TokenRecord) -> TokenView:
     return TokenView(
-        token.id, token.name, token.role, token.created_at, token.expires_at, token.revoked_at
+        token.id, token.name, Role(token.role), token.created_at, token.expires_at, token.revoked_at
     )

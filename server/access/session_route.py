@@ -11,6 +11,7 @@ from pydantic import Field, SecretStr
 from server.access.access import Caller
 from server.access.dependency import AccessDep, GuardDep, Viewer
 from server.access.guard import Guard
+from server.access.role import Role
 from server.base.problem import FieldError, Problem, unprocessable
 from server.base.view import Body, View
 
@@ -40,7 +41,7 @@ class SessionView(View):
     """Who is signed in."""
 
     name: str
-    role: str
+    role: Role
     rights: list[str]
     csrf_token: str | None
     """Send it as ``X-CSRF-Token`` with every change; null for a bearer token, which needs none."""

@@ -9,7 +9,7 @@ from fastapi import APIRouter, Query
 from db.query.alarms import AlarmRecord, closed_alarms
 from server.access.dependency import Pilot, Viewer
 from server.base.dependency import FoundationDep
-from server.base.view import View
+from server.base.view import RobotLevel, View, one_of
 
 router = APIRouter(prefix="/api/alarms", tags=["alarms"])
 
@@ -20,9 +20,9 @@ class AlarmView(View):
 
     id: str
     robot: str | None
-    level: str
+    level: RobotLevel
     text: str
-    state: str
+    state: Annotated[str, one_of("unacknowledged", "acknowledged", "returned", "closed")]
     """``unacknowledged``, ``acknowledged``, ``returned`` (normal again, unseen) or ``closed``."""
     raised_at: datetime
     acknowledged_at: datetime | None

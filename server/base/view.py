@@ -1,15 +1,23 @@
-"""Parents of views and of request bodies, and how a large view goes out."""
+"""Parents of views and of request bodies, and what views say of documents and words."""
+
+from typing import Annotated, Any
 
 import msgspec
 from fastapi import Response
-from pydantic import BaseModel, ConfigDict
+from pydantic import BaseModel, ConfigDict, RootModel, WithJsonSchema
+from typing_extensions import TypeAliasType
 
 
 class View:
-    """Lets the docstring below a field become its description in the OpenAPI schema."""
+    """Lets the docstring below a field become its description in the OpenAPI schema.
+
+    A field with a default is always sent, so the schema requires it.
+    """
 
     __slots__ = ()
-    __pydantic_config__ = ConfigDict(use_attribute_docstrings=True)
+    __pydantic_config__ = ConfigDict(
+        use_attribute_docstrings=True, json_schema_serialization_defaults_required=True
+    )
 
 
 def encoded(view: object) -> Response:
@@ -23,3 +31,57 @@ class Body(BaseModel):
     """A closed body: an unknown field is an error, so that a typo is not silently ignored."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, use_attribute_docstrings=True)
+
+
+def one_of(*words: str) -> WithJsonSchema:
+    """Return what makes the schema of a text name the words that it can be."""
+    return WithJsonSchema({"type": "string", "enum": list(words)})
+
+
+def numbers(count: int) -> WithJsonSchema:
+    """Return what makes the schema of a list of numbers tell how many there are."""
+    items = [{"type": "number"}] * count
+    return WithJsonSchema(
+        {"type": "array", "prefixItems": items, "minItems": count, "maxItems": count}
+    )
+
+
+def _json_object(description: str) -> WithJsonSchema:
+    return WithJsonSchema(
+        {"type": "object", "additionalProperties": True, "description": description}
+    )
+
+
+SettingsDocument = TypeAliasType(
+    "SettingsDocument",
+    Annotated[
+        dict[str, Any],
+        _json_object(
+            "Values of one kind of settings, or some of them; see `GET /api/config/{kind}/schema`. "
+            "Those of an earlier version are told as they were saved."
+        ),
+    ],
+)
+"""Settings whose fields their own JSON Schema tells, which forms are made from."""
+
+
+class SettingsPatch(RootModel[dict[str, Any]]):
+    """Fields of one kind of settings that change; null returns one to its preset."""
+
+
+class JsonSchema(RootModel[dict[str, Any]]):
+    """A JSON Schema, with title, unit, bounds and help of every field."""
+
+
+class VehicleUpload(RootModel[dict[str, Any]]):
+    """Parameters of a vehicle, every number with its unit; 422 names what is wrong in one."""
+
+
+EventData = TypeAliasType(
+    "EventData",
+    Annotated[dict[str, Any], _json_object("Ids and figures of an event; its `kind` says which.")],
+)
+
+
+RobotLevel = Annotated[str, one_of("normal", "info", "watch", "warning", "critical")]
+"""How much an alarm matters."""

@@ -10,6 +10,7 @@ import webbrowser
 from argparse import ArgumentParser, Namespace
 from collections.abc import Generator
 from contextlib import contextmanager
+from dataclasses import replace
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -38,10 +39,15 @@ from simulator.fleet import (
     RobotDefinition,
     robots_named,
 )
+from webui.build import APP, ROOT, BuildError, dev_command
 
 DEFAULT_PORT = 8000
 PORTS_TRIED = 20
 PERSON = "demo"
+DEV_ADDRESS = ("127.0.0.1", "5173")
+"""Where the operator app is served from its sources."""
+SOURCES = [ROOT / name for name in ("autonomy", "db", "robot_link", "server", "webui")]
+"""Of the station."""
 LINK_LIFETIME = timedelta(hours=12)
 """How long the printed sign-in waits for its one use; it opens a station on loopback only."""
 
@@ -70,6 +76,11 @@ def add_arguments(parser: ArgumentParser) -> None:
         help="part of the satellite messages that are lost, 0 to 0.9",
     )
     add_water_options(parser)
+    parser.add_argument(
+        "--dev",
+        action="store_true",
+        help="serve the operator app from its sources and start the station again as files change",
+    )
     parser.add_argument("--no-browser", action="store_true", help="do not open a browser")
 
 
@@ -118,14 +129,29 @@ async def _supervise(
         health_url=f"{url}/api/health",
     )
 
+    children = (simulator, station)
+    page = url
+    if arguments.dev:
+        page = "http://" + ":".join(DEV_ADDRESS)
+        children = (simulator, replace(station, sources=SOURCES), _dev_app(url))
+
     def ready() -> None:
         print(f"SIMULATION at {arguments.speed:g}x. Data: {folder}", flush=True)
-        print(f"Open {url}/sign-in?token={sign_in}", flush=True)
+        print(f"Open {page}/sign-in?token={sign_in}", flush=True)
         print("Ctrl-C stops everything.", flush=True)
         if not arguments.no_browser and _has_screen():
-            webbrowser.open(f"{url}/sign-in?token={sign_in}")
+            webbrowser.open(f"{page}/sign-in?token={sign_in}")
 
-    return await Supervisor((simulator, station), folder / "log", ready).run()
+    return await Supervisor(children, folder / "log", ready).run()
+
+
+def _dev_app(station_url: str) -> Child:
+    """Return the app's own server, which hands what is the station's on to it."""
+    try:
+        vite = dev_command(*DEV_ADDRESS, station_url)
+    except BuildError as error:
+        raise CommandError(str(error)) from error
+    return Child("operator app", vite, folder=APP)
 
 
 def _url(listener: socket.socket) -> str:

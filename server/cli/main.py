@@ -25,6 +25,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "user": "add people, change their role or password, make a sign-in link",
         "db": "upgrade, inspect or copy the database",
         "coefficients": "coefficients of a vehicle from forces and moments of a tunnel or CFD",
+        "openapi": "write the OpenAPI document of the station's REST interface",
         "compile": "compile the numeric kernels ahead of time",
     }
 )

@@ -17,6 +17,8 @@ STOP_LIMIT_S = 10.0
 QUICK_DEATH_S = 5.0
 QUICK_DEATHS_MAX = 3
 TAIL_LINES = 15
+LOOK_S = 1.0
+"""Between two looks at the sources of a child that starts again when one changes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -28,6 +30,10 @@ class Child:
     pass_fds: tuple[int, ...] = ()
     health_url: str | None = None
     """Where it says that it is ready; a child without one is ready when it runs."""
+    folder: Path | None = None
+    """Where it runs; where this process runs by default."""
+    sources: Sequence[Path] = ()
+    """Folders whose Python files it is made of, if it is to start again when one changes."""
 
 
 class Supervisor:
@@ -77,14 +83,21 @@ class Supervisor:
             process = await self._start(child)
             stop = asyncio.create_task(self._stop.wait(), name=f"stop of the {child.name}")
             end = asyncio.create_task(process.wait(), name=f"end of the {child.name}")
-            await asyncio.wait((stop, end), return_when=asyncio.FIRST_COMPLETED)
+            change = asyncio.create_task(_changed(child.sources), name=f"sources of {child.name}")
+            await asyncio.wait((stop, end, change), return_when=asyncio.FIRST_COMPLETED)
+            is_changed = change.done() and not end.done() and not self._stop.is_set()
             stop.cancel()
+            change.cancel()
             if not end.done():
-                await asyncio.gather(*later())
+                if not is_changed:
+                    await asyncio.gather(*later())
                 await _end(process)
             await end
             if self._stop.is_set():
                 return
+            if is_changed:
+                print(f"A source changed; starting the {child.name} again.", flush=True)
+                continue
             quick = time.monotonic() - started_s < QUICK_DEATH_S
             quick_deaths = quick_deaths + 1 if quick else 0
             if quick_deaths == QUICK_DEATHS_MAX:
@@ -99,6 +112,7 @@ class Supervisor:
                 stdin=DEVNULL,
                 stdout=log,
                 stderr=log,
+                cwd=child.folder,
                 pass_fds=child.pass_fds,
                 start_new_session=True,
             )
@@ -130,6 +144,22 @@ async def _is_healthy(client: httpx.AsyncClient, url: str, deadline_s: float) ->
                 return True
         await asyncio.sleep(HEALTH_PERIOD_S)
     return False
+
+
+async def _changed(folders: Sequence[Path]) -> None:
+    """Wait until a Python file below one of the folders is another than now."""
+    if not folders:
+        await asyncio.Event().wait()
+    known = await asyncio.to_thread(_times, folders)
+    while True:
+        await asyncio.sleep(LOOK_S)
+        if await asyncio.to_thread(_times, folders) != known:
+            return
+
+
+def _times(folders: Sequence[Path]) -> dict[Path, int]:
+    files = (path for folder in folders for path in folder.rglob("*.py"))
+    return {path: path.stat().st_mtime_ns for path in files if path.exists()}
 
 
 async def _end(process: Process) -> None:

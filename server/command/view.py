@@ -3,20 +3,24 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from datetime import datetime
+from typing import Annotated
 
 from sqlalchemy.orm import Session
 
 from db.query.commands import CREATED, CommandRecord
 from db.query.outbox import open_outbox
-from server.base.view import View
+from server.base.view import View, one_of
 from server.fleet.words import command_text
+
+CommandLevel = Annotated[str, one_of("created", "queued", "radio", "applied", "refused", "expired")]
+"""How far a command is proved to have come."""
 
 
 @dataclass(frozen=True, slots=True)
 class LevelView(View):
     """A level that a command has reached."""
 
-    level: str
+    level: CommandLevel
     at: datetime
     carrier: str
     """The link that proved it; empty where the station itself did."""
@@ -30,7 +34,7 @@ class CommandView(View):
     id: str
     robot: str
     kind: str
-    level: str
+    level: CommandLevel
     """``created``, ``queued``, ``radio``, ``applied``, ``refused`` or ``expired``."""
     levels: list[LevelView]
     created_at: datetime

@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Annotated
 
-from server.base.view import View
+from server.base.view import View, one_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -13,7 +14,7 @@ class RobotLinkView(View):
     uri: str
     carrier: str
     """What carries it, such as ``xbee``, ``rockblock`` or ``micromodem``."""
-    kind: str
+    kind: Annotated[str, one_of("radio", "satellite", "acoustic")]
     """``radio``, ``satellite`` or ``acoustic``."""
     state: str
     """``never_heard``, ``live``, ``stale``, ``submerged``, ``port_closed`` or ``unplugged``."""
@@ -43,7 +44,7 @@ class SatelliteMessageCostView(View):
 class AutoRouteView(View):
     """The road that a plan would take by itself."""
 
-    route: str
+    route: Annotated[str, one_of("radio", "satellite")]
     """``radio`` or ``satellite``."""
     reason: str
 
@@ -83,7 +84,7 @@ class TransferPartView(View):
     """Of one sending."""
     sends: int
     """How often it was handed to the gateway."""
-    level: str
+    level: Annotated[str, one_of("waiting", "queued", "radio")]
     """``waiting``, ``queued`` (the gateway took it) or ``radio`` (the robot's modem has it)."""
     message_id: str | None
     """The gateway's number of the newest sending."""

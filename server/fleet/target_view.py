@@ -2,8 +2,9 @@
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Annotated
 
-from server.base.view import View
+from server.base.view import View, one_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +27,7 @@ class TargetReportView(View):
 
     measured_at: datetime
     received_at: datetime
-    phase: str
+    phase: Annotated[str, one_of("waiting", "tracking", "coasting", "lost", "ended")]
     """``waiting``, ``tracking``, ``coasting``, ``lost`` or ``ended``."""
     position_ne_m: tuple[float, float]
     """Where the robot believed to be itself."""

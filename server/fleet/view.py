@@ -2,9 +2,10 @@
 
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Annotated
 
 from autonomy.site import Site
-from server.base.view import View
+from server.base.view import RobotLevel, View, one_of
 from server.fleet.link_view import RobotLinkView
 from server.fleet.target_view import TargetReportView
 
@@ -112,7 +113,7 @@ class LiveRobotView(StateView):
     plan_id: str | None
     next_contact: ContactView | None
     surface_forecast: str
-    alarm_level: str | None
+    alarm_level: RobotLevel | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +130,7 @@ class RobotView(View):
     """What to know about the model's parameters."""
     model_origin: str
     """Where the model comes from: ``built-in``, ``file`` or ``identified``."""
-    kind: str
+    kind: Annotated[str, one_of("real", "simulated", "recorded")]
     """``real``, ``simulated`` or ``recorded``."""
     system_id: int | None
     simulated: bool
@@ -144,7 +145,7 @@ class RobotView(View):
     next_contact: ContactView | None
     surface_forecast: str
     """What "surface now" would do, in one sentence."""
-    alarm_level: str | None
+    alarm_level: RobotLevel | None
     """Worst level among the robot's alarms that are not closed."""
 
 

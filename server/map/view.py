@@ -3,10 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from typing import Annotated
 
 from autonomy.field.learned import LearnedKernels
 from autonomy.result import Result
-from server.base.view import View
+from server.base.view import View, one_of
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +52,7 @@ class FieldMapView(View):
     variable: str
     title: str
     unit: str
-    scale: str
+    scale: Annotated[str, one_of("linear", "log")]
     """``log``: mean and std are those of the natural logarithm of the value."""
     value_unit: str
     """Unit of mean and std: that of the variable, or of its logarithm."""

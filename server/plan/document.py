@@ -337,7 +337,7 @@ def onboard_by(plan: PlanRecord, report: PlanReport) -> OnboardView:
 
 def _leg_view(leg: Leg) -> LegView:
     return LegView(
-        kind=leg.kind.value,
+        kind=leg.kind,
         start_ned=leg.start_ned,
         end_ned=leg.end_ned,
         speed_m_s=leg.speed_m_s,

@@ -2,17 +2,29 @@
 
 from dataclasses import dataclass, field
 from datetime import datetime
-from typing import Any
+from typing import Annotated
 
-from server.base.view import View
+from autonomy.planner.plan import PrimitiveKind
+from server.base.view import SettingsDocument, View, numbers, one_of
 from server.fleet.link_view import TransferPartView
+
+PlanState = Annotated[
+    str,
+    one_of(
+        "planning", "draft", "sent", "on_board", "running",
+        "done", "failed", "superseded", "cancelled",
+    ),
+]  # fmt: skip
+PlanStage = Annotated[str, one_of("waiting", "searching", "rehearsing")]
+TrajectoryPoint = Annotated[list[float], numbers(5)]
+"""Time s, north, east, down m, standard deviation of the position m."""
 
 
 @dataclass(frozen=True, slots=True)
 class LegView(View):
     """One motion primitive."""
 
-    kind: str
+    kind: PrimitiveKind
     """``glide``, ``spiral``, ``dive`` or ``swim``."""
     start_ned: tuple[float, float, float]
     end_ned: tuple[float, float, float]
@@ -110,7 +122,7 @@ class RunnerUpView(View):
     worst_std_m: float
     legs: list[LegView]
     """Empty in plans of an earlier version."""
-    points: list[list[float]]
+    points: list[TrajectoryPoint]
     """As those of the plan."""
 
 
@@ -118,7 +130,7 @@ class RunnerUpView(View):
 class DryRunView(View):
     """A plan flown ahead against the robot's full dynamics."""
 
-    state: str
+    state: Annotated[str, one_of("working", "done", "failed", "skipped")]
     """``working``, ``done``, ``failed`` or ``skipped``."""
     completed: bool | None = None
     """Whether the robot flew the plan to its end."""
@@ -139,7 +151,7 @@ class DryRunView(View):
     runs: int | None = None
     duration_s: float | None = None
     energy: float | None = None
-    flown: list[list[float]] = field(default_factory=list)
+    flown: list[TrajectoryPoint] = field(default_factory=list)
     """Where it was: time s, north, east, down m, the position std that its filter states m."""
     message: str = ""
 
@@ -175,21 +187,21 @@ class PlanView(View):
     kind: str
     mission_id: str | None
     round: int
-    state: str
+    state: PlanState
     """``planning``, ``draft``, ``sent``, ``on_board``, ``running``, ``done``, ``failed``,
     ``superseded`` or ``cancelled``."""
     sha256: str | None
     config_id: str | None
     """The version of the planner's configuration that this plan was made with; ``null`` if a search
     went on for another time than that version says."""
-    config: dict[str, Any]
+    config: SettingsDocument
     trim_id: str | None
     """The version of the robot's trim that this plan brings on board; ``null`` for the preset."""
     trim_at: datetime | None
     """When that version of the trim was saved."""
     created_at: datetime
     legs: list[LegView]
-    points: list[list[float]]
+    points: list[TrajectoryPoint]
     """Promised trajectory: time s, north, east, down m, position standard deviation m."""
     account: AccountView | None
     objective: float | None
@@ -198,7 +210,7 @@ class PlanView(View):
     outdated: list[ViolationView]
     """Why it no longer fits the robot while it waits to be flown, as `POST /api/plans/{id}/check`
     says it; a person may send it all the same."""
-    stage: str | None
+    stage: PlanStage | None
     """What planning does now: ``waiting`` until other robots of the survey are planned for,
     ``searching`` or ``rehearsing``; ``null`` once it has ended."""
     progress: ProgressView | None
@@ -214,10 +226,10 @@ class PlanView(View):
     onboard: OnboardView | None
     transfer: "TransferView | None" = None
     """The newest attempt to bring it on board."""
-    tracking: dict[str, Any] | None = None
+    tracking: SettingsDocument | None = None
     """Settings of a plan of kind ``track_target``, which has no legs, rounded as they travel; see
     `GET /api/config/tracking/schema`."""
-    target_path: list[list[float]] = field(default_factory=list)
+    target_path: list[Annotated[list[float], numbers(3)]] = field(default_factory=list)
     """Where a virtual target will be: time s from the plan's begin, north, east m; of a circle one
     round, of a sine no more swings than its points can show."""
     warnings: list[ViolationView] = field(default_factory=list)
@@ -240,7 +252,7 @@ class PlanSummaryView(View):
     kind: str
     mission_id: str | None
     round: int
-    state: str
+    state: PlanState
     sha256: str | None
     created_at: datetime
     account: AccountView | None
@@ -258,8 +270,8 @@ class PlanSummaryView(View):
 class LivePlanView(View):
     """What changes of a plan while people watch."""
 
-    state: str
-    stage: str | None
+    state: PlanState
+    stage: PlanStage | None
     progress: ProgressView | None
     ladder: LadderView
     onboard: OnboardView | None

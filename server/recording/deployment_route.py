@@ -3,7 +3,7 @@
 from collections.abc import Generator
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import StreamingResponse
@@ -16,8 +16,9 @@ from db.query.target_span import TargetSpan
 from db.store import Store
 from server.access.dependency import Viewer
 from server.base.dependency import StoreDep
-from server.base.view import View
+from server.base.view import View, one_of
 from server.recording.export import csv_blocks, geojson, kml
+from server.recording.intake import RecordedScores
 from server.target.export import target_csv_blocks
 
 router = APIRouter(prefix="/api/deployments", tags=["data"])
@@ -39,7 +40,7 @@ class DeploymentView(View):
     id: str
     name: str
     robot: str
-    kind: str
+    kind: Annotated[str, one_of("live", "recorded")]
     """``live`` or ``recorded``."""
     started_at: datetime
     ended_at: datetime | None
@@ -50,7 +51,7 @@ class DeploymentView(View):
     """Name of the imported file; empty for a live one."""
     skipped_rows: int
     """Rows of the file that were broken and left out."""
-    scores: list[dict[str, Any]]
+    scores: list[RecordedScores]
     """How well the maps of a recording predict samples that were held out."""
 
 

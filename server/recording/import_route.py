@@ -4,9 +4,8 @@ import asyncio
 import os
 import shutil
 import tempfile
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import IO, Annotated, Any
+from typing import IO, Annotated
 
 from fastapi import APIRouter, Form, UploadFile
 
@@ -14,7 +13,7 @@ from server.access.dependency import Pilot
 from server.base.dependency import FoundationDep
 from server.base.job import JobProgress
 from server.base.view import View
-from server.recording.intake import ImportOrder, run_import
+from server.recording.intake import ImportOrder, ImportResult, run_import
 from server.recording.robot_id import ROBOT_ID
 from server.recording.table import Policy
 
@@ -56,7 +55,7 @@ async def start_import(
     )
     store, clock = foundation.store, foundation.clock
 
-    async def work(progress: JobProgress) -> Mapping[str, Any]:
+    async def work(progress: JobProgress) -> ImportResult:
         with kept:
             return await run_import(order, store, clock, progress)
 

@@ -5,13 +5,14 @@ after another on a data folder that no station uses.
 """
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import IO, Any
+from typing import IO, NotRequired
 
 import numpy as np
 from sqlalchemy.orm import Session
+from typing_extensions import TypedDict
 
 from db.query.deployments import (
     DeploymentExistsError,
@@ -35,6 +36,56 @@ from server.recording.table import (
     RowFault,
     read_recording,
 )
+
+
+class RecordedScores(TypedDict):
+    """How well the map of one variable predicts samples that were held out."""
+
+    variable: str
+    model: str
+    title: str
+    unit: NotRequired[str]
+    rmse: float
+    rmse_in_std: NotRequired[float]
+    nlpd: float
+    wmse: float
+    coverage_90: float
+    samples: int
+    held_out: NotRequired[int]
+    message: NotRequired[str]
+
+
+class BrokenRow(TypedDict):
+    """A row of a file that could not be taken in."""
+
+    line: int
+    reason: str
+
+
+class WithoutMap(TypedDict):
+    """A variable of which no map could be made."""
+
+    variable: str
+    reason: str
+
+
+class ImportResult(TypedDict):
+    """What came of an import."""
+
+    deployment: str
+    robot: str
+    rows: int
+    skipped: list[BrokenRow]
+    skipped_rows: int
+    scores: list[RecordedScores]
+    without_map: list[WithoutMap]
+
+
+class ImportRefusal(TypedDict):
+    """Why a file was refused."""
+
+    errors: list[BrokenRow]
+
 
 SHOWN_FAULTS = 100
 """So many broken rows are named in an answer; their number is always told."""
@@ -60,7 +111,7 @@ class ImportOrder:
 
 async def run_import(
     order: ImportOrder, store: Store, clock: Clock, progress: JobProgress
-) -> Mapping[str, Any]:
+) -> ImportResult:
     """Import a recording into a running station.
 
     Raises:
@@ -98,7 +149,7 @@ def read_order(order: ImportOrder, on_progress: Progress) -> tuple[Recording, in
         log = recording_log(order.file)
         return read_recording(order.file, order.size, order.policy, on_progress), log
     except RecordingError as error:
-        raise JobError(str(error), {"errors": fault_documents(error.faults)}) from error
+        raise JobError(str(error), ImportRefusal(errors=fault_documents(error.faults))) from error
 
 
 def keep_order(
@@ -151,8 +202,8 @@ def keep_maps(
 
 def import_result(
     deployment: DeploymentRecord, recording: Recording, outcomes: Outcomes
-) -> dict[str, Any]:
-    """Return what came of an import, as JSON."""
+) -> ImportResult:
+    """Return what came of an import."""
     return {
         "deployment": deployment.id,
         "robot": deployment.robot,
@@ -173,14 +224,14 @@ def fit_share(share: float) -> float:
     return KEPT_SHARE + share * (1.0 - KEPT_SHARE)
 
 
-def fault_documents(faults: Sequence[RowFault]) -> list[dict[str, Any]]:
+def fault_documents(faults: Sequence[RowFault]) -> list[BrokenRow]:
     """Return the first broken rows as JSON."""
     return [{"line": fault.line, "reason": fault.reason} for fault in faults[:SHOWN_FAULTS]]
 
 
-def _scores(outcomes: Outcomes) -> list[dict[str, Any]]:
+def _scores(outcomes: Outcomes) -> list[RecordedScores]:
     return [
-        {"variable": fitted.variable, **fitted.document["scores"]}
+        RecordedScores(variable=fitted.variable, **fitted.document["scores"])
         for fitted in outcomes
         if isinstance(fitted, FittedMap)
     ]

@@ -62,7 +62,7 @@ class AccountBody(Body):
 class GatewayView(View):
     """One gateway, without its secrets, and what came in from it since the station started."""
 
-    kind: str
+    kind: GatewayKind
     title: str
     url: str
     username: str

@@ -1,9 +1,9 @@
 """What everybody sees in a robot's 3D view."""
 
 from dataclasses import dataclass
-from typing import Self
+from typing import Annotated, Self
 
-from server.base.view import View
+from server.base.view import View, one_of
 from webui.scene.view import SceneState
 
 
@@ -30,9 +30,9 @@ class SceneLayerView(View):
 class SceneStateView(View):
     """Switches and sliders of a 3D view."""
 
-    quantity: str
+    quantity: Annotated[str, one_of("mean", "std")]
     """``mean`` or ``std``."""
-    form: str
+    form: Annotated[str, one_of("volume", "slices")]
     """``volume`` or ``slices``."""
     model: str
     """Model whose map is drawn; empty before there is one."""

@@ -1,6 +1,6 @@
 """Identifications: the parameters of a vehicle, sought in what a robot recorded."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Response
 from pydantic import AwareDatetime, Field
@@ -8,7 +8,7 @@ from pydantic import AwareDatetime, Field
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
-from server.base.view import Body, encoded
+from server.base.view import Body, SettingsDocument, encoded
 from server.study.identification import Identifications
 from server.study.view import (
     AcceptedVehicleView,
@@ -31,7 +31,7 @@ class IdentificationRequest(Body):
     """First moment; by default the deployment's."""
     end: AwareDatetime | None = None
     """Last moment; by default the deployment's."""
-    config: dict[str, Any] = Field(default_factory=dict)
+    config: SettingsDocument = Field(default_factory=dict)
     """Settings that differ from what holds for the robot; see
     `GET /api/config/identification/schema`."""
 

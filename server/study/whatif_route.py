@@ -1,6 +1,6 @@
 """What-if runs: controllers compared in one scenario, before anybody flies it."""
 
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Response
 from pydantic import Field
@@ -8,7 +8,7 @@ from pydantic import Field
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
-from server.base.view import Body, encoded
+from server.base.view import Body, SettingsDocument, encoded
 from server.study.view import StudyStartedView, WhatIfsView, WhatIfView
 from server.study.whatif import ControllerRequest, WhatIfs
 
@@ -24,14 +24,14 @@ class ControllerBody(Body):
     """Key of a controller, such as ``controller.pid``; see `GET /api/config`."""
     title: str | None = Field(default=None, min_length=1, max_length=80)
     """What it is called in plots; by default its kind's title."""
-    config: dict[str, Any] = Field(default_factory=dict)
+    config: SettingsDocument = Field(default_factory=dict)
     """Settings that differ from what holds for the robot; null returns one to its preset."""
 
 
 class WhatIfRequest(Body):
     """A scenario, and the controllers that are tried in it on the same seeds."""
 
-    scenario: dict[str, Any] = Field(default_factory=dict)
+    scenario: SettingsDocument = Field(default_factory=dict)
     """Fields that differ from what holds for the robot; see `GET /api/config/trial/schema`."""
     controllers: list[ControllerBody] = Field(min_length=1, max_length=6)
     """What is compared."""

@@ -1,6 +1,6 @@
 """Plans are asked for here, whatever their kind, and drafts exchanged for others."""
 
-from typing import Annotated, Any, Literal
+from typing import Annotated, Literal
 
 from fastapi import APIRouter, Depends
 from pydantic import Field
@@ -9,7 +9,7 @@ from autonomy.planner.plan import PrimitiveKind
 from server.access.dependency import Pilot
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
-from server.base.view import Body
+from server.base.view import Body, SettingsDocument
 from server.plan.planning import Planning
 from server.plan.primitive_legs import LegRequest
 from server.plan.route import PlanIdView
@@ -27,7 +27,7 @@ SurveysDep = Annotated[Surveys, Depends(service(Surveys))]
 TargetPlanningDep = Annotated[TargetPlanning, Depends(service(TargetPlanning))]
 
 PartialConfig = Annotated[
-    dict[str, Any],
+    SettingsDocument,
     Field(
         description="Fields of the planner's configuration that differ from what holds for the "
         "robot; see `GET /api/config/planner/schema`. They become its new version."
@@ -73,7 +73,7 @@ class TargetPlanRequest(Body):
 
     kind: Literal["track_target"]
     config: Annotated[
-        dict[str, Any],
+        SettingsDocument,
         Field(
             description="Fields of the tracking configuration that differ from what holds for the "
             "robot; see `GET /api/config/tracking/schema`. They become its new version."

@@ -2,10 +2,17 @@
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Annotated
 
-from server.base.view import View
+from server.base.view import SettingsDocument, View, one_of
 from server.map.view import ScoresView
+
+MissionState = Annotated[
+    str,
+    one_of(
+        "planning", "ready", "running", "replanning", "scoring", "done", "failed", "stopped"
+    ),
+]  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,12 +55,12 @@ class MissionView(View):
     id: str
     robot: str
     kind: str
-    state: str
+    state: MissionState
     """``planning``, ``ready``, ``running``, ``replanning``, ``scoring``, ``done``, ``failed`` or
     ``stopped``."""
     automation: bool
     """Whether the station uploads and starts further rounds by itself."""
-    config: dict[str, Any]
+    config: SettingsDocument
     config_id: str | None
     rounds: list[RoundView]
     budget: BudgetView
@@ -79,7 +86,7 @@ class MissionView(View):
 class LiveMissionView(View):
     """What changes of a mission while people watch."""
 
-    state: str
+    state: MissionState
     automation: bool
     budget: BudgetView
     plan_id: str | None

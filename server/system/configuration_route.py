@@ -12,7 +12,7 @@ from server.access.dependency import Pilot, Viewer
 from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import KINDS, find_kind
 from server.base.dependency import FoundationDep, StoreDep
-from server.base.view import View
+from server.base.view import JsonSchema, SettingsDocument, SettingsPatch, View
 
 router = APIRouter(prefix="/api/config", tags=["config"])
 RobotQuery = Annotated[
@@ -38,10 +38,10 @@ class ConfigurationView(View):
     robot: str | None
     id: str | None
     """Id of the version; null while the preset holds."""
-    value: dict[str, Any]
-    preset: dict[str, Any]
+    value: SettingsDocument
+    preset: SettingsDocument
     """What a field returns to when it is set to null."""
-    simulation_preset: dict[str, Any] | None
+    simulation_preset: SettingsDocument | None
     """Of a controller: its gains for exact states, which a what-if may begin with."""
     reach: Literal["station", "mission", "none"]
     """How far a change gets: the station uses it, the next mission brings it to the robot, or
@@ -59,7 +59,7 @@ class VersionView(View):
     kind: str
     robot: str | None
     id: str
-    value: dict[str, Any]
+    value: SettingsDocument
     changed_at: datetime
     changed_by: str
 
@@ -102,8 +102,8 @@ async def get_config(
     return _view(found)
 
 
-@router.get("/{kind}/schema")
-async def get_schema(caller: Viewer, kind: str) -> dict[str, Any]:
+@router.get("/{kind}/schema", response_model=JsonSchema)
+async def get_schema(caller: Viewer, kind: str) -> Any:  # noqa: ANN401 - see response_model
     """Return the JSON Schema with title, unit, bounds and help of every field."""
     del caller
     return find_kind(kind).model.model_json_schema()
@@ -131,7 +131,7 @@ async def get_history(
 async def patch_config(
     caller: Pilot,
     kind: str,
-    patch: dict[str, Any],
+    patch: SettingsPatch,
     foundation: FoundationDep,
     response: Response,
     robot: RobotQuery = None,
@@ -139,7 +139,7 @@ async def patch_config(
 ) -> ConfigurationView:
     """Change some fields and save the whole as a new version; null returns one to its preset."""
     changed = await foundation.configurations.patch(
-        kind, robot, patch, by=caller.name, if_match=if_match
+        kind, robot, patch.root, by=caller.name, if_match=if_match
     )
     response.headers["ETag"] = changed.etag
     return _view(changed)

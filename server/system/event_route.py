@@ -2,14 +2,14 @@
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Query
 
 from db.query.events import EventRecord, events_after, newest_events
 from server.access.dependency import Viewer
 from server.base.dependency import StoreDep
-from server.base.view import View
+from server.base.view import EventData, View, one_of
 
 router = APIRouter(prefix="/api/events", tags=["events"])
 
@@ -21,10 +21,10 @@ class EventView(View):
     cursor: int
     at: datetime
     kind: str
-    level: str
+    level: Annotated[str, one_of("info", "watch", "warning", "critical")]
     robot: str | None
     text: str
-    data: dict[str, Any]
+    data: EventData
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import version
+from typing import Annotated
 
 from fastapi import APIRouter
 
@@ -10,7 +11,7 @@ from db.fault import StoreUnavailableError
 from db.query.robots import list_robots
 from server.access.dependency import AccessDep
 from server.base.dependency import FoundationDep
-from server.base.view import View
+from server.base.view import View, one_of
 
 router = APIRouter(prefix="/api/health", tags=["station"])
 
@@ -39,7 +40,7 @@ class ClockView(View):
 class HealthView(View):
     """How the station is."""
 
-    status: str
+    status: Annotated[str, one_of("ok", "degraded")]
     """``ok``, or ``degraded`` when something fails that the station can live with."""
     ready: bool
     """Whether the station can take work now."""

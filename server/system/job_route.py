@@ -10,7 +10,7 @@ from db.query.jobs import JobRecord
 from db.query.jobs import list_jobs as query_jobs
 from server.access.dependency import Pilot, Viewer
 from server.base.dependency import FoundationDep
-from server.base.view import View
+from server.base.view import View, one_of
 
 router = APIRouter(prefix="/api/jobs", tags=["jobs"])
 
@@ -21,7 +21,7 @@ class JobView(View):
 
     id: str
     kind: str
-    state: str
+    state: Annotated[str, one_of("queued", "running", "done", "failed", "cancelled")]
     """``queued``, ``running``, ``done``, ``failed`` or ``cancelled``."""
     progress: float
     """0 to 1."""

@@ -1,7 +1,7 @@
 """The catalogue of vehicles: their parameters, their polars, and new ones from files."""
 
 from collections.abc import Sequence
-from typing import Annotated, Any
+from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, Response
 
@@ -11,7 +11,7 @@ from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import StoreDep, service
 from server.base.vehicle_catalogue import CatalogueEntry
-from server.base.view import encoded
+from server.base.view import VehicleUpload, encoded
 from server.vehicle.vehicles import Vehicles
 from server.vehicle.view import (
     CapabilityView,
@@ -35,15 +35,13 @@ async def list_vehicles(caller: Viewer, store: StoreDep, vehicles: VehiclesDep) 
 
 
 @router.post("", status_code=201)
-async def add_vehicle(
-    caller: Pilot, document: dict[str, Any], vehicles: VehiclesDep
-) -> VehicleView:
+async def add_vehicle(caller: Pilot, document: VehicleUpload, vehicles: VehiclesDep) -> VehicleView:
     """Add a vehicle by its parameter document, in the form that `GET /api/vehicles/{key}` returns.
 
     422 names every entry that is missing, unknown, without its unit or out of range, with the
     allowed range; 409 says that the key is taken. A vehicle is never changed afterwards.
     """
-    entry = await vehicles.add(document, origin="file", by=caller.name)
+    entry = await vehicles.add(document.root, origin="file", by=caller.name)
     return _view(entry, [])
 
 

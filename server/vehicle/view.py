@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
+from typing import Annotated
 
-from server.base.view import View
+from server.base.view import SettingsDocument, View, one_of
 
 Table = list[list[float | None]]
 
@@ -19,7 +19,7 @@ class VehicleView(View):
     note: str
     """What an operator must know of the model, such as ``scaled, not identified``; empty if it was
     identified."""
-    origin: str
+    origin: Annotated[str, one_of("built-in", "file", "identified")]
     """``built-in``, ``file`` or ``identified``."""
     robots: list[str]
     """Robots that are of this model now."""
@@ -100,9 +100,9 @@ class SteadyView(View):
 class CapabilityView(View):
     """What the planner may ask of a vehicle, by its polar, its actuators and its energies."""
 
-    primitives: dict[str, Any]
+    primitives: SettingsDocument
     """Values of the planner's ``primitives``."""
-    energy: dict[str, Any]
+    energy: SettingsDocument
     """Values of the planner's ``energy``."""
     joules_per_unit: float
     """Joules behind one energy unit of these settings, by a dive of glides."""

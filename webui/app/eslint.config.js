@@ -5,7 +5,7 @@ import ts from 'typescript-eslint';
 import svelteConfig from './svelte.config.js';
 
 export default defineConfig(
-  { ignores: ['node_modules/'] },
+  { ignores: ['node_modules/', 'src/api/generated/'] },
   ...ts.configs.strictTypeChecked,
   ...svelte.configs.recommended,
   {

@@ -1,53 +1,12 @@
-import { LinkApi } from './link_client';
-import { at, listed, part, Road, type Call, type Listed, type Query } from './road';
-import type {
-  Alarm,
-  Command,
-  CommandKind,
-  ConfigDocument,
-  ConfigKind,
-  ControllerWish,
-  Deployment,
-  EventPage,
-  FieldMap,
-  Health,
-  Identification,
-  IdentificationListing,
-  Job,
-  JsonObject,
-  MapComparison,
-  MapListing,
-  Mission,
-  NewToken,
-  Person,
-  Plan,
-  PlanListing,
-  PlanState,
-  Polar,
-  Robot,
-  RobotState,
-  Role,
-  RouteChoice,
-  Samples,
-  SceneChange,
-  SceneView,
-  Session,
-  SteadyMotion,
-  Token,
-  Track,
-  TrackPage,
-  TrimAccepted,
-  WhatIf,
-  WhatIfListing,
-} from './types';
+import createClient from 'openapi-fetch';
+import type { components, paths } from './generated/station';
+import { noAnswer, problemOf } from './problem';
+import type { ConfigDocument, JsonObject, SceneChange, SendWish } from './types';
 
-export interface SendWish {
-  route?: RouteChoice;
-  /** Send also one that the robot has meanwhile moved away from. */
-  confirmed?: boolean;
-  /** Send also to a robot that was not heard for too long. */
-  force?: boolean;
-}
+type Schemas = components['schemas'];
+type Query<Path extends keyof paths> = NonNullable<
+  paths[Path] extends { get: { parameters: { query?: infer Q } } } ? Q : never
+>;
 
 export interface Versioned<T> {
   value: T;
@@ -56,274 +15,339 @@ export interface Versioned<T> {
 
 /** The station's REST interface, one method a resource; every refusal is thrown as a Problem. */
 export class Api {
-  readonly #road = new Road();
-  /** Links, satellite messages, gateways, parameters and logs. */
-  readonly link = new LinkApi(this.#road);
-
   /** Called when the station no longer knows this browser. */
-  set onSignedOut(act: () => void) {
-    this.#road.onSignedOut = act;
+  onSignedOut: () => void = () => undefined;
+  /** Proves to the station that a request comes from its own page. */
+  #csrf = '';
+  readonly #http = createClient<paths, 'application/json'>({
+    headers: { Accept: 'application/json' },
+  });
+
+  constructor() {
+    this.#http.use({
+      onRequest: ({ request }) => {
+        if (request.method === 'GET') return;
+        request.headers.set('X-CSRF-Token', this.#csrf);
+        if (request.method === 'POST') request.headers.set('Idempotency-Key', newKey());
+      },
+      onResponse: async ({ response, schemaPath }) => {
+        if (response.ok) return;
+        if (response.status === 401 && schemaPath !== '/api/session') this.onSignedOut();
+        throw await problemOf(response);
+      },
+      onError: ({ error }) =>
+        error instanceof DOMException && error.name === 'AbortError' ? undefined : noAnswer(),
+    });
   }
 
-  health = () => this.#json<Health>('GET', '/api/health');
+  health = () => told(this.#http.GET('/api/health'));
 
-  async session(): Promise<Session> {
-    return this.#remember(await this.#json<Session>('GET', '/api/session'));
+  async session(): Promise<Schemas['SessionView']> {
+    const session = await told(this.#http.GET('/api/session'));
+    this.#csrf = session.csrf_token ?? '';
+    return session;
   }
 
-  async signIn(name: string, password: string): Promise<void> {
-    await this.#send('POST', '/api/session', { body: { name, password } });
-  }
+  signIn = (name: string, password: string) =>
+    done(this.#http.POST('/api/session', { body: { name, password } }));
 
-  async createFirstPerson(name: string, password: string, code: string): Promise<void> {
-    await this.#send('POST', '/api/session/first', { body: { name, password, code } });
-  }
+  createFirstPerson = (name: string, password: string, code: string) =>
+    done(this.#http.POST('/api/session/first', { body: { name, password, code } }));
 
-  async signOut(): Promise<void> {
-    await this.#send('DELETE', '/api/session');
-  }
+  signOut = () => done(this.#http.DELETE('/api/session'));
 
-  robots = () => this.#json<Robot[]>('GET', '/api/robots');
+  robots = () => told(this.#http.GET('/api/robots'));
   /** Let a robot be another vehicle of the catalogue. */
-  setVehicle = (robot: string, key: string) =>
-    this.#send('PATCH', at(robot), { body: { model: key } });
+  setVehicle = (robot: string, model: string) =>
+    done(this.#http.PATCH('/api/robots/{robot}', { ...of({ robot }), body: { model } }));
 
-  state = (robot: string) => this.#json<RobotState>('GET', `${at(robot)}/state`);
+  samples = (robot: string, query: Query<'/api/robots/{robot}/samples'>, signal?: AbortSignal) =>
+    told(this.#http.GET('/api/robots/{robot}/samples', of({ robot }, query, signal)));
 
-  samples = (robot: string, query: Query, signal?: AbortSignal) =>
-    this.#json<Samples>('GET', `${at(robot)}/samples`, { query, signal });
-
-  track = (robot: string, query: Query, signal?: AbortSignal) =>
-    this.#json<Track>('GET', `${at(robot)}/track`, { query, signal });
-
-  command = (robot: string, kind: CommandKind) =>
-    this.#json<{ id: string }>('POST', `${at(robot)}/commands`, { body: { kind } });
-
-  commands = (robot: string, limit: number) =>
-    this.#json<Command[]>('GET', `${at(robot)}/commands`, { query: { limit } });
-
-  commandState = (id: string) => this.#json<Command>('GET', `/api/commands/${part(id)}`);
-
-  /** Begin a mission; nothing is sent before it is started. */
-  createMission = (robot: string, kind: string, config: JsonObject) =>
-    this.#json<{ id: string }>('POST', `${at(robot)}/missions`, { body: { kind, config } });
-
-  /** Missions of a robot, the newest first. */
-  missions = (robot: string) => this.#json<Mission[]>('GET', `${at(robot)}/missions`);
-
-  mission = (id: string) => this.#json<Mission>('GET', `/api/missions/${part(id)}`);
-  startMission = (id: string) => this.#send('POST', `/api/missions/${part(id)}/start`);
-  stopMission = (id: string) => this.#send('POST', `/api/missions/${part(id)}/stop`);
-
-  /** Begin surveys of several robots of one site, planned one after the other. */
-  /** Plan a survey of several robots; each plan waits until somebody sends it. */
-  createSurvey = (robots: readonly string[], config: JsonObject) =>
-    this.#json<{ missions: { robot: string; mission: string }[] }>('POST', '/api/surveys', {
-      body: { robots, config, automation: false },
-    });
-
-  /** Plans of a robot in one state, the newest first. */
-  plans = (robot: string, state: PlanState) =>
-    this.#json<PlanListing[]>('GET', `${at(robot)}/plans`, { query: { state } });
-
-  plan = (id: string) => this.#json<Plan>('GET', `/api/plans/${part(id)}`);
-  cancelPlan = (id: string) => this.#send('POST', `/api/plans/${part(id)}/cancel`);
-
-  /** Let a runner-up take the draft's place. */
-  chooseRunnerUp = (id: string, runnerUp: number) =>
-    this.#json<{ id: string }>('POST', `/api/plans/${part(id)}/choose`, {
-      body: { runner_up: runnerUp },
-    });
-
-  /** Search on from a draft and its runners-up. */
-  searchOn = (id: string, planning_time_s: number | null) =>
-    this.#json<{ id: string }>('POST', `/api/plans/${part(id)}/continue`, {
-      body: planning_time_s === null ? {} : { planning_time_s },
-    });
-
-  /** Make a plan of a kind that takes no search; nothing is sent. */
-  createPlan = (robot: string, kind: string, config: JsonObject) =>
-    this.#json<{ id: string }>('POST', `${at(robot)}/plans`, { body: { kind, config } });
+  track = (robot: string, query: Query<'/api/robots/{robot}/track'>, signal?: AbortSignal) =>
+    told(this.#http.GET('/api/robots/{robot}/track', of({ robot }, query, signal)));
 
   /** What a robot said of its hold on a target, the oldest first. */
-  tracking = (robot: string, query: Query, signal?: AbortSignal) =>
-    this.#json<TrackPage>('GET', `${at(robot)}/tracking`, { query, signal });
+  tracking = (robot: string, query: Query<'/api/robots/{robot}/tracking'>, signal?: AbortSignal) =>
+    told(this.#http.GET('/api/robots/{robot}/tracking', of({ robot }, query, signal)));
+
+  command = (robot: string, kind: Schemas['CommandRequest']['kind']) =>
+    told(this.#http.POST('/api/robots/{robot}/commands', { ...of({ robot }), body: { kind } }));
+
+  commands = (robot: string, limit: number) =>
+    told(this.#http.GET('/api/robots/{robot}/commands', of({ robot }, { limit })));
+
+  commandState = (command: string) =>
+    told(this.#http.GET('/api/commands/{command}', of({ command })));
+
+  links = (robot: string) => told(this.#http.GET('/api/robots/{robot}/links', of({ robot })));
+
+  /** Let the station use a link, or let it alone until it is plugged in again. */
+  plug = (robot: string, uri: string, plugged: boolean) =>
+    told(
+      this.#http.POST('/api/robots/{robot}/links/plug', {
+        ...of({ robot }),
+        body: { uri, plugged },
+      }),
+    );
+
+  satelliteLog = (robot: string) =>
+    told(this.#http.GET('/api/robots/{robot}/satellite', of({ robot })));
+
+  parameters = (robot: string) =>
+    told(this.#http.GET('/api/robots/{robot}/parameters', of({ robot })));
+
+  readParameters = (robot: string) =>
+    told(this.#http.POST('/api/robots/{robot}/parameters/read', of({ robot })));
+
+  /** Write one and read it back; the answer is what the robot has now. */
+  writeParameter = (robot: string, name: string, value: number) =>
+    told(
+      this.#http.PUT('/api/robots/{robot}/parameters/{name}', {
+        ...of({ robot, name }),
+        body: { value },
+      }),
+    );
+
+  logs = (robot: string) => told(this.#http.GET('/api/robots/{robot}/logs', of({ robot })));
+
+  readLogs = (robot: string) =>
+    told(this.#http.POST('/api/robots/{robot}/logs/read', of({ robot })));
+
+  downloadLog = (robot: string, path: string) =>
+    told(
+      this.#http.POST('/api/robots/{robot}/logs/download', { ...of({ robot }), body: { path } }),
+    );
+
+  /** Begin a mission; nothing is sent before it is started. */
+  createMission = (robot: string, kind: 'adaptive_survey', config: JsonObject) =>
+    told(
+      this.#http.POST('/api/robots/{robot}/missions', { ...of({ robot }), body: { kind, config } }),
+    );
+
+  /** Missions of a robot, the newest first. */
+  missions = (robot: string) => told(this.#http.GET('/api/robots/{robot}/missions', of({ robot })));
+
+  mission = (mission: string) => told(this.#http.GET('/api/missions/{mission}', of({ mission })));
+
+  startMission = (mission: string) =>
+    done(this.#http.POST('/api/missions/{mission}/start', of({ mission })));
+
+  stopMission = (mission: string) =>
+    done(this.#http.POST('/api/missions/{mission}/stop', of({ mission })));
+
+  /** Plan surveys of several robots of one site, one after the other; nothing is sent. */
+  createSurvey = (robots: string[], config: JsonObject) =>
+    told(this.#http.POST('/api/surveys', { body: { robots, config, automation: false } }));
+
+  /** Plans of a robot in one state, the newest first. */
+  plans = (robot: string, state: Schemas['PlanView']['state']) =>
+    told(this.#http.GET('/api/robots/{robot}/plans', of({ robot }, { state })));
+
+  plan = (plan: string) => told(this.#http.GET('/api/plans/{plan}', of({ plan })));
+
+  cancelPlan = (plan: string) => done(this.#http.POST('/api/plans/{plan}/cancel', of({ plan })));
+
+  /** Let a runner-up take the draft's place. */
+  chooseRunnerUp = (plan: string, runner_up: number) =>
+    told(this.#http.POST('/api/plans/{plan}/choose', { ...of({ plan }), body: { runner_up } }));
+
+  /** Search on from a draft and its runners-up. */
+  searchOn = (plan: string, planning_time_s: number | null) =>
+    told(
+      this.#http.POST('/api/plans/{plan}/continue', { ...of({ plan }), body: { planning_time_s } }),
+    );
+
+  /** Make a plan that follows a target, which takes no search; nothing is sent. */
+  createPlan = (robot: string, kind: 'track_target', config: JsonObject) =>
+    told(
+      this.#http.POST('/api/robots/{robot}/plans', { ...of({ robot }), body: { kind, config } }),
+    );
 
   /** Send a plan. */
-  uploadPlan = (id: string, wish: SendWish = {}) =>
-    this.#json<{ transfer: string }>('POST', `/api/plans/${part(id)}/upload`, {
-      body: { start: true, ...wish },
-    });
+  uploadPlan = (plan: string, wish: SendWish = {}) =>
+    told(
+      this.#http.POST('/api/plans/{plan}/upload', {
+        ...of({ plan }),
+        body: { start: true, ...wish },
+      }),
+    );
 
-  maps = (robot: string) => this.#json<MapListing[]>('GET', `${at(robot)}/maps`);
+  /** What sending a plan by satellite would take; nothing is sent. */
+  quote = (plan: string) => told(this.#http.GET('/api/plans/{plan}/satellite', of({ plan })));
+
+  transfer = (transfer: string) =>
+    told(this.#http.GET('/api/transfers/{transfer}', of({ transfer })));
+
+  withdraw = (transfer: string) =>
+    done(this.#http.POST('/api/transfers/{transfer}/withdraw', of({ transfer })));
+
+  maps = (robot: string) => told(this.#http.GET('/api/robots/{robot}/maps', of({ robot })));
 
   map = (robot: string, variable: string, model: string, signal?: AbortSignal) =>
-    this.#json<FieldMap>('GET', `${at(robot)}/maps/${part(variable)}`, {
-      query: { model, format: 'json' },
-      signal,
-    });
+    told(
+      this.#http.GET(
+        '/api/robots/{robot}/maps/{variable}',
+        of({ robot, variable }, { model, format: 'json' as const }, signal),
+      ),
+    );
 
-  comparison = (robot: string, variable: string, signal?: AbortSignal) =>
-    this.#json<MapComparison>('GET', `${at(robot)}/maps/${part(variable)}/comparison`, { signal });
+  comparison = (robot: string, variable: string) =>
+    told(this.#http.GET('/api/robots/{robot}/maps/{variable}/comparison', of({ robot, variable })));
 
   compareModels = (robot: string, variable: string) =>
-    this.#json<{ job: string }>('POST', `${at(robot)}/maps/${part(variable)}/comparison`);
+    told(
+      this.#http.POST('/api/robots/{robot}/maps/{variable}/comparison', of({ robot, variable })),
+    );
 
   learnKernels = (robot: string, variable: string) =>
-    this.#json<{ job: string }>('POST', `${at(robot)}/maps/${part(variable)}/learning`);
+    told(this.#http.POST('/api/robots/{robot}/maps/{variable}/learning', of({ robot, variable })));
 
   sceneView = (robot: string, signal?: AbortSignal) =>
-    this.#json<SceneView>('GET', `${at(robot)}/view`, { signal });
+    told(this.#http.GET('/api/robots/{robot}/view', of({ robot }, undefined, signal)));
 
-  changeSceneView = (robot: string, change: SceneChange) =>
-    this.#json<SceneView>('PATCH', `${at(robot)}/view`, { body: change });
+  changeSceneView = (robot: string, body: SceneChange) =>
+    told(this.#http.PATCH('/api/robots/{robot}/view', { ...of({ robot }), body }));
 
-  configKinds = () => this.#json<ConfigKind[]>('GET', '/api/config');
+  configKinds = () => told(this.#http.GET('/api/config'));
 
-  configSchema = (kind: string) =>
-    this.#json<JsonObject>('GET', `/api/config/${part(kind)}/schema`);
+  configSchema = (kind: string) => told(this.#http.GET('/api/config/{kind}/schema', of({ kind })));
 
   async config(kind: string, robot: string): Promise<Versioned<ConfigDocument>> {
-    const response = await this.#send('GET', `/api/config/${part(kind)}`, { query: { robot } });
-    return versioned<ConfigDocument>(response);
+    return versioned(await this.#http.GET('/api/config/{kind}', of({ kind }, { robot })));
   }
 
   async changeConfig(
     kind: string,
     robot: string,
-    change: JsonObject,
+    body: JsonObject,
     etag: string | null,
   ): Promise<Versioned<ConfigDocument>> {
-    const response = await this.#send('PATCH', `/api/config/${part(kind)}`, {
-      query: { robot },
-      body: change,
-      headers: etag === null ? {} : { 'If-Match': etag },
-    });
-    return versioned<ConfigDocument>(response);
+    const params = { path: { kind }, query: { robot }, header: etag ? { 'if-match': etag } : {} };
+    return versioned(await this.#http.PATCH('/api/config/{kind}', { params, body }));
   }
+
+  /** Every vehicle that a robot can be. */
+  vehicles = async () => (await told(this.#http.GET('/api/vehicles'))).vehicles;
 
   /** Motion and energy of the planner, worked out from the vehicle's polar. */
-  capability = (vehicle: string) =>
-    this.#json<{ primitives: JsonObject; energy: JsonObject; message?: string }>(
-      'GET',
-      `${vehicleAt(vehicle)}/capability`,
+  capability = (key: string) => told(this.#http.GET('/api/vehicles/{key}/capability', of({ key })));
+
+  polar = (key: string, signal?: AbortSignal) =>
+    told(this.#http.GET('/api/vehicles/{key}/polar', of({ key }, undefined, signal)));
+
+  steady = (key: string, inputs: Query<'/api/vehicles/{key}/steady'>) =>
+    told(this.#http.GET('/api/vehicles/{key}/steady', of({ key }, inputs)));
+
+  startWhatIf = (robot: string, scenario: JsonObject, controllers: Schemas['ControllerBody'][]) =>
+    told(
+      this.#http.POST('/api/robots/{robot}/whatif', {
+        ...of({ robot }),
+        body: { scenario, controllers },
+      }),
     );
 
-  polar = (vehicle: string, signal?: AbortSignal) =>
-    this.#json<Polar>('GET', `${vehicleAt(vehicle)}/polar`, { signal });
+  whatIfs = async (robot: string) =>
+    (await told(this.#http.GET('/api/robots/{robot}/whatifs', of({ robot })))).whatifs;
 
-  steady = (vehicle: string, inputs: { m0_kg: number; rp1_m: number; delta_rad: number }) =>
-    this.#json<SteadyMotion>('GET', `${vehicleAt(vehicle)}/steady`, { query: inputs });
-
-  startWhatIf = (robot: string, scenario: JsonObject, controllers: ControllerWish[]) =>
-    this.#json<{ id: string; job: string }>('POST', `${at(robot)}/whatif`, {
-      body: { scenario, controllers },
-    });
-
-  async whatIfs(robot: string): Promise<WhatIfListing[]> {
-    return listed(await this.#json<Listed<WhatIfListing>>('GET', `${at(robot)}/whatifs`));
-  }
-
-  whatIf = (id: string) => this.#json<WhatIf>('GET', `/api/whatifs/${part(id)}`);
+  whatIf = (whatif: string) => told(this.#http.GET('/api/whatifs/{whatif}', of({ whatif })));
 
   showWhatIf = (robot: string, id: string | null) =>
-    this.#send('PUT', `${at(robot)}/whatif/shown`, { body: { id } });
+    done(this.#http.PUT('/api/robots/{robot}/whatif/shown', { ...of({ robot }), body: { id } }));
 
-  startIdentification = (
-    robot: string,
-    wish: { deployment: string; start?: string; end?: string; config: JsonObject },
-  ) =>
-    this.#json<{ id: string; job: string }>('POST', `${at(robot)}/identifications`, {
-      body: wish,
-    });
+  startIdentification = (robot: string, body: Schemas['IdentificationRequest']) =>
+    told(this.#http.POST('/api/robots/{robot}/identifications', { ...of({ robot }), body }));
 
-  async identifications(robot: string): Promise<IdentificationListing[]> {
-    return listed(
-      await this.#json<Listed<IdentificationListing>>('GET', `${at(robot)}/identifications`),
-    );
-  }
+  identifications = async (robot: string) =>
+    (await told(this.#http.GET('/api/robots/{robot}/identifications', of({ robot }))))
+      .identifications;
 
-  identification = (id: string, signal?: AbortSignal) =>
-    this.#json<Identification>('GET', identificationAt(id), { signal });
+  identification = (identification: string) =>
+    told(this.#http.GET('/api/identifications/{identification}', of({ identification })));
 
-  cancelIdentification = (id: string) => this.#send('POST', `${identificationAt(id)}/cancel`);
-  resumeIdentification = (id: string) => this.#send('POST', `${identificationAt(id)}/resume`);
+  cancelIdentification = (identification: string) =>
+    done(this.#http.POST('/api/identifications/{identification}/cancel', of({ identification })));
 
-  acceptIdentification = (id: string, vehicle: { key?: string; title?: string }) =>
-    this.#json<{ vehicle: string; trim_message?: string }>(
-      'POST',
-      `${identificationAt(id)}/accept`,
-      { body: vehicle },
+  resumeIdentification = (identification: string) =>
+    done(this.#http.POST('/api/identifications/{identification}/resume', of({ identification })));
+
+  acceptIdentification = (identification: string, body: Schemas['AcceptRequest']) =>
+    told(
+      this.#http.POST('/api/identifications/{identification}/accept', {
+        ...of({ identification }),
+        body,
+      }),
     );
 
-  askTrimAdvice = (robot: string, wish: { deployment?: string; dives?: number }) =>
-    this.#json<{ job: string }>('POST', `${at(robot)}/trim/advice`, { body: wish });
+  askTrimAdvice = (robot: string, body: Schemas['AdviceRequest']) =>
+    told(this.#http.POST('/api/robots/{robot}/trim/advice', { ...of({ robot }), body }));
 
   acceptTrim = (robot: string, advice: string, share: 0.5 | 1) =>
-    this.#json<TrimAccepted>('POST', `${at(robot)}/trim/accept`, { body: { advice, share } });
+    told(
+      this.#http.POST('/api/robots/{robot}/trim/accept', {
+        ...of({ robot }),
+        body: { advice, share },
+      }),
+    );
 
-  events = (query: Query) => this.#json<EventPage>('GET', '/api/events', { query });
-  async alarms(state: 'open' | 'closed' = 'open'): Promise<Alarm[]> {
-    const query = { state };
-    return (await this.#json<{ alarms: Alarm[] }>('GET', '/api/alarms', { query })).alarms;
-  }
+  gateways = async () => (await told(this.#http.GET('/api/gateways'))).gateways;
 
-  acknowledge = (id: string) => this.#send('POST', `/api/alarms/${part(id)}/ack`);
+  changeGateway = (kind: Schemas['GatewayView']['kind'], body: Schemas['AccountBody']) =>
+    done(this.#http.PUT('/api/gateways/{kind}', { ...of({ kind }), body }));
 
-  async deployments(): Promise<Deployment[]> {
-    return (await this.#json<{ deployments: Deployment[] }>('GET', '/api/deployments')).deployments;
-  }
+  events = (query: Query<'/api/events'>) =>
+    told(this.#http.GET('/api/events', { params: { query } }));
+
+  alarms = async (state: 'open' | 'closed' = 'open') =>
+    (await told(this.#http.GET('/api/alarms', { params: { query: { state } } }))).alarms;
+
+  acknowledge = (alarm: string) => done(this.#http.POST('/api/alarms/{alarm}/ack', of({ alarm })));
+
+  deployments = async () => (await told(this.#http.GET('/api/deployments'))).deployments;
 
   importFile(file: File, robot: string, policy: 'skip' | 'refuse'): Promise<{ id: string }> {
     const form = new FormData();
     form.set('file', file);
     form.set('robot', robot);
     form.set('policy', policy);
-    return this.#json<{ id: string }>('POST', '/api/imports', { form });
+    const body = { file: file.name, robot, policy };
+    return told(this.#http.POST('/api/imports', { body, bodySerializer: () => form }));
   }
 
-  job = (id: string) => this.#json<Job>('GET', `/api/jobs/${part(id)}`);
-  cancelJob = (id: string) => this.#send('DELETE', `/api/jobs/${part(id)}`);
+  job = (job: string) => told(this.#http.GET('/api/jobs/{job}', of({ job })));
+  cancelJob = (job: string) => done(this.#http.DELETE('/api/jobs/{job}', of({ job })));
 
-  async people(): Promise<Person[]> {
-    return (await this.#json<{ people: Person[] }>('GET', '/api/people')).people;
-  }
+  people = async () => (await told(this.#http.GET('/api/people'))).people;
 
-  addPerson = (person: { name: string; role: Role; password: string }) =>
-    this.#json<Person>('POST', '/api/people', { body: person });
+  addPerson = (body: Schemas['PersonBody']) => told(this.#http.POST('/api/people', { body }));
 
-  changePerson = (name: string, change: { role?: Role; disabled?: boolean }) =>
-    this.#json<Person>('PATCH', `/api/people/${part(name)}`, { body: change });
+  changePerson = (name: string, body: Schemas['PersonPatch']) =>
+    told(this.#http.PATCH('/api/people/{name}', { ...of({ name }), body }));
 
-  async tokens(): Promise<Token[]> {
-    return (await this.#json<{ tokens: Token[] }>('GET', '/api/tokens')).tokens;
-  }
-
-  createToken = (token: { name: string; role: Role; days: number }) =>
-    this.#json<NewToken>('POST', '/api/tokens', { body: token });
-
-  revokeToken = (id: string) => this.#send('DELETE', `/api/tokens/${part(id)}`);
-
-  #remember(session: Session): Session {
-    this.#road.csrf = session.csrf_token ?? '';
-    return session;
-  }
-
-  #json = <T>(method: string, path: string, call: Call = {}): Promise<T> =>
-    this.#road.json<T>(method, path, call);
-
-  #send = (method: string, path: string, call: Call = {}): Promise<Response> =>
-    this.#road.send(method, path, call);
+  tokens = async () => (await told(this.#http.GET('/api/tokens'))).tokens;
+  createToken = (body: Schemas['TokenBody']) => told(this.#http.POST('/api/tokens', { body }));
+  revokeToken = (token: string) => done(this.#http.DELETE('/api/tokens/{token}', of({ token })));
 }
 
-async function versioned<T>(response: Response): Promise<Versioned<T>> {
-  return { value: (await response.json()) as T, etag: response.headers.get('ETag') };
+/** Where a request goes and what it asks. */
+function of<P, Q = undefined>(path: P, query?: Q, signal?: AbortSignal) {
+  return { params: { path, query: query as Q }, ...(signal && { signal }) };
 }
 
-function vehicleAt(key: string): string {
-  return `/api/vehicles/${part(key)}`;
+async function told<T>(answer: Promise<{ data?: T }>): Promise<T> {
+  return (await answer).data as T;
 }
 
-function identificationAt(id: string): string {
-  return `/api/identifications/${part(id)}`;
+async function done(answer: Promise<unknown>): Promise<void> {
+  await answer;
+}
+
+function versioned<T>({ data, response }: { data?: T; response: Response }): Versioned<T> {
+  return { value: data as T, etag: response.headers.get('ETag') };
+}
+
+/** One key a request, so that a repeated request acts once. */
+function newKey(): string {
+  const bytes = crypto.getRandomValues(new Uint8Array(16));
+  return Array.from(bytes, (byte) => byte.toString(16).padStart(2, '0')).join('');
 }

@@ -1,355 +1,152 @@
-/**
- * Shapes of the station's REST and live interface.
- *
- * SI units with a suffix, angles in radians, positions north-east-down in the site's frame, times
- * RFC 3339 UTC. A field that the station may leave out is optional; one that it may not know is
- * `null`.
- */
+/** Names by which the app calls what the station's OpenAPI document describes. */
 
-import type { RobotLink } from './link_types';
-import type { Mission, Plan, Scores } from './survey_types';
-import type { TrackView } from './track_types';
+import type {
+  IdentificationResult,
+  TrimAdviceView,
+  WhatIfSummaryView,
+  CommandRequest,
+  CommandView,
+  MissionView,
+  PlanView,
+  RobotLinkView,
+  TargetReportView,
+  TransferPartView,
+  SamplesView,
+  SceneChangeBody,
+  ScoresView,
+  UploadRequest,
+  AlarmView,
+} from './generated/station';
 
-export * from './control_types';
-export * from './link_types';
-export * from './map_types';
-export * from './survey_types';
-export * from './track_types';
+export type {
+  ComparisonResult as Comparison,
+  ComparedRun as ComparisonRun,
+  RunSummary as ComparisonSummary,
+  Band,
+  CostPoint,
+  IdentificationResult,
+  IdentificationView as Identification,
+  IdentificationSummaryView as IdentificationListing,
+  WhatIfView as WhatIf,
+  WhatIfSummaryView as WhatIfListing,
+  LearnedView as Learned,
+  TrimAdviceView as TrimAdvice,
+  AccountBody as GatewayChange,
+  AccountView as Account,
+  AlarmView as Alarm,
+  Area,
+  AutoRouteView as Way,
+  BatteryView as Battery,
+  BoxOutput as Box,
+  BrokenRow as RowFault,
+  BudgetView as Budget,
+  ChannelView as Channel,
+  CommandView as Command,
+  ComparedModelView as ComparedModel,
+  ConfigurationView as ConfigDocument,
+  ControllerBody as ControllerWish,
+  DeploymentView as Deployment,
+  EventView as StationEvent,
+  FieldMapView as FieldMap,
+  GatewayView as Gateway,
+  HealthView as Health,
+  ImportRefusal,
+  ImportResult,
+  IncomingMessageView as IncomingMessage,
+  InheritedView as InheritedSetting,
+  JobView as Job,
+  KindView as ConfigKind,
+  LadderView as PlanLadder,
+  LegView as Leg,
+  LevelView as CommandLevel,
+  LinkView as Link,
+  LiveBatchView as LiveBatch,
+  LiveRobotView as LiveRobot,
+  MapComparisonView as MapComparison,
+  MapEntryView as MapListing,
+  MissionView as Mission,
+  NewTokenView as NewToken,
+  ObjectiveView as ObjectivePoint,
+  OnboardView as Onboard,
+  OutgoingMessageView as OutgoingMessage,
+  ParameterView as Parameter,
+  ParametersView as ParameterTable,
+  PersonView as Person,
+  PlanSummaryView as PlanListing,
+  PlanView as Plan,
+  PolarView as Polar,
+  PositionView as Position,
+  PrimitiveKind,
+  ProgressView as PlanProgress,
+  RecordedScores,
+  DryRunView as Rehearsal,
+  RobotLinkView as RobotLink,
+  RobotLogView as LogFile,
+  RobotLogsView as LogListing,
+  RobotView as Robot,
+  Role,
+  RoundView as MissionRound,
+  RunnerUpView as RunnerUp,
+  SatelliteMessageCostView as QuoteMessage,
+  SatelliteQuoteView as SatelliteQuote,
+  SatelliteView as SatelliteLog,
+  SceneLayerView as SceneLayer,
+  SceneStateView as SceneView,
+  SessionView as Session,
+  SiteOutput as Site,
+  StateView as RobotState,
+  SteadyView as SteadyMotion,
+  TargetReportView as TargetReport,
+  TokenView as Token,
+  TrackView as Track,
+  TransferPartView as TransferPart,
+  TransferView as Transfer,
+  TrimView as TrimAccepted,
+  UploadRequest as SendWish,
+  VehicleView as VehicleListing,
+  ViolationView as Violation,
+} from './generated/station';
 
-export type Ned = readonly [north: number, east: number, down: number];
+export type { Json, JsonObject } from './json';
+/** RFC 3339, UTC. */
 export type Time = string;
+export type Ned = readonly [north: number, east: number, down: number];
+export type NorthEast = readonly [north: number, east: number];
+/** Rows of a grid; `null` where the vehicle has no steady glide. */
+export type Grid<T = number> = readonly (readonly (T | null)[])[];
 
-export type Json = null | boolean | number | string | Json[] | JsonObject;
-export interface JsonObject {
-  [key: string]: Json;
-}
+export type AlarmLevel = AlarmView['level'];
+export type CommandKind = CommandRequest['kind'];
+export type CommandLevelName = CommandView['level'];
+export type LinkKind = RobotLinkView['kind'];
+export type MissionState = MissionView['state'];
+export type PartLevel = TransferPartView['level'];
+export type PlanPoint = PlanView['points'][number];
+export type FlownPoint = PlanPoint;
+export type PlanState = PlanView['state'];
+export type RouteChoice = NonNullable<UploadRequest['route']>;
+export type TargetPhase = TargetReportView['phase'];
 
-export interface Box {
-  x_min_m: number;
-  x_max_m: number;
-  y_min_m: number;
-  y_max_m: number;
-  depth_max_m: number;
-}
+type Place = 'north_m' | 'east_m' | 'depth_m' | 'std_m' | 'fidelity';
+/** History of one channel; a sample that was drawn from a track may have no place. */
+export type Samples = Omit<SamplesView, Place | 'smoothed'> &
+  Partial<Pick<SamplesView, 'smoothed'>> & {
+    readonly [P in Place]?: readonly (number | null)[] | null;
+  };
+type Figure = 'rmse' | 'nlpd' | 'wmse' | 'coverage_90' | 'samples';
+/** How good a map is, as far as it is known. */
+export type Scores = Pick<ScoresView, 'model' | 'title'> & {
+  readonly [F in Figure]: number | null;
+};
+/** What is changed of the 3D view; what is left out stays. */
+export type SceneChange = {
+  -readonly [K in keyof SceneChangeBody]:
+    NonNullable<SceneChangeBody[K]> | (K extends `slice_${string}` ? null : never);
+};
 
-/** A polygon in the site's frame; north and east of each corner. */
-export interface Area {
-  name: string;
-  corners_m: [number, number][];
-}
-
-/** Depth of the floor on a grid, bilinear between; a row a northing. */
-export interface Bathymetry {
-  north_m: number[];
-  east_m: number[];
-  depth_m: number[][];
-}
-
-export interface Site {
-  name: string;
-  kind: 'tank' | 'lake' | 'sea';
-  water: Box;
-  domain: Box;
-  origin_latitude_deg: number;
-  origin_longitude_deg: number;
-  radio_under_water: boolean;
-  variable: string;
-  /** The water lies inside. */
-  shoreline?: Area | null;
-  bathymetry?: Bathymetry | null;
-}
-
-export interface Link {
-  carrier: string;
-  state: string;
-  heard_at: Time | null;
-  age_s: number | null;
-  rssi_dbm: number | null;
-  frames_received: number;
-  frames_bad: number;
-}
-
-export interface NextContact {
-  at: Time | null;
-  text: string;
-}
-
-export type AlarmLevel = 'normal' | 'info' | 'watch' | 'warning' | 'critical';
-
-export interface Robot {
-  id: string;
-  name: string;
-  /** Title of its vehicle. */
-  model: string;
-  /** Key of its vehicle in the catalogue. */
-  model_key: string;
-  model_note: string;
-  kind: 'real' | 'simulated' | 'recorded';
-  system_id: number | null;
-  simulated: boolean;
-  site: Site;
-  link: Link;
-  mode: string | null;
-  activity: string;
-  mission_id: string | null;
-  plan_id: string | null;
-  next_contact: NextContact | null;
-  surface_forecast: string;
-  alarm_level: AlarmLevel | null;
-}
-
-export interface Channel {
-  value: number;
-  unit: string;
-  display_unit?: string | null;
-  measured_at: Time;
-  received_at: Time;
-  age_s: number;
-  limit_s: number;
-}
-
-export interface Position {
-  ned_m: Ned;
-  std_m: number;
-  latitude_deg: number;
-  longitude_deg: number;
-  has_fix: boolean;
-  measured_at: Time;
-  received_at: Time;
-  age_s: number;
-}
-
-export interface OnboardPlan {
-  plan_id: string | null;
-  sha256: string | null;
-  state: string;
-  leg: number;
-  legs: number;
-  age_s: number;
-}
-
-export interface RobotState {
-  robot: string;
-  channels: Record<string, Channel>;
-  position: Position | null;
-  mode: string | null;
-  activity: string;
-  plan: OnboardPlan | null;
-  link: Link;
-  /** Every link of it; `link` is the one that reaches it best. */
-  links?: RobotLink[];
-  /** What is wrong with its clock; its values are then in the order of their arrival. */
-  clock_fault?: string | null;
-  /** Its hold on the target that it follows, as it said last. */
-  tracking?: TrackView | null;
-}
-
-/** What a live tick says of one robot: its state, and what the robot list would say now. */
-export type LiveRobot = RobotState &
-  Partial<
-    Pick<
-      Robot,
-      'surface_forecast' | 'next_contact' | 'alarm_level' | 'mission_id' | 'plan_id' | 'site'
-    >
-  >;
-
-export interface Samples {
-  robot: string;
-  channel: string;
-  unit: string;
-  measured_at: Time[];
-  value: (number | null)[];
-  decimated: boolean;
-  /** Where each was taken, where positions were asked for. */
-  north_m?: (number | null)[] | null;
-  east_m?: (number | null)[] | null;
-  depth_m?: (number | null)[] | null;
-  fidelity?: (number | null)[] | null;
-  /** Whether its position was corrected after the dive. */
-  smoothed?: boolean[] | null;
-}
-
-export interface Track {
-  robot: string;
-  measured_at: Time[];
-  north_m: number[];
-  east_m: number[];
-  depth_m: number[];
-  std_m: number[];
-  fidelity: (number | null)[];
-  /** Whether it floated at the surface there with nothing to fly. */
-  adrift?: boolean[];
-  latitude_deg: number[];
-  longitude_deg: number[];
-}
-
-export type CommandKind = 'surface' | 'hold' | 'resume' | 'quiet' | 'ping';
-export type CommandLevelName = 'created' | 'queued' | 'radio' | 'applied' | 'refused' | 'expired';
-
-export interface CommandLevel {
-  level: CommandLevelName;
-  at: Time;
-  carrier: string;
-  reason: string;
-}
-
-export interface Command {
-  id: string;
-  robot: string;
-  kind: string;
-  level: CommandLevelName;
-  levels: CommandLevel[];
-  created_at: Time;
-  expires_at: Time | null;
-  text: string;
-}
-
-export interface ConfigKind {
-  kind: string;
-  title: string;
-  robots: string[];
-}
-
-export interface ConfigDocument {
-  kind: string;
-  robot: string | null;
-  /** Version, or `null` while the preset holds. */
-  id: string | null;
-  value: JsonObject;
-  /** What holds for this robot while nobody has stored anything. */
-  preset: JsonObject;
-  /** Gains of a controller for exact states. */
-  simulation_preset?: JsonObject | null;
-  /** How far it goes: used at the `station`, with a `mission` to the robot, or not on board. */
-  reach?: 'station' | 'mission' | 'none';
-  /** The same in a sentence. */
-  reach_text?: string;
-  changed_at: Time | null;
-  changed_by: string | null;
-}
-
-export interface StationEvent {
-  cursor: number;
-  at: Time;
-  kind: string;
-  level: 'info' | 'watch' | 'warning' | 'critical';
-  robot: string | null;
-  text: string;
-  data: JsonObject | null;
-}
-
-export interface EventPage {
-  events: StationEvent[];
-  next: number;
-}
-
-export interface Alarm {
-  id: string;
-  robot: string | null;
-  level: AlarmLevel;
-  text: string;
-  state: 'unacknowledged' | 'acknowledged' | 'returned' | 'closed';
-  raised_at: Time;
-  acknowledged_at: Time | null;
-  acknowledged_by: string | null;
-  cleared_at: Time | null;
-}
-
-export interface Job {
-  id: string;
-  kind: string;
-  state: 'queued' | 'running' | 'done' | 'failed' | 'cancelled';
-  progress: number;
-  message: string;
-  result: JsonObject | null;
-  created_at: Time;
-  ended_at?: Time | null;
-}
-
-export interface ImportResult {
-  deployment: string;
-  rows: number;
-  skipped: RowFault[];
-  /** How many were skipped; only the first of them are named. */
-  skipped_rows: number;
-  scores: (Scores & { variable: string })[];
-  without_map: { variable: string; reason: string }[];
-}
-
-export interface RowFault {
-  line: number;
-  reason: string;
-}
-
-export interface Deployment {
-  id: string;
-  name: string;
-  robot: string;
-  kind: 'live' | 'recorded';
-  started_at: Time;
-  ended_at: Time | null;
-  variables: string[];
-  samples: number;
-  /** Name of the imported file; empty for a live one. */
-  source: string;
-  skipped_rows: number;
-  scores: (Scores & { variable: string })[];
-}
-
-export type Role = 'viewer' | 'pilot' | 'admin';
-
-export interface Person {
-  name: string;
-  role: Role;
-  created_at: Time;
-  disabled: boolean;
-}
-
-export interface Token {
-  id: string;
-  name: string;
-  role: Role;
-  created_at: Time;
-  expires_at: Time;
-  revoked_at: Time | null;
-}
-
-export interface NewToken {
-  id: string;
-  /** Shown once and never again. */
-  token: string;
-  expires_at: Time;
-}
-
-export interface Session {
-  name: string;
-  role: Role;
-  rights: string[];
-  /** `null` for who came with a token of their own. */
-  csrf_token: string | null;
-  expires_at: Time;
-}
-
-export interface Health {
-  status: 'ok' | 'degraded';
-  ready: boolean;
-  /** Whether nobody can sign in yet because the station has no people. */
-  first_start: boolean;
-  simulation: boolean;
-  version: string;
-  storage: { ok: boolean; message: string };
-  robots: number;
-  clock: { now: Time; speed: number };
-}
-
-/** One batch of the live stream: what changed since the batch before; the first has all. */
-export interface LiveTick {
-  at: Time;
-  cursor: number;
-  robots?: Record<string, LiveRobot>;
-  events?: StationEvent[];
-  plans?: Record<string, Pick<Plan, 'state'> & Partial<Plan>>;
-  missions?: Record<string, Partial<Mission>>;
-  jobs?: Record<string, Partial<Job>>;
-  alarms?: { unacknowledged: number };
-}
+export type IdentifiedParameter = IdentificationResult['parameters'][number];
+export type LeftOut = IdentificationResult['left_out'][number];
+export type Verdict = IdentifiedParameter['verdict'];
+export type RunState = WhatIfSummaryView['state'];
+export type TrimOffsets = TrimAdviceView['present'];
+export type Values = readonly (number | null)[];

@@ -7,6 +7,12 @@ import { fidelityRuns, legPoints } from './path';
 import { aloneAt, append, sparkDots, sparkPath, trim, withGaps } from './series';
 import { cutPositions, cutSlice, finiteRange, logMarks, scaleMarks, ticks } from './slice';
 
+const REST = {
+  value_unit: '', site: '', origin_latitude_deg: 0, origin_longitude_deg: 0, shape: [], order: '',
+  mask: null, smoothed_samples: 0, models: [], config_version: null, simulation: true,
+  updated_at: null, scores: null,
+}; // prettier-ignore
+
 /** A map whose value at (north i, east j, depth k) is 100 i + 10 j + k. */
 function countingMap(): FieldMap {
   const axes = { x_m: [0, 1, 2], y_m: [0, 1], z_m: [0, 5, 10, 15] };
@@ -24,8 +30,7 @@ function countingMap(): FieldMap {
     mean,
     std: mean,
     samples: { total: 0, per_fidelity: [] },
-    updated_at: null,
-    scores: null,
+    ...REST,
   };
 }
 
@@ -204,7 +209,12 @@ describe('a path', () => {
   });
 
   test('of a track has no hole where the fidelity changes', () => {
-    const runs = fidelityRuns({ north_m: [0, 1, 2], east_m: [0, 0, 0], fidelity: [2, 2, 0] });
+    const runs = fidelityRuns({
+      north_m: [0, 1, 2],
+      east_m: [0, 0, 0],
+      fidelity: [2, 2, 0],
+      adrift: [],
+    });
     expect(runs.map(({ level, points }) => [level, points.length])).toEqual([
       [2, 3],
       [0, 1],

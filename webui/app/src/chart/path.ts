@@ -39,7 +39,7 @@ export function fidelityRuns(
   const runs: TrackRun[] = [];
   track.north_m.forEach((north, i) => {
     const point: [number, number] = [north, track.east_m[i] ?? 0];
-    const level = track.adrift?.[i] ? 'drift' : (track.fidelity[i] ?? null);
+    const level = track.adrift[i] ? 'drift' : (track.fidelity[i] ?? null);
     const last = runs.at(-1);
     if (last?.level === level) last.points.push(point);
     else {

@@ -205,7 +205,10 @@ function drawFrame(map: L.Map, site: Site): void {
     label([north, water.y_min_m], `${distance(north)} N`, 'inside');
   }
   if (site.shoreline) {
-    L.polygon(site.shoreline.corners_m, { ...still, className: 'map-shore' }).addTo(map);
+    L.polygon(
+      site.shoreline.corners_m.map(([north, east]) => [north, east]),
+      { ...still, className: 'map-shore' },
+    ).addTo(map);
   }
   L.rectangle(boundsOf(site.domain), { ...still, className: 'map-domain' }).addTo(map);
 }

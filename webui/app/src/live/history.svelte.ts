@@ -31,7 +31,8 @@ export class ChannelHistory {
         { channel: this.channel, start, max_points: this.points },
         signal,
       );
-      const loaded = { t: answer.measured_at.map((at) => Date.parse(at) / 1000), v: answer.value };
+      const t = answer.measured_at.map((at) => Date.parse(at) / 1000);
+      const loaded: Series = { t, v: [...answer.value] };
       const last = loaded.t.at(-1) ?? -Infinity;
       const newer = this.series.t.findIndex((at) => at > last);
       if (newer >= 0) {

@@ -1,6 +1,6 @@
 import { afterEach, beforeEach, describe, expect, test, vi } from 'vitest';
 import { locationPath, problemOf } from '../api/problem';
-import { queryString } from '../api/road';
+import { queryString } from '../api/address';
 import { mergeEvents } from '../page/log/merge';
 import { parseRoute, routePath } from '../page/route';
 import type { StationEvent } from '../api/types';

@@ -8,12 +8,12 @@ const ASK_EVERY_MS = 5000;
 export class RobotLinks {
   readonly #station: Station;
   readonly #robot: string;
-  readonly #asked: Fetched<RobotLink[]>;
+  readonly #asked: Fetched<readonly RobotLink[]>;
 
   constructor(station: Station, robot: string) {
     this.#station = station;
     this.#robot = robot;
-    this.#asked = new Fetched(() => station.api.link.links(robot));
+    this.#asked = new Fetched(() => station.api.links(robot));
   }
 
   readonly list = $derived.by(
@@ -32,6 +32,6 @@ export class RobotLinks {
   }
 
   plug(uri: string, plugged: boolean): Promise<boolean> {
-    return this.#asked.after(() => this.#station.api.link.plug(this.#robot, uri, plugged));
+    return this.#asked.after(() => this.#station.api.plug(this.#robot, uri, plugged));
   }
 }

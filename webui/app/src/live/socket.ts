@@ -1,7 +1,7 @@
-import type { LiveTick } from '../api/types';
+import type { LiveBatch } from '../api/types';
 
 export interface LiveSocketEvents {
-  onTick(tick: LiveTick): void;
+  onTick(tick: LiveBatch): void;
   onOpen(): void;
   /** The connection is gone; it is being tried again unless `isRefused`. */
   onClose(isRefused: boolean): void;
@@ -50,7 +50,7 @@ export class LiveSocket {
       this.#events.onOpen();
     };
     socket.onmessage = (message: MessageEvent<string>) => {
-      const tick = JSON.parse(message.data) as LiveTick;
+      const tick = JSON.parse(message.data) as LiveBatch;
       this.#cursor = String(tick.cursor);
       this.#watchSilence(socket);
       this.#events.onTick(tick);

@@ -5,7 +5,7 @@ import type {
   Health,
   Job,
   LiveRobot,
-  LiveTick,
+  LiveBatch,
   Mission,
   Plan,
   Robot,
@@ -155,19 +155,19 @@ export class Station {
     this.unacknowledged = this.alarms.filter(({ state }) => isUnacknowledged(state)).length;
   }
 
-  #take(tick: LiveTick): void {
+  #take(tick: LiveBatch): void {
     const at = performance.now();
     this.localNow = at;
     this.#lastTickAt = at;
     this.clock.set(Date.parse(tick.at), at);
-    for (const [id, report] of Object.entries(tick.robots ?? {})) this.#takeRobot(id, report, at);
-    if (tick.plans) this.plans = merged(this.plans, tick.plans);
-    if (tick.missions) this.missions = merged(this.missions, tick.missions);
-    if (tick.jobs) this.jobs = merged(this.jobs, tick.jobs);
-    if (tick.events?.length) {
+    for (const [id, report] of Object.entries(tick.robots)) this.#takeRobot(id, report, at);
+    this.plans = merged(this.plans, tick.plans);
+    this.missions = merged(this.missions, tick.missions);
+    this.jobs = merged(this.jobs, tick.jobs);
+    if (tick.events.length) {
       this.events = [...this.events, ...tick.events].slice(-KEPT_EVENTS);
     }
-    if (tick.alarms && tick.alarms.unacknowledged !== this.unacknowledged) {
+    if (tick.alarms.unacknowledged !== this.unacknowledged) {
       this.unacknowledged = tick.alarms.unacknowledged;
       void this.#refreshAlarms().catch(() => undefined);
     }

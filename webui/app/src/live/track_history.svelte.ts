@@ -1,6 +1,6 @@
 import { untrack } from 'svelte';
 import type { Api } from '../api/client';
-import type { TrackView } from '../api/types';
+import type { TargetReport } from '../api/types';
 
 /** The newest so many are asked for; the station hands out no more at once. */
 const LOADED = 5000;
@@ -14,8 +14,8 @@ const FILL_EVERY_MS = 5000;
  */
 export class TrackHistory {
   /** The oldest first; replaced as a whole. */
-  reports = $state.raw<readonly TrackView[]>([]);
-  #kept: readonly TrackView[] = [];
+  reports = $state.raw<readonly TargetReport[]>([]);
+  #kept: readonly TargetReport[] = [];
 
   /** Ask for a plan's reports again and again, until the returned function is called. */
   follow(api: Api, robot: string, plan: string | null): () => void {
@@ -30,7 +30,7 @@ export class TrackHistory {
   }
 
   /** Take the newest report over from the live stream. */
-  take(report: TrackView | null | undefined): void {
+  take(report: TargetReport | null | undefined): void {
     if (!report) return;
     this.#show([...untrack(() => this.reports), report]);
   }
@@ -47,16 +47,16 @@ export class TrackHistory {
     }
   }
 
-  #show(live: readonly TrackView[]): void {
+  #show(live: readonly TargetReport[]): void {
     this.reports = merged(this.#kept, live).slice(-KEPT);
   }
 }
 
 /** Reports in the order in which they were measured: `more` only where it is newer than `known`. */
 export function merged(
-  known: readonly TrackView[],
-  more: readonly TrackView[],
-): readonly TrackView[] {
+  known: readonly TargetReport[],
+  more: readonly TargetReport[],
+): readonly TargetReport[] {
   const result = [...known];
   let last = timeOf(result.at(-1));
   for (const report of more) {
@@ -67,6 +67,6 @@ export function merged(
   return result;
 }
 
-function timeOf(report: TrackView | undefined): number {
+function timeOf(report: TargetReport | undefined): number {
   return report ? Date.parse(report.measured_at) : -Infinity;
 }

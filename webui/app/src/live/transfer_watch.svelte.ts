@@ -45,7 +45,7 @@ export class TransferWatch {
 
   async #ask(id: string): Promise<void> {
     try {
-      const transfer = await this.#station.api.link.transfer(id);
+      const transfer = await this.#station.api.transfer(id);
       if (this.#id !== null && this.#id !== id) return;
       this.#asked = transfer;
       if (transfer.ended_at !== null) this.#id = null;

@@ -9,7 +9,7 @@ const ASK_EVERY_MS = 10_000;
 export class WaitingDraft {
   readonly #station: Station;
   readonly #kind: string;
-  readonly #drafts: Fetched<PlanListing[]>;
+  readonly #drafts: Fetched<readonly PlanListing[]>;
 
   constructor(station: Station, robot: string, kind: string) {
     this.#station = station;

@@ -26,7 +26,7 @@ function command(...levels: Command['levels'][number]['level'][]): Command {
       reason: level === 'refused' ? 'no plan' : '',
     })),
     created_at: '2026-11-21T04:00:00Z',
-    expires_at: null,
+    expires_at: '2026-11-21T05:00:00Z',
     text: '',
   };
 }
@@ -66,6 +66,7 @@ describe('a plan', () => {
   const plan = (state: Plan['state'], ladder: Partial<Plan['ladder']>) => ({
     state,
     ladder: { ...EMPTY, ...ladder },
+    stage: null,
     progress: null,
     message: '',
   });
@@ -127,7 +128,15 @@ describe('a gauge', () => {
   });
 
   test('of an unknown channel is shown all the same', () => {
-    const channel = { value: 1, unit: '', measured_at: '', received_at: '', age_s: 0, limit_s: 5 };
+    const channel = {
+      value: 1,
+      unit: '',
+      display_unit: null,
+      measured_at: '',
+      received_at: '',
+      age_s: 0,
+      limit_s: 5,
+    };
     const rows = gaugeRows({ turbidity: channel, depth_m: channel });
     expect(rows.map(({ title }) => title)).toEqual(['Depth', 'Turbidity']);
   });

@@ -75,5 +75,5 @@ export function planSentence(
 /** Why a draft no longer fits its robot; empty while it does. */
 export function staleSentence(plan: Pick<Plan, 'state' | 'outdated'> | null): string {
   if (plan?.state !== 'draft') return '';
-  return (plan.outdated ?? []).map(({ message }) => message).join(' ');
+  return plan.outdated.map(({ message }) => message).join(' ');
 }

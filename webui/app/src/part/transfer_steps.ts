@@ -64,7 +64,7 @@ export function transferEnd(transfer: Transfer): string | null {
 /** Whether there is something of it to tell that the plan's own ladder does not tell. */
 export function isTelling(transfer: Transfer, planState: string): boolean {
   if (transferEnd(transfer) !== 'applied') return true;
-  return (transfer.parts ?? []).length > 0 && ['sent', 'on_board', 'running'].includes(planState);
+  return transfer.parts.length > 0 && ['sent', 'on_board', 'running'].includes(planState);
 }
 
 /**
@@ -73,7 +73,7 @@ export function isTelling(transfer: Transfer, planState: string): boolean {
  * A transfer that also starts the plan goes on after the robot has it; `onBoardAt` tells since when.
  */
 export function transferSteps(transfer: Transfer, onBoardAt: Time | null = null): Step[] {
-  const parts = transfer.parts ?? [];
+  const parts = transfer.parts;
   const end = transferEnd(transfer);
   const isApplied = end === 'applied';
   const appliedAt = isApplied ? (onBoardAt ?? transfer.ended_at ?? '') : null;

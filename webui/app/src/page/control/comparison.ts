@@ -117,7 +117,7 @@ export function drawnPlot(comparison: Comparison, plot: ComparisonPlot): DrawnPl
     dash: runDash(i),
     decimals: plot.decimals,
   }));
-  const columns = comparison.runs.map((run) => scaled(plot.values(run), factor));
+  const columns: Column[] = comparison.runs.map((run) => scaled(plot.values(run), factor));
   const bands: ChartBand[] = [];
   comparison.runs.forEach((run, i) => {
     const band = plot.band?.(run);
@@ -133,7 +133,7 @@ export function drawnPlot(comparison: Comparison, plot: ComparisonPlot): DrawnPl
       columns.push(scaled(band[edge], factor));
     }
   });
-  return { lines, data: [[...comparison.time_s], ...columns], bands };
+  return { lines, data: [comparison.time_s.map((at) => at ?? NaN), ...columns], bands };
 }
 
 function scaled(values: Values, factor: number): Column {

@@ -1,4 +1,4 @@
-import type { CostPoint, IdentificationResult } from '../../api/types';
+import type { CostPoint, Values } from '../../api/types';
 import type { Line } from '../../chart/line_chart';
 import { withGaps, type Series } from '../../chart/series';
 import { screenUnit } from '../../text/unit';
@@ -31,8 +31,17 @@ export interface FitPlot {
   data: [number[], ...Column[]];
 }
 
+type Channels = Readonly<Record<string, Values>>;
+
+interface Fit {
+  time_s: readonly number[];
+  measured: Channels;
+  before: Channels | null;
+  after: Channels;
+}
+
 /** One plot a channel: measured solid, predicted dashed, before and after. */
-export function fitPlots(fit: IdentificationResult['fit']): FitPlot[] {
+export function fitPlots(fit: Fit): FitPlot[] {
   return Object.keys(fit.measured).map((key) => {
     const channel = CHANNELS[key] ?? {
       title: words(key),

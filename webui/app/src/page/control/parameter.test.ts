@@ -8,6 +8,7 @@ const REAL: Parameter = {
   type: 'real32',
   is_integer: false,
   pending: false,
+  read_at: '',
 };
 const WHOLE: Parameter = { ...REAL, name: 'CTRL_KIND', value: 2, type: 'uint8', is_integer: true };
 

@@ -40,7 +40,10 @@ export interface AdviceRow {
   proposed: string;
 }
 
-export function adviceRows(advice: TrimAdvice, now: TrimOffsets): AdviceRow[] {
+export function adviceRows(
+  advice: Omit<TrimAdvice, 'deployment' | 'vehicle' | 'identification'>,
+  now: TrimOffsets,
+): AdviceRow[] {
   const { rmse_now: before, rmse_proposed: after } = advice;
   const speed = (value: number | undefined) =>
     value === undefined ? '–' : `${fixed(value * 1000, 1)} mm/s`;

@@ -48,7 +48,6 @@ export function isOffset({ name }: IdentifiedParameter): boolean {
 export function offsetText({ name, title, after, std, unit }: IdentifiedParameter): string {
   const known = OFFSETS[name];
   const { factor, label } = screenUnit(unit, known?.shown);
-  if (after === null) return known?.title ?? title;
   const value = after * factor;
   const spread = std === null ? ', not identifiable' : ` ± ${fixed(std * factor, 2)} ${label}`;
   const sign = value > 0.005 ? '+' : '';
@@ -84,7 +83,7 @@ export function numberText(value: number | null): string {
 
 /** Change in per cent of what it was; empty where that says nothing. */
 export function changeText({ before, after }: IdentifiedParameter): string {
-  if (before === null || after === null || before === 0 || before === after) return '';
+  if (before === 0 || before === after) return '';
   // Of a coefficient below 0 its size is what grows or shrinks.
   const percent = (after / before - 1) * 100;
   const size = Math.abs(percent);
@@ -106,7 +105,10 @@ export function verdictSummary(parameters: readonly IdentifiedParameter[]): stri
 }
 
 /** One sentence for a stretch of the recording that was not used. */
-export function leftOutText({ start_s, end_s, message, kind }: LeftOut, from: string): string {
+export function leftOutText(
+  { start_s, end_s, message, kind }: Omit<LeftOut, 'kind'> & { kind: string },
+  from: string,
+): string {
   const span = end_s > start_s ? ` for ${duration(end_s - start_s)}` : '';
   const said = message.trim() || kind.replaceAll('_', ' ');
   const at = clockTime(Date.parse(from) + start_s * 1000);

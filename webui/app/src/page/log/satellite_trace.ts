@@ -56,7 +56,7 @@ function incoming(robot: string, log: SatelliteLog): TracedMessage[] {
     const state = isDuplicate ? 'Duplicate, no effect' : isDecoded ? 'Decoded' : 'Not decoded';
     return {
       key: `${robot} in ${message.arrived_at} ${message.momsn} ${i}`,
-      robot, isOut: false, at: message.session_at ?? message.arrived_at,
+      robot, isOut: false, at: message.session_at,
       arrivedAt: message.arrived_at, title: 'From the robot', text: message.text,
       bytes: message.bytes, credits: message.credits, momsn: message.momsn, mtmsn: message.mtmsn,
       messageId: null, state, tone: isDuplicate ? 'plain' : isDecoded ? 'ok' : 'watch',

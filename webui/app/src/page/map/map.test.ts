@@ -8,6 +8,8 @@ const MAP: FieldMap = {
   robot: 'mini-1', variable: 'blue_light', title: '', unit: '', scale: 'linear', model: 'single',
   axes: { x_m: [0, 1], y_m: [0, 1], z_m: [0, 1] }, mean: [1, 2, 3, 4, 5, 6, 7, 8], std: [],
   samples: { total: 0, per_fidelity: [] }, updated_at: null, scores: null,
+  value_unit: '', site: '', origin_latitude_deg: 0, origin_longitude_deg: 0, shape: [], order: '',
+  mask: null, smoothed_samples: 0, models: [], config_version: null, simulation: true,
 }; // prettier-ignore
 
 test('a slice has no number where there is no water', () => {
@@ -47,7 +49,7 @@ describe('samples on a slice', () => {
   test('are the track itself, without its drift, where the station places none', () => {
     const track = {
       robot: 'mini-1', measured_at: [], north_m: [0, 1], east_m: [0, 1], depth_m: [0, 0],
-      std_m: [0, 0], fidelity: [2, 2], adrift: [false, true], latitude_deg: [], longitude_deg: [],
+      std_m: [0, 0], fidelity: [2, 2], adrift: [false, true], latitude_deg: [], longitude_deg: [], decimated: false,
     }; // prettier-ignore
     expect(samplesOfTrack(track, 'blue_light').fidelity).toEqual([2, null]);
   });

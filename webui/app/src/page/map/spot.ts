@@ -39,7 +39,7 @@ export function spotsOf(samples: Samples, toSlice: Slicer): Spot[] {
 /** The track in the shape of samples, for a station that does not place its samples. */
 export function samplesOfTrack(track: Track, channel: string): Samples {
   const { robot, measured_at, north_m, east_m, depth_m, fidelity } = track;
-  const isFlown = (i: number) => track.adrift?.[i] !== true;
+  const isFlown = (i: number) => track.adrift[i] !== true;
   return {
     robot,
     channel,

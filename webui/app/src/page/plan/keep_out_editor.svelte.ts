@@ -1,4 +1,4 @@
-import type { Area, Box, JsonObject } from '../../api/types';
+import type { Area, Box, Json } from '../../api/types';
 import type { Draft } from '../../form/draft.svelte';
 import type { FormNode } from '../../form/schema';
 import { areasOf } from './config';
@@ -133,7 +133,7 @@ export class KeepOutEditor {
 
   #write(areas: readonly Area[]): void {
     const draft = this.#draft();
-    if (draft && this.#node) draft.set(this.#node, areas as unknown as JsonObject[]);
+    if (draft && this.#node) draft.set(this.#node, areas as unknown as Json);
   }
 }
 

@@ -53,7 +53,8 @@ test('bands of fidelity begin with the best located and end at the top', () => {
 describe('a rehearsal', () => {
   const rehearsal = (change: Partial<Rehearsal>): Rehearsal => ({
     state: 'done', completed: true, rms_error_m: 0.1, worst_error_m: 0.2, surfacing_error_m: 0.1,
-    duration_s: 100, energy: 5, flown: [], message: '', ...change,
+    position_error_m: null, predicted_error_m: null, planned_worst_std_m: null, within_share: null,
+    entered: [], runs: null, duration_s: 100, energy: 5, flown: [], message: '', ...change,
   }); // prettier-ignore
 
   test('that did not reach the end is no good news', () => {

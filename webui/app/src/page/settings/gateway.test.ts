@@ -24,7 +24,7 @@ test('of an account only what was changed is sent, and a secret only when it is 
 });
 
 test('a gateway without a secret is set up when it listens', () => {
-  const direct = { ...GATEWAY, kind: 'directip', has_password: false };
+  const direct: Gateway = { ...GATEWAY, kind: 'directip', has_password: false };
   expect(isSetUp(direct)).toBe(false);
   expect(isSetUp({ ...direct, port: 10800 })).toBe(true);
   expect(isSetUp(GATEWAY)).toBe(true);

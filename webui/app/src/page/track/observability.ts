@@ -1,4 +1,4 @@
-import type { TrackView } from '../../api/types';
+import type { TargetReport } from '../../api/types';
 import { ellipse95 } from '../../chart/ellipse';
 import { compact } from '../../text/unit';
 import type { Tone } from '../../text/word';
@@ -75,7 +75,7 @@ export interface Lately {
 
 /** How it went for the last minute by what a robot said. */
 export function lately(
-  reports: readonly Pick<TrackView, 'measured_at' | 'hypotheses' | 'determinant_m2_s'>[],
+  reports: readonly Pick<TargetReport, 'measured_at' | 'hypotheses' | 'determinant_m2_s'>[],
 ): Lately {
   const newest = Date.parse(reports.at(-1)?.measured_at ?? '');
   const [sizes, earlier, determinants]: [number[], number[], number[]] = [[], [], []];
@@ -102,7 +102,7 @@ function middle(values: readonly number[]): number {
   return values.toSorted((a, b) => a - b)[Math.floor(values.length / 2)] ?? NaN;
 }
 
-type Seen = Pick<TrackView, 'hypotheses' | 'determinant_m2_s' | 'inverse_condition' | 'phase'>;
+type Seen = Pick<TargetReport, 'hypotheses' | 'determinant_m2_s' | 'inverse_condition' | 'phase'>;
 
 /**
  * How well a target can be known by what the barrier asks for.
@@ -145,7 +145,7 @@ export const WHY_IT_CIRCLES =
 
 /** What the barrier does now, a sentence. */
 export function barrierSentence(
-  track: Pick<TrackView, 'phase' | 'is_barrier_on' | 'is_feasible' | 'command' | 'nominal'>,
+  track: Pick<TargetReport, 'phase' | 'is_barrier_on' | 'is_feasible' | 'command' | 'nominal'>,
   keeper: Keeper = 'barrier',
 ): { text: string; tone: Tone } {
   if (keeper === 'comparison') {
@@ -174,6 +174,6 @@ export function barrierSentence(
 /** Share of the wanted motion beyond which a change counts. */
 const LEAST_CHANGE = 1e-3;
 
-function changes({ command, nominal }: Pick<TrackView, 'command' | 'nominal'>): boolean {
+function changes({ command, nominal }: Pick<TargetReport, 'command' | 'nominal'>): boolean {
   return command.some((done, i) => Math.abs(done - (nominal[i] ?? 0)) > LEAST_CHANGE);
 }

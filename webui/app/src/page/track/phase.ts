@@ -1,4 +1,4 @@
-import type { RobotState, TrackPhase, TrackView } from '../../api/types';
+import type { RobotState, TargetPhase, TargetReport } from '../../api/types';
 import { ellipse95 } from '../../chart/ellipse';
 import { duration } from '../../text/time';
 import type { Tone } from '../../text/word';
@@ -11,7 +11,7 @@ interface PhaseWord {
   help: string;
 }
 
-const PHASES: Record<TrackPhase, PhaseWord> = {
+const PHASES: Record<TargetPhase, PhaseWord> = {
   waiting: {
     text: 'Waiting for its first range',
     tone: 'watch',
@@ -42,7 +42,7 @@ const ASTRAY: PhaseWord = {
 };
 
 /** What a phase is called; `astray` where the estimate is known to be wrong. */
-export function phaseWord(phase: TrackPhase, astray = false): PhaseWord {
+export function phaseWord(phase: TargetPhase, astray = false): PhaseWord {
   return astray && phase === 'tracking' ? ASTRAY : PHASES[phase];
 }
 
@@ -50,14 +50,14 @@ export function phaseWord(phase: TrackPhase, astray = false): PhaseWord {
 const CLEARLY = 1.5;
 
 /** Whether the estimate is known to be wrong: the truth lies well outside the likeliest ellipse. */
-export function isAstray({ error_m, hypotheses: [likeliest] }: TrackView): boolean {
+export function isAstray({ error_m, hypotheses: [likeliest] }: TargetReport): boolean {
   const ellipse = likeliest ? ellipse95(likeliest.covariance_m2) : null;
   return error_m !== null && ellipse !== null && error_m > CLEARLY * ellipse.longM;
 }
 
 /** Whether a robot follows its target now with nothing that keeps it observable. */
 export function isTeachingNow(
-  track: Pick<TrackView, 'phase' | 'is_barrier_on'> | null | undefined,
+  track: Pick<TargetReport, 'phase' | 'is_barrier_on'> | null | undefined,
 ): boolean {
   return !!track && !track.is_barrier_on && track.phase !== 'ended';
 }
@@ -70,7 +70,7 @@ export interface Patience {
 
 /** What a person can do about it now, a sentence; empty where there is nothing to say. */
 export function advice(
-  track: TrackView,
+  track: TargetReport,
   patience: Patience | null,
   level: number | null = null,
   past?: Lately,
@@ -115,7 +115,7 @@ function said(...sentences: (string | null)[]): string {
 
 /** Since when the robot is in its present phase, and whether it may have been for longer. */
 export function phaseSince(
-  reports: readonly Pick<TrackView, 'phase' | 'measured_at'>[],
+  reports: readonly Pick<TargetReport, 'phase' | 'measured_at'>[],
 ): { at: string; isAtLeast: boolean } | null {
   const phase = reports.at(-1)?.phase;
   if (phase === undefined) return null;

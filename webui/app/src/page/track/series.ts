@@ -1,4 +1,4 @@
-import type { NorthEast, TrackView } from '../../api/types';
+import type { NorthEast, TargetReport } from '../../api/types';
 import { ellipse95 } from '../../chart/ellipse';
 
 /** Columns of every chart of the page, over one common time. */
@@ -22,13 +22,13 @@ const DEGREES = 180 / Math.PI;
 const FRESH_STEPS = 1.5;
 
 /** Reports as columns; where nothing was heard or known there is a gap. */
-export function trackColumns(reports: readonly TrackView[]): TrackColumns {
+export function trackColumns(reports: readonly TargetReport[]): TrackColumns {
   const columns: TrackColumns = {
     t: [], inverseCondition: [], determinant: [], error: [], known: [], range: [], distance: [],
     wantedTurn: [], doneTurn: [], wantedAcceleration: [], doneAcceleration: [],
   }; // prettier-ignore
   const step = middleStep(reports);
-  let before: TrackView | null = null;
+  let before: TargetReport | null = null;
   for (const report of reports) {
     const t = Date.parse(report.measured_at) / 1000;
     if (before && t - Date.parse(before.measured_at) / 1000 > step * 6) {
@@ -40,7 +40,7 @@ export function trackColumns(reports: readonly TrackView[]): TrackColumns {
   return columns;
 }
 
-function push(columns: TrackColumns, t: number, report: TrackView | null, step: number): void {
+function push(columns: TrackColumns, t: number, report: TargetReport | null, step: number): void {
   const likeliest = report?.hypotheses[0];
   /** Without an estimate its observability means nothing. */
   const known = likeliest ? report : null;
@@ -59,21 +59,21 @@ function push(columns: TrackColumns, t: number, report: TrackView | null, step: 
 }
 
 /** Distance from the robot to the likeliest estimate, m. */
-export function distanceOf(report: TrackView): number | null {
+export function distanceOf(report: TargetReport): number | null {
   const target = report.hypotheses[0]?.position_ne_m;
   if (!target) return null;
   return Math.hypot(target[0] - report.position_ne_m[0], target[1] - report.position_ne_m[1]);
 }
 
 /** Middle of the times between reports, s. */
-export function middleStep(reports: readonly Pick<TrackView, 'measured_at'>[]): number {
+export function middleStep(reports: readonly Pick<TargetReport, 'measured_at'>[]): number {
   const times = reports.map(({ measured_at }) => Date.parse(measured_at) / 1000);
   const steps = times.slice(1).map((t, i) => t - (times[i] ?? t));
   return steps.toSorted((a, b) => a - b)[Math.floor(steps.length / 2)] ?? 1;
 }
 
 /** Where the robot was when it heard the newest range: nearest in time of what it said. */
-export function rangeOrigin(reports: readonly TrackView[], shown: TrackView): NorthEast {
+export function rangeOrigin(reports: readonly TargetReport[], shown: TargetReport): NorthEast {
   const heardAt = Date.parse(shown.measured_at) - shown.range_age_s * 1000;
   let best = shown;
   let least = shown.range_age_s * 1000;

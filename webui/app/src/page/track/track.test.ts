@@ -1,5 +1,5 @@
 import { describe, expect, test } from 'vitest';
-import type { JsonObject, TrackView } from '../../api/types';
+import type { JsonObject, TargetReport } from '../../api/types';
 import { merged } from '../../live/track_history.svelte';
 import {
   determinantLevel,
@@ -18,7 +18,7 @@ import { distanceOf, rangeOrigin, trackColumns } from './series';
 
 const START = Date.parse('2026-11-21T04:00:00Z');
 
-function report(second: number, more: Partial<TrackView> = {}): TrackView {
+function report(second: number, more: Partial<TargetReport> = {}): TargetReport {
   const at = new Date(START + second * 1000).toISOString();
   return {
     measured_at: at,
@@ -212,7 +212,7 @@ describe('the orders to ping and to be silent', () => {
   const order = (level: 'queued' | 'applied', kind: 'ping' | 'quiet' | 'surface' = 'quiet') => ({
     kind,
     refusal: null,
-    command: { id: 'command-1', robot: 'mini-1', kind, level, levels: [], created_at: '', expires_at: null, text: '' },
+    command: { id: 'command-1', robot: 'mini-1', kind, level, levels: [], created_at: '', expires_at: '', text: '' },
   }); // prettier-ignore
 
   test('are offered only where they change something', () => {

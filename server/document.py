@@ -1,0 +1,104 @@
+"""The station's OpenAPI document, with the live stream and the results of jobs.
+
+The operator app's types are generated from it, so what a browser is told stands there in full.
+"""
+
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+from fastapi import FastAPI
+from pydantic import TypeAdapter
+from pydantic.json_schema import JsonSchemaMode
+
+from server.base.view import View
+from server.fleet.view import LiveRobotView
+from server.map.view import LearnedView
+from server.plan.view import LivePlanView
+from server.recording.intake import ImportRefusal, ImportResult
+from server.study.view import TrimAdviceView
+from server.survey.view import LiveMissionView
+from server.system.event_route import EventView
+from server.system.job_route import JobView
+
+JOB_RESULTS: tuple[type[Any], ...] = (ImportResult, ImportRefusal, LearnedView, TrimAdviceView)
+"""What jobs leave, of those that a program may want to read."""
+_REF = "#/components/schemas/{model}"
+_JSON = {
+    "description": "Any value of JSON.",
+    "anyOf": [
+        {"type": "null"},
+        {"type": "boolean"},
+        {"type": "number"},
+        {"type": "string"},
+        {"type": "array", "items": {"$ref": _REF.format(model="JsonValue")}},
+        {"type": "object", "additionalProperties": {"$ref": _REF.format(model="JsonValue")}},
+    ],
+}
+_OPEN = ("EventData", "JsonSchema", "SettingsDocument", "SettingsPatch", "VehicleUpload")
+"""Objects whose fields another document tells."""
+
+
+@dataclass(frozen=True, slots=True)
+class AlarmCountView(View):
+    """How many alarms nobody has seen yet."""
+
+    unacknowledged: int
+
+
+@dataclass(frozen=True, slots=True)
+class LiveBatchView(View):
+    """One message of the live stream: what changed since the one before; the first has all."""
+
+    at: datetime
+    cursor: int
+    """Cursor of the newest event; send it as ``after`` to go on."""
+    events: list[EventView]
+    alarms: AlarmCountView
+    robots: dict[str, LiveRobotView]
+    plans: dict[str, LivePlanView]
+    missions: dict[str, LiveMissionView]
+    jobs: dict[str, JobView]
+
+
+class DocumentedApp(FastAPI):
+    """An application whose document tells everything that a browser is told."""
+
+    def openapi(self) -> dict[str, Any]:
+        """Return the OpenAPI document, made once."""
+        if self.openapi_schema is None:
+            _complete(super().openapi())
+        return self.openapi_schema or {}
+
+
+def _complete(document: dict[str, Any]) -> None:
+    schemas: dict[str, Any] = document["components"]["schemas"]
+    models: tuple[type[Any], ...] = (LiveBatchView, *JOB_RESULTS)
+    told: list[tuple[type[Any], JsonSchemaMode, TypeAdapter[Any]]] = [
+        (one, "serialization", TypeAdapter(one)) for one in models
+    ]
+    _, found = TypeAdapter.json_schemas(told, ref_template=_REF)
+    for name, schema in found.get("$defs", {}).items():
+        schemas.setdefault(name, schema)
+    schemas["JsonValue"] = _JSON
+    for name in _OPEN:
+        schemas[name]["additionalProperties"] = {"$ref": _REF.format(model="JsonValue")}
+    results = [{"$ref": _REF.format(model=one.__name__)} for one in JOB_RESULTS]
+    schemas["JobView"]["properties"]["result"] = {"anyOf": [*results, {"type": "null"}]}
+    document["paths"]["/api/live"] = {
+        "get": {
+            "tags": ["live"],
+            "summary": "Live stream",
+            "operationId": "live",
+            "description": "A WebSocket. Each message is one `LiveBatchView` as JSON.",
+            "responses": {
+                "4XX": document["paths"]["/api/health"]["get"]["responses"]["4XX"],
+                "101": {
+                    "description": "The stream begins.",
+                    "content": {
+                        "application/json": {"schema": {"$ref": _REF.format(model="LiveBatchView")}}
+                    },
+                },
+            },
+        }
+    }

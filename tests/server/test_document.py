@@ -1,0 +1,53 @@
+"""The OpenAPI document tells what every answer is made of: the app's types come from it."""
+
+from collections.abc import Iterator
+from typing import Any
+
+import pytest
+
+from server.app import create_app
+from server.base.settings import Settings
+
+OPEN = {"EventData", "JsonSchema", "SettingsDocument", "SettingsPatch", "VehicleUpload"}
+"""Documents whose fields a schema of their own tells; their values are any JSON."""
+
+
+@pytest.fixture(scope="module")
+def document() -> dict[str, Any]:
+    return create_app(Settings()).openapi()
+
+
+def free_objects(node: object, path: tuple[str, ...] = ()) -> Iterator[str]:
+    if isinstance(node, list):
+        for number, one in enumerate(node):
+            yield from free_objects(one, (*path, str(number)))
+    if isinstance(node, dict):
+        more = node.get("additionalProperties", True)
+        if node.get("type") == "object" and not node.get("properties") and more in (True, {}):
+            yield "/".join(path)
+        for key, one in node.items():
+            yield from free_objects(one, (*path, key))
+
+
+def test_no_answer_or_request_holds_a_free_object(document):
+    assert list(free_objects(document)) == []
+
+
+def test_only_documents_with_a_schema_of_their_own_hold_any_json(document):
+    of_json = {
+        name
+        for name, schema in document["components"]["schemas"].items()
+        if "components/schemas/JsonValue'" in str(schema) and name != "JsonValue"
+    }
+    assert of_json == OPEN
+
+
+def test_a_free_object_is_noticed():
+    schema = {"anyOf": [{"type": "object"}, {"type": "object", "additionalProperties": True}]}
+    assert list(free_objects(schema)) == ["anyOf/0", "anyOf/1"]
+
+
+def test_the_live_stream_is_described(document):
+    batch = document["components"]["schemas"]["LiveBatchView"]
+    assert {"robots", "plans", "missions", "jobs", "events"} <= set(batch["required"])
+    assert "101" in document["paths"]["/api/live"]["get"]["responses"]
