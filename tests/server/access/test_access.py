@@ -61,10 +61,14 @@ ADMIN_ONLY = {
 
 
 def operations(app):
-    """Every operation of the REST interface: method, path as declared, path to ask."""
+    """Every operation of the REST interface: method, path as declared, path to ask.
+
+    The live stream stands in the document too, but is a WebSocket, which refuses by itself.
+    """
     for path, item in app.openapi()["paths"].items():
-        for method in item:
-            if (method.upper(), path) not in OPEN_TO_ALL:
+        for method, operation in item.items():
+            is_stream = "101" in operation["responses"]
+            if not is_stream and (method.upper(), path) not in OPEN_TO_ALL:
                 yield method.upper(), path, re.sub(r"{\w+}", "x-1", path)
 
 
