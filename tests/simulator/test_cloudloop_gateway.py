@@ -11,11 +11,11 @@ import pytest
 
 from robot_link.station.gateway import cloudloop
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal, GatewayUnreachableError
-from simulator.iridium.cloudloop_gateway import CloudloopGateway
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.session import Place
 from tests.robot_link.http_peer import http_peer
 from tests.robot_link.rig import until
+from tests.simulator.cloudloop_gateway import CloudloopGateway
 from tests.simulator.iridium import IMEI, QUICK, HandClock, network_of
 
 CALL = {"token": "word", "thing": "thing-1", "message": "646f776e"}

@@ -14,12 +14,12 @@ from robot_link.station.gateway.gateway import (
     GatewayUnreachableError,
     MobileOriginated,
 )
-from simulator.iridium import directip_wire as wire
-from simulator.iridium.directip_gateway import DirectIpGateway
 from simulator.iridium.message_queue import CAPACITY
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.session import MobileOriginatedMessage, Place
 from tests.robot_link.rig import until
+from tests.simulator import directip_wire as wire
+from tests.simulator.directip_gateway import DirectIpGateway
 from tests.simulator.iridium import IMEI, QUICK, STARTED_AT, HandClock, network_of
 
 MT_HEADER, MT_PAYLOAD, MT_PRIORITY = 0x41, 0x42, 0x46

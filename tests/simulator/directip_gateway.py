@@ -12,12 +12,12 @@ from enum import IntEnum
 from urllib.parse import urlsplit
 
 from simulator.background import alongside
-from simulator.iridium import directip_wire as wire
 from simulator.iridium.acceptance import Reason, RefusedError
 from simulator.iridium.loopback import check_loopback, connections
 from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.push import Pusher, RetrySchedule
 from simulator.iridium.session import MobileOriginatedMessage
+from tests.simulator import directip_wire as wire
 
 SCHEDULE = RetrySchedule((1, 5, 10, 20, 30, 60, 120, 240, 360), keeps_order=True)
 _CUSTOMER_S = 10.0
