@@ -7,7 +7,7 @@ does; the robots' radios are ``DatagramTransport`` objects in the simulator's ow
 import asyncio
 import random
 from collections.abc import AsyncGenerator, Callable
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from functools import partial
 from pathlib import Path
 
@@ -128,6 +128,8 @@ class XBeeNetwork:
             server.close()
             for writer in list(clients):
                 writer.transport.abort()
+                with suppress(ConnectionError):
+                    await writer.wait_closed()
             await server.wait_closed()
 
     def _module(

@@ -49,5 +49,9 @@ async def _called(host: str, port: int) -> Port:
     server = await asyncio.start_server(answer, host, port)
     try:
         return await caller
+    except asyncio.CancelledError:
+        if not caller.cancelled():  # somebody called in the same moment
+            caller.result().close()
+        raise
     finally:
         server.close()

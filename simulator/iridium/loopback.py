@@ -16,37 +16,36 @@ async def connections(
     host: str,
     port: int,
 ) -> AsyncGenerator[int]:
-    """Serve TCP connections of this machine; no task of theirs outlives the context.
+    """Serve TCP connections of this machine; none of them outlives the context.
 
     Yields:
         The port's number.
     """
     check_loopback(host)
-    tasks: set[asyncio.Task[None]] = set()
+    clients: dict[asyncio.Task[None], asyncio.StreamWriter] = {}
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.current_task()
-        if task is not None:
-            tasks.add(task)
-            task.add_done_callback(tasks.discard)
-        try:
+        with suppress(TimeoutError, OSError, asyncio.IncompleteReadError):
             async with asyncio.timeout(_PATIENCE_S):
                 await take(reader, writer)
-        except (TimeoutError, OSError, asyncio.IncompleteReadError):
-            pass
-        finally:
-            with suppress(OSError):
-                writer.close()
 
-    server = await asyncio.start_server(serve, host, port, limit=_LINE_BYTES, reuse_address=True)
+    def meet(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        task = asyncio.create_task(serve(reader, writer))
+        clients[task] = writer
+        task.add_done_callback(lambda done: clients.pop(done).close())
+
+    server = await asyncio.start_server(meet, host, port, limit=_LINE_BYTES, reuse_address=True)
     try:
         yield server.sockets[0].getsockname()[1]
     finally:
         server.close()
-        for task in tuple(tasks):
+        left = dict(clients)
+        for task in left:
             task.cancel()
-        if tasks:
-            await asyncio.wait(tuple(tasks))
+        await asyncio.gather(*left, return_exceptions=True)
+        for writer in left.values():
+            writer.transport.abort()
+        await asyncio.gather(*(w.wait_closed() for w in left.values()), return_exceptions=True)
         await server.wait_closed()
 
 

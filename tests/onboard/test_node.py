@@ -2,7 +2,7 @@
 
 import asyncio
 import json
-from contextlib import asynccontextmanager, suppress
+from contextlib import AsyncExitStack, asynccontextmanager, suppress
 
 import pytest
 
@@ -17,6 +17,7 @@ from onboard.node.wire import (
     NodeSilentError,
 )
 from tests.robot_link.rig import running, until
+from tests.tcp_peer import connected, serving
 
 
 async def double(values):
@@ -103,59 +104,49 @@ async def test_slow_reader_keeps_the_newest_values_and_knows_what_it_lost():
 
 async def test_program_that_reads_nothing_costs_the_node_a_bounded_memory():
     server = node()
-    async with server.serve() as address:
-        reader, writer = await address.connect()
-        try:
-            writer.write(b'{"id": 1, "ask": "subscribe", "with": {"topics": ["reading"]}}\n')
-            await reader.readline()
-            for n in range(2000):
-                server.publish("reading", {"n": n, "ballast": "x" * 20_000})
-                if n % 50 == 0:
-                    await asyncio.sleep(0)
-            assert server.dropped > 1000
-        finally:
-            writer.close()
+    async with server.serve() as address, connected(address.port) as (reader, writer):
+        writer.write(b'{"id": 1, "ask": "subscribe", "with": {"topics": ["reading"]}}\n')
+        await reader.readline()
+        for n in range(2000):
+            server.publish("reading", {"n": n, "ballast": "x" * 20_000})
+            if n % 50 == 0:
+                await asyncio.sleep(0)
+        assert server.dropped > 1000
 
 
 async def test_program_that_asks_without_reading_is_not_read_on_and_harms_nobody():
     server = node()
     question = b'{"id": 1, "ask": "describe"}\n' * 200
-    async with server.serve() as address, client_of(address) as other:
-        _, writer = await address.connect()
-        sent = 0
-        try:
-            async with asyncio.timeout(60.0):
-                while writer.transport.get_write_buffer_size() < 1_000_000:
-                    writer.write(question)
-                    sent += len(question)
-                    await asyncio.sleep(0)
-            assert (await other.ask("double", value=1))["value"] == 2
-            assert max(len(program._said) for program in server._programs) < 100
-        finally:
-            writer.transport.abort()
+    async with (
+        server.serve() as address,
+        client_of(address) as other,
+        connected(address.port) as (_, writer),
+    ):
+        async with asyncio.timeout(60.0):
+            while writer.transport.get_write_buffer_size() < 1_000_000:
+                writer.write(question)
+                await asyncio.sleep(0)
+        assert (await other.ask("double", value=1))["value"] == 2
+        assert max(len(program._said) for program in server._programs) < 100
 
 
 async def test_node_that_serves_many_programs_hangs_up_on_more():
-    async with node().serve() as address:
-        programs = [await address.connect() for _ in range(32)]
-        for reader, writer in programs:
+    async with node().serve() as address, AsyncExitStack() as programs:
+        for _ in range(32):
+            reader, writer = await programs.enter_async_context(connected(address.port))
             writer.write(b'{"id": 1, "ask": "describe"}\n')
             assert await reader.readline()
-        reader, writer = await address.connect()
+        reader, _ = await programs.enter_async_context(connected(address.port))
         with suppress(ConnectionError):
             assert await reader.read() == b""
-        for _, one in (*programs, (reader, writer)):
-            one.close()
 
 
 @pytest.mark.parametrize("text", [b"NaN", b"Infinity", b"9" * 5000, b"[" * 30_000])
 async def test_value_that_is_no_json_is_refused(text):
-    async with node().serve() as address:
-        reader, writer = await address.connect()
+    async with node().serve() as address, connected(address.port) as (reader, writer):
         writer.write(b'{"id": 1, "ask": "double", "with": {"value": ' + text + b"}}\n")
         said = json.loads(await reader.readline())
         assert "not JSON" in said["error"]
-        writer.close()
 
 
 @pytest.mark.parametrize(
@@ -173,17 +164,12 @@ async def test_node_that_talks_nonsense_does_not_stop_the_program(line):
     async def meet(_reader, writer):
         writer.write(line + b"\n" + b'{"topic": "reading", "value": {"n": 1}}\n')
         await writer.drain()
-        writer.close()
 
-    server = await asyncio.start_server(meet, "127.0.0.1", 0)
-    client = NodeClient(NodeAddress(port=server.sockets[0].getsockname()[1]))
-    heard = client.subscribe("reading")
-    try:
+    async with serving(meet) as port:
+        client = NodeClient(NodeAddress(port=port))
+        heard = client.subscribe("reading")
         async with running(client.run):
             assert await heard.get() == {"n": 1}
-    finally:
-        server.close()
-        await server.wait_closed()
 
 
 @pytest.mark.parametrize(
@@ -225,22 +211,20 @@ async def test_too_many_questions_at_once_are_refused_and_others_are_not():
 
 
 async def test_garbage_is_answered_with_a_sentence_and_then_cut_off():
-    async with node().serve() as address:
-        reader, writer = await address.connect()
+    async with node().serve() as address, connected(address.port) as (reader, writer):
         writer.write(b"\xff\xfe not json\n[1]\n" + b'{"id": "x", "ask": 3}\n' * 10)
         lines = (await reader.read()).splitlines()
-        writer.close()
         assert 2 < len(lines) < 12
         assert all("not a question" in json.loads(line)["error"] for line in lines)
 
 
 async def test_line_without_end_is_cut_off_and_others_are_served_on():
     async with node().serve() as address, client_of(address) as client:
-        _, writer = await address.connect()
-        with suppress(ConnectionError):
-            writer.write(b"x" * (2 * LINE_MAX))
-            await writer.wait_closed()
-        assert writer.transport.is_closing()
+        async with connected(address.port) as (_, writer):
+            with suppress(ConnectionError):
+                writer.write(b"x" * (2 * LINE_MAX))
+                await writer.wait_closed()
+            assert writer.transport.is_closing()
         assert (await client.ask("double", value=1))["value"] == 2
 
 

@@ -2,8 +2,10 @@
 
 import asyncio
 from collections.abc import AsyncGenerator, Iterable
-from contextlib import asynccontextmanager, suppress
+from contextlib import asynccontextmanager
 from dataclasses import dataclass, field
+
+from tests.tcp_peer import serving
 
 
 @dataclass
@@ -29,42 +31,25 @@ async def http_peer(
     """Answer each request with the next (status, text); None lets the request wait for ever."""
     peer = HttpPeer()
     waiting = list(answers)
-    serving: set[asyncio.Task[None]] = set()
 
     async def serve(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
-        task = asyncio.current_task()
-        assert task is not None
-        serving.add(task)
-        try:
-            head = (await reader.readuntil(b"\r\n\r\n")).decode()
-            length = int(head.lower().split("content-length:")[1].split("\r\n")[0])
-            peer.requests.append(Request(head, await reader.readexactly(length)))
-            answer = waiting.pop(0)
-            if answer is None:
-                await asyncio.Event().wait()
-                return
-            status, text = answer
-            body = text.encode()
-            location = "Location: http://127.0.0.1:1/elsewhere\r\n" if status == 302 else ""
-            writer.write(
-                f"HTTP/1.1 {status} Said\r\nContent-Length: {len(body)}\r\n{location}"
-                "Connection: close\r\n\r\n".encode()
-            )
-            writer.write(body)
-            await writer.drain()
-        except (asyncio.CancelledError, ConnectionError, asyncio.IncompleteReadError):
-            pass
-        finally:
-            writer.close()
-            with suppress(ConnectionError, asyncio.CancelledError):
-                await writer.wait_closed()
+        head = (await reader.readuntil(b"\r\n\r\n")).decode()
+        length = int(head.lower().split("content-length:")[1].split("\r\n")[0])
+        peer.requests.append(Request(head, await reader.readexactly(length)))
+        answer = waiting.pop(0)
+        if answer is None:
+            await asyncio.Event().wait()
+            return
+        status, text = answer
+        body = text.encode()
+        location = "Location: http://127.0.0.1:1/elsewhere\r\n" if status == 302 else ""
+        writer.write(
+            f"HTTP/1.1 {status} Said\r\nContent-Length: {len(body)}\r\n{location}"
+            "Connection: close\r\n\r\n".encode()
+        )
+        writer.write(body)
+        await writer.drain()
 
-    server = await asyncio.start_server(serve, "127.0.0.1", 0)
-    peer.url = f"http://127.0.0.1:{server.sockets[0].getsockname()[1]}"
-    try:
+    async with serving(serve) as port:
+        peer.url = f"http://127.0.0.1:{port}"
         yield peer
-    finally:
-        server.close()
-        for task in serving:
-            task.cancel()
-        await asyncio.gather(*serving, return_exceptions=True)

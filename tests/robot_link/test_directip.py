@@ -1,7 +1,7 @@
 """DirectIP: the listener for robots' messages, and the sender."""
 
 import asyncio
-from contextlib import asynccontextmanager, suppress
+from contextlib import AsyncExitStack, asynccontextmanager
 from random import Random
 
 import pytest
@@ -24,6 +24,7 @@ from robot_link.station.gateway.gateway import (
     Taken,
 )
 from tests.robot_link.test_directip_wire import CAPTURE, IMEI, OVERLONG
+from tests.tcp_peer import connected, serving
 
 
 class Inbox:
@@ -59,17 +60,14 @@ async def served(listener):
 
 async def deliver(port, data, *, hang_up=False):
     """Deliver as a gateway does and return all that the station answers."""
-    reader, writer = await asyncio.open_connection("127.0.0.1", port)
     try:
-        writer.write(data)
-        if hang_up:
-            writer.write_eof()
-        async with asyncio.timeout(60):
+        async with connected(port) as (reader, writer), asyncio.timeout(60):
+            writer.write(data)
+            if hang_up:
+                writer.write_eof()
             return await reader.read()
     except ConnectionError:
         return b""
-    finally:
-        writer.close()
 
 
 async def test_a_delivered_message_is_kept_and_confirmed_where_that_is_provisioned():
@@ -125,11 +123,10 @@ async def test_a_peer_that_says_nothing_is_let_go():
 async def test_too_many_connections_and_foreign_networks_are_turned_away():
     inbox = Inbox()
     async with listening(inbox, connections=1, confirms=True) as listener:
-        _, silent = await asyncio.open_connection("127.0.0.1", listener.port)
-        silent.write(b"\x01")
-        await served(listener)
-        assert await deliver(listener.port, CAPTURE) == b""
-        silent.close()
+        async with connected(listener.port) as (_, silent):
+            silent.write(b"\x01")
+            await served(listener)
+            assert await deliver(listener.port, CAPTURE) == b""
         assert listener.refused["too_often"] == 1
     async with listening(inbox, allowed=("192.0.2.0/24",)) as listener:
         assert await deliver(listener.port, CAPTURE) == b""
@@ -141,12 +138,12 @@ async def test_too_many_connections_and_foreign_networks_are_turned_away():
 
 async def test_stopping_with_a_connection_open_leaves_nothing_behind():
     before = asyncio.all_tasks()
-    async with listening(Inbox()) as listener:
-        _, writer = await asyncio.open_connection("127.0.0.1", listener.port)
-        writer.write(b"\x01")
-        await served(listener)
-    writer.close()
-    assert asyncio.all_tasks() == before
+    async with AsyncExitStack() as client:
+        async with listening(Inbox()) as listener:
+            _, writer = await client.enter_async_context(connected(listener.port))
+            writer.write(b"\x01")
+            await served(listener)
+        assert asyncio.all_tasks() == before
 
 
 # The sender.
@@ -157,33 +154,18 @@ async def gateway_saying(answer_of, answer_s=10.0):
     """Serve as a gateway that answers a parsed message with bytes; None lets it wait."""
     seen = []
 
-    serving = set()
-
     async def serve(reader, writer):
-        serving.add(asyncio.current_task())
-        try:
-            head = await reader.readexactly(3)
-            message = parse(head + await reader.readexactly(length_of(head)))
-            seen.append(message)
-            answer = answer_of(message)
-            if answer is None:
-                await reader.read()
-            else:
-                writer.write(answer)
-        except ConnectionError:
-            pass
-        finally:
-            writer.close()
-            with suppress(ConnectionError):
-                await writer.wait_closed()
+        head = await reader.readexactly(3)
+        message = parse(head + await reader.readexactly(length_of(head)))
+        seen.append(message)
+        answer = answer_of(message)
+        if answer is None:
+            await reader.read()
+        else:
+            writer.write(answer)
 
-    server = await asyncio.start_server(serve, "127.0.0.1", 0)
-    port = server.sockets[0].getsockname()[1]
-    try:
+    async with serving(serve) as port:
         yield DirectIpGateway("127.0.0.1", port, answer_s), seen
-    finally:
-        server.close()
-        await asyncio.gather(*serving)
 
 
 def confirmation(message, status, reference=99):

@@ -17,6 +17,7 @@ from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
 from robot_link.transport.datagram import Address
 from robot_link.transport.opening import open_transport
 from tests.robot_link.rig import HASTE, MINI, STATION, SYSTEMS, Heard, rig, running, state, until
+from tests.tcp_peer import serving
 
 
 def frame(codec: Codec) -> bytes:
@@ -43,11 +44,9 @@ async def test_two_robots_on_a_line_without_addresses_are_told(robots: int):
         for number in range(60):
             writer.write(frame(codecs[number % robots]))
             await asyncio.sleep(0.005)
-        writer.close()
 
-    server = await asyncio.start_server(speak, "127.0.0.1", 0)
-    async with server:
-        uri = f"tcp://127.0.0.1:{server.sockets[0].getsockname()[1]}"
+    async with serving(speak) as port:
+        uri = f"tcp://127.0.0.1:{port}"
         heard = Heard()
         endpoint = RobotEndpoint(SYSTEMS[MINI], (RadioPath(uri),))
         station = StationLink(

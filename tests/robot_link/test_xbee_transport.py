@@ -30,6 +30,7 @@ from robot_link.transport.xbee import XBeeTiming, XBeeTransport
 from robot_link.transport.xbee_frame import encode
 from simulator.xbee_network import MAX_PAYLOAD, AirConditions, RobotRadio, XBeeNetwork
 from tests.robot_link.scripted_port import ScriptedPort, answering_questions, opener
+from tests.tcp_peer import connected
 
 STATION = Address(0x0013A20041F00001)
 ROBOT = Address(0x0013A20041F00002)
@@ -301,14 +302,14 @@ async def test_a_line_has_one_owner_and_a_possible_speed():
 
 async def test_a_second_client_of_a_tcp_radio_is_turned_away():
     air = network()
-    async with air.tcp(STATION, "127.0.0.1") as port:
-        reader, writer = await asyncio.open_connection("127.0.0.1", port)
-        second_reader, second_writer = await asyncio.open_connection("127.0.0.1", port)
-        assert await second_reader.read() == b""
-        second_writer.close()
+    async with (
+        air.tcp(STATION, "127.0.0.1") as port,
+        connected(port) as (reader, writer),
+        connected(port) as (second, _),
+    ):
+        assert await second.read() == b""
         writer.write(encode(b"\x08\x01NP", 1))
         assert len(await reader.readexactly(11)) == 11
-        writer.close()
 
 
 async def test_garbage_at_the_port_is_counted():

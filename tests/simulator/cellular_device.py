@@ -9,14 +9,14 @@ All integers are big endian.
 import asyncio
 import logging
 import struct
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import AsyncGenerator, Callable
+from contextlib import asynccontextmanager, suppress
 
 from onboard.node.satellite import SessionOutcome
+from tests.tcp_peer import Streams, connected
 
 _RECORD_MAX = 340
 _ANSWER = struct.Struct(">BHH")
-_CONNECT_S = 5.0
 _REOPEN_S = 1.0
 
 _log = logging.getLogger(__name__)
@@ -27,17 +27,15 @@ class CellularDevice:
 
     Args:
         name: How the host knows the device.
-        host: Where the host is.
-        port: Its port.
+        port: The host's port on this machine.
         session_limit_s: Wall time that a session may take.
     """
 
     kind = "cellular"
     record_max = _RECORD_MAX
 
-    def __init__(self, name: str, host: str, port: int, session_limit_s: float = 60.0) -> None:
+    def __init__(self, name: str, port: int, session_limit_s: float = 60.0) -> None:
         self.name = name
-        self._host = host
         self._port = port
         self._limit_s = session_limit_s
         self._has_host = False
@@ -46,14 +44,13 @@ class CellularDevice:
         """Listen for rings until cancelled; a host that is away is tried again."""
         while True:
             with suppress(OSError, TimeoutError):
-                reader, writer = await self._connect(b"R")
-                self._has_host = True
-                try:
-                    while await reader.read(1):
-                        on_ring()
-                finally:
-                    self._has_host = False
-                    writer.close()
+                async with self._connected(b"R") as (reader, _):
+                    self._has_host = True
+                    try:
+                        while await reader.read(1):
+                            on_ring()
+                    finally:
+                        self._has_host = False
             await asyncio.sleep(_REOPEN_S)
 
     async def session(self, record: bytes | None, *, for_ring: bool) -> SessionOutcome:
@@ -69,20 +66,17 @@ class CellularDevice:
         return 5 if self._has_host else 0
 
     async def _session(self, record: bytes | None) -> SessionOutcome:
-        reader, writer = await self._connect(b"S")
-        try:
+        async with self._connected(b"S") as (reader, writer):
             data = record or b""
             writer.write(struct.pack(">H", len(data)) + data)
             taken, queued, length = _ANSWER.unpack(await reader.readexactly(_ANSWER.size))
             received = await reader.readexactly(length) if length else None
-        finally:
-            writer.close()
         return SessionOutcome(
             bool(taken), received, queued, "" if taken else "the host did not take the record"
         )
 
-    async def _connect(self, purpose: bytes) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
-        async with asyncio.timeout(_CONNECT_S):
-            reader, writer = await asyncio.open_connection(self._host, self._port)
-        writer.write(purpose + self.name.encode() + b"\n")
-        return reader, writer
+    @asynccontextmanager
+    async def _connected(self, purpose: bytes) -> AsyncGenerator[Streams, None]:
+        async with connected(self._port) as (reader, writer):
+            writer.write(purpose + self.name.encode() + b"\n")
+            yield reader, writer

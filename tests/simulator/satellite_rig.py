@@ -19,6 +19,7 @@ from simulator.iridium.network import IridiumNetwork
 from simulator.iridium.subscriber import Account
 from tests.simulator.cellular_device import CellularDevice
 from tests.simulator.flight import EPOCH
+from tests.tcp_peer import serving
 
 IMEI = "300234000000020"
 FAST = 100.0
@@ -71,25 +72,23 @@ async def cellular(sky: IridiumNetwork, _folder: Path) -> AsyncGenerator[NodeCli
                 writer.write(b"!")
 
             stop = sky.on_ring(imei, ring)
-            await reader.read()
-            stop()
+            try:
+                await reader.read()
+            finally:
+                stop()
         else:
             (size,) = struct.unpack(">H", await reader.readexactly(2))
             record = await reader.readexactly(size)
             result = await sky.session(imei, record or None)
             data = result.mt_data or b""
             writer.write(struct.pack(">BHH", result.is_ok, result.queued, len(data)) + data)
-        writer.close()
 
-    server = await asyncio.start_server(meet, "127.0.0.1", 0)
-    port = server.sockets[0].getsockname()[1]
-    try:
-        async with used(CellularDevice(IMEI, "127.0.0.1", port)) as client:
-            await ready(client)
-            yield client
-    finally:
-        server.close()
-        await server.wait_closed()
+    async with (
+        serving(meet) as port,
+        used(CellularDevice(IMEI, port)) as client,
+    ):
+        await ready(client)
+        yield client
 
 
 async def ready(client: NodeClient, *, has_signal: bool = True) -> None:

@@ -21,6 +21,7 @@ from tests.robot_link.rig import until
 from tests.simulator import directip_wire as wire
 from tests.simulator.directip_gateway import DirectIpGateway
 from tests.simulator.iridium import IMEI, QUICK, STARTED_AT, HandClock, network_of
+from tests.tcp_peer import connected
 
 MT_HEADER, MT_PAYLOAD, MT_PRIORITY = 0x41, 0x42, 0x46
 
@@ -53,12 +54,10 @@ async def served(network: IridiumNetwork) -> AsyncIterator[tuple[DirectIpGateway
 
 
 async def sent(port: int, data: bytes) -> bytes:
-    reader, writer = await asyncio.open_connection("127.0.0.1", port)
-    writer.write(data)
-    writer.write_eof()
-    answer = await reader.read()
-    writer.close()
-    return answer
+    async with connected(port) as (reader, writer):
+        writer.write(data)
+        writer.write_eof()
+        return await reader.read()
 
 
 async def status(port: int, data: bytes) -> int:

@@ -4,7 +4,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from contextlib import AsyncExitStack, asynccontextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from urllib.parse import parse_qs
@@ -26,6 +26,7 @@ from tests.robot_link.http_peer import http_peer
 from tests.robot_link.rig import until
 from tests.robot_link.signed_push import private_key, public_pem
 from tests.simulator.iridium import IMEI, QUICK, HandClock, network_of
+from tests.tcp_peer import connected
 
 LOGIN = {"imei": IMEI, "username": "fleet", "password": "word"}
 TAKEN = (200, "")
@@ -151,21 +152,19 @@ async def test_what_is_no_request_is_answered_and_the_next_one_is_served(sent, s
     network, _ = network_of()
     async with served(network) as url:
         port = int(url.split(":")[2].split("/")[0])
-        reader, writer = await asyncio.open_connection("127.0.0.1", port)
-        writer.write(sent)
-        assert (await reader.readline()).split()[1] == status
-        writer.close()
+        async with connected(port) as (reader, writer):
+            writer.write(sent)
+            assert (await reader.readline()).split()[1] == status
         assert await asked(url, data="61") == "OK,1"
 
 
 async def test_hanging_connections_do_not_keep_the_gateway_open():
     network, _ = network_of()
-    async with served(network) as url:
+    async with AsyncExitStack() as client, served(network) as url:
         port = int(url.split(":")[2].split("/")[0])
-        _, writer = await asyncio.open_connection("127.0.0.1", port)
+        _, writer = await client.enter_async_context(connected(port))
         writer.write(b"POST /rockblock")
         await asyncio.sleep(0.02)
-    writer.close()
 
 
 async def test_port_can_be_taken_again_at_once():

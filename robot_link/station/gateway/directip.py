@@ -275,7 +275,7 @@ class Listener:
         task = asyncio.current_task()
         if task is None:
             raise RuntimeError("a connection is served outside of a task")
-        if not self._may_come(writer):
+        if self._server is None or not self._may_come(writer):
             _reset(writer)
             return
         self._serving.add(task)
