@@ -3,7 +3,7 @@
 Every flight is 600 s of true dynamics with the sensors and the current of a simulated robot. What
 uses the vehicle's model is judged with the right one and with one of which every coefficient of
 force and moment is 10 % too large or too small. An estimator must not be overconfident, by bounds
-from the spread between the flights (``reproduction.estimation.consistency``), and its doubt
+from the spread between the flights (``benchmarks.estimation_trial.consistency``), and its doubt
 has an end.
 """
 
@@ -18,17 +18,16 @@ from typing import Any, TypeVar
 import numpy as np
 
 from autonomy.estimation.config import (
-    DEAD_RECKONING_PRESETS,
     ESTIMATOR_PRESETS,
     MODEL_FILTER_PRESETS,
     CurrentConfig,
-    TagFilterConfig,
 )
 from autonomy.vehicle.config import Vehicle
 from benchmarks import observer_table
-from reproduction.estimation import trial_flight_kernel
-from reproduction.estimation.consistency import consistency, normalized_error_squared
-from reproduction.estimation.follow import (
+from benchmarks.estimation_trial import trial_flight_kernel
+from benchmarks.estimation_trial.consistency import consistency, normalized_error_squared
+from benchmarks.estimation_trial.dead_reckoning import DEAD_RECKONING_PRESETS
+from benchmarks.estimation_trial.follow import (
     Track,
     by_dead_reckoning,
     by_model_filter,
@@ -37,7 +36,8 @@ from reproduction.estimation.follow import (
     observed_velocity,
     observer_covariance,
 )
-from reproduction.estimation.trial_flight import (
+from benchmarks.estimation_trial.tag_filter import TagFilterConfig
+from benchmarks.estimation_trial.trial_flight import (
     Flight,
     SensorErrors,
     TagErrors,

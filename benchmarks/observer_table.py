@@ -12,7 +12,7 @@ import numpy as np
 
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.surroundings import Surroundings
-from reproduction.estimation.trial_flight_kernel import fly, follow_observer
+from benchmarks.estimation_trial.trial_flight_kernel import fly, follow_observer
 
 GAINS = ((0.0, 0.0), (0.25, 1.0), (1.0, 2.0), (4.0, 4.0), (25.0, 10.0))
 """K1 (1/s2) and K2 (1/s)."""

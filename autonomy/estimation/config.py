@@ -88,25 +88,6 @@ class OutlierConfig(Configuration):
     """So many refusals in a row, and the next measurement is believed: the filter was lost."""
 
 
-class DeadReckoningConfig(Configuration):
-    """What dead reckoning does not see: moving water, and errors of the model's velocity."""
-
-    current: CurrentConfig = quantity(CurrentConfig(), title="Current")
-    """Motion of the water."""
-    speed_error_m_s: float = quantity(
-        0.001, "m/s", title="Error of the model's speed", ge=0.0, le=1.0, display_unit="mm/s"
-    )
-    """Standard deviation per axis of the velocity that the model gives, beyond the current."""
-    speed_error_correlation_s: float = quantity(
-        40.0, "s", title="Correlation of that error", gt=0.0, le=1e7, advanced=True
-    )
-    """Time over which it stays: about half a dive, since wrong ballast errs down and up alike."""
-    greatest_speed_m_s: float = quantity(
-        0.25, "m/s", title="Greatest speed", gt=0.0, le=5.0, advanced=True
-    )
-    """How fast the robot may have moved while nothing was measured."""
-
-
 class ModelFilterConfig(Configuration):
     """Noise of the filter on the vehicle's model, beyond what ``EstimatorConfig`` says."""
 
@@ -158,54 +139,6 @@ class ModelFilterConfig(Configuration):
     """When a fix or a depth is refused."""
 
 
-class TagFilterConfig(Configuration):
-    """Noise of the filter that fuses AprilTag poses, depth, compass and gyro."""
-
-    tag_std_m: float = quantity(0.03, "m", title="Tag position noise", gt=0.0, le=5.0)
-    """Of one tag's position, per axis."""
-    tag_heading_std_rad: float = quantity(
-        0.05, "rad", title="Tag heading noise", gt=0.0, le=3.0, display_unit="deg"
-    )
-    """Of the heading that one tag shows."""
-    depth_std_m: float = quantity(0.003, "m", title="Depth noise", gt=0.0, le=5.0)
-    """Of one depth measurement."""
-    compass_std_rad: float = quantity(
-        math.radians(2.0), "rad", title="Compass noise", gt=0.0, le=3.0, display_unit="deg"
-    )
-    """Of one heading by the compass."""
-    gyro_std_rad_s: float = quantity(
-        0.005, "rad/s", title="Gyro noise", gt=0.0, le=1.0, advanced=True
-    )
-    """Of one turn rate."""
-    acceleration_density: float = quantity(
-        4.5e-5, "m^2/s^3", title="Acceleration noise", gt=0.0, le=1.0, advanced=True
-    )
-    """Spectral density of the horizontal acceleration: eddies, drift^2 over their squared
-    correlation time; the robot changes its own speed more slowly."""
-    vertical_acceleration_density: float = quantity(
-        6e-5, "m^2/s^3", title="Vertical acceleration noise", gt=0.0, le=1.0, advanced=True
-    )
-    """Spectral density of the vertical acceleration: from 4 cm/s down to 4 cm/s up, and to rest at
-    the surface, within a hundred seconds."""
-    turn_density: float = quantity(
-        1e-5, "rad^2/s^3", title="Turn acceleration noise", gt=0.0, le=1.0, advanced=True
-    )
-    """Spectral density of the angular acceleration about the vertical."""
-    outlier: OutlierConfig = quantity(OutlierConfig(), title="Outliers", advanced=True)
-    """When a tag's pose is refused."""
-
-
-DEAD_RECKONING_PRESETS: dict[str, DeadReckoningConfig] = {
-    "miniglider": DeadReckoningConfig(),
-    "grace3": DeadReckoningConfig(
-        current=CurrentConfig(eddy_correlation_s=20.0),
-        speed_error_m_s=0.003,
-        speed_error_correlation_s=80.0,
-        greatest_speed_m_s=0.5,
-    ),
-}
-"""Settings by vehicle: a tank that the robots stir, and a lake."""
-
 MODEL_FILTER_PRESETS: dict[str, ModelFilterConfig] = {
     "miniglider": ModelFilterConfig(),
     "grace3": ModelFilterConfig(
@@ -218,5 +151,6 @@ MODEL_FILTER_PRESETS: dict[str, ModelFilterConfig] = {
         greatest_speed_m_s=0.5,
     ),
 }
-"""Settings by vehicle, for the same waters. Miniglider's coefficients are identified, each within a
-tenth or so; GRACE 3's are scaled from them and nobody has measured one."""
+"""Settings by vehicle, for the waters of ``ESTIMATOR_PRESETS``. Miniglider's coefficients are
+identified, each within a tenth or so; GRACE 3's are scaled from them and nobody has measured one.
+"""

@@ -118,47 +118,6 @@ def step_attitude(
         attitude[i] = turn(attitude[i] + correction * turn(measured[i] - attitude[i]))
 
 
-@kernel
-def reckon(
-    axis: FloatArray, dt_s: float, velocity: float, noise: FloatArray, silence_variance: float
-) -> None:
-    """Carry one axis of dead reckoning on by a velocity through the water.
-
-    Errors of the velocity are considered and never estimated, each an Ornstein-Uhlenbeck process:
-    their covariance with the position grows exactly as theirs does.
-
-    Args:
-        axis: Position, its variance, and its covariance with each of ``noise``'s processes.
-        dt_s: Time since the last step, s.
-        velocity: Through the water along this axis, m/s.
-        noise: A row of variance and correlation time per process, shape ``(n, 2)``.
-        silence_variance: Further variance of a step that was too long, m2.
-    """
-    axis[0] += dt_s * velocity
-    axis[1] += silence_variance
-    for i in range(noise.shape[0]):
-        variance, correlation = noise[i, 0], noise[i, 1]
-        x = dt_s / correlation
-        kept = math.exp(-x)
-        reach = correlation * (1.0 - kept)
-        fresh = 2.0 / 3.0 * x**3  # what is left below where the difference would cancel
-        if x > 1e-3:
-            fresh = 2.0 * x - 3.0 + 4.0 * kept - kept * kept
-        axis[1] += 2.0 * reach * axis[2 + i]
-        axis[1] += variance * (reach * reach + correlation * correlation * fresh)
-        axis[2 + i] = kept * axis[2 + i] + variance * reach
-
-
-@kernel
-def fix_reckoning(axis: FloatArray, fix: float, variance: float) -> None:
-    """Take a fix into one axis of dead reckoning; what is only considered is not corrected."""
-    lasting = variance / (axis[1] + variance)
-    axis[0] += (1.0 - lasting) * (fix - axis[0])
-    axis[1] *= lasting
-    for i in range(2, axis.shape[0]):
-        axis[i] *= lasting
-
-
 REFUSED, BELIEVED, LOST = 0, 1, 2
 """What a gate says of a measurement; ``LOST`` asks to widen the covariance before believing it."""
 
@@ -182,74 +141,6 @@ def judge(squared_distance: float, limit: float, patience: int, refused: FloatAr
     refused[0] += 1.0
     refused[1] += 1.0
     return REFUSED
-
-
-@kernel
-def measure_tag(
-    axes: FloatArray,
-    pose: FloatArray,
-    variance: FloatArray,
-    limit: float,
-    patience: int,
-    refused: FloatArray,
-) -> bool:
-    """Take the pose that one tag shows into the four axes; tell whether it was believed.
-
-    Args:
-        axes: North, east, down and heading, shape ``(4, 5)``.
-        pose: Position NED m and heading rad, shape ``(4,)``.
-        variance: Of each, shape ``(4,)``.
-        limit: As in ``judge``.
-        patience: As in ``judge``.
-        refused: As in ``judge``.
-    """
-    innovation = pose - axes[:, 0]
-    innovation[3] = turn(innovation[3])
-    distance = 0.0
-    for i in range(4):
-        distance += innovation[i] ** 2 / (axes[i, 2] + variance[i])
-    verdict = judge(distance, limit, patience, refused)
-    if verdict == REFUSED:
-        return False
-    for i in range(4):
-        if verdict == LOST:
-            axes[i, 2] += innovation[i] ** 2
-        measure_value(axes[i], innovation[i], variance[i])
-    axes[3, 0] = turn(axes[3, 0])
-    return True
-
-
-@kernel
-def step_tags(
-    axes: FloatArray,
-    dt_s: float,
-    depth_m: float,
-    attitude: FloatArray,
-    gyro: FloatArray,
-    density: FloatArray,
-    variance: FloatArray,
-) -> None:
-    """Advance the four axes of the tag filter by ``dt_s``, with what needs no tag.
-
-    A gyro turns the heading the faster, and the noisier, the more the nose points up or down.
-
-    Args:
-        axes: North, east, down and heading, shape ``(4, 5)``.
-        dt_s: Time since the last step, s.
-        depth_m: Measured depth.
-        attitude: Measured roll and pitch, and the heading by the compass, rad.
-        gyro: Body rates, rad/s.
-        density: Of the white acceleration per axis, shape ``(4,)``.
-        variance: Of depth, gyro and compass, shape ``(3,)``.
-    """
-    for i in range(4):
-        predict_axis(axes[i], dt_s, density[i])
-    measure_value(axes[2], depth_m - axes[2, 0], variance[0])
-    across = max(math.cos(attitude[1]), 0.1)
-    rate = heading_rate(attitude, gyro)
-    measure_rate(axes[3], rate - axes[3, 1], variance[1] / across**2)
-    measure_value(axes[3], turn(attitude[2] - axes[3, 0]), variance[2])
-    axes[3, 0] = turn(axes[3, 0])
 
 
 @inner_kernel
@@ -321,14 +212,9 @@ def step_observer(
 
 def warm_up() -> None:
     """Compile every kernel of this module with the argument types of real use."""
-    axes, three, two = np.ones((4, 5)), np.zeros(3), np.zeros(2)
-    step_position(axes[:3], 0.1, three, 0.0, two, True, np.ones(4))
+    three = np.zeros(3)
+    step_position(np.ones((3, 5)), 0.1, three, 0.0, np.zeros(2), True, np.ones(4))
     step_attitude(np.zeros(3), np.zeros(3), three, three, 0.1, 0.1, 0.1)
-    reckon(np.zeros(4), 0.1, 0.0, np.ones((2, 2)), 0.0)
-    fix_reckoning(np.zeros(4), 0.0, 1.0)
-    four = np.ones(4)
-    measure_tag(axes, four, four, 1.0, 1, two)
-    step_tags(axes, 0.1, 0.0, three, three, four, np.ones(3))
     horizontal_velocity(three, 0.0, 0.0, 0.0)
     step_observer(
         np.zeros(15), 0.1, np.zeros(5), 0.0, three, three, three, 0.0, np.zeros(2),

@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 
 from autonomy.estimation.config import (
-    DEAD_RECKONING_PRESETS,
     ESTIMATOR_PRESETS,
     MODEL_FILTER_PRESETS,
-    TagFilterConfig,
 )
 from autonomy.estimation.model_filter import ModelFilter
 from benchmarks.estimation import (
@@ -21,9 +19,9 @@ from benchmarks.estimation import (
     water_of,
     wrong_model,
 )
-from benchmarks.observer_table import Case, errors, true_run
-from reproduction.estimation.consistency import bounds, consistency, normalized_error_squared
-from reproduction.estimation.follow import (
+from benchmarks.estimation_trial.consistency import bounds, consistency, normalized_error_squared
+from benchmarks.estimation_trial.dead_reckoning import DEAD_RECKONING_PRESETS
+from benchmarks.estimation_trial.follow import (
     Track,
     by_dead_reckoning,
     by_model_filter,
@@ -32,7 +30,9 @@ from reproduction.estimation.follow import (
     observed_velocity,
     observer_covariance,
 )
-from reproduction.estimation.trial_flight import PERIOD_S, Flight, TagErrors, sightings
+from benchmarks.estimation_trial.tag_filter import TagFilterConfig
+from benchmarks.estimation_trial.trial_flight import PERIOD_S, Flight, TagErrors, sightings
+from benchmarks.observer_table import Case, errors, true_run
 from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
 
 RUNS = 10

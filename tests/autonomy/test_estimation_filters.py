@@ -1,4 +1,4 @@
-"""The tag filter, dead reckoning and the model filter: what they take, refuse and claim."""
+"""The model filter: what it takes, refuses and claims."""
 
 import math
 
@@ -11,150 +11,15 @@ from autonomy.estimation import model_kernel as kernel
 from autonomy.estimation.attitude import AttitudeFilter
 from autonomy.estimation.config import (
     CurrentConfig,
-    DeadReckoningConfig,
     EstimatorConfig,
     ModelFilterConfig,
-    OutlierConfig,
-    TagFilterConfig,
 )
 from autonomy.estimation.model_filter import ModelFilter
-from autonomy.estimation.position import AxisCovariance
 from autonomy.vehicle.config import VEHICLES
-from reproduction.estimation.dead_reckoning import DeadReckoning
-from reproduction.estimation.tag_filter import TagFilter, TagPose
 
 ESTIMATOR = EstimatorConfig()
 MINIGLIDER = VEHICLES["miniglider"]
 LEVEL = (0.0, 0.0, 0.0)
-
-
-def tag_filter(heading_rad: float = 0.0, config: TagFilterConfig | None = None) -> TagFilter:
-    pose = TagPose((0.0, 0.0, 0.5), heading_rad)
-    return TagFilter(config or TagFilterConfig(), pose, 0.03, 0.05)
-
-
-def look(follower: TagFilter, pose: TagPose | None, heading_rad: float = 0.0) -> None:
-    follower.step(
-        0.1,
-        depth_m=0.5,
-        attitude_rad=(0.0, 0.0, heading_rad),
-        gyro_rad_s=LEVEL,
-        poses=[pose] if pose else [],
-    )
-
-
-def test_a_heading_is_followed_through_south_the_short_way_round() -> None:
-    follower = tag_filter(math.pi - 0.02)
-    rng = np.random.default_rng(0)
-    for k in range(60):
-        true = math.pi - 0.02 + 0.01 * k
-        seen = math.remainder(true + 0.02 * rng.standard_normal(), math.tau)
-        follower.step(
-            0.1,
-            depth_m=0.5,
-            attitude_rad=(0.0, 0.0, math.remainder(true, math.tau)),
-            gyro_rad_s=(0.0, 0.0, 0.1),
-            poses=[TagPose((0.0, 0.001 * rng.standard_normal(), 0.5), seen)],
-        )
-        assert abs(math.remainder(follower.heading_rad - true, math.tau)) < 0.05
-        assert -math.pi <= follower.heading_rad < math.pi
-    assert follower.turn_rate_rad_s == pytest.approx(0.1, abs=0.01)
-
-
-def test_a_pose_far_from_the_prediction_is_refused_until_it_insists() -> None:
-    follower = tag_filter(config=TagFilterConfig(outlier=OutlierConfig(patience=5)))
-    rng = np.random.default_rng(1)
-    for _ in range(20):
-        look(follower, TagPose((*(0.01 * rng.standard_normal(2)), 0.5), 0.0))
-    look(follower, TagPose((2.0, 0.0, 0.5), 0.0))
-    assert follower.refused_poses == 1
-    assert follower.position_ned[0] == pytest.approx(0.0, abs=0.03)
-    for k in range(40):
-        look(follower, TagPose((2.0 + 0.001 * k, 0.0, 0.5), 0.0))
-    assert follower.position_ned[0] == pytest.approx(2.04, abs=0.1)
-
-
-def test_a_detection_that_repeats_itself_brings_nothing_new() -> None:
-    stuck, blind = tag_filter(), tag_filter()
-    pose = TagPose((0.01, 0.0, 0.5), 0.0)
-    look(stuck, pose)
-    look(blind, pose)
-    for _ in range(50):
-        look(stuck, pose)
-        look(blind, None)
-    assert np.array_equal(stuck.covariance, blind.covariance)
-    assert stuck.since_tag_s == pytest.approx(5.0)
-
-
-def test_without_tags_the_pose_grows_uncertain_but_depth_and_heading_do_not() -> None:
-    follower = tag_filter()
-    for _ in range(300):
-        look(follower, None)
-    std = np.sqrt(np.diag(follower.covariance))
-    assert std[0] > 0.5
-    assert std[2] < 0.01
-    assert std[3] < 0.02
-
-
-def test_one_axis_of_the_tag_filter_has_the_covariance_of_the_readable_reference() -> None:
-    config = TagFilterConfig()
-    follower = tag_filter()
-    axis = AxisCovariance(0.03**2, 0.0, 0.1**2)
-    for k in range(50):
-        axis = axis.predict(0.1, config.acceleration_density)
-        seen = k % 3 == 0
-        look(follower, TagPose((0.001 * k, 0.0, 0.5), 0.0) if seen else None)
-        if seen:
-            axis = axis.measure_position(config.tag_std_m**2)
-    P = follower.covariance
-    assert [P[0, 0], P[0, 4], P[4, 4]] == pytest.approx(
-        [axis.position, axis.cross, axis.velocity], rel=1e-9
-    )
-
-
-def reckoning(steady_std_m_s: float = 0.0, speed_error_m_s: float = 0.0) -> DeadReckoning:
-    config = DeadReckoningConfig(
-        current=CurrentConfig(steady_std_m_s=steady_std_m_s, steady_correlation_s=1e7),
-        speed_error_m_s=speed_error_m_s,
-    )
-    return DeadReckoning(ESTIMATOR, config, (0.0, 0.0), 0.0)
-
-
-def test_reckoned_uncertainty_is_the_displacement_of_the_eddies_whatever_the_step() -> None:
-    t, tau, s = 60.0, 3.0, ESTIMATOR.drift_m_sqrt_s
-    exact = s * math.sqrt(t - tau * (1.0 - math.exp(-t / tau)))
-    for steps in (15, 600, 60_000):
-        follower = reckoning()
-        for _ in range(steps):
-            follower.step(t / steps, (0.1, 0.0))
-        assert follower.position_std_m == pytest.approx(exact, rel=1e-5)
-        assert follower.position_ne == pytest.approx((6.0, 0.0))
-
-
-def test_a_steady_current_makes_the_uncertainty_grow_with_time_itself() -> None:
-    follower = reckoning(steady_std_m_s=0.1)
-    for _ in range(2000):
-        follower.step(0.1, (0.0, 0.0))
-    assert follower.position_std_m == pytest.approx(0.1 * 200.0, rel=0.01)
-
-
-def test_a_fix_ends_the_uncertainty_of_the_position_but_not_of_the_current() -> None:
-    follower = reckoning(steady_std_m_s=0.1)
-    for _ in range(200):
-        follower.step(0.1, (0.0, 0.0))
-    follower.step(0.1, (0.0, 0.0), (3.0, 1.0))
-    assert follower.position_ne == pytest.approx((3.0, 1.0), abs=0.01)
-    assert follower.position_std_m == pytest.approx(ESTIMATOR.fix_std_m, rel=0.01)
-    for _ in range(200):
-        follower.step(0.1, (0.0, 0.0))
-    assert follower.position_std_m == pytest.approx(2.0, rel=0.02)
-
-
-def test_after_a_long_silence_the_robot_may_be_anywhere_in_reach() -> None:
-    follower = reckoning()
-    follower.step(605.0, (0.1, 0.0))
-    assert follower.position_ne[0] == pytest.approx(0.5)
-    assert follower.position_std_m > 0.25 * 600.0 - 1.0
 
 
 def model_filter(config: ModelFilterConfig | None = None, depth_m: float = 1.0) -> ModelFilter:
@@ -316,12 +181,12 @@ nonsense = st.sampled_from([math.nan, math.inf, -math.inf])
 @settings(max_examples=40, deadline=None)
 @given(bad=nonsense, place=st.integers(0, 6))
 def test_nothing_that_is_no_number_enters_a_filter(bad: float, place: int) -> None:
-    model, tags, reckoned = model_filter(), tag_filter(), reckoning()
+    model = model_filter()
     attitude = AttitudeFilter(LEVEL, LEVEL)
     good = [0.1, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0]
     numbers = [*good[:place], bad, *good[place + 1 :]]
     dt_s, depth, roll, rate, mass, north, east = numbers
-    before = (model.covariance, tags.covariance, reckoned.covariance)
+    before = model.covariance
     with pytest.raises(ValueError, match="finite"):
         model.step(
             dt_s,
@@ -333,21 +198,10 @@ def test_nothing_that_is_no_number_enters_a_filter(bad: float, place: int) -> No
             depth_m=depth,
             fix_ne=(north, east),
         )
-    with pytest.raises(ValueError, match="finite"):
-        tags.step(
-            dt_s,
-            depth_m=depth,
-            attitude_rad=(roll, 0.0, mass),
-            gyro_rad_s=(rate, 0.0, 0.0),
-            poses=[TagPose((north, east, 0.5), 0.0)],
-        )
-    with pytest.raises(ValueError, match="finite"):
-        reckoned.step(dt_s, (depth, roll + rate + mass), (north, east))
     if place in (0, 2, 3):
         with pytest.raises(ValueError, match="finite"):
             attitude.step(dt_s, (roll, 0.0, 0.0), (rate, 0.0, 0.0))
-    after = (model.covariance, tags.covariance, reckoned.covariance)
-    assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
+    assert np.array_equal(model.covariance, before)
 
 
 @pytest.mark.parametrize("dt_s", [0.0, -0.1])
@@ -355,19 +209,11 @@ def test_time_that_does_not_pass_is_refused(dt_s: float) -> None:
     with pytest.raises(ValueError, match="dt > 0"):
         drift_by(model_filter(), dt_s=dt_s)
     with pytest.raises(ValueError, match="dt > 0"):
-        tag_filter().step(dt_s, depth_m=0.0, attitude_rad=LEVEL, gyro_rad_s=LEVEL)
-    with pytest.raises(ValueError, match="dt > 0"):
-        reckoning().step(dt_s, (0.0, 0.0))
-    with pytest.raises(ValueError, match="dt > 0"):
         AttitudeFilter(LEVEL, LEVEL).step(dt_s, LEVEL, LEVEL)
 
 
 def test_no_filter_begins_where_nobody_knows() -> None:
     nowhere = (math.nan, 0.0)
-    with pytest.raises(ValueError, match="finite"):
-        DeadReckoning(ESTIMATOR, DeadReckoningConfig(), nowhere, 1.0)
-    with pytest.raises(ValueError, match="finite"):
-        TagFilter(TagFilterConfig(), TagPose((*nowhere, 0.0), 0.0), 1.0, 1.0)
     with pytest.raises(ValueError, match="finite"):
         ModelFilter(
             ESTIMATOR,

@@ -13,7 +13,7 @@ from autonomy.arrays import BoolArray, FloatArray
 from autonomy.estimation.attitude import CORRECTION_S, RATE_SMOOTHING_S
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.surroundings import Surroundings
-from reproduction.estimation.trial_flight_kernel import drift, fly, follow_attitude
+from benchmarks.estimation_trial.trial_flight_kernel import drift, fly, follow_attitude
 
 PERIOD_S = 0.1
 """Time between two readings."""

@@ -8,14 +8,10 @@ from autonomy.arrays import BoolArray, FloatArray
 from autonomy.compiled import kernel
 from autonomy.estimation.kernel import (
     down_in_body,
-    fix_reckoning,
     horizontal_velocity,
-    measure_tag,
-    reckon,
     step_attitude,
     step_observer,
     step_position,
-    step_tags,
 )
 from autonomy.estimation.model_kernel import (
     BIAS,
@@ -28,6 +24,8 @@ from autonomy.estimation.model_kernel import (
     predict,
 )
 from autonomy.vehicle.extended_kernel import advance
+from benchmarks.estimation_trial.dead_reckoning import fix_reckoning, reckon
+from benchmarks.estimation_trial.tag_filter import measure_tag, step_tags
 
 
 @kernel

@@ -8,10 +8,8 @@ import numpy as np
 from autonomy.arrays import BoolArray, FloatArray
 from autonomy.estimation import model_kernel
 from autonomy.estimation.config import (
-    DeadReckoningConfig,
     EstimatorConfig,
     ModelFilterConfig,
-    TagFilterConfig,
 )
 from autonomy.estimation.kernel import turn
 from autonomy.estimation.model_filter import LONGEST_STEP_S as MODEL_STEP_S
@@ -21,10 +19,10 @@ from autonomy.estimation.velocity_observer import LONGEST_STEP_S, observer_gains
 from autonomy.frames import wrap_angle
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.surroundings import Surroundings
-from reproduction.estimation import trial_flight_kernel
-from reproduction.estimation.dead_reckoning import velocity_errors
-from reproduction.estimation.tag_filter import tag_noise
-from reproduction.estimation.trial_flight import PERIOD_S, Flight
+from benchmarks.estimation_trial import trial_flight_kernel
+from benchmarks.estimation_trial.dead_reckoning import DeadReckoningConfig, velocity_errors
+from benchmarks.estimation_trial.tag_filter import TagFilterConfig, tag_noise
+from benchmarks.estimation_trial.trial_flight import PERIOD_S, Flight
 
 
 @dataclass(frozen=True, slots=True)
