@@ -15,7 +15,7 @@ from db.engine import write_engine as open_write_engine
 from db.fault import StoreUnavailableError
 from db.ingest import Telemetry, append_telemetry
 from db.migrate import migrate
-from db.writer import FaultListener, Writer
+from db.writer import ChangeListener, FaultListener, Writer
 
 T = TypeVar("T")
 CLOSE_TIMEOUT_S = 10.0
@@ -33,7 +33,7 @@ class Store:
         self._write_engine = write_engine
         self._read_engine = read_engine
         self._listeners: list[FaultListener] = []
-        self._changed: list[Callable[[], object]] = []
+        self._changed: list[ChangeListener] = []
         self._writer = Writer(write_engine, append_telemetry, self._tell, self._tell_change)
         self._readers = ThreadPoolExecutor(READERS, thread_name_prefix="db-reader")
 
@@ -83,8 +83,12 @@ class Store:
         self._listeners.append(listener)
 
     @contextmanager
-    def listening(self, listener: Callable[[], object]) -> Generator[None]:
-        """Call ``listener`` on the writer's thread after each change that was committed."""
+    def listening(self, listener: ChangeListener) -> Generator[None]:
+        """Call ``listener`` on the writer's thread after each change that was committed.
+
+        It is given what the change left with ``tell_after_commit``, before whoever asked for the
+        change goes on.
+        """
         self._changed.append(listener)
         try:
             yield
@@ -144,9 +148,9 @@ class Store:
         self._read_engine.dispose()
         self._write_engine.dispose()
 
-    def _tell_change(self) -> None:
+    def _tell_change(self, events: Sequence[object]) -> None:
         for listener in list(self._changed):
-            listener()
+            listener(events)
 
     def _tell(self, fault: str | None) -> None:
         for listener in list(self._listeners):

@@ -20,12 +20,25 @@ from db.fault import BufferFullError, StoreClosedError, StoreUnavailableError
 T = TypeVar("T")
 Append = Callable[[Session, Sequence[Any]], None]
 FaultListener = Callable[[str | None], None]
+ChangeListener = Callable[[Sequence[object]], object]
 
 BATCH_PERIOD_S = 0.05
 RETRY_PERIOD_S = 0.5
 BUFFERED_ROWS_MAX = 200_000
 
+_EVENTS = "events of the transaction"
+
 logger = logging.getLogger(__name__)
+
+
+def tell_after_commit(session: Session, event: object, about: str) -> None:
+    """Have an event handed to the listeners once a session's change is committed, never else.
+
+    A later event of the same type about the same thing takes its place.
+    """
+    events: dict[tuple[type, str], object] = session.info.setdefault(_EVENTS, {})
+    events.pop((type(event), about), None)
+    events[type(event), about] = event
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +62,7 @@ class Writer:
     """
 
     def __init__(
-        self, engine: Engine, append: Append, on_fault: FaultListener, on_change: Callable[[], None]
+        self, engine: Engine, append: Append, on_fault: FaultListener, on_change: ChangeListener
     ) -> None:
         self._engine = engine
         self._append = append
@@ -177,14 +190,21 @@ class Writer:
         if not item.future.set_running_or_notify_cancel():
             return
         try:
-            result = self._commit(item.function)
+            result, events = self._commit(item.function)
         except BaseException as error:  # noqa: BLE001 - the error belongs to whoever asked
             item.future.set_exception(error)
         else:
+            self._tell(events)
             item.future.set_result(result)
-            self._on_change()
 
-    def _commit(self, function: Callable[[Session], T]) -> T:
+    def _tell(self, events: Sequence[object]) -> None:
+        try:
+            self._on_change(events)
+        except Exception:
+            logger.exception("a listener for changes failed")
+
+    def _commit(self, function: Callable[[Session], T]) -> tuple[T, Sequence[object]]:
+        """Return what a function returns in a transaction, and the events that it left there."""
         try:
             with Session(self._engine, expire_on_commit=False) as session, session.begin():
                 result = function(session)
@@ -195,7 +215,7 @@ class Writer:
             raise StoreUnavailableError(fault_sentence(error)) from error
         self.commits += 1
         self._set_fault(None)
-        return result
+        return result, tuple(session.info.get(_EVENTS, {}).values())
 
     def _set_fault(self, fault: str | None) -> None:
         if fault == self.fault:

@@ -2,6 +2,9 @@
 
 A capability publishes what happened to what it owns, after the commit that made it true; others
 subscribe when they are installed. Nobody asks again and again for what could be told.
+
+Whoever changes the database leaves the event in the transaction (``db.writer.tell_after_commit``),
+so that it is told exactly if that is committed, whichever capability began it.
 """
 
 from collections import defaultdict
@@ -9,9 +12,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from sqlalchemy.orm import Session
+
 from db.query.alarms import AlarmRecord
 from db.query.events import EventRecord
 from db.query.jobs import JobRecord
+from db.writer import tell_after_commit
 
 E = TypeVar("E")
 
@@ -26,6 +32,7 @@ class EventBus:
 
     def __init__(self) -> None:
         self._handlers: dict[type, list[Callable[[Any], object]]] = defaultdict(list)
+        self._within: dict[type, list[Callable[[Session, Any], object]]] = defaultdict(list)
         self._waiting: list[object] = []
         self._is_publishing = False
 
@@ -33,9 +40,29 @@ class EventBus:
         """Have every event of exactly this type handed to a handler."""
         self._handlers[kind].append(handler)
 
-    def publish(self, event: object) -> None:
-        """Tell everyone who subscribed to the type of this event; call it after the commit."""
-        self._waiting.append(event)
+    def subscribe_within(self, kind: type[E], handler: Callable[[Session, E], object]) -> None:
+        """Have what follows from an event written with it, both or neither.
+
+        The handler runs on the writer's thread and touches nothing but the session; if it raises,
+        nothing is written.
+        """
+        self._within[kind].append(handler)
+
+    def write(self, session: Session, event: object, about: str) -> None:
+        """Write what follows from an event with it, and tell everyone else after the commit.
+
+        Args:
+            session: The transaction of the event.
+            event: What is true once that is committed.
+            about: A later event of its type about this takes its place.
+        """
+        for handler in self._within[type(event)]:
+            handler(session, event)
+        tell_after_commit(session, event, about)
+
+    def publish(self, *events: object) -> None:
+        """Tell everyone who subscribed to the types of these events; call it after the commit."""
+        self._waiting += events
         if self._is_publishing:
             return
         self._is_publishing = True

@@ -35,7 +35,7 @@ class EventLog:
     async def run(self) -> None:
         """Tell of each new event in order, until cancelled."""
         loop, changed = asyncio.get_running_loop(), asyncio.Event()
-        with self._store.listening(lambda: loop.call_soon_threadsafe(changed.set)):
+        with self._store.listening(lambda _: loop.call_soon_threadsafe(changed.set)):
             self.cursor = await self._end()
             self.is_known.set()
             while True:

@@ -2,7 +2,8 @@
 
 import asyncio
 import contextlib
-from contextlib import AsyncExitStack
+from collections.abc import Sequence
+from contextlib import AbstractContextManager, AsyncExitStack
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
@@ -95,6 +96,7 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
     store = await asyncio.to_thread(Store.open, settings.resolved_database_url)
     stack.push_async_callback(asyncio.to_thread, store.close)
     bus = EventBus()
+    stack.enter_context(_telling(store, bus))
     alarms = AlarmBoard(store, clock, bus)
     background = Background(lambda name, error: _part_failed(background, alarms, name, error))
     stack.push_async_callback(background.stop)
@@ -132,6 +134,17 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
         services=Services(),
         lifetime=lifetime,
     )
+
+
+def _telling(store: Store, bus: EventBus) -> AbstractContextManager[None]:
+    """Have the bus told, on this event loop, what each change left in its transaction."""
+    loop = asyncio.get_running_loop()
+
+    def tell(events: Sequence[object]) -> None:
+        if events:
+            loop.call_soon_threadsafe(bus.publish, *events)
+
+    return store.listening(tell)
 
 
 def _part_failed(

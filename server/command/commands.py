@@ -2,7 +2,7 @@
 
 import asyncio
 import logging
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 
@@ -26,7 +26,7 @@ from server.base.problem import conflict
 from server.base.retry_queue import RetryQueue
 from server.base.secret import SecretUnreadableError
 from server.command.satellite_row import CommandRows, add_rows, emergency_message
-from server.command.state import CommandChanged, apply
+from server.command.state import CommandChanged, SurfaceOrdered, apply
 from server.command.view import CommandView, command_view, waiting_view
 from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
@@ -53,8 +53,6 @@ _WRITE_PATIENCE_S = 0.1
 _EMERGENCY_NUMBERS = range(2**24 - 1, FIRST_EMERGENCY_NUMBER - 1, -1)
 """Numbers of emergencies, which are not written down; the counting ones never get here."""
 
-Purge = Callable[[Session, str, datetime, str], None]
-"""Withdraws, in the transaction of a command to surface, what was queued for a robot by itself."""
 Check = Callable[[Session], object]
 """Raises if what leads to a command holds no longer, for example because of one to surface."""
 
@@ -92,10 +90,6 @@ class Commands:
         self._queue = RetryQueue("command reports")
         self._emergency_numbers = iter(_EMERGENCY_NUMBERS)
         self._emergencies: dict[str, CommandRecord] = {}
-        self.purges: list[Purge] = []
-        """Called in the transaction of a command to surface."""
-        self.on_surface: list[Callable[[str], Awaitable[None]]] = []
-        """Awaited after a command to surface left, to stop what runs for that robot in memory."""
         satellite.kinds.register(CommandRows())
         self._bus.subscribe(OutboxChanged, self._row_changed)
 
@@ -161,9 +155,6 @@ class Commands:
             self._satellite.stir()
             if new.requested != "satellite":
                 self._send(command)
-        if kind is CommandKind.SURFACE:
-            for stop in self.on_surface:
-                await stop(robot)
         return command.id
 
     async def view(self, command: str) -> CommandView:
@@ -227,7 +218,7 @@ class Commands:
         """Write a command down with all that belongs to it, in one transaction."""
         robot, kind, at = new.robot, new.kind, new.at
         if kind is CommandKind.SURFACE:
-            self._purge(session, robot, at, new.by)
+            self._bus.write(session, _surface_ordered(robot, at, new.by), robot)
         command = query.add_command(
             session,
             robot,
@@ -291,8 +282,10 @@ class Commands:
             return await writing
         except StoreUnavailableError as error:
             log.critical("%s surfaces by a command that is not written down: %s", robot, error)
+            ordered = _surface_ordered(robot, at, by)
+            self._bus.publish(ordered)
             self._queue.add(
-                lambda: self._store.write(lambda session: self._purge(session, robot, at, by))
+                lambda: self._store.write(lambda session: self._bus.write(session, ordered, robot))
             )
             return emergency
 
@@ -311,10 +304,6 @@ class Commands:
                 self.take(CommandReport(RobotId(robot), emergency.number, queued, at, carrier))
 
             self._satellite.emergency.add(emergency_message(emergency, modem, key, taken))
-
-    def _purge(self, session: Session, robot: str, at: datetime, by: str) -> None:
-        for purge in self.purges:
-            purge(session, robot, at, f"{by} ordered {robot} to the surface.")
 
     def _emergency(self, robot: str, at: datetime, by: str) -> CommandRecord:
         """Return a command that lives in memory only: coming up must not wait for a disk."""
@@ -361,6 +350,10 @@ class Commands:
 
     async def _publish(self, command: str) -> None:
         self._bus.publish(CommandChanged(await self.view(command)))
+
+
+def _surface_ordered(robot: str, at: datetime, by: str) -> SurfaceOrdered:
+    return SurfaceOrdered(robot, at, f"{by} ordered {robot} to the surface.")
 
 
 def _emergency_id(number: CommandNumber) -> str:

@@ -41,6 +41,19 @@ class CommandChanged:
     command: CommandView
 
 
+@dataclass(frozen=True, slots=True)
+class SurfaceOrdered:
+    """A robot was told to surface: the station has nothing more for it by itself.
+
+    What was queued for it is withdrawn in the transaction of the command
+    (``EventBus.subscribe_within``), what runs for it in memory is stopped after the commit.
+    """
+
+    robot: str
+    at: datetime
+    reason: str
+
+
 def apply(
     session: Session,
     command: str,

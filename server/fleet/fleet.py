@@ -104,8 +104,11 @@ class Fleet:
             self.touch(robot)
 
     def set_clock_fault(self, robot: str, fault: ClockFault | None) -> None:
-        """Say what is wrong with a robot's clock; whoever reads it is told with the next report."""
-        self._statuses[robot].clock_fault = fault
+        """Say what is wrong with a robot's clock."""
+        status = self._statuses[robot]
+        if status.clock_fault != fault:
+            status.clock_fault = fault
+            self.touch(robot)
 
     def count_refused(self, robot: str) -> None:
         """Count a value that was not believed."""

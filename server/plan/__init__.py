@@ -1,5 +1,5 @@
 """Plans: made, checked, flown ahead, and moved from state to state.
 
 One module moves a plan's state, by one table: ``server.plan.state``. The bus is told
-``PlanChanged`` and ``PlanOutdated``.
+``PlanChanged``, ``PlanSeen`` and ``PlanOutdated``.
 """

@@ -1,7 +1,7 @@
 """Drafts: the mission that a trajectory becomes, and what speaks against flying it now."""
 
 from collections.abc import Sequence
-from datetime import datetime
+from datetime import datetime, timedelta
 
 from autonomy.configuration import Configuration
 from autonomy.field.config import FieldConfig
@@ -115,6 +115,20 @@ def outdated_by(status: RobotStatus, plan: PlanRecord, now: datetime) -> tuple[V
         (now - plan.created_at).total_seconds(),
     )
     return tuple(ViolationView(one.field, one.message) for one in found)
+
+
+def ages_at(plan: PlanRecord, now: datetime) -> datetime | None:
+    """Return when time alone changes what ``outdated_by`` says, ``None`` if it never does."""
+    if plan.state not in SENDABLE:
+        return None
+    if plan.kind == FOLLOW_TARGET:
+        limit_s: float = plan.document["draft_age_s"]
+    else:
+        limit_s = PlannerConfig.model_validate(plan.config).mission.draft_age_s
+    age_s = (now - plan.created_at).total_seconds()
+    said_min = round(age_s / 60.0)  # how old it is said to be once it is too old
+    next_s = limit_s if age_s <= limit_s else 60.0 * (said_min + 0.5)
+    return plan.created_at + timedelta(seconds=next_s, microseconds=1)
 
 
 def broken_off(plan: PlanRecord) -> tuple[ViolationView, ...]:

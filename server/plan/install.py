@@ -6,6 +6,7 @@ from autonomy.warm_up import search_step
 from server.base.foundation import Foundation
 from server.base.machine_code import MachineCode
 from server.base.worker import WORKER_FAILURES, WorkerPool
+from server.fleet.event import RobotReported
 from server.fleet.fleet import Fleet
 from server.link.event import PlanReported
 from server.plan import route
@@ -13,6 +14,7 @@ from server.plan.dry_run import DryRuns
 from server.plan.follow import PlanFollower
 from server.plan.ledger import PlanLedger
 from server.plan.planning import Planning
+from server.plan.state import PlanChanged, PlanSeen
 from server.plan.task import LOAD_PLANNER
 
 log = logging.getLogger(__name__)
@@ -25,11 +27,20 @@ def install(foundation: Foundation) -> None:
     services, workers = foundation.services, foundation.workers
     fleet = services.get(Fleet)
     machine_code = MachineCode(foundation.jobs)
-    ledger = services.add(PlanLedger(foundation, fleet, foundation.feed))
+    ledger = services.add(PlanLedger(foundation, fleet))
     planning = services.add(Planning(foundation, fleet, ledger, workers, machine_code))
     follower = PlanFollower(foundation.store, ledger)
 
-    foundation.bus.subscribe(PlanReported, lambda event: follower.take(event.report))
+    def show(event: PlanChanged | PlanSeen) -> None:
+        plan = event.plan
+        foundation.feed.put("plans", plan.id, lambda: ledger.live_view(plan), plan.robot)
+
+    bus = foundation.bus
+    bus.subscribe(PlanChanged, ledger.take)
+    bus.subscribe(PlanChanged, show)
+    bus.subscribe(PlanSeen, show)
+    bus.subscribe(RobotReported, lambda event: ledger.robot_changed(event.robot))
+    bus.subscribe(PlanReported, lambda event: follower.take(event.report))
     lifetime = foundation.lifetime
     lifetime.on_load(ledger.load)
     lifetime.on_stop(planning.stop)

@@ -1,6 +1,5 @@
-"""The plans of the fleet: what is committed about one is told to everyone who watches."""
+"""The plans of the fleet: kept, and what of them is in memory only."""
 
-import asyncio
 import math
 from collections.abc import Mapping
 from contextlib import suppress
@@ -12,16 +11,17 @@ from sqlalchemy.orm import Session
 from db.query import plans as query
 from db.query.plans import PlanRecord, PlanStateError
 from server.base.foundation import Foundation
-from server.base.live_feed import LiveFeed
+from server.base.wakeups import Wakeups
 from server.fleet.fleet import Fleet
 from server.fleet.status import PlanInHand
 from server.plan.document import legs_of, live_plan_view, plan_view, points_of
-from server.plan.drafting import outdated_by
-from server.plan.state import ON_THE_WAY, PlanChanged, PlanEvidence, apply, begin
+from server.plan.drafting import SENDABLE, ages_at, outdated_by
+from server.plan.state import ON_THE_WAY, PlanChanged, PlanEvidence, PlanSeen, apply, begin, note
 from server.plan.survey_round import AHEAD_OF
-from server.plan.view import PlanView, ProgressView, TransferView, ViolationView
+from server.plan.view import LivePlanView, PlanView, ProgressView, TransferView, ViolationView
 
-_LOOK_S = 1.0
+_REST_S = 1.0
+"""Wall time between two looks at whether plans that wait still fit robots that keep reporting."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,30 +34,33 @@ class PlanOutdated:
 class PlanLedger:
     """Keeps plans, and what of them is in memory only. Belongs to one event loop."""
 
-    def __init__(self, foundation: Foundation, fleet: Fleet, feed: LiveFeed) -> None:
+    def __init__(self, foundation: Foundation, fleet: Fleet) -> None:
         self._store = foundation.store
         self._clock = foundation.clock
         self._bus = foundation.bus
         self._fleet = fleet
-        self._feed = feed
         self._progress: dict[str, ProgressView] = {}
         self._transfers: dict[str, TransferView] = {}
         self._said_outdated: dict[str, tuple[ViolationView, ...]] = {}
+        self._looks = Wakeups(foundation.clock, _REST_S)
 
     async def load(self) -> None:
-        """Show the plan of each robot that concerns the operator now."""
+        """Take up the plan of each robot that concerns the operator now."""
         for status in list(self._fleet.statuses):
             robot = status.record.id
             plans = await self._store.query(
                 lambda session, robot=robot: query.list_plans(session, robot=robot, limit=20)
             )
             for plan in reversed(plans):
-                self._show(plan)
+                self._take_in_hand(plan)
+                self._bus.publish(PlanSeen(plan))
 
-    async def refresh(self, robot: str) -> None:
-        """Show again the plans of a robot that were changed in someone else's transaction."""
-        for plan in await self.of_robot(robot, ("draft", "sent", "on_board", "running")):
-            self._show(plan)
+    def take(self, event: PlanChanged) -> None:
+        """Take that a plan was changed in the database, in whosever transaction."""
+        plan = event.plan
+        if plan.state != "planning":
+            self._progress.pop(plan.id, None)
+        self._take_in_hand(plan)
 
     async def add(
         self,
@@ -88,9 +91,7 @@ class PlanLedger:
             )
             return begin(session, plan, known, at)
 
-        record = await self._store.write(write)
-        self.publish(record)
-        return record
+        return await self._store.write(write)
 
     async def move(
         self,
@@ -106,11 +107,9 @@ class PlanLedger:
             UnknownIdError: If there is no such plan.
         """
         at = self._clock.now()
-        record = await self._store.write(
+        return await self._store.write(
             lambda session: apply(session, plan, evidence, text, at, document=document)
         )
-        self.publish(record)
-        return record
 
     async def note(
         self,
@@ -127,13 +126,9 @@ class PlanLedger:
             UnknownIdError: If there is no such plan.
         """
         at = self._clock.now()
-        record = await self._store.write(
-            lambda session: query.change_plan(
-                session, plan, at=at, only_from=only_from, sha256=sha256, document=document
-            )
+        return await self._store.write(
+            lambda session: note(session, plan, document, at, only_from=only_from, sha256=sha256)
         )
-        self.publish(record)
-        return record
 
     async def is_taken(self, plan: PlanRecord, sha256: str) -> bool:
         """Tell whether another plan of the robot has this name."""
@@ -160,20 +155,14 @@ class PlanLedger:
         """
         at = self._clock.now()
 
-        def write(session: Session) -> list[PlanRecord]:
-            changed: list[PlanRecord] = []
+        def write(session: Session) -> PlanRecord:
             if replaces is not None:
                 ended = f"{plan} took the place of {replaces}."
                 why = {"message": ended}
-                replaced = PlanEvidence.REPLACED
-                changed.append(apply(session, replaces, replaced, ended, at, document=why))
-            made = apply(session, plan, PlanEvidence.MADE, text, at, document=document)
-            return [*changed, made]
+                apply(session, replaces, PlanEvidence.REPLACED, ended, at, document=why)
+            return apply(session, plan, PlanEvidence.MADE, text, at, document=document)
 
-        changed = await self._store.write(write)
-        for record in changed:
-            self.publish(record)
-        return changed[-1]
+        return await self._store.write(write)
 
     async def advance(
         self,
@@ -206,44 +195,54 @@ class PlanLedger:
         progress, outdated = self._progress.get(plan.id), self._outdated(plan)
         return plan_view(plan, progress, status.plan_report, outdated)
 
+    def live_view(self, plan: PlanRecord) -> LivePlanView:
+        """Return what the live stream says of a plan."""
+        report = self._fleet.status(plan.robot).plan_report
+        progress, outdated = self._progress.get(plan.id), self._outdated(plan)
+        view = live_plan_view(plan, progress, report, outdated)
+        return replace(view, transfer=self._transfers.get(plan.id))
+
     def set_progress(self, plan: PlanRecord, progress: ProgressView | None) -> None:
         """Say how far planning is; ``None`` when it has ended."""
         if progress is None:
             self._progress.pop(plan.id, None)
         else:
             self._progress[plan.id] = progress
-        self._offer(plan)
+        self._bus.publish(PlanSeen(plan))
 
     def set_transfer(self, plan: PlanRecord, transfer: TransferView) -> None:
         """Say how far a plan is on its way."""
         if self._transfers.get(plan.id) != transfer:
             self._transfers[plan.id] = transfer
-            self._offer(plan)
-
-    def publish(self, plan: PlanRecord) -> None:
-        """Tell everyone about a plan that was changed in the database."""
-        if plan.state != "planning":
-            self._progress.pop(plan.id, None)
-        self._show(plan)
-        self._bus.publish(PlanChanged(plan))
+            self._bus.publish(PlanSeen(plan))
 
     def robot_said_more(self, robot: str) -> None:
-        """Tell the live stream that a robot got further with the plan on board."""
+        """Take that a robot got further with the plan on board."""
         hand = self._fleet.status(robot).plan
         if hand is not None:
-            self._offer(hand.record)
+            self._bus.publish(PlanSeen(hand.record))
+
+    def robot_changed(self, robot: str) -> None:
+        """Take that a robot may have moved away from where its plan begins."""
+        hand = self._fleet.status(robot).plan
+        if hand is not None and (hand.state in SENDABLE or robot in self._said_outdated):
+            self._looks.wake(robot)
 
     async def watch_drafts(self) -> None:
         """Tell everyone when a plan that waits no longer fits its robot, until cancelled."""
         while True:
-            for status in list(self._fleet.statuses):
-                robot, hand = status.record.id, status.plan
-                outdated = () if hand is None else self._outdated(hand.record)
-                if hand is not None and self._said_outdated.get(robot, ()) != outdated:
-                    self._said_outdated[robot] = outdated
-                    self._offer(hand.record)
-                    self._bus.publish(PlanOutdated(robot))
-            await asyncio.sleep(_LOOK_S)
+            for robot in await self._looks.next():
+                hand = self._fleet.status(robot).plan
+                if hand is not None:
+                    self._look_at(robot, hand.record)
+
+    def _look_at(self, robot: str, plan: PlanRecord) -> None:
+        outdated = self._outdated(plan)
+        self._looks.set_due(robot, ages_at(plan, self._clock.now()))
+        if self._said_outdated.pop(robot, ()) != outdated:
+            self._bus.publish(PlanSeen(plan), PlanOutdated(robot))
+        if outdated:
+            self._said_outdated[robot] = outdated
 
     def _outdated(self, plan: PlanRecord) -> tuple[ViolationView, ...]:
         """Return why a plan that waits no longer fits its robot.
@@ -260,17 +259,7 @@ class PlanLedger:
             return ()
         return outdated_by(status, plan, self._clock.now())
 
-    def _offer(self, plan: PlanRecord) -> None:
-        def value() -> object:
-            report = self._fleet.status(plan.robot).plan_report
-            progress, outdated = self._progress.get(plan.id), self._outdated(plan)
-            view = live_plan_view(plan, progress, report, outdated)
-            return replace(view, transfer=self._transfers.get(plan.id))
-
-        self._feed.put("plans", plan.id, value, plan.robot)
-
-    def _show(self, plan: PlanRecord) -> None:
-        self._offer(plan)
+    def _take_in_hand(self, plan: PlanRecord) -> None:
         hand = self._fleet.status(plan.robot).plan
         if (
             hand is None

@@ -22,7 +22,7 @@ on_board, running               robot holds none     failed      plan.failed
 
 Evidence that a state does not list changes nothing: reports may be missed, but never lead back.
 Radio, satellite, robots' reports, planning and persons all hand theirs to ``apply``, which writes
-state and event in their transaction; whoever committed that publishes ``PlanChanged``.
+state and event in their transaction. Once that is committed the bus is told ``PlanChanged``.
 """
 
 from collections.abc import Mapping
@@ -36,6 +36,7 @@ from sqlalchemy.orm import Session
 from db.query import plans as query
 from db.query.events import add_event
 from db.query.plans import PlanRecord, PlanStateError
+from db.writer import tell_after_commit
 from server.base.transition_table import transitions
 
 ON_THE_WAY = ("sent", "on_board", "running")
@@ -76,7 +77,17 @@ TRANSITIONS = transitions(__doc__, PlanEvidence)
 
 @dataclass(frozen=True, slots=True)
 class PlanChanged:
-    """A plan was added, moved or written more about; published after the commit."""
+    """A plan was added, moved or written more about; told once for each commit, after it."""
+
+    plan: PlanRecord
+
+
+@dataclass(frozen=True, slots=True)
+class PlanSeen:
+    """More is known of a plan in which nothing was written.
+
+    How far planning or a transfer is, what its robot says of it, or whether it still fits that.
+    """
 
     plan: PlanRecord
 
@@ -88,9 +99,32 @@ def leads_on(state: str, evidence: PlanEvidence) -> bool:
 
 def begin(session: Session, plan: str, document: Mapping[str, Any], at: datetime) -> PlanRecord:
     """Write down what is known of a plan that was added, and that it is about to be made."""
-    record = query.change_plan(session, plan, at=at, document=document)
-    _note(session, record, "plan.planning", f"Planning {plan} for {record.robot}.", at)
+    record = note(session, plan, document, at)
+    _log(session, record, "plan.planning", f"Planning {plan} for {record.robot}.", at)
     return record
+
+
+def note(
+    session: Session,
+    plan: str,
+    document: Mapping[str, Any],
+    at: datetime,
+    *,
+    only_from: tuple[str, ...] | None = None,
+    sha256: str | None = None,
+) -> PlanRecord:
+    """Write down more about a plan whose state does not change.
+
+    Raises:
+        PlanStateError: If it is not in one of ``only_from``; nothing is changed.
+        UnknownIdError: If there is no such plan.
+    """
+    return _told(
+        session,
+        query.change_plan(
+            session, plan, at=at, only_from=only_from, sha256=sha256, document=document
+        ),
+    )
 
 
 def apply(
@@ -125,11 +159,16 @@ def apply(
     record = query.change_plan(
         session, plan, at=at, state=step.state, sha256=sha256, document=document
     )
-    _note(session, record, step.event, text, at)
-    return record
+    _log(session, record, step.event, text, at)
+    return _told(session, record)
 
 
-def _note(session: Session, plan: PlanRecord, event: str, text: str, at: datetime) -> None:
+def _told(session: Session, plan: PlanRecord) -> PlanRecord:
+    tell_after_commit(session, PlanChanged(plan), plan.id)
+    return plan
+
+
+def _log(session: Session, plan: PlanRecord, event: str, text: str, at: datetime) -> None:
     add_event(
         session,
         at,

@@ -1,4 +1,4 @@
 """Missions of several rounds, which plan, fly and map until their budget is spent.
 
-Publishes nothing.
+The bus is told ``MissionChanged``.
 """

@@ -1,19 +1,20 @@
 """Puts the capability together."""
 
 from server.base.foundation import Foundation
-from server.command.commands import Commands
+from server.command.state import SurfaceOrdered
 from server.fleet.fleet import Fleet
 from server.link.event import PlanReported
 from server.map.field_maps import FieldMaps
 from server.plan.ledger import PlanLedger, PlanOutdated
 from server.plan.planning import Planning
+from server.plan.state import PlanChanged
 from server.survey import mission_route, plan_route, route
 from server.survey.fleet_survey import FleetSurveys
 from server.survey.map_quality import SurveyMaps
-from server.survey.mission_ledger import MissionLedger
+from server.survey.mission_ledger import MissionChanged, MissionLedger
 from server.survey.plan_choice import PlanChoices
 from server.survey.step import SurveySteps
-from server.survey.surveys import Surveys, purge_in
+from server.survey.surveys import Surveys, stop_for
 from server.transfer.transfers import Transfers
 
 ROUTERS = (mission_route.router, route.router, plan_route.router)
@@ -24,11 +25,7 @@ def install(foundation: Foundation) -> None:
     services, bus = foundation.services, foundation.bus
     fleet, plans = services.get(Fleet), services.get(PlanLedger)
     planning, transfers = services.get(Planning), services.get(Transfers)
-    commands = services.get(Commands)
-    missions = MissionLedger(
-        foundation.store, foundation.clock, foundation.alarms, fleet, foundation.feed
-    )
-    services.add(missions)
+    missions = services.add(MissionLedger(foundation, fleet))
     services.add(PlanChoices(foundation, fleet, plans, missions, planning))
     quality = SurveyMaps(
         foundation,
@@ -42,10 +39,9 @@ def install(foundation: Foundation) -> None:
     surveys = services.add(Surveys(foundation, missions, planning, transfers, steps))
     services.add(FleetSurveys(fleet, surveys))
 
-    async def show(robot: str) -> None:
-        mission = fleet.status(robot).mission_id
-        if mission is not None:
-            await missions.show(mission)
+    def show(event: MissionChanged) -> None:
+        mission = event.mission
+        foundation.feed.put("missions", mission, lambda: missions.live_view(mission), event.robot)
 
     def plan_reported(event: PlanReported) -> None:
         missions.robot_said_more(event.report.robot)
@@ -53,9 +49,12 @@ def install(foundation: Foundation) -> None:
 
     bus.subscribe(PlanReported, plan_reported)
     bus.subscribe(PlanOutdated, lambda event: missions.robot_said_more(event.robot))
-    commands.purges.append(purge_in)
-    commands.on_surface.append(show)
+    bus.subscribe(PlanChanged, missions.plan_changed)
+    bus.subscribe(MissionChanged, show)
+    bus.subscribe_within(SurfaceOrdered, stop_for)
+    bus.subscribe(SurfaceOrdered, missions.surface_ordered)
     foundation.lifetime.on_load(missions.load)
     foundation.lifetime.on_stop(surveys.stop_all)
     foundation.lifetime.on_start(surveys.resume)
+    foundation.lifetime.run("missions", missions.run)
     foundation.lifetime.run("surveys", surveys.run)

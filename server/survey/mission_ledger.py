@@ -1,23 +1,27 @@
 """Every change of a mission, and what it looks like: its rounds are its plans."""
 
+import asyncio
+import logging
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Any
 
 from sqlalchemy.orm import Session
 
 from autonomy.planner.config import PlannerConfig, exploitation_at
+from db.fault import StoreError
 from db.query import missions as query
 from db.query.events import add_event
 from db.query.missions import MissionRecord
 from db.query.plans import PlanRecord, list_plans
-from db.store import Store
-from robot_link.clock import Clock
-from server.base.alarm_board import AlarmBoard
-from server.base.live_feed import LiveFeed
+from server.base.foundation import Foundation
+from server.base.retry_queue import until_stored
+from server.command.state import SurfaceOrdered
 from server.fleet.fleet import Fleet
 from server.map.view import ScoresView
 from server.plan.document import onboard_view
 from server.plan.drafting import outdated_by
+from server.plan.state import PlanChanged
 from server.plan.survey_round import counted, planned_energy, survey_status
 from server.survey.view import (
     BudgetView,
@@ -33,29 +37,60 @@ ENDED = ("done", "failed", "stopped")
 _LEVELS = {"failed": "warning", "stopped": "watch"}
 _KEPT_IN_MEMORY = 50
 
+log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True)
+class MissionChanged:
+    """More is known of a mission: of itself, its plans or what they took; told after the commit."""
+
+    mission: str
+    robot: str
+
 
 class MissionLedger:
-    """Changes missions and shows them. Belongs to one event loop."""
+    """Changes missions and keeps what is known of them. Belongs to one event loop."""
 
-    def __init__(
-        self, store: Store, clock: Clock, alarms: AlarmBoard, fleet: Fleet, feed: LiveFeed
-    ) -> None:
-        self._store = store
-        self._alarms = alarms
-        self._clock = clock
+    def __init__(self, foundation: Foundation, fleet: Fleet) -> None:
+        self._store = foundation.store
+        self._alarms = foundation.alarms
+        self._clock = foundation.clock
+        self._bus = foundation.bus
         self._fleet = fleet
-        self._feed = feed
         self._known: dict[str, tuple[MissionRecord, list[PlanRecord]]] = {}
+        self._changed: dict[str, None] = {}
+        """Missions that were changed with something else, in order."""
+        self._has_changed = asyncio.Event()
+
+    async def run(self) -> None:
+        """Read again what was changed with something else, until cancelled."""
+        while True:
+            await self._has_changed.wait()
+            self._has_changed.clear()
+            changed, self._changed = self._changed, {}
+            for mission in changed:
+                await self._read_again(mission)
+
+    def plan_changed(self, event: PlanChanged) -> None:
+        """Take that a plan was changed, which may be a round of a mission."""
+        if event.plan.mission is not None:
+            self._note_change(event.plan.mission)
+
+    def surface_ordered(self, event: SurfaceOrdered) -> None:
+        """Take that a robot's missions were stopped."""
+        mission = self._fleet.status(event.robot).mission_id
+        if mission is not None:
+            self._note_change(mission)
 
     async def load(self) -> None:
-        """Show the newest mission of each robot."""
+        """Take up the newest mission of each robot."""
         for status in list(self._fleet.statuses):
             robot = status.record.id
             missions = await self._store.query(
                 lambda session, robot=robot: query.list_missions(session, robot=robot, limit=1)
             )
             for mission in missions:
-                await self.show(mission.id)
+                await self._read(mission.id)
 
     async def add(
         self,
@@ -87,7 +122,7 @@ class MissionLedger:
             return mission
 
         mission = await self._store.write(write)
-        await self.show(mission)
+        await self._read(mission)
         await self._alarms.clear(GIVEN_UP, robot=robot)
         return mission
 
@@ -133,7 +168,7 @@ class MissionLedger:
         await self._store.write(
             lambda session: query.change_mission(session, mission, document=document)
         )
-        await self.show(mission)
+        await self._read(mission)
 
     async def get(self, mission: str) -> MissionRecord:
         """Return a mission.
@@ -170,8 +205,32 @@ class MissionLedger:
         )
         return [self._view(mission, await self.plans(mission.id)) for mission in missions]
 
-    async def show(self, mission: str) -> None:
-        """Tell everyone about a mission that changed."""
+    def live_view(self, mission: str) -> LiveMissionView:
+        """Return what the live stream says of a mission that is in memory."""
+        record, plans = self._known[mission]
+        plan_id, ahead = _plan_ids(plans)
+        return LiveMissionView(
+            state=record.state,
+            automation=record.automation,
+            budget=self._budget(record, plans),
+            plan_id=plan_id,
+            map_std=record.document.get("map_std"),
+            ahead=ahead,
+            message=self._message(record, plans),
+        )
+
+    def _note_change(self, mission: str) -> None:
+        self._changed[mission] = None
+        self._has_changed.set()
+
+    async def _read_again(self, mission: str) -> None:
+        try:
+            await until_stored(mission, lambda: self._read(mission))
+        except StoreError as error:
+            log.warning("%s is not read again: %s", mission, error)
+
+    async def _read(self, mission: str) -> None:
+        """Read a mission and its plans after a change, and tell of it."""
         record, plans = await self.get(mission), await self.plans(mission)
         self._known.pop(mission, None)
         self._known[mission] = (record, plans)
@@ -180,13 +239,13 @@ class MissionLedger:
         shown = self._fleet.status(record.robot).mission_id
         if shown is None or shown == mission or not self._is_newer(shown, record):
             self._fleet.set_mission(record.robot, mission)
-        self._offer(mission)
+        self._bus.publish(MissionChanged(mission, record.robot))
 
     def robot_said_more(self, robot: str) -> None:
-        """Tell the live stream that a robot spent more of its mission's budget."""
+        """Take that a robot spent more of its mission's budget, or left where that begins."""
         mission = self._fleet.status(robot).mission_id
-        if mission in self._known:
-            self._offer(mission)
+        if mission is not None and mission in self._known:
+            self._bus.publish(MissionChanged(mission, robot))
 
     def spent(self, robot: str, plans: list[PlanRecord]) -> float:
         """Return the energy that a robot reported for a mission's plans."""
@@ -227,7 +286,7 @@ class MissionLedger:
             return True
 
         is_changed = await self._store.write(write)
-        await self.show(mission)
+        await self._read(mission)
         if is_changed and level is None:
             robot = self._known[mission][0].robot
             await self._alarms.clear(GIVEN_UP, robot=robot)
@@ -236,22 +295,6 @@ class MissionLedger:
     def _is_newer(self, shown: str, record: MissionRecord) -> bool:
         known = self._known.get(shown)
         return known is not None and known[0].created_at > record.created_at
-
-    def _offer(self, mission: str) -> None:
-        def value() -> LiveMissionView:
-            record, plans = self._known[mission]
-            plan_id, ahead = _plan_ids(plans)
-            return LiveMissionView(
-                state=record.state,
-                automation=record.automation,
-                budget=self._budget(record, plans),
-                plan_id=plan_id,
-                map_std=record.document.get("map_std"),
-                ahead=ahead,
-                message=self._message(record, plans),
-            )
-
-        self._feed.put("missions", mission, value, self._known[mission][0].robot)
 
     def _budget(self, record: MissionRecord, plans: list[PlanRecord]) -> BudgetView:
         config, spent = record.config, self.spent(record.robot, plans)

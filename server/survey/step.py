@@ -68,7 +68,6 @@ class SurveySteps:
             Problem: If it cannot go on; the sentence says why.
         """
         record, plans = await self._missions.get(mission), await self._missions.plans(mission)
-        await self._missions.show(mission)
         survey = survey_status(plans)
         if record.state in ENDED:
             if survey is not None and survey.plan.state in ENDED_BADLY:

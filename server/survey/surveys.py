@@ -8,7 +8,6 @@ on from what robot and database say.
 import asyncio
 import logging
 from collections.abc import Mapping, Sequence
-from datetime import datetime
 from typing import Any
 
 from sqlalchemy.orm import Session
@@ -19,6 +18,7 @@ from db.query.missions import change_mission, list_missions
 from db.query.plans import PlanRecord
 from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict
+from server.command.state import SurfaceOrdered
 from server.plan.planning import Planning
 from server.plan.search_request import SearchRequest
 from server.plan.state import ON_THE_WAY, PlanChanged
@@ -288,8 +288,9 @@ class Surveys:
                 return
 
 
-def purge_in(session: Session, robot: str, at: datetime, reason: str) -> None:
-    """End the automation of a robot's missions, in the transaction of a surface order."""
+def stop_for(session: Session, event: SurfaceOrdered) -> None:
+    """End the automation of a robot's missions, in the transaction of a command to surface."""
+    robot, reason = event.robot, event.reason
     for mission in list_missions(session, robot=robot):
         if mission.automation or mission.state in _UNDER_WAY:
             change_mission(
@@ -301,7 +302,7 @@ def purge_in(session: Session, robot: str, at: datetime, reason: str) -> None:
             )
             add_event(
                 session,
-                at,
+                event.at,
                 "mission.stopped",
                 f"{mission.id} of {robot}: {reason}",
                 level="watch",

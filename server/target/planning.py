@@ -161,9 +161,7 @@ class TargetPlanning:
                 document={**document, **mission_document(named)},
             )
 
-        record = await self._foundation.store.write(write)
-        self._ledger.publish(record)
-        return record
+        return await self._foundation.store.write(write)
 
 
 def mission_document(mission: Mission) -> dict[str, Any]:

@@ -2,6 +2,7 @@
 
 from server.base.foundation import Foundation
 from server.command.commands import Commands
+from server.command.state import SurfaceOrdered
 from server.fleet.event import RobotReported
 from server.fleet.fleet import Fleet
 from server.link.event import UploadReported
@@ -10,7 +11,7 @@ from server.plan.ledger import PlanLedger
 from server.satellite.satellite import Satellite
 from server.transfer import route
 from server.transfer.machine import TransferServices
-from server.transfer.state import TransferChanged
+from server.transfer.state import TransferChanged, withdraw_for
 from server.transfer.transfers import Transfers
 
 ROUTERS = (route.router,)
@@ -33,6 +34,8 @@ def install(foundation: Foundation) -> None:
         view = event.transfer
         feed.put("transfers", view.id, lambda: view, view.robot)
 
+    bus.subscribe_within(SurfaceOrdered, withdraw_for)
+    bus.subscribe(SurfaceOrdered, lambda event: transfers.stop_for(event.robot))
     bus.subscribe(UploadReported, lambda event: transfers.take_upload(event.report))
     bus.subscribe(RobotReported, lambda event: transfers.robot_changed(event.robot))
     bus.subscribe(TransferChanged, show)

@@ -412,20 +412,16 @@ class TransferMachine:
 
     async def _move(self, evidence: TransferEvidence, text: str, **changes: object) -> None:
         at = self._clock.now()
-        plan = await self._store.write(
+        await self._store.write(
             lambda session: apply(session, self.transfer.id, evidence, at, text, **changes)
         )
-        if plan is not None:
-            self._ledger.publish(plan)
         self._on_change(self.transfer.id)
 
     async def _give_up(self, reason: str) -> None:
         at, failed = self._clock.now(), TransferEvidence.FAILED
-        record = await self._store.write(
+        await self._store.write(
             lambda session: close(session, self.transfer.id, failed, reason, at, calls_back=True)
         )
-        if record is not None:
-            self._ledger.publish(record)
         self._on_change(self.transfer.id)
 
 

@@ -28,9 +28,10 @@ from sqlalchemy.orm import Session
 
 from db.query import transfers as query
 from db.query.outbox import outbox_of_transfer
-from db.query.plans import PlanRecord, change_plan, get_plan
+from db.query.plans import get_plan
 from db.query.transfers import TransferRecord
 from server.base.transition_table import transitions
+from server.command.state import SurfaceOrdered
 from server.plan import state as plan_state
 from server.plan.state import PlanEvidence, leads_on
 from server.plan.view import TransferView
@@ -106,7 +107,7 @@ def apply(
     at: datetime,
     text: str = "",
     **changes: object,
-) -> PlanRecord | None:
+) -> None:
     """Move an open transfer as the table says, and its plan by what that proves of it.
 
     Args:
@@ -117,31 +118,28 @@ def apply(
         text: What the event of the plan says.
         **changes: What else is new of the transfer.
 
-    Returns:
-        The plan, if it moved.
-
     Raises:
         WithdrawnError: If someone ended the transfer; nothing is changed.
     """
     before = check_open(session, transfer)
     step = TRANSITIONS.get((before.state, evidence))
     if step is None:
-        return None
+        return
     if step.event == "ends":
         changes["ended_at"] = at
     query.change_transfer(session, transfer, state=step.state, **changes)
     proved = _OF_PLAN.get(evidence)
-    if proved is None or not leads_on(get_plan(session, before.plan).state, proved):
-        return None
-    return plan_state.apply(session, before.plan, proved, text, at)
+    if proved is not None and leads_on(get_plan(session, before.plan).state, proved):
+        plan_state.apply(session, before.plan, proved, text, at)
 
 
-def withdraw_in(session: Session, robot: str, at: datetime, reason: str) -> None:
+def withdraw_for(session: Session, event: SurfaceOrdered) -> None:
     """Withdraw the transfers to a robot, in the transaction of a command to surface.
 
     Where that goes by satellite too, it does itself what the word that calls back does.
     """
-    close_all(session, robot, TransferEvidence.WITHDRAWN, reason, at, calls_back=True)
+    withdrawn = TransferEvidence.WITHDRAWN
+    close_all(session, event.robot, withdrawn, event.reason, event.at, calls_back=True)
 
 
 def close_all(
@@ -167,7 +165,7 @@ def close(
     at: datetime,
     *,
     calls_back: bool,
-) -> PlanRecord | None:
+) -> None:
     """End a transfer that is open before its time; a plan that had not arrived is a draft again.
 
     Args:
@@ -180,16 +178,17 @@ def close(
     """
     before = query.get_transfer(session, transfer)
     if before.ended_at is not None:
-        return None
+        return
     apply(session, transfer, evidence, at, reason=reason)
     end_by_satellite(session, transfer, evidence.value, reason, at, calls_back=calls_back)
     ended = PlanEvidence.TRANSFER_ENDED
     if not leads_on(get_plan(session, before.plan).state, ended):
-        return change_plan(session, before.plan, at=at, document={"message": reason})
+        plan_state.note(session, before.plan, {"message": reason}, at)
+        return
     message = f"Not confirmed on board: {reason}"
     text = f"{before.plan} is a draft again. {message}"
     document = {"message": message}
-    return plan_state.apply(session, before.plan, ended, text, at, document=document)
+    plan_state.apply(session, before.plan, ended, text, at, document=document)
 
 
 def finish(session: Session, transfer: str, at: datetime) -> None:

@@ -37,7 +37,6 @@ from server.transfer.state import (
     TransferEvidence,
     TransferFailed,
     close_all,
-    withdraw_in,
 )
 from server.transfer.view import transfer_of_plan, transfer_view
 from server.transfer.withdrawal_row import WithdrawalRows, begin_withdrawal
@@ -79,8 +78,6 @@ class Transfers:
         self._changed: dict[str, None] = {}
         """Transfers that are to be shown, in order."""
         self._has_changed = asyncio.Event()
-        services.commands.purges.append(withdraw_in)
-        services.commands.on_surface.append(self._stop_for)
         services.satellite.kinds.register(PlanRows(begin_withdrawal))
         services.satellite.kinds.register(WithdrawalRows())
         self._bus.subscribe(OutboxChanged, self._row_changed)
@@ -257,7 +254,9 @@ class Transfers:
         await self._store.write(
             lambda session: close_all(session, robot, evidence, reason, at, calls_back=calls_back)
         )
-        await self._stop_for(robot)
+        ending = self.stop_for(robot)
+        if ending is not None:
+            await asyncio.wait([ending])
         self._satellite.stir()
 
     async def _new_transfer(
@@ -388,14 +387,14 @@ class Transfers:
             del self._machines[transfer.robot]
         self._note_change(transfer.id)
 
-    async def _stop_for(self, robot: str) -> None:
-        machine = self._machines.get(robot)
+    def stop_for(self, robot: str) -> asyncio.Task[None] | None:
+        """Let go of the transfer to a robot that has ended otherwise; return what is ending."""
+        machine = self._machines.pop(robot, None)
         task = None if machine is None else self._tasks.get(machine.transfer.id)
         if task is not None:
             task.cancel()
             self._services.radio.cancel_upload(RobotId(robot), "it was withdrawn")
-            await asyncio.wait([task])
-        await self._ledger.refresh(robot)
+        return task
 
 
 def _check_sendable(

@@ -205,10 +205,10 @@ async def test_withdrawn_upload_says_nothing_more_of_its_plan(client, station, w
 async def test_nothing_is_started_after_a_surface_order_whatever_was_on_its_way(
     client, station, world, workers, monkeypatch
 ):
-    async def too_late(robot):
+    def too_late(robot):
         """The transfer's task is not stopped: only the database can hold it back."""
 
-    monkeypatch.setattr(station.commands, "on_surface", [too_late])
+    monkeypatch.setattr(station.transfers, "stop_for", too_late)
     world.may_upload.clear()
     mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
     await until(lambda: world.uploads)

@@ -26,6 +26,7 @@ from server.base.problem import Problem
 from server.link import radios
 from server.link.radios import Radios
 from server.plan.document import mission_of
+from server.plan.state import PlanChanged
 from tests.server.conftest import MINI, robot_record, until
 from tests.server.fake_link import World, state_report
 from tests.server.transfer.test_upload import draft, plan_in, transfer_in, upload
@@ -320,3 +321,16 @@ async def test_plan_brings_its_controller_on_board_and_one_stored_before_keeps_i
     before = mission_of(replace(record, document=older | {"format": 2}))
     version, numbers, _ = cbor2.loads(before.canonical_bytes())
     assert (version, len(numbers), before.onboard) == (2, 7, None)
+
+
+async def test_plan_that_another_transaction_moves_is_told_once(client, station, world):
+    world.may_upload.clear()
+    plan = await draft(client)
+    await upload(client, plan)
+    await until(lambda: world.uploads)
+    await plan_in(client, plan, "sent")
+    told = []
+    station.foundation.bus.subscribe(PlanChanged, lambda event: told.append(event.plan))
+    await station.commands.send(MINI, CommandKind.SURFACE, by="test")
+    assert [(one.id, one.state) for one in told] == [(plan, "draft")]
+    assert station.fleet.status(MINI).plan.state == "draft"
