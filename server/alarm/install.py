@@ -3,14 +3,20 @@
 from server.alarm import route
 from server.alarm.rules import watch_fleet
 from server.base.foundation import Foundation
+from server.base.wakeups import Wakeups
+from server.fleet.event import RobotReported
 from server.fleet.fleet import Fleet
 
 ROUTERS = (route.router,)
+REST_S = 0.25
+"""Wall time between two looks at robots that report all the time."""
 
 
 def install(foundation: Foundation) -> None:
-    """Let every rule look at every robot."""
-    fleet = foundation.services.get(Fleet)
+    """Let every rule look at each robot whose status changed."""
+    fleet, clock = foundation.services.get(Fleet), foundation.clock
+    looks = Wakeups(clock, REST_S)
+    foundation.bus.subscribe(RobotReported, lambda event: looks.wake(event.robot))
     foundation.lifetime.run(
-        "alarm rules", lambda: watch_fleet(fleet, foundation.alarms, foundation.clock)
+        "alarm rules", lambda: watch_fleet(fleet, foundation.alarms, clock, looks)
     )

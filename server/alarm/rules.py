@@ -1,6 +1,8 @@
-"""What deserves an alarm: a table of rules, looked at once a second."""
+"""What deserves an alarm: a table of rules, asked when a robot's status changes.
 
-import asyncio
+Some alarms are about time that passes: ``Watch.is_past`` notes when a rule is to be asked next.
+"""
+
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime, timedelta
@@ -9,12 +11,12 @@ from autonomy.tracking.phase import TargetPhase
 from robot_link.clock import Clock
 from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState
 from server.base.alarm_board import AlarmBoard
+from server.base.wakeups import Wakeups
 from server.fleet.fleet import Fleet
 from server.fleet.status import RobotStatus
 from server.fleet.target_words import search_text
 from server.fleet.words import clock_time
 
-PERIOD_S = 1.0
 _BATTERY_WARNING, _BATTERY_CRITICAL = 0.20, 0.10
 _LOST = timedelta(seconds=15)
 """A link that is silent this long, by the wall, is lost."""
@@ -29,15 +31,24 @@ class Verdict:
     text: str
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Watch:
-    """The moment at which a rule is asked."""
+    """The moment at which the rules are asked about a robot."""
 
     now: datetime
     since: datetime
     """When the watch began; silence before that is nobody's fault."""
     speed: float
     """Seconds of the robots' clock per second of the wall."""
+    due: datetime | None = None
+    """The next moment at which time alone may change an answer."""
+
+    def is_past(self, moment: datetime) -> bool:
+        """Tell whether a moment has come; if not, the rules are asked again when it does."""
+        if self.now >= moment:
+            return True
+        self.due = moment if self.due is None else min(self.due, moment)
+        return False
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,13 +102,9 @@ def _overdue(status: RobotStatus, watch: Watch) -> Verdict | None:
     due = status.next_surfacing()
     if due is None or status.link_state is not LinkState.SUBMERGED:
         return None
-    late = watch.now - due
-    if late < _OVERDUE_WATCH:
+    if not watch.is_past(due + _OVERDUE_WATCH):
         return None
-    level = "critical" if late >= _OVERDUE_CRITICAL else "watch"
-    minutes = int(late.total_seconds() // 60)
-    robot = status.record.id
-    return Verdict(level, f"{robot} was to surface at {clock_time(due)}, {minutes} min ago.")
+    return _late(watch, due, f"{status.record.id} was to surface at")
 
 
 def _contact(status: RobotStatus, watch: Watch) -> Verdict | None:
@@ -105,13 +112,17 @@ def _contact(status: RobotStatus, watch: Watch) -> Verdict | None:
     due = None if status.satellite is None else status.satellite.next_session_at
     if due is None or status.link_state in (LinkState.SUBMERGED, LinkState.DISABLED):
         return None
-    late = watch.now - due
-    if late < _OVERDUE_WATCH or _is_early(watch, watch.since):
+    if not watch.is_past(due + _OVERDUE_WATCH) or _is_early(watch, watch.since):
         return None
-    level = "critical" if late >= _OVERDUE_CRITICAL else "watch"
-    minutes = int(late.total_seconds() // 60)
-    robot = status.record.id
-    return Verdict(level, f"{robot} was to call at {clock_time(due)}, {minutes} min ago.")
+    return _late(watch, due, f"{status.record.id} was to call at")
+
+
+def _late(watch: Watch, due: datetime, text: str) -> Verdict:
+    """Judge what is overdue, and say since when in whole minutes."""
+    minutes = int((watch.now - due).total_seconds() // 60)
+    watch.is_past(due + timedelta(minutes=minutes + 1))
+    level = "critical" if watch.is_past(due + _OVERDUE_CRITICAL) else "watch"
+    return Verdict(level, f"{text} {clock_time(due)}, {minutes} min ago.")
 
 
 def _budget(status: RobotStatus, watch: Watch) -> Verdict | None:
@@ -176,7 +187,7 @@ def _target_over(status: RobotStatus) -> str:
 
 def _is_early(watch: Watch, begin: datetime) -> bool:
     """Tell whether something that began then may still come right by itself."""
-    return watch.now - begin < _LOST * max(1.0, watch.speed)
+    return not watch.is_past(begin + _LOST * max(1.0, watch.speed))
 
 
 RULES: tuple[Rule, ...] = (
@@ -195,18 +206,31 @@ RULES: tuple[Rule, ...] = (
 """Every cause of alarm about a robot."""
 
 
-async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock) -> None:
-    """Raise and clear alarms until cancelled."""
+async def watch_fleet(fleet: Fleet, alarms: AlarmBoard, clock: Clock, looks: Wakeups) -> None:
+    """Raise and clear alarms until cancelled.
+
+    Args:
+        fleet: The robots.
+        alarms: Where alarms are raised.
+        clock: The robots' clock.
+        looks: Names each robot whose status changed.
+    """
     since = clock.now()
+    for status in list(fleet.statuses):
+        looks.wake(status.record.id)
     while True:
-        watch = Watch(clock.now(), since, clock.speed)
-        for status in list(fleet.statuses):
-            robot = status.record.id
-            for rule in RULES:
-                verdict = rule.judge(status, watch)
-                if verdict is None:
-                    over = "" if rule.over is None else rule.over(status)
-                    await alarms.clear(rule.cause, robot=robot, text=over)
-                else:
-                    await alarms.raise_(rule.cause, verdict.text, level=verdict.level, robot=robot)
-        await asyncio.sleep(PERIOD_S)
+        for robot in await looks.next():
+            watch = Watch(clock.now(), since, clock.speed)
+            await _judge(fleet.status(robot), alarms, watch)
+            looks.set_due(robot, watch.due)
+
+
+async def _judge(status: RobotStatus, alarms: AlarmBoard, watch: Watch) -> None:
+    robot = status.record.id
+    for rule in RULES:
+        verdict = rule.judge(status, watch)
+        if verdict is None:
+            over = "" if rule.over is None else rule.over(status)
+            await alarms.clear(rule.cause, robot=robot, text=over)
+        else:
+            await alarms.raise_(rule.cause, verdict.text, level=verdict.level, robot=robot)
