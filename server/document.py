@@ -12,9 +12,10 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import JsonSchemaMode
 
 from server.base.view import View
+from server.command.view import CommandView
 from server.fleet.view import LiveRobotView
 from server.map.view import LearnedView
-from server.plan.view import LivePlanView
+from server.plan.view import LivePlanView, TransferView
 from server.recording.intake import ImportRefusal, ImportResult
 from server.study.view import TrimAdviceView
 from server.survey.view import LiveMissionView
@@ -59,6 +60,11 @@ class LiveBatchView(View):
     plans: dict[str, LivePlanView]
     missions: dict[str, LiveMissionView]
     jobs: dict[str, JobView]
+    commands: dict[str, CommandView]
+    transfers: dict[str, TransferView]
+    changed: dict[str, int]
+    """Resources that REST describes anew, as ``name`` or ``name/robot``, each with a revision that
+    grows with every change while the station runs: read again what you show of them."""
 
 
 class DocumentedApp(FastAPI):

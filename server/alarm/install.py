@@ -2,6 +2,7 @@
 
 from server.alarm import route
 from server.alarm.rules import watch_fleet
+from server.base.event_bus import AlarmChanged
 from server.base.foundation import Foundation
 from server.base.wakeups import Wakeups
 from server.fleet.event import RobotReported
@@ -13,10 +14,11 @@ REST_S = 0.25
 
 
 def install(foundation: Foundation) -> None:
-    """Let every rule look at each robot whose status changed."""
+    """Let every rule look at each robot whose status changed, and tell of every alarm."""
     fleet, clock = foundation.services.get(Fleet), foundation.clock
     looks = Wakeups(clock, REST_S)
     foundation.bus.subscribe(RobotReported, lambda event: looks.wake(event.robot))
     foundation.lifetime.run(
         "alarm rules", lambda: watch_fleet(fleet, foundation.alarms, clock, looks)
     )
+    foundation.bus.subscribe(AlarmChanged, lambda _: foundation.feed.mark("alarms"))

@@ -4,6 +4,9 @@ Two kinds of news travel in it. *Parts* (a robot's gauges, a plan's progress) ar
 client gets the newest value of what changed since its own last batch, so a slow client conflates
 and nothing piles up for it. *Events* are never skipped: a client holds a cursor, and what is no
 longer in memory for it comes from the database.
+
+What is too large for the stream, or wanted by few, is read by REST. The section ``changed`` tells
+when to read it again, so that nobody has to poll.
 """
 
 import asyncio
@@ -23,13 +26,17 @@ from server.base.event_bus import EventLogged
 from server.base.event_log import EventLog
 
 TICK_S = 0.1
+"""Batches go out no faster, but for what a person waits for."""
 QUIET_S = 1.0
 """A batch goes out this often even when nothing changed, so that a dead road is noticed."""
 EVENTS_IN_MEMORY = 1000
 EVENTS_PER_BATCH = 500
 PARTS_PER_SECTION = 100
-SECTIONS = ("robots", "plans", "missions", "jobs", "commands", "transfers")
+CHANGED = "changed"
+SECTIONS = ("robots", "plans", "missions", "jobs", "commands", "transfers", CHANGED)
 """What the stream carries; a capability puts into its own."""
+_PROMPT = ("commands", "transfers", "plans")
+"""Sections that are told at once: somebody is looking at what becomes of a wish."""
 
 Value = Callable[[], object]
 Send = Callable[[str], Awaitable[None]]
@@ -86,6 +93,8 @@ class LiveFeed:
         self._ticks = 0
         self._tick = asyncio.Event()
         self._news = asyncio.Event()
+        self._hurry = asyncio.Event()
+        self._revisions = itertools.count(1)
         self._closed = False
         self._batches: dict[tuple[int, int, frozenset[str] | None], str] = {}
 
@@ -102,20 +111,27 @@ class LiveFeed:
             part.is_due = True
             self._due.append(part)
             self._news.set()
-        if len(parts) > PARTS_PER_SECTION:
+        if section in _PROMPT:
+            self._hurry.set()
+        if len(parts) > PARTS_PER_SECTION and section != CHANGED:
             del parts[next(iter(parts))]
 
+    def mark(self, resource: str, robot: str | None = None) -> None:
+        """Tell that what REST says of a resource, or of one robot's, is not what it said before."""
+        revision = next(self._revisions)
+        key = resource if robot is None else f"{resource}/{robot}"
+        self.put(CHANGED, key, lambda: revision, robot)
+
     async def run(self) -> None:
-        """Tick when there is news, at most once in ``TICK_S``, until cancelled."""
+        """Tick when there is news, mostly at most once in ``TICK_S``, until cancelled."""
         await self._log.is_known.wait()
         self._cursor = self._forgotten = max(self._cursor, self._log.cursor)
         while True:
             self._news.clear()
+            self._hurry.clear()
             self._advance()
-            await asyncio.sleep(TICK_S)
-            with contextlib.suppress(TimeoutError):
-                async with asyncio.timeout(QUIET_S - TICK_S):
-                    await self._news.wait()
+            await _set_within(self._hurry, TICK_S)
+            await _set_within(self._news, QUIET_S - TICK_S)
 
     async def follow(self, send: Send, robots: frozenset[str] | None, after: int | None) -> None:
         """Send batches to one client until the feed closes or ``send`` fails.
@@ -214,6 +230,12 @@ class LiveFeed:
                 and reader.wants(part.robot)
             }
         return _encoder.encode(batch).decode()
+
+
+async def _set_within(event: asyncio.Event, limit_s: float) -> None:
+    with contextlib.suppress(TimeoutError):
+        async with asyncio.timeout(limit_s):
+            await event.wait()
 
 
 def _happening(event: EventRecord) -> _Happening:

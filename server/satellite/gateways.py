@@ -56,6 +56,11 @@ KeepMessage = Callable[[MobileOriginated], Awaitable[bool]]
 """Keeps a message for good and returns whether it is new."""
 
 
+@dataclass(frozen=True, slots=True)
+class GatewayChanged:
+    """An account was changed, a door opened or closed, or a gateway delivered something."""
+
+
 @dataclass(slots=True)
 class Traffic:
     """What came in from one gateway since the station started."""
@@ -128,6 +133,7 @@ class Gateways:
         if kind == "directip" and self._listening is not None and confirmed != account.confirms:
             await self._stop_listening()
             await self.start()
+        self._changed()
 
     async def send(
         self,
@@ -172,11 +178,13 @@ class Gateways:
             await self._tell_of_stranger(message)
         else:
             traffic.duplicate += 1
+        self._changed()
         return is_new
 
     async def refuse(self, kind: GatewayKind, reason: str, sentence: str | None = None) -> None:
         """Count a push that was refused, and tell of it in the log, though not of each."""
         self.traffic[kind].refused[reason] += 1
+        self._changed()
         now_s = monotonic_s()
         told_s = self._told.get((kind, reason))
         if sentence is None or (told_s is not None and now_s - told_s < _TELL_AGAIN_S):
@@ -184,6 +192,9 @@ class Gateways:
         self._told[kind, reason] = now_s
         text = f"A push of {GATEWAY_TITLES[kind]} was refused: {sentence}"
         await self._tell("gateway.refused", text, {"gateway": kind, "reason": reason}, "warning")
+
+    def _changed(self) -> None:
+        self._foundation.bus.publish(GatewayChanged())
 
     async def _client(self, carrier: str) -> SatelliteGateway:
         if carrier not in GATEWAY_TITLES:
@@ -276,17 +287,20 @@ class Gateways:
                 await self._attempt(alarms.raise_(_DOOR, text, level="warning"))
             await asyncio.sleep(_LISTEN_AGAIN_S)
         self._listener = listener
+        self._changed()
         try:
             await self._attempt(alarms.clear(_DOOR))
             await asyncio.Event().wait()
         finally:
             self._listener = None
+            self._changed()
             await listener.stop()
 
     async def _take_delivery(self, message: MobileOriginated) -> None:
         """Take a message of the DirectIP port, at which anybody may knock."""
         if not self.limits["directip"].admits():
             self.traffic["directip"].refused["too_often"] += 1
+            self._changed()
             raise HeldBackError("Messages come too often.")
         await self.take(message)
 

@@ -9,8 +9,8 @@ from server.fleet.event import LinkSwitched
 from server.fleet.fleet import Fleet
 from server.link.ingest import Ingest
 from server.satellite import gateway_route, route
-from server.satellite.gateways import Gateways, KeepMessage
-from server.satellite.satellite import Satellite
+from server.satellite.gateways import GatewayChanged, Gateways, KeepMessage
+from server.satellite.satellite import MessageArrived, OutboxChanged, Satellite
 
 ROUTERS = (gateway_route.router, route.router)
 
@@ -39,7 +39,11 @@ def install(foundation: Foundation, make_gateways: GatewayFactory) -> None:
     )
     services.add(satellite)
 
-    foundation.bus.subscribe(LinkSwitched, lambda _: satellite.follow_switch())
+    bus, feed = foundation.bus, foundation.feed
+    bus.subscribe(LinkSwitched, lambda _: satellite.follow_switch())
+    bus.subscribe(OutboxChanged, lambda event: feed.mark("satellite", event.row.robot))
+    bus.subscribe(MessageArrived, lambda event: feed.mark("satellite", event.robot))
+    bus.subscribe(GatewayChanged, lambda _: feed.mark("gateways"))
     foundation.lifetime.on_load(satellite.load)
     foundation.lifetime.run("satellite", satellite.run)
     foundation.lifetime.on_start(gateways.start)

@@ -44,6 +44,13 @@ class OutboxChanged:
     row: OutboxRecord
 
 
+@dataclass(frozen=True, slots=True)
+class MessageArrived:
+    """A gateway delivered a robot's message, or delivered it again; it is kept."""
+
+    robot: str
+
+
 class Satellite:
     """What is sent and heard by satellite. Belongs to one event loop.
 
@@ -145,6 +152,8 @@ class Satellite:
         except SecretUnreadableError as error:
             raise HeldBackError(sentence(error)) from error
         arrival = await self.inbox.take(message, modem, key)
+        if modem is not None:
+            self._bus.publish(MessageArrived(modem.robot))
         if arrival.is_new and modem is not None:
             settings, is_bad = self.settings(modem.robot), bool(arrival.reading.fault)
             self._hearing.note(modem, message, settings, is_bad=is_bad)

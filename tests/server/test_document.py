@@ -6,6 +6,7 @@ from typing import Any
 import pytest
 
 from server.app import create_app
+from server.base.live_feed import SECTIONS
 from server.base.settings import Settings
 
 OPEN = {"EventData", "JsonSchema", "SettingsDocument", "SettingsPatch", "VehicleUpload"}
@@ -49,5 +50,5 @@ def test_a_free_object_is_noticed():
 
 def test_the_live_stream_is_described(document):
     batch = document["components"]["schemas"]["LiveBatchView"]
-    assert {"robots", "plans", "missions", "jobs", "events"} <= set(batch["required"])
+    assert {*SECTIONS, "events", "alarms"} <= set(batch["required"])
     assert "101" in document["paths"]["/api/live"]["get"]["responses"]

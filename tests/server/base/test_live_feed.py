@@ -255,3 +255,29 @@ async def test_running_job_is_shown_until_it_ends(feed, store):
     await client.until(lambda: client.last(job.id).get("state") == "done")
     assert client.last(job.id)["result"] == {"rows": 3}
     await jobs.stop()
+
+
+async def test_what_changed_is_marked_with_a_number_that_grows(feed):
+    client = Client(feed)
+    await client.until(lambda: client.batches)
+
+    def told(key):
+        return [batch["changed"][key] for batch in client.batches if key in batch["changed"]]
+
+    feed.mark("robots")
+    feed.mark("satellite", "mini-1")
+    await client.until(lambda: told("robots") and told("satellite/mini-1"))
+    feed.mark("satellite", "mini-1")
+    await client.until(lambda: len(told("satellite/mini-1")) == 2)
+    first, second = told("satellite/mini-1")
+    assert second > first
+    assert len(told("robots")) == 1
+
+
+async def test_client_that_comes_late_is_told_of_every_mark_however_many_there_are(feed):
+    for number in range(500):
+        feed.mark("drafts", f"robot-{number}")
+    await until(lambda: not feed._due)
+    client = Client(feed)
+    await client.until(lambda: client.batches)
+    assert len(client.batches[0]["changed"]) == 500

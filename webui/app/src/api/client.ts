@@ -176,9 +176,6 @@ export class Api {
   /** What sending a plan by satellite would take; nothing is sent. */
   quote = (plan: string) => told(this.#http.GET('/api/plans/{plan}/satellite', of({ plan })));
 
-  transfer = (transfer: string) =>
-    told(this.#http.GET('/api/transfers/{transfer}', of({ transfer })));
-
   withdraw = (transfer: string) =>
     done(this.#http.POST('/api/transfers/{transfer}/withdraw', of({ transfer })));
 

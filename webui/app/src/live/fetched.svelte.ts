@@ -1,4 +1,9 @@
+import { untrack } from 'svelte';
 import { sentence } from '../api/problem';
+
+/** What changes ten times a second is asked for this often. */
+const AGAIN_MS = 500;
+const RETRY_MS = 3000;
 
 /** Something that is read from the station as a whole, and read again when it may have changed. */
 export class Fetched<T> {
@@ -8,6 +13,10 @@ export class Fetched<T> {
   #undone = $state.raw('');
   readonly #read: () => Promise<T>;
   #asked = 0;
+  #isFollowed = false;
+  #isReading = false;
+  /** Whether it may have changed since it was asked for last. */
+  #isDue = false;
 
   /** Why it was not read, until it is, or why something was not done, until the next is. */
   readonly refusal = $derived(this.#undone || this.#unread);
@@ -42,13 +51,37 @@ export class Fetched<T> {
     return true;
   }
 
-  /** Read it now and every so often, until the returned function is called. */
-  every(ms: number): () => void {
-    void this.load();
-    const timer = setInterval(() => void this.load(), ms);
-    return () => {
-      clearInterval(timer);
-      this.#asked++;
-    };
+  /**
+   * Read it now, and again while that fails, until the returned function is called.
+   *
+   * For effects: one that also reads `Station.revision` reads again whenever something changed. A
+   * change that comes while an answer is under way is asked for a moment after it.
+   */
+  follow(): () => void {
+    this.#isFollowed = this.#isDue = true;
+    if (!this.#isReading) void untrack(() => this.#readWhileDue());
+    return () => (this.#isFollowed = false);
   }
+
+  async #readWhileDue(): Promise<void> {
+    this.#isReading = true;
+    while (this.#isFollowed) {
+      this.#isDue = false;
+      await this.load();
+      const restMs = this.#restMs();
+      if (restMs === null) break;
+      await pause(restMs);
+    }
+    this.#isReading = false;
+  }
+
+  /** How long to wait before it is read once more; `null` while there is no reason to. */
+  #restMs(): number | null {
+    if (this.#unread !== '') return RETRY_MS;
+    return this.#isDue ? AGAIN_MS : null;
+  }
+}
+
+function pause(ms: number): Promise<void> {
+  return new Promise((go) => setTimeout(go, ms));
 }

@@ -2,7 +2,9 @@ import { describe, expect, test, vi } from 'vitest';
 import { Problem, wholeSentence } from '../api/problem';
 import { Errand } from './errand.svelte';
 import { Fetched } from './fetched.svelte';
-import type { Station } from './station.svelte';
+import { JobWatch } from './job_watch.svelte';
+import type { BatchReader, Station } from './station.svelte';
+import type { Job, LiveBatch } from '../api/types';
 
 const REFUSED = new Problem(409, 'Refused', 'The radio is not live.');
 
@@ -34,12 +36,83 @@ describe('what is read from the station', () => {
     expect(await source.after(() => Promise.resolve())).toBe(true);
     expect(source.refusal).toBe('');
   });
+
+  test('is asked for once more when it changes while an answer is under way', async () => {
+    vi.useFakeTimers();
+    const answers: ((value: number) => void)[] = [];
+    const read = vi.fn(() => new Promise<number>((tell) => answers.push(tell)));
+    const source = new Fetched(read);
+    source.follow();
+    for (let change = 0; change < 10; change++) source.follow();
+    answers[0]?.(1);
+    await vi.advanceTimersByTimeAsync(5000);
+    expect(source.value).toBe(1);
+    answers[1]?.(2);
+    await vi.advanceTimersByTimeAsync(5000);
+    expect(source.value).toBe(2);
+    expect(read).toHaveBeenCalledTimes(2);
+    vi.useRealTimers();
+  });
+
+  test('is asked for again only while that fails, and while somebody looks', async () => {
+    vi.useFakeTimers();
+    const read = vi.fn().mockRejectedValueOnce(REFUSED).mockResolvedValueOnce(1);
+    const source = new Fetched<number>(read);
+    source.follow();
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(source.value).toBe(1);
+    expect(read).toHaveBeenCalledTimes(2);
+    read.mockRejectedValue(REFUSED);
+    const leave = source.follow();
+    await vi.advanceTimersByTimeAsync(1);
+    leave();
+    await vi.advanceTimersByTimeAsync(60_000);
+    expect(read).toHaveBeenCalledTimes(3);
+    vi.useRealTimers();
+  });
+});
+
+describe('a job', () => {
+  function followed() {
+    const readers = new Set<BatchReader>();
+    const onBatch = (reader: BatchReader) => {
+      readers.add(reader);
+      return () => readers.delete(reader);
+    };
+    const api = { job: vi.fn().mockResolvedValue({ id: 'job-1', state: 'running', progress: 0 }) };
+    const onend = vi.fn();
+    const watch = new JobWatch({ api, onBatch } as unknown as Station, onend);
+    watch.follow('job-1');
+    const tell = (jobs: Record<string, Partial<Job>>, isFirst = false) =>
+      readers.forEach((reader) => reader({ jobs } as unknown as LiveBatch, isFirst));
+    return { watch, api, onend, readers, tell };
+  }
+
+  test('is followed by the live stream, and let go when it ends', async () => {
+    const { watch, api, onend, readers, tell } = followed();
+    await vi.waitFor(() => expect(watch.isRunning).toBe(true));
+    tell({ 'job-1': { state: 'running', progress: 0.5 } });
+    expect(watch.job?.progress).toBe(0.5);
+    tell({ 'job-1': { state: 'done', progress: 1 } });
+    expect(onend).toHaveBeenCalledTimes(1);
+    expect(readers.size).toBe(0);
+    expect(api.job).toHaveBeenCalledTimes(1);
+  });
+
+  test('that the station forgot while it was not heard has ended', async () => {
+    const { watch, api, onend, tell } = followed();
+    await vi.waitFor(() => expect(watch.isRunning).toBe(true));
+    api.job.mockRejectedValue(new Problem(404, 'Unknown', 'There is no job-1.'));
+    tell({}, true);
+    await vi.waitFor(() => expect(onend).toHaveBeenCalledWith(null));
+  });
 });
 
 describe('an errand', () => {
   const station = (state: string, message: string) =>
     ({
       api: { job: () => Promise.resolve({ id: 'job-1', state, message }) },
+      onBatch: () => () => undefined,
     }) as unknown as Station;
 
   test('that is done tells what came of it', async () => {
@@ -59,7 +132,8 @@ describe('an errand', () => {
   test('that was begun before is picked up, with the time at which it ended', async () => {
     const ended_at = '2026-11-21T04:00:00Z';
     const job = { id: 'job-7', state: 'failed', message: 'The radio was lost.', ended_at };
-    const known = { api: { job: vi.fn().mockResolvedValue(job) } } as unknown as Station;
+    const api = { job: vi.fn().mockResolvedValue(job) };
+    const known = { api, onBatch: () => () => undefined } as unknown as Station;
     const errand = new Errand(known, () => 'Never.');
     errand.resume('job-7', '/flight.log');
     await vi.waitFor(() => expect(errand.outcome).toBe('The radio was lost.'));

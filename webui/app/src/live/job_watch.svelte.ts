@@ -2,18 +2,17 @@ import { Problem, sentence } from '../api/problem';
 import type { Job } from '../api/types';
 import type { Station } from './station.svelte';
 
-const ASK_EVERY_MS = 500;
 /** A station that was started again knows no job from before. */
 const GONE = 404;
 
-/** One job of the station, asked for again and again until it has ended or is forgotten. */
+/** One job of the station, followed until it has ended or is forgotten. */
 export class JobWatch {
   job = $state.raw<Job | null>(null);
   refusal = $state.raw('');
   readonly #station: Station;
   readonly #onend: (job: Job | null) => void;
   #id: string | null = null;
-  #timer: ReturnType<typeof setTimeout> | undefined;
+  #unfollow: (() => void) | undefined;
 
   constructor(station: Station, onend: (job: Job | null) => void) {
     this.#station = station;
@@ -26,11 +25,17 @@ export class JobWatch {
     if (id === this.#id) return;
     this.stop();
     this.#id = id;
-    if (id !== null) void this.#ask(id);
+    if (id === null) return;
+    this.#unfollow = this.#station.onBatch(({ jobs }, isFirst) => {
+      const told = jobs[id];
+      if (told) this.#take(told);
+      else if (isFirst) void this.#ask(id);
+    });
+    void this.#ask(id);
   }
 
   stop(): void {
-    clearTimeout(this.#timer);
+    this.#end();
     this.#id = null;
     this.job = null;
     this.refusal = '';
@@ -46,24 +51,32 @@ export class JobWatch {
     }
   }
 
+  #end(): void {
+    this.#unfollow?.();
+    this.#unfollow = undefined;
+  }
+
+  /** Ask once: it may have ended before it was followed, or while the stream was interrupted. */
   async #ask(id: string): Promise<void> {
+    const isAwaited = () => this.#id === id && this.#unfollow !== undefined;
     try {
       const job = await this.#station.api.job(id);
-      if (this.#id !== id) return;
-      this.job = job;
-      this.refusal = '';
-      if (!this.isRunning) {
-        this.#onend(job);
-        return;
-      }
+      if (isAwaited()) this.#take(job);
     } catch (error) {
-      if (this.#id !== id) return;
+      if (!isAwaited()) return;
       this.refusal = sentence(error);
       if (error instanceof Problem && error.status === GONE) {
+        this.#end();
         this.#onend(null);
-        return;
       }
     }
-    this.#timer = setTimeout(() => void this.#ask(id), ASK_EVERY_MS);
+  }
+
+  #take(job: Job): void {
+    this.job = job;
+    this.refusal = '';
+    if (job.state === 'queued' || job.state === 'running') return;
+    this.#end();
+    this.#onend(job);
   }
 }

@@ -1,8 +1,7 @@
 import { Problem, sentence } from '../api/problem';
-import type { Api } from '../api/client';
 import type { Command, CommandKind } from '../api/types';
+import type { Station } from './station.svelte';
 
-const ASK_EVERY_MS = 700;
 const KEY = 'grace.orders';
 
 /** One order to a robot as this browser follows it. */
@@ -18,17 +17,16 @@ export interface Order {
 /** The latest order to each robot, followed until its outcome is known; survives a reload. */
 export class Orders {
   byRobot = $state<Record<string, Order>>({});
-  readonly #api: Api;
-  #timer: ReturnType<typeof setInterval> | undefined;
+  readonly #station: Station;
 
-  constructor(api: Api) {
-    this.#api = api;
+  constructor(station: Station) {
+    this.#station = station;
   }
 
   async give(robot: string, kind: CommandKind): Promise<void> {
     this.byRobot[robot] = { robot, kind, command: null, refusal: null };
     try {
-      const { id } = await this.#api.command(robot, kind);
+      const { id } = await this.#station.api.command(robot, kind);
       await this.#ask(robot, kind, id);
     } catch (error) {
       this.byRobot[robot] = { robot, kind, command: null, refusal: refusalOf(error) };
@@ -46,23 +44,24 @@ export class Orders {
   follow(): () => void {
     for (const { robot, kind, id } of kept())
       void this.#ask(robot, kind, id).catch(() => undefined);
-    this.#timer = setInterval(() => this.#askOpen(), ASK_EVERY_MS);
-    return () => clearInterval(this.#timer);
-  }
-
-  #askOpen(): void {
-    for (const { robot, kind, command } of Object.values(this.byRobot)) {
-      if (command !== null && !isSettled(command)) {
-        void this.#ask(robot, kind, command.id).catch(() => undefined);
+    return this.#station.onBatch(({ commands }, isFirst) => {
+      for (const { robot, kind, command } of Object.values(this.byRobot)) {
+        if (command === null) continue;
+        const told = commands[command.id];
+        if (told) this.byRobot[robot] = { robot, kind, command: told, refusal: null };
+        else if (isFirst && !isSettled(command))
+          void this.#ask(robot, kind, command.id).catch(() => undefined);
       }
-    }
+    });
   }
 
   async #ask(robot: string, kind: CommandKind, id: string): Promise<void> {
-    const command = await this.#api.commandState(id);
+    const asked = await this.#station.api.commandState(id);
     const known = this.byRobot[robot]?.command;
-    if (known && known.id !== id && known.created_at > command.created_at) return;
-    this.byRobot[robot] = { robot, kind, command, refusal: null };
+    if (known && known.id !== id && known.created_at > asked.created_at) return;
+    const told = this.#station.commands[id];
+    const isOvertaken = told !== undefined && told.levels.length > asked.levels.length;
+    this.byRobot[robot] = { robot, kind, command: isOvertaken ? told : asked, refusal: null };
   }
 
   #keep(): void {

@@ -2,8 +2,6 @@ import type { RobotLink } from '../api/types';
 import { Fetched } from './fetched.svelte';
 import type { Station } from './station.svelte';
 
-const ASK_EVERY_MS = 5000;
-
 /** The links of a robot, as the live stream or else the station's answer tells them. */
 export class RobotLinks {
   readonly #station: Station;
@@ -28,7 +26,7 @@ export class RobotLinks {
 
   /** Keep them current until the returned function is called; for effects. */
   follow(): () => void {
-    return this.#asked.every(ASK_EVERY_MS);
+    return this.#asked.follow();
   }
 
   plug(uri: string, plugged: boolean): Promise<boolean> {

@@ -2,6 +2,7 @@ import { Api } from '../api/client';
 import { Problem, sentence } from '../api/problem';
 import type {
   Alarm,
+  Command,
   Health,
   Job,
   LiveRobot,
@@ -11,13 +12,13 @@ import type {
   Robot,
   Session,
   StationEvent,
+  Transfer,
 } from '../api/types';
 import { StationClock } from './clock';
 import { LiveSocket } from './socket';
 
 const KEPT_EVENTS = 400;
 const CLOCK_STEP_MS = 250;
-const ROBOTS_EVERY_MS = 10_000;
 const QUIET_S = 3;
 const RETRY_MS = 2000;
 
@@ -27,6 +28,9 @@ export class RobotLive {
   /** Local `performance.now()` of the report, from which its ages go on counting. */
   receivedAt = $state.raw(0);
 }
+
+/** Takes a batch of the live stream; `isFirst` of a connection, which tells all that is known. */
+export type BatchReader = (batch: LiveBatch, isFirst: boolean) => void;
 
 /** Everything the app knows of the station, kept current by the live stream. */
 export class Station {
@@ -43,7 +47,9 @@ export class Station {
   readonly live = $state<Record<string, RobotLive>>({});
   plans = $state.raw<Readonly<Record<string, Partial<Plan>>>>({});
   missions = $state.raw<Readonly<Record<string, Partial<Mission>>>>({});
-  jobs = $state.raw<Readonly<Record<string, Partial<Job>>>>({});
+  jobs = $state.raw<Readonly<Record<string, Job>>>({});
+  commands = $state.raw<Readonly<Record<string, Command>>>({});
+  transfers = $state.raw<Readonly<Record<string, Transfer>>>({});
   events = $state.raw<readonly StationEvent[]>([]);
   alarms = $state.raw<readonly Alarm[]>([]);
   unacknowledged = $state.raw(0);
@@ -51,15 +57,23 @@ export class Station {
   /** Local time that ages and countdowns are read at; moves in steps. */
   localNow = $state.raw(performance.now());
   #lastTickAt = $state.raw<number | null>(null);
+  /** Newest revision of what REST tells, as the live stream says it. */
+  readonly #revisions = $state<Record<string, number>>({});
+  /** Grows when the stream was interrupted: what changed meanwhile is not known. */
+  #interruptions = $state.raw(0);
+  #isFirst = false;
+  #hasOpened = false;
+  // eslint-disable-next-line svelte/prefer-svelte-reactivity -- nothing on the screen shows it
+  readonly #readers = new Set<BatchReader>();
 
   readonly #socket: LiveSocket;
-  #timers: ReturnType<typeof setInterval>[] = [];
+  #clockwork: ReturnType<typeof setInterval> | undefined;
 
   constructor() {
     this.api.onSignedOut = () => this.#leave();
     this.#socket = new LiveSocket({
       onTick: (tick) => this.#take(tick),
-      onOpen: () => void this.refresh(),
+      onOpen: () => this.#opened(),
       onClose: (isRefused) => {
         if (isRefused) void this.begin();
       },
@@ -92,10 +106,7 @@ export class Station {
       return;
     }
     this.#stop();
-    this.#timers = [
-      setInterval(() => (this.localNow = performance.now()), CLOCK_STEP_MS),
-      setInterval(() => void this.refresh(), ROBOTS_EVERY_MS),
-    ];
+    this.#clockwork = setInterval(() => (this.localNow = performance.now()), CLOCK_STEP_MS);
     await this.refresh();
     this.#socket.open();
   }
@@ -109,9 +120,35 @@ export class Station {
     return this.robots.find((robot) => robot.id === id) ?? null;
   }
 
+  /** The newest transfer of a plan: as the live stream tells it, or as it came with the plan. */
+  transferOf(plan: Plan | null): Transfer | null {
+    const known = Object.values(this.transfers).filter(({ plan_id }) => plan_id === plan?.id);
+    const all = plan?.transfer ? [plan.transfer, ...known] : known;
+    return all.reduce<Transfer | null>(
+      (newest, one) => (newest === null || one.started_at >= newest.started_at ? one : newest),
+      null,
+    );
+  }
+
   /** Age now, s of station time, of something that was `ageS` old when the report came. */
   ageNow(entry: RobotLive, ageS: number): number {
     return ageS + this.clock.since(entry.receivedAt, this.localNow);
+  }
+
+  /**
+   * A value that changes whenever REST may tell something new of a resource; for effects.
+   *
+   * @param robot Whose; none for what belongs to the whole station.
+   */
+  revision(resource: string, robot?: string): string {
+    const key = robot === undefined ? resource : `${resource}/${robot}`;
+    return `${this.#interruptions} ${this.#revisions[key] ?? 0}`;
+  }
+
+  /** Hand every batch of the live stream to a reader until the returned function is called. */
+  onBatch(reader: BatchReader): () => void {
+    this.#readers.add(reader);
+    return () => this.#readers.delete(reader);
   }
 
   async acknowledge(alarm: Alarm): Promise<void> {
@@ -126,9 +163,9 @@ export class Station {
 
   #stop(): void {
     this.#socket.close();
-    this.#timers.forEach(clearInterval);
-    this.#timers = [];
+    clearInterval(this.#clockwork);
     this.#lastTickAt = null;
+    this.#hasOpened = false;
   }
 
   #setHealth(health: Health): void {
@@ -139,24 +176,36 @@ export class Station {
 
   /** Ask for what the live stream does not carry: robots, health, alarms. */
   async refresh(): Promise<void> {
-    try {
-      const [robots, health] = await Promise.all([this.api.robots(), this.api.health()]);
-      for (const robot of robots) this.live[robot.id] ??= new RobotLive();
-      this.robots = robots;
-      this.#setHealth(health);
-      await this.#refreshAlarms();
-    } catch {
-      // The header tells the silence of the station; the next round asks again.
-    }
+    await Promise.all([this.#refreshRobots(), this.#refreshAlarms()]).catch(() => {
+      // The header tells the silence of the station; its next word is reason to ask again.
+    });
   }
 
+  async #refreshRobots(): Promise<void> {
+    const robots = await this.api.robots();
+    for (const robot of robots) this.live[robot.id] ??= new RobotLive();
+    this.robots = robots;
+  }
+
+  /** Ask for the alarms, and for what is wrong with the station itself. */
   async #refreshAlarms(): Promise<void> {
-    this.alarms = await this.api.alarms();
-    this.unacknowledged = this.alarms.filter(({ state }) => isUnacknowledged(state)).length;
+    const [alarms, health] = await Promise.all([this.api.alarms(), this.api.health()]);
+    this.alarms = alarms;
+    this.unacknowledged = alarms.filter(({ state }) => isUnacknowledged(state)).length;
+    this.#setHealth(health);
+  }
+
+  #opened(): void {
+    if (this.#hasOpened) {
+      this.#interruptions++;
+      void this.refresh();
+    }
+    this.#isFirst = this.#hasOpened = true;
   }
 
   #take(tick: LiveBatch): void {
-    const at = performance.now();
+    const [isFirst, at] = [this.#isFirst, performance.now()];
+    this.#isFirst = false;
     this.localNow = at;
     this.#lastTickAt = at;
     this.clock.set(Date.parse(tick.at), at);
@@ -164,20 +213,22 @@ export class Station {
     this.plans = merged(this.plans, tick.plans);
     this.missions = merged(this.missions, tick.missions);
     this.jobs = merged(this.jobs, tick.jobs);
+    this.commands = merged(this.commands, tick.commands);
+    this.transfers = merged(this.transfers, tick.transfers);
+    Object.assign(this.#revisions, tick.changed);
     if (tick.events.length) {
       this.events = [...this.events, ...tick.events].slice(-KEPT_EVENTS);
     }
-    if (tick.alarms.unacknowledged !== this.unacknowledged) {
-      this.unacknowledged = tick.alarms.unacknowledged;
-      void this.#refreshAlarms().catch(() => undefined);
-    }
+    this.unacknowledged = tick.alarms.unacknowledged;
+    if ('robots' in tick.changed) void this.#refreshRobots().catch(() => undefined);
+    if ('alarms' in tick.changed) void this.#refreshAlarms().catch(() => undefined);
+    for (const reader of this.#readers) reader(tick, isFirst);
   }
 
   #takeRobot(id: string, report: LiveRobot, at: number): void {
     const entry = (this.live[id] ??= new RobotLive());
     entry.report = report;
     entry.receivedAt = at;
-    if (this.robot(id) === null) void this.refresh();
   }
 }
 

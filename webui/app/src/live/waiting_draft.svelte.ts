@@ -1,9 +1,6 @@
-import { untrack } from 'svelte';
 import type { Plan, PlanListing } from '../api/types';
 import { Fetched } from './fetched.svelte';
 import type { Station } from './station.svelte';
-
-const ASK_EVERY_MS = 10_000;
 
 /** The newest draft of one kind that waits for a robot, also while the robot has another plan. */
 export class WaitingDraft {
@@ -31,7 +28,7 @@ export class WaitingDraft {
   /** Keep it current until the returned function is called; for effects. */
   follow(): () => void {
     void this.#news;
-    return untrack(() => this.#drafts.every(ASK_EVERY_MS));
+    return this.#drafts.follow();
   }
 }
 
