@@ -96,8 +96,3 @@ class RunningClock:
     def now(self) -> datetime:
         """Return the robot's time."""
         return self._onboard.at(self._count_s())
-
-
-def counter(oscillator: Oscillator, truth: Clock, started_at: datetime) -> Callable[[], float]:
-    """Return what reads an oscillator that was switched on at a true time."""
-    return lambda: oscillator.count_s((truth.now() - started_at).total_seconds())

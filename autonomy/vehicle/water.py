@@ -222,12 +222,6 @@ class WaterColumn:
         """Return the density at a depth, kg/m3."""
         return float(np.interp(depth_m, self.depth_m, self.density_kg_m3))
 
-    def temperature_at(self, depth_m: float) -> float | None:
-        """Return the temperature at a depth, degrees Celsius, if it is known."""
-        if self.temperature_c is None:
-            return None
-        return float(np.interp(depth_m, self.depth_m, self.temperature_c))
-
 
 def fresh_water_density(temperature_c: float) -> float:
     """Density of air-free fresh water at the surface, kg/m3.

@@ -249,13 +249,10 @@ def test_density_of_fresh_water_is_the_recommended_one(temperature_c, density):
     assert fresh_water_density(temperature_c) == pytest.approx(density, abs=0.001)
 
 
-def test_a_column_tells_temperature_and_density_in_between_and_beyond():
+def test_a_column_tells_density_in_between_and_beyond():
     column = WaterColumn.fresh(np.array([0.0, 10.0]), np.array([20.0, 10.0]))
-    assert column.temperature_at(5.0) == 15.0
-    assert column.temperature_at(50.0) == 10.0
     assert column.density_at(-1.0) == pytest.approx(998.207, abs=0.001)
     assert column.ballast_kg_m3 == column.density_at(0.0)
-    assert WaterColumn(column.depth_m, column.density_kg_m3).temperature_at(5.0) is None
 
 
 def test_surroundings_can_be_compared_whatever_they_hold():

@@ -151,8 +151,8 @@ def test_a_lake_may_be_layered_and_wavy_but_a_tank_is_not():
     rough = WaterConditions(temperature_drop_c=8.0, wave_height_m=0.2)
     lake = rough.surroundings(GRACE_1.site)
     assert lake.column is not None
-    assert lake.column.temperature_at(2.0) == 22.0
-    assert lake.column.temperature_at(18.0) == 14.0
+    temperature_c = np.interp([2.0, 18.0], lake.column.depth_m, lake.column.temperature_c)
+    assert temperature_c.tolist() == [22.0, 14.0]
     assert [wave.height_m for wave in lake.waves] == [0.2]
     assert rough.surroundings(MINI_1.site) == Surroundings.of_site(MINI_1.site)
     assert WaterConditions().surroundings(GRACE_1.site) == Surroundings.of_site(GRACE_1.site)

@@ -51,19 +51,6 @@ class ElementId(IntEnum):
     MT_PRIORITY = 0x46
 
 
-class SessionStatus(IntEnum):
-    """How a session of a modem ended; up to 2 it brought the robot's message."""
-
-    OK = 0
-    MT_TOO_LARGE = 1
-    LOCATION_POOR = 2
-    TIMEOUT = 10
-    MO_TOO_LARGE = 12
-    LINK_LOST = 13
-    PROTOCOL_ANOMALY = 14
-    IMEI_PROHIBITED = 15
-
-
 class Disposition(IntFlag):
     """What the gateway shall do with a message to a modem."""
 

@@ -120,7 +120,7 @@ class MobileOriginated:
     cep_km: float | None
     """Radius of the circle that holds the modem in 80 % of cases."""
     session_status: int = 0
-    """0 to 2 brought the payload (``directip_wire.SessionStatus``); -1 where it is not told."""
+    """As DirectIP numbers it: 0 to 2 brought the payload; -1 where it is not told."""
     fault: str = ""
     """Why the payload could not be read; empty when it could."""
 
