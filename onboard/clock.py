@@ -6,8 +6,6 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
-from robot_link.clock import Clock
-
 
 @dataclass(frozen=True, slots=True)
 class ClockModel:

@@ -11,9 +11,10 @@ mission applied that was sent before a withdrawal, or before an order to surface
 
 from dataclasses import dataclass, replace
 from datetime import datetime
+from pathlib import Path
+from typing import Protocol
 
 from onboard.satellite.receiver_memory import Answered, Assembly, Ended, ReceiverMemory
-from onboard.satellite.receiver_store import FileStore, MemoryStore, ReceiverStore
 from robot_link.mavlink.command import ReceivedCommand
 from robot_link.messages import CommandKind, PlanHash, SystemId
 from robot_link.mission import Mission
@@ -24,6 +25,7 @@ from robot_link.satellite.content import CommandAnswer, Reason, TransferAck, Tra
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.order import Order
 from robot_link.satellite.withdrawal import Withdrawal
+from robot_link.whole_file import replace_file
 
 __all__ = [
     "Complete",
@@ -39,6 +41,55 @@ _WORDS_KEPT = 16
 """Words on transfers, and on orders, that are remembered."""
 _STAYS_UP = (CommandKind.SURFACE, CommandKind.HOLD)
 """Orders that never expire, and after which no earlier mission begins to fly."""
+
+
+class ReceiverStore(Protocol):
+    """Memory that survives a restart, replaced whole or not at all."""
+
+    def load(self) -> bytes | None:
+        """Return what was saved last, None at first."""
+        ...
+
+    def save(self, data: bytes) -> None:
+        """Replace what is saved."""
+        ...
+
+
+class MemoryStore:
+    """A store that lives as long as its process."""
+
+    def __init__(self, data: bytes | None = None) -> None:
+        self.data = data
+
+    def load(self) -> bytes | None:
+        """Return what was saved last."""
+        return self.data
+
+    def save(self, data: bytes) -> None:
+        """Replace what is saved."""
+        self.data = data
+
+
+class FileStore:
+    """A store in one file, which is on the disk, its name too, when ``save`` returns."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def load(self) -> bytes | None:
+        """Return what was saved last."""
+        try:
+            return self._path.read_bytes()
+        except FileNotFoundError:
+            return None
+
+    def save(self, data: bytes) -> None:
+        """Replace the file.
+
+        Raises:
+            OSError: If the disk refuses; the file is then what it was, or the new one.
+        """
+        replace_file(self._path, data)
 
 
 @dataclass(frozen=True, slots=True)

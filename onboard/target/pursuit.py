@@ -1,5 +1,10 @@
 """Pursuit of a target that is known by its range alone: the tracker steers, the tail swims."""
 
+from dataclasses import replace
+
+import numpy as np
+
+from autonomy.tracking.beacon import BeaconFix, BeaconNavigator
 from autonomy.tracking.config import TrackingConfig
 from autonomy.tracking.control.inner_loop import BeatAverage, InnerLoop, Swimming, TailBeat
 from autonomy.tracking.control.inner_loop_config import INNER_LOOP_PRESETS
@@ -16,8 +21,6 @@ from onboard.flight.hardware import SetPoints
 from onboard.flight.level import LevelKeeper
 from onboard.flight.maneuver import Flight
 from onboard.flight.navigation import Estimate
-from onboard.target.beacon_position import BeaconPosition
-from onboard.target.ground_motion import GroundMotion
 from onboard.target.ranging import Hearing
 from robot_link.messages import RobotMode
 
@@ -27,6 +30,89 @@ _FLOOR_MARGINS = 1.5
 """It swims so many times as far above the floor as is too near."""
 _LEFT_THE_WATER = "the robot left the water in which it may swim"
 _NEAR_THE_FLOOR = "the floor is near"
+
+
+_SEED = 5
+"""Of the navigator's random numbers: the same dive is always located alike."""
+
+
+class GroundMotion:
+    """Adds to the velocity through the water what fixes show of the current.
+
+    A target and its ranges know nothing of the water, and an eddy of a tank is as fast as a fifth
+    of the robot. Without fixes the last current is kept.
+
+    Args:
+        current_time_s: Time over which the current is averaged; as short as the fixes are good.
+        period_s: Time between two steps.
+    """
+
+    def __init__(self, current_time_s: float, period_s: float) -> None:
+        self._share = min(period_s / current_time_s, 1.0)
+        self._period_s = period_s
+        self._before_ne_m: tuple[float, float] | None = None
+        self._current_ne_m_s = (0.0, 0.0)
+
+    def step(self, estimate: Estimate) -> tuple[float, float]:
+        """Return the velocity over ground, north and east, m/s."""
+        position, through_water = estimate.position_ned[:2], estimate.velocity_ned[:2]
+        before = self._before_ne_m
+        # what the first fix after a dive corrects is no motion
+        self._before_ne_m = position if estimate.has_fix else None
+        if before is not None and estimate.has_fix:
+            north, east = (
+                current + self._share * ((now - then) / self._period_s - water - current)
+                for current, now, then, water in zip(
+                    self._current_ne_m_s, position, before, through_water, strict=True
+                )
+            )
+            self._current_ne_m_s = (north, east)
+        return (
+            through_water[0] + self._current_ne_m_s[0],
+            through_water[1] + self._current_ne_m_s[1],
+        )
+
+
+class BeaconPosition:
+    """Begins with the last fix of each dive, and is given up for the next fix.
+
+    Args:
+        config: The mission; its target is the beacon.
+    """
+
+    def __init__(self, config: TrackingConfig) -> None:
+        self._config = config
+        self._navigator: BeaconNavigator | None = None
+        self._newest: BeaconFix | None = None
+        self._reckoned: Estimate | None = None
+
+    def step(self, ranges: tuple[RangeHeard, ...], dt_s: float) -> None:
+        """Let time pass since the estimate that was located, and take in horizontal ranges."""
+        reckoned = self._reckoned
+        if reckoned is None or reckoned.has_fix:
+            self._navigator = self._newest = None
+            return
+        own, std_m = reckoned.position_ned[:2], reckoned.position_std_m
+        if self._navigator is None:
+            chance = np.random.default_rng(_SEED)
+            self._navigator = BeaconNavigator(self._config, own, std_m, chance)
+        self._newest = self._navigator.step(own, std_m, dt_s, ranges)
+
+    def located(self, reckoned: Estimate) -> Estimate:
+        """Return an estimate at the beacon's position, if that is the better one.
+
+        Args:
+            reckoned: By dead reckoning alone.
+        """
+        self._reckoned, fix = reckoned, self._newest
+        if fix is None or reckoned.has_fix or fix.position_std_m >= reckoned.position_std_m:
+            return reckoned
+        north, east = fix.position_ne_m
+        return replace(
+            reckoned,
+            position_ned=(north, east, reckoned.depth_m),
+            position_std_m=fix.position_std_m,
+        )
 
 
 class Pursuit:

@@ -23,10 +23,31 @@ from db.query.samples import SampleColumns
 from robot_link.messages import Sample
 from server.map.field_model import MODEL_TITLES
 from server.map.samples import field_samples, first_dive, usable
-from server.map.seen import Seen
 from webui.scene.source import MapView, SampleView
 
 log = logging.getLogger(__name__)
+
+
+class Seen:
+    """Sequence numbers of several logs; numbers without a gap from 0 on cost nothing."""
+
+    def __init__(self) -> None:
+        self._next: dict[int, int] = {}
+        """All numbers below this were seen, by log."""
+        self._beyond: dict[int, set[int]] = {}
+
+    def add(self, log: int, sequence: int) -> bool:
+        """Note a number; tell whether it is new."""
+        begin = self._next.get(log, 0)
+        beyond = self._beyond.setdefault(log, set())
+        if sequence < begin or sequence in beyond:
+            return False
+        beyond.add(sequence)
+        while begin in beyond:
+            beyond.remove(begin)
+            begin += 1
+        self._next[log] = begin
+        return True
 
 
 class SiteMap:

@@ -1,7 +1,8 @@
 """Reads a recorded deployment from CSV, strictly: every row is right, or named with its line."""
 
 import math
-from collections.abc import Callable, Generator, Mapping
+from bisect import bisect_left
+from collections.abc import Callable, Generator, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from types import MappingProxyType
@@ -13,7 +14,6 @@ from autonomy.arrays import FloatArray
 from autonomy.field.variable import VARIABLES
 from robot_link.channel import Channel
 from robot_link.messages import STATE
-from server.recording.order import ascending
 
 POSITION_COLUMNS = ("time", "latitude", "longitude", "depth")
 FLIGHT_COLUMNS: Mapping[str, Channel] = MappingProxyType(
@@ -30,6 +30,33 @@ TIME_MAX_S = 4_102_444_800.0
 """The beginning of the year 2100: what lies beyond is a wrong unit."""
 COMMENT = "#"
 _LINE_LENGTH_MAX = 100_000
+
+
+def ascending(times: Sequence[float]) -> list[int]:
+    """Return the indices of the longest strictly ascending part of ``times``.
+
+    One row with a time far ahead is left out alone, instead of all the rows that follow it. Of
+    rows with the same time the first is kept.
+    """
+    ends: list[float] = []
+    """Smallest last time of an ascending part of each length."""
+    last: list[int] = []
+    before: list[int] = []
+    for index, time in enumerate(times):
+        length = bisect_left(ends, time)
+        before.append(last[length - 1] if length else -1)
+        if length == len(ends):
+            ends.append(time)
+            last.append(index)
+        elif time < ends[length]:
+            ends[length] = time
+            last[length] = index
+    kept: list[int] = []
+    index = last[-1] if last else -1
+    while index >= 0:
+        kept.append(index)
+        index = before[index]
+    return kept[::-1]
 
 
 class Policy(StrEnum):

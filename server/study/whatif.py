@@ -4,9 +4,13 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, cast
 
+import numpy as np
+
 from autonomy.control.catalogue import CONTROLLERS, ControllerConfig
+from autonomy.site import Site
 from autonomy.vehicle.config import Vehicle
 from autonomy.whatif.config import ControllerChoice, TrialConfig
+from autonomy.whatif.result import Track
 from db.query.studies import StudyRecord
 from server.base.configuration_kind import KINDS
 from server.base.foundation import Foundation
@@ -17,8 +21,45 @@ from server.fleet.fleet import Fleet
 from server.study.comparison_view import ShownWhatIfs
 from server.study.task import CHECK_WHATIF, WHATIF, WhatIfProblem
 from server.study.view import WhatIfAsked, WhatIfSummaryView, WhatIfView
-from server.study.water_notice import water_notices
 from server.vehicle.vehicles import Vehicles, not_worked_out
+
+_ABOVE_SURFACE_M = 0.05
+"""Higher than this is above the surface; a reference that ends there may overshoot a little."""
+
+
+def water_notices(reference: Track, site: Site) -> list[str]:
+    """Say where a reference leaves the water, one sentence each.
+
+    A run is computed without walls and floor, and begins wherever the robot is; what is told of
+    walls is what fits nowhere between them.
+
+    Args:
+        reference: Where the robot is to be.
+        site: Where the robot is.
+    """
+    north_m, east_m, depth_m = (
+        np.array(along, dtype=np.float64)
+        for along in (reference.north_m, reference.east_m, reference.depth_m)
+    )
+    water, place = site.water, f"{site.name} ({site.kind})"
+    notices: list[str] = []
+    deepest, highest = float(np.nanmax(depth_m)), float(np.nanmin(depth_m))
+    if deepest > water.depth_max_m:
+        notices.append(
+            f"The reference goes {deepest:.1f} m deep; {place} is {water.depth_max_m:g} m deep."
+        )
+    if highest < -_ABOVE_SURFACE_M:
+        notices.append(f"The reference rises {-highest:.1f} m above the surface.")
+    for title, along, room_m in (
+        ("from south to north", north_m, water.x_max_m - water.x_min_m),
+        ("from west to east", east_m, water.y_max_m - water.y_min_m),
+    ):
+        span_m = float(np.nanmax(along) - np.nanmin(along))
+        if span_m > room_m:
+            notices.append(
+                f"The reference takes {span_m:.1f} m {title}; {place} has {room_m:.1f} m."
+            )
+    return notices
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,8 +16,8 @@ from simulator.background import alongside
 from simulator.equipment import Timekeeping, equipped
 from simulator.fleet import GRACE_1, STATION_ACOUSTIC, STATION_ADDRESS
 from simulator.iridium.network import IridiumNetwork
+from simulator.process import satellites
 from simulator.robot import SimulatedBody
-from simulator.satellite_service import satellites
 from simulator.settings import SimulatorSettings
 from tests.robot_link.rig import until
 

@@ -23,8 +23,8 @@ from simulator.acoustic_modem import AcousticModem, AcousticNode
 from simulator.background import alongside
 from simulator.equipment import Timekeeping, equipped
 from simulator.fleet import GRACE_1, MINI_1, STATION_ADDRESS, RobotDefinition
+from simulator.process import satellites
 from simulator.robot import SimulatedBody
-from simulator.satellite_service import satellites
 from simulator.settings import SimulatorSettings
 from simulator.target import LAKE_TARGETS, TANK_TARGETS
 from tests.robot_link.rig import until

@@ -9,10 +9,10 @@ from autonomy.vehicle.hull import Hull
 from tests.webui.fake_source import FakeSource
 from webui.scene.colour import fidelity_colours, mapped
 from webui.scene.lake_bed import bed
+from webui.scene.plan import hose
 from webui.scene.projection import VIEW_WIDTH, Projection
 from webui.scene.server import RobotScene
 from webui.scene.track import CHUNK_POINTS
-from webui.scene.uncertainty import hose
 
 
 @pytest.fixture

@@ -9,7 +9,7 @@ import pytest
 from fastapi import WebSocketException
 from starlette.websockets import WebSocket
 
-from server.access import register, throttle
+from server.access import access, register
 from server.access.guard import Guard
 from server.access.role import Role
 from server.base.settings import Settings
@@ -146,7 +146,7 @@ async def test_name_and_password_open_a_session_and_signing_out_ends_it(admin, a
 
 async def test_guessing_a_password_is_slowed_down(admin, anyone):
     wrong = {"name": "ann", "password": "not the password"}
-    for _ in range(throttle.FREE_FAILURES):
+    for _ in range(access.FREE_FAILURES):
         assert (await anyone.post("/api/session", json=wrong)).status_code == 401
     answer = await anyone.post("/api/session", json={"name": "ann", "password": PASSWORD})
     assert answer.status_code == 429

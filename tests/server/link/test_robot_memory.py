@@ -14,8 +14,7 @@ from robot_link.station.error import (
 )
 from server.base.problem import Problem
 from server.link.parameters import Parameters
-from server.link.partial_file import PartialFile
-from server.link.robot_logs import RobotLogs
+from server.link.robot_logs import PartialFile, RobotLogs
 from tests.server.conftest import MINI, until
 
 LOG = b"depth,pitch\n" * 400

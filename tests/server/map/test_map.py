@@ -10,7 +10,7 @@ from autonomy.field.config import FIELD_PRESETS
 from db.query.maps import MapRecord, add_map
 from db.query.robots import add_robot
 from robot_link.messages import RobotId
-from server.map.seen import Seen
+from server.map.site_map import Seen
 from server.scene.source import StationSceneSource
 from tests.server.conftest import GRACE, MINI, open_station, robot_record, until
 from tests.server.fake_link import state_report

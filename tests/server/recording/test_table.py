@@ -10,8 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from server.recording.order import ascending
-from server.recording.table import Policy, RecordingError, RowFault, read_recording
+from server.recording.table import Policy, RecordingError, RowFault, ascending, read_recording
 
 HEADER = "time,latitude,longitude,depth,chlorophyll\n"
 GOOD = ["1000,48.9,-130.6,0.5,0.37", "1030,48.9,-130.6,4.0,0.41", "1060,48.9,-130.6,8.0,0.55"]

@@ -5,7 +5,7 @@ import pytest
 
 from autonomy.site import LAKE, TANK
 from autonomy.whatif.result import Track
-from server.study.water_notice import water_notices
+from server.study.whatif import water_notices
 from tests.server.study.test_whatif_api import SHORT, ended, start
 
 pytestmark = pytest.mark.usefixtures("in_threads")
