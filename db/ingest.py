@@ -76,13 +76,12 @@ def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:
 
 
 def _state_row(report: StateReport) -> dict[str, Any]:
-    return {
-        "measured_at": report.measured_at,
-        "received_at": report.received_at,
-        "has_fix": report.has_fix,
-        "mode": int(report.mode),
-        **dict(zip(STATE.keys, STATE.numbers(report), strict=True)),
-    }
+    row = STATE.values(report)
+    row["measured_at"] = report.measured_at
+    row["received_at"] = report.received_at
+    row["has_fix"] = report.has_fix
+    row["mode"] = int(report.mode)
+    return row
 
 
 def _sample_row(sample: Sample) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Callable, Iterable, Sequence
 from datetime import UTC, datetime, timedelta
-from operator import attrgetter, truediv
+from operator import attrgetter
 from typing import Any
 
 from autonomy.field.variable import VARIABLES
@@ -39,19 +39,25 @@ _KEY_OF_WIRE_INDEX = {variable.wire_index: variable.key for variable in VARIABLE
 _WHOLE = {"int16_t": (-(2**15), 2**15 - 1), "uint16_t": (0, 2**16 - 1)}
 
 
-def _state_field(channel: Channel) -> tuple[str, float, tuple[int, int] | None]:
-    """Return name, scale, and, of a whole number, the ends of a channel's field."""
+def _state_field(channel: Channel) -> tuple[str, float, int, int]:
+    """Return a channel's field, its scale and its ends; both are 0 where it is no whole number."""
     wire, dialect = channel.wire, grace.MAVLink_grace_state_message
     if wire is None:
         raise TypeError(f"{channel.key} has no field in the dialect")
     kind = dialect.fieldtypes[dialect.fieldnames.index(wire.field)]
-    return wire.field, wire.scale, None if kind == "float" else _WHOLE[kind]
+    return wire.field, wire.scale, *_WHOLE.get(kind, (0, 0))
 
 
 _STATE_FIELDS = tuple(map(_state_field, STATE.channels))
-_STATE_SCALES = tuple(scale for _, scale, _ in _STATE_FIELDS)
-_read_state: Callable[[object], tuple[float, ...]] = attrgetter(
-    *(name for name, _, _ in _STATE_FIELDS)
+_read_floats: Callable[[object], tuple[float, ...]] = attrgetter(
+    *(name for name, _, _, high in _STATE_FIELDS if not high)
+)
+_read_state = STATE.reader(
+    "message",
+    (
+        f"message.{n}" if scale == 1.0 else f"message.{n} / {scale}"
+        for n, scale, *_ in _STATE_FIELDS
+    ),
 )
 
 
@@ -62,8 +68,10 @@ def state_message(state: StateReport) -> grace.MAVLink_grace_state_message:
         ValueError: If a number that travels as a whole one is not finite.
     """
     fields: dict[str, Any] = {
-        name: number * scale if ends is None else _whole(number * scale, *ends)
-        for (name, scale, ends), number in zip(_STATE_FIELDS, STATE.numbers(state), strict=True)
+        name: _whole(number * scale, low, high) if high else number * scale
+        for (name, scale, low, high), number in zip(
+            _STATE_FIELDS, STATE.numbers(state), strict=True
+        )
     }
     return grace.MAVLink_grace_state_message(
         time_utc_us=microseconds(state.measured_at),
@@ -81,20 +89,22 @@ def state_report(
     Raises:
         ValueError: If a number is not finite, or the mode or the time is impossible.
     """
-    numbers = tuple(map(truediv, _read_state(message), _STATE_SCALES))
-    check_finite(numbers)
+    check_finite(_read_floats(message))
     return StateReport(
         robot=robot,
         measured_at=moment(message.time_utc_us),
         received_at=received_at,
         mode=RobotMode(message.mode),
         has_fix=bool(message.flags & grace.GRACE_STATE_FLAGS_HAS_FIX),
-        **STATE.fields(numbers),
+        **_read_state(message),
     )
 
 
 def _whole(value: float, low: int, high: int) -> int:
-    return max(low, min(high, round(value)))
+    whole = round(value)
+    if low <= whole <= high:
+        return whole
+    return low if whole < low else high
 
 
 def sample_message(
@@ -251,6 +261,6 @@ def moment(microseconds: int) -> datetime:
         ValueError: If no calendar knows it.
     """
     try:
-        return _EPOCH + timedelta(microseconds=microseconds)
+        return _EPOCH + microseconds * _MICROSECOND
     except OverflowError as error:
         raise ValueError("the time is impossible") from error
