@@ -151,10 +151,8 @@ class Commands:
         else:
             command = await self._store.write(write)
         self._show(command.id)
-        if command.id not in self._emergencies:
-            self._satellite.stir()
-            if new.requested != "satellite":
-                self._send(command)
+        if command.id not in self._emergencies and new.requested != "satellite":
+            self._send(command)
         return command.id
 
     async def view(self, command: str) -> CommandView:

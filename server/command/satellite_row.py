@@ -17,7 +17,7 @@ from robot_link.station.ground import next_counter
 from server.command import state
 from server.satellite import repeating
 from server.satellite.emergency import EmergencyMessage
-from server.satellite.ending import end_row
+from server.satellite.ending import end_row, told
 from server.satellite.modem import Modem
 from server.satellite.row_kind import FIRST_PRIORITY, Means, RobotSession, RowKind
 
@@ -52,7 +52,7 @@ def add_row(
     if known is not None:
         return known
     at = command.created_at
-    return query.add_outbox(
+    row = query.add_outbox(
         session,
         command.robot,
         "order",
@@ -71,6 +71,7 @@ def add_row(
         expires_at=command.expires_at,
         command=command.id,
     )
+    return told(session, row)
 
 
 def emergency_message(

@@ -1,6 +1,5 @@
-"""What holds for each robot's satellite link and what it has spent, read anew once a second."""
+"""What holds for a robot's satellite link and what it has spent."""
 
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Final
@@ -12,10 +11,10 @@ from db.query.satellite_messages import SENDING, messages_in
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
 from server.base.configuration import current
 from server.base.configuration_kind import find_kind
-from server.satellite.budget import Budget, budget_of
+from server.satellite.budget import Budget, budget_of, utc_day
 from server.satellite.row_kind import RowKinds
 
-_REMEMBERED: Final = timedelta(hours=24)
+_FORGOTTEN: Final = timedelta(hours=24)
 """A plan that was refused or expired concerns the operator this long."""
 _PATIENCE: Final = 2
 """Attempts that may find no gateway before a person is told."""
@@ -39,6 +38,8 @@ class Account:
     settings: Settings
     budget: Budget
     fault: str
+    until: datetime
+    """When time alone may change it."""
 
 
 def settings_of(session: Session, robot: str | None) -> Settings:
@@ -49,32 +50,30 @@ def settings_of(session: Session, robot: str | None) -> Settings:
     )
 
 
-def accounts(
-    session: Session, kinds: RowKinds, robots: Iterable[str], now: datetime
-) -> Mapping[str, Account]:
-    """Return the accounts of these robots."""
-    waiting = {
-        message.robot: message.text
+def account_of(session: Session, kinds: RowKinds, robot: str, now: datetime) -> Account:
+    """Return the account of a robot as it is now."""
+    settings = settings_of(session, robot)
+    waiting = [
+        message.text
         for message in messages_in(session, SENDING)
-        if message.attempts - (message.retry_at is None) >= _PATIENCE
-    }
-    found: dict[str, Account] = {}
-    for robot in robots:
-        settings = settings_of(session, robot)
-        newest = [newest_outbox(session, robot, name) for name in kinds.names]
-        faults = [_fault(kinds, row, now) for row in newest if row is not None]
-        found[robot] = Account(
-            settings,
-            budget_of(session, robot, settings.satellite.tariff, now),
-            waiting.get(robot) or next((one for one in faults if one), ""),
-        )
-    return found
+        if message.robot == robot and message.attempts - (message.retry_at is None) >= _PATIENCE
+    ]
+    newest = [newest_outbox(session, robot, name) for name in kinds.names]
+    ended = [row for row in newest if row is not None and row.ended_at is not None]
+    faults = {fault: row for row in ended if (fault := _fault(kinds, row, now))}
+    forgotten = [row.ended_at + _FORGOTTEN for row in faults.values() if row.ended_at]
+    return Account(
+        settings,
+        budget_of(session, robot, settings.satellite.tariff, now),
+        (waiting[-1] if waiting else "") or next(iter(faults), ""),
+        min([utc_day(now)[1], *forgotten]),
+    )
 
 
 def _fault(kinds: RowKinds, row: OutboxRecord, now: datetime) -> str:
     if row.state not in ("refused", "expired") or row.ended_at is None:
         return ""
-    if now - row.ended_at > _REMEMBERED:
+    if now - row.ended_at >= _FORGOTTEN:
         return ""
     subject = kinds.of(row).fault_of(row)
     return f"{subject} {row.state}: {row.reason.rstrip('.')}." if subject else ""

@@ -61,8 +61,14 @@ def link_report(
 
 def is_out_of_contact(status: RobotStatus, config: SatelliteConfig, now: datetime) -> bool:
     """Tell whether a robot was not heard on any link for so long that nothing is sent."""
+    lost_at = contact_lost_at(status, config)
+    return lost_at is None or now >= lost_at
+
+
+def contact_lost_at(status: RobotStatus, config: SatelliteConfig) -> datetime | None:
+    """Return when a robot is out of contact if it stays silent, ``None`` if it never was in it."""
     heard_at = status.heard_at
-    return heard_at is None or now - heard_at > timedelta(hours=config.contact_expiry_h)
+    return None if heard_at is None else heard_at + timedelta(hours=config.contact_expiry_h)
 
 
 def out_of_contact_text(status: RobotStatus, config: SatelliteConfig) -> str:
@@ -83,8 +89,12 @@ def _state(
         return LinkState.NEVER_HEARD
     if _has_dived(status):
         return LinkState.SUBMERGED
-    patience = timedelta(seconds=_MISSED * config.session_period_s)
-    return LinkState.LIVE if now - heard.session_at <= patience else LinkState.STALE
+    return LinkState.LIVE if now < overdue_at(heard, config) else LinkState.STALE
+
+
+def overdue_at(heard: Heard, config: SatelliteConfig) -> datetime:
+    """Return when a robot at the surface counts as overdue if it does not call before."""
+    return heard.session_at + timedelta(seconds=_MISSED * config.session_period_s)
 
 
 def _has_dived(status: RobotStatus) -> bool:

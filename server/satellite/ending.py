@@ -1,5 +1,9 @@
-"""The end of a row of the outbox: in one step with what was still to be sent of it."""
+"""Rows of the outbox that begin and end, each told once it is committed, whoever did it.
 
+The end is one step with what was still to be sent.
+"""
+
+from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
@@ -9,6 +13,20 @@ from db.query import outbox as outbox_query
 from db.query import satellite_messages as query
 from db.query.outbox import OutboxRecord
 from db.query.satellite_messages import SENDING
+from db.writer import tell_after_commit
+
+
+@dataclass(frozen=True, slots=True)
+class RowsChanged:
+    """Something on its way to a robot began, goes on or ended; told after the commit."""
+
+    robot: str
+
+
+def told(session: Session, row: OutboxRecord) -> OutboxRecord:
+    """Have it told that a row was added, opened or ended; return the row."""
+    tell_after_commit(session, RowsChanged(row.robot), row.robot)
+    return row
 
 
 def end_row(
@@ -44,4 +62,4 @@ def end_row(
                 if was_tried
                 else "Not sent.",
             )
-    return row
+    return told(session, row)

@@ -1,5 +1,7 @@
 """Who was heard by satellite when, as the fleet shows it."""
 
+from datetime import datetime
+
 from db.query.inbox import newest_session
 from db.store import Store
 from robot_link.clock import Clock
@@ -8,7 +10,13 @@ from server.fleet.disabled_links import DisabledLinks
 from server.fleet.fleet import Fleet
 from server.fleet.status import RobotStatus, SatelliteStatus
 from server.satellite.account import Account, Settings
-from server.satellite.contact import Heard, link_report, next_session_at
+from server.satellite.contact import (
+    Heard,
+    contact_lost_at,
+    link_report,
+    next_session_at,
+    overdue_at,
+)
 from server.satellite.modem import Modem, modems_of
 
 
@@ -60,6 +68,13 @@ class Hearing:
             fault=account.fault,
         )
         self._fleet.set_satellite(status.record.id, shown)
+
+    def due_at(self, status: RobotStatus, settings: Settings) -> list[datetime]:
+        """Return when time alone changes the health of a robot's links."""
+        heard = [found for one in modems_of(status.record) if (found := self._heard.get(one.imei))]
+        lost_at = contact_lost_at(status, settings.satellite)
+        moments = [overdue_at(one, settings.satellite) for one in heard]
+        return moments if lost_at is None else [*moments, lost_at]
 
     def show_links(self, status: RobotStatus, settings: Settings) -> None:
         """Show the satellite links of a robot by what is known of its settings already."""

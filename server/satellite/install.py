@@ -3,12 +3,14 @@
 from collections.abc import Callable
 
 from robot_link.station.gateway.gateway import MobileOriginated
+from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
 from server.fleet.disabled_links import DisabledLinks
-from server.fleet.event import LinkSwitched
+from server.fleet.event import LinkSwitched, RobotChanged, RobotReported
 from server.fleet.fleet import Fleet
 from server.link.ingest import Ingest
 from server.satellite import gateway_route, route
+from server.satellite.ending import RowsChanged
 from server.satellite.gateways import GatewayChanged, Gateways, KeepMessage
 from server.satellite.satellite import MessageArrived, OutboxChanged, Satellite
 
@@ -41,7 +43,12 @@ def install(foundation: Foundation, make_gateways: GatewayFactory) -> None:
 
     bus, feed = foundation.bus, foundation.feed
     bus.subscribe(LinkSwitched, lambda _: satellite.follow_switch())
+    bus.subscribe(RowsChanged, satellite.rows_changed)
+    bus.subscribe(SettingsChanged, satellite.settings_changed)
+    bus.subscribe(RobotReported, lambda event: satellite.robot_changed(event.robot))
+    bus.subscribe(RobotChanged, lambda _: satellite.stir())
     bus.subscribe(OutboxChanged, lambda event: feed.mark("satellite", event.row.robot))
+    bus.subscribe(RowsChanged, lambda event: feed.mark("satellite", event.robot))
     bus.subscribe(MessageArrived, lambda event: feed.mark("satellite", event.robot))
     bus.subscribe(GatewayChanged, lambda _: feed.mark("gateways"))
     foundation.lifetime.on_load(satellite.load)

@@ -8,7 +8,6 @@ the gateway may charge again but the robot takes once.
 import asyncio
 import logging
 from collections.abc import Callable
-from contextlib import suppress
 from datetime import timedelta
 from typing import Final, Protocol
 
@@ -26,15 +25,17 @@ from robot_link.station.gateway.gateway import (
     retry_after_s,
 )
 from server.base.retry_queue import until_stored
+from server.base.wakeups import Wakeups
 from server.satellite import message_row
+from server.satellite.budget import utc_day
 from server.satellite.message_row import Call
 from server.satellite.preparing import Looked, expire, needs_work, prepare
 from server.satellite.row_kind import FIRST_PRIORITY, Means, RowKinds
 
 log = logging.getLogger(__name__)
 
-LOOK_S: Final = 1.0
-"""Wall time between two looks at what is due."""
+_MENDED_S: Final = 60.0
+"""Wall time after which what waits is looked at again: a key's file may have been mended."""
 
 
 class Sender(Protocol):
@@ -81,7 +82,7 @@ class Outbox:
         self._kinds = kinds
         self._means = means
         self._on_change = on_change
-        self._stirred = asyncio.Event()
+        self._looks = Wakeups(clock)
         self._calls: dict[str, asyncio.Task[None]] = {}
         self._called: dict[str, SatelliteMessage] = {}
         self.waits: dict[str, str] = {}
@@ -91,7 +92,7 @@ class Outbox:
 
     def stir(self) -> None:
         """Look at once: something new is to be sent, or an obstacle is gone."""
-        self._stirred.set()
+        self._looks.wake()
 
     def waits_for_budget(self, robot: str) -> bool:
         """Tell whether something for a robot is not sent because today's budget is spent."""
@@ -101,11 +102,8 @@ class Outbox:
         """Send until cancelled."""
         try:
             while True:
-                self._stirred.clear()
                 await until_stored("the satellite outbox", self.step)
-                with suppress(TimeoutError):
-                    async with asyncio.timeout(LOOK_S):
-                        await self._stirred.wait()
+                await self._looks.next()
         finally:
             await self._let_go()
 
@@ -122,12 +120,21 @@ class Outbox:
             if looked.is_over_budget:
                 over_budget[row.id] = row.robot
         before, self.waits, self._over_budget = self.waits, waits, over_budget
-        for row in [one for one in rows if waits.get(one.id) != before.get(one.id)]:
-            self._changed(await self._store.query(lambda session, row=row: _again(session, row)))
+        for row in [one for one in {**before, **waits} if waits.get(one) != before.get(one)]:
+            self._changed(
+                await self._store.query(lambda session, row=row: get_outbox(session, row))
+            )
         free = await self._store.query(_messages)
         for message, row in free:
             if message.retry_at is None or message.retry_at <= now:
                 self._call(message, row)
+        moments = [row.expires_at for row in rows]
+        moments += [one.retry_at for one, _ in free if one.retry_at is not None]
+        if over_budget:
+            moments.append(utc_day(now)[1])
+        if waits:
+            moments.append(now + timedelta(seconds=_MENDED_S * max(1.0, self._clock.speed)))
+        self._looks.set_due("", min([one for one in moments if one > now], default=None))
 
     async def settle(self) -> None:
         """Wait until no gateway is being called."""
@@ -172,7 +179,7 @@ class Outbox:
         del self._called[message]
         if not task.cancelled() and task.exception() is not None:
             log.error("%s was not handed over", task.get_name(), exc_info=task.exception())
-        self._stirred.set()
+        self.stir()
 
     async def _hand_over(self, message: SatelliteMessage) -> None:
         call = await self._begin_call(message)
@@ -252,7 +259,3 @@ def _messages(session: Session) -> list[tuple[SatelliteMessage, OutboxRecord]]:
     """Return the messages that a gateway is to have, the urgent ones first, with their rows."""
     found = [(one, get_outbox(session, one.outbox)) for one in messages_in(session, SENDING)]
     return sorted(found, key=lambda pair: pair[0].priority > FIRST_PRIORITY)
-
-
-def _again(session: Session, row: OutboxRecord) -> OutboxRecord:
-    return get_outbox(session, row.id)

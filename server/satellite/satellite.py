@@ -7,32 +7,36 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from db.query.outbox import OutboxRecord
-from robot_link.messages import (
-    PlanReport,
-)
+from robot_link.messages import PlanReport
 from robot_link.station.gateway.gateway import HeldBackError, MobileOriginated
+from server.base.event_bus import SettingsChanged
 from server.base.foundation import Foundation
 from server.base.retry_queue import RetryQueue, until_stored
 from server.base.secret import SecretUnreadableError
+from server.base.wakeups import Wakeups
 from server.fleet.disabled_links import DisabledLinks
 from server.fleet.fleet import Fleet
 from server.fleet.link_view import SatelliteView
 from server.fleet.routing import LinkChoice, MessageKind, RequestedLink, choose_links
 from server.fleet.words import sentence
-from server.satellite.account import DEFAULT_SETTINGS, Settings, accounts
+from server.satellite.account import DEFAULT_SETTINGS, Account, Settings, account_of
 from server.satellite.contact import is_out_of_contact, out_of_contact_text
 from server.satellite.content import Telling
 from server.satellite.emergency import EmergencyMessages
+from server.satellite.ending import RowsChanged
 from server.satellite.hearing import Hearing
 from server.satellite.inbox import Inbox
 from server.satellite.modem import Modem, modems_of
-from server.satellite.outbox import LOOK_S, Outbox, Sender
+from server.satellite.outbox import Outbox, Sender
 from server.satellite.panel import satellite_view
 from server.satellite.row_kind import Means, RowKinds
 
 log = logging.getLogger(__name__)
 
-
+_REST_S = 0.25
+"""Wall time between two looks at the links of robots that report all the time."""
+_KINDS = ("satellite", "link")
+"""Settings that are kept in memory."""
 Tell = Callable[[Sequence[Telling]], Awaitable[None]]
 """Takes what messages tell, as radio's; returns once it is stored."""
 
@@ -77,6 +81,11 @@ class Satellite:
         self._disabled_links = disabled_links
         self._bus = foundation.bus
         self._settings: dict[str, Settings] = {}
+        self._accounts: dict[str, Account] = {}
+        """What was read of each robot, until something changes it."""
+        self._is_held_up: dict[str, bool] = {}
+        """Whether each robot was out of contact when it was looked at last."""
+        self._looks = Wakeups(foundation.clock, _REST_S)
         self._hearing = Hearing(foundation.store, foundation.clock, fleet, disabled_links)
         self._plan_said: dict[str, tuple[datetime, datetime]] = {}
         """When each robot's last word on its plan arrived by satellite, and when it was said."""
@@ -113,17 +122,26 @@ class Satellite:
 
     async def refresh(self) -> None:
         """Read settings, budgets and last sessions anew, and show them."""
-        at = self._clock.now()
-        statuses = {p.record.id: p for p in self._fleet.statuses if modems_of(p.record)}
-        found = await self._store.query(lambda session: accounts(session, self.kinds, statuses, at))
-        for robot, status in statuses.items():
-            if self._settings.get(robot) != found[robot].settings:
-                self._settings[robot] = found[robot].settings
-                self._fleet.touch(robot)
-            for modem in modems_of(status.record):
-                await self._hearing.remember(modem)
-            waits = self.outbox.waits_for_budget(robot)
-            self._hearing.show(status, found[robot], waits_for_budget=waits)
+        self._accounts.clear()
+        for status in list(self._fleet.statuses):
+            await self._look_at(status.record.id)
+
+    def robot_changed(self, robot: str) -> None:
+        """Take that a robot said something, or that a link to it changed."""
+        if modems_of(self._fleet.status(robot).record):
+            self._looks.wake(robot)
+
+    def settings_changed(self, event: SettingsChanged) -> None:
+        """Take that other settings hold for a robot, or for all."""
+        if event.kind in _KINDS:
+            for robot in [event.robot] if event.robot else list(self._accounts):
+                self._read_again(robot)
+            self.stir()
+
+    def rows_changed(self, event: RowsChanged) -> None:
+        """Take that something on its way to a robot began or ended, by whichever hand or link."""
+        self._read_again(event.robot)
+        self.stir()
 
     def follow_switch(self) -> None:
         """Have a link that was enabled or disabled count at once."""
@@ -241,7 +259,12 @@ class Satellite:
     def _row_changed(self, row: OutboxRecord) -> None:
         self._bus.publish(OutboxChanged(row))
         if self._fleet.knows(row.robot):
+            self._read_again(row.robot)
             self._fleet.touch(row.robot)
+
+    def _read_again(self, robot: str) -> None:
+        self._accounts.pop(robot, None)
+        self._looks.wake(robot)
 
     def _pass_on(self, message: MobileOriginated, values: Sequence[Telling]) -> None:
         """Pass on what a message tells, but not a word on the plan that came after a newer one."""
@@ -262,6 +285,40 @@ class Satellite:
         return session_at >= known.received_at
 
     async def _look(self) -> None:
+        """Bring the links of robots up to date when something changed, or is due by the clock."""
         while True:
-            await until_stored("satellite links", self.refresh)
-            await asyncio.sleep(LOOK_S)
+            for robot in await self._looks.next():
+                await until_stored("satellite links", lambda robot=robot: self._look_at(robot))
+
+    async def _look_at(self, robot: str) -> None:
+        if not self._fleet.knows(robot):
+            return
+        status = self._fleet.status(robot)
+        modems = modems_of(status.record)
+        if not modems:
+            return
+        account = await self._account(robot)
+        for modem in modems:
+            await self._hearing.remember(modem)
+        waits = self.outbox.waits_for_budget(robot)
+        self._hearing.show(status, account, waits_for_budget=waits)
+        is_held_up = bool(self.obstacle(robot))
+        if self._is_held_up.get(robot) != is_held_up:
+            self._is_held_up[robot] = is_held_up
+            self.stir()
+        moments = [account.until, *self._hearing.due_at(status, account.settings)]
+        now = self._clock.now()
+        self._looks.set_due(robot, min([one for one in moments if one > now], default=None))
+
+    async def _account(self, robot: str) -> Account:
+        """Return what holds for a robot, read anew if something may have changed it."""
+        account, at = self._accounts.get(robot), self._clock.now()
+        if account is None or account.until <= at:
+            account = await self._store.query(
+                lambda session: account_of(session, self.kinds, robot, at)
+            )
+            self._accounts[robot] = account
+            if self._settings.get(robot) != account.settings:
+                self._settings[robot] = account.settings
+                self._fleet.touch(robot)
+        return account

@@ -259,7 +259,6 @@ class TransferMachine:
         )
         self.row = row
         self._on_change(self.transfer.id)
-        self._satellite.stir()
         return row
 
     def _may_change_to_radio(self, plan: PlanRecord) -> bool:

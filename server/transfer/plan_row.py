@@ -17,7 +17,7 @@ from robot_link.satellite.chunk import cut
 from robot_link.satellite.content import TransferAck, TransferState
 from robot_link.station.ground import GroundState, GroundTransfer, PartLevel, next_counter
 from server.plan.document import mission_of
-from server.satellite.ending import end_row
+from server.satellite.ending import end_row, told
 from server.satellite.modem import Modem
 from server.satellite.row_kind import Means, RobotSession, RowKind
 
@@ -49,12 +49,12 @@ def begin_plan(
     known = query.outbox_of_transfer(session, transfer.id)
     if known is not None:
         if known.ended_at is None and known.state == "held":
-            return query.change_outbox(session, known.id, state="open")
+            return told(session, query.change_outbox(session, known.id, state="open"))
         return known
     before = query.newest_outbox(session, transfer.robot, "plan")
     counter = next_counter(query.newest_counter(session, transfer.robot), at)
     ground = GroundTransfer.begin(blob, counter, at, expires_at, start=transfer.start)
-    return query.add_outbox(
+    row = query.add_outbox(
         session,
         transfer.robot,
         "plan",
@@ -71,6 +71,7 @@ def begin_plan(
         expires_at=expires_at,
         transfer=transfer.id,
     )
+    return told(session, row)
 
 
 def ground_of(row: OutboxRecord) -> GroundTransfer:

@@ -257,7 +257,6 @@ class Transfers:
         ending = self.stop_for(robot)
         if ending is not None:
             await asyncio.wait([ending])
-        self._satellite.stir()
 
     async def _new_transfer(
         self,

@@ -18,7 +18,7 @@ from robot_link.station.ground import GroundState, GroundTransfer, next_counter
 from server.command.satellite_row import is_surface
 from server.fleet.words import carrier_title
 from server.satellite import repeating
-from server.satellite.ending import end_row
+from server.satellite.ending import end_row, told
 from server.satellite.row_kind import Means, RobotSession, RowKind
 from server.transfer import plan_row
 
@@ -40,7 +40,7 @@ def begin_withdrawal(session: Session, plan: OutboxRecord, at: datetime) -> Outb
     said = query.newest_outbox(session, plan.robot, "withdrawal")
     if said is not None and said.imei == plan.imei and said.counter > max(left):
         return None
-    return query.add_outbox(
+    row = query.add_outbox(
         session,
         plan.robot,
         "withdrawal",
@@ -56,6 +56,7 @@ def begin_withdrawal(session: Session, plan: OutboxRecord, at: datetime) -> Outb
         at=at,
         expires_at=at + _LIFE,
     )
+    return told(session, row)
 
 
 class WithdrawalRows(RowKind):
