@@ -30,6 +30,7 @@ from robot_link.station.link import RobotEndpoint, StationLink
 from robot_link.station.path import RadioPath
 from robot_link.transport.datagram import DatagramTransport
 from robot_link.transport.opening import is_radio, open_transport
+from server.base.wakeups import Wakeups
 from server.link.event import SamplesStored
 from server.link.link import Radio
 from server.link.parameters import ParameterRadio
@@ -37,9 +38,6 @@ from server.link.robot_logs import FileRadio
 from server.link.signing import RobotSigning
 
 log = logging.getLogger(__name__)
-
-_LOOK_S = 1.0
-"""Wall time between two looks for commands that expired."""
 
 
 class Link(Radio, ParameterRadio, FileRadio, Protocol):
@@ -106,6 +104,7 @@ class Radios:
         self._link = make(clock, on_event, signing)
         self._waiting: dict[tuple[RobotId, CommandNumber], datetime] = {}
         """When each command for a robot without a link expires."""
+        self._expiry = Wakeups(clock)
 
     def set_robots(self, robots: Iterable[RobotRecord]) -> bool:
         """Say which robots there are; tell whether they changed."""
@@ -141,7 +140,8 @@ class Radios:
             group.create_task(self._link.run(), name="link")
             while True:
                 self._expire()
-                await asyncio.sleep(_LOOK_S)
+                self._expiry.set_due("", min(self._waiting.values(), default=None))
+                await self._expiry.next()
 
     async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
         """Put a mission on board."""
@@ -176,6 +176,7 @@ class Radios:
         else:
             log.warning("%s has no link; its %s order waits", robot, kind)
             self._waiting[robot, number] = expires
+            self._expiry.wake()
 
     def acknowledge(self, stored: SamplesStored) -> None:
         """Tell robots which samples they may forget."""

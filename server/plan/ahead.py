@@ -1,6 +1,6 @@
 """When the next round is planned while the robot still flies, and what it still has to fly."""
 
-from datetime import datetime
+from datetime import datetime, timedelta
 
 from autonomy.arrays import FloatArray
 from autonomy.planner.config import PlannerConfig
@@ -77,5 +77,21 @@ def is_due(
         return False
     if len(unflown(plan, report)) <= 1:
         return True
-    lead_s = (config.planning_time_s + MARGIN_S) * max(1.0, clock_speed)
-    return remaining_s(plan, config, report, now) <= lead_s
+    return remaining_s(plan, config, report, now) <= _lead_s(config, clock_speed)
+
+
+def due_at(
+    plan: PlanRecord,
+    config: PlannerConfig,
+    report: PlanReport | None,
+    now: datetime,
+    clock_speed: float,
+) -> datetime:
+    """Return when ``is_due`` comes true of a running plan if its robot says nothing more."""
+    wait_s = remaining_s(plan, config, report, now) - _lead_s(config, clock_speed)
+    return now + timedelta(seconds=max(0.0, wait_s), milliseconds=1)
+
+
+def _lead_s(config: PlannerConfig, clock_speed: float) -> float:
+    """Return how long before its end planning must begin, s of the robot's clock."""
+    return (config.planning_time_s + MARGIN_S) * max(1.0, clock_speed)

@@ -5,6 +5,8 @@ enough. A step looks at the mission and its plans in the database and nowhere el
 taken any number of times, and after the station was killed.
 """
 
+from datetime import datetime
+
 from sqlalchemy.orm import Session
 
 from autonomy.planner.config import PlannerConfig
@@ -15,7 +17,7 @@ from robot_link.messages import PlanReport
 from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict
 from server.fleet.fleet import Fleet
-from server.plan.ahead import is_due, unflown
+from server.plan.ahead import due_at, is_due, unflown
 from server.plan.document import candidates_of, legs_of
 from server.plan.drafting import broken_off, outdated_by
 from server.plan.ledger import PlanLedger
@@ -111,6 +113,11 @@ class SurveySteps:
         """Tell whether the round after the one that is flown should be planned now."""
         config = PlannerConfig.model_validate(plan.config)
         return is_due(plan, config, self._report(plan), self._clock.now(), self._clock.speed)
+
+    def ahead_due_at(self, plan: PlanRecord) -> datetime:
+        """Return when the round after the one that is flown should be planned by time alone."""
+        config = PlannerConfig.model_validate(plan.config)
+        return due_at(plan, config, self._report(plan), self._clock.now(), self._clock.speed)
 
     async def next_round(
         self,

@@ -18,6 +18,8 @@ from db.query.missions import change_mission, list_missions
 from db.query.plans import PlanRecord
 from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict
+from server.base.retry_queue import until_stored
+from server.base.wakeups import Wakeups
 from server.command.state import SurfaceOrdered
 from server.plan.planning import Planning
 from server.plan.search_request import SearchRequest
@@ -32,8 +34,10 @@ log = logging.getLogger(__name__)
 
 KIND = "adaptive_survey"
 _UNDER_WAY = ("running", "replanning", "scoring")
-_LOOK_S = 10.0
 _RETRY_S = 1.5
+"""Wall time after which a step that met failing storage is taken again."""
+_FAILED_S = 10.0
+"""The same of one that failed otherwise."""
 
 
 class Surveys:
@@ -56,6 +60,8 @@ class Surveys:
         self._again: set[str] = set()
         self._asked_ahead: dict[str, str] = {}
         """By robot, the plan during which the next round was looked at; saves looking often."""
+        self._ahead = Wakeups(foundation.clock)
+        """Robots whose next round may be due."""
         self._is_stopping = False
         foundation.bus.subscribe(PlanChanged, self._plan_changed)
         foundation.bus.subscribe(TransferFailed, self._transfer_failed)
@@ -64,22 +70,13 @@ class Surveys:
         """Go on with every survey that had something to do when the station stopped."""
         for mission in await self._missions.open():
             self._kick(mission.id)
+            self._ahead.wake(mission.robot)
 
     async def run(self) -> None:
-        """Look at every survey under way now and then, until cancelled.
-
-        What robots and plans do leads to the next step at once; this is for a step that failed.
-        """
+        """Plan rounds ahead of robots that say nothing under water, until cancelled."""
         while True:
-            await asyncio.sleep(_LOOK_S)
-            try:
-                missions = await self._missions.open()
-            except StoreError as error:
-                log.warning("surveys wait until storage works: %s", error)
-                continue
-            for mission in missions:
-                if mission.state in _UNDER_WAY:
-                    self._kick(mission.id)
+            for robot in await self._ahead.next():
+                self._look_ahead(robot)
 
     async def stop_all(self) -> None:
         """Let go of every survey; they go on when the station starts again."""
@@ -233,59 +230,72 @@ class Surveys:
     def _plan_changed(self, event: PlanChanged) -> None:
         if event.plan.mission is not None:
             self._kick(event.plan.mission)
+            self._ahead.wake(event.plan.robot)
 
     def robot_said_more(self, robot: str) -> None:
         """Take that a robot got further with its plan: the next round may be due."""
+        self._ahead.wake(robot)
+
+    def _look_ahead(self, robot: str) -> None:
+        """Let a survey plan its next round once that is due, by the robot's word or by time."""
         plan = self._steps.flown_in_survey(robot)
         if plan is None or plan.mission is None or self._asked_ahead.get(robot) == plan.id:
             return
         if self._steps.is_ahead_due(plan):
             self._asked_ahead[robot] = plan.id
             self._kick(plan.mission)
+        else:
+            self._ahead.set_due(robot, self._steps.ahead_due_at(plan))
 
     def _transfer_failed(self, event: TransferFailed) -> None:
         plan = event.plan
-        stop = self._stop_for_plan(plan, event.reason)
+        stop = until_stored(f"stop for {plan}", lambda: self._stop_for_plan(plan, event.reason))
         self._foundation.background.start(f"stop for {plan}", stop)
 
     async def _stop_for_plan(self, plan: str, reason: str) -> None:
-        try:
-            for mission in await self._missions.open():
-                survey = survey_status(await self._missions.plans(mission.id))
-                if survey is not None and survey.plan.id == plan:
-                    await self._missions.give_up(mission.id, "stopped", reason)
-        except StoreError as error:
-            # The look that ``run`` takes now and then finds the plan where it stands.
-            log.warning("the survey of %s was not stopped: %s", plan, error)
+        for mission in await self._missions.open():
+            survey = survey_status(await self._missions.plans(mission.id))
+            if survey is not None and survey.plan.id == plan:
+                await self._missions.give_up(mission.id, "stopped", reason)
 
     def _kick(self, mission: str) -> None:
         """Let a survey take its next step, once more if it is taking one now."""
+        if self._is_stopping:
+            return
         if mission in self._tasks:
             self._again.add(mission)
             return
         task = self._foundation.background.start(f"advance {mission}", self._advance_all(mission))
         self._tasks[mission] = task
-        task.add_done_callback(lambda _: self._step_ended(mission))
+        task.add_done_callback(lambda task: self._step_ended(mission, task))
 
-    def _step_ended(self, mission: str) -> None:
+    def _step_ended(self, mission: str, task: asyncio.Task[None]) -> None:
         self._tasks.pop(mission, None)
-        if mission in self._again and not self._is_stopping:
+        if self._is_stopping or task.cancelled():
+            return
+        if task.exception() is not None:
+            asyncio.get_running_loop().call_later(_FAILED_S, self._kick, mission)
+        elif mission in self._again:
             self._kick(mission)
 
     async def _advance_all(self, mission: str) -> None:
         while True:
             self._again.discard(mission)
             try:
-                if await self._steps.take(mission):
-                    self._again.add(mission)
-            except Problem as problem:
-                await self._missions.give_up(mission, "stopped", problem.detail)
+                await self._advance(mission)
             except StoreError as error:
                 log.warning("%s waits: %s", mission, error)
                 await asyncio.sleep(_RETRY_S)
                 self._again.add(mission)
             if mission not in self._again:
                 return
+
+    async def _advance(self, mission: str) -> None:
+        try:
+            if await self._steps.take(mission):
+                self._again.add(mission)
+        except Problem as problem:
+            await self._missions.give_up(mission, "stopped", problem.detail)
 
 
 def stop_for(session: Session, event: SurfaceOrdered) -> None:

@@ -23,7 +23,6 @@ from robot_link.messages import (
 )
 from server.base import retry_queue as turn
 from server.base.problem import Problem
-from server.link import radios
 from server.link.radios import Radios
 from server.plan.document import mission_of
 from server.plan.state import PlanChanged
@@ -35,7 +34,6 @@ from tests.server.transfer.test_upload import draft, plan_in, transfer_in, uploa
 @pytest.fixture(autouse=True)
 def _hasty(monkeypatch):
     monkeypatch.setattr(turn, "RETRY_S", 0.05)
-    monkeypatch.setattr(radios, "_LOOK_S", 0.02)
 
 
 @contextmanager
