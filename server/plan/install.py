@@ -4,7 +4,6 @@ import logging
 
 from autonomy.warm_up import search_step
 from server.base.foundation import Foundation
-from server.base.machine_code import MachineCode
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.event import RobotReported
 from server.fleet.fleet import Fleet
@@ -13,6 +12,7 @@ from server.plan import route
 from server.plan.dry_run import DryRuns
 from server.plan.follow import PlanFollower
 from server.plan.ledger import PlanLedger
+from server.plan.machine_code import MachineCode
 from server.plan.planning import Planning
 from server.plan.state import PlanChanged, PlanSeen
 from server.plan.task import LOAD_PLANNER

@@ -20,7 +20,6 @@ from db.query.plans import PlanRecord, PlanStateError
 from robot_link.satellite.config import SatelliteConfig
 from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.base.foundation import Foundation
-from server.base.machine_code import MachineCode
 from server.base.problem import conflict
 from server.base.retry_queue import until_stored
 from server.base.worker import WORKER_FAILURES, WorkerPool
@@ -35,6 +34,7 @@ from server.plan.drafting import (
 )
 from server.plan.dry_run import DryRuns
 from server.plan.ledger import PlanLedger
+from server.plan.machine_code import MachineCode
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
 from server.plan.round_problem import RoundProblems
 from server.plan.search_request import SearchRequest

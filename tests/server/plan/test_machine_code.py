@@ -9,10 +9,10 @@ import pytest
 
 from autonomy import warm_up
 from db.query.jobs import JobRecord
-from server.base import machine_code
 from server.base.job import JobWork
-from server.base.machine_code import MachineCode
 from server.base.worker import WorkerTaskError
+from server.plan import machine_code
+from server.plan.machine_code import MachineCode
 
 SEARCH = warm_up.search_step("information_gain")
 

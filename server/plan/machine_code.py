@@ -16,7 +16,7 @@ from server.base.worker import WORKER_FAILURES, WorkerPool
 log = logging.getLogger(__name__)
 
 JOB_KIND = "kernels"
-COMPILE = "server.base.machine_code_task:run"
+COMPILE = "server.plan.machine_code_task:run"
 _LOWEST_PRIORITY = 19
 
 
