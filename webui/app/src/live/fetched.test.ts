@@ -3,8 +3,9 @@ import { Problem, wholeSentence } from '../api/problem';
 import { Errand } from './errand.svelte';
 import { Fetched } from './fetched.svelte';
 import { JobWatch } from './job_watch.svelte';
+import { Orders } from './order.svelte';
 import type { BatchReader, Station } from './station.svelte';
-import type { Job, LiveBatch } from '../api/types';
+import type { Command, Job, LiveBatch } from '../api/types';
 
 const REFUSED = new Problem(409, 'Refused', 'The radio is not live.');
 
@@ -105,6 +106,55 @@ describe('a job', () => {
     api.job.mockRejectedValue(new Problem(404, 'Unknown', 'There is no job-1.'));
     tell({}, true);
     await vi.waitFor(() => expect(onend).toHaveBeenCalledWith(null));
+  });
+});
+
+describe('an order', () => {
+  function given(known: Record<string, Partial<Command>> = {}) {
+    let read: BatchReader | undefined;
+    const onBatch = (reader: BatchReader) => {
+      read = reader;
+      return () => undefined;
+    };
+    const command = (level: string) => ({ id: 'command-1', level, levels: [{ level }] });
+    const api = {
+      command: vi.fn().mockResolvedValue({ id: 'command-1' }),
+      commandState: vi.fn().mockResolvedValue(command('expired')),
+    };
+    const orders = new Orders({ api, onBatch, commands: known } as unknown as Station);
+    orders.follow();
+    const tell = (levels: string[]) =>
+      levels.forEach((level) =>
+        read?.({ commands: { 'command-1': command(level) } } as unknown as LiveBatch, false),
+      );
+    const reconnect = () => read?.({ commands: {} } as LiveBatch, true);
+    const level = () => orders.byRobot['mini-1']?.command?.level;
+    return { orders, api, tell, reconnect, level };
+  }
+
+  test('is followed by the live stream alone', async () => {
+    const { orders, api, tell, level } = given();
+    await orders.give('mini-1', 'surface');
+    expect(orders.byRobot['mini-1']).toMatchObject({ id: 'command-1', command: null });
+    tell(['created', 'queued', 'radio', 'applied']);
+    expect(level()).toBe('applied');
+    expect(api.commandState).not.toHaveBeenCalled();
+  });
+
+  test('that the stream told before the station answered is known at once', async () => {
+    const { orders, api, level } = given({ 'command-1': { id: 'command-1', level: 'queued' } });
+    await orders.give('mini-1', 'surface');
+    expect(level()).toBe('queued');
+    expect(api.commandState).not.toHaveBeenCalled();
+  });
+
+  test('that the stream does not tell any more is asked for when it comes back', async () => {
+    const { orders, api, reconnect, level } = given();
+    await orders.give('mini-1', 'surface');
+    reconnect();
+    await vi.waitFor(() => expect(level()).toBe('expired'));
+    reconnect();
+    expect(api.commandState).toHaveBeenCalledTimes(1);
   });
 });
 

@@ -8,7 +8,9 @@ const KEY = 'grace.orders';
 export interface Order {
   robot: string;
   kind: CommandKind;
-  /** What the station says of it; `null` until it has answered. */
+  /** What the station calls it; `null` until it has answered. */
+  id: string | null;
+  /** What the station says of it; `null` until the live stream tells. */
   command: Command | null;
   /** Why the station did not take it, in words. */
   refusal: string | null;
@@ -24,12 +26,13 @@ export class Orders {
   }
 
   async give(robot: string, kind: CommandKind): Promise<void> {
-    this.byRobot[robot] = { robot, kind, command: null, refusal: null };
+    const asked = { robot, kind, id: null, command: null, refusal: null };
+    this.byRobot[robot] = asked;
     try {
       const { id } = await this.#station.api.command(robot, kind);
-      await this.#ask(robot, kind, id);
+      this.byRobot[robot] = { ...asked, id, command: this.#station.commands[id] ?? null };
     } catch (error) {
-      this.byRobot[robot] = { robot, kind, command: null, refusal: refusalOf(error) };
+      this.byRobot[robot] = { ...asked, refusal: refusalOf(error) };
     }
     this.#keep();
   }
@@ -45,28 +48,29 @@ export class Orders {
     for (const { robot, kind, id } of kept())
       void this.#ask(robot, kind, id).catch(() => undefined);
     return this.#station.onBatch(({ commands }, isFirst) => {
-      for (const { robot, kind, command } of Object.values(this.byRobot)) {
-        if (command === null) continue;
-        const told = commands[command.id];
-        if (told) this.byRobot[robot] = { robot, kind, command: told, refusal: null };
-        else if (isFirst && !isSettled(command))
-          void this.#ask(robot, kind, command.id).catch(() => undefined);
+      for (const order of Object.values(this.byRobot)) {
+        const { robot, kind, id, command } = order;
+        if (id === null) continue;
+        const told = commands[id];
+        if (told) this.byRobot[robot] = { ...order, command: told };
+        else if (isFirst && !(command && isSettled(command)))
+          void this.#ask(robot, kind, id).catch(() => undefined);
       }
     });
   }
 
   async #ask(robot: string, kind: CommandKind, id: string): Promise<void> {
     const asked = await this.#station.api.commandState(id);
-    const known = this.byRobot[robot]?.command;
-    if (known && known.id !== id && known.created_at > asked.created_at) return;
+    const known = this.byRobot[robot];
+    if (known && known.id !== id) return; // a later order was given meanwhile
     const told = this.#station.commands[id];
     const isOvertaken = told !== undefined && told.levels.length > asked.levels.length;
-    this.byRobot[robot] = { robot, kind, command: isOvertaken ? told : asked, refusal: null };
+    this.byRobot[robot] = { robot, kind, id, command: isOvertaken ? told : asked, refusal: null };
   }
 
   #keep(): void {
-    const ids = Object.values(this.byRobot).flatMap(({ robot, kind, command }) =>
-      command === null ? [] : [{ robot, kind, id: command.id }],
+    const ids = Object.values(this.byRobot).flatMap(({ robot, kind, id }) =>
+      id === null ? [] : [{ robot, kind, id }],
     );
     try {
       sessionStorage.setItem(KEY, JSON.stringify(ids));

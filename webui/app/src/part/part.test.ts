@@ -36,6 +36,7 @@ describe('an order', () => {
     const order = {
       robot: 'mini-1',
       kind: 'surface' as const,
+      id: 'command-1',
       command: command('queued'),
       refusal: null,
     };
