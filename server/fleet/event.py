@@ -30,6 +30,13 @@ class FixTaken:
 
 
 @dataclass(frozen=True, slots=True)
+class TrackGrew:
+    """A robot moved far enough for another point of its track."""
+
+    robot: str
+
+
+@dataclass(frozen=True, slots=True)
 class LinkSwitched:
     """The operator enabled or disabled a link, for every robot that shares its port."""
 

@@ -21,7 +21,7 @@ from robot_link.messages import (
 from server.base.event_bus import EventBus
 from server.base.problem import not_found
 from server.fleet.clock_fault import ClockFault
-from server.fleet.event import FixTaken, RobotReported
+from server.fleet.event import FixTaken, RobotReported, TrackGrew
 from server.fleet.status import PlanInHand, RobotStatus, SatelliteStatus, remembered_link
 from server.fleet.trail import Track
 from server.vehicle.vehicles import Vehicles
@@ -143,7 +143,8 @@ class Fleet:
         status = self._statuses[report.robot]
         if status.state is None or report.measured_at >= status.state.measured_at:
             status.state = report
-            status.track.add(report.position_ned, report.position_std_m, report.mode)
+            if status.track.add(report.position_ned, report.position_std_m, report.mode):
+                self._bus.publish(TrackGrew(report.robot))
             self.touch(report.robot)
             if report.has_fix:
                 self._bus.publish(FixTaken(report.robot, report.measured_at))

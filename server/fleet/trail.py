@@ -39,15 +39,16 @@ class Track:
         """Position uncertainties that part the fidelity levels."""
         return self._thresholds_m
 
-    def add(self, position_ned: PositionNed, position_std_m: float, mode: RobotMode | None) -> None:
-        """Append a point unless it lies closer than the spacing to the last one."""
+    def add(self, position_ned: PositionNed, position_std_m: float, mode: RobotMode | None) -> bool:
+        """Append a point unless it lies closer than the spacing to the last one; tell whether."""
         if self._points and math.dist(self._points[-1][:3], position_ned) < self._spacing_m:
-            return
+            return False
         self._points.append((*position_ned, position_std_m, mode in DRIFT_MODES))
         if len(self._points) > POINTS_MAX:
             self._points = self._points[::2]
             self._spacing_m *= 2.0
             self._generation += 1
+        return True
 
     def replace(self, points: Iterable[tuple[PositionNed, float, RobotMode | None]]) -> None:
         """Begin again from positions with their standard deviations and modes."""

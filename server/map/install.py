@@ -6,6 +6,7 @@ from server.fleet.fleet import Fleet
 from server.link.event import SamplesStored
 from server.map import route
 from server.map.comparison import MapComparisons
+from server.map.event import MapChanged
 from server.map.field_maps import FieldMaps
 from server.map.learning import MapLearning
 from server.map.opening import MapOpening
@@ -28,6 +29,7 @@ def install(foundation: Foundation) -> None:
 
     bus.subscribe(SamplesStored, maps.feed)
     bus.subscribe(FixTaken, maps.take_fix)
+    bus.subscribe(MapChanged, lambda event: foundation.feed.mark("maps", event.robot))
     bus.subscribe(RobotChanged, lambda event: opening.begin(event.record))
     foundation.lifetime.run("field maps", maps.run)
     foundation.lifetime.on_start(start)

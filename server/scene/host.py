@@ -21,8 +21,14 @@ class SceneHost:
     a source is asked for what is new since the last drawing.
     """
 
-    def __init__(self, source_of: Callable[[RobotId], SceneSource | None]) -> None:
+    def __init__(
+        self,
+        source_of: Callable[[RobotId], SceneSource | None],
+        on_change: Callable[[RobotId], None],
+    ) -> None:
         self._source_of = source_of
+        self._on_change = on_change
+        self._told: dict[RobotId, SceneState] = {}
         self._scenes: dict[RobotId, RobotScene] = {}
         self._drawing = ThreadPoolExecutor(max_workers=1, thread_name_prefix="scene")
         self._starting = asyncio.Lock()
@@ -43,7 +49,7 @@ class SceneHost:
         if scene is None:
             return None
         await self._in_thread(lambda: scene.change(change))
-        return await self._in_thread(lambda: scene.state)
+        return self._tell(robot, await self._in_thread(lambda: scene.state))
 
     async def _scene(self, robot: RobotId) -> RobotScene | None:
         async with self._starting:
@@ -59,9 +65,11 @@ class SceneHost:
     async def run(self) -> None:
         """Draw until cancelled."""
         while True:
-            watched = [scene for scene in self._scenes.values() if scene.is_watched]
+            watched = {robot: one for robot, one in self._scenes.items() if one.is_watched}
             if watched:
-                await self._in_thread(lambda scenes=watched: _update(scenes))
+                states = await self._in_thread(lambda scenes=watched: _update(scenes))
+                for robot, state in states.items():
+                    self._tell(robot, state)
             await asyncio.sleep(UPDATE_S)
 
     async def stop(self) -> None:
@@ -70,6 +78,12 @@ class SceneHost:
             await self._in_thread(scene.stop)
         self._scenes.clear()
         self._drawing.shutdown()
+
+    def _tell(self, robot: RobotId, state: SceneState) -> SceneState:
+        if self._told.get(robot) != state:
+            self._told[robot] = state
+            self._on_change(robot)
+        return state
 
     async def _in_thread(self, work: Callable[[], T]) -> T:
         return await asyncio.get_running_loop().run_in_executor(self._drawing, work)
@@ -81,6 +95,7 @@ def _opened(source: SceneSource) -> RobotScene:
     return scene
 
 
-def _update(scenes: list[RobotScene]) -> None:
-    for scene in scenes:
+def _update(scenes: dict[RobotId, RobotScene]) -> dict[RobotId, SceneState]:
+    for scene in scenes.values():
         scene.update()
+    return {robot: scene.state for robot, scene in scenes.items()}

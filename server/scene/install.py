@@ -25,6 +25,6 @@ def install(foundation: Foundation) -> None:
             return None
         return StationSceneSource(robot, fleet, maps, vehicles, shown)
 
-    scenes = services.add(SceneHost(source_of))
+    scenes = services.add(SceneHost(source_of, lambda robot: foundation.feed.mark("view", robot)))
     foundation.lifetime.on_stop(scenes.stop)
     foundation.lifetime.run("scenes", scenes.run)

@@ -1,8 +1,6 @@
 import { untrack } from 'svelte';
 import { sentence } from '../api/problem';
 
-/** What changes ten times a second is asked for this often. */
-const AGAIN_MS = 500;
 const RETRY_MS = 3000;
 
 /** Something that is read from the station as a whole, and read again when it may have changed. */
@@ -17,12 +15,16 @@ export class Fetched<T> {
   #isReading = false;
   /** Whether it may have changed since it was asked for last. */
   #isDue = false;
+  #subject: string | null = null;
+  readonly #restMs: number;
 
   /** Why it was not read, until it is, or why something was not done, until the next is. */
   readonly refusal = $derived(this.#undone || this.#unread);
 
-  constructor(read: () => Promise<T>) {
+  /** @param restMs Between two answers of something that changes all the time. */
+  constructor(read: () => Promise<T>, restMs = 500) {
     this.#read = read;
+    this.#restMs = restMs;
   }
 
   /** Read it; of several answers under way the one that was asked for last counts. */
@@ -56,10 +58,17 @@ export class Fetched<T> {
    *
    * For effects: one that also reads `Station.revision` reads again whenever something changed. A
    * change that comes while an answer is under way is asked for a moment after it.
+   *
+   * @param subject What it is about: of another one it is read at once.
    */
-  follow(): () => void {
+  follow(subject: string | null = null): () => void {
+    const isOther = subject !== this.#subject;
+    this.#subject = subject;
     this.#isFollowed = this.#isDue = true;
-    if (!this.#isReading) void untrack(() => this.#readWhileDue());
+    untrack(() => {
+      if (!this.#isReading) void this.#readWhileDue();
+      else if (isOther) void this.load();
+    });
     return () => (this.#isFollowed = false);
   }
 
@@ -68,7 +77,7 @@ export class Fetched<T> {
     while (this.#isFollowed) {
       this.#isDue = false;
       await this.load();
-      const restMs = this.#restMs();
+      const restMs = this.#waitMs();
       if (restMs === null) break;
       await pause(restMs);
     }
@@ -76,9 +85,9 @@ export class Fetched<T> {
   }
 
   /** How long to wait before it is read once more; `null` while there is no reason to. */
-  #restMs(): number | null {
+  #waitMs(): number | null {
     if (this.#unread !== '') return RETRY_MS;
-    return this.#isDue ? AGAIN_MS : null;
+    return this.#isDue ? this.#restMs : null;
   }
 }
 

@@ -1,32 +1,32 @@
 import { untrack } from 'svelte';
 import type { Api } from '../api/client';
 import type { TargetReport } from '../api/types';
+import { Fetched } from './fetched.svelte';
 
 /** The newest so many are asked for; the station hands out no more at once. */
 const LOADED = 5000;
 /** Reports that are kept; older ones fall out. */
 const KEPT = 6000;
-const FILL_EVERY_MS = 5000;
+const FILL_REST_MS = 5000;
 
 /**
  * What a robot said of its hold on one target: what the station kept, then what the live stream
- * tells. The stream tells the newest alone, so what it passed over is asked for now and then.
+ * tells. The stream tells the newest alone, so what it passed over is asked for when it went on.
  */
 export class TrackHistory {
   /** The oldest first; replaced as a whole. */
   reports = $state.raw<readonly TargetReport[]>([]);
   #kept: readonly TargetReport[] = [];
+  readonly #filling: Fetched<void>;
 
-  /** Ask for a plan's reports again and again, until the returned function is called. */
-  follow(api: Api, robot: string, plan: string | null): () => void {
-    const controller = new AbortController();
-    const fill = () => void this.#fill(api, robot, plan, controller.signal);
-    fill();
-    const timer = setInterval(fill, FILL_EVERY_MS);
-    return () => {
-      controller.abort();
-      clearInterval(timer);
-    };
+  /** @param plan Whose reports; `null` for what the robot follows now. */
+  constructor(api: Api, robot: string, plan: string | null) {
+    this.#filling = new Fetched(() => this.#fill(api, robot, plan), FILL_REST_MS);
+  }
+
+  /** Ask for what the stream passed over; for effects that read what it told last. */
+  follow(): () => void {
+    return this.#filling.follow();
   }
 
   /** Take the newest report over from the live stream. */
@@ -35,16 +35,12 @@ export class TrackHistory {
     this.#show([...untrack(() => this.reports), report]);
   }
 
-  async #fill(api: Api, robot: string, plan: string | null, signal: AbortSignal): Promise<void> {
+  async #fill(api: Api, robot: string, plan: string | null): Promise<void> {
     const after = this.#kept.at(-1)?.measured_at ?? null;
-    try {
-      const { reports } = await api.tracking(robot, { plan, after, limit: LOADED }, signal);
-      if (signal.aborted || reports.length === 0) return;
-      this.#kept = merged(this.#kept, reports).slice(-KEPT);
-      this.#show(untrack(() => this.reports));
-    } catch {
-      // The next round asks again; until then the lines go on from what came live.
-    }
+    const { reports } = await api.tracking(robot, { plan, after, limit: LOADED });
+    if (reports.length === 0) return;
+    this.#kept = merged(this.#kept, reports).slice(-KEPT);
+    this.#show(untrack(() => this.reports));
   }
 
   #show(live: readonly TargetReport[]): void {
