@@ -3,12 +3,12 @@
 ``python -m benchmarks.ingest_feeder ROBOTS MESSAGES RATE_S`` prints the port of the station's
 radio; when a line comes on standard input it sends, at RATE_S messages a second or, with 0, as fast
 as the station takes them. Half of the messages are states, half are samples; each travels in a
-packet of its own. Whatever the station transmits is confirmed at once.
+packet of its own. Whatever the station transmits is confirmed at once. When the station hangs up,
+the radio ends: what was on its way is lost.
 """
 
 import asyncio
 import sys
-from collections.abc import Iterator
 from dataclasses import replace
 from datetime import UTC, datetime, timedelta
 
@@ -54,9 +54,14 @@ class Feeder:
     """The radio at the other end of one TCP connection."""
 
     def __init__(self, robots: int, messages: int, rate_s: float) -> None:
-        self._robots, self._messages, self._rate_s = robots, messages, rate_s
+        self._robots, self._rate_s = robots, rate_s
         self._codecs = [Codec(SystemId(n + 1), ROBOT_COMPONENT) for n in range(robots)]
         self._begin = asyncio.Event()
+        self._sequences = iter(range(messages))
+        flood = 0 if rate_s else messages // 200
+        self._flood = [self._packets(200) for _ in range(flood)]
+        self.has_ended = asyncio.Event()
+        """Set when the station hung up after the begin."""
 
     def begin(self) -> None:
         """Send from now on."""
@@ -66,36 +71,39 @@ class Feeder:
         """Answer the station's radio commands, and bring the packets."""
         feeding = asyncio.create_task(self._feed(writer))
         frames = FrameReader(1)
-        while data := await reader.read(65536):
-            for content in frames.feed(data):
-                answer = _answer(parse_content(content))
-                if answer is not None:
-                    writer.write(encode(answer.content(), 1))
-        feeding.cancel()
-        writer.close()
+        try:
+            while data := await reader.read(65536):
+                for content in frames.feed(data):
+                    answer = _answer(parse_content(content))
+                    if answer is not None:
+                        writer.write(encode(answer.content(), 1))
+        except ConnectionError:
+            pass
+        finally:
+            feeding.cancel()
+            writer.close()
+            if self._begin.is_set():
+                self.has_ended.set()
 
-    def _packets(self, sequences: Iterator[int], count: int) -> bytes:
+    def _packets(self, count: int) -> bytes:
         """Return the next packets of every robot in turn, stamped with the present time."""
         now = datetime.now(UTC)
         made = []
-        for _, whole in zip(range(count), sequences, strict=False):
+        for _, whole in zip(range(count), self._sequences, strict=False):
             sequence, robot = divmod(whole, self._robots)
             at = now - timedelta(microseconds=count - len(made))
             made.append(packet(self._codecs[robot], robot + 1, sequence, at))
         return b"".join(made)
 
     async def _feed(self, writer: asyncio.StreamWriter) -> None:
-        sequences = iter(range(self._messages))
-        if not self._rate_s:
-            packets = [self._packets(sequences, 200) for _ in range(self._messages // 200)]
-            await self._begin.wait()
-            for some in packets:
-                writer.write(some)
-                await writer.drain()
-            return
         await self._begin.wait()
+        for some in self._flood:
+            writer.write(some)
+            await writer.drain()
+        if not self._rate_s:
+            return
         due_s = asyncio.get_running_loop().time()
-        while some := self._packets(sequences, round(self._rate_s * SLICE_S)):
+        while some := self._packets(round(self._rate_s * SLICE_S)):
             writer.write(some)
             due_s += SLICE_S
             await asyncio.sleep(max(0.0, due_s - asyncio.get_running_loop().time()))
@@ -120,7 +128,7 @@ async def main(robots: int, messages: int, rate_s: float) -> None:
     print(server.sockets[0].getsockname()[1], flush=True)
     await asyncio.to_thread(sys.stdin.readline)
     feeder.begin()
-    await asyncio.to_thread(sys.stdin.readline)
+    await feeder.has_ended.wait()
 
 
 if __name__ == "__main__":

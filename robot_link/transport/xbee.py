@@ -127,6 +127,8 @@ class XBeeTransport(KeptTransport):
         self._status_timeout_s = self._timing.slow_status_timeout_s
         self._last_id = 0
         self._last_sender: Address | None = None
+        self._brought = 0
+        """Packets that came."""
         self._rssi_dbm: dict[Address, float] = {}
         self.max_payload = 0
         """The radio's NP parameter; 0 while the port is closed."""
@@ -201,6 +203,7 @@ class XBeeTransport(KeptTransport):
         match frame:
             case ReceivePacket(address, data):
                 self._last_sender = address
+                self._brought += 1
                 self._keeper.bring(Received(address, data, self._rssi_dbm.get(address)))
             case TransmitStatus(frame_id, retries, status):
                 fate = _FATES.get(status, Fate.REFUSED)
@@ -239,7 +242,7 @@ class XBeeTransport(KeptTransport):
             while True:
                 await asyncio.sleep(self._timing.signal_period_s)
                 if self._discovery is None:
-                    self._note_strength(await self._ask(b"DB"))
+                    await self._ask_strength()
         except TimeoutError:
             return f"no XBee in API mode {self._mode} answers"
         except (OSError, PortClosedError) as error:
@@ -296,8 +299,20 @@ class XBeeTransport(KeptTransport):
             wait_s = _LONGEST_DISCOVERY_S
         return min(wait_s, _LONGEST_DISCOVERY_S) + _DISCOVERY_MARGIN_S
 
-    def _note_strength(self, answer: bytes) -> None:
-        """Keep the strength of the last packet; it is the sender's whose packet came last."""
+    async def _ask_strength(self) -> None:
+        """Keep the strength of the last packet; it is the sender's whose packet came last.
+
+        Raises:
+            TimeoutError: If the radio answers nothing and brings nothing either: an answer may
+                come late, behind many packets that this machine has not read yet.
+        """
+        brought = self._brought
+        try:
+            answer = await self._ask(b"DB")
+        except TimeoutError:
+            if self._brought == brought:
+                raise
+            return
         if answer and self._last_sender is not None:
             self._rssi_dbm[self._last_sender] = -float(answer[-1])
             self._last_sender = None

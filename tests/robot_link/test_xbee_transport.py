@@ -27,7 +27,7 @@ from robot_link.transport.datagram import (
 from robot_link.transport.opening import open_transport
 from robot_link.transport.port import SerialPort
 from robot_link.transport.xbee import XBeeTiming, XBeeTransport
-from robot_link.transport.xbee_frame import encode
+from robot_link.transport.xbee_frame import ReceivePacket, encode
 from simulator.xbee_network import MAX_PAYLOAD, AirConditions, RobotRadio, XBeeNetwork
 from tests.robot_link.scripted_port import ScriptedPort, answering_questions, opener
 from tests.tcp_peer import connected
@@ -310,6 +310,27 @@ async def test_a_second_client_of_a_tcp_radio_is_turned_away():
         assert await second.read() == b""
         writer.write(encode(b"\x08\x01NP", 1))
         assert len(await reader.readexactly(11)) == 11
+
+
+async def test_a_radio_whose_answers_are_late_behind_its_packets_is_not_gone():
+    packet = encode(ReceivePacket(ROBOT, b"state").content(), 1)
+    timing = XBeeTiming(question_timeout_s=0.02, signal_period_s=0.01)
+    is_busy = True
+
+    def busy(data: bytes) -> bytes:
+        if data[5:7] != b"DB":
+            return answering_questions(data)
+        return packet if is_busy else b""
+
+    async with running(XBeeTransport(opener(ScriptedPort(busy)), timing=timing)) as transport:
+        await next_opening(transport)
+        async with asyncio.timeout(60):
+            events = transport.events()
+            assert [type(await anext(events)) for _ in range(8)] == [Received] * 8
+            is_busy = False
+            while not isinstance(event := await anext(events), PortChanged):
+                pass
+        assert "no XBee in API mode 1 answers" in event.reason
 
 
 async def test_garbage_at_the_port_is_counted():
