@@ -41,6 +41,10 @@ for delays, which other programs lengthen."""
 _SOURCE = Path(__file__).with_name("vehicle.c")
 
 
+class NotMeasuredError(Exception):
+    """An area came to no figure, and the machine or the product has to change; says why."""
+
+
 @dataclass(frozen=True, slots=True)
 class Yardstick:
     """A fixed piece of work, and what it takes on the machine on which the bars were set."""

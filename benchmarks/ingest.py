@@ -1,7 +1,6 @@
 """From a radio's bytes to committed rows: how fast on one core, and how late at a steady rate.
 
-Needs a core for the station and some of another for the radio. A run on a machine that has no time
-for either ends with the reason in place of a figure.
+Needs a core for the station and some of another for the radio; without a figure it says why.
 """
 
 import asyncio
@@ -19,7 +18,7 @@ import numpy as np
 from sqlalchemy import func, select
 
 from autonomy.site import TANK
-from benchmarks.calibration import PYTHON, calibrated, scaled_row
+from benchmarks.calibration import PYTHON, NotMeasuredError, calibrated, scaled_row
 from db.query.robots import RobotRecord, add_robot
 from db.store import Store
 from db.tables import SampleRow, StateRow
@@ -37,41 +36,22 @@ LIMIT_S = 300.0
 
 
 def measure() -> list[dict[str, Any]]:
-    """Feed a station as fast as it takes packets, then at a steady rate."""
-    return [_speed_row(), _late_row()]
+    """Feed a station as fast as it takes packets, then at a steady rate.
 
-
-def _speed_row() -> dict[str, Any]:
-    name = f"MAVLink messages of {ROBOTS} robots, bytes to SQLite rows, by CPU time"
-    try:
-        with calibrated(PYTHON) as yardstick:
-            busy_s, _ = asyncio.run(_fed(FULL_SPEED_MESSAGES, 0.0))
-    except _NotMeasuredError as error:
-        return _without_figure(name, error)
-    rate_s = FULL_SPEED_MESSAGES / busy_s
-    return scaled_row(
-        "ingest", name, rate_s, "1/s", SPEED_BAR_S, yardstick, by="median", at_least=True
-    )
-
-
-def _late_row() -> dict[str, Any]:
-    name = f"Byte to row at {STEADY_RATE_S:g} messages/s, p99"
-    try:
-        with calibrated(PYTHON) as yardstick:
-            _, late_ms = asyncio.run(_fed(STEADY_MESSAGES, STEADY_RATE_S))
-    except _NotMeasuredError as error:
-        return _without_figure(name, error)
-    p99_ms = float(np.percentile(late_ms, 99))
-    return scaled_row("ingest", name, p99_ms, "ms", LATE_BAR_MS, yardstick, by="wall")
-
-
-class _NotMeasuredError(Exception):
-    """A run came to no figure; the sentence says why."""
-
-
-def _without_figure(name: str, error: _NotMeasuredError) -> dict[str, Any]:
-    row = {"area": "ingest", "name": name, "value": None, "unit": str(error)}
-    return row | {"bar": None, "met": False}
+    Raises:
+        NotMeasuredError: If not all messages became rows.
+    """
+    with calibrated(PYTHON) as fast:
+        busy_s, _ = asyncio.run(_fed(FULL_SPEED_MESSAGES, 0.0))
+    with calibrated(PYTHON) as steady:
+        _, late_ms = asyncio.run(_fed(STEADY_MESSAGES, STEADY_RATE_S))
+    what = f"MAVLink messages of {ROBOTS} robots, bytes to SQLite rows, by CPU time"
+    speed_s, p99_ms = FULL_SPEED_MESSAGES / busy_s, float(np.percentile(late_ms, 99))
+    late = f"Byte to row at {STEADY_RATE_S:g} messages/s, p99"
+    return [
+        scaled_row("ingest", what, speed_s, "1/s", SPEED_BAR_S, fast, by="median", at_least=True),
+        scaled_row("ingest", late, p99_ms, "ms", LATE_BAR_MS, steady, by="wall"),
+    ]
 
 
 async def _fed(messages: int, rate_s: float) -> tuple[float, list[float]]:
@@ -92,9 +72,9 @@ async def _fed(messages: int, rate_s: float) -> tuple[float, list[float]]:
             while (rows := await store.query(_rows)) < messages:
                 what = f"{rows} of {messages} messages became rows"
                 if feeder.poll() is not None:
-                    raise _NotMeasuredError(f"{what} when the station hung up on the radio")
+                    raise NotMeasuredError(f"{what} when the station hung up on the radio")
                 if time.monotonic() > give_up_s:
-                    raise _NotMeasuredError(f"only {what} in {LIMIT_S:g} s")
+                    raise NotMeasuredError(f"only {what} in {LIMIT_S:g} s")
                 await asyncio.sleep(0.2)
             return time.process_time() - began_s, late_ms
 
