@@ -8,7 +8,7 @@ from sqlalchemy.orm import Session
 
 from db.identity import key_of, public_id
 from db.query.robots import robot_key
-from db.record import same
+from db.record import same, values
 from db.tables import Alarm, Robot
 
 
@@ -41,15 +41,8 @@ def save_alarm(session: Session, alarm: AlarmRecord) -> None:
     session.merge(
         Alarm(
             key=key_of("alarm", alarm.id),
-            cause=alarm.cause,
             robot_key=None if alarm.robot is None else robot_key(session, alarm.robot),
-            level=alarm.level,
-            text=alarm.text,
-            state=alarm.state,
-            raised_at=alarm.raised_at,
-            acknowledged_at=alarm.acknowledged_at,
-            acknowledged_by=alarm.acknowledged_by,
-            cleared_at=alarm.cleared_at,
+            **values(alarm, but=["id", "robot"]),
         )
     )
 

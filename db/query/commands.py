@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.query.robots import robot_key
+from db.record import same
 from db.tables import Command, CommandLevelRow, Robot
 from robot_link.messages import FIRST_EMERGENCY_NUMBER, CommandKind, CommandLevel, CommandNumber
 
@@ -191,18 +192,15 @@ def _record(session: Session, row: Command, robot: str) -> CommandRecord:
         .where(CommandLevelRow.command_key == row.key)
         .order_by(CommandLevelRow.key)
     )
-    return CommandRecord(
+    return same(
+        CommandRecord,
+        row,
         id=public_id("command", row.key),
         number=CommandNumber((row.key - 1) % _NUMBERS + 1),
         robot=robot,
         kind=CommandKind(row.kind),
-        plan_sha256=row.plan_sha256,
-        level=row.level,
         levels=tuple(
             ProvedLevel(CommandLevel(level.level), level.at, level.carrier, level.reason)
             for level in levels
         ),
-        created_at=row.created_at,
-        created_by=row.created_by,
-        expires_at=row.expires_at,
     )

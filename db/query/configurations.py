@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.query.robots import robot_key
+from db.record import same
 from db.tables import Configuration, Robot
 
 
@@ -106,11 +107,9 @@ def configuration_history(
 
 
 def _record(row: Configuration, robot: str | None) -> ConfigurationRecord:
-    return ConfigurationRecord(
+    return same(
+        ConfigurationRecord,
+        row,
         id=public_id("config", row.key),
-        kind=row.kind,
         robot=robot,
-        value=row.value,
-        changed_at=row.changed_at,
-        changed_by=row.changed_by,
     )

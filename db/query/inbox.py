@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 from db.identity import key_of, public_id
 from db.link_tables import InboxRow
 from db.query.robots import robot_key
+from db.record import same, values
 from db.tables import Robot
 from robot_link.station.gateway.gateway import MobileOriginated
 
@@ -55,21 +56,11 @@ def add_inbox(
     )
     row = InboxRow(
         robot_key=None if robot is None else robot_key(session, robot),
-        carrier=message.carrier,
-        imei=message.imei,
-        momsn=message.momsn,
-        mtmsn=message.mtmsn,
-        session_at=message.session_at,
-        arrived_at=message.arrived_at,
-        session_status=message.session_status,
-        latitude_deg=message.latitude_deg,
-        longitude_deg=message.longitude_deg,
-        cep_km=message.cep_km,
         sha256=digest,
-        data=message.data,
         deliveries=1,
         is_decoded=False,
         text=message.fault,
+        **values(message, but=["fault"]),
     )
     session.add(row)
     session.flush()
@@ -123,23 +114,5 @@ def newest_session(session: Session, imei: str) -> datetime | None:
 
 
 def _record(row: InboxRow, robot: str | None) -> InboxRecord:
-    return InboxRecord(
-        id=public_id("inbox", row.key),
-        robot=robot,
-        message=MobileOriginated(
-            carrier=row.carrier,
-            imei=row.imei,
-            momsn=row.momsn,
-            mtmsn=row.mtmsn,
-            session_at=row.session_at,
-            arrived_at=row.arrived_at,
-            data=row.data,
-            latitude_deg=row.latitude_deg,
-            longitude_deg=row.longitude_deg,
-            cep_km=row.cep_km,
-            session_status=row.session_status,
-        ),
-        deliveries=row.deliveries,
-        is_decoded=row.is_decoded,
-        text=row.text,
-    )
+    message = same(MobileOriginated, row)
+    return same(InboxRecord, row, id=public_id("inbox", row.key), robot=robot, message=message)

@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 
 from db.map_tables import MapSnapshot
 from db.query.robots import robot_key
+from db.record import same, values
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,12 +37,8 @@ def add_map(session: Session, record: MapRecord) -> None:
     session.add(
         MapSnapshot(
             robot_key=robot_key(session, record.robot),
-            variable=record.variable,
-            model=record.model,
-            at=record.at,
-            samples=record.samples,
             document=dict(record.document),
-            grid=record.grid,
+            **values(record, but=["robot", "document"]),
         )
     )
 
@@ -58,8 +55,4 @@ def newest_maps(session: Session, robot: str) -> list[MapRecord]:
         .group_by(MapSnapshot.variable, MapSnapshot.model)
     )
     rows = session.scalars(select(MapSnapshot).where(MapSnapshot.key.in_(newest)))
-    return [_record(row, robot) for row in rows]
-
-
-def _record(row: MapSnapshot, robot: str) -> MapRecord:
-    return MapRecord(robot, row.variable, row.model, row.at, row.samples, row.document, row.grid)
+    return [same(MapRecord, row, robot=robot) for row in rows]

@@ -11,7 +11,7 @@ from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.onboard_tables import RobotLogRow, RobotParameterRow
 from db.query.robots import robot_key
-from db.record import same
+from db.record import same, values
 from db.tables import Robot
 
 
@@ -51,16 +51,7 @@ def keep_parameters(session: Session, robot: str, found: Sequence[ParameterRecor
     key = robot_key(session, robot)
     session.execute(delete(RobotParameterRow).where(RobotParameterRow.robot_key == key))
     for place, one in enumerate(found):
-        session.add(
-            RobotParameterRow(
-                robot_key=key,
-                name=one.name,
-                place=place,
-                value=one.value,
-                type=one.type,
-                read_at=one.read_at,
-            )
-        )
+        session.add(RobotParameterRow(robot_key=key, place=place, **values(one)))
 
 
 def keep_parameter(session: Session, robot: str, found: ParameterRecord) -> None:

@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from db.link_tables import RangeRow
 from db.query.robots import robot_key
+from db.record import same, values
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,17 +31,8 @@ def add_range(session: Session, measured: RangeRecord) -> None:
     Raises:
         UnknownIdError: If there is no such robot.
     """
-    session.add(
-        RangeRow(
-            robot_key=robot_key(session, measured.robot),
-            peer=measured.peer,
-            at=measured.at,
-            travel_time_s=measured.travel_time_s,
-            range_m=measured.range_m,
-            is_valid=measured.is_valid,
-            reason=measured.reason,
-        )
-    )
+    key = robot_key(session, measured.robot)
+    session.add(RangeRow(robot_key=key, **values(measured, but=["robot"])))
 
 
 def list_ranges(session: Session, robot: str, limit: int = 1000) -> list[RangeRecord]:
@@ -51,15 +43,4 @@ def list_ranges(session: Session, robot: str, limit: int = 1000) -> list[RangeRe
         .order_by(RangeRow.key.desc())
         .limit(limit)
     )
-    return [
-        RangeRecord(
-            robot=robot,
-            peer=row.peer,
-            at=row.at,
-            travel_time_s=row.travel_time_s,
-            range_m=row.range_m,
-            is_valid=row.is_valid,
-            reason=row.reason,
-        )
-        for row in session.scalars(statement)
-    ]
+    return [same(RangeRecord, row, robot=robot) for row in session.scalars(statement)]

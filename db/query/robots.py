@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 
 from autonomy.site import Site
 from db.fault import StoreError, UnknownIdError
-from db.record import same
+from db.record import same, values
 from db.tables import Deployment, Robot
 from robot_link.messages import RobotId, SystemId
 
@@ -55,14 +55,9 @@ def add_robot(session: Session, robot: RobotRecord) -> None:
         if other is not None:
             raise RobotExistsError(f"System id {robot.system_id} belongs to {other!r} already.")
     row = Robot(
-        id=robot.id,
-        name=robot.name,
-        model=robot.model,
-        kind=robot.kind,
-        system_id=robot.system_id,
         links=list(robot.links),
         site=robot.site.model_dump(mode="json"),
-        created_at=robot.created_at,
+        **values(robot, but=["links", "site"]),
     )
     session.add(row)
     session.flush()

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 from autonomy.tracking.phase import TargetPhase
 from db.query.robots import robot_key
 from db.query.target_span import EVERYTHING, TargetSpan
+from db.record import same
 from db.tables import Event, PlanReportRow
 from db.target_tables import TargetReportRow
 from robot_link.messages import OnboardPlanState, RobotId, TargetEstimate, TargetReport
@@ -134,25 +135,15 @@ def _report(row: TargetReportRow, robot: str) -> TargetReport:
     true_ne_m = None
     if row.true_north_m is not None and row.true_east_m is not None:
         true_ne_m = (row.true_north_m, row.true_east_m)
-    return TargetReport(
+    return same(
+        TargetReport,
+        row,
         robot=RobotId(robot),
-        measured_at=row.measured_at,
-        received_at=row.received_at,
         phase=TargetPhase(row.phase),
         position_ne_m=(row.north_m, row.east_m),
         hypotheses=tuple(_estimate(one) for one in row.hypotheses),
-        range_m=row.range_m,
-        range_age_s=row.range_age_s,
-        ranges_heard=row.ranges_heard,
-        ranges_rejected=row.ranges_rejected,
-        determinant_m2_s=row.determinant_m2_s,
-        barrier=row.barrier,
-        inverse_condition=row.inverse_condition,
         nominal=(row.nominal_turn_rate_rad_s, row.nominal_acceleration_m_s2),
         command=(row.turn_rate_rad_s, row.acceleration_m_s2),
-        is_barrier_on=row.is_barrier_on,
-        is_feasible=row.is_feasible,
-        is_quiet=row.is_quiet,
         true_ne_m=true_ne_m,
     )
 

@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 
 from db.query.decimation import Series, thinned_rows
 from db.query.robots import robot_key
+from db.record import same
 from db.tables import STATE_CHANNELS, PlanReportRow, SampleRow, StateRow
 from robot_link.messages import (
     STATE,
@@ -76,16 +77,12 @@ def newest_plan_report(
     row = session.scalar(words.order_by(PlanReportRow.measured_at.desc()).limit(1))
     if row is None:
         return None
-    return PlanReport(
+    return same(
+        PlanReport,
+        row,
         robot=RobotId(robot),
         sha256=None if row.sha256 is None else PlanHash(row.sha256),
         state=OnboardPlanState(row.state),
-        leg=row.leg,
-        legs=row.legs,
-        energy_used=row.energy_used,
-        reason=row.reason,
-        measured_at=row.measured_at,
-        received_at=row.received_at,
     )
 
 

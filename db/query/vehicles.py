@@ -9,7 +9,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from db.fault import StoreError
-from db.record import same
+from db.record import same, values
 from db.study_tables import VehicleRow
 
 
@@ -44,12 +44,8 @@ def add_vehicle(session: Session, vehicle: VehicleRecord) -> None:
     session.add(
         VehicleRow(
             id=vehicle.key,
-            title=vehicle.title,
-            note=vehicle.note,
-            origin=vehicle.origin,
             document=dict(vehicle.document),
-            created_at=vehicle.created_at,
-            created_by=vehicle.created_by,
+            **values(vehicle, but=["key", "document"]),
         )
     )
     session.flush()

@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query, Request, Response
 from fastapi.responses import RedirectResponse
 from pydantic import Field, SecretStr
 
+from db.record import same
 from server.access.access import Caller
 from server.access.dependency import AccessDep, GuardDep, Viewer
 from server.access.guard import Guard
@@ -124,10 +125,4 @@ def _refuse_foreign_page(request: Request, guard: Guard) -> None:
 
 
 def _view(caller: Caller) -> SessionView:
-    return SessionView(
-        name=caller.name,
-        role=caller.role,
-        rights=[right.value for right in caller.role.rights],
-        csrf_token=caller.csrf_token,
-        expires_at=caller.expires_at,
-    )
+    return same(SessionView, caller, rights=[right.value for right in caller.role.rights])

@@ -7,6 +7,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Query
 
 from db.query.alarms import AlarmRecord, closed_alarms
+from db.record import same
 from server.access.dependency import Pilot, Viewer
 from server.base.dependency import FoundationDep
 from server.base.view import RobotLevel, View, one_of
@@ -59,14 +60,4 @@ async def acknowledge(caller: Pilot, alarm: str, foundation: FoundationDep) -> A
 
 
 def _view(alarm: AlarmRecord) -> AlarmView:
-    return AlarmView(
-        id=alarm.id,
-        robot=alarm.robot,
-        level=alarm.level,
-        text=alarm.text,
-        state=alarm.state,
-        raised_at=alarm.raised_at,
-        acknowledged_at=alarm.acknowledged_at,
-        acknowledged_by=alarm.acknowledged_by,
-        cleared_at=alarm.cleared_at,
-    )
+    return same(AlarmView, alarm)

@@ -9,6 +9,7 @@ from sqlalchemy.orm import Session
 
 from db.query.commands import CREATED, CommandRecord
 from db.query.outbox import open_outbox
+from db.record import same
 from server.base.view import View, one_of
 from server.fleet.words import command_text
 
@@ -47,17 +48,14 @@ def command_view(record: CommandRecord) -> CommandView:
     """Return a command as REST says it."""
     reason = record.levels[-1].reason if record.levels else ""
     carriers = [step.carrier for step in record.levels if step.level.value == record.level]
-    return CommandView(
-        id=record.id,
-        robot=record.robot,
+    return same(
+        CommandView,
+        record,
         kind=record.kind.value,
-        level=record.level,
         levels=[
             LevelView(step.level.value, step.at, step.carrier, step.reason)
             for step in record.levels
         ],
-        created_at=record.created_at,
-        expires_at=record.expires_at,
         text=command_text(record.robot, record.kind, record.level, reason, carriers),
     )
 

@@ -8,6 +8,7 @@ from autonomy.frames import wgs84_from_ned
 from autonomy.planner.plan import PositionNed
 from autonomy.site import Site
 from autonomy.tracking.phase import TargetPhase
+from db.record import same
 from robot_link.messages import STATE, LinkState
 from server.fleet.fleet import Fleet
 from server.fleet.link_panel import link_views
@@ -50,17 +51,13 @@ class FleetViews:
         status = self._fleet.status(robot)
         record = status.record
         vehicle = self._vehicles.find(record.model)
-        return RobotView(
-            id=record.id,
-            name=record.name,
+        return same(
+            RobotView,
+            record,
             model=record.model if vehicle is None else vehicle.title,
             model_key=record.model,
             model_note="" if vehicle is None else vehicle.note,
             model_origin=self._vehicles.origin(record.model),
-            kind=record.kind,
-            system_id=record.system_id,
-            simulated=record.simulated,
-            site=record.site,
             link=self._link_view(status),
             mode=None if status.state is None else status.state.mode.name.lower(),
             activity=self._activity(status),
@@ -91,17 +88,9 @@ class FleetViews:
         """Return a robot as the live stream carries it."""
         status = self._fleet.status(robot)
         state = self.state_view(robot)
-        return LiveRobotView(
-            robot=state.robot,
-            channels=state.channels,
-            position=state.position,
-            mode=state.mode,
-            activity=state.activity,
-            plan=state.plan,
-            link=state.link,
-            links=state.links,
-            clock_fault=state.clock_fault,
-            tracking=state.tracking,
+        return same(
+            LiveRobotView,
+            state,
             mission_id=status.mission_id,
             plan_id=None if status.plan is None else status.plan.plan_id,
             next_contact=self._next_contact(status),
@@ -147,14 +136,11 @@ class FleetViews:
         link = status.link
         if link is None:
             return LinkView("", LinkState.NEVER_HEARD.value, None, None, None, 0, 0)
-        return LinkView(
-            carrier=link.carrier,
+        return same(
+            LinkView,
+            link,
             state=link.state.value,
-            heard_at=link.heard_at,
             age_s=None if link.heard_at is None else self._fleet.age_s(link.heard_at),
-            rssi_dbm=link.rssi_dbm,
-            frames_received=link.frames_received,
-            frames_bad=link.frames_bad,
         )
 
     def _channels(self, status: RobotStatus) -> dict[str, ChannelView]:
@@ -230,14 +216,12 @@ class FleetViews:
         if report is None:
             return None
         plan = status.plan
-        return OnboardPlanView(
+        return same(
+            OnboardPlanView,
+            report,
             plan_id=plan.plan_id
             if plan is not None and plan.record.sha256 == report.sha256
             else None,
-            sha256=report.sha256,
             state=onboard_plan_state(report.state),
-            leg=report.leg,
-            legs=report.legs,
-            energy_used=report.energy_used,
             age_s=self._fleet.age_s(report.measured_at),
         )

@@ -20,6 +20,7 @@ from db.query.robots import (
 )
 from db.query.sample_places import SamplePlaces, sample_places
 from db.query.telemetry import history, track
+from db.record import same
 from robot_link.messages import STATE, RobotId, SystemId
 from robot_link.station.gateway.address import check_link
 from server.access.dependency import Admin, Viewer
@@ -98,14 +99,12 @@ async def create_robot(
     vehicles.check_model(robot.model)
     _check_links(robot.links)
     at = foundation.clock.now()
-    record = RobotRecord(
+    record = same(
+        RobotRecord,
+        robot,
         id=RobotId(robot.id),
-        name=robot.name,
-        model=robot.model,
-        kind=robot.kind,
         system_id=SystemId(robot.system_id),
         links=tuple(robot.links),
-        site=robot.site,
         created_at=at,
     )
 

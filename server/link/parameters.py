@@ -11,6 +11,7 @@ from sqlalchemy.orm import Session
 from db.query import onboard as query
 from db.query.events import add_event
 from db.query.onboard import ParameterRecord
+from db.record import same
 from robot_link.messages import RobotId
 from robot_link.service.parameter_table import ParameterType, ParameterValue
 from robot_link.station.error import NoAnswerError, ServiceError
@@ -154,11 +155,9 @@ def _wrong_value(message: str) -> Problem:
 
 
 def _view(record: ParameterRecord, *, is_pending: bool) -> ParameterView:
-    return ParameterView(
-        name=record.name,
-        value=record.value,
-        type=record.type,
+    return same(
+        ParameterView,
+        record,
         is_integer=ParameterType[record.type.upper()].is_integer,
         pending=is_pending,
-        read_at=record.read_at,
     )

@@ -7,6 +7,7 @@ from typing import Annotated
 from fastapi import APIRouter, Query
 
 from db.query.ranges import list_ranges
+from db.record import same
 from server.access.dependency import Viewer
 from server.base.dependency import StoreDep
 from server.base.view import View
@@ -50,15 +51,5 @@ async def get_ranges(
     found = await store.query(lambda session: list_ranges(session, robot, limit))
     return RangesView(
         robot,
-        [
-            RangeView(
-                at=one.at,
-                peer=one.peer,
-                travel_time_s=one.travel_time_s,
-                range_m=one.range_m,
-                is_valid=one.is_valid,
-                reason=one.reason,
-            )
-            for one in found
-        ],
+        [same(RangeView, one) for one in found],
     )

@@ -17,6 +17,7 @@ from sqlalchemy.orm import Session
 from db.fault import StoreError
 from db.query.ranges import RangeRecord, add_range
 from db.query.robots import RobotRecord
+from db.record import same
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.acoustic.measurement import RangeMeasurement
 from robot_link.acoustic.micromodem import MicroModem, modem_of, open_modem
@@ -178,15 +179,7 @@ class Ranging:
             bench.modem.config = found.value_as(AcousticConfig)
 
     async def _keep(self, found: RangeMeasurement) -> None:
-        record = RangeRecord(
-            robot=found.robot,
-            peer=found.peer,
-            at=found.at,
-            travel_time_s=found.travel_time_s,
-            range_m=found.range_m,
-            is_valid=found.is_valid,
-            reason=found.reason,
-        )
+        record = same(RangeRecord, found)
 
         def write(session: Session) -> None:
             add_range(session, record)

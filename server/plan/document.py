@@ -11,6 +11,7 @@ from pydantic import TypeAdapter
 from autonomy.arrays import FloatArray
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint
 from db.query.plans import PlanRecord
+from db.record import same
 from robot_link.messages import OnboardPlanState, PlanReport
 from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
@@ -200,19 +201,14 @@ def plan_view(
         outdated: Why it no longer fits the robot while it waits.
     """
     document = plan.document
-    return PlanView(
-        id=plan.id,
-        robot=plan.robot,
-        kind=plan.kind,
+    return same(
+        PlanView,
+        plan,
         mission_id=plan.mission,
-        round=plan.round,
-        state=plan.state,
-        sha256=plan.sha256,
         config_id=document.get("config_id"),
         config=dict(plan.config),
         trim_id=document.get("trim_id"),
         trim_at=_moment(document.get("trim_at")),
-        created_at=plan.created_at,
         legs=[_leg_view(leg) for leg in legs_of(document)],
         points=document.get("points", []),
         account=account_of(document),
@@ -241,15 +237,10 @@ def plan_view(
 def plan_summary(plan: PlanRecord) -> PlanSummaryView:
     """Return a plan as a list shows it."""
     document = plan.document
-    return PlanSummaryView(
-        id=plan.id,
-        robot=plan.robot,
-        kind=plan.kind,
+    return same(
+        PlanSummaryView,
+        plan,
         mission_id=plan.mission,
-        round=plan.round,
-        state=plan.state,
-        sha256=plan.sha256,
-        created_at=plan.created_at,
         account=account_of(document),
         objective=document.get("objective"),
         objective_unit=document.get("objective_unit", ""),
@@ -336,17 +327,7 @@ def onboard_by(plan: PlanRecord, report: PlanReport) -> OnboardView:
 
 
 def _leg_view(leg: Leg) -> LegView:
-    return LegView(
-        kind=leg.kind,
-        start_ned=leg.start_ned,
-        end_ned=leg.end_ned,
-        speed_m_s=leg.speed_m_s,
-        duration_s=leg.duration_s,
-        energy=leg.energy,
-        heading_rad=leg.heading_rad,
-        radius_m=leg.radius_m,
-        turn_rad=leg.turn_rad,
-    )
+    return same(LegView, leg)
 
 
 def _runner_up_view(one: Mapping[str, Any]) -> RunnerUpView:

@@ -13,6 +13,7 @@ from db.query.deployments import list_deployments as query_deployments
 from db.query.robots import get_robot
 from db.query.samples import sampled_variables
 from db.query.target_span import TargetSpan
+from db.record import same
 from db.store import Store
 from server.access.dependency import Viewer
 from server.base.dependency import StoreDep
@@ -131,13 +132,10 @@ async def _view(store: Store, record: DeploymentRecord) -> DeploymentView:
     if record.kind == "live":
         counts = await store.query(lambda session: sampled_variables(session, record.robot))
         samples, variables = sum(counts.values()), sorted(counts)
-    return DeploymentView(
-        id=record.id,
+    return same(
+        DeploymentView,
+        record,
         name=record.title,
-        robot=record.robot,
-        kind=record.kind,
-        started_at=record.started_at,
-        ended_at=record.ended_at,
         variables=variables,
         samples=samples,
         source=str(record.document.get("source", "")),

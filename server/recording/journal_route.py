@@ -12,6 +12,7 @@ from pydantic import AwareDatetime
 from sqlalchemy.orm import Session
 
 from db.query.journal import JournalRange, iterate_frames
+from db.record import same
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.messages import RawFrame
 from server.access.dependency import Viewer
@@ -105,13 +106,9 @@ async def export_tlog(
 
 
 def _packet(frame: RawFrame, codec: Codec) -> PacketView:
-    return PacketView(
-        at=frame.at,
-        robot_at=frame.robot_at,
-        arrived_at=frame.arrived_at,
-        robot=frame.robot,
-        carrier=frame.carrier,
-        outgoing=frame.outgoing,
+    return same(
+        PacketView,
+        frame,
         bytes=frame.data.hex(),
         messages=[message.get_type() for message in codec.unpack(frame.data).messages],
     )

@@ -7,6 +7,7 @@ from autonomy.site import Area, Site
 from autonomy.tracking.phase import TargetPhase
 from autonomy.vehicle.hull import Hull
 from db.query.plans import ENDED_STATES
+from db.record import same
 from robot_link.messages import RobotId, TargetReport
 from server.fleet.fleet import Fleet
 from server.fleet.status import PlanInHand, RobotStatus
@@ -79,17 +80,7 @@ class StationSceneSource:
         state = self._status.state
         if state is None:
             return None
-        return Pose(
-            measured_at=state.measured_at,
-            position_ned=state.position_ned,
-            position_std_m=state.position_std_m,
-            roll_rad=state.roll_rad,
-            pitch_rad=state.pitch_rad,
-            heading_rad=state.heading_rad,
-            tail_rad=state.tail_rad,
-            mode=state.mode,
-            is_old=self._fleet.is_old(self._status),
-        )
+        return same(Pose, state, is_old=self._fleet.is_old(self._status))
 
     def track_since(self, cursor: int) -> TrackPiece:
         """Return the track from ``cursor`` on."""

@@ -8,6 +8,7 @@ from fastapi import APIRouter, Header, Query, Response
 
 from db.query.configurations import configuration_history, get_configuration
 from db.query.robots import list_robots
+from db.record import same
 from server.access.dependency import Pilot, Viewer
 from server.base.configuration import CurrentConfiguration
 from server.base.configuration_kind import KINDS, find_kind
@@ -148,15 +149,12 @@ async def patch_config(
 def _view(found: CurrentConfiguration) -> ConfigurationView:
     kind = find_kind(found.kind)
     simulated = kind.simulation_preset
-    return ConfigurationView(
-        kind=found.kind,
-        robot=found.robot,
-        id=found.id,
+    return same(
+        ConfigurationView,
+        found,
         value=found.value.model_dump(mode="json"),
         preset=found.preset.model_dump(mode="json"),
         simulation_preset=None if simulated is None else simulated.model_dump(mode="json"),
         reach=kind.reach.key,
         reach_text=kind.reach.words,
-        changed_at=found.changed_at,
-        changed_by=found.changed_by,
     )

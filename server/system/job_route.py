@@ -8,6 +8,7 @@ from fastapi import APIRouter, Query
 
 from db.query.jobs import JobRecord
 from db.query.jobs import list_jobs as query_jobs
+from db.record import same
 from server.access.dependency import Pilot, Viewer
 from server.base.dependency import FoundationDep
 from server.base.view import View, one_of
@@ -70,13 +71,4 @@ async def cancel_job(caller: Pilot, job: str, foundation: FoundationDep) -> JobV
 
 def job_view(job: JobRecord) -> JobView:
     """Return a job as it is shown."""
-    return JobView(
-        id=job.id,
-        kind=job.kind,
-        state=job.state,
-        progress=job.progress,
-        message=job.message,
-        result=None if job.result is None else dict(job.result),
-        created_at=job.created_at,
-        ended_at=job.ended_at,
-    )
+    return same(JobView, job, result=None if job.result is None else dict(job.result))

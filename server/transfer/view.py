@@ -11,6 +11,7 @@ from db.query.outbox import OutboxRecord, outbox_of_transfer
 from db.query.plans import get_plan
 from db.query.satellite_messages import credits_of, messages_of
 from db.query.transfers import TransferRecord, get_transfer, newest_transfer
+from db.record import same
 from robot_link.satellite.cost import credits
 from robot_link.station.ground import Part
 from server.fleet.link_view import TransferPartView
@@ -39,20 +40,10 @@ def transfer_view(
     """
     record = get_transfer(session, transfer)
     row = outbox_of_transfer(session, transfer)
-    view = TransferView(
-        id=record.id,
-        robot=record.robot,
+    view = same(
+        TransferView,
+        record,
         plan_id=record.plan,
-        state=record.state,
-        items_sent=record.items_sent,
-        items=record.items,
-        bytes=record.bytes,
-        level=record.level,
-        started_at=record.started_at,
-        ended_at=record.ended_at,
-        reason=record.reason,
-        route=record.route,
-        carrier=record.carrier,
         sha256=get_plan(session, record.plan).sha256,
         expires_at=record.started_at + RADIO_LIFE,
         can_withdraw=record.ended_at is None and record.state in ("waiting", "sending"),
@@ -96,16 +87,12 @@ def _by_satellite(
 
 
 def _part(part: Part, cost: int) -> TransferPartView:
-    return TransferPartView(
-        index=part.index,
+    return same(
+        TransferPartView,
+        part,
         bytes=part.size,
         credits=cost,
-        sends=part.sends,
         level=part.level.value,
-        message_id=part.message_id,
-        mtmsn=part.mtmsn,
-        queued_at=part.queued_at,
-        radio_at=part.radio_at,
     )
 
 
