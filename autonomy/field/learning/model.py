@@ -300,30 +300,25 @@ def _judged(
     before, after = _negative_log(config, work.samples), _negative_log(found, work.samples)
     floored = _floored(config, work.floor)
     floored_nll = before if floored == config else _negative_log(floored, work.samples)
-    if floored_nll - after > _LEAST_GAIN:
-        valid = FieldConfig.model_validate(found.model_dump())
+    is_better = floored_nll - after > _LEAST_GAIN
+    if is_better:
+        taken, taken_nll = FieldConfig.model_validate(found.model_dump()), after
         message = (
             f"The negative log likelihood of {len(work.samples)} samples went from {before:.1f} "
             f"to {after:.1f}."
         )
-        return LearnedConfig(
-            config=valid,
-            before_nll=before,
-            after_nll=after,
-            is_changed=True,
-            message=message,
-            kernels=list(kernels),
-        )
-    message = "The present kernels explain the samples as well as any that were found."
-    if floored != config:
-        message = "The present kernels stay, but for a noise that was below its floor."
+    else:
+        taken, taken_nll = floored, floored_nll
+        message = "The present kernels explain the samples as well as any that were found."
+        if floored != config:
+            message = "The present kernels stay, but for a noise that was below its floor."
     return LearnedConfig(
-        config=floored,
+        config=taken,
         before_nll=before,
-        after_nll=floored_nll,
-        is_changed=floored != config,
+        after_nll=taken_nll,
+        is_changed=is_better or floored != config,
         message=message,
-        kernels=[],
+        kernels=list(kernels) if is_better else [],
     )
 
 
