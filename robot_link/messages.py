@@ -386,7 +386,7 @@ class UploadReport:
 
 
 class LinkState(StrEnum):
-    """What is known of the road to one robot."""
+    """What is known of the link to one robot."""
 
     NEVER_HEARD = "never_heard"
     LIVE = "live"

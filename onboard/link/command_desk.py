@@ -49,7 +49,7 @@ class CommandDesk:
     The radio may deliver a command twice, or after a later one. A repetition is answered as
     before without acting again. A command that the station numbered before a SURFACE and that
     arrives after it is not obeyed: the station has dropped it, and the robot must stay up. Nor is
-    a PING that was numbered before a QUIET, whichever road each took.
+    a PING that was numbered before a QUIET, whichever link each took.
     """
 
     def __init__(self, program: Obedient, memory: CommandMemory | None = None) -> None:

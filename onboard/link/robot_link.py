@@ -163,11 +163,11 @@ class RobotLink:
         return monotonic_s() - self._station_heard_s
 
     def plan_report(self) -> PlanOnBoard:
-        """Return what is to be said of the plan on board, by whatever road."""
+        """Return what is to be said of the plan on board, by whatever link."""
         return self._plan.on_board()
 
     def take_mission(self, mission: Mission, *, start: bool) -> str:
-        """Put a mission on board that came complete by another road than the radio.
+        """Put a mission on board that came complete by another link than the radio.
 
         The mission that is on board already, waiting or being flown, is left as it is.
 
@@ -181,7 +181,7 @@ class RobotLink:
         return self._plan.take_mission(mission, start=start)
 
     def take_command(self, command: ReceivedCommand) -> CommandOutcome:
-        """Act on a command that came by another road; one heard by several roads acts once."""
+        """Act on a command that came by another link; one heard by several links acts once."""
         return self._commands.take(command, monotonic_s())
 
     async def run(self) -> None:

@@ -52,7 +52,7 @@ _log = logging.getLogger(__name__)
 
 
 class Carried(PlanTeller, Protocol):
-    """What the robot's link offers to the roads beside its radio; a ``RobotLink``."""
+    """What the robot's link offers to the links beside its radio; a ``RobotLink``."""
 
     @property
     def last_heard_station_s(self) -> float:
@@ -69,7 +69,7 @@ class Carried(PlanTeller, Protocol):
         ...
 
     def take_command(self, command: ReceivedCommand) -> CommandOutcome:
-        """Act on a command; one heard by several roads acts once."""
+        """Act on a command; one heard by several links acts once."""
         ...
 
 
@@ -289,7 +289,7 @@ class SatelliteTalk:
                 self._note(f"message by satellite: {reason}")
 
     def _apply(self, complete: Complete) -> None:
-        """Put a mission on board, unless it came and was flown by another road already."""
+        """Put a mission on board, unless it came and was flown by another link already."""
         plan = self._link.plan_report()
         sha256 = complete.mission.sha256()
         name = sha256[:PLAN_DIGITS]

@@ -6,7 +6,7 @@ An order, big endian, before the code of ``frame``:
     u8   flags: bit 4 acknowledgements seen
     u32  counter
     u8   kind: 1 surface, 2 hold, 3 resume, 4 start, 5 quiet, 6 ping
-    u24  number of the command, by every road the same
+    u24  number of the command, by every link the same
     u32  second since 1970 at which it expires; with the number its name
     u48  first 12 hexadecimal digits of the hash of START's plan, else 0
 """

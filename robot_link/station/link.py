@@ -336,7 +336,7 @@ class StationLink:
         return self._roster[robot].services
 
     def link_report(self, robot: RobotId) -> LinkReport:
-        """Return what is known of the best road to a robot now.
+        """Return what is known of the best link to a robot now.
 
         Raises:
             KeyError: If no such robot is known.
@@ -344,7 +344,7 @@ class StationLink:
         return self._watch.best(self._roster[robot])
 
     def link_reports(self, robot: RobotId) -> list[LinkReport]:
-        """Return what is known of every road to a robot now, the preferred one first.
+        """Return what is known of every link to a robot now, the preferred one first.
 
         Raises:
             KeyError: If no such robot is known.

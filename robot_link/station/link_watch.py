@@ -9,7 +9,7 @@ from robot_link.station.roster import Member, Roster
 
 
 class LinkWatch:
-    """Completes the reports of a robot's links by what is known of it by whatever road."""
+    """Completes the reports of a robot's links by what is known of it by whatever link."""
 
     def __init__(self, roster: Roster, on_report: Callable[[LinkReport], None]) -> None:
         self._roster = roster
@@ -17,26 +17,26 @@ class LinkWatch:
         self._told: dict[tuple[RobotId, str], LinkState] = {}
 
     def best(self, member: Member) -> LinkReport:
-        """Return the report of the best road to a robot."""
+        """Return the report of the best link to a robot."""
         return self._completed(member, member.peer.link_report())
 
     def reports(self, member: Member) -> list[LinkReport]:
-        """Return the reports of all roads to a robot, the preferred one first."""
+        """Return the reports of all links to a robot, the preferred one first."""
         return [self._completed(member, report) for report in member.peer.link_reports()]
 
     def tell_changes(self, member: Member) -> None:
-        """Tell of each road whose state is another than what was told last."""
+        """Tell of each link whose state is another than what was told last."""
         for report in member.peer.link_reports():
             if self._told.get((member.robot, report.uri)) is not report.state:
                 self._tell(self._completed(member, report))
 
     def tell_all_changes(self) -> None:
-        """Tell of every road of every robot that changed."""
+        """Tell of every link of every robot that changed."""
         for member in self._roster:
             self.tell_changes(member)
 
     async def run(self, period_s: float) -> None:
-        """Tell of every road once in a while until cancelled."""
+        """Tell of every link once in a while until cancelled."""
         while True:
             for member in self._roster:
                 for report in self.reports(member):

@@ -1,4 +1,4 @@
-"""The roads to one robot: which radios reach it, and what each has brought so far."""
+"""The links to one robot: which radios reach it, and what each has brought so far."""
 
 from dataclasses import dataclass
 from datetime import datetime
@@ -52,7 +52,7 @@ class RobotEndpoint:
 
 
 class PeerPath:
-    """What is known of one road to one robot. Belongs to the event loop of its ``Peer``."""
+    """What is known of one link to one robot. Belongs to the event loop of its ``Peer``."""
 
     def __init__(
         self, path: RadioPath, transport: DatagramTransport, clock: Clock, timing: LinkTiming
@@ -85,7 +85,7 @@ class PeerPath:
         self._frames_bad += frames
 
     def state(self, mode: RobotMode | None) -> LinkState:
-        """Return what is known of this road to a robot that last said it was in ``mode``."""
+        """Return what is known of this link to a robot that last said it was in ``mode``."""
         if not self.transport.is_enabled:
             return LinkState.DISABLED
         if not self.transport.max_payload:
@@ -99,7 +99,7 @@ class PeerPath:
         return LinkState.SUBMERGED if is_diving else LinkState.STALE
 
     def report(self, robot: RobotId, mode: RobotMode | None) -> LinkReport:
-        """Return the health of this road now."""
+        """Return the health of this link now."""
         return LinkReport(
             robot=robot,
             carrier=self.transport.carrier,

@@ -1,4 +1,4 @@
-"""One robot as the station sees it: its radios, its last word, and which road reaches it best."""
+"""One robot as the station sees it: its radios, its last word, and which link reaches it best."""
 
 import asyncio
 import random
@@ -32,7 +32,7 @@ _BEST_FIRST: Final = (
     LinkState.DISABLED,
 )
 _LEFT: Final = frozenset((Fate.DELIVERED, Fate.UNCONFIRMED))
-"""Fates after which no other road needs to be tried."""
+"""Fates after which no other link needs to be tried."""
 
 
 class Peer:
@@ -74,11 +74,11 @@ class Peer:
         self._on_raw = on_raw
 
     def best_path(self) -> PeerPath:
-        """Return the road that would be taken now."""
+        """Return the link that would be taken now."""
         return min(self.paths, key=self._rank)
 
     def path_on(self, transport: DatagramTransport) -> PeerPath | None:
-        """Return the road that a radio of the station is part of."""
+        """Return the link that a radio of the station is part of."""
         for path in self.paths:
             if path.transport is transport:
                 return path
@@ -106,11 +106,11 @@ class Peer:
             path.count_bad(frames)
 
     def link_report(self) -> LinkReport:
-        """Return what is known of the best road to the robot now."""
+        """Return what is known of the best link to the robot now."""
         return self.best_path().report(self.robot, self.mode)
 
     def link_reports(self) -> list[LinkReport]:
-        """Return what is known of every road to the robot now, in the order of its endpoint."""
+        """Return what is known of every link to the robot now, in the order of its endpoint."""
         return [path.report(self.robot, self.mode) for path in self.paths]
 
     async def deliver(
@@ -127,7 +127,7 @@ class Peer:
             messages: What to say; must mean the same if heard twice.
             on_taken: Called when the radio has taken a datagram.
             is_wanted: Asked before each attempt whether they shall still be sent.
-            on_every_path: Whether to say it on every road at once.
+            on_every_path: Whether to say it on every link at once.
 
         Returns:
             Whether the robot's radio confirmed all of them. A robot whose radio is not known yet
@@ -150,7 +150,7 @@ class Peer:
         return _BEST_FIRST.index(path.state(self.mode))
 
     def _roads(self) -> Sequence[PeerPath]:
-        """Return the best road, and behind it the other live ones."""
+        """Return the best link, and behind it the other live ones."""
         best = self.best_path()
         others = [
             path
@@ -166,7 +166,7 @@ class Peer:
         on_taken: Callable[[], None],
         is_wanted: Callable[[], bool],
     ) -> Fate:
-        """Return the worst fate of the datagrams on one road."""
+        """Return the worst fate of the datagrams on one link."""
         address = BROADCAST if path.address is None else path.address
         worst = Fate.DELIVERED
         for packet in packets(frames, path.transport.max_payload):

@@ -1,1 +1,1 @@
-"""Roads that carry bytes or datagrams, chosen by URI."""
+"""Links that carry bytes or datagrams, chosen by URI."""

@@ -57,7 +57,7 @@ class Received:
 
 @dataclass(frozen=True, slots=True)
 class PortChanged:
-    """The road to the radio opened or closed."""
+    """The link to the radio opened or closed."""
 
     is_open: bool
     reason: str

@@ -28,7 +28,7 @@ from server.base.event_log import EventLog
 TICK_S = 0.1
 """Batches go out no faster, but for what a person waits for."""
 QUIET_S = 1.0
-"""A batch goes out this often even when nothing changed, so that a dead road is noticed."""
+"""A batch goes out this often even when nothing changed, so that a dead connection is noticed."""
 EVENTS_IN_MEMORY = 1000
 EVENTS_PER_BATCH = 500
 PARTS_PER_SECTION = 100

@@ -42,7 +42,7 @@ class SatelliteMessageCostView(View):
 
 @dataclass(frozen=True, slots=True)
 class AutoRouteView(View):
-    """The road that a plan would take by itself."""
+    """The link that a plan would take by itself."""
 
     route: Annotated[str, one_of("radio", "satellite")]
     """``radio`` or ``satellite``."""

@@ -12,7 +12,7 @@ from server.fleet.target_view import TargetReportView
 
 @dataclass(frozen=True, slots=True)
 class LinkView(View):
-    """The road to a robot."""
+    """The link to a robot."""
 
     carrier: str
     """Kind of the link that was heard last, such as ``xbee``; empty before the first byte."""

@@ -21,7 +21,7 @@ DisabledLinksDep = Annotated[DisabledLinks, Depends(service(DisabledLinks))]
 
 
 class PlugRequest(Body):
-    """Which plug to pull or to put back."""
+    """Which link to enable or to disable."""
 
     uri: str = Field(max_length=500)
     """The link, as the robot has it."""
@@ -40,9 +40,9 @@ async def get_links(caller: Viewer, robot: str, fleet: FleetDep) -> list[RobotLi
 async def enable_link(
     caller: Pilot, robot: str, body: PlugRequest, disabled_links: DisabledLinksDep, fleet: FleetDep
 ) -> list[RobotLinkView]:
-    """Pull the plug of a link, or put it back; robots that share a radio share its plug.
+    """Enable or disable a link; robots that share a radio share that.
 
-    Nothing is sent by an unplugged satellite link, and its gateway is asked to keep what comes.
+    Nothing is sent by a disabled satellite link, and its gateway is asked to keep what comes.
     """
     if body.uri not in fleet.status(robot).record.links:
         raise not_found(f"{robot} has no link {body.uri!r}.")
