@@ -163,18 +163,18 @@ class Catalogue:
             if row.is_norm:
                 self._norms[field] = row
 
-    def reader(self, argument: str, numbers: Iterable[str]) -> Callable[[Any], dict[str, Any]]:
+    def reader(self, arguments: str, numbers: Iterable[str]) -> Callable[..., dict[str, Any]]:
         """Compile what reads a report's fields, by their names, from another form of the report.
 
         Args:
-            argument: What the expressions call the other form.
+            arguments: What the expressions call the other form, with commas between its parts.
             numbers: One expression for each of ``channels``.
         """
         number, fields = iter(numbers), list[str]()
         for field, rows in self._parts.items():
             comma = "," if field in self._vectors else ""
             fields.append(f"{field!r}: ({', '.join(islice(number, len(rows)))}{comma})")
-        return eval(f"lambda {argument}: {{{', '.join(fields)}}}")
+        return eval(f"lambda {arguments}: {{{', '.join(fields)}}}")
 
     def __getitem__(self, key: str) -> Channel:
         """Return the channel of a name."""

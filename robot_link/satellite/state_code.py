@@ -10,6 +10,7 @@ energy used, 1/1000 units. The state's energy is that of the plan, else 0.
 
 import struct
 from datetime import datetime
+from itertools import accumulate, pairwise
 
 from robot_link.messages import STATE, OnboardPlanState, RobotId, RobotMode, StateReport
 from robot_link.satellite.content import Reason, ShortPlanReport
@@ -28,7 +29,15 @@ _OCTETS = tuple(
     )
 )
 """Index in ``STATE.channels`` and form, in the order of the record."""
-STATE_BYTES = _TIME_BYTES + sum(octets.count for _, octets in _OCTETS) + 1
+_STARTS = tuple(accumulate((octets.count for _, octets in _OCTETS), initial=_TIME_BYTES))
+_WRITTEN = {
+    index: f"int.from_bytes(data[{start}:{end}], 'big', signed={octets.signed}) / {octets.scale}"
+    for (index, octets), (start, end) in zip(_OCTETS, pairwise(_STARTS), strict=True)
+}
+_read_state = STATE.reader(
+    "data, energy_used", (_WRITTEN.get(i, "energy_used") for i in range(len(STATE.channels)))
+)
+STATE_BYTES = _STARTS[-1] + 1
 _PLAN = struct.Struct(">8sB3s3s")
 PLAN_BYTES = _PLAN.size
 DIGITS = 16
@@ -61,24 +70,19 @@ def unpacked_state(
     Raises:
         WireError: If its mode is unknown.
     """
-    reader = OctetReader(data)
-    measured_at = moment(int.from_bytes(reader.take(_TIME_BYTES), "big"))
-    numbers = [energy_used] * len(STATE.channels)
-    for index, octets in _OCTETS:
-        whole = int.from_bytes(reader.take(octets.count), "big", signed=octets.signed)
-        numbers[index] = whole / octets.scale
-    mode = reader.take(1)[0]
+    data = OctetReader(data).take(STATE_BYTES)
+    mode = data[-1]
     try:
         known_mode = RobotMode(mode & ~_HAS_FIX)
     except ValueError as error:
         raise WireError("the mode of a state is unknown") from error
     return StateReport(
         robot=robot,
-        measured_at=measured_at,
+        measured_at=moment(int.from_bytes(data[:_TIME_BYTES], "big")),
         received_at=received_at,
         mode=known_mode,
         has_fix=bool(mode & _HAS_FIX),
-        **STATE.fields(tuple(numbers)),
+        **_read_state(data, energy_used),
     )
 
 
