@@ -178,3 +178,23 @@ def test_another_robot_under_the_same_system_id_alarms(status):
     )
     status.links = link(LinkState.LIVE)
     assert "system id" not in verdicts(status)
+
+
+def test_rules_say_when_time_alone_changes_their_answer(status, monkeypatch):
+    due = NOW - timedelta(minutes=4)
+    monkeypatch.setattr(RobotStatus, "next_surfacing", lambda self: due)
+    status.links = link(LinkState.SUBMERGED)
+
+    def asked(at):
+        watch = Watch(at, LONG_AGO, 1.0)
+        found = [rule.judge(status, watch) for rule in RULES if rule.cause == "overdue"]
+        return watch.due, found[0]
+
+    begins, nothing = asked(NOW)
+    assert nothing is None
+    assert begins == due + timedelta(minutes=10)
+    more, first = asked(begins)
+    assert (first.level, first.text[-11:]) == ("watch", "10 min ago.")
+    assert more == due + timedelta(minutes=11), "it says since how many minutes"
+    _, worst = asked(due + timedelta(minutes=40))
+    assert worst.level == "critical"

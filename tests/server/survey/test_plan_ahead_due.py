@@ -7,7 +7,7 @@ import pytest
 from autonomy.planner.preset import MINIGLIDER
 from db.query.plans import PlanRecord
 from robot_link.messages import OnboardPlanState, PlanReport
-from server.plan.ahead import is_due, planned_rest, remaining_s, unflown
+from server.plan.ahead import due_at, is_due, planned_rest, remaining_s, unflown
 from server.plan.document import legs_of, points_of
 from server.plan.search_request import SearchRequest
 from server.plan.state import PlanEvidence
@@ -78,3 +78,13 @@ def test_search_that_came_too_late_to_replace_a_draft_does_not_decide_a_survey()
     assert survey_status([late, new, old]).plan is new
     assert survey_status([late, plan_record(1, "running", was_draft=True)]).plan.state == "running"
     assert survey_status([plan_record(4, "failed"), new, old]).plan.state == "failed"
+
+
+async def test_next_round_comes_due_by_time_alone_under_water(station, workers):
+    plan = await flown_plan(station, workers)
+    config = MINIGLIDER.model_copy(update={"planning_time_s": 5.0})
+    report = report_of(plan, 0)
+    at = due_at(plan, config, report, NOW, 1.0)
+    assert at > NOW
+    assert not is_due(plan, config, report, at - timedelta(seconds=1.0), 1.0)
+    assert is_due(plan, config, report, at, 1.0)

@@ -25,10 +25,11 @@ from server.base import retry_queue as turn
 from server.base.problem import Problem
 from server.link.radios import Radios
 from server.plan.document import mission_of
+from server.plan.drafting import ages_at
 from server.plan.state import PlanChanged
 from tests.server.conftest import MINI, robot_record, until
 from tests.server.fake_link import World, state_report
-from tests.server.transfer.test_upload import draft, plan_in, transfer_in, upload
+from tests.server.transfer.test_upload import DIVE, draft, plan_in, transfer_in, upload
 
 
 @pytest.fixture(autouse=True)
@@ -332,3 +333,14 @@ async def test_plan_that_another_transaction_moves_is_told_once(client, station,
     await station.commands.send(MINI, CommandKind.SURFACE, by="test")
     assert [(one.id, one.state) for one in told] == [(plan, "draft")]
     assert station.fleet.status(MINI).plan.state == "draft"
+
+
+async def test_a_draft_that_only_grows_old_is_told(client, station):
+    """No event of a robot says so: the time alone does."""
+    body = {**DIVE, "config": {"mission": {"draft_age_s": 60.0}}}
+    plan = await station.plans.get(await draft(client, body))
+    now = plan.created_at
+    assert ages_at(plan, now) == now + timedelta(seconds=60, microseconds=1)
+    after = ages_at(plan, now + timedelta(seconds=61))
+    assert after == now + timedelta(seconds=90, microseconds=1), "when it is 2 min old"
+    assert ages_at(replace(plan, state="running"), now) is None
