@@ -26,7 +26,7 @@ class SceneHost:
         source_of: Callable[[RobotId], SceneSource | None],
         on_change: Callable[[RobotId], None],
     ) -> None:
-        self._source_of = source_of
+        self.source_of = source_of
         self._on_change = on_change
         self._told: dict[RobotId, SceneState] = {}
         self._scenes: dict[RobotId, RobotScene] = {}
@@ -55,7 +55,7 @@ class SceneHost:
         async with self._starting:
             scene = self._scenes.get(robot)
             if scene is None:
-                source = self._source_of(robot)
+                source = self.source_of(robot)
                 if source is None:
                     return None
                 scene = await self._in_thread(lambda: _opened(source))
