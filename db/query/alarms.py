@@ -76,9 +76,4 @@ def last_alarm_number(session: Session) -> int:
 
 
 def _record(row: Alarm, robot: str | None) -> AlarmRecord:
-    return same(
-        AlarmRecord,
-        row,
-        id=public_id("alarm", row.key),
-        robot=robot,
-    )
+    return same(AlarmRecord, row, id=public_id("alarm", row.key), robot=robot)

@@ -6,8 +6,8 @@ from datetime import datetime
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from db.fault import UnknownIdError
-from db.identity import key_of, public_id
+from db.identity import public_id
+from db.query.change import row_and_robot
 from db.query.robots import robot_key
 from db.record import same
 from db.tables import Command, CommandLevelRow, Robot
@@ -91,10 +91,7 @@ def add_level(
     Raises:
         UnknownIdError: If there is no such command.
     """
-    row = session.get(Command, key_of("command", command))
-    if row is None:
-        raise UnknownIdError("command", command)
-    robot = session.scalars(select(Robot.id).where(Robot.key == row.robot_key)).one()
+    row, robot = row_and_robot(session, Command, "command", command)
     rises = _RANK[level.value] > _RANK[row.level]
     if rises or (level.value == row.level and _is_other_carrier(session, row, carrier)):
         row.level = level.value
@@ -125,14 +122,7 @@ def get_command(session: Session, command: str) -> CommandRecord:
     Raises:
         UnknownIdError: If there is none of this id.
     """
-    found = session.execute(
-        select(Command, Robot.id)
-        .join(Robot, Command.robot_key == Robot.key)
-        .where(Command.key == key_of("command", command))
-    ).one_or_none()
-    if found is None:
-        raise UnknownIdError("command", command)
-    return _record(session, *found)
+    return _record(session, *row_and_robot(session, Command, "command", command))
 
 
 def list_commands(

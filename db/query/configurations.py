@@ -107,9 +107,4 @@ def configuration_history(
 
 
 def _record(row: Configuration, robot: str | None) -> ConfigurationRecord:
-    return same(
-        ConfigurationRecord,
-        row,
-        id=public_id("config", row.key),
-        robot=robot,
-    )
+    return same(ConfigurationRecord, row, id=public_id("config", row.key), robot=robot)

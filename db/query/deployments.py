@@ -9,9 +9,10 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from db.fault import StoreError, UnknownIdError
+from db.fault import StoreError
 from db.identity import key_of, public_id
 from db.ingest import insert_new
+from db.query.change import row_and_robot, row_of
 from db.query.robots import robot_key
 from db.record import same
 from db.tables import Deployment, Robot, SampleRow, StateRow
@@ -117,9 +118,7 @@ def note_on_deployment(session: Session, deployment: str, document: Mapping[str,
     Raises:
         UnknownIdError: If there is no such deployment.
     """
-    row = session.get(Deployment, key_of("deployment", deployment))
-    if row is None:
-        raise UnknownIdError("deployment", deployment)
+    row = row_of(session, Deployment, "deployment", deployment)
     row.document = {**row.document, **document}
 
 
@@ -129,14 +128,7 @@ def get_deployment(session: Session, deployment: str) -> DeploymentRecord:
     Raises:
         UnknownIdError: If there is none of this id.
     """
-    found = session.execute(
-        select(Deployment, Robot.id)
-        .join(Robot, Deployment.robot_key == Robot.key)
-        .where(Deployment.key == key_of("deployment", deployment))
-    ).one_or_none()
-    if found is None:
-        raise UnknownIdError("deployment", deployment)
-    return _record(*found)
+    return _record(*row_and_robot(session, Deployment, "deployment", deployment))
 
 
 def list_deployments(

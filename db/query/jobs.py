@@ -8,8 +8,8 @@ from typing import Any
 from sqlalchemy import select, update
 from sqlalchemy.orm import Session
 
-from db.fault import UnknownIdError
 from db.identity import key_of, public_id
+from db.query.change import row_of
 from db.record import same
 from db.tables import Job
 
@@ -55,9 +55,7 @@ def save_job(session: Session, job: JobRecord) -> None:
     Raises:
         UnknownIdError: If there is no such job.
     """
-    row = session.get(Job, key_of("job", job.id))
-    if row is None:
-        raise UnknownIdError("job", job.id)
+    row = row_of(session, Job, "job", job.id)
     row.state = job.state
     row.progress = job.progress
     row.message = job.message
@@ -71,9 +69,7 @@ def get_job(session: Session, job: str) -> JobRecord:
     Raises:
         UnknownIdError: If there is none of this id.
     """
-    row = session.get(Job, key_of("job", job))
-    if row is None:
-        raise UnknownIdError("job", job)
+    row = row_of(session, Job, "job", job)
     return _record(row)
 
 
@@ -95,8 +91,4 @@ def fail_open_jobs(session: Session, at: datetime, message: str) -> None:
 
 
 def _record(row: Job) -> JobRecord:
-    return same(
-        JobRecord,
-        row,
-        id=public_id("job", row.key),
-    )
+    return same(JobRecord, row, id=public_id("job", row.key))

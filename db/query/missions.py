@@ -8,8 +8,8 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from db.fault import UnknownIdError
 from db.identity import key_of, public_id
+from db.query.change import row_and_robot, row_of
 from db.query.robots import robot_key
 from db.record import same
 from db.tables import Mission, Robot
@@ -81,9 +81,7 @@ def change_mission(
     Raises:
         UnknownIdError: If there is no such mission.
     """
-    row = session.get(Mission, key_of("mission", mission))
-    if row is None:
-        raise UnknownIdError("mission", mission)
+    row = row_of(session, Mission, "mission", mission)
     if state is not None:
         row.state = state
     if automation is not None:
@@ -100,14 +98,7 @@ def get_mission(session: Session, mission: str) -> MissionRecord:
     Raises:
         UnknownIdError: If there is none of this id.
     """
-    found = session.execute(
-        select(Mission, Robot.id)
-        .join(Robot, Mission.robot_key == Robot.key)
-        .where(Mission.key == key_of("mission", mission))
-    ).one_or_none()
-    if found is None:
-        raise UnknownIdError("mission", mission)
-    return _record(*found)
+    return _record(*row_and_robot(session, Mission, "mission", mission))
 
 
 def list_missions(
@@ -135,9 +126,4 @@ def list_missions(
 
 
 def _record(row: Mission, robot: str) -> MissionRecord:
-    return same(
-        MissionRecord,
-        row,
-        id=public_id("mission", row.key),
-        robot=robot,
-    )
+    return same(MissionRecord, row, id=public_id("mission", row.key), robot=robot)

@@ -7,12 +7,11 @@ from datetime import datetime
 from sqlalchemy import delete, select
 from sqlalchemy.orm import Session
 
-from db.fault import UnknownIdError
-from db.identity import key_of, public_id
+from db.identity import public_id
 from db.onboard_tables import RobotLogRow, RobotParameterRow
+from db.query.change import row_and_robot, row_of
 from db.query.robots import robot_key
 from db.record import same, values
-from db.tables import Robot
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,9 +111,7 @@ def note_fetched(session: Session, log: str, *, size: int, sha256: str, at: date
     Raises:
         UnknownIdError: If there is no such file.
     """
-    row = session.get(RobotLogRow, key_of("log", log))
-    if row is None:
-        raise UnknownIdError("log", log)
+    row = row_of(session, RobotLogRow, "log", log)
     row.fetched_size, row.sha256, row.fetched_at = size, sha256, at
     session.flush()
     return get_log(session, log)
@@ -136,20 +133,8 @@ def get_log(session: Session, log: str) -> LogRecord:
     Raises:
         UnknownIdError: If there is none of this id.
     """
-    found = session.execute(
-        select(RobotLogRow, Robot.id)
-        .join(Robot, RobotLogRow.robot_key == Robot.key)
-        .where(RobotLogRow.key == key_of("log", log))
-    ).one_or_none()
-    if found is None:
-        raise UnknownIdError("log", log)
-    return _record(*found)
+    return _record(*row_and_robot(session, RobotLogRow, "log", log))
 
 
 def _record(row: RobotLogRow, robot: str) -> LogRecord:
-    return same(
-        LogRecord,
-        row,
-        id=public_id("log", row.key),
-        robot=robot,
-    )
+    return same(LogRecord, row, id=public_id("log", row.key), robot=robot)

@@ -8,10 +8,9 @@ from typing import Any
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.link_tables import OutboxRow
-from db.query.change import set_fields
+from db.query.change import row_and_robot, set_fields
 from db.query.robots import robot_key
 from db.record import same
 from db.tables import Robot
@@ -94,12 +93,10 @@ def change_outbox(session: Session, outbox: str, **changes: Any) -> OutboxRecord
     Raises:
         UnknownIdError: If there is no such row.
     """
-    row = session.get(OutboxRow, key_of("outbox", outbox))
-    if row is None:
-        raise UnknownIdError("outbox", outbox)
+    row, robot = row_and_robot(session, OutboxRow, "outbox", outbox)
     set_fields(row, "an outbox row", changes, _CHANGEABLE)
     session.flush()
-    return _record(row, session.scalars(select(Robot.id).where(Robot.key == row.robot_key)).one())
+    return _record(row, robot)
 
 
 def get_outbox(session: Session, outbox: str) -> OutboxRecord:
@@ -108,10 +105,7 @@ def get_outbox(session: Session, outbox: str) -> OutboxRecord:
     Raises:
         UnknownIdError: If there is none of this id.
     """
-    found = session.execute(_rows().where(OutboxRow.key == key_of("outbox", outbox))).one_or_none()
-    if found is None:
-        raise UnknownIdError("outbox", outbox)
-    return _record(*found)
+    return _record(*row_and_robot(session, OutboxRow, "outbox", outbox))
 
 
 def open_outbox(session: Session, robot: str | None = None) -> list[OutboxRecord]:

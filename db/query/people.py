@@ -265,8 +265,4 @@ def _person(row: Person) -> PersonRecord:
 
 
 def _token(row: Token) -> TokenRecord:
-    return same(
-        TokenRecord,
-        row,
-        id=public_id("token", row.key),
-    )
+    return same(TokenRecord, row, id=public_id("token", row.key))

@@ -8,8 +8,9 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from db.fault import StoreError, UnknownIdError
+from db.fault import StoreError
 from db.identity import key_of, public_id
+from db.query.change import row_and_robot, row_of
 from db.query.robots import robot_key
 from db.record import same
 from db.tables import Plan, Robot
@@ -111,9 +112,7 @@ def change_plan(
         UnknownIdError: If there is no such plan.
         PlanStateError: If the plan is in a state that is not in ``only_from``.
     """
-    row = session.get(Plan, key_of("plan", plan))
-    if row is None:
-        raise UnknownIdError("plan", plan)
+    row = row_of(session, Plan, "plan", plan)
     if only_from is not None and row.state not in only_from:
         raise PlanStateError(f"{plan} is {row.state.replace('_', ' ')}.")
     if state is not None and state != row.state:
@@ -134,14 +133,7 @@ def get_plan(session: Session, plan: str) -> PlanRecord:
     Raises:
         UnknownIdError: If there is none of this id.
     """
-    found = session.execute(
-        select(Plan, Robot.id)
-        .join(Robot, Plan.robot_key == Robot.key)
-        .where(Plan.key == key_of("plan", plan))
-    ).one_or_none()
-    if found is None:
-        raise UnknownIdError("plan", plan)
-    return _record(*found)
+    return _record(*row_and_robot(session, Plan, "plan", plan))
 
 
 def plan_by_hash(session: Session, robot: str, sha256: str) -> PlanRecord | None:

@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 from db.fault import UnknownIdError
 from db.identity import key_of, public_id
 from db.link_tables import OutboxRow, SatelliteMessageRow
-from db.query.change import set_fields
+from db.query.change import row_of, set_fields
 from db.query.robots import robot_key
 from db.record import same
 from db.tables import Robot
@@ -104,9 +104,7 @@ def change_message(session: Session, message: str, **changes: Any) -> SatelliteM
     Raises:
         UnknownIdError: If there is no such message.
     """
-    row = session.get(SatelliteMessageRow, key_of("message", message))
-    if row is None:
-        raise UnknownIdError("message", message)
+    row = row_of(session, SatelliteMessageRow, "message", message)
     set_fields(row, "a satellite message", changes, _CHANGEABLE)
     session.flush()
     return get_message(session, message)

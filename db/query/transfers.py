@@ -7,9 +7,8 @@ from typing import Any
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from db.fault import UnknownIdError
 from db.identity import key_of, public_id
-from db.query.change import set_fields
+from db.query.change import row_and_robot, row_of, set_fields
 from db.query.robots import robot_key
 from db.record import same
 from db.tables import Robot, Transfer
@@ -87,9 +86,7 @@ def change_transfer(session: Session, transfer: str, **changes: Any) -> Transfer
     Raises:
         UnknownIdError: If there is no such transfer.
     """
-    row = session.get(Transfer, key_of("transfer", transfer))
-    if row is None:
-        raise UnknownIdError("transfer", transfer)
+    row = row_of(session, Transfer, "transfer", transfer)
     set_fields(row, "a transfer", changes, _CHANGEABLE)
     session.flush()
     return get_transfer(session, transfer)
@@ -101,14 +98,7 @@ def get_transfer(session: Session, transfer: str) -> TransferRecord:
     Raises:
         UnknownIdError: If there is none of this id.
     """
-    found = session.execute(
-        select(Transfer, Robot.id)
-        .join(Robot, Transfer.robot_key == Robot.key)
-        .where(Transfer.key == key_of("transfer", transfer))
-    ).one_or_none()
-    if found is None:
-        raise UnknownIdError("transfer", transfer)
-    return _record(*found)
+    return _record(*row_and_robot(session, Transfer, "transfer", transfer))
 
 
 def newest_transfer(session: Session, plan: str) -> str | None:

@@ -63,8 +63,4 @@ def list_vehicles(session: Session) -> list[VehicleRecord]:
 
 
 def _record(row: VehicleRow) -> VehicleRecord:
-    return same(
-        VehicleRecord,
-        row,
-        key=row.id,
-    )
+    return same(VehicleRecord, row, key=row.id)

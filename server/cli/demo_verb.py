@@ -29,7 +29,7 @@ from server.cli.data import add_data_option, open_store, settings_of
 from server.cli.data_folder import CLOCK_FILE
 from server.cli.demo_gateway import prepare_gateway
 from server.cli.failure import CommandError
-from server.cli.simulate_verb import LINK_FOLDER, add_water_options, part
+from server.cli.simulate_verb import LINK_FOLDER, add_world_options
 from server.cli.supervisor import Child, Supervisor
 from simulator.fleet import (
     FLEET,
@@ -63,19 +63,7 @@ def add_arguments(parser: ArgumentParser) -> None:
         default=",".join(USUAL_ROBOTS),
         help=f"which of {', '.join(FLEET)} (default: %(default)s)",
     )
-    parser.add_argument(
-        "--far", action="store_true", help="begin with the lake robot out of radio range"
-    )
-    parser.add_argument(
-        "--loss", type=part, metavar="PART", help="part of the radio frames that are lost, 0 to 0.9"
-    )
-    parser.add_argument(
-        "--satellite-loss",
-        type=part,
-        metavar="PART",
-        help="part of the satellite messages that are lost, 0 to 0.9",
-    )
-    add_water_options(parser)
+    add_world_options(parser)
     parser.add_argument(
         "--dev",
         action="store_true",

@@ -24,19 +24,7 @@ def add_arguments(parser: ArgumentParser) -> None:
     )
     parser.add_argument("--seed", type=int, default=0, help="starting point of all randomness")
     parser.add_argument("--robots", help="names of the robots, comma between them")
-    parser.add_argument(
-        "--far", action="store_true", help="begin with the lake robot out of radio range"
-    )
-    parser.add_argument(
-        "--loss", type=part, metavar="PART", help="part of the radio frames that are lost, 0 to 0.9"
-    )
-    parser.add_argument(
-        "--satellite-loss",
-        type=part,
-        metavar="PART",
-        help="part of the satellite messages that are lost, 0 to 0.9",
-    )
-    add_water_options(parser)
+    add_world_options(parser)
     parser.add_argument(
         "--bodies",
         action="store_true",
@@ -45,14 +33,19 @@ def add_arguments(parser: ArgumentParser) -> None:
     parser.add_argument("--parent-pid", type=int, help=SUPPRESS)
 
 
-def add_water_options(parser: ArgumentParser) -> None:
-    """Declare how bad the water is for sound; demo and simulation have these alike."""
+def add_world_options(parser: ArgumentParser) -> None:
+    """Declare how far the robots and how bad the links are; demo and simulation have it alike."""
+    parser.add_argument(
+        "--far", action="store_true", help="begin with the lake robot out of radio range"
+    )
     for name, what in (
-        ("loss", "sounds under water that are not heard"),
-        ("outliers", "acoustic ranges that are those of an echo"),
+        ("loss", "radio frames that are lost"),
+        ("satellite-loss", "satellite messages that are lost"),
+        ("acoustic-loss", "sounds under water that are not heard"),
+        ("acoustic-outliers", "acoustic ranges that are those of an echo"),
     ):
         parser.add_argument(
-            f"--acoustic-{name}", type=part, metavar="PART", help=f"part of the {what}, 0 to 0.9"
+            f"--{name}", type=part, metavar="PART", help=f"part of the {what}, 0 to 0.9"
         )
 
 
