@@ -224,9 +224,6 @@ export class Api {
     return versioned(await this.#http.PATCH('/api/config/{kind}', { params, body }));
   }
 
-  /** Every vehicle that a robot can be. */
-  vehicles = async () => (await told(this.#http.GET('/api/vehicles'))).vehicles;
-
   /** Motion and energy of the planner, worked out from the vehicle's polar. */
   capability = (key: string) => told(this.#http.GET('/api/vehicles/{key}/capability', of({ key })));
 

@@ -6,7 +6,6 @@ import type {
   WhatIfSummaryView,
   CommandRequest,
   CommandView,
-  MissionView,
   PlanView,
   RobotLinkView,
   TargetReportView,
@@ -50,15 +49,11 @@ export type {
   FieldMapView as FieldMap,
   GatewayView as Gateway,
   HealthView as Health,
-  ImportRefusal,
-  ImportResult,
   IncomingMessageView as IncomingMessage,
-  InheritedView as InheritedSetting,
   JobView as Job,
   KindView as ConfigKind,
   LadderView as PlanLadder,
   LegView as Leg,
-  LevelView as CommandLevel,
   LinkView as Link,
   LiveBatchView as LiveBatch,
   LiveRobotView as LiveRobot,
@@ -67,7 +62,6 @@ export type {
   MissionView as Mission,
   NewTokenView as NewToken,
   ObjectiveView as ObjectivePoint,
-  OnboardView as Onboard,
   OutgoingMessageView as OutgoingMessage,
   ParameterView as Parameter,
   ParametersView as ParameterTable,
@@ -77,20 +71,13 @@ export type {
   PolarView as Polar,
   PositionView as Position,
   PrimitiveKind,
-  ProgressView as PlanProgress,
-  RecordedScores,
   DryRunView as Rehearsal,
   RobotLinkView as RobotLink,
   RobotLogView as LogFile,
-  RobotLogsView as LogListing,
   RobotView as Robot,
   Role,
-  RoundView as MissionRound,
-  RunnerUpView as RunnerUp,
-  SatelliteMessageCostView as QuoteMessage,
   SatelliteQuoteView as SatelliteQuote,
   SatelliteView as SatelliteLog,
-  SceneLayerView as SceneLayer,
   SceneStateView as SceneView,
   SessionView as Session,
   SiteOutput as Site,
@@ -101,9 +88,7 @@ export type {
   TrackView as Track,
   TransferPartView as TransferPart,
   TransferView as Transfer,
-  TrimView as TrimAccepted,
   UploadRequest as SendWish,
-  VehicleView as VehicleListing,
   ViolationView as Violation,
 } from './generated/station';
 
@@ -119,7 +104,6 @@ export type AlarmLevel = AlarmView['level'];
 export type CommandKind = CommandRequest['kind'];
 export type CommandLevelName = CommandView['level'];
 export type LinkKind = RobotLinkView['kind'];
-export type MissionState = MissionView['state'];
 export type PartLevel = TransferPartView['level'];
 export type PlanPoint = PlanView['points'][number];
 export type FlownPoint = PlanPoint;
