@@ -39,6 +39,7 @@ AREAS = (
     "ingest",
     "satellite",
     "garbage",
+    "live",
 )
 OUTPUT = Path("build/bench.json")
 

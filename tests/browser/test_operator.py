@@ -8,7 +8,7 @@ import re
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.walk import CHROMIUM, SIZES, expect_scene, hold, open_page, shoot
+from tests.browser.walk import CHROMIUM, SIZES, expect_scene, hold, open_page, requests_of, shoot
 
 pytestmark = [
     pytest.mark.browser,
@@ -55,11 +55,14 @@ def test_a_survey_is_planned_sent_flown_and_mapped(page, demo, station):
     expect(page.get_by_text("until 14 energy units are spent")).to_be_visible()
     look_at_the_draft(page)
     shoot(page, "plan")
-    send(page)
-    ladder = page.get_by_role("list", name="State of the plan")
-    for step in ("Sent", "On board", "Running"):
-        expect(ladder.get_by_text(step, exact=True)).to_be_visible()
-    expect(ladder).to_contain_text(re.compile(r"Running\s*\d\d:\d\d:\d\dZ"), timeout=240_000)
+    with requests_of(page) as asked:
+        send(page)
+        ladder = page.get_by_role("list", name="State of the plan")
+        for step in ("Sent", "On board", "Running"):
+            expect(ladder.get_by_text(step, exact=True)).to_be_visible()
+        running = re.compile(r"Running\s*\d\d:\d\d:\d\dZ")
+        expect(ladder).to_contain_text(running, timeout=240_000)
+    assert [each for each in asked if each.startswith("GET /api/transfers/")] == []
     open_page(page, demo, "/robot/mini-1")
     expect_scene(page)
     shoot(page, "robot")

@@ -7,9 +7,10 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from io import BytesIO
 from pathlib import Path
+from urllib.parse import urlsplit
 
 from PIL import Image
-from playwright.sync_api import Browser, Page, expect, sync_playwright
+from playwright.sync_api import Browser, Page, Request, expect, sync_playwright
 
 from tests.e2e.demo import Demo
 
@@ -42,8 +43,8 @@ def chromium() -> Generator[Browser, None, None]:
 def browser_page(browser: Browser, demo: Demo) -> Generator[Page, None, None]:
     """Sign in with the one-time address; afterwards no page may have failed or asked elsewhere."""
     SHOTS.mkdir(parents=True, exist_ok=True)
-    page = browser.new_page(viewport={"width": 1600, "height": 950})
-    page.set_default_timeout(120_000)
+    page = browser.new_context(viewport={"width": 1600, "height": 950}).new_page()
+    page.context.set_default_timeout(120_000)
     faults: list[str] = []
     page.on("pageerror", lambda error: faults.append(str(error)))
     page.on("request", lambda request: _note_foreign(request.url, demo.url, faults))
@@ -56,6 +57,19 @@ def browser_page(browser: Browser, demo: Demo) -> Generator[Page, None, None]:
 def _note_foreign(url: str, own: str, faults: list[str]) -> None:
     if not url.startswith((own, own.replace("http", "ws"), "data:", "blob:")):
         faults.append(f"a request left the station: {url}")
+
+
+@contextmanager
+def requests_of(page: Page) -> Generator[list[str], None, None]:
+    """Note method and path of everything that a page and its frames ask for; no WebSocket."""
+    noted: list[str] = []
+
+    def note(request: Request) -> None:
+        noted.append(f"{request.method} {urlsplit(request.url).path}")
+
+    page.on("request", note)
+    yield noted
+    page.remove_listener("request", note)
 
 
 def open_page(page: Page, demo: Demo, path: str) -> None:
