@@ -60,10 +60,13 @@ def test_a_page_of_an_idle_fleet_asks_for_nothing(screen, calm):
 
 
 def note_changes(page, told):
-    """Note what the live stream tells a page to read again; one that is opened anew, everything."""
+    """Note what the stream tells of the whole station to read again; opened anew, everything.
+
+    What it tells of a robot, such as that its track grew, is no reason here to ask for anything.
+    """
 
     def note(frame):
-        told.extend(json.loads(frame)["changed"])
+        told.extend(each for each in json.loads(frame)["changed"] if "/" not in each)
 
     def follow(socket):
         if urlsplit(socket.url).path == "/api/live":
