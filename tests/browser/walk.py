@@ -65,7 +65,9 @@ def requests_of(page: Page) -> Generator[list[str], None, None]:
     noted: list[str] = []
 
     def note(request: Request) -> None:
-        noted.append(f"{request.method} {urlsplit(request.url).path}")
+        address = urlsplit(request.url)
+        if address.scheme == "http":  # a blob or data address is read from the page's own memory
+            noted.append(f"{request.method} {address.path}")
 
     page.on("request", note)
     yield noted
