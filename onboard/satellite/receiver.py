@@ -321,10 +321,19 @@ class Receiver:
         is_overtaken = bool(counters) and counter <= max(counters)
         is_late = command.kind not in _STAYS_UP and now.timestamp() > command.expiry_s
         if is_overtaken or is_late:
-            self._remember(Answered(command, counter, CommandOutcome.NOT_NOW))
+            self._remember(Answered(command, counter, self._outcome_unobeyed(command, counter)))
             return Nothing(f"this order was {'overtaken by another' if is_overtaken else 'late'}")
         self._open[name] = counter
         return OrderReceived(command)
+
+    def _outcome_unobeyed(self, command: ReceivedCommand, counter: int) -> CommandOutcome:
+        """Return what came of an order that is not acted on; what a later one did holds for it."""
+        did_the_same = any(
+            one.command.kind is command.kind is CommandKind.SURFACE and one.counter >= counter
+            for one in self._memory.answered
+            if one.outcome is CommandOutcome.DONE
+        )
+        return CommandOutcome.DONE if did_the_same else CommandOutcome.NOT_NOW
 
     def _note_told(self, counter: int) -> None:
         """Stop repeating what the station had seen when it said this."""

@@ -242,6 +242,13 @@ def test_order_overtaken_by_a_newer_one_is_answered_and_not_obeyed(robot):
     assert robot.outcomes == {8: CommandOutcome.DONE, 7: CommandOutcome.NOT_NOW}
 
 
+def test_order_to_surface_overtaken_by_another_was_obeyed_with_it(robot):
+    """An emergency leaves before the order that is written down, and with a higher number."""
+    assert robot.obey(order(CommandKind.SURFACE, 8))
+    assert not robot.obey(order(CommandKind.SURFACE, 7))
+    assert robot.outcomes == {8: CommandOutcome.DONE, 7: CommandOutcome.DONE}
+
+
 def test_order_to_fly_expires_by_the_robots_clock_and_one_to_stay_up_never(robot):
     late = LATER + timedelta(days=800)
     assert not robot.obey(order(CommandKind.START, 7), now=late)
