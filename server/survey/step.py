@@ -18,7 +18,7 @@ from server.base.foundation import Foundation
 from server.base.problem import Problem, conflict
 from server.fleet.fleet import Fleet
 from server.plan.ahead import due_at, is_due, unflown
-from server.plan.document import candidates_of, legs_of
+from server.plan.document import candidates_of, legs_of, report_of
 from server.plan.drafting import broken_off, outdated_by
 from server.plan.ledger import PlanLedger
 from server.plan.planning import Planning
@@ -34,6 +34,7 @@ from server.plan.survey_round import (
 )
 from server.survey.map_quality import SurveyMaps
 from server.survey.mission_ledger import ENDED, MissionLedger
+from server.transfer.machine import BEGUN
 from server.transfer.transfers import Transfers
 
 QUIET_S = 1.5
@@ -90,6 +91,8 @@ class SurveySteps:
                     await self._planning.cancel(plan.id, f"{why} Planning again.")
             case "draft" if broken_off(plan) and not self._transfers.is_under_way(plan.robot):
                 await self._plan_instead(record, plans, plan)
+            case "sent" | "on_board" if self._has_begun(plan):
+                return False  # its word is on its way to the plan, which will be looked at then
             case "draft" | "sent" | "on_board":
                 if record.automation:
                     return await self._send(record, plan)
@@ -185,6 +188,7 @@ class SurveySteps:
         except Problem:
             now = await self._plans.get(plan.id)
             is_late_word = now.state == "draft" and self._is_outdated(now)
+            is_late_word = is_late_word or self._has_begun(now)
             if now.state == plan.state and not is_late_word:
                 raise
             # The robot, or its word on where it is, was faster than this look: look again.
@@ -276,6 +280,11 @@ class SurveySteps:
         others = (one.legs for one in candidates_of(plan.document))
         rest = unflown(plan, self._report(plan))
         return tuple(legs for legs in (rest, *others) if legs)
+
+    def _has_begun(self, plan: PlanRecord) -> bool:
+        """Tell whether the robot says that it flies a plan that was sent, or has flown it."""
+        said = report_of(plan, self._report(plan))
+        return plan.state != "draft" and said is not None and said.state in BEGUN
 
     def _report(self, plan: PlanRecord) -> PlanReport | None:
         return self._fleet.status(plan.robot).plan_report

@@ -57,7 +57,8 @@ from server.transfer.state import (
 
 log = logging.getLogger(__name__)
 
-_BEGUN = (OnboardPlanState.RUNNING, OnboardPlanState.DONE, OnboardPlanState.FAILED)
+BEGUN = (OnboardPlanState.RUNNING, OnboardPlanState.DONE, OnboardPlanState.FAILED)
+"""What a robot says of a plan once it has begun to fly it."""
 _ATTEMPTS = 3
 _PAUSE_S = 2.0
 """Wall time for a robot that did not answer to say by itself that it has the plan."""
@@ -403,7 +404,7 @@ class TransferMachine:
 
     def _has_begun(self, plan: PlanRecord) -> bool:
         report = self._report_of(plan)
-        return report is not None and report.state in _BEGUN
+        return report is not None and report.state in BEGUN
 
     async def _note(self, **changes: object) -> None:
         await self._store.write(lambda session: note(session, self.transfer.id, **changes))

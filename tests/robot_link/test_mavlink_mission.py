@@ -236,9 +236,12 @@ def test_a_mission_read_back_as_waypoints_is_the_same_way(places: list[tuple[flo
     except WaypointRefusal:
         return
     again = mission_of_waypoints(waypoints_of_mission(mission, RULES), (500.0, 500.0, 0.0), RULES)
-    ends = [leg.end_ned for leg in mission.legs]
-    for end, back in zip(ends, [leg.end_ned for leg in again.legs], strict=False):
-        assert math.dist(end, back) < 0.05
+    ends, back = ([leg.end_ned for leg in one.legs] for one in (mission, again))
+    if len(ends) == len(back):
+        assert all(math.dist(*pair) < 0.05 for pair in zip(ends, back, strict=True))
+    else:  # a leg too short to fly is left out; its end lies by another's
+        for some, others in ((ends, back), (back, ends)):
+            assert all(min(math.dist(one, other) for other in others) < 0.1 for one in some)
 
 
 @given(st.text(st.characters(codec="ascii", exclude_characters="\0"), max_size=180))
