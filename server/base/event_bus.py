@@ -7,6 +7,7 @@ Whoever changes the database leaves the event in the transaction (``db.writer.te
 so that it is told exactly if that is committed, whichever capability began it.
 """
 
+import logging
 from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -19,15 +20,17 @@ from db.query.events import EventRecord
 from db.query.jobs import JobRecord
 from db.writer import tell_after_commit
 
+log = logging.getLogger(__name__)
 E = TypeVar("E")
 
 
 class EventBus:
     """Hands each event to everyone who subscribed to its type, in the order of subscription.
 
-    Belongs to one event loop. A handler must return at once and must not raise: longer work goes
-    into a task or a ``RetryQueue``. Events published by a handler are handed on after the present
-    one, so that all subscribers see events in one order.
+    Belongs to one event loop. A handler must return at once: longer work goes into a task or a
+    ``RetryQueue``. It must not raise; if it does, the others hear of the event all the same. Events
+    published by a handler are handed on after the present one, so that all subscribers see events
+    in one order.
     """
 
     def __init__(self) -> None:
@@ -35,6 +38,8 @@ class EventBus:
         self._within: dict[type, list[Callable[[Session, Any], object]]] = defaultdict(list)
         self._waiting: list[object] = []
         self._is_publishing = False
+        self.on_failure: Callable[[str, Exception], None] | None = None
+        """Told of a handler that raised."""
 
     def subscribe(self, kind: type[E], handler: Callable[[E], object]) -> None:
         """Have every event of exactly this type handed to a handler."""
@@ -70,9 +75,14 @@ class EventBus:
             while self._waiting:
                 current = self._waiting.pop(0)
                 for handler in self._handlers[type(current)]:
-                    handler(current)
+                    try:
+                        handler(current)
+                    except Exception as error:
+                        name = type(current).__name__
+                        log.exception("a handler of %s failed", name)
+                        if self.on_failure is not None:
+                            self.on_failure(f"what follows {name}", error)
         finally:
-            self._waiting.clear()
             self._is_publishing = False
 
 

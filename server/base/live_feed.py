@@ -12,6 +12,8 @@ when to read it again, so that nobody has to poll.
 import asyncio
 import contextlib
 import itertools
+import logging
+import time
 from collections import deque
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
@@ -24,6 +26,8 @@ from db.store import Store
 from robot_link.clock import Clock
 from server.base.event_bus import EventLogged
 from server.base.event_log import EventLog
+
+log = logging.getLogger(__name__)
 
 TICK_S = 0.1
 """Batches go out no faster, but for what a person waits for."""
@@ -94,7 +98,7 @@ class LiveFeed:
         self._tick = asyncio.Event()
         self._news = asyncio.Event()
         self._hurry = asyncio.Event()
-        self._revisions = itertools.count(1)
+        self._revisions = itertools.count(time.time_ns() // 1000)  # never one of an earlier run
         self._closed = False
         self._batches: dict[tuple[int, int, frozenset[str] | None], str] = {}
 
@@ -175,8 +179,12 @@ class LiveFeed:
         while self._due:
             part = self._due.pop()
             part.is_due = False
-            part.encoded = msgspec.Raw(_encoder.encode(part.value()))
-            part.changed = self._ticks
+            try:
+                part.encoded = msgspec.Raw(_encoder.encode(part.value()))
+            except Exception:  # what one capability cannot show must not silence the others
+                log.exception("a part of the live stream is not shown")
+            else:
+                part.changed = self._ticks
         tick, self._tick = self._tick, asyncio.Event()
         tick.set()
 

@@ -4,7 +4,7 @@ from server.base.event_bus import AlarmChanged, EventLogged, SettingsChanged
 from server.base.foundation import Foundation
 from server.fleet import route
 from server.fleet.disabled_links import DisabledLinks
-from server.fleet.event import LinkSwitched, RobotChanged, RobotReported, TrackGrew
+from server.fleet.event import LinkSwitched, RobotChanged, RobotReported
 from server.fleet.fleet import Fleet
 from server.fleet.panel import FleetViews
 from server.fleet.roster import Roster
@@ -38,7 +38,6 @@ def install(foundation: Foundation) -> None:
 
     bus.subscribe(RobotReported, show)
     bus.subscribe(RobotChanged, lambda _: feed.mark("robots"))
-    bus.subscribe(TrackGrew, lambda event: feed.mark("track", event.robot))
     bus.subscribe(AlarmChanged, show_alarm)
     bus.subscribe(LinkSwitched, lambda _: fleet.set_disabled_links(disabled_links.disabled))
     bus.subscribe(EventLogged, roster.event_logged)

@@ -21,6 +21,13 @@ class SamplesStored:
 
 
 @dataclass(frozen=True, slots=True)
+class ValuesStored:
+    """States or samples of a robot are in the database or the journal."""
+
+    robot: str
+
+
+@dataclass(frozen=True, slots=True)
 class PlanReported:
     """A robot said what becomes of the plan on board."""
 

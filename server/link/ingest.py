@@ -36,6 +36,7 @@ from server.link.event import (
     SamplesStored,
     TargetReported,
     UploadReported,
+    ValuesStored,
 )
 
 log = logging.getLogger(__name__)
@@ -115,12 +116,13 @@ class Ingest:
         if not self._rows:
             return None
         rows, samples, refused = self._rows, self._samples, self._refused
+        robots = {row.robot for row in rows if isinstance(row, StateReport | Sample)}
         self._rows, self._samples, self._refused = [], [], []
         loop = asyncio.get_running_loop()
 
         def committed(future: "Future[None]") -> None:
             if not loop.is_closed():
-                loop.call_soon_threadsafe(self._committed, future, samples, refused)
+                loop.call_soon_threadsafe(self._committed, future, samples, refused, robots)
 
         stored = self._store.append(rows)
         stored.add_done_callback(committed)
@@ -181,7 +183,11 @@ class Ingest:
         self._samples.append(sample)
 
     def _committed(
-        self, future: "Future[None]", samples: list[Sample], refused: list[Sample]
+        self,
+        future: "Future[None]",
+        samples: list[Sample],
+        refused: list[Sample],
+        robots: set[RobotId],
     ) -> None:
         error = future.exception()
         if error is not None:
@@ -191,6 +197,8 @@ class Ingest:
             self._fleet.take_sample(sample)
         if samples or refused:
             self._bus.publish(SamplesStored(samples, refused))
+        for robot in robots:
+            self._bus.publish(ValuesStored(robot))
 
     def _refuse(self, robot: RobotId, what: str, fault: str) -> None:
         """Count a value that cannot be true, and say so once until a good one came."""

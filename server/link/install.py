@@ -4,10 +4,10 @@ from robot_link.station.gateway.address import is_acoustic
 from robot_link.transport.opening import is_radio
 from server.base.foundation import Foundation
 from server.fleet.disabled_links import DisabledLinks
-from server.fleet.event import LinkSwitched, RobotChanged
+from server.fleet.event import LinkSwitched, RobotChanged, TrackGrew
 from server.fleet.fleet import Fleet
 from server.link import onboard_route, range_route, route
-from server.link.event import RadiosChanged, SamplesStored
+from server.link.event import RadiosChanged, SamplesStored, ValuesStored
 from server.link.ingest import Ingest
 from server.link.parameters import Parameters
 from server.link.radios import LinkFactory, Radios
@@ -58,6 +58,16 @@ def install(foundation: Foundation, make_link: LinkFactory) -> None:
         if is_acoustic(event.uri):
             ranging.set_enabled(event.uri, is_enabled=event.is_enabled)
 
+    feed, grown = foundation.feed, set[str]()
+
+    def stored(event: ValuesStored) -> None:
+        feed.mark("samples", event.robot)
+        if event.robot in grown:
+            grown.discard(event.robot)
+            feed.mark("track", event.robot)
+
+    bus.subscribe(TrackGrew, lambda event: grown.add(event.robot))
+    bus.subscribe(ValuesStored, stored)
     bus.subscribe(SamplesStored, radios.acknowledge)
     bus.subscribe(RobotChanged, robot_changed)
     bus.subscribe(LinkSwitched, switch)

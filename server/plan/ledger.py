@@ -204,17 +204,23 @@ class PlanLedger:
 
     def set_progress(self, plan: PlanRecord, progress: ProgressView | None) -> None:
         """Say how far planning is; ``None`` when it has ended."""
+        newest = self._newest(plan)
         if progress is None:
             self._progress.pop(plan.id, None)
-        else:
+        elif newest.state == "planning":
             self._progress[plan.id] = progress
-        self._bus.publish(PlanSeen(plan))
+        self._bus.publish(PlanSeen(newest))
 
     def set_transfer(self, plan: PlanRecord, transfer: TransferView) -> None:
         """Say how far a plan is on its way."""
         if self._transfers.get(plan.id) != transfer:
             self._transfers[plan.id] = transfer
-            self._bus.publish(PlanSeen(plan))
+            self._bus.publish(PlanSeen(self._newest(plan)))
+
+    def _newest(self, plan: PlanRecord) -> PlanRecord:
+        """Return a plan as it was committed last, if it is in hand; the one given may be older."""
+        hand = self._fleet.status(plan.robot).plan
+        return hand.record if hand is not None and hand.plan_id == plan.id else plan
 
     def robot_said_more(self, robot: str) -> None:
         """Take that a robot got further with the plan on board."""

@@ -12,7 +12,7 @@ from server.link.ingest import Ingest
 from server.satellite import gateway_route, route
 from server.satellite.ending import RowsChanged
 from server.satellite.gateways import GatewayChanged, Gateways, KeepMessage
-from server.satellite.satellite import MessageArrived, OutboxChanged, Satellite
+from server.satellite.satellite import AccountRead, MessageArrived, OutboxChanged, Satellite
 
 ROUTERS = (gateway_route.router, route.router)
 
@@ -49,6 +49,7 @@ def install(foundation: Foundation, make_gateways: GatewayFactory) -> None:
     bus.subscribe(RobotChanged, lambda _: satellite.stir())
     bus.subscribe(OutboxChanged, lambda event: feed.mark("satellite", event.row.robot))
     bus.subscribe(RowsChanged, lambda event: feed.mark("satellite", event.robot))
+    bus.subscribe(AccountRead, lambda event: feed.mark("satellite", event.robot))
     bus.subscribe(MessageArrived, lambda event: feed.mark("satellite", event.robot))
     bus.subscribe(GatewayChanged, lambda _: feed.mark("gateways"))
     foundation.lifetime.on_load(satellite.load)

@@ -2,6 +2,7 @@
 
 import asyncio
 import logging
+from collections import defaultdict
 from collections.abc import Awaitable, Callable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
@@ -55,6 +56,13 @@ class MessageArrived:
     robot: str
 
 
+@dataclass(frozen=True, slots=True)
+class AccountRead:
+    """A robot's satellite settings and budget were read anew, or it went out of contact or back."""
+
+    robot: str
+
+
 class Satellite:
     """What is sent and heard by satellite. Belongs to one event loop.
 
@@ -87,6 +95,8 @@ class Satellite:
         """Whether each robot was out of contact when it was looked at last."""
         self._looks = Wakeups(foundation.clock, _REST_S)
         self._hearing = Hearing(foundation.store, foundation.clock, fleet, disabled_links)
+        self._changes: defaultdict[str, int] = defaultdict(int)
+        """How often each robot's account was changed; one that is being read may be old."""
         self._plan_said: dict[str, tuple[datetime, datetime]] = {}
         """When each robot's last word on its plan arrived by satellite, and when it was said."""
         self._queue = RetryQueue("satellite messages")
@@ -134,7 +144,8 @@ class Satellite:
     def settings_changed(self, event: SettingsChanged) -> None:
         """Take that other settings hold for a robot, or for all."""
         if event.kind in _KINDS:
-            for robot in [event.robot] if event.robot else list(self._accounts):
+            everyone = [status.record.id for status in self._fleet.statuses]
+            for robot in everyone if event.robot is None else [event.robot]:
                 self._read_again(robot)
             self.stir()
 
@@ -264,6 +275,7 @@ class Satellite:
 
     def _read_again(self, robot: str) -> None:
         self._accounts.pop(robot, None)
+        self._changes[robot] += 1
         self._looks.wake(robot)
 
     def _pass_on(self, message: MobileOriginated, values: Sequence[Telling]) -> None:
@@ -305,6 +317,7 @@ class Satellite:
         is_held_up = bool(self.obstacle(robot))
         if self._is_held_up.get(robot) != is_held_up:
             self._is_held_up[robot] = is_held_up
+            self._bus.publish(AccountRead(robot))
             self.stir()
         moments = [account.until, *self._hearing.due_at(status, account.settings)]
         now = self._clock.now()
@@ -314,10 +327,13 @@ class Satellite:
         """Return what holds for a robot, read anew if something may have changed it."""
         account, at = self._accounts.get(robot), self._clock.now()
         if account is None or account.until <= at:
+            changes = self._changes[robot]
             account = await self._store.query(
                 lambda session: account_of(session, self.kinds, robot, at)
             )
-            self._accounts[robot] = account
+            if changes == self._changes[robot]:  # else it is read once more by the look it woke
+                self._accounts[robot] = account
+            self._bus.publish(AccountRead(robot))
             if self._settings.get(robot) != account.settings:
                 self._settings[robot] = account.settings
                 self._fleet.touch(robot)

@@ -40,8 +40,8 @@ def install(foundation: Foundation) -> None:
     services.add(FleetSurveys(fleet, surveys))
 
     def show(event: MissionChanged) -> None:
-        mission = event.mission
-        foundation.feed.put("missions", mission, lambda: missions.live_view(mission), event.robot)
+        view = missions.live_view(event.mission)
+        foundation.feed.put("missions", event.mission, lambda: view, event.robot)
 
     def plan_reported(event: PlanReported) -> None:
         missions.robot_said_more(event.report.robot)

@@ -281,3 +281,14 @@ async def test_client_that_comes_late_is_told_of_every_mark_however_many_there_a
     client = Client(feed)
     await client.until(lambda: client.batches)
     assert len(client.batches[0]["changed"]) == 500
+
+
+async def test_a_part_that_cannot_be_shown_silences_no_other(feed):
+    def fail():
+        raise KeyError("mission-1")
+
+    client = Client(feed)
+    feed.put("missions", "mission-1", fail)
+    feed.put("robots", "mini-1", lambda: {"depth_m": 1.0}, "mini-1")
+    await client.until(lambda: any(batch["robots"] for batch in client.batches))
+    assert all(not batch["missions"] for batch in client.batches)

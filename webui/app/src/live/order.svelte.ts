@@ -20,6 +20,9 @@ export interface Order {
 export class Orders {
   byRobot = $state<Record<string, Order>>({});
   readonly #station: Station;
+  /** The newest order to each robot, by its turn; an earlier one may be answered later. */
+  readonly #newest: Record<string, number> = {};
+  #turn = 0;
 
   constructor(station: Station) {
     this.#station = station;
@@ -28,10 +31,14 @@ export class Orders {
   async give(robot: string, kind: CommandKind): Promise<void> {
     const asked = { robot, kind, id: null, command: null, refusal: null };
     this.byRobot[robot] = asked;
+    const turn = ++this.#turn;
+    this.#newest[robot] = turn;
     try {
       const { id } = await this.#station.api.command(robot, kind);
+      if (this.#newest[robot] !== turn) return; // a later order was given meanwhile
       this.byRobot[robot] = { ...asked, id, command: this.#station.commands[id] ?? null };
     } catch (error) {
+      if (this.#newest[robot] !== turn) return;
       this.byRobot[robot] = { ...asked, refusal: refusalOf(error) };
     }
     this.#keep();

@@ -1,5 +1,6 @@
 import { untrack } from 'svelte';
 import type { Mission, ObjectivePoint, Plan } from '../api/types';
+import { Fetched } from './fetched.svelte';
 import type { Station } from './station.svelte';
 
 const AGAIN_MS = 1000;
@@ -10,6 +11,7 @@ export class PlanWatch {
   #whole = $state.raw<Plan | null>(null);
   #curve = $state.raw<readonly ObjectivePoint[]>([]);
   #again: ReturnType<typeof setTimeout> | undefined;
+  #isFollowed = false;
   readonly #station: Station;
 
   constructor(station: Station) {
@@ -31,8 +33,9 @@ export class PlanWatch {
     return whole.length >= this.#curve.length ? whole : this.#curve;
   });
 
-  /** Follow a plan; to be called inside an effect. */
-  follow(id: string | null): void {
+  /** Follow a plan until the returned function is called; for effects. */
+  follow(id: string | null): () => void {
+    this.#isFollowed = true;
     if (untrack(() => this.#id) !== id) {
       this.#id = id;
       this.#whole = null;
@@ -42,6 +45,10 @@ export class PlanWatch {
     this.#collect(news);
     const whole = untrack(() => this.#whole);
     if (id !== null && (whole === null || !isCurrent(whole, news))) void this.#fetch(id);
+    return () => {
+      this.#isFollowed = false;
+      clearTimeout(this.#again);
+    };
   }
 
   #collect(news: Partial<Plan> | undefined): void {
@@ -71,6 +78,7 @@ export class PlanWatch {
       if (untrack(() => this.#id) !== id) return;
     }
     clearTimeout(this.#again);
+    if (!this.#isFollowed) return;
     this.#again = setTimeout(() => void this.#fetch(id), AGAIN_MS);
   }
 }
@@ -84,45 +92,39 @@ function isCurrent(whole: Plan, news: Partial<Plan> | undefined): boolean {
 /** One mission, fetched whole whenever the live stream says that it changed. */
 export class MissionWatch {
   #id = $state.raw<string | null>(null);
-  #whole = $state.raw<Mission | null>(null);
-  #stamp = '';
   readonly #station: Station;
+  readonly #source: Fetched<Mission | null>;
 
   constructor(station: Station) {
     this.#station = station;
+    this.#source = new Fetched(() =>
+      this.#id === null ? Promise.resolve(null) : station.api.mission(this.#id),
+    );
   }
 
   readonly #news = $derived.by(() =>
     this.#id === null ? undefined : this.#station.missions[this.#id],
   );
-
-  readonly mission = $derived.by((): Mission | null => {
-    if (this.#whole === null || this.#whole.id !== this.#id) return null;
-    return { ...this.#whole, ...(this.#news ?? {}) };
+  /** What of it is reason to fetch it anew. */
+  readonly #stamp = $derived.by(() => {
+    const { state, plan_id, budget, message, ahead, map_std } = this.#news ?? {};
+    return JSON.stringify([state, plan_id, budget?.spent, message, ahead, map_std]);
   });
 
-  /** Follow a mission; to be called inside an effect. */
-  follow(id: string | null): void {
-    const news = this.#news;
-    const stamp = [id, news?.state, news?.plan_id, news?.budget?.spent, news?.message].join(' ');
-    if (untrack(() => this.#id) !== id) {
-      this.#id = id;
-      this.#whole = null;
-      this.#stamp = '';
-    }
-    if (id === null || stamp === this.#stamp) return;
-    this.#stamp = stamp;
-    void this.refresh();
+  readonly mission = $derived.by((): Mission | null => {
+    const whole = this.#source.value;
+    if (whole === null || whole.id !== this.#id) return null;
+    return { ...whole, ...(this.#news ?? {}) };
+  });
+
+  /** Follow a mission until the returned function is called; for effects. */
+  follow(id: string | null): () => void {
+    this.#id = id;
+    void [this.#stamp, this.#station.revision('mission')];
+    return this.#source.follow(id);
   }
 
-  async refresh(): Promise<void> {
-    const id = untrack(() => this.#id);
-    if (id === null) return;
-    try {
-      const mission = await this.#station.api.mission(id);
-      if (untrack(() => this.#id) === id) this.#whole = mission;
-    } catch {
-      this.#stamp = '';
-    }
+  refresh(): Promise<void> {
+    return this.#source.load();
   }
 }

@@ -15,6 +15,7 @@ import type {
   Transfer,
 } from '../api/types';
 import { StationClock } from './clock';
+import { Fetched } from './fetched.svelte';
 import { LiveSocket } from './socket';
 
 const KEPT_EVENTS = 400;
@@ -43,7 +44,8 @@ export class Station {
   /** Why the station cannot be used at all, in words; `null` while it can. */
   outage = $state.raw<string | null>(null);
 
-  robots = $state.raw<readonly Robot[]>([]);
+  readonly #robots = new Fetched(() => this.#readRobots());
+  readonly robots = $derived.by((): readonly Robot[] => this.#robots.value ?? []);
   readonly live = $state<Record<string, RobotLive>>({});
   plans = $state.raw<Readonly<Record<string, Partial<Plan>>>>({});
   missions = $state.raw<Readonly<Record<string, Partial<Mission>>>>({});
@@ -51,7 +53,8 @@ export class Station {
   commands = $state.raw<Readonly<Record<string, Command>>>({});
   transfers = $state.raw<Readonly<Record<string, Transfer>>>({});
   events = $state.raw<readonly StationEvent[]>([]);
-  alarms = $state.raw<readonly Alarm[]>([]);
+  readonly #alarms = new Fetched(() => this.#readAlarms());
+  readonly alarms = $derived.by((): readonly Alarm[] => this.#alarms.value ?? []);
   unacknowledged = $state.raw(0);
 
   /** Local time that ages and countdowns are read at; moves in steps. */
@@ -59,6 +62,8 @@ export class Station {
   #lastTickAt = $state.raw<number | null>(null);
   /** Newest revision of what REST tells, as the live stream says it. */
   readonly #revisions = $state<Record<string, number>>({});
+  /** Events of the log by the first word of their kind, such as `deployment`, and by robot. */
+  readonly #logged = $state<Record<string, number>>({});
   /** Grows when the stream was interrupted: what changed meanwhile is not known. */
   #interruptions = $state.raw(0);
   #isFirst = false;
@@ -68,6 +73,7 @@ export class Station {
 
   readonly #socket: LiveSocket;
   #clockwork: ReturnType<typeof setInterval> | undefined;
+  #unfollow: (() => void) | undefined;
 
   constructor() {
     this.api.onSignedOut = () => this.#leave();
@@ -107,7 +113,8 @@ export class Station {
     }
     this.#stop();
     this.#clockwork = setInterval(() => (this.localNow = performance.now()), CLOCK_STEP_MS);
-    await this.refresh();
+    const stop = [this.#robots.follow(), this.#alarms.follow()];
+    this.#unfollow = () => stop.forEach((end) => end());
     this.#socket.open();
   }
 
@@ -138,11 +145,19 @@ export class Station {
   /**
    * A value that changes whenever REST may tell something new of a resource; for effects.
    *
+   * @param resource As the station marks it, or as the log's events begin with it.
    * @param robot Whose; none for what belongs to the whole station.
    */
   revision(resource: string, robot?: string): string {
     const key = robot === undefined ? resource : `${resource}/${robot}`;
-    return `${this.#interruptions} ${this.#revisions[key] ?? 0}`;
+    const logged = this.#logged[key] ?? 0;
+    return `${this.#interruptions} ${this.#revisions[key] ?? 0} ${logged}`;
+  }
+
+  #count(resource: string, robot: string | null): void {
+    for (const key of [resource, `${resource}/${robot ?? ''}`]) {
+      this.#logged[key] = (this.#logged[key] ?? 0) + 1;
+    }
   }
 
   /** Hand every batch of the live stream to a reader until the returned function is called. */
@@ -153,7 +168,7 @@ export class Station {
 
   async acknowledge(alarm: Alarm): Promise<void> {
     await this.api.acknowledge(alarm.id);
-    await this.#refreshAlarms();
+    await this.#alarms.load();
   }
 
   #leave(): void {
@@ -164,6 +179,7 @@ export class Station {
   #stop(): void {
     this.#socket.close();
     clearInterval(this.#clockwork);
+    this.#unfollow?.();
     this.#lastTickAt = null;
     this.#hasOpened = false;
   }
@@ -174,31 +190,29 @@ export class Station {
     if (!this.isLive) this.clock.set(Date.parse(health.clock.now), performance.now());
   }
 
-  /** Ask for what the live stream does not carry: robots, health, alarms. */
-  async refresh(): Promise<void> {
-    await Promise.all([this.#refreshRobots(), this.#refreshAlarms()]).catch(() => {
-      // The header tells the silence of the station; its next word is reason to ask again.
-    });
+  /** Ask for the robots anew, for example since one was given another model. */
+  refresh(): Promise<void> {
+    return this.#robots.load();
   }
 
-  async #refreshRobots(): Promise<void> {
+  async #readRobots(): Promise<readonly Robot[]> {
     const robots = await this.api.robots();
     for (const robot of robots) this.live[robot.id] ??= new RobotLive();
-    this.robots = robots;
+    return robots;
   }
 
   /** Ask for the alarms, and for what is wrong with the station itself. */
-  async #refreshAlarms(): Promise<void> {
+  async #readAlarms(): Promise<readonly Alarm[]> {
     const [alarms, health] = await Promise.all([this.api.alarms(), this.api.health()]);
-    this.alarms = alarms;
-    this.unacknowledged = alarms.filter(({ state }) => isUnacknowledged(state)).length;
     this.#setHealth(health);
+    return alarms;
   }
 
   #opened(): void {
     if (this.#hasOpened) {
       this.#interruptions++;
-      void this.refresh();
+      this.#robots.follow();
+      this.#alarms.follow();
     }
     this.#isFirst = this.#hasOpened = true;
   }
@@ -216,12 +230,13 @@ export class Station {
     this.commands = merged(this.commands, tick.commands);
     this.transfers = merged(this.transfers, tick.transfers);
     Object.assign(this.#revisions, tick.changed);
+    for (const { kind, robot } of tick.events) this.#count(kind.split('.')[0] ?? '', robot);
     if (tick.events.length) {
       this.events = [...this.events, ...tick.events].slice(-KEPT_EVENTS);
     }
     this.unacknowledged = tick.alarms.unacknowledged;
-    if ('robots' in tick.changed) void this.#refreshRobots().catch(() => undefined);
-    if ('alarms' in tick.changed) void this.#refreshAlarms().catch(() => undefined);
+    if ('robots' in tick.changed) this.#robots.follow();
+    if ('alarms' in tick.changed) this.#alarms.follow();
     for (const reader of this.#readers) reader(tick, isFirst);
   }
 
@@ -240,9 +255,11 @@ export function isUnacknowledged(state: Alarm['state']): boolean {
 export function merged<T extends object>(
   known: Readonly<Record<string, T>>,
   changed: Readonly<Record<string, Partial<T>>>,
-): Record<string, T> {
+): Readonly<Record<string, T>> {
+  const changes = Object.entries(changed);
+  if (changes.length === 0) return known;
   const result: Record<string, T> = { ...known };
-  for (const [id, change] of Object.entries(changed)) {
+  for (const [id, change] of changes) {
     result[id] = { ...(result[id] ?? ({} as T)), ...change };
   }
   return result;
