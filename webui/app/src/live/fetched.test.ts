@@ -148,6 +148,17 @@ describe('an order', () => {
     expect(api.commandState).not.toHaveBeenCalled();
   });
 
+  test('is not forgotten for an earlier one that the station answers later', async () => {
+    const { orders, api } = given();
+    let answer: ((taken: { id: string }) => void) | undefined;
+    api.command.mockReturnValueOnce(new Promise((tell) => (answer = tell)));
+    const earlier = orders.give('mini-1', 'hold');
+    await orders.give('mini-1', 'surface');
+    answer?.({ id: 'command-0' });
+    await earlier;
+    expect(orders.byRobot['mini-1']).toMatchObject({ kind: 'surface', id: 'command-1' });
+  });
+
   test('that the stream does not tell any more is asked for when it comes back', async () => {
     const { orders, api, reconnect, level } = given();
     await orders.give('mini-1', 'surface');
