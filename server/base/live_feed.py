@@ -39,8 +39,10 @@ PARTS_PER_SECTION = 100
 CHANGED = "changed"
 SECTIONS = ("robots", "plans", "missions", "jobs", "commands", "transfers", CHANGED)
 """What the stream carries; a capability puts into its own."""
-_PROMPT = ("commands", "transfers", "plans")
-"""Sections that are told at once: somebody is looking at what becomes of a wish."""
+_PROMPT = ("commands", "transfers")
+"""Sections that are told as soon as may be: somebody is looking at what becomes of an order."""
+_LEAST_S = 0.02
+"""Between two batches in any case, so that a burst goes out together."""
 
 Value = Callable[[], object]
 Send = Callable[[str], Awaitable[None]]
@@ -127,14 +129,15 @@ class LiveFeed:
         self.put(CHANGED, key, lambda: revision, robot)
 
     async def run(self) -> None:
-        """Tick when there is news, mostly at most once in ``TICK_S``, until cancelled."""
+        """Tick when there is news, at most once in ``TICK_S`` but for ``_PROMPT``, until cancelled."""
         await self._log.is_known.wait()
         self._cursor = self._forgotten = max(self._cursor, self._log.cursor)
         while True:
             self._news.clear()
             self._hurry.clear()
             self._advance()
-            await _set_within(self._hurry, TICK_S)
+            await asyncio.sleep(_LEAST_S)
+            await _set_within(self._hurry, TICK_S - _LEAST_S)
             await _set_within(self._news, QUIET_S - TICK_S)
 
     async def follow(self, send: Send, robots: frozenset[str] | None, after: int | None) -> None:
