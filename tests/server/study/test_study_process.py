@@ -26,12 +26,17 @@ async def test_a_run_is_called_off_by_its_job(client):
 async def test_two_runs_at_once_do_not_disturb_each_other(client, station):
     station.study_workers._places = asyncio.Semaphore(2)
     alone = await ended(client, await start(client))
-    begun = await asyncio.gather(start(client), start(client, {**SHORT, "seed": 7}))
-    assert begun[0]["id"] != begun[1]["id"]
-    same, other = [await ended(client, one) for one in begun]
-    assert len(station.study_workers.process_ids()) == 2
+    neighbour = await start(client, {**LONG, "seed": 7})
+    await until(lambda: len(station.study_workers._busy) == 1)
+    begun = await start(client)
+    await until(lambda: len(station.study_workers.process_ids()) == 2)
+    same = await ended(client, begun)
+    assert begun["id"] != neighbour["id"]
     assert same["result"] == alone["result"]
-    assert other["result"]["seeds"] == [7, 8]
+    running = (await client.get(f"/api/jobs/{neighbour['job']}")).json()
+    assert running["state"] == "running", "the long one goes on beside it"
+    await client.delete(f"/api/jobs/{neighbour['job']}")
+    assert (await ended(client, neighbour))["state"] == "cancelled"
 
 
 async def test_a_worker_that_dies_fails_the_run_in_words(client, station):
