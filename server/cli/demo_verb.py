@@ -115,6 +115,7 @@ async def _supervise(
         (*grace, "serve", *data, *clock, *port, "--simulation"),
         pass_fds=(listener.fileno(),),
         health_url=f"{url}/api/health",
+        awaits=() if arguments.far else _radios(arguments, folder),
     )
 
     children = (simulator, station)
@@ -144,6 +145,12 @@ def _dev_app(station_url: str) -> Child:
 
 def _url(listener: socket.socket) -> str:
     return f"http://127.0.0.1:{listener.getsockname()[1]}"
+
+
+def _radios(arguments: Namespace, folder: Path) -> tuple[Path, ...]:
+    """Return the ports of the radios, which the simulator makes."""
+    names = robots_named(arguments.robots.split(","))
+    return tuple({folder / LINK_FOLDER / FLEET[name].link_name for name in names})
 
 
 def _trouble(arguments: Namespace) -> tuple[str, ...]:

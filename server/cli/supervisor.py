@@ -13,6 +13,8 @@ import httpx
 
 READY_LIMIT_S = 60.0
 HEALTH_PERIOD_S = 0.1
+AWAIT_LIMIT_S = 20.0
+AWAIT_PERIOD_S = 0.05
 STOP_LIMIT_S = 10.0
 QUICK_DEATH_S = 5.0
 QUICK_DEATHS_MAX = 3
@@ -32,6 +34,8 @@ class Child:
     """Where it says that it is ready; a child without one is ready when it runs."""
     folder: Path | None = None
     """Where it runs; where this process runs by default."""
+    awaits: Sequence[Path] = ()
+    """What an earlier child makes and this one opens; it starts once that is there."""
     sources: Sequence[Path] = ()
     """Folders whose Python files it is made of, if it is to start again when one changes."""
 
@@ -79,6 +83,7 @@ class Supervisor:
         """
         quick_deaths = 0
         while not self._stop.is_set():
+            await self._awaited(child)
             started_s = time.monotonic()
             process = await self._start(child)
             stop = asyncio.create_task(self._stop.wait(), name=f"stop of the {child.name}")
@@ -104,6 +109,14 @@ class Supervisor:
                 self._give_up(f"The {child.name} ends again and again", child)
                 return
             print(f"The {child.name} ended unexpectedly; starting it again.", flush=True)
+
+    async def _awaited(self, child: Child) -> None:
+        """Wait for what a child awaits; one that waits too long starts without it."""
+        deadline_s = time.monotonic() + AWAIT_LIMIT_S
+        while not all(path.exists() for path in child.awaits):
+            if self._stop.is_set() or time.monotonic() > deadline_s:
+                return
+            await asyncio.sleep(AWAIT_PERIOD_S)
 
     async def _start(self, child: Child) -> Process:
         with self._log(child).open("ab") as log:

@@ -164,3 +164,19 @@ async def test_a_child_that_ends_again_and_again_ends_the_whole_with_its_last_wo
     assert await asyncio.wait_for(supervisor.run(), 60) == 1
     assert "no such planet" in capsys.readouterr().out
     assert not any(alive(pid) for pid in pids(tmp_path / "b"))
+
+
+async def test_a_child_starts_when_there_is_what_it_awaits(tmp_path):
+    port = tmp_path / "port"
+    supervisor = Supervisor(
+        (child("simulator", tmp_path / "a"), child("station", tmp_path / "b", awaits=(port,))),
+        tmp_path / "log",
+        lambda: None,
+    )
+    running = asyncio.create_task(supervisor.run())
+    await until(lambda: pids(tmp_path / "a"))
+    assert not (tmp_path / "log" / "station.log").exists()
+    port.touch()
+    await until(lambda: pids(tmp_path / "b"))
+    os.kill(os.getpid(), signal.SIGTERM)
+    assert await asyncio.wait_for(running, 60) == 0
