@@ -129,7 +129,7 @@ class LiveFeed:
         self.put(CHANGED, key, lambda: revision, robot)
 
     async def run(self) -> None:
-        """Tick when there is news, at most once in ``TICK_S`` but for ``_PROMPT``, until cancelled."""
+        """Tick on news, at most once in ``TICK_S`` but for ``_PROMPT``, until cancelled."""
         await self._log.is_known.wait()
         self._cursor = self._forgotten = max(self._cursor, self._log.cursor)
         while True:

@@ -5,7 +5,7 @@ import asyncio
 from server.access.role import Role
 from tests.server.conftest import api_client, open_station, until
 from tests.server.study import test_identification_api as identification
-from tests.server.study.test_whatif_api import LONG, SHORT, ended, start
+from tests.server.study.test_whatif_api import LONG, ended, start
 
 
 async def test_a_run_is_called_off_by_its_job(client):
