@@ -3,7 +3,7 @@ PYTHON ?= python3
 VENV := .venv
 BIN := $(VENV)/bin
 
-.PHONY: help demo test walks check bench reproduce setup setup-dev ready environment dialect packages app flight coverage clean
+.PHONY: help demo test walks check bench reproduce wheel setup setup-dev ready environment dialect packages app flight coverage clean
 
 help:
 	@echo "make demo    start the station with two simulated robots and print its address"
@@ -12,6 +12,7 @@ help:
 	@echo "make check   format, lint, types, import directions, and the operator app's checks"
 	@echo "make bench   measure against the bars and beside peers; writes build/bench.json"
 	@echo "make reproduce   the thesis's results beside ours, in build/reproduction"
+	@echo "make wheel   the product as one file for pip, in build/wheel"
 	@echo "make setup   only prepare: environment, operator app, MAVLink dialect, compiled kernels"
 
 demo: ready
@@ -43,6 +44,12 @@ reproduce: setup $(VENV)/reproduction.stamp
 
 coverage: setup-dev
 	$(BIN)/python -m pytest --cov --cov-report=term-missing:skip-covered $(TESTS)
+
+# With what the lock file pins, and without a network once that is here.
+wheel: ready
+	@rm -rf build/wheel
+	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation -w build/wheel .
+	@ls build/wheel/*.whl
 
 setup: ready
 	@$(BIN)/grace compile

@@ -60,6 +60,8 @@ def dev_command(host: str, port: str, station_url: str) -> tuple[str, ...]:
     Raises:
         BuildError: If its packages cannot be installed or its types not be generated.
     """
+    if not (APP / "package-lock.json").exists():
+        raise BuildError("the app's sources are not installed; --dev needs the source tree")
     _install_packages()
     _generate_types()
     node = str(Path(_npm_path()).with_name("node"))

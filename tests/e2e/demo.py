@@ -8,7 +8,7 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Self, TypeAlias, TypeVar
 
@@ -28,16 +28,25 @@ LASTING = {"mission": {"draft_age_s": 604_800.0, "draft_distance_m": 1000.0}}
 
 
 class Demo:
-    """Starts ``grace demo`` in a data folder and talks to it."""
+    """Starts ``grace demo`` in a data folder and talks to it.
 
-    def __init__(self, data: Path, *options: str) -> None:
+    ``grace``, ``folder`` and ``environment`` say which one, where, and with which variables.
+    """
+
+    def __init__(
+        self,
+        data: Path,
+        *options: str,
+        grace: Sequence[str] = (sys.executable, "-m", "server.cli"),
+        folder: Path = ROOT,
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
         self.data = data
         self._lines: list[str] = []
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "server.cli", "demo", "--data", str(data), "--port", "0",
-             "--no-browser", *options],
-            cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
-            start_new_session=True,
+            [*grace, "demo", "--data", str(data), "--port", "0", "--no-browser", *options],
+            cwd=folder, env=environment, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+            text=True, start_new_session=True,
         )  # fmt: skip
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
