@@ -142,6 +142,21 @@ def list_commands(
     return [_record(session, row, name) for row, name in session.execute(statement).all()]
 
 
+def newest_of_kind(session: Session, robot: str, kind: CommandKind) -> CommandRecord | None:
+    """Return what a robot was told last of a kind.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    row = session.scalars(
+        select(Command)
+        .where(Command.robot_key == robot_key(session, robot), Command.kind == kind.value)
+        .order_by(Command.key.desc())
+        .limit(1)
+    ).one_or_none()
+    return None if row is None else _record(session, row, robot)
+
+
 def newest_applied(
     session: Session, robot: str, kinds: tuple[CommandKind, ...]
 ) -> tuple[CommandKind, datetime] | None:

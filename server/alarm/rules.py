@@ -146,6 +146,12 @@ def _satellite(status: RobotStatus, watch: Watch) -> Verdict | None:
     return Verdict("warning", f"Satellite to {status.record.id}: {satellite.fault}")
 
 
+def _surface(status: RobotStatus, watch: Watch) -> Verdict | None:
+    del watch
+    fault = status.surface_fault
+    return None if fault is None else Verdict("critical", fault.text)
+
+
 def _clock(status: RobotStatus, watch: Watch) -> Verdict | None:
     del watch
     return None if status.clock_fault is None else Verdict("watch", status.clock_fault.text)
@@ -199,6 +205,7 @@ RULES: tuple[Rule, ...] = (
     Rule("contact", _contact),
     Rule("satellite budget", _budget),
     Rule("satellite", _satellite),
+    Rule("surface order", _surface),
     Rule("clock", _clock),
     Rule("plan ended early", _ended_early),
     Rule("target", _target, _target_over),

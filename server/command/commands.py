@@ -26,7 +26,7 @@ from server.base.problem import conflict
 from server.base.retry_queue import RetryQueue
 from server.base.secret import SecretUnreadableError
 from server.command.satellite_row import CommandRows, add_rows, emergency_message
-from server.command.state import CommandChanged, SurfaceOrdered, apply
+from server.command.state import CommandChanged, SurfaceOrdered, apply, surface_fault
 from server.command.view import CommandView, command_view, waiting_view
 from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
@@ -90,6 +90,8 @@ class Commands:
         self._queue = RetryQueue("command reports")
         self._emergency_numbers = iter(_EMERGENCY_NUMBERS)
         self._emergencies: dict[str, CommandRecord] = {}
+        self._written: dict[CommandNumber, str] = {}
+        """Commands that were written down after all, by the number of the emergency before."""
         satellite.kinds.register(CommandRows())
         self._bus.subscribe(OutboxChanged, self._row_changed)
 
@@ -103,6 +105,8 @@ class Commands:
             lambda session: query.list_commands(session, open_only=True, limit=1000)
         )
         now = self._clock.now()
+        for status in list(self._fleet.statuses):
+            await self._show_surfacing(status.record.id)
         for command in reversed(waiting):
             if command.expires_at <= now:
                 await self._add_level(command.id, CommandLevel.EXPIRED, now, "", "")
@@ -182,7 +186,10 @@ class Commands:
     def take(self, report: CommandReport) -> None:
         """Take a level that the link proved."""
         emergency = self._emergencies.get(_emergency_id(report.number))
-        if emergency is None:
+        written = self._written.get(report.number)
+        if written is not None:
+            self._take_of_emergency(written, report)
+        elif emergency is None:
             self._queue.add(lambda: self._store_report(report))
         else:
             step = ProvedLevel(report.level, report.at, report.carrier, report.reason)
@@ -277,7 +284,7 @@ class Commands:
         self._send(emergency)
         self._send_by_satellite(emergency)
         try:
-            return await writing
+            command = await writing
         except StoreUnavailableError as error:
             log.critical("%s surfaces by a command that is not written down: %s", robot, error)
             ordered = _surface_ordered(robot, at, by)
@@ -286,6 +293,22 @@ class Commands:
                 lambda: self._store.write(lambda session: self._bus.write(session, ordered, robot))
             )
             return emergency
+        self._written[emergency.number] = command.id
+        for step in self._emergencies.pop(emergency.id).levels:
+            report = CommandReport(
+                RobotId(robot), emergency.number, step.level, step.at, step.carrier, step.reason
+            )
+            self._take_of_emergency(command.id, report)
+        return command
+
+    def _take_of_emergency(self, command: str, report: CommandReport) -> None:
+        """Take what became of an emergency as a level of the command: a person gave one order.
+
+        The radio drops the one for the other, which ends neither.
+        """
+        if report.level is not CommandLevel.EXPIRED:
+            level, at, carrier = report.level, report.at, report.carrier
+            self._queue.add(lambda: self._add_level(command, level, at, carrier, report.reason))
 
     def _send_by_satellite(self, emergency: CommandRecord) -> None:
         """Hand an emergency to every satellite link from memory."""
@@ -347,7 +370,16 @@ class Commands:
         self._queue.add(lambda: self._publish(command))
 
     async def _publish(self, command: str) -> None:
-        self._bus.publish(CommandChanged(await self.view(command)))
+        view = await self.view(command)
+        self._bus.publish(CommandChanged(view))
+        if view.kind == CommandKind.SURFACE.value:
+            await self._show_surfacing(view.robot)
+
+    async def _show_surfacing(self, robot: str) -> None:
+        """Have it known whether the newest order to surface was refused."""
+        fault = await self._store.query(lambda session: surface_fault(session, robot))
+        if self._fleet.knows(robot):
+            self._fleet.set_surface_fault(robot, fault)
 
 
 def _surface_ordered(robot: str, at: datetime, by: str) -> SurfaceOrdered:

@@ -22,6 +22,7 @@ from server.satellite.modem import Modem
 from server.satellite.row_kind import FIRST_PRIORITY, Means, RobotSession, RowKind
 
 _PRIORITY: Final = 3
+_OVERTAKEN: Final = "a later order took its place"
 _REFUSALS: Final = {
     CommandOutcome.NOT_NOW: "the robot cannot do this now",
     CommandOutcome.WRONG_PLAN: "the robot holds another plan",
@@ -171,7 +172,7 @@ class CommandRows(RowKind):
             return row
         for answer in said.answers:
             if answer.number == row.document["number"]:
-                return _answered(session, row, answer.outcome, said.session_at)
+                return _answered(session, row, answer.outcome, said)
         document = repeating.surfaced(row.document, said.session_at)
         if document == row.document:
             return row
@@ -186,21 +187,36 @@ class CommandRows(RowKind):
         return is_surface(row)
 
     def fault_of(self, row: OutboxRecord) -> str:
-        """Return what the operator calls it."""
-        return f"The {row.document['kind']} order"
+        """Return what the operator calls it; an order to surface has an alarm of its own."""
+        return "" if is_surface(row) else f"The {row.document['kind']} order"
 
 
 def _answered(
-    session: Session, row: OutboxRecord, outcome: CommandOutcome, at: datetime
+    session: Session, row: OutboxRecord, outcome: CommandOutcome, said: RobotSession
 ) -> OutboxRecord:
+    """End a row by the robot's answer, which proves that its modem fetched the order."""
+    at = said.session_at
     if outcome is CommandOutcome.DONE:
         row = end_row(session, row.id, "applied", "", at, level="applied")
         _note(session, row, CommandLevel.APPLIED, at)
         return row
+    if outcome is CommandOutcome.NOT_NOW and _is_overtaken(session, row, said):
+        row = end_row(session, row.id, "superseded", _OVERTAKEN, at, level="radio")
+        _note(session, row, CommandLevel.EXPIRED, at, _OVERTAKEN)
+        return row
     reason = _REFUSALS.get(outcome, "the robot failed to do this")
-    row = end_row(session, row.id, "refused", reason, at)
+    row = end_row(session, row.id, "refused", reason, at, level="radio")
     _note(session, row, CommandLevel.REFUSED, at, reason)
     return row
+
+
+def _is_overtaken(session: Session, row: OutboxRecord, said: RobotSession) -> bool:
+    """Tell whether the robot obeyed an order that was given later."""
+    obeyed = {one.number for one in said.answers if one.outcome is CommandOutcome.DONE}
+    return any(
+        one.counter > row.counter and (one.level == "applied" or one.document["number"] in obeyed)
+        for one in query.newest_outboxes(session, row.robot, row.kind, row.created_at)
+    )
 
 
 def _note(

@@ -23,10 +23,11 @@ from sqlalchemy.orm import Session
 from db.query import commands as query
 from db.query.commands import CommandRecord
 from db.query.events import add_event
-from db.query.outbox import open_outbox
-from robot_link.messages import CommandLevel
+from db.query.outbox import newest_outboxes, open_outbox
+from robot_link.messages import CommandKind, CommandLevel
 from server.base.transition_table import transitions
 from server.command.view import CommandView, command_view
+from server.fleet.status import SurfaceFault
 from server.satellite.ending import end_row
 
 TRANSITIONS = transitions(__doc__, CommandLevel)
@@ -76,12 +77,45 @@ def apply(
         at,
         step.event,
         command_view(after).text,
-        level="watch" if step.state in {"refused", "expired"} else "info",
+        level=_event_level(after),
         robot=after.robot,
         data={"command": after.id, "kind": after.kind.value, "level": step.state},
     )
     if step.state in SETTLED:
         for row in open_outbox(session, after.robot):
             if row.command == after.id:
-                end_row(session, row.id, after.level, row.reason, at)
+                end_row(session, row.id, _row_end(after, at), reason, at)
     return after
+
+
+def surface_fault(session: Session, robot: str) -> SurfaceFault | None:
+    """Return why the newest order to surface is not obeyed; ``None`` while it may be."""
+    command = query.newest_of_kind(session, robot, CommandKind.SURFACE)
+    if command is None or command.level == "applied":
+        return None
+    if command.level == "refused" or (
+        command.level == "expired" and command.levels[-1].at >= command.expires_at
+    ):
+        return SurfaceFault(command.created_at, command_view(command).text)
+    refused = [
+        row.reason
+        for row in newest_outboxes(session, robot, "order", command.created_at)
+        if row.command == command.id and row.state == "refused"
+    ]
+    if not refused or command.level == "expired":
+        return None
+    text = f"The surface order for {robot} does not go by satellite: {refused[0].rstrip('.')}."
+    return SurfaceFault(command.created_at, text)
+
+
+def _event_level(command: CommandRecord) -> str:
+    if command.level not in ("refused", "expired"):
+        return "info"
+    is_refused_surface = command.kind is CommandKind.SURFACE and command.level == "refused"
+    return "critical" if is_refused_surface else "watch"
+
+
+def _row_end(command: CommandRecord, at: datetime) -> str:
+    """Return how a row ends whose command another link or a later command settled."""
+    has_run_out = command.level == "expired" and at >= command.expires_at
+    return command.level if command.level == "applied" or has_run_out else "superseded"

@@ -22,7 +22,13 @@ from server.base.event_bus import EventBus
 from server.base.problem import not_found
 from server.fleet.clock_fault import ClockFault
 from server.fleet.event import FixTaken, RobotReported, TrackGrew
-from server.fleet.status import PlanInHand, RobotStatus, SatelliteStatus, remembered_link
+from server.fleet.status import (
+    PlanInHand,
+    RobotStatus,
+    SatelliteStatus,
+    SurfaceFault,
+    remembered_link,
+)
 from server.fleet.trail import Track
 from server.vehicle.vehicles import Vehicles
 
@@ -110,6 +116,15 @@ class Fleet:
             status.clock_fault = fault
             self.touch(robot)
 
+    def set_surface_fault(self, robot: str, fault: SurfaceFault | None) -> None:
+        """Say why the newest order to surface was not obeyed, unless the robot is up since."""
+        status = self._statuses[robot]
+        if fault is not None and status.is_up_since(fault.ordered_at):
+            fault = None
+        if status.surface_fault != fault:
+            status.surface_fault = fault
+            self.touch(robot)
+
     def count_refused(self, robot: str) -> None:
         """Count a value that was not believed."""
         self._statuses[robot].refused += 1
@@ -143,6 +158,8 @@ class Fleet:
         status = self._statuses[report.robot]
         if status.state is None or report.measured_at >= status.state.measured_at:
             status.state = report
+            if status.surface_fault is not None:
+                self.set_surface_fault(report.robot, status.surface_fault)
             if status.track.add(report.position_ned, report.position_std_m, report.mode):
                 self._bus.publish(TrackGrew(report.robot))
             self.touch(report.robot)
@@ -183,7 +200,10 @@ class Fleet:
 
     def set_plan(self, robot: str, plan: PlanInHand | None) -> None:
         """Say which plan of a robot concerns the operator now."""
-        self._statuses[robot].plan = plan
+        status = self._statuses[robot]
+        status.plan = plan
+        if status.surface_fault is not None:
+            self.set_surface_fault(robot, status.surface_fault)
         self.touch(robot)
 
     def set_mission(self, robot: str, mission_id: str | None) -> None:

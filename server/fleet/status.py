@@ -29,6 +29,7 @@ SURFACE_DEPTH_M = 0.3
 FOLLOW_TARGET = "track_target"
 """Kind of the plans that follow a target; they have no legs."""
 UNDER_WATER = (RobotMode.DIVING, RobotMode.GLIDING, RobotMode.SPIRALLING)
+_STAYS_UP = (RobotMode.IDLE, RobotMode.HOLDING)
 _FOLLOWING = (RobotMode.TRACKING, RobotMode.SEARCHING)
 _BEST_LINK_FIRST = (
     LinkState.LIVE,
@@ -81,6 +82,15 @@ class SatelliteStatus:
         return max(0, self.credits_per_day - self.credits_today)
 
 
+@dataclass(frozen=True, slots=True)
+class SurfaceFault:
+    """Why the newest order to surface was not obeyed."""
+
+    ordered_at: datetime
+    text: str
+    """One sentence for the operator."""
+
+
 @dataclass(slots=True)
 class RobotStatus:
     """Newest of everything about one robot; changed on the station's event loop only."""
@@ -99,6 +109,8 @@ class RobotStatus:
     """Ports that the operator has disabled; see ``server.fleet.disabled_links``."""
     clock_fault: ClockFault | None = None
     """What is wrong with the robot's clock; ``None`` while it is right."""
+    surface_fault: SurfaceFault | None = None
+    """Why the newest order to surface was not obeyed; ``None`` once the robot is up."""
     remembered: LinkReport | None = None
     """What the database knows of the link, until the robot is heard again."""
     samples: dict[str, Sample] = field(default_factory=dict)
@@ -169,6 +181,14 @@ class RobotStatus:
         if hand is None or report is None or report.state is not OnboardPlanState.RUNNING:
             return False
         return report.sha256 == hand.record.sha256 and hand.record.kind != FOLLOW_TARGET
+
+    def is_up_since(self, moment: datetime) -> bool:
+        """Tell whether the robot has come up for good since then, or was sent out anew."""
+        state, plan = self.state, self.plan
+        if state is not None and state.measured_at >= moment and state.mode in _STAYS_UP:
+            return True
+        running_at = None if plan is None else plan.record.running_at
+        return running_at is not None and running_at > moment
 
     @property
     def leg_now(self) -> int | None:

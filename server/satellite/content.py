@@ -14,12 +14,19 @@ from robot_link.messages import (
     SystemId,
     TargetReport,
 )
+from robot_link.robot_program import CommandOutcome
 from robot_link.satellite.content import MobileOriginatedContent, ShortPlanReport
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 from robot_link.station.gateway.gateway import MobileOriginated
 
 Telling = StateReport | Sample | PlanReport | TargetReport
+_OUTCOMES = {
+    CommandOutcome.DONE: "obeyed",
+    CommandOutcome.NOT_NOW: "not obeyed now",
+    CommandOutcome.WRONG_PLAN: "not obeyed: another plan is on board",
+    CommandOutcome.UNSUPPORTED: "not known to the robot",
+}
 FindPlan = Callable[[str], PlanHash | None]
 """Returns the full hash of a plan that the station knows by its first digits."""
 
@@ -116,7 +123,7 @@ def _summary(content: MobileOriginatedContent) -> str:
         f"{len(ack.received)} of {ack.count} parts"
         for ack in content.acks
     )
-    parts.extend(f"order {one.number} {one.outcome.value}" for one in content.answers)
+    parts.extend(f"order {one.number} {_OUTCOMES[one.outcome]}" for one in content.answers)
     if content.samples:
         parts.append(f"{len(content.samples)} samples")
     text = "; ".join(parts) or "nothing new"

@@ -111,7 +111,7 @@ def _fate(kinds: RowKinds, row: OutboxRecord, message: SatelliteMessage, *, is_l
         return "The robot was not heard to have it when it called, so it was sent again."
     if kinds.of(row).is_held(row, message.part):
         return "The robot says that it has this part."
-    if row.level == "applied":
+    if row.level in ("radio", "applied"):
         return "The robot's answer says that it has it."
     if row.ended_at is None:
         return f"The robot has not been heard to fetch it. {message.text}"

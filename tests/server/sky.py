@@ -109,6 +109,8 @@ class Caller:
         self.plan_state = OnboardPlanState.NONE
         self.refuses = ""
         self.commands = []
+        self.outcome = CommandOutcome.DONE
+        """What it answers to every order."""
         self.samples = ()
         self.position_ned = (150.0, 150.0, 0.0)
         self.mode = RobotMode.IDLE
@@ -166,7 +168,7 @@ class Caller:
                 self.receiver.applied(transfer_id)
             case OrderReceived(command):
                 self.commands.append(command)
-                self.receiver.answered(command, CommandOutcome.DONE)
+                self.receiver.answered(command, self.outcome)
 
     def _plan(self):
         digits = "" if self.plan is None else self.plan.sha256()[:16]

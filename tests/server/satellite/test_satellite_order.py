@@ -3,12 +3,11 @@
 import pytest
 
 from db.query.outbox import open_outbox
-from robot_link.messages import (
-    CommandKind,
-    CommandLevel,
-)
+from robot_link.messages import CommandKind, CommandLevel, RobotMode
+from robot_link.robot_program import CommandOutcome
 from robot_link.station.gateway.gateway import GatewayFault, GatewayRefusal
 from server.command import commands as command_service
+from server.command.state import CommandChanged
 from tests.server.conftest import GRACE, until
 from tests.server.far import (
     ORDERS,
@@ -178,3 +177,94 @@ async def test_log_says_what_became_of_a_sending_that_was_lost(far, sky, robot):
     sent = (await client.get("/api/robots/grace-1/satellite")).json()["outgoing"]
     assert "answer says that it has it" in sent[0]["text"]
     assert "so it was sent again" in sent[1]["text"]
+
+
+async def story(station, client, robot=GRACE):
+    """Return what every page tells of a robot's orders: log, satellite list, commands, alarms."""
+    events = (await client.get("/api/events", params={"limit": 1000})).json()["events"]
+    sent = (await client.get(f"/api/robots/{robot}/satellite")).json()["outgoing"]
+    commands = (await client.get(f"/api/robots/{robot}/commands")).json()
+    return (
+        [one["text"] for one in events if one["kind"].startswith("command.")],
+        [one["text"] for one in sent],
+        [(one["kind"], one["level"]) for one in commands],
+        [one for one in station.foundation.alarms.open if one.robot == robot],
+    )
+
+
+async def test_surface_order_that_left_before_it_was_written_is_one_order(
+    far, sky, robot, world, monkeypatch
+):
+    station, client = far
+    shown = []
+    station.foundation.bus.subscribe(CommandChanged, lambda event: shown.append(event.command))
+    monkeypatch.setattr(command_service, "_WRITE_PATIENCE_S", -1.0)
+    path = await order(client, "surface")
+    await until(lambda: len(sky.calls) == 2)
+    await settled(station)
+    emergency = world.commands[0][2]
+    world.link.level(GRACE, emergency, CommandLevel.EXPIRED)  # the radio drops it for the second
+    await robot.call(4)
+    await settled(station)
+
+    async def applied():
+        return (await client.get(path)).json()["level"] == "applied"
+
+    await until(applied)
+    log, sent, commands, alarms = await story(station, client)
+    assert commands == [("surface", "applied")]
+    assert "grace-1 obeys: it is coming up." in log
+    assert not [one for one in (*log, *sent) if "refused" in one or "given up" in one]
+    assert alarms == []
+    assert (await client.get(path)).json()["id"] == shown[-1].id
+    assert not [one for one in shown if one.level in ("refused", "expired")]
+
+
+async def test_order_that_a_later_one_overtook_was_not_refused(far, sky, robot):
+    station, client = far
+    early = await order(client, "hold")
+    await until(lambda: sky.calls)
+    await settled(station)
+    (queued,) = sky.queues[IMEI]
+    sky.queues[IMEI].clear()
+    await order(client, "resume")
+    await until(lambda: len(sky.calls) == 2)
+    await settled(station)
+    await robot.call(2)
+    robot.hear(queued.data)
+    await robot.call()
+    await settled(station)
+    found = (await client.get(early)).json()
+    assert found["level"] == "expired"
+    assert found["levels"][-1]["reason"] == "a later order took its place"
+    _, sent, _, alarms = await story(station, client)
+    assert sent[-1] == (
+        "The hold order: RockBLOCK took it. The robot's answer says that it has it."
+    )
+    assert alarms == []
+
+
+async def test_refused_surface_order_is_critical_until_the_robot_is_up(far, sky, robot):
+    station, client = far
+    robot.mode = RobotMode.GLIDING
+    robot.outcome = CommandOutcome.NOT_NOW
+    path = await order(client, "surface")
+    await until(lambda: sky.calls)
+    await settled(station)
+    await robot.call(2)
+    await settled(station)
+    assert (await client.get(path)).json()["level"] == "refused"
+
+    def standing():
+        return [
+            (one.cause, one.level)
+            for one in station.foundation.alarms.open
+            if one.robot == GRACE and one.cleared_at is None and "satellite" not in one.text
+        ]
+
+    await until(lambda: standing() == [("surface order", "critical")])
+    _, sent, _, _ = await story(station, client)
+    assert "answer says that it has it" in sent[0]
+    robot.mode = RobotMode.IDLE
+    await robot.call()
+    await until(lambda: standing() == [])
