@@ -3,8 +3,10 @@
 from typing import Any
 
 from sqlalchemy import Engine, create_engine, event, make_url
-from sqlalchemy.engine import Connection
-from sqlalchemy.exc import DBAPIError
+from sqlalchemy.engine import URL, Connection
+from sqlalchemy.exc import ArgumentError, DBAPIError, NoSuchModuleError, OperationalError
+
+from db.fault import DatabaseUrlError
 
 BUSY_TIMEOUT_MS = 1000
 READERS = 8
@@ -46,28 +48,61 @@ def check_url(url: str) -> None:
     """Refuse a database that the store cannot keep its promises on.
 
     Raises:
-        ValueError: For an in-memory SQLite database, or another product.
+        DatabaseUrlError: For what is no URL, an in-memory SQLite database, another product, or a
+            driver that is not installed.
     """
-    parsed = make_url(url)
+    try:
+        parsed = make_url(url)
+    except (ArgumentError, ValueError) as error:
+        raise DatabaseUrlError(f"this is not the URL of a database; {_URLS}") from error
     product = parsed.get_backend_name()
     if product not in {"sqlite", "postgresql"}:
-        raise ValueError(f"the database must be SQLite or PostgreSQL, not {product}")
+        raise DatabaseUrlError(f"the database must be SQLite or PostgreSQL, not {product}; {_URLS}")
     if product == "sqlite" and parsed.database in {None, "", ":memory:"}:
-        raise ValueError("an in-memory database would be lost; give a file")
+        raise DatabaseUrlError("an in-memory database would be lost; give a file")
+    _check_driver(parsed)
+
+
+_URLS = (
+    "write sqlite:////folder/station.sqlite3 or postgresql://user:password@host/name "
+    "(GRACE_DATABASE_URL)"
+)
+
+
+def _check_driver(parsed: URL) -> None:
+    try:
+        parsed.get_dialect().import_dbapi()
+    except NoSuchModuleError as error:
+        raise DatabaseUrlError(f"{parsed.drivername} is no known driver; {_URLS}") from error
+    except ImportError as error:
+        raise DatabaseUrlError(
+            f"the driver of {parsed.drivername} is not installed; install the extra: "
+            "pip install 'grace-ground-station[postgres]'"
+        ) from error
+
+
+def shown_url(url: str) -> str:
+    """Return a URL as people may see it: without its password."""
+    try:
+        return make_url(url).render_as_string(hide_password=True)
+    except (ArgumentError, ValueError):
+        return "The database's URL"
 
 
 def is_storage_fault(error: DBAPIError) -> bool:
     """Tell whether the storage failed (try again later) rather than the statement (a bug)."""
     code = getattr(error.orig, "sqlite_errorcode", None)
     if isinstance(code, int):
-        # Primary codes: BUSY, LOCKED, NOMEM, READONLY, IOERR, FULL, CANTOPEN, PROTOCOL.
-        return code & 0xFF in {5, 6, 7, 8, 10, 13, 14, 15}
+        # Primary codes: BUSY, LOCKED, NOMEM, READONLY, IOERR, CORRUPT, FULL, CANTOPEN, PROTOCOL,
+        # NOTADB.
+        return code & 0xFF in {5, 6, 7, 8, 10, 11, 13, 14, 15, 26}
     state = getattr(error.orig, "sqlstate", None)
     if isinstance(state, str):
         # Classes: connection, insufficient resources, operator intervention, system error;
         # 55P03 is a lock that was not available, 25006 a read-only transaction.
         return state[:2] in {"08", "53", "57", "58"} or state in {"55P03", "25006"}
-    return error.connection_invalidated
+    # Without a code, it is the driver that found nobody to ask.
+    return error.connection_invalidated or isinstance(error, OperationalError)
 
 
 def fault_sentence(error: DBAPIError) -> str:
@@ -78,12 +113,44 @@ def fault_sentence(error: DBAPIError) -> str:
         6: "The database is locked by another program.",
         8: "The database cannot be written: it is read-only.",
         10: "The disk reports an error.",
+        11: "The database is damaged.",
         13: "The disk is full.",
         14: "The database file cannot be opened.",
+        26: "The file is not a database, or it is damaged.",
     }
     if isinstance(code, int) and code & 0xFF in sentences:
         return sentences[code & 0xFF]
-    return f"The database does not answer: {error.orig}."
+    return f"The database does not answer: {_in_a_line(error)}."
+
+
+def opening_sentence(error: DBAPIError) -> str:
+    """Say what is wrong with a database that cannot be opened, and the way out."""
+    code = getattr(error.orig, "sqlite_errorcode", None)
+    ways = {
+        5: "Close that program, then start again.",
+        6: "Close that program, then start again.",
+        8: "Give this user the right to write it and its folder, or choose another with --data.",
+        11: _MEND,
+        13: "Make room, then start again.",
+        14: "Its folder must be there, and this user needs the right to write in it.",
+        26: _MEND,
+    }
+    if isinstance(code, int):
+        return f"{fault_sentence(error)} {ways.get(code & 0xFF, _MEND)}"
+    return (
+        f"{fault_sentence(error)} Is the server up, and are host, name, user and password of "
+        "GRACE_DATABASE_URL right?"
+    )
+
+
+_MEND = (
+    "See what is wrong with `grace db check`; to go back to a backup, move the file away and use "
+    "`grace db restore`."
+)
+
+
+def _in_a_line(error: DBAPIError) -> str:
+    return " ".join(str(error.orig).split()).rstrip(".")
 
 
 def _prepare_sqlite(engine: Engine, begin: str, pragmas: tuple[str, ...]) -> None:

@@ -6,7 +6,8 @@
     ├── UnknownIdError        ask for something that exists
     ├── StoreUnavailableError try again later: locked, full, read-only or failing storage
     │   └── BufferFullError   rows were not taken; whoever holds them must keep them
-    └── StoreClosedError      the station is stopping
+    ├── StoreClosedError      the station is stopping
+    └── DatabaseUrlError      give another URL, or install what this one needs
 """
 
 
@@ -33,3 +34,7 @@ class BufferFullError(StoreUnavailableError):
 
 class StoreClosedError(StoreError):
     """The store takes no more work."""
+
+
+class DatabaseUrlError(StoreError, ValueError):
+    """The URL names no database that the store can keep its promises on."""

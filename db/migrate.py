@@ -8,6 +8,29 @@ from alembic.runtime.migration import MigrationContext
 from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine
 
+from db import (
+    link_tables,
+    map_tables,
+    onboard_tables,
+    person_tables,
+    study_tables,
+    tables,
+    target_tables,
+)
+
+_TABLE_MODULES = (
+    tables,
+    study_tables,
+    map_tables,
+    person_tables,
+    link_tables,
+    onboard_tables,
+    target_tables,
+)
+"""All that have tables, so that none is missing in the metadata."""
+METADATA = tables.Base.metadata
+"""Every table of the station."""
+
 
 class NewerSchemaError(Exception):
     """The database was written by a later version of the station."""

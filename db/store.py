@@ -10,7 +10,14 @@ from sqlalchemy import Engine
 from sqlalchemy.exc import DBAPIError
 from sqlalchemy.orm import Session
 
-from db.engine import READERS, check_url, fault_sentence, is_storage_fault, read_engine
+from db.engine import (
+    READERS,
+    check_url,
+    fault_sentence,
+    is_storage_fault,
+    opening_sentence,
+    read_engine,
+)
 from db.engine import write_engine as open_write_engine
 from db.fault import StoreUnavailableError
 from db.ingest import Telemetry, append_telemetry
@@ -46,7 +53,7 @@ class Store:
             on_fault: Called with each change of ``fault``.
 
         Raises:
-            ValueError: If the URL names a database that cannot keep what it is given.
+            DatabaseUrlError: If the URL names a database that cannot keep what it is given.
             StoreUnavailableError: If the database cannot be opened or brought up to date.
         """
         check_url(url)
@@ -57,7 +64,7 @@ class Store:
             engine.dispose()
             if not is_storage_fault(error):
                 raise
-            raise StoreUnavailableError(fault_sentence(error)) from error
+            raise StoreUnavailableError(opening_sentence(error)) from error
         store = cls(engine, read_engine(url))
         if on_fault is not None:
             store.add_fault_listener(on_fault)

@@ -8,6 +8,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from db.engine import shown_url
 from db.fault import StoreError
 from db.migrate import NewerSchemaError
 from db.store import Store
@@ -15,7 +16,7 @@ from robot_link.clock import Clock
 from server.base.clock_file import read_clock
 from server.base.problem import Problem
 from server.base.settings import Settings
-from server.cli.data_folder import CLOCK_FILE
+from server.cli.data_folder import CLOCK_FILE, DataFolderError, make_data_folder
 from server.cli.failure import CommandError
 
 
@@ -58,10 +59,12 @@ def open_store(settings: Settings) -> Generator[Store]:
     A station may be running on it: both then write in turns.
     """
     try:
-        settings.data_dir.mkdir(parents=True, exist_ok=True)
+        make_data_folder(settings.data_dir)
         store = Store.open(settings.resolved_database_url)
-    except (StoreError, NewerSchemaError, OSError, ValueError) as error:
-        raise CommandError(f"{settings.resolved_database_url}: {error}") from error
+    except DataFolderError as error:
+        raise CommandError(str(error)) from error
+    except (StoreError, NewerSchemaError) as error:
+        raise CommandError(f"{shown_url(settings.resolved_database_url)}: {error}") from error
     try:
         yield store
     except (StoreError, Problem) as error:

@@ -1,5 +1,6 @@
 """The data folder of a station, which one process holds at a time."""
 
+import errno
 import fcntl
 import os
 from collections.abc import Generator
@@ -11,8 +12,33 @@ CLOCK_FILE = "clock.json"
 _LOCK_FILE = "station.lock"
 
 
-class DataFolderTakenError(Exception):
+class DataFolderError(Exception):
+    """The folder cannot be used; the sentence says why and what to do."""
+
+
+class DataFolderTakenError(DataFolderError):
     """Another process runs a station on this folder."""
+
+
+def make_data_folder(folder: Path) -> None:
+    """Create the folder if need be.
+
+    Raises:
+        DataFolderError: If it cannot be created or written.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if not os.access(folder, os.W_OK | os.X_OK):
+            raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
+    except OSError as error:
+        raise _unusable(folder, error) from error
+
+
+def _unusable(folder: Path, error: OSError) -> DataFolderError:
+    return DataFolderError(
+        f"The data folder {folder} cannot be written ({error.strerror}); give this user the right "
+        "to, or choose another with --data."
+    )
 
 
 @contextmanager
@@ -21,10 +47,13 @@ def hold_data_folder(folder: Path) -> Generator[None]:
 
     Raises:
         DataFolderTakenError: If another process holds it.
-        OSError: If it cannot be created or written.
+        DataFolderError: If it cannot be created or written.
     """
-    folder.mkdir(parents=True, exist_ok=True)
-    lock = os.open(folder / _LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o644)
+    make_data_folder(folder)
+    try:
+        lock = os.open(folder / _LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as error:
+        raise _unusable(folder, error) from error
     try:
         try:
             fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -1,15 +1,16 @@
 """``grace db``: care of the database."""
 
-import sqlite3
 from argparse import ArgumentParser, Namespace
-from contextlib import closing
 from pathlib import Path
 
-from sqlalchemy import make_url
-
+from db import care
+from db.engine import shown_url
+from db.fault import StoreError
 from db.migrate import schema_version
 from server.base.settings import Settings
+from server.cli.backup import BackupError, pack, unpack
 from server.cli.data import add_data_option, open_store, settings_of
+from server.cli.data_folder import DataFolderError, hold_data_folder
 from server.cli.failure import CommandError
 
 
@@ -19,32 +20,63 @@ def add_arguments(parser: ArgumentParser) -> None:
     upgrade = actions.add_parser(
         "upgrade", help="bring the schema up to date, as serve does, and show it"
     )
-    backup = actions.add_parser("backup", help="copy the database while the station runs")
-    backup.add_argument("file", type=Path, help="where to; must not exist")
-    for action in (upgrade, backup):
+    check = actions.add_parser(
+        "check", help="read the whole database and say what is wrong with it; changes nothing"
+    )
+    backup = actions.add_parser(
+        "backup", help="pack database, secrets and logs into one file while the station runs"
+    )
+    backup.add_argument("file", type=Path, help="where to, such as lake.tar.gz; must not exist")
+    restore = actions.add_parser(
+        "restore", help="unpack a backup into a data folder that has no database"
+    )
+    restore.add_argument("file", type=Path, help="a backup, or a copy of the database alone")
+    for action in (upgrade, check, backup, restore):
         add_data_option(action)
 
 
 def run(arguments: Namespace) -> int:
-    """Do the action on the folder's database."""
+    """Do the action on the folder's database; a check's exit status says whether it is whole."""
     settings = settings_of(arguments)
-    match arguments.action:
-        case "backup":
-            _backup(settings, arguments.file)
-        case _:
-            with open_store(settings) as store, store.read() as session:
-                print(schema_version(session.connection()))
+    try:
+        match arguments.action:
+            case "backup":
+                pack(settings.data_dir, _sqlite(settings, "pg_dump"), arguments.file)
+                print(
+                    f"Packed into {arguments.file}. It holds keys: keep it as safe as the station."
+                )
+            case "restore":
+                with hold_data_folder(settings.data_dir):
+                    unpack(arguments.file, settings.data_dir, _sqlite(settings, "pg_restore"))
+                print(f"Restored into {settings.data_dir}.")
+            case "check":
+                return _check(settings)
+            case _:
+                with open_store(settings) as store, store.read() as session:
+                    print(schema_version(session.connection()))
+    except (StoreError, BackupError, DataFolderError) as error:
+        raise CommandError(str(error)) from error
     return 0
 
 
-def _backup(settings: Settings, target: Path) -> None:
-    url = make_url(settings.resolved_database_url)
-    if url.get_backend_name() != "sqlite" or url.database is None:
-        raise CommandError("This copies SQLite only; use pg_dump for PostgreSQL.")
-    if target.exists():
-        raise CommandError(f"{target} exists already; nothing was copied.")
-    if not Path(url.database).exists():
-        raise CommandError(f"There is no database at {url.database}.")
-    with closing(sqlite3.connect(url.database)) as source, closing(sqlite3.connect(target)) as copy:
-        source.backup(copy)
-    print(f"Copied to {target}.")
+def _check(settings: Settings) -> int:
+    url = settings.resolved_database_url
+    wrong = care.complaints(url)
+    if not wrong:
+        print(f"{shown_url(url)} is whole.")
+        return 0
+    print(*wrong, sep="\n")
+    raise CommandError(
+        f"{shown_url(url)} is damaged. Stop the station and keep the file; then go back to a "
+        "backup with `grace db restore`, or to what `sqlite3 FILE .recover` can still read."
+    )
+
+
+def _sqlite(settings: Settings, instead: str) -> Path:
+    file = care.sqlite_file(settings.resolved_database_url)
+    if file is None:
+        raise CommandError(
+            f"This is for SQLite only; use {instead} for PostgreSQL, and copy "
+            f"{settings.secret_dir} beside it."
+        )
+    return file

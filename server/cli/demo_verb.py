@@ -26,7 +26,7 @@ from server.access.role import Role
 from server.base.clock_file import read_clock, start_clock, stop_clock
 from server.base.secret import SecretStore
 from server.cli.data import add_data_option, open_store, settings_of
-from server.cli.data_folder import CLOCK_FILE
+from server.cli.data_folder import CLOCK_FILE, DataFolderError, make_data_folder
 from server.cli.demo_gateway import prepare_gateway
 from server.cli.failure import CommandError
 from server.cli.simulate_verb import LINK_FOLDER, add_world_options
@@ -219,7 +219,10 @@ def _record(definition: RobotDefinition, folder: Path, at: datetime) -> RobotRec
 @contextmanager
 def _data_folder(wanted: Path | None) -> Generator[Path]:
     if wanted is not None:
-        wanted.mkdir(parents=True, exist_ok=True)
+        try:
+            make_data_folder(wanted)
+        except DataFolderError as error:
+            raise CommandError(str(error)) from error
         yield wanted.resolve()
         return
     fresh = Path(tempfile.mkdtemp(prefix="grace-demo-"))

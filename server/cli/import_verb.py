@@ -14,7 +14,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 from db.query.deployments import DeploymentExistsError
 from server.base.job import JobError
 from server.cli.data import add_data_option, clock_of, open_store, settings_of
-from server.cli.data_folder import DataFolderTakenError, hold_data_folder
+from server.cli.data_folder import DataFolderError, DataFolderTakenError, hold_data_folder
 from server.cli.failure import CommandError
 from server.cli.remote import add_remote_options, checked, open_remote
 from server.recording import intake
@@ -116,7 +116,7 @@ def _by_folder(arguments: Namespace, bar: _Bar) -> Mapping[str, Any]:
             ).result()
     except DataFolderTakenError as error:
         raise CommandError(f"{error} Import through it: give --url and --token.") from error
-    except DeploymentExistsError as error:
+    except (DataFolderError, DeploymentExistsError) as error:
         raise CommandError(str(error)) from error
     bar.report(1.0, "Imported")
     return intake.import_result(deployment, recording, outcomes)

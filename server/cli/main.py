@@ -23,7 +23,7 @@ VERBS: Mapping[str, str] = MappingProxyType(
         "journal": "write the raw journal as .tlog, or hold what is stored against it",
         "token": "create, list and revoke the tokens of scripts",
         "user": "add people, change their role or password, make a sign-in link",
-        "db": "upgrade, inspect or copy the database",
+        "db": "upgrade, check, back up or restore the database",
         "coefficients": "coefficients of a vehicle from forces and moments of a tunnel or CFD",
         "openapi": "write the OpenAPI document of the station's REST interface",
         "compile": "compile the numeric kernels ahead of time",
@@ -75,6 +75,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except CommandError as error:
         print(f"grace {parsed.verb}: {error}", file=sys.stderr)
         return error.status
+    except PermissionError as error:
+        print(
+            f"grace {parsed.verb}: {error.filename} cannot be used ({error.strerror}); give this "
+            "user the right to, or choose another with --data.",
+            file=sys.stderr,
+        )
+        return 1
     except KeyboardInterrupt:
         return 130
 

@@ -16,7 +16,7 @@ from server.app import create_app
 from server.base.settings import Settings
 from server.cli.console_log import log_to_console
 from server.cli.data import add_data_option, settings_of
-from server.cli.data_folder import DataFolderTakenError, hold_data_folder
+from server.cli.data_folder import DataFolderError, hold_data_folder
 from server.cli.failure import CommandError
 from server.cli.parent import end_with_parent
 
@@ -69,7 +69,7 @@ def run(arguments: Namespace) -> int:
     try:
         with hold_data_folder(settings.data_dir), _listener(settings, arguments.listen_fd) as at:
             asyncio.run(_serve(settings, at))
-    except (DataFolderTakenError, NewerSchemaError, StoreError, OSError) as error:
+    except (DataFolderError, NewerSchemaError, StoreError, OSError) as error:
         raise CommandError(str(error)) from error
     return 0
 

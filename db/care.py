@@ -1,0 +1,98 @@
+"""Looks after a database from outside a station: is it whole, and a copy of it while it is used."""
+
+import sqlite3
+from collections.abc import Generator
+from contextlib import closing, contextmanager
+from pathlib import Path
+
+from alembic.script import ScriptDirectory
+from sqlalchemy import inspect, make_url
+from sqlalchemy.exc import DBAPIError
+
+from db.engine import check_url, opening_sentence, read_engine
+from db.fault import StoreUnavailableError
+from db.migrate import METADATA, configuration, schema_version
+
+_COMPLAINTS_MAX = 20
+
+
+def sqlite_file(url: str) -> Path | None:
+    """Return the file of a SQLite database; None of another product.
+
+    Raises:
+        DatabaseUrlError: If the URL names no database that the station can use.
+    """
+    check_url(url)
+    parsed = make_url(url)
+    return Path(parsed.database or "") if parsed.get_backend_name() == "sqlite" else None
+
+
+def copy_sqlite(source: Path, target: Path) -> None:
+    """Copy a database as it is at one moment, while others write it.
+
+    Raises:
+        StoreUnavailableError: If it cannot be read.
+    """
+    with (
+        _plainly(source),
+        closing(sqlite3.connect(source)) as whole,
+        closing(sqlite3.connect(target)) as copy,
+    ):
+        whole.backup(copy)
+
+
+def complaints(url: str) -> list[str]:
+    """Read a whole database and return what is wrong with it, at most a few dozen sentences.
+
+    Nothing is changed, and a station may go on using it.
+
+    Raises:
+        DatabaseUrlError: If the URL names no database that the station can use.
+        StoreUnavailableError: If it cannot be read at all.
+    """
+    file = sqlite_file(url)
+    found = [] if file is None else _inner_complaints(file)
+    return found or _schema_complaints(url)
+
+
+def _inner_complaints(file: Path) -> list[str]:
+    """Return what SQLite finds: pages, indices, then rows that refer to nothing."""
+    if not file.is_file():
+        raise StoreUnavailableError(f"There is no database at {file}.")
+    with (
+        _plainly(file),
+        closing(sqlite3.connect(f"{file.absolute().as_uri()}?mode=ro", uri=True)) as base,
+    ):
+        said = [str(row[0]) for row in base.execute(f"PRAGMA integrity_check({_COMPLAINTS_MAX})")]
+        if said != ["ok"]:
+            return said
+        orphans = base.execute("PRAGMA foreign_key_check").fetchmany(_COMPLAINTS_MAX)
+    return [f"A row of {row[0]} belongs to a row of {row[2]} that is not there." for row in orphans]
+
+
+def _schema_complaints(url: str) -> list[str]:
+    engine = read_engine(url)
+    try:
+        with engine.connect() as connection:
+            present = schema_version(connection)
+            tables = set(inspect(connection).get_table_names())
+    except DBAPIError as error:
+        raise StoreUnavailableError(opening_sentence(error)) from error
+    finally:
+        engine.dispose()
+    scripts = ScriptDirectory.from_config(configuration())
+    if present is None:
+        return ["It holds nothing of a station."]
+    if present not in {script.revision for script in scripts.walk_revisions()}:
+        return [f"It has schema {present}, which this version of the station does not know."]
+    if present != scripts.get_current_head():
+        return []
+    return [f"The table {name} is missing." for name in sorted(set(METADATA.tables) - tables)]
+
+
+@contextmanager
+def _plainly(file: Path) -> Generator[None]:
+    try:
+        yield
+    except sqlite3.Error as error:
+        raise StoreUnavailableError(f"The database {file} cannot be read: {error}.") from error
