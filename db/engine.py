@@ -36,7 +36,7 @@ def read_engine(url: str) -> Engine:
     if is_sqlite(engine):
         _prepare_sqlite(engine, begin="BEGIN", pragmas=("query_only=ON",))
         return engine
-    return engine.execution_options(postgresql_readonly=True)
+    return engine.execution_options(postgresql_readonly=True, isolation_level="REPEATABLE READ")
 
 
 def is_sqlite(engine: Engine) -> bool:

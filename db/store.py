@@ -60,9 +60,9 @@ class Store:
         engine = open_write_engine(url)
         try:
             migrate(engine)
-        except DBAPIError as error:
+        except BaseException as error:
             engine.dispose()
-            if not is_storage_fault(error):
+            if not isinstance(error, DBAPIError) or not is_storage_fault(error):
                 raise
             raise StoreUnavailableError(opening_sentence(error)) from error
         store = cls(engine, read_engine(url))

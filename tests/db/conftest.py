@@ -11,7 +11,11 @@ from autonomy.site import LAKE, TANK
 from db.query.robots import RobotRecord, add_robot
 from db.store import Store
 from robot_link.messages import LogId, RobotId, RobotMode, Sample, StateReport, SystemId
+from tests.postgresql_server import PostgresqlServer, postgresql_server
 
+ON_SQLITE = pytest.mark.parametrize("url", ["sqlite"], indirect=True)
+ON_POSTGRESQL = pytest.mark.parametrize("url", ["postgresql"], indirect=True)
+"""For what only one of the engines has."""
 START = datetime(2026, 11, 21, 4, 0, tzinfo=UTC)
 
 
@@ -77,9 +81,34 @@ def sample(
     )
 
 
+@pytest.fixture(scope="session")
+def postgresql() -> Iterator[PostgresqlServer]:
+    """A server that runs for all tests of a process."""
+    with postgresql_server() as server:
+        if server is None:
+            pytest.skip("this machine has no PostgreSQL server (apt-get install postgresql)")
+        yield server
+
+
 @pytest.fixture
-def url(tmp_path: Path) -> str:
+def sqlite_url(tmp_path: Path) -> str:
     return f"sqlite:///{tmp_path / 'station.sqlite3'}"
+
+
+@pytest.fixture
+def postgresql_url(postgresql: PostgresqlServer, request: pytest.FixtureRequest) -> Iterator[str]:
+    template = "template0"
+    if "store" in request.fixturenames:
+        template = request.getfixturevalue("prepared_postgresql")
+    name = postgresql.database(template)
+    yield postgresql.url(name)
+    postgresql.drop(name)
+
+
+@pytest.fixture(params=["sqlite", "postgresql"])
+def url(request: pytest.FixtureRequest) -> str:
+    """The URL of a database of each engine in turn; empty, or as ``store`` wants it."""
+    return request.getfixturevalue(f"{request.param}_url")
 
 
 def _with_robot(session: Session) -> None:
@@ -90,15 +119,29 @@ def _with_robot(session: Session) -> None:
 def prepared_database(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A database that knows a robot, made once: laying out the tables takes its time."""
     file = tmp_path_factory.mktemp("prepared") / "station.sqlite3"
-    store = Store.open(f"sqlite:///{file}")
-    store.change(_with_robot).result(60)
-    store.close()
+    _prepare(f"sqlite:///{file}")
     return file
 
 
+@pytest.fixture(scope="session")
+def prepared_postgresql(postgresql: PostgresqlServer) -> str:
+    """The name of such a database of PostgreSQL."""
+    name = postgresql.database()
+    _prepare(postgresql.url(name))
+    return name
+
+
+def _prepare(url: str) -> None:
+    store = Store.open(url)
+    store.change(_with_robot).result(60)
+    store.close()
+
+
 @pytest.fixture
-def store(url: str, prepared_database: Path) -> Iterator[Store]:
-    shutil.copy(prepared_database, url.removeprefix("sqlite:///"))
+def store(url: str, request: pytest.FixtureRequest) -> Iterator[Store]:
+    if url.startswith("sqlite"):
+        prepared = request.getfixturevalue("prepared_database")
+        shutil.copy(prepared, url.removeprefix("sqlite:///"))
     store = Store.open(url)
     yield store
     store.close()

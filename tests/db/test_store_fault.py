@@ -9,7 +9,9 @@ from db import writer
 from db.fault import BufferFullError, StoreUnavailableError
 from db.query.events import add_event
 from db.query.samples import sampled_variables
-from tests.db.conftest import START, sample
+from tests.db.conftest import ON_SQLITE, START, sample
+
+pytestmark = ON_SQLITE  # a server's faults are in test_postgresql
 
 
 @contextmanager

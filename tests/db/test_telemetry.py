@@ -19,7 +19,7 @@ from db.query.telemetry import (
     track,
 )
 from robot_link.messages import OnboardPlanState, PlanHash, PlanReport, RawFrame, RobotId
-from tests.db.conftest import START, report, robot_record, sample
+from tests.db.conftest import ON_SQLITE, START, report, robot_record, sample
 
 
 def test_the_newest_state_is_the_one_measured_last_not_the_one_that_came_last(store):
@@ -103,6 +103,7 @@ def test_decimation_keeps_the_extremes_and_the_order(store, depths, max_points):
     assert [point.position_ned[2] for point in points] == found.value
 
 
+@ON_SQLITE
 def test_a_decimated_history_is_read_along_the_primary_key(store):
     """Every interval is one range of the table's own order: no sorting of the whole, no scan."""
     store.append([report(second) for second in range(100)]).result(60)
