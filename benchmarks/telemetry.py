@@ -170,10 +170,14 @@ def _prepare(folder: Path, robots: int, radio_port: int) -> str:
 
 async def _watch_live(station: _Station) -> tuple[float, list[float], float]:
     """Return processor share in percent, ages in ms, and updates a second of one client."""
-    uri = f"ws://{station.url}/api/live?token={station.token}"
+    uri = f"ws://{station.url}/api/live"
+    headers = {"Authorization": f"Bearer {station.token}"}
     ages_ms: list[float] = []
     streams = [
-        await websockets.connect(uri, compression=None, open_timeout=120.0) for _ in range(CLIENTS)
+        await websockets.connect(
+            uri, additional_headers=headers, compression=None, open_timeout=120.0
+        )
+        for _ in range(CLIENTS)
     ]
     readers = [asyncio.create_task(_drain(stream)) for stream in streams[1:]]
     readers.append(asyncio.create_task(_note_ages(streams[0], ages_ms)))

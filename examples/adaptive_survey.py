@@ -1,12 +1,13 @@
 """Flies a whole adaptive survey by REST alone: plan, upload, wait, print the final scores.
 
-    grace token create --role pilot --data DIR       # prints a token
-    python examples/adaptive_survey.py --url http://127.0.0.1:8000 --token TOKEN --robot mini-1
+    export GRACE_TOKEN=$(grace token create --role pilot --data DIR)
+    python examples/adaptive_survey.py --url http://127.0.0.1:8000 --robot mini-1
 
 Needs only httpx, and rest.py beside it. Nothing is sent to the robot unless --send is given.
 """
 
 import argparse
+import os
 import sys
 import time
 
@@ -17,7 +18,7 @@ from rest import get, post
 def main() -> int:
     """Run the survey named on the command line."""
     arguments = parse()
-    headers = {"Authorization": f"Bearer {arguments.token}"}
+    headers = {"Authorization": f"Bearer {os.environ['GRACE_TOKEN']}"}
     with httpx.Client(base_url=arguments.url, headers=headers, timeout=30.0) as station:
         mission = create_mission(station, arguments)
         plan = wait_for_draft(station, mission)
@@ -38,7 +39,6 @@ def parse() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--url", default="http://127.0.0.1:8000")
-    parser.add_argument("--token", required=True)
     parser.add_argument("--robot", default="mini-1")
     parser.add_argument("--objective", choices=["information_gain", "ergodic"])
     parser.add_argument("--total-budget", type=float)

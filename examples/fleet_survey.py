@@ -1,12 +1,13 @@
 """Surveys one site with several robots by REST: each plan counts what the others will sample.
 
-    grace token create --role pilot --data DIR       # prints a token
-    python examples/fleet_survey.py --token TOKEN --robot mini-1 --robot mini-2
+    export GRACE_TOKEN=$(grace token create --role pilot --data DIR)
+    python examples/fleet_survey.py --robot mini-1 --robot mini-2
 
 Needs only httpx, and rest.py beside it. Nothing is sent to the robots unless --send is given.
 """
 
 import argparse
+import os
 import sys
 import time
 
@@ -19,7 +20,7 @@ ENDED = {"done", "failed", "stopped"}
 def main() -> int:
     """Run the survey named on the command line."""
     arguments = parse()
-    headers = {"Authorization": f"Bearer {arguments.token}"}
+    headers = {"Authorization": f"Bearer {os.environ['GRACE_TOKEN']}"}
     with httpx.Client(base_url=arguments.url, headers=headers, timeout=30.0) as station:
         missions = create_survey(station, arguments)
         for robot, mission in missions.items():
@@ -41,7 +42,6 @@ def parse() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--url", default="http://127.0.0.1:8000")
-    parser.add_argument("--token", required=True)
     parser.add_argument("--robot", action="append", required=True, help="one for each robot")
     parser.add_argument("--target-std", type=float, help="end when the map is as sure as this")
     parser.add_argument("--total-budget", type=float)

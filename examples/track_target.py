@@ -1,12 +1,13 @@
 """Follows a target by REST alone: plan, start, watch, go quiet, ping again, come up.
 
-    grace token create --role pilot --data DIR       # prints a token
-    python examples/track_target.py --url http://127.0.0.1:8000 --token TOKEN --robot mini-1
+    export GRACE_TOKEN=$(grace token create --role pilot --data DIR)
+    python examples/track_target.py --url http://127.0.0.1:8000 --robot mini-1
 
 Needs only httpx, and rest.py beside it. Nothing is sent to the robot unless --send is given.
 """
 
 import argparse
+import os
 import sys
 import time
 
@@ -19,7 +20,7 @@ ENDED = ("done", "failed", "superseded", "cancelled")
 def main() -> int:
     """Run the mission named on the command line."""
     arguments = parse()
-    headers = {"Authorization": f"Bearer {arguments.token}"}
+    headers = {"Authorization": f"Bearer {os.environ['GRACE_TOKEN']}"}
     with httpx.Client(base_url=arguments.url, headers=headers, timeout=30.0) as station:
         plan = make_plan(station, arguments)
         show(plan)
@@ -46,7 +47,6 @@ def parse() -> argparse.Namespace:
     """Read the command line."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--url", default="http://127.0.0.1:8000")
-    parser.add_argument("--token", required=True)
     parser.add_argument("--robot", default="mini-1")
     parser.add_argument("--target", choices=["virtual", "tag", "beacon"])
     parser.add_argument("--address", type=int, help="acoustic address of a tag or beacon")

@@ -5,6 +5,7 @@ import secrets
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from http import HTTPStatus
+from typing import Literal
 
 from sqlalchemy.orm import Session
 
@@ -59,6 +60,15 @@ class Throttle:
 
 
 @dataclass(frozen=True, slots=True)
+class Proof:
+    """By what somebody came in, so that it can be looked at again."""
+
+    kind: Literal["session", "token"]
+    digest: str
+    """Hash of the secret."""
+
+
+@dataclass(frozen=True, slots=True)
 class Caller:
     """Who asks, once it is proved."""
 
@@ -67,6 +77,7 @@ class Caller:
     expires_at: datetime
     csrf_token: str | None
     """The token that a browser's changes must carry; a script with a bearer token has none."""
+    proof: Proof
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,21 +177,29 @@ class Access:
 
     async def caller_of_cookie(self, secret: str) -> Caller | None:
         """Return whose cookie this is, or ``None`` when it is nobody's any more."""
-        digest, at = secret_hash(secret), self._wall.now()
-        found = await self._store.query(lambda session: query.find_session(session, digest, at))
-        if found is None:
-            return None
-        return Caller(
-            found.person.name, Role(found.person.role), found.expires_at, found.csrf_token
-        )
+        return await self.caller_of(Proof("session", secret_hash(secret)))
 
     async def caller_of_token(self, secret: str) -> Caller | None:
         """Return whose bearer token this is, or ``None`` when it is nobody's any more."""
-        digest, at = secret_hash(secret), self._wall.now()
-        found = await self._store.query(lambda session: query.find_token(session, digest, at))
+        return await self.caller_of(Proof("token", secret_hash(secret)))
+
+    async def caller_of(self, proof: Proof) -> Caller | None:
+        """Return who came in by this, or ``None`` when it is worth nothing any more."""
+        at = self._wall.now()
+        if proof.kind == "token":
+            token = await self._store.query(
+                lambda session: query.find_token(session, proof.digest, at)
+            )
+            if token is None:
+                return None
+            return Caller(token.name, Role(token.role), token.expires_at, None, proof)
+        found = await self._store.query(
+            lambda session: query.find_session(session, proof.digest, at)
+        )
         if found is None:
             return None
-        return Caller(found.name, Role(found.role), found.expires_at, None)
+        person = found.person
+        return Caller(person.name, Role(person.role), found.expires_at, found.csrf_token, proof)
 
     async def _sign_in(self, person: PersonRecord) -> SignedIn:
         secret, csrf_token = new_secret(), new_secret()
@@ -199,7 +218,9 @@ class Access:
             add_event(session, at, "person.signed_in", f"{person.name} signed in.")
 
         await self._store.write(add)
-        return SignedIn(secret, Caller(person.name, Role(person.role), expires_at, csrf_token))
+        proof = Proof("session", secret_hash(secret))
+        caller = Caller(person.name, Role(person.role), expires_at, csrf_token, proof)
+        return SignedIn(secret, caller)
 
 
 async def password_hash_of(password: str) -> str:

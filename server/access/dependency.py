@@ -13,7 +13,8 @@ from fastapi import Depends, Request, WebSocket
 from server.access.access import Access, Caller
 from server.access.guard import Guard
 from server.access.role import Right
-from server.base.dependency import FoundationDep
+from server.access.stream import Tickets
+from server.base.dependency import FoundationDep, service
 
 
 def get_guard(foundation: FoundationDep) -> Guard:
@@ -27,6 +28,7 @@ def get_access(foundation: FoundationDep) -> Access:
 
 
 AccessDep = Annotated[Access, Depends(get_access)]
+TicketsDep = Annotated[Tickets, Depends(service(Tickets))]
 GuardDep = Annotated[Guard, Depends(get_guard)]
 
 

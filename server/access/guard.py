@@ -8,6 +8,7 @@ from starlette.requests import HTTPConnection
 
 from server.access.access import Access, Caller
 from server.access.role import Right
+from server.access.stream import Tickets
 from server.base.problem import Problem
 from server.base.settings import Settings
 
@@ -19,8 +20,9 @@ _LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "::1"})
 class Guard:
     """Checks cookies, bearer tokens, origins and host names for one station."""
 
-    def __init__(self, access: Access, settings: Settings) -> None:
+    def __init__(self, access: Access, tickets: Tickets, settings: Settings) -> None:
         self._access = access
+        self._tickets = tickets
         self._settings = settings
 
     def cookie_name(self, connection: HTTPConnection) -> str:
@@ -85,7 +87,7 @@ class Guard:
     async def websocket_caller(self, websocket: WebSocket, right: Right = Right.VIEW) -> Caller:
         """Return who opens a WebSocket; call it before ``accept``.
 
-        Scripts may send the bearer token as ``?token=`` where headers cannot be set.
+        A one-use ticket may stand in the address as ``?ticket=`` where headers cannot be set.
 
         Raises:
             WebSocketException: The handshake is refused.
@@ -94,9 +96,9 @@ class Guard:
         if not self.host_is_ours(websocket):
             raise refused
         found = await self._bearer(websocket)
-        token = websocket.query_params.get("token")
-        if found is None and token is not None:
-            found = await self._access.caller_of_token(token)
+        ticket = websocket.query_params.get("ticket")
+        if found is None and ticket is not None:
+            found = await self._tickets.use(ticket)
         if found is None and self.origin_is_ours(websocket):
             found = await self._cookie(websocket)
         if found is None or right not in found.role.rights:

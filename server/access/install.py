@@ -4,6 +4,7 @@ from robot_link.clock import SystemClock
 from server.access import people_route, session_route
 from server.access.access import Access
 from server.access.guard import Guard
+from server.access.stream import Tickets
 from server.base.foundation import Foundation
 
 ROUTERS = (session_route.router, people_route.router)
@@ -14,4 +15,5 @@ def install(foundation: Foundation) -> None:
     settings = foundation.settings
     access = Access(foundation.store, foundation.clock, SystemClock(), settings.session_hours)
     foundation.services.add(access)
-    foundation.services.add(Guard(access, settings))
+    tickets = foundation.services.add(Tickets(access))
+    foundation.services.add(Guard(access, tickets, settings))

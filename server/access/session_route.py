@@ -10,9 +10,10 @@ from pydantic import Field, SecretStr
 
 from db.record import same
 from server.access.access import Caller
-from server.access.dependency import AccessDep, GuardDep, Viewer
+from server.access.dependency import AccessDep, GuardDep, TicketsDep, Viewer
 from server.access.guard import Guard
 from server.access.role import Role
+from server.access.stream import TICKET_S
 from server.base.problem import FieldError, Problem, unprocessable
 from server.base.view import Body, View
 
@@ -47,6 +48,14 @@ class SessionView(View):
     csrf_token: str | None
     """Send it as ``X-CSRF-Token`` with every change; null for a bearer token, which needs none."""
     expires_at: datetime
+
+
+@dataclass(frozen=True, slots=True)
+class TicketView(View):
+    """Opens one stream as ``?ticket=``; worth nothing once it is used or too old."""
+
+    ticket: str
+    valid_s: float
 
 
 @router.get("/api/session")
@@ -84,6 +93,12 @@ async def create_first_admin(
     )
     guard.set_cookie(request, response, signed_in.secret)
     return _view(signed_in.caller)
+
+
+@router.post("/api/session/ticket", status_code=201)
+async def issue_ticket(caller: Viewer, tickets: TicketsDep) -> TicketView:
+    """Return a ticket that opens one stream, for programs that can set no header there."""
+    return TicketView(tickets.issue(caller), TICKET_S)
 
 
 @router.delete("/api/session", status_code=204)

@@ -91,7 +91,7 @@ async def open_foundation(settings: Settings, stack: AsyncExitStack) -> Foundati
         StoreUnavailableError: If the database cannot be opened.
         NewerSchemaError: If a later version of the station wrote it.
     """
-    settings.data_dir.mkdir(parents=True, exist_ok=True)
+    settings.data_dir.mkdir(parents=True, exist_ok=True, mode=0o700)
     clock = read_clock(settings.clock_file)
     store = await asyncio.to_thread(Store.open, settings.resolved_database_url)
     stack.push_async_callback(asyncio.to_thread, store.close)

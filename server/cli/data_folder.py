@@ -1,15 +1,20 @@
 """The data folder of a station, which one process holds at a time."""
 
+import contextlib
 import errno
 import fcntl
 import os
+import stat
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
 CLOCK_FILE = "clock.json"
 """Name of a demo's clock file."""
+LOG_FOLDER = "log"
+"""Where a demo's processes write what they say."""
 _LOCK_FILE = "station.lock"
+_OTHERS = 0o077
 
 
 class DataFolderError(Exception):
@@ -21,17 +26,18 @@ class DataFolderTakenError(DataFolderError):
 
 
 def make_data_folder(folder: Path) -> None:
-    """Create the folder if need be.
+    """Create the folder if need be, for its user alone; an earlier one is closed to others.
 
     Raises:
         DataFolderError: If it cannot be created or written.
     """
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(parents=True, exist_ok=True, mode=0o700)
         if not os.access(folder, os.W_OK | os.X_OK):
             raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
     except OSError as error:
         raise _unusable(folder, error) from error
+    _close_to_others(folder)
 
 
 def _unusable(folder: Path, error: OSError) -> DataFolderError:
@@ -39,6 +45,15 @@ def _unusable(folder: Path, error: OSError) -> DataFolderError:
         f"The data folder {folder} cannot be written ({error.strerror}); give this user the right "
         "to, or choose another with --data."
     )
+
+
+def _close_to_others(folder: Path) -> None:
+    for path in (folder, *folder.iterdir(), *(folder / LOG_FOLDER).glob("*")):
+        # Of another user, who decides; or a file of the database that is gone by now.
+        with contextlib.suppress(PermissionError, FileNotFoundError):
+            mode = path.lstat().st_mode
+            if mode & _OTHERS and (stat.S_ISREG(mode) or path == folder):
+                path.chmod(stat.S_IMODE(mode) & ~_OTHERS)
 
 
 @contextmanager
@@ -51,7 +66,7 @@ def hold_data_folder(folder: Path) -> Generator[None]:
     """
     make_data_folder(folder)
     try:
-        lock = os.open(folder / _LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o644)
+        lock = os.open(folder / _LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o600)
     except OSError as error:
         raise _unusable(folder, error) from error
     try:

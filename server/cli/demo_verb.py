@@ -12,6 +12,7 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
 from datetime import datetime, timedelta
+from html import escape
 from pathlib import Path
 
 from sqlalchemy.orm import Session
@@ -21,12 +22,13 @@ from db.query.people import add_person, find_person
 from db.query.robots import RobotRecord, add_robot, change_robot, list_robots
 from robot_link.clock import Clock
 from robot_link.messages import RobotId
+from robot_link.whole_file import replace_file
 from server.access import register
 from server.access.role import Role
 from server.base.clock_file import read_clock, start_clock, stop_clock
 from server.base.secret import SecretStore
 from server.cli.data import add_data_option, open_store, settings_of
-from server.cli.data_folder import CLOCK_FILE, DataFolderError, make_data_folder
+from server.cli.data_folder import CLOCK_FILE, LOG_FOLDER, DataFolderError, make_data_folder
 from server.cli.demo_gateway import prepare_gateway
 from server.cli.failure import CommandError
 from server.cli.simulate_verb import LINK_FOLDER, add_world_options
@@ -129,9 +131,17 @@ async def _supervise(
         print(f"Open {page}/sign-in?token={sign_in}", flush=True)
         print("Ctrl-C stops everything.", flush=True)
         if not arguments.no_browser and _has_screen():
-            webbrowser.open(f"{page}/sign-in?token={sign_in}")
+            webbrowser.open(_opening(folder, f"{page}/sign-in?token={sign_in}").as_uri())
 
-    return await Supervisor(children, folder / "log", ready).run()
+    return await Supervisor(children, folder / LOG_FOLDER, ready).run()
+
+
+def _opening(folder: Path, address: str) -> Path:
+    """Return a page that leads to an address, which the arguments of a browser would tell all."""
+    file = folder / "open.html"
+    page = f'<!doctype html><meta http-equiv="refresh" content="0; url={escape(address)}">'
+    replace_file(file, page.encode(), mode=0o600)
+    return file
 
 
 def _dev_app(station_url: str) -> Child:

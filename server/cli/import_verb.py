@@ -115,7 +115,7 @@ def _by_folder(arguments: Namespace, bar: _Bar) -> Mapping[str, Any]:
                 )
             ).result()
     except DataFolderTakenError as error:
-        raise CommandError(f"{error} Import through it: give --url and --token.") from error
+        raise CommandError(f"{error} Import through it: give --url and GRACE_TOKEN.") from error
     except (DataFolderError, DeploymentExistsError) as error:
         raise CommandError(str(error)) from error
     bar.report(1.0, "Imported")

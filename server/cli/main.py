@@ -40,6 +40,13 @@ EXTRAS: Mapping[str, tuple[str, str]] = MappingProxyType(
 """Verbs of packages that the station does without: module and help; known where they are."""
 
 
+_PRIVATE_MASK = 0o077
+"""Database, logs, copies and secrets are for the station's user alone."""
+_WRITE_FOR_OTHERS = frozenset(
+    {"export", "journal", "openapi", "coefficients", "compile"} | {*EXTRAS}
+)
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one verb and return the exit status.
 
@@ -70,6 +77,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
             module.add_arguments(verb_parser)
             verb_parser.set_defaults(run=module.run)
     parsed = parser.parse_args(words)
+    mask = os.umask(_PRIVATE_MASK)
+    if parsed.verb in _WRITE_FOR_OTHERS:
+        os.umask(mask)
     try:
         return parsed.run(parsed)
     except CommandError as error:
@@ -84,6 +94,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return 1
     except KeyboardInterrupt:
         return 130
+    finally:
+        os.umask(mask)
 
 
 def _keep_algebra_on_one_core() -> None:

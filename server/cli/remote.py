@@ -13,20 +13,21 @@ TOKEN_VARIABLE = "GRACE_TOKEN"
 
 
 def add_remote_options(parser: ArgumentParser) -> None:
-    """Add ``--url`` and ``--token``."""
-    parser.add_argument("--url", help="address of a running station, instead of a data folder")
+    """Add ``--url``; the token that goes with it is no option, which everybody here could read."""
     parser.add_argument(
-        "--token", help=f"bearer token for --url (default: {TOKEN_VARIABLE} of the environment)"
+        "--url",
+        help="address of a running station, instead of a data folder; "
+        f"{TOKEN_VARIABLE} of the environment holds a bearer token",
     )
 
 
 @contextmanager
 def open_remote(arguments: Namespace) -> Generator[httpx.Client]:
     """Open a client of the station at ``--url``; what it refuses becomes a ``CommandError``."""
-    token = arguments.token or os.environ.get(TOKEN_VARIABLE)
+    token = os.environ.get(TOKEN_VARIABLE)
     if not token:
         raise CommandError(
-            f"--url needs --token or {TOKEN_VARIABLE}; grace token create makes one.", status=2
+            f"--url needs a token in {TOKEN_VARIABLE}; grace token create makes one.", status=2
         )
     headers = {"Authorization": f"Bearer {token}"}
     try:

@@ -8,7 +8,7 @@ from server.base.clock_file import ClockAnchors, start_clock
 from server.base.secret import SecretStore
 from server.cli.console_log import log_to_console
 from server.cli.data import add_data_option, settings_of
-from server.cli.data_folder import CLOCK_FILE
+from server.cli.data_folder import CLOCK_FILE, make_data_folder
 from server.cli.failure import CommandError
 
 LINK_FOLDER = "links"
@@ -73,7 +73,7 @@ def run(arguments: Namespace) -> int:
 
     station = settings_of(arguments)
     folder = station.data_dir
-    folder.mkdir(parents=True, exist_ok=True)
+    make_data_folder(folder)
     clock_file = folder / CLOCK_FILE
     if clock_file.exists() and arguments.speed is None:
         anchors = ClockAnchors.model_validate_json(clock_file.read_text())

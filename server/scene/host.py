@@ -33,25 +33,21 @@ class SceneHost:
         self._drawing = ThreadPoolExecutor(max_workers=1, thread_name_prefix="scene")
         self._starting = asyncio.Lock()
 
-    async def port(self, robot: RobotId) -> int | None:
-        """Return the loopback port of a robot's scene, ``None`` for an unknown robot."""
-        scene = await self._scene(robot)
-        return None if scene is None else scene.port
-
     async def state(self, robot: RobotId) -> SceneState | None:
         """Return what a robot's view shows, ``None`` for an unknown robot."""
-        scene = await self._scene(robot)
+        scene = await self.scene(robot)
         return None if scene is None else await self._in_thread(lambda: scene.state)
 
     async def change(self, robot: RobotId, change: SceneChange) -> SceneState | None:
         """Let everybody who looks at a robot see something else; ``None`` for an unknown robot."""
-        scene = await self._scene(robot)
+        scene = await self.scene(robot)
         if scene is None:
             return None
         await self._in_thread(lambda: scene.change(change))
         return self._tell(robot, await self._in_thread(lambda: scene.state))
 
-    async def _scene(self, robot: RobotId) -> RobotScene | None:
+    async def scene(self, robot: RobotId) -> RobotScene | None:
+        """Return a robot's scene, ``None`` for an unknown robot."""
         async with self._starting:
             scene = self._scenes.get(robot)
             if scene is None:
@@ -73,7 +69,7 @@ class SceneHost:
             await asyncio.sleep(UPDATE_S)
 
     async def stop(self) -> None:
-        """Close every scene and its port."""
+        """Close every scene and its socket."""
         for scene in self._scenes.values():
             await self._in_thread(scene.stop)
         self._scenes.clear()

@@ -1,12 +1,13 @@
 """The 3D view: viser's page and its WebSocket, reached through the station's own door.
 
-viser itself has neither sign-in nor an Origin check, so its port stays on loopback and every byte
-passes here. A robot is chosen by the path, because viser's page cuts the query off its WebSocket
-address.
+viser itself has neither sign-in nor an Origin check, so it listens on a socket of the station's
+user, and every message passes here. A robot is chosen by the path, because viser's page cuts the
+query off its WebSocket address.
 """
 
-import asyncio
-from typing import Annotated, Literal, cast
+import contextlib
+from collections.abc import Callable, Coroutine
+from typing import Annotated, Any, Literal, cast
 
 import websockets
 from fastapi import APIRouter, Depends, Query, Response, WebSocket, WebSocketDisconnect
@@ -14,7 +15,9 @@ from fastapi.responses import RedirectResponse
 from pydantic import Field
 
 from robot_link.messages import RobotId
-from server.access.dependency import Pilot, Viewer, WebSocketViewer
+from server.access.dependency import AccessDep, Pilot, Viewer, WebSocketViewer
+from server.access.role import Right
+from server.access.stream import Direction, serve_stream
 from server.base.dependency import service
 from server.base.problem import Problem, not_found
 from server.base.view import Body
@@ -106,7 +109,7 @@ async def show_view(
 ) -> Response:
     """Return viser's page, which then opens the WebSocket of the same path."""
     _refuse_foreign_scene(websocket)
-    if await scenes.port(robot) is None:
+    if await scenes.scene(robot) is None:
         raise not_found(f"There is no robot {robot}.")
     return Response(
         page(is_framed=framed),
@@ -117,57 +120,57 @@ async def show_view(
 
 @router.websocket("/view/{robot}")
 async def pipe_view(
-    websocket: WebSocket, robot: RobotId, caller: WebSocketViewer, scenes: SceneHostDep
+    websocket: WebSocket,
+    robot: RobotId,
+    caller: WebSocketViewer,
+    access: AccessDep,
+    scenes: SceneHostDep,
 ) -> None:
-    """Carry bytes between a browser and the robot's scene until either end closes."""
-    port = await scenes.port(robot)
+    """Carry messages between a browser and the robot's scene until either end closes.
+
+    Everything of the scene goes to the browser; of the browser's, its camera, and from who may
+    change what everybody sees, the value of a control.
+    """
+    scene = await scenes.scene(robot)
     offered = websocket.scope.get("subprotocols", [])
-    if port is None or not offered:
+    if scene is None or not offered:
         await websocket.close(code=1008)
         return
-    async with websockets.connect(
-        f"ws://127.0.0.1:{port}",
+    may_change = Right.PILOT in caller.role.rights
+    async with websockets.unix_connect(
+        str(scene.socket),
+        "ws://localhost/",
         subprotocols=[websockets.Subprotocol(name) for name in offered],
         compression=None,
         max_size=_LARGEST_MESSAGE,
-    ) as scene:
-        await websocket.accept(subprotocol=scene.subprotocol)
-        await _pipe(websocket, scene)
+    ) as line:
+        await websocket.accept(subprotocol=line.subprotocol)
+
+        async def to_scene() -> None:
+            while (message := await websocket.receive())["type"] != "websocket.disconnect":
+                content = scene.admitted(message.get("bytes") or b"", may_change=may_change)
+                if content is not None:
+                    await line.send(content)
+            raise WebSocketDisconnect
+
+        async def to_browser() -> None:
+            async for content in line:
+                if isinstance(content, bytes):
+                    await websocket.send_bytes(content)
+
+        await serve_stream(
+            websocket, access, caller, "3D view", _until_closed(to_scene), _until_closed(to_browser)
+        )
 
 
-async def _pipe(browser: WebSocket, scene: websockets.ClientConnection) -> None:
-    """Run both directions; the first that ends ends the other."""
+def _until_closed(direction: Callable[[], Coroutine[Any, Any, None]]) -> Direction:
+    """Let a direction end in peace when the scene has gone."""
 
-    async def to_scene() -> None:
-        while True:
-            message = await browser.receive()
-            if message["type"] == "websocket.disconnect":
-                return
-            content = message.get("bytes")
-            await scene.send(content if content is not None else message["text"])
+    async def run() -> None:
+        with contextlib.suppress(websockets.ConnectionClosed):
+            await direction()
 
-    async def to_browser() -> None:
-        async for content in scene:
-            if isinstance(content, str):
-                await browser.send_text(content)
-            else:
-                await browser.send_bytes(content)
-
-    directions = [asyncio.create_task(to_scene()), asyncio.create_task(to_browser())]
-    try:
-        await asyncio.wait(directions, return_when=asyncio.FIRST_COMPLETED)
-    finally:
-        for direction in directions:
-            direction.cancel()
-        ended = await asyncio.gather(*directions, return_exceptions=True)
-    for end in ended:
-        if isinstance(end, Exception) and not _is_a_close(end):
-            raise end
-
-
-def _is_a_close(error: Exception) -> bool:
-    """Tell whether an error only says that the other side has gone."""
-    return isinstance(error, WebSocketDisconnect | websockets.ConnectionClosed)
+    return run
 
 
 def _refuse_foreign_scene(websocket: str | None) -> None:

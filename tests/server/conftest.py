@@ -10,6 +10,7 @@ from typing import TypeVar, overload
 import httpx
 import pytest
 import pytest_asyncio
+import uvicorn
 from fastapi import FastAPI
 from sqlalchemy.orm import Session
 
@@ -230,3 +231,23 @@ async def api_client(station: OpenStation, role: Role) -> AsyncGenerator[Station
     issued = await foundation.store.write(write)
     async with StationClient(app, issued.secret) as client:
         yield client
+
+
+@pytest_asyncio.fixture
+async def address(client: StationClient) -> AsyncIterator[str]:
+    """Serve the station's application over loopback."""
+    config = uvicorn.Config(
+        client.app,
+        host="127.0.0.1",
+        port=0,
+        lifespan="off",
+        log_level="error",
+        ws_per_message_deflate=False,
+    )
+    server = uvicorn.Server(config)
+    serving = asyncio.create_task(server.serve())
+    await until(lambda: server.started)
+    port = server.servers[0].sockets[0].getsockname()[1]
+    yield f"127.0.0.1:{port}"
+    server.should_exit = True
+    await serving

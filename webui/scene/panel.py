@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Any, Protocol, TypeAlias
 
 import viser
 
@@ -14,6 +14,14 @@ WHAT_IF = "Frame the what-if"
 _NO_MODEL = "no map yet"
 _SHORTEST_RANGE = 40.0
 """The vertical exaggeration can be raised at least this far."""
+
+
+_Control: TypeAlias = (
+    viser.GuiCheckboxHandle
+    | viser.GuiButtonHandle
+    | viser.GuiSliderHandle[Any]
+    | viser.GuiDropdownHandle[Any]
+)
 
 
 class Layer(Protocol):
@@ -81,12 +89,36 @@ class Panel:
         )
         self._views = {label: _view(gui, label, look) for label, look in views.items()}
         self.offer(WHAT_IF, False)
+        controls: list[_Control] = [
+            *self._boxes.values(),
+            *self._views.values(),
+            *(control for cut in self._cuts.values() for control in cut),
+            *(self._quantity, self._form, self._model, self._opacity, self._exaggeration),
+        ]
+        self._by_id = {_id(handle): handle for handle in controls}
         self._legend = gui.add_markdown("")
         gui.main_panel.minimize()
 
     def offer(self, view: str, offered: bool) -> None:
         """Show or hide the button of a view."""
         self._views[view].visible = offered
+
+    def accepts(self, control: str, value: object) -> bool:
+        """Tell whether a control of this id may take a value that a browser chose."""
+        handle = self._by_id.get(control)
+        if handle is None or not handle.visible:
+            return False
+        match handle:
+            case viser.GuiSliderHandle():
+                return (
+                    isinstance(value, int | float)
+                    and not isinstance(value, bool)
+                    and handle.min <= value <= handle.max
+                )
+            case viser.GuiDropdownHandle():
+                return value in handle.options
+            case _:
+                return isinstance(value, bool)
 
     @property
     def exaggeration(self) -> float:
@@ -175,6 +207,10 @@ class Panel:
             if title == self._model.value:
                 return model
         return next(iter(self._map.models), "")
+
+
+def _id(handle: _Control) -> str:
+    return handle._impl.uuid  # noqa: SLF001 # pyright: ignore[reportPrivateUsage]
 
 
 def _layer_box(gui: viser.GuiApi, entry: LayerEntry) -> viser.GuiCheckboxHandle:

@@ -1,11 +1,14 @@
-"""One robot's 3D scene: a viser server on loopback that is kept up to date by ``update``."""
+"""One robot's 3D scene: a viser server that is kept up to date by ``update``."""
+
+from pathlib import Path
 
 import numpy as np
-import viser
 
 from webui.scene.comparison import Comparison
+from webui.scene.door import PrivateServer
 from webui.scene.field_map import FieldMap
 from webui.scene.framing import begin, look
+from webui.scene.inbound import admitted
 from webui.scene.keep_out import KeepOuts
 from webui.scene.lake_bed import LakeBed
 from webui.scene.panel import WATER, WHAT_IF, LayerEntry, Panel
@@ -27,15 +30,14 @@ class RobotScene:
     """Draws one ``SceneSource``.
 
     viser runs its own thread; ``update`` may be called from any one thread, about 10 times a
-    second. The port is the operating system's choice and open to loopback only: whoever publishes
-    it checks who asks.
+    second. It listens on a socket that this user's processes alone can reach: whoever publishes
+    it checks who asks, and lets nothing in but what ``admitted`` returns.
     """
 
     def __init__(self, source: SceneSource) -> None:
         self._source = source
-        self._server = viser.ViserServer(
-            host="127.0.0.1", port=0, label=source.title, verbose=False
-        )
+        self._private = PrivateServer(source.title)
+        self._server = self._private.viser
         projection = Projection.of_site(source.site)
         self._server.gui.configure_theme(
             dark_mode=True, show_logo=False, show_share_button=False, brand_color=(74, 163, 255)
@@ -80,9 +82,13 @@ class RobotScene:
         )
 
     @property
-    def port(self) -> int:
-        """Return the loopback port that viser listens on."""
-        return self._server.get_port()
+    def socket(self) -> Path:
+        """Return the socket that viser listens on."""
+        return self._private.socket
+
+    def admitted(self, frame: bytes, *, may_change: bool) -> bytes | None:
+        """Return what of a browser's frame goes to viser, ``None`` where nothing does."""
+        return admitted(frame, self._panel.accepts, may_change=may_change)
 
     @property
     def is_watched(self) -> bool:
@@ -127,8 +133,8 @@ class RobotScene:
         look(self._server.get_clients().values(), points)
 
     def stop(self) -> None:
-        """Close the port and end viser's thread."""
-        self._server.stop()
+        """Take the socket away and end viser's thread."""
+        self._private.stop()
 
     def _set_stage(self) -> None:
         scene = self._server.scene

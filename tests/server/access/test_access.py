@@ -9,7 +9,8 @@ import pytest
 from fastapi import WebSocketException
 from starlette.websockets import WebSocket
 
-from server.access import access, register
+from robot_link.clock import monotonic_s
+from server.access import access, register, stream
 from server.access.guard import Guard
 from server.access.role import Role
 from server.base.settings import Settings
@@ -50,6 +51,8 @@ OPEN_TO_ALL = {
     ("POST", "/api/gateways/cloudloop/push/{secret}"),
 }
 """Pushes of gateways prove themselves otherwise: by their path and what they say."""
+OPEN_TO_VIEWERS = {"/api/session", "/api/session/ticket"}
+"""Signing out, and looking on: neither changes what anybody else sees."""
 ADMIN_ONLY = {
     "/api/people",
     "/api/people/{name}",
@@ -85,7 +88,7 @@ async def test_nothing_but_health_is_told_to_strangers(app, anyone):
 async def test_a_viewer_changes_nothing(app, anyone):
     headers = bearer(await token_of(app, Role.VIEWER))
     for method, declared, path in operations(app):
-        if method != "GET" and declared != "/api/session":
+        if method != "GET" and declared not in OPEN_TO_VIEWERS:
             answer = await anyone.request(method, path, json={}, headers=headers)
             assert answer.status_code == 403, (method, path)
     for path in ("/api/session", "/api/config", "/api/events", "/api/alarms", "/api/jobs"):
@@ -282,16 +285,41 @@ async def test_a_websocket_with_a_cookie_must_come_from_the_stations_page(
             await guard.websocket_caller(websocket_of(app, headers))
 
 
-async def test_a_script_opens_a_websocket_by_header_or_by_query(app):
+async def test_a_script_opens_a_websocket_by_header_or_by_a_ticket_that_works_once(app, anyone):
     token = await token_of(app, Role.VIEWER)
     guard = app.state.foundation.services.get(Guard)
     host = {"Host": "127.0.0.1:8000"}
     by_header = websocket_of(app, {**host, **bearer(token)})
     assert (await guard.websocket_caller(by_header)).name == "script"
-    by_query = websocket_of(app, host, f"token={token}")
-    assert (await guard.websocket_caller(by_query)).name == "script"
+    issued = await anyone.post("/api/session/ticket", headers=bearer(token))
+    assert issued.status_code == 201
+    ticket = issued.json()["ticket"]
+    by_ticket = websocket_of(app, host, f"ticket={ticket}")
+    assert (await guard.websocket_caller(by_ticket)).name == "script"
+    for query in (f"ticket={ticket}", f"token={token}", f"ticket={token}", "ticket=grace_wrong"):
+        with pytest.raises(WebSocketException):
+            await guard.websocket_caller(websocket_of(app, host, query))
+
+
+async def test_a_ticket_ends_with_its_time_and_with_the_token_that_asked_for_it(
+    app, admin, anyone, monkeypatch
+):
+    made = (await admin.post("/api/tokens", json={"name": "plot", "role": "viewer"})).json()
+    guard = app.state.foundation.services.get(Guard)
+    host = {"Host": "127.0.0.1:8000"}
+
+    async def ticket():
+        issued = await anyone.post("/api/session/ticket", headers=bearer(made["token"]))
+        return websocket_of(app, host, f"ticket={issued.json()['ticket']}")
+
+    late, revoked = await ticket(), await ticket()
+    monkeypatch.setattr(stream, "monotonic_s", lambda: monotonic_s() + stream.TICKET_S)
     with pytest.raises(WebSocketException):
-        await guard.websocket_caller(websocket_of(app, host, "token=grace_wrong"))
+        await guard.websocket_caller(late)
+    monkeypatch.undo()
+    await admin.delete(f"/api/tokens/{made['id']}")
+    with pytest.raises(WebSocketException):
+        await guard.websocket_caller(revoked)
 
 
 @pytest.mark.parametrize(
@@ -329,7 +357,7 @@ async def test_two_stations_in_one_process_share_nothing(tmp_path):
             assert (await other.get("/api/config/planner")).json()["id"] is None
 
 
-async def test_a_token_in_the_address_is_for_websockets_alone(app):
+async def test_a_token_in_the_address_lets_nobody_in(app):
     token = await token_of(app, Role.ADMIN)
     async with client_of(app) as client:
         assert (await client.get(f"/api/session?token={token}")).status_code == 401

@@ -1,12 +1,16 @@
 """The command line on a data folder."""
 
 import io
+import logging
+import os
 import socket
 
 import pytest
 from alembic.script import ScriptDirectory
 
 from db.migrate import configuration
+from server.access.secret import new_secret
+from server.cli.console_log import WithoutSecrets
 from server.cli.data_folder import hold_data_folder
 from server.cli.main import VERBS, main
 from tests.server.recording.test_import import dive_csv
@@ -106,7 +110,7 @@ def test_import_into_a_folder_that_a_station_uses_points_to_the_station(folder, 
         assert grace("import", file, "--robot", "eva", "--data", folder) == 1
         assert grace("serve", "--data", folder, "--port", "0") == 1
     told = capsys.readouterr().err
-    assert "Import through it: give --url and --token." in told
+    assert "Import through it: give --url and GRACE_TOKEN." in told
     assert "A station runs on" in told
 
 
@@ -115,7 +119,7 @@ def test_import_into_a_folder_that_a_station_uses_points_to_the_station(folder, 
     [
         (("import", "nowhere.csv", "--robot", "eva"), "No such file"),
         (("import", "nowhere.csv", "--robot", "Eva!"), "lower-case letters"),
-        (("import", "x.csv", "--robot", "eva", "--url", "http://127.0.0.1:1"), "--token"),
+        (("import", "x.csv", "--robot", "eva", "--url", "http://127.0.0.1:1"), "GRACE_TOKEN"),
         (("serve", "--host", "0.0.0.0"), "can be reached from other machines"),
         (("serve", "--port", "99999"), "port: Input should be less than"),
         (("demo", "--speed", "90"), "between 0.1 and 50"),
@@ -149,3 +153,53 @@ def test_the_database_is_copied_while_it_is_used(folder, tmp_path, capsys):
     newest = ScriptDirectory.from_config(configuration()).get_current_head()
     assert capsys.readouterr().out.splitlines()[-1] == newest
     assert (tmp_path / "copy.sqlite3").stat().st_size > 0
+
+
+def others_may(path):
+    return path.stat().st_mode & 0o077
+
+
+def test_what_a_verb_keeps_is_for_its_user_alone(folder, tmp_path, capsys):
+    mask = os.umask(0o022)
+    try:
+        grace("token", "create", "--role", "pilot", "--data", folder)
+        grace("db", "backup", tmp_path / "copy.sqlite3", "--data", folder)
+    finally:
+        assert os.umask(mask) == 0o022
+    assert not others_may(folder)
+    assert not others_may(tmp_path / "copy.sqlite3")
+    assert not any(others_may(path) for path in folder.rglob("*"))
+
+
+def test_a_folder_that_others_could_read_is_closed_to_them(folder):
+    (folder / "log").mkdir(parents=True)
+    log = folder / "log" / "station.log"
+    log.touch(0o644)
+    folder.chmod(0o755)
+    with hold_data_folder(folder):
+        assert not others_may(folder)
+        assert not others_may(log)
+        assert not any(others_may(path) for path in folder.iterdir() if path.is_file())
+
+
+@pytest.mark.parametrize(
+    ("said", "secret"),
+    [
+        ('127.0.0.1:9 - "WebSocket /api/live?robots=a&ticket=%s" [accepted]', "grace_abc"),
+        ("GET /sign-in?token=%s failed", "short"),
+        ("POST /api/gateways/rockblock/push/%s failed", "fEw_-x"),
+        ("Authorization: Bearer %s", "abc.def"),
+        ("somebody said %s here", new_secret()),
+    ],
+)
+def test_no_secret_reaches_the_log(said, secret):
+    record = logging.LogRecord("x", logging.INFO, "", 0, said, (secret,), None)
+    line = WithoutSecrets().format(record)
+    assert secret not in line
+    assert "(secret)" in line
+
+
+def test_a_token_is_no_option_that_a_list_of_processes_shows(capsys):
+    with pytest.raises(SystemExit):
+        grace("import", "dive.csv", "--robot", "eva", "--url", "http://x", "--token", "grace_x")
+    assert "--token" in capsys.readouterr().err

@@ -3,7 +3,6 @@ import json
 from datetime import UTC, datetime, timedelta
 
 import pytest
-import uvicorn
 import websockets
 from pydantic import TypeAdapter
 
@@ -15,6 +14,7 @@ from server.plan.view import LivePlanView
 from server.survey.view import LiveMissionView
 from tests.server.conftest import FAST, GRACE, MINI, api_client, open_station, until
 from tests.server.fake_link import state_report
+from tests.server.station_app import bearer
 
 NEW_ROBOT = {
     "id": "mini-2",
@@ -234,31 +234,15 @@ async def test_every_operation_is_described_and_names_its_errors(client):
     assert fields["limit_s"]["description"]
 
 
-@pytest.fixture
-async def address(client):
-    """Serve the station's application over loopback."""
-    config = uvicorn.Config(
-        client.app,
-        host="127.0.0.1",
-        port=0,
-        lifespan="off",
-        log_level="error",
-        ws_per_message_deflate=False,
-    )
-    server = uvicorn.Server(config)
-    serving = asyncio.create_task(server.serve())
-    await until(lambda: server.started)
-    port = server.servers[0].sockets[0].getsockname()[1]
-    yield f"127.0.0.1:{port}"
-    server.should_exit = True
-    await serving
+def stream_of(client, address):
+    return websockets.connect(f"ws://{address}/api/live", additional_headers=bearer(client.secret))
 
 
 async def test_live_stream_tells_gauges_plans_and_missions_in_the_shapes_of_rest(
     client, address, world
 ):
-    uri = f"ws://{address}/api/live?token={client.secret}&after=0"
-    async with websockets.connect(uri) as stream:
+    uri = f"ws://{address}/api/live?after=0"
+    async with websockets.connect(uri, additional_headers=bearer(client.secret)) as stream:
         first = json.loads(await stream.recv())
         assert set(first["robots"]) == {"mini-1", "grace-1"}
         assert [event["cursor"] for event in first["events"]] == sorted(
@@ -280,8 +264,8 @@ async def test_live_stream_tells_gauges_plans_and_missions_in_the_shapes_of_rest
 
 
 async def test_live_stream_of_one_robot_is_silent_about_the_others(client, address, world):
-    uri = f"ws://{address}/api/live?token={client.secret}&robots=grace-1"
-    async with websockets.connect(uri) as stream:
+    uri = f"ws://{address}/api/live?robots=grace-1"
+    async with websockets.connect(uri, additional_headers=bearer(client.secret)) as stream:
         assert set(json.loads(await stream.recv())["robots"]) == {"grace-1"}
         world.tell(state_report(MINI))
         assert json.loads(await stream.recv())["robots"] == {}
@@ -294,7 +278,7 @@ async def test_live_stream_needs_a_sign_in(address):
 
 
 async def test_station_that_stops_lets_the_live_stream_go(client, address, station):
-    async with websockets.connect(f"ws://{address}/api/live?token={client.secret}") as stream:
+    async with stream_of(client, address) as stream:
         await stream.recv()
         station.feed.close()
         async with asyncio.timeout(60):
@@ -304,7 +288,7 @@ async def test_station_that_stops_lets_the_live_stream_go(client, address, stati
 
 
 async def test_client_that_vanishes_leaves_no_task_behind(client, address):
-    stream = await websockets.connect(f"ws://{address}/api/live?token={client.secret}")
+    stream = await stream_of(client, address)
     await stream.recv()
     stream.transport.abort()
 

@@ -1,0 +1,99 @@
+"""A stream ends with the sign-in that opened it."""
+
+import asyncio
+import contextlib
+from datetime import UTC, datetime, timedelta
+
+import pytest
+import viser
+import websockets
+from sqlalchemy import update
+
+from db.person_tables import Session as SessionRow
+from server.access.role import Role
+from server.access.stream import LOOK_S
+from tests.server.conftest import GRACE
+from tests.server.station_app import PASSWORD, client_of, token_of
+
+SOON_S = 1.0
+
+
+@pytest.fixture
+async def bob(client):
+    """A person who signed in by a browser."""
+    for name, role in (("ann", "admin"), ("bob", "pilot")):
+        person = {"name": name, "role": role, "password": PASSWORD}
+        assert (await client.post("/api/people", json=person)).status_code == 201
+    async with client_of(client.app) as browser:
+        signed_in = await browser.post("/api/session", json={"name": "bob", "password": PASSWORD})
+        browser.headers["X-CSRF-Token"] = signed_in.json()["csrf_token"]
+        yield browser
+
+
+async def ticket(client, **options):
+    answer = await client.post("/api/session/ticket", **options)
+    return answer.json()["ticket"]
+
+
+async def revoke(client, bob):
+    del bob
+    for token in (await client.get("/api/tokens")).json()["tokens"]:
+        if token["name"] == "plot":
+            await client.delete(f"/api/tokens/{token['id']}")
+
+
+async def sign_out(client, bob):
+    del client
+    assert (await bob.delete("/api/session")).status_code == 204
+
+
+async def disable(client, bob):
+    del bob
+    assert (await client.patch("/api/people/bob", json={"disabled": True})).is_success
+
+
+async def change_role(client, bob):
+    del bob
+    assert (await client.patch("/api/people/bob", json={"role": "viewer"})).is_success
+
+
+async def expire(client, bob):
+    del bob
+    past = datetime.now(UTC) - timedelta(seconds=1)
+    await client.app.state.foundation.store.write(
+        lambda session: session.execute(update(SessionRow).values(expires_at=past))
+    )
+
+
+@pytest.mark.parametrize("path", ["/api/live", f"/view/{GRACE}"])
+@pytest.mark.parametrize("end", [revoke, sign_out, disable, change_role, expire])
+async def test_a_stream_ends_within_a_second_of_its_sign_in(client, address, bob, end, path):
+    if end is revoke:
+        headers = {"Authorization": f"Bearer {await token_of(client.app, Role.PILOT, 'plot')}"}
+        opened_by = await ticket(client, headers=headers)
+    else:
+        opened_by = await ticket(bob)
+    async with websockets.connect(
+        f"ws://{address}{path}?ticket={opened_by}",
+        subprotocols=[f"viser-v{viser.__version__}"] if path != "/api/live" else None,
+        compression=None,
+    ) as stream:
+        await stream.recv()
+        await end(client, bob)
+        with contextlib.suppress(websockets.ConnectionClosed):
+            async with asyncio.timeout(60):
+                while True:
+                    await stream.recv()
+        assert stream.close_code == 1008
+
+
+def test_streams_are_looked_at_often_enough():
+    assert LOOK_S < SOON_S / 2
+
+
+async def test_text_from_a_client_of_the_live_stream_is_ignored(client, address):
+    uri = f"ws://{address}/api/live?ticket={await ticket(client)}"
+    async with websockets.connect(uri) as stream:
+        await stream.send("what is this")
+        for _ in range(3):
+            await stream.recv()
