@@ -1,7 +1,7 @@
 """Messages from robots as satellite gateways delivered them, each once."""
 
 from dataclasses import dataclass, replace
-from datetime import datetime
+from datetime import datetime, timedelta
 from hashlib import sha256
 
 from sqlalchemy import func, select
@@ -108,9 +108,23 @@ def inbox_sizes(session: Session, robot: str, *, since: datetime) -> list[int]:
     return list(session.scalars(statement))
 
 
-def newest_session(session: Session, imei: str) -> datetime | None:
-    """Return when a modem called last, ``None`` if nothing came from it."""
-    return session.scalar(select(func.max(InboxRow.session_at)).where(InboxRow.imei == imei))
+def newest_session(session: Session, imei: str, latest: timedelta) -> datetime | None:
+    """Return when a modem last brought a word that its robot's key proves, ``None`` for never.
+
+    Args:
+        session: A reading session.
+        imei: The modem.
+        latest: A delivery that took longer names no session that can be true.
+    """
+    newest = session.execute(
+        select(InboxRow.session_at, InboxRow.arrived_at)
+        .where(InboxRow.imei == imei, InboxRow.is_decoded, func.length(InboxRow.data) > 0)
+        .order_by(InboxRow.session_at.desc())
+        .limit(1)
+    ).one_or_none()
+    if newest is None or newest.session_at < newest.arrived_at - latest:
+        return None
+    return newest.session_at
 
 
 def _record(row: InboxRow, robot: str | None) -> InboxRecord:

@@ -212,8 +212,15 @@ def iterate_samples(
         yield SampleRecord(row.measured_at, row.variable, row.value, position, row.position_std_m)
 
 
-def sampled_variables(session: Session, robot: str) -> dict[str, int]:
-    """Return how many measurements of each variable a robot has.
+def sampled_variables(
+    session: Session,
+    robot: str,
+    *,
+    start: datetime | None = None,
+    end: datetime | None = None,
+    log: int | None = None,
+) -> dict[str, int]:
+    """Return how many measurements of each variable a robot has, of a time and a log.
 
     Raises:
         UnknownIdError: If there is no such robot.
@@ -221,6 +228,7 @@ def sampled_variables(session: Session, robot: str) -> dict[str, int]:
     statement = (
         select(SampleRow.variable, func.count())
         .where(SampleRow.robot_key == robot_key(session, robot))
+        .where(*_between(start, end, log))
         .group_by(SampleRow.variable)
     )
     return {row[0]: row[1] for row in session.execute(statement)}

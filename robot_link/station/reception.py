@@ -86,15 +86,16 @@ class Reception:
         dropped = bad + len(messages) - len(own)
         self._roster.count_bad(transport, sender, dropped if sender else max(1, dropped))
         if sender is not None and own:
-            sender.peer.heard(transport, received, len(own))
-            self._watch.tell_changes(sender)
-            for message in own:
-                self._interpret(transport, sender, message, at)
-            sender.lane.contact()
+            understood = [one for message in own if (one := _read(message, sender, at)) is not None]
+            sender.peer.count_bad(transport, len(own) - len(understood))
+            if understood:
+                sender.peer.heard(transport, received, len(understood))
+                self._watch.tell_changes(sender)
+                for message, value in understood:
+                    self._interpret(sender, message, value)
+                sender.lane.contact()
 
-    def _interpret(
-        self, transport: DatagramTransport, sender: Member, message: WireMessage, at: datetime
-    ) -> None:
+    def _interpret(self, sender: Member, message: WireMessage, value: Value) -> None:
         sender.services.hear(message)
         match message:
             case grace.MAVLink_command_ack_message():
@@ -103,12 +104,7 @@ class Reception:
                 if sender.upload is not None:
                     sender.upload.hear(message)
             case _:
-                try:
-                    value = decoded(message, sender.robot, at)
-                except ValueError:
-                    sender.peer.count_bad(transport, 1)
-                else:
-                    self._take(sender, value)
+                self._take(sender, value)
 
     def _take(self, sender: Member, value: Value) -> None:
         match value:
@@ -136,3 +132,11 @@ class Reception:
             sender.upload.hear(report)
         if report.state not in (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED):
             self._on_event(report)
+
+
+def _read(message: WireMessage, sender: Member, at: datetime) -> tuple[WireMessage, Value] | None:
+    """Return a message with what it tells; ``None`` for one that cannot be understood."""
+    try:
+        return message, decoded(message, sender.robot, at)
+    except ValueError:
+        return None

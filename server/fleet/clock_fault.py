@@ -23,6 +23,9 @@ same, and not for less long than this."""
 _STEADY_REPORTS: Final = 5
 _WAY_MAX: Final = timedelta(days=1)
 """A gateway delivers for half a day; a state that is older was dated by a wrong clock."""
+_SAID_AGAIN: Final = timedelta(seconds=60)
+"""So long after a state of now, one of long ago accuses no clock unless others follow."""
+_NEVER_SET: Final = timedelta(days=365)
 _YEAR_DAYS: Final = 365.25
 
 
@@ -49,6 +52,8 @@ class ClockJudge:
         self._speed = max(1.0, speed)
         self._late_since: datetime | None = None
         self._late_by = timedelta()
+        self._right_at: datetime | None = None
+        """When a state of now came last."""
         self._late_reports = 0
         self._told_ahead = timedelta()
         self.fault: ClockFault | None = None
@@ -64,7 +69,10 @@ class ClockJudge:
         ahead = report.measured_at - report.received_at
         if not is_prompt and self._may_be_on_its_way(ahead):
             return
-        is_wrong = ahead > AHEAD_MAX * self._speed or -ahead > _WAY_MAX * self._speed
+        is_wrong = ahead > AHEAD_MAX * self._speed or (
+            -ahead > _WAY_MAX * self._speed
+            and not self._may_be_said_again(report.received_at, -ahead)
+        )
         is_behind = is_prompt and self._is_behind(report.received_at, -ahead)
         self.fault = self._fault(report.robot, ahead) if is_wrong or is_behind else None
 
@@ -86,10 +94,20 @@ class ClockJudge:
             return False
         return -_WAY_MAX * self._speed < self.fault.ahead < timedelta()
 
+    def _may_be_said_again(self, received_at: datetime, late_by: timedelta) -> bool:
+        """Tell whether states of now came until a moment ago, and a robot may have said this one.
+
+        A clock that was never set is years behind.
+        """
+        if self._right_at is None or late_by > _NEVER_SET:
+            return False
+        return received_at - self._right_at < _SAID_AGAIN * self._speed
+
     def _is_behind(self, received_at: datetime, late_by: timedelta) -> bool:
         """Tell whether states arrive so late, and for so long, that nothing but a clock does it."""
         if late_by <= _BEHIND_MAX * self._speed:
             self._late_since = None
+            self._right_at = received_at
             return False
         if self._late_since is None or abs(late_by - self._late_by) > _STEADY * self._speed:
             self._late_since, self._late_by, self._late_reports = received_at, late_by, 0

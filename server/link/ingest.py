@@ -140,8 +140,8 @@ class Ingest:
     def _take_plan_report(self, report: PlanReport) -> None:
         report = self._clock_of(report.robot).dated(report)
         self._append(report)
-        self._fleet.take_plan_report(report)
-        self._bus.publish(PlanReported(report))
+        if self._fleet.take_plan_report(report):
+            self._bus.publish(PlanReported(report))
 
     def _take_state(self, report: StateReport, *, is_prompt: bool) -> None:
         judge = self._clock_of(report.robot)

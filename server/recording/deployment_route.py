@@ -130,7 +130,11 @@ async def _view(store: Store, record: DeploymentRecord) -> DeploymentView:
     samples = record.rows * len(record.variables)
     variables = list(record.variables)
     if record.kind == "live":
-        counts = await store.query(lambda session: sampled_variables(session, record.robot))
+        counts = await store.query(
+            lambda session: sampled_variables(
+                session, record.robot, start=record.started_at, end=record.ended_at
+            )
+        )
         samples, variables = sum(counts.values()), sorted(counts)
     return same(
         DeploymentView,

@@ -27,19 +27,16 @@ def csv_blocks(
     session: Session, deployment: DeploymentRecord, robot: RobotRecord
 ) -> Generator[str]:
     """Yield the deployment's samples as CSV that ``grace import`` takes back."""
-    variables = deployment.variables or tuple(sorted(sampled_variables(session, robot.id)))
+    start, end, log = deployment.started_at, deployment.ended_at, deployment.log
+    variables = deployment.variables or tuple(
+        sorted(sampled_variables(session, robot.id, start=start, end=end, log=log))
+    )
     units = ", ".join(f"{key} {VARIABLES[key].unit}" for key in variables if key in VARIABLES)
     yield _mark(robot) + (
         f"{COMMENT} {robot.id}, {deployment.id}: time Unix s (UTC), latitude deg, longitude deg, "
         f"depth m (positive down), {units}\n" + ",".join((*POSITION_COLUMNS, *variables)) + "\n"
     )
-    samples = iterate_samples(
-        session,
-        robot.id,
-        start=deployment.started_at,
-        end=deployment.ended_at,
-        log=deployment.log,
-    )
+    samples = iterate_samples(session, robot.id, start=start, end=end, log=log)
     block: list[list[SampleRecord]] = []
     for _, together in groupby(samples, key=lambda sample: sample.measured_at):
         block.append(list(together))

@@ -17,8 +17,8 @@ _MISSED: Final = 2
 class Heard:
     """What a modem brought."""
 
-    session_at: datetime
-    """Of its newest session, by the satellite network's clock."""
+    session_at: datetime | None
+    """Of its newest session that brought a word of the robot, by the satellite network's clock."""
     frames_received: int
     frames_bad: int
 
@@ -28,7 +28,7 @@ def next_session_at(status: RobotStatus, heard: Heard | None, period_s: float) -
 
     One that dived calls when it comes up; one that radio reaches does not call at all.
     """
-    if heard is None or status.radio_state is LinkState.LIVE:
+    if heard is None or heard.session_at is None or status.radio_state is LinkState.LIVE:
         return None
     if _has_dived(status):
         return status.next_surfacing()
@@ -85,15 +85,21 @@ def out_of_contact_text(status: RobotStatus, config: SatelliteConfig) -> str:
 def _state(
     status: RobotStatus, heard: Heard | None, config: SatelliteConfig, now: datetime
 ) -> LinkState:
-    if heard is None:
+    overdue = None if heard is None else overdue_at(heard, config)
+    if overdue is None:
         return LinkState.NEVER_HEARD
     if _has_dived(status):
         return LinkState.SUBMERGED
-    return LinkState.LIVE if now < overdue_at(heard, config) else LinkState.STALE
+    return LinkState.LIVE if now < overdue else LinkState.STALE
 
 
-def overdue_at(heard: Heard, config: SatelliteConfig) -> datetime:
-    """Return when a robot at the surface counts as overdue if it does not call before."""
+def overdue_at(heard: Heard, config: SatelliteConfig) -> datetime | None:
+    """Return when a robot at the surface counts as overdue if it does not call before.
+
+    ``None`` for one that was never heard.
+    """
+    if heard.session_at is None:
+        return None
     return heard.session_at + timedelta(seconds=_MISSED * config.session_period_s)
 
 

@@ -1,6 +1,7 @@
 """Who was heard by satellite when, as the fleet shows it."""
 
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
+from typing import Final
 
 from db.query.inbox import newest_session
 from db.store import Store
@@ -18,6 +19,10 @@ from server.satellite.contact import (
     overdue_at,
 )
 from server.satellite.modem import Modem, modems_of
+
+LATEST_DELIVERY: Final = timedelta(days=5)
+"""A gateway keeps a message no longer."""
+_NEVER: Final = datetime.min.replace(tzinfo=UTC)
 
 
 class Hearing:
@@ -37,19 +42,26 @@ class Hearing:
         """Read once when a modem called last."""
         if modem.imei in self._heard:
             return
-        newest = await self._store.query(lambda session: newest_session(session, modem.imei))
+        newest = await self._store.query(
+            lambda session: newest_session(session, modem.imei, LATEST_DELIVERY)
+        )
         self._heard.setdefault(modem.imei, None if newest is None else Heard(newest, 0, 0))
 
     def note(
-        self, modem: Modem, message: MobileOriginated, settings: Settings, *, is_bad: bool
+        self, modem: Modem, message: MobileOriginated, settings: Settings, *, is_proved: bool
     ) -> None:
-        """Note that a modem called; a gateway whose clock is ahead hears nobody later than now."""
-        session_at = min(message.session_at, self._clock.now())
-        known = self._heard.get(modem.imei) or Heard(session_at, 0, 0)
+        """Note a message; only what the robot's key proves says that the robot was heard.
+
+        A gateway whose clock is ahead hears nobody later than now, and one that names a session
+        from before it could still deliver it hears nobody.
+        """
+        known = self._heard.get(modem.imei) or Heard(None, 0, 0)
+        is_contact = is_proved and message.session_at >= message.arrived_at - LATEST_DELIVERY
+        session_at = min(message.session_at, self._clock.now()) if is_contact else None
         self._heard[modem.imei] = Heard(
-            max(known.session_at, session_at),
-            known.frames_received + (not is_bad),
-            known.frames_bad + is_bad,
+            max(filter(None, (known.session_at, session_at)), default=None),
+            known.frames_received + is_proved,
+            known.frames_bad + (not is_proved and bool(message.data)),
         )
         self._report(self._fleet.status(modem.robot), modem, settings)
 
@@ -58,7 +70,8 @@ class Hearing:
         modems = modems_of(status.record)
         self.show_links(status, account.settings)
         heard = [found for one in modems if (found := self._heard.get(one.imei)) is not None]
-        newest = max(heard, key=lambda one: one.session_at, default=None)
+        called = [one for one in heard if one.session_at is not None]
+        newest = max(called, key=lambda one: one.session_at or _NEVER, default=None)
         period_s = account.settings.satellite.session_period_s
         shown = SatelliteStatus(
             credits_today=account.budget.spent,
@@ -74,7 +87,7 @@ class Hearing:
         heard = [found for one in modems_of(status.record) if (found := self._heard.get(one.imei))]
         lost_at = contact_lost_at(status, settings.satellite)
         moments = [overdue_at(one, settings.satellite) for one in heard]
-        return moments if lost_at is None else [*moments, lost_at]
+        return [one for one in (*moments, lost_at) if one is not None]
 
     def show_links(self, status: RobotStatus, settings: Settings) -> None:
         """Show the satellite links of a robot by what is known of its settings already."""

@@ -7,8 +7,6 @@ settled when the station starts is told again, which changes nothing that was st
 
 from collections.abc import Awaitable, Callable, Sequence
 from dataclasses import dataclass, replace
-from datetime import timedelta
-from typing import Final
 
 from sqlalchemy.orm import Session
 
@@ -25,12 +23,10 @@ from robot_link.messages import PlanHash, RawFrame
 from robot_link.station.gateway.gateway import MobileOriginated
 from server.fleet.words import carrier_title
 from server.satellite.content import FindPlan, Reading, Telling, read, values_of
+from server.satellite.hearing import LATEST_DELIVERY
 from server.satellite.message_row import fetched
 from server.satellite.modem import Modem
 from server.satellite.row_kind import RobotSession, RowKinds
-
-_IN_QUEUE: Final = timedelta(days=5)
-"""A gateway keeps a message no longer, so an older one cannot be meant by its number."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,7 +156,7 @@ def _prove(
     content, at = reading.content, message.session_at
     brought = None
     if message.mtmsn:
-        brought = message_of_mtmsn(session, message.imei, message.mtmsn, at - _IN_QUEUE)
+        brought = message_of_mtmsn(session, message.imei, message.mtmsn, at - LATEST_DELIVERY)
     said = RobotSession(
         acks=() if content is None else tuple(content.acks),
         answers=() if content is None else tuple(content.answers),

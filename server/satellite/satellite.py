@@ -184,8 +184,9 @@ class Satellite:
         if modem is not None:
             self._bus.publish(MessageArrived(modem.robot))
         if arrival.is_new and modem is not None:
-            settings, is_bad = self.settings(modem.robot), bool(arrival.reading.fault)
-            self._hearing.note(modem, message, settings, is_bad=is_bad)
+            is_proved = arrival.reading.content is not None
+            settings = self.settings(modem.robot)
+            self._hearing.note(modem, message, settings, is_proved=is_proved)
             for row in arrival.changed:
                 self._row_changed(row)
             if not arrival.reading.fault:

@@ -172,6 +172,20 @@ async def test_a_robots_radio_cannot_speak_for_another_robot(tmp_path: Path):
         assert not heard.of(StateReport)
 
 
+async def test_what_is_not_understood_is_no_contact(tmp_path: Path):
+    async with rig(tmp_path) as it:
+        it.reachable.clear()
+        async with it.station() as (station, _heard):
+            await until(lambda: station.link_report(MINI).state is LinkState.NEVER_HEARD)
+            impossible = state_message(state(SystemClock().now()))
+            impossible.x = float("nan")
+            frame = Codec(SYSTEMS[MINI], ROBOT_COMPONENT).pack(impossible)
+            await it.air.transmit(Address(0xBAD), STATION, frame)
+            await until(lambda: station.link_report(MINI).frames_bad == 1)
+            assert station.link_report(MINI).state is LinkState.NEVER_HEARD
+            assert station.link_report(MINI).radio == ""
+
+
 async def test_garbage_from_the_air_and_impossible_content_are_counted(tmp_path: Path):
     async with rig(tmp_path) as it, it.station(bind=True) as (station, heard):
         await until(lambda: station.link_report(MINI).state is LinkState.LIVE)

@@ -8,6 +8,7 @@ import pytest
 from db.query.events import newest_events
 from db.query.samples import newest_samples, sample_columns
 from db.tables import RawFrameRow, SampleRow, StateRow
+from robot_link.messages import OnboardPlanState, PlanReport
 from tests.server.conftest import MINI, open_station, until
 from tests.server.fake_link import state_report
 
@@ -185,3 +186,35 @@ async def test_what_robots_said_is_there_after_a_restart(tmp_path, world):
         assert status.state.position_ned == (1.3, 0.7, 0.4)
         assert status.samples["blue_light"].value == 77.0
         assert len(status.track.since(0).position_ned) == 1
+
+
+async def test_old_word_on_the_plan_that_is_said_again_takes_nothing_back(station, world):
+    failed = PlanReport(
+        robot=MINI,
+        sha256=None,
+        state=OnboardPlanState.FAILED,
+        leg=0,
+        legs=0,
+        energy_used=0.0,
+        reason="too deep",
+        measured_at=datetime.now(UTC),
+        received_at=datetime.now(UTC),
+    )
+    old = replace(
+        failed,
+        state=OnboardPlanState.RUNNING,
+        measured_at=failed.measured_at - timedelta(hours=1),
+    )
+    world.tell(failed)
+    world.tell(old)
+    assert station.fleet.status(MINI).plan_report == failed
+
+
+async def test_one_state_of_long_ago_is_no_state_of_now(station, world):
+    now = datetime.now(UTC)
+    world.tell(state_report(MINI, (1.0, 0.5, 0.2), at=now, battery_fraction=0.05))
+    days_ago = now - timedelta(days=3)
+    world.tell(state_report(MINI, at=now, measured_at=days_ago, battery_fraction=0.9))
+    status = station.fleet.status(MINI)
+    assert status.state.battery_fraction == 0.05
+    assert status.clock_fault is None

@@ -4,6 +4,7 @@ import asyncio
 import io
 import math
 from dataclasses import replace
+from datetime import timedelta
 from pathlib import Path
 
 import pytest
@@ -17,6 +18,7 @@ from server.recording.table import Policy, read_recording
 from tests.db.conftest import report, robot_record, sample
 from tests.server.station_app import running, signed_in
 
+HOUR = timedelta(hours=1)
 REAL = Path(__file__).parents[4] / "shared" / "data" / "eva035_chl_temp.csv"
 
 
@@ -181,6 +183,21 @@ async def test_what_a_simulated_robot_measured_is_marked_wherever_it_goes(app, p
     feature = (await pilot.get(f"{path}?format=geojson")).json()
     assert feature["properties"]["simulation"] is True
     assert "<name>SIMULATION: " in (await pilot.get(f"{path}?format=kml")).text
+
+
+async def test_a_deployment_counts_what_it_gives_away(app, pilot):
+    store = app.state.foundation.store
+    record = robot_record()
+    await store.write(lambda session: add_robot(session, record))
+    before = replace(
+        sample(0), sequence=7, variable="temperature", measured_at=record.created_at - HOUR
+    )
+    await asyncio.wrap_future(store.append([report(0), sample(0), sample(1), before]))
+    [deployment] = (await pilot.get("/api/deployments?robot=mini-1")).json()["deployments"]
+    csv = (await pilot.get(f"/api/deployments/{deployment['id']}/export")).text
+    names, *rows = [line for line in csv.splitlines() if not line.startswith("#")]
+    assert (deployment["samples"], deployment["variables"]) == (len(rows), ["blue_light"])
+    assert "temperature" not in names
 
 
 def test_maps_are_fitted_until_the_work_is_called_off():

@@ -1,6 +1,7 @@
 """Messages from robots, orders to them, and plugs: what a satellite link does beside plans."""
 
 from dataclasses import replace
+from datetime import UTC, datetime
 
 import pytest
 from sqlalchemy import select
@@ -9,6 +10,7 @@ from db.query.events import newest_events
 from db.query.samples import newest_samples
 from db.tables import RawFrameRow
 from robot_link.messages import (
+    LinkState,
     LogId,
     OnboardPlanState,
     RobotMode,
@@ -24,7 +26,7 @@ from tests.server.far import (
     order,
     settled,
 )
-from tests.server.sky import URI
+from tests.server.sky import URI, Caller
 
 pytestmark = pytest.mark.usefixtures("no_radio")
 
@@ -251,3 +253,57 @@ async def test_key_that_cannot_be_read_holds_messages_back_and_ends_nothing(
     await settled(station)
     await until(lambda: sky.calls)
     assert await sky.deliver(robot.message()) is True
+
+
+def satellite_link(station):
+    return station.fleet.status(GRACE).satellite_link
+
+
+async def test_only_what_the_robots_key_proves_is_contact(tmp_path, world, sky, robot, monkeypatch):
+    """Garbage, another key, an empty message, and a session that no gateway could still bring."""
+    long_ago = datetime(2020, 1, 1, tzinfo=UTC)
+    stranger = Caller(sky, GRACE, 2, bytes(32), robot.imei)
+    unproved = [
+        robot.message(data=b"hello"),
+        stranger.message(),
+        stranger.message(session_at=long_ago),
+        robot.message(session_at=long_ago),
+        robot.message(data=b""),
+    ]
+    for _ in range(2):  # before and after a restart
+        async with far_station(tmp_path, world, sky, monkeypatch) as (station, client):
+            for said in unproved:
+                await sky.deliver(said)
+            await settled(station)
+            await station.satellite.refresh()
+            assert satellite_link(station).state is LinkState.NEVER_HEARD
+            assert satellite_link(station).heard_at is None
+            shown = (await client.get("/api/robots/grace-1/satellite")).json()
+            assert shown["next_session_at"] is None
+            sky.clock.advance(hours=4)
+            await station.satellite.refresh()
+            assert [one.cause for one in station.foundation.alarms.open if one.robot == GRACE] == []
+
+
+async def test_old_record_under_a_new_number_ends_no_alarm(far, sky, robot):
+    station, _ = far
+    old = robot.message()
+    await sky.deliver(old)
+    await settled(station)
+    heard_at = satellite_link(station).heard_at
+    sky.clock.advance(hours=4)
+
+    def overdue():
+        return [
+            one.cleared_at is None
+            for one in station.foundation.alarms.open
+            if (one.robot, one.cause) == (GRACE, "contact")
+        ]
+
+    await until(overdue)
+    await sky.deliver(replace(old, momsn=old.momsn + 9, session_at=sky.clock.now()))
+    await settled(station)
+    await station.satellite.refresh()
+    assert satellite_link(station).heard_at == heard_at
+    assert satellite_link(station).state is LinkState.STALE
+    assert overdue() == [True]
