@@ -1,4 +1,5 @@
 import { untrack } from 'svelte';
+import { sentence } from '../api/problem';
 import type { Mission, ObjectivePoint, Plan } from '../api/types';
 import { Fetched } from './fetched.svelte';
 import type { Station } from './station.svelte';
@@ -10,6 +11,8 @@ export class PlanWatch {
   #id = $state.raw<string | null>(null);
   #whole = $state.raw<Plan | null>(null);
   #curve = $state.raw<readonly ObjectivePoint[]>([]);
+  /** Why the plan could not be fetched, until it is. */
+  refusal = $state.raw('');
   #again: ReturnType<typeof setTimeout> | undefined;
   #isFollowed = false;
   readonly #station: Station;
@@ -33,6 +36,11 @@ export class PlanWatch {
     return whole.length >= this.#curve.length ? whole : this.#curve;
   });
 
+  /** Whether all is known of what is to be shown: it has come, or there is none. */
+  isKnown(id: string | null): boolean {
+    return id === null || this.plan?.id === id;
+  }
+
   /** Follow a plan until the returned function is called; for effects. */
   follow(id: string | null): () => void {
     this.#isFollowed = true;
@@ -40,6 +48,7 @@ export class PlanWatch {
       this.#id = id;
       this.#whole = null;
       this.#curve = [];
+      this.refusal = '';
     }
     const news = this.#news;
     this.#collect(news);
@@ -67,6 +76,7 @@ export class PlanWatch {
       const plan = await this.#station.api.plan(id);
       if (untrack(() => this.#id) !== id) return;
       this.#whole = plan;
+      this.refusal = '';
       if (
         isCurrent(
           plan,
@@ -74,8 +84,9 @@ export class PlanWatch {
         )
       )
         return;
-    } catch {
+    } catch (error) {
       if (untrack(() => this.#id) !== id) return;
+      this.refusal = sentence(error);
     }
     clearTimeout(this.#again);
     if (!this.#isFollowed) return;
@@ -122,6 +133,13 @@ export class MissionWatch {
     this.#id = id;
     void [this.#stamp, this.#station.revision('mission')];
     return this.#source.follow(id);
+  }
+
+  readonly refusal = $derived.by(() => this.#source.refusal);
+
+  /** Whether all is known of what is to be shown: it has come, or there is none. */
+  isKnown(id: string | null): boolean {
+    return id === null || this.mission?.id === id;
   }
 
   refresh(): Promise<void> {

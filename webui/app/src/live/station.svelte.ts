@@ -46,6 +46,8 @@ export class Station {
 
   readonly #robots = new Fetched(() => this.#readRobots());
   readonly robots = $derived.by((): readonly Robot[] => this.#robots.value ?? []);
+  /** Whether the station has said which robots it has. */
+  readonly hasRobots = $derived.by(() => this.#robots.value !== null);
   readonly live = $state<Record<string, RobotLive>>({});
   plans = $state.raw<Readonly<Record<string, Partial<Plan>>>>({});
   missions = $state.raw<Readonly<Record<string, Partial<Mission>>>>({});
@@ -55,6 +57,8 @@ export class Station {
   events = $state.raw<readonly StationEvent[]>([]);
   readonly #alarms = new Fetched(() => this.#readAlarms());
   readonly alarms = $derived.by((): readonly Alarm[] => this.#alarms.value ?? []);
+  /** Whether the station has said which alarms stand. */
+  readonly hasAlarms = $derived.by(() => this.#alarms.value !== null);
   unacknowledged = $state.raw(0);
 
   /** Local time that ages and countdowns are read at; moves in steps. */
@@ -90,6 +94,8 @@ export class Station {
   readonly silence = $derived(
     this.#lastTickAt === null ? null : Math.max(0, (this.localNow - this.#lastTickAt) / 1000),
   );
+  /** Whether the live stream has told of the robots. */
+  readonly hasTold = $derived(this.#lastTickAt !== null);
   readonly isLive = $derived(this.silence !== null && this.silence < QUIET_S);
   /** It said something once and says nothing now: everything shown is what was known last. */
   readonly isSilent = $derived(this.silence !== null && !this.isLive);

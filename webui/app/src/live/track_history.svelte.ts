@@ -16,6 +16,8 @@ const FILL_REST_MS = 5000;
 export class TrackHistory {
   /** The oldest first; replaced as a whole. */
   reports = $state.raw<readonly TargetReport[]>([]);
+  /** Whether the station has said what it kept. */
+  isKnown = $state.raw(false);
   #kept: readonly TargetReport[] = [];
   readonly #filling: Fetched<void>;
 
@@ -38,6 +40,7 @@ export class TrackHistory {
   async #fill(api: Api, robot: string, plan: string | null): Promise<void> {
     const after = this.#kept.at(-1)?.measured_at ?? null;
     const { reports } = await api.tracking(robot, { plan, after, limit: LOADED });
+    this.isKnown = true;
     if (reports.length === 0) return;
     this.#kept = merged(this.#kept, reports).slice(-KEPT);
     this.#show(untrack(() => this.reports));

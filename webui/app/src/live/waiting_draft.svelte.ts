@@ -16,6 +16,11 @@ export class WaitingDraft {
 
   readonly newest = $derived.by(() => newestDraft(this.#drafts.value ?? [], this.#kind));
 
+  /** Whether the station has said which drafts wait. */
+  readonly isKnown = $derived.by(() => this.#drafts.value !== null);
+
+  readonly refusal = $derived.by(() => this.#drafts.refusal);
+
   /** Which plans the live stream tells of, and in what state: any change is reason to ask. */
   readonly #news = $derived.by(() =>
     Object.entries(this.#station.plans)
