@@ -66,11 +66,24 @@ def test_a_survey_is_planned_sent_flown_and_mapped(page, demo, station):
     open_page(page, demo, "/robot/mini-1")
     expect_scene(page)
     shoot(page, "robot")
+    look_at_the_plan_on_board(page)
     open_page(page, demo, "/map/mini-1")
     expect(page.get_by_text("Standard deviation").first).to_be_visible(timeout=240_000)
     expect(page.get_by_text("Against the truth")).to_be_visible(timeout=240_000)
     look_at_the_map(page, demo)
     shoot(page, "map")
+
+
+def look_at_the_plan_on_board(page):
+    """On board or not, a plan is predicted: dashed, and thinner than the best of the track."""
+    page.get_by_text("From above", exact=True).click()
+    leg = page.locator(".map-leg").first
+    expect(leg).to_be_attached()
+    style = leg.evaluate("each => [getComputedStyle(each).strokeDasharray,"
+                         " parseFloat(getComputedStyle(each).strokeWidth)]")  # fmt: skip
+    assert style[0] != "none"
+    assert style[1] < 2.0
+    page.get_by_text("3D", exact=True).first.click()
 
 
 def send(page):

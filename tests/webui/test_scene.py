@@ -181,6 +181,18 @@ def test_a_plan_that_ended_promises_nothing(scene, source, state):
     assert not any(part.has_content for part in parts)
 
 
+@pytest.mark.parametrize("state", ["draft", "sent", "on_board", "running"])
+def test_a_plan_is_dashed_and_thinner_than_what_was_flown(scene, source, state):
+    source.set_plan_state(state)
+    scene.update()
+    drawn, flown = scene._stage._nodes["plan/legs"], scene._stage._nodes["track/tail"]
+    assert drawn.thickness < flown.thickness
+    promised = np.linalg.norm(np.diff(source.plan().points[:, 1:4], axis=0), axis=1).sum()
+    dashes = np.linalg.norm(np.diff(drawn.points, axis=1), axis=2).ravel()
+    assert 0.5 < dashes.sum() / promised < 0.8
+    assert dashes.max() < 0.05 * source.site.water.x_max_m
+
+
 def test_exaggeration_moves_robot_and_surroundings_together(scene, source):
     scene.update()
     scene._panel._exaggeration.value = 4.0

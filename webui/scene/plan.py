@@ -12,8 +12,10 @@ from webui.scene.robot import ring_enu
 from webui.scene.source import PlanView, SceneSource
 from webui.scene.stage import Stage
 
-_DASH_S = 2
-"""Every second piece between points is drawn, so that the promised looks promised."""
+_DASH_SHARE = 0.012
+"""Dash of the promised as a part of the water's longer side, so that it looks promised."""
+_PLAN_PX = 1.5
+"""Thinner than what was flown, whatever the state of the plan."""
 _DASHES = 120
 """Dashes of a rehearsed track."""
 _REHEARSED_PX = 1.4
@@ -88,9 +90,12 @@ class PlannedTrajectory:
             self._draw(plan)
 
     def _draw(self, plan: PlanView) -> None:
-        points, colours = _segments(plan)
-        self._stage.lines(_LEGS, points, colours, 2.0 if plan.state == "running" else 3.0)
-        self.legs.is_drawn()
+        water = self._source.site.water
+        longer_m = max(water.x_max_m - water.x_min_m, water.y_max_m - water.y_min_m)
+        segments, colours = _segments(plan, _DASH_SHARE * longer_m)
+        if len(segments) > 0:
+            self._stage.lines(_LEGS, segments, colours, _PLAN_PX)
+            self.legs.is_drawn()
         draw_uncertainty(self._stage, plan.points)
         self.uncertainty.is_drawn()
         if plan.rehearsed_ned is not None and len(plan.rehearsed_ned) > 1:
@@ -132,27 +137,29 @@ class Part:
             self._stage.show(name, visible)
 
 
-def _segments(plan: PlanView) -> tuple[FloatArray, np.ndarray]:
+def _segments(plan: PlanView, dash_m: float) -> tuple[FloatArray, np.ndarray]:
     """Cut the promised points into dashes and colour each by its leg's primitive.
+
+    Args:
+        plan: With at least two points.
+        dash_m: Length of a dash, m.
 
     Returns:
         Segments in ENU metres, shape ``(n, 2, 3)``, and their colours, same shape.
     """
     ends = np.cumsum([leg.duration_s for leg in plan.legs])
     kinds = [leg.kind.value for leg in plan.legs]
-    track = _refined(plan.points)
-    leg_of = np.minimum(np.searchsorted(ends, track[:-1, 0], side="right"), len(kinds) - 1)
-    colours = np.array([PRIMITIVE[kinds[leg]] for leg in leg_of], dtype=np.uint8)
-    if plan.leg_now is not None:
-        faded = leg_of < plan.leg_now
-        colours[faded] = (colours[faded] * 0.45).astype(np.uint8)
-    positions = ned_to_enu(track[:, 1:4])
-    segments = np.stack([positions[:-1], positions[1:]], axis=1)[::_DASH_S]
-    return segments, np.stack([colours, colours], axis=1)[::_DASH_S]
-
-
-def _refined(points: FloatArray, parts: int = 4) -> FloatArray:
-    """Interpolate between points, so that dashes are short; shape ``(m, 5)``."""
-    at = np.arange(len(points))
-    fine = np.linspace(0, len(points) - 1, (len(points) - 1) * parts + 1)
-    return np.stack([np.interp(fine, at, points[:, c]) for c in range(points.shape[1])], axis=-1)
+    pieces: list[FloatArray] = []
+    shades: list[np.ndarray] = []
+    leg_of = np.searchsorted(ends, plan.points[:-1, 0], side="right")
+    for leg in range(len(kinds)):
+        within = np.flatnonzero(np.minimum(leg_of, len(kinds) - 1) == leg)
+        if len(within) == 0:
+            continue
+        colour = np.array(PRIMITIVE[kinds[leg]], dtype=np.uint8)
+        if plan.leg_now is not None and leg < plan.leg_now:
+            colour = (colour * 0.45).astype(np.uint8)
+        drawn = dashes(plan.points[within[0] : within[-1] + 2, 1:4], dash_m)
+        pieces.append(ned_to_enu(drawn))
+        shades.append(np.broadcast_to(colour, drawn.shape))
+    return np.concatenate(pieces), np.concatenate(shades)

@@ -84,13 +84,13 @@ export class SiteDrawing {
     }
   }
 
-  /** Legs by primitive; `isProved` legs are drawn solid, planned ones dashed. */
-  showPlan(legs: readonly Leg[], isProved: boolean): void {
+  /** Legs by primitive, dashed and thin: predicted, wherever the plan is; solid is what was flown. */
+  showPlan(legs: readonly Leg[]): void {
     this.#plan.clearLayers();
     for (const leg of legs) {
       const points = legPoints(leg).map(([north, east]): [number, number] => [north, east]);
       L.polyline(points, {
-        className: `map-leg map-${leg.kind}${isProved ? '' : ' map-planned'}`,
+        className: `map-leg map-${leg.kind}`,
       })
         .bindTooltip(PRIMITIVES[leg.kind].title, { sticky: true })
         .addTo(this.#plan);

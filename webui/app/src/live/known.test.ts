@@ -1,6 +1,6 @@
 import { render } from 'svelte/server';
 import { describe, expect, test, vi } from 'vitest';
-import type { Mission, Plan } from '../api/types';
+import type { Plan } from '../api/types';
 import EmptyState from '../part/EmptyState.svelte';
 import { MissionWatch, PlanWatch } from './plan_watch.svelte';
 import type { Station } from './station.svelte';
