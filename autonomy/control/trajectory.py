@@ -45,9 +45,13 @@ def straight_glide(
     return Reference((n, e, d), pitch_rad, velocity_ned)
 
 
+LINEAR_GLIDE_VELOCITY_NED: Triple = (0.02, 0.02, 0.03)
+"""Velocity of the linear glide, m/s."""
+
+
 def linear_glide(time_s: float) -> Reference:
     """Linear glide of thesis section 3.3.1."""
-    return straight_glide((3.0, 1.5, 0.0), (0.02, 0.02, 0.03), -math.pi / 4.0, time_s)
+    return straight_glide((3.0, 1.5, 0.0), LINEAR_GLIDE_VELOCITY_NED, -math.pi / 4.0, time_s)
 
 
 def sawtooth(time_s: float) -> Reference:

@@ -8,6 +8,8 @@ from pydantic import model_validator
 
 from autonomy.configuration import Configuration, quantity
 from autonomy.control.catalogue import ControllerConfig
+from autonomy.control.trajectory import LINEAR_GLIDE_VELOCITY_NED
+from autonomy.site import Site
 
 ReferenceName = Literal[
     "linear_glide", "sawtooth", "diagonal", "figure_eight", "straight_glide", "level_swim"
@@ -232,4 +234,31 @@ TRIAL_PRESETS: dict[str, TrialConfig] = {
         start=StartConfig(north_m=-7.5, east_m=-4.0, forward_speed_m_s=0.1),
     ),
 }
-"""Scenario that a form starts with, by vehicle."""
+"""Scenario that a form starts with, by vehicle, in water without bounds."""
+_SHORTEST_S = 60.0
+"""A glide that has room for less says little of a controller."""
+
+
+def fitting(trial: TrialConfig, site: Site) -> TrialConfig:
+    """Return a scenario whose glide stays in the water of a site.
+
+    A glide that would go too deep ends where the surveyed part of the water ends; where too little
+    is left of it, it becomes the diagonal of the thesis's own tank, from the reference's first
+    point.
+
+    Args:
+        trial: The scenario as it is in deep water.
+        site: Where the robot is.
+    """
+    if trial.reference == "linear_glide":
+        sink_m_s = LINEAR_GLIDE_VELOCITY_NED[2]
+    elif trial.reference == "straight_glide" and trial.straight.glide_angle_rad < 0.0:
+        sink_m_s = trial.straight.vertical_speed_m_s
+    else:
+        return trial
+    longest_s = math.floor(site.domain.depth_max_m / sink_m_s)
+    if longest_s >= _SHORTEST_S:
+        return trial.model_copy(update={"duration_s": min(trial.duration_s, longest_s)})
+    tank = TABLE_3_3_DIAGONAL
+    update = {"reference": tank.reference, "duration_s": tank.duration_s, "start": tank.start}
+    return trial.model_copy(update=update)

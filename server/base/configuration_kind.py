@@ -16,7 +16,7 @@ from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.vehicle.battery import BATTERY_PRESETS, BatteryConfig
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.trim import TRIM_PRESETS, TrimConfig
-from autonomy.whatif.config import TRIAL_PRESETS, TrialConfig
+from autonomy.whatif.config import TRIAL_PRESETS, TrialConfig, fitting
 from db.query.robots import RobotRecord
 from robot_link.acoustic.config import AcousticConfig
 from robot_link.satellite.config import RoutingConfig, SatelliteConfig
@@ -92,6 +92,10 @@ def _by_variable(robot: RobotRecord, vehicle: str) -> FieldConfig:
     return FIELD_PRESETS.get(robot.site.variable, FieldConfig())
 
 
+def _trial_by_water(robot: RobotRecord, vehicle: str) -> TrialConfig:
+    return fitting(TRIAL_PRESETS.get(vehicle, TrialConfig()), robot.site)
+
+
 KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
     {
         kind.key: kind
@@ -106,7 +110,9 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
                 "tracking", "Target tracking", TRACKING_PRESETS, TrackingConfig(), WITH_MISSION
             ),
             _by_vehicle("battery", "Battery", BATTERY_PRESETS, BatteryConfig()),
-            _by_vehicle("trial", "What-if scenario", TRIAL_PRESETS, TrialConfig()),
+            ConfigurationKind(
+                "trial", "What-if scenario", TrialConfig, TrialConfig(), _trial_by_water
+            ),
             _by_vehicle(
                 "identification", "Identification", IDENTIFICATION_PRESETS, IdentificationConfig()
             ),

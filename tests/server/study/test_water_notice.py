@@ -1,10 +1,16 @@
 """What is told of a reference that does not fit into the robot's water."""
 
+from datetime import UTC, datetime
+
 import numpy as np
 import pytest
 
 from autonomy.site import LAKE, TANK
+from autonomy.vehicle.config import VEHICLES
 from autonomy.whatif.result import Track
+from autonomy.whatif.setting import packed_references
+from db.query.robots import RobotRecord
+from server.base.configuration_kind import KINDS
 from server.study.whatif import water_notices
 from tests.server.study.test_whatif_api import SHORT, ended, start
 
@@ -41,6 +47,21 @@ def reference(north_m=0.0, east_m=0.0, depth_m=0.0):
 )
 def test_each_border_that_a_reference_crosses_is_told(site, given, notices):
     assert water_notices(given, site) == notices
+
+
+@pytest.mark.parametrize("site", [TANK, LAKE], ids=["tank", "lake"])
+@pytest.mark.parametrize("vehicle", [*VEHICLES, "of-ones-own"])
+def test_the_scenario_that_a_form_begins_with_stays_in_the_robots_water(site, vehicle):
+    at = datetime(2026, 11, 21, tzinfo=UTC)
+    robot = RobotRecord("mini-1", "mini-1", "miniglider", "simulated", 1, (), site, at)
+    trial = KINDS["trial"].preset(robot, vehicle)
+    packed = packed_references(VEHICLES.get(vehicle, VEHICLES["miniglider"]), trial)
+    north_m, east_m, depth_m = packed[:, :3].T.tolist()
+    level = [0.0] * len(depth_m)
+    along = Track(north_m=north_m, east_m=east_m, depth_m=depth_m, pitch_rad=level)
+    assert water_notices(along, site) == []
+    assert trial.duration_s >= 60.0
+    assert max(depth_m) <= site.domain.depth_max_m
 
 
 async def test_a_run_in_a_tank_says_that_its_reference_leaves_it(client):

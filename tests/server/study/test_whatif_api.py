@@ -14,7 +14,12 @@ from tests.server.fake_link import state_report
 
 pytestmark = pytest.mark.usefixtures("in_threads")
 
-SHORT = {"duration_s": 20.0, "runs": 2, "disturbance": {"net_buoyancy_error_kg": 0.002}}
+SHORT = {
+    "reference": "linear_glide",
+    "duration_s": 20.0,
+    "runs": 2,
+    "disturbance": {"net_buoyancy_error_kg": 0.002},
+}
 LONG = {"duration_s": 600.0, "runs": 200}
 TWO = [{"kind": "controller.backstepping"}, {"kind": "controller.pid", "title": "Mine"}]
 
