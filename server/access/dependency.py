@@ -6,9 +6,12 @@ A route names the right it needs by the type of its caller, and so cannot forget
     async def list_robots(caller: Viewer, foundation: FoundationDep) -> list[RobotView]: ...
 """
 
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Annotated
 
 from fastapi import Depends, Request, WebSocket
+from fastapi.dependencies.models import Dependant
 
 from server.access.access import Access, Caller
 from server.access.guard import Guard
@@ -56,3 +59,16 @@ Admin = Annotated[Caller, Depends(_admin)]
 """Who asks; may change people, tokens and robots."""
 WebSocketViewer = Annotated[Caller, Depends(_websocket_viewer)]
 """Who opens the WebSocket; refused before it is accepted."""
+
+
+_RIGHTS: Mapping[object, Right] = MappingProxyType(
+    {_viewer: Right.VIEW, _pilot: Right.PILOT, _admin: Right.ADMINISTER}
+)
+
+
+def right_of(dependant: Dependant) -> Right | None:
+    """Return the right that a route's caller needs, ``None`` where the route takes anybody."""
+    if dependant.call in _RIGHTS:
+        return _RIGHTS[dependant.call]
+    found = (right_of(one) for one in dependant.dependencies)
+    return next((right for right in found if right is not None), None)

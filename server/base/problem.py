@@ -61,6 +61,14 @@ class Problem(Exception):  # noqa: N818 - the standard's own word
         self.headers = headers
 
 
+class BodyProblem(HTTPException):
+    """A problem that is found while a route's body is read, where only this kind gets through."""
+
+    def __init__(self, problem: Problem) -> None:
+        super().__init__(problem.status, problem.detail)
+        self.problem = problem
+
+
 def not_found(detail: str) -> Problem:
     """Return a 404: what was asked for does not exist."""
     return Problem(HTTPStatus.NOT_FOUND, detail)
@@ -154,6 +162,8 @@ async def _on_invalid_request(request: Request, error: RequestValidationError) -
 
 
 async def _on_http_exception(request: Request, error: HTTPException) -> Response:
+    if isinstance(error, BodyProblem):
+        return await _on_problem(request, error.problem)
     detail = error.detail
     if error.status_code == HTTPStatus.NOT_FOUND and detail == HTTPStatus.NOT_FOUND.phrase:
         detail = f"There is nothing at {request.url.path}."

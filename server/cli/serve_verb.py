@@ -1,11 +1,8 @@
 """``grace serve``: the station."""
 
 import asyncio
-import signal
 import socket
 from argparse import SUPPRESS, ArgumentParser, Namespace
-from collections.abc import Generator
-from contextlib import contextmanager
 from pathlib import Path
 
 import uvicorn
@@ -18,6 +15,7 @@ from server.cli.console_log import log_to_console
 from server.cli.data import add_data_option, settings_of
 from server.cli.data_folder import DataFolderError, hold_data_folder
 from server.cli.failure import CommandError
+from server.cli.http_server import STREAM_FRAME_MAX, HttpServer, ImpatientHttp
 from server.cli.parent import end_with_parent
 
 GRACEFUL_STOP_S = 3
@@ -76,41 +74,28 @@ def run(arguments: Namespace) -> int:
 
 async def _serve(settings: Settings, listener: socket.socket) -> None:
     app = create_app(settings)
-    server = _Server(
+    server = HttpServer(
         uvicorn.Config(
             app,
             lifespan="off",
             log_config=None,
             access_log=False,
+            http=ImpatientHttp,
+            ws_max_size=STREAM_FRAME_MAX,
             ws_per_message_deflate=False,
+            server_header=False,
             timeout_graceful_shutdown=GRACEFUL_STOP_S,
             proxy_headers=settings.behind_proxy,
             ssl_certfile=settings.tls_certificate,
             ssl_keyfile=settings.tls_key,
         )
     )
-    loop = asyncio.get_running_loop()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, server.stop)
+    server.stop_on_signals()
     async with app.router.lifespan_context(app):
         # Connections wait in the listener's queue from here on, so the address may be told.
         listener.listen(LISTEN_BACKLOG)
         _announce(settings, listener, app.state.first_code)
         await server.serve(sockets=[listener])
-
-
-class _Server(uvicorn.Server):
-    """Leaves the signals to the caller: the station must be closed after the server, not by it."""
-
-    @contextmanager
-    def capture_signals(self) -> Generator[None]:
-        """Capture none."""
-        yield
-
-    def stop(self) -> None:
-        """Stop in order; asked again, stop at once."""
-        self.force_exit = self.should_exit
-        self.should_exit = True
 
 
 def _announce(settings: Settings, listener: socket.socket, first_code: str | None) -> None:

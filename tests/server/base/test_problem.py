@@ -163,7 +163,7 @@ async def test_a_body_without_end_is_refused(admin):
 
     answer = await admin.post("/api/test/order", content=endless())
     assert answer.status_code == 413
-    assert answer.json()["detail"] == "This is longer than the 8 MB that are taken."
+    assert answer.json()["detail"] == "This is longer than the 1 MB that are taken."
 
 
 async def test_browsers_are_told_to_be_careful(admin):

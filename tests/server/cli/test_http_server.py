@@ -1,0 +1,88 @@
+"""Connections that ask for nothing are not kept."""
+
+import asyncio
+
+import httpx
+import pytest
+import uvicorn
+
+from server.cli import http_server
+from server.cli.http_server import HttpServer, ImpatientHttp
+from tests.server.conftest import until
+
+
+async def answer(scope, receive, send):
+    del scope, receive
+    await send(
+        {"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"2")]}
+    )
+    await send({"type": "http.response.body", "body": b"ok"})
+
+
+@pytest.fixture
+async def port(monkeypatch):
+    monkeypatch.setattr(http_server, "HEADER_MAX_S", 0.2)
+    config = uvicorn.Config(
+        answer, host="127.0.0.1", port=0, lifespan="off", log_level="error", http=ImpatientHttp
+    )
+    server = HttpServer(config)
+    serving = asyncio.create_task(server.serve())
+    await until(lambda: server.started)
+    yield server.servers[0].sockets[0].getsockname()[1]
+    server.stop()
+    await serving
+
+
+@pytest.mark.parametrize(
+    "said",
+    [b"", b"GET / HTTP/1.1\r\nHost: a\r\nX-", b"GET / HTTP/1.1\r\nHost: a\r\n\r\nGET / HTTP"],
+    ids=["nothing", "half a head", "half a head after a request"],
+)
+async def test_a_connection_that_asks_for_nothing_is_ended(port, said):
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    writer.write(said)
+    try:
+        async with asyncio.timeout(60):
+            heard = await reader.read()
+    except ConnectionResetError:
+        heard = b""
+    finally:
+        writer.close()
+    assert heard.count(b"ok") <= 1
+
+
+async def test_a_head_that_drips_is_ended_all_the_same(port):
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+
+    async def drip():
+        writer.write(b"GET / HTTP/1.1\r\n")
+        while True:
+            writer.write(b"X-A: b\r\n")
+            await asyncio.sleep(0.02)
+
+    dripping = asyncio.create_task(drip())
+    try:
+        async with asyncio.timeout(60):
+            await reader.read()
+    except ConnectionResetError:
+        pass
+    finally:
+        dripping.cancel()
+        writer.close()
+
+
+async def test_connections_beyond_the_bound_are_not_taken(port, monkeypatch):
+    monkeypatch.setattr(http_server, "HEADER_MAX_S", 600.0)
+    monkeypatch.setattr(http_server, "CONNECTIONS_MAX", 2)
+    kept = [await asyncio.open_connection("127.0.0.1", port) for _ in range(2)]
+    reader, writer = await asyncio.open_connection("127.0.0.1", port)
+    with pytest.raises((ConnectionResetError, asyncio.IncompleteReadError)):
+        await asyncio.wait_for(reader.readexactly(1), 60)
+    for _, one in [*kept, (reader, writer)]:
+        one.close()
+
+
+async def test_a_request_is_answered_as_before(port):
+    async with httpx.AsyncClient(trust_env=False) as client:
+        for _ in range(3):
+            assert (await client.get(f"http://127.0.0.1:{port}/")).text == "ok"
