@@ -394,6 +394,8 @@ class LinkState(StrEnum):
     """No byte for longer than the link's limit."""
     SUBMERGED = "submerged"
     """Silent because it said it would dive; not lost."""
+    MUTE = "mute"
+    """The port is open, but the station's own radio does not answer."""
     PORT_CLOSED = "port_closed"
     DISABLED = "unplugged"
     """The operator disabled it."""

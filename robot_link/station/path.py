@@ -89,7 +89,7 @@ class PeerPath:
         if not self.transport.is_enabled:
             return LinkState.DISABLED
         if not self.transport.max_payload:
-            return LinkState.PORT_CLOSED
+            return LinkState.MUTE if self.transport.is_mute else LinkState.PORT_CLOSED
         if self._heard_s is None:
             return LinkState.NEVER_HEARD
         silence_s = monotonic_s() - self._heard_s

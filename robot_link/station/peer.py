@@ -28,6 +28,7 @@ _BEST_FIRST: Final = (
     LinkState.SUBMERGED,
     LinkState.STALE,
     LinkState.NEVER_HEARD,
+    LinkState.MUTE,
     LinkState.PORT_CLOSED,
     LinkState.DISABLED,
 )

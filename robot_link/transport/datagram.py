@@ -94,6 +94,11 @@ class DatagramTransport(Protocol):
         ...
 
     @property
+    def is_mute(self) -> bool:
+        """Whether the port could be opened, but the radio does not answer."""
+        ...
+
+    @property
     def bytes_per_s(self) -> float:
         """Bytes of telemetry that all robots behind this radio may send it together, per second."""
         ...

@@ -109,6 +109,8 @@ class KeptTransport:
     def __init__(self, name: str, serve: Callable[[], Awaitable[str]], reopen_s: float) -> None:
         """Keep a port; see ``PortKeeper``."""
         self._keeper = PortKeeper(name, serve, reopen_s)
+        self.is_mute = False
+        """Whether the port could be opened, but what is at its end does not answer."""
 
     @property
     def is_enabled(self) -> bool:

@@ -168,6 +168,7 @@ class XBeeTransport(KeptTransport):
         try:
             self._port = await self._open_port()
         except OSError as error:
+            self.is_mute = False
             return str(error)
         try:
             return await first_to_end(
@@ -238,12 +239,14 @@ class XBeeTransport(KeptTransport):
             self._set_rate(await self._ask(b"BR"))
             self.address = Address(int.from_bytes(high + low.rjust(4, b"\0"), "big"))
             self.max_payload = limit
+            self.is_mute = False
             self._keeper.opened()
             while True:
                 await asyncio.sleep(self._timing.signal_period_s)
                 if self._discovery is None:
                     await self._ask_strength()
         except TimeoutError:
+            self.is_mute = True
             return f"no XBee in API mode {self._mode} answers"
         except (OSError, PortClosedError) as error:
             return str(error) or "the port closed"

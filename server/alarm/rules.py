@@ -85,9 +85,13 @@ def _silence(status: RobotStatus, watch: Watch) -> Verdict | None:
 
 
 def _port(status: RobotStatus, watch: Watch) -> Verdict | None:
-    if status.radio_state is not LinkState.PORT_CLOSED or _is_early(watch, watch.since):
+    state, robot = status.radio_state, status.record.id
+    if state not in (LinkState.MUTE, LinkState.PORT_CLOSED) or _is_early(watch, watch.since):
         return None
-    return Verdict("warning", f"The radio for {status.record.id} cannot be opened; plug it in.")
+    if state is LinkState.MUTE:
+        text = f"The station's radio for {robot} does not answer; its port is open."
+        return Verdict("warning", f"{text} Switch it off and on, or see what serves the port.")
+    return Verdict("warning", f"The radio for {robot} cannot be opened; plug it in.")
 
 
 def _double(status: RobotStatus, watch: Watch) -> Verdict | None:

@@ -85,6 +85,8 @@ def _text(status: RobotStatus, kind: str, carrier: str, state: LinkState) -> str
             return f"{title} expects {robot} when it comes up."
         case LinkState.STALE:
             return f"{title} does not hear {robot} any more."
+        case LinkState.MUTE:
+            return f"The port of {title} is open, but the radio at its end does not answer."
         case LinkState.PORT_CLOSED:
             return f"The port of {title} cannot be opened; plug it in."
         case _:

@@ -17,7 +17,8 @@ class RobotLinkView(View):
     kind: Annotated[str, one_of("radio", "satellite", "acoustic")]
     """``radio``, ``satellite`` or ``acoustic``."""
     state: str
-    """``never_heard``, ``live``, ``stale``, ``submerged``, ``port_closed`` or ``unplugged``."""
+    """``never_heard``, ``live``, ``stale``, ``submerged``, ``mute`` (the station's own radio does
+    not answer), ``port_closed`` or ``unplugged``."""
     is_plugged: bool
     """Whether the operator lets the station use it."""
     heard_at: datetime | None

@@ -112,6 +112,8 @@ def _radio_fault(known: KnownLinks) -> str:
             return "the robot has no radio"
         case LinkState.NEVER_HEARD:
             return "it was never heard by radio"
+        case LinkState.MUTE:
+            return "the station's radio does not answer"
         case LinkState.PORT_CLOSED:
             return "the radio's port is closed"
         case LinkState.DISABLED:

@@ -35,6 +35,7 @@ _BEST_LINK_FIRST = (
     LinkState.LIVE,
     LinkState.SUBMERGED,
     LinkState.STALE,
+    LinkState.MUTE,
     LinkState.PORT_CLOSED,
     LinkState.DISABLED,
     LinkState.NEVER_HEARD,

@@ -93,6 +93,8 @@ def surface_forecast(
             return f"{robot} does not answer; the order is repeated until it does"
         case LinkState.NEVER_HEARD:
             return f"{robot} was never heard; the order is repeated until it answers"
+        case LinkState.MUTE:
+            return f"The station's radio does not answer; the order for {robot} waits for it"
         case LinkState.PORT_CLOSED:
             return f"The radio's port is closed; the order for {robot} waits for it"
         case LinkState.DISABLED:

@@ -215,6 +215,28 @@ async def test_a_device_that_is_no_xbee_is_named_as_such():
         closed = await next_event(transport, PortChanged)
         assert not closed.is_open
         assert "no XBee in API mode 1 answers" in closed.reason
+        assert transport.is_mute
+
+
+async def test_a_radio_whose_process_is_stopped_is_mute_and_not_unplugged():
+    runs = [True]
+    port = ScriptedPort(lambda data: answering_questions(data) if runs else b"")
+    timing = XBeeTiming(question_timeout_s=0.02, signal_period_s=0.02, reopen_s=0.01)
+    ports = iter((port, ScriptedPort()))
+
+    async def open_port():
+        if (found := next(ports, None)) is None:
+            raise OSError("no such port")
+        return found
+
+    async with running(XBeeTransport(open_port, timing=timing)) as transport:
+        await next_opening(transport)
+        assert not transport.is_mute
+        runs.clear()
+        assert not (await next_event(transport, PortChanged)).is_open
+        assert transport.is_mute
+        closed = await next_event(transport, PortChanged)
+        assert (closed.reason, transport.is_mute) == ("no such port", False)
 
 
 async def test_a_radio_that_does_not_tell_its_packet_size_is_not_called_open():

@@ -65,6 +65,14 @@ def test_closed_port_alarms(status):
     assert "plug it in" in verdicts(status)["port"].text
 
 
+def test_radio_that_does_not_answer_is_not_told_to_be_plugged_in(status):
+    status.links = link(LinkState.MUTE)
+    text = verdicts(status)["port"].text
+    assert text.startswith("The station's radio for mini-1 does not answer; its port is open.")
+    assert "plug" not in text
+    assert "opened" not in text
+
+
 @pytest.mark.parametrize(("late_min", "level"), [(5, None), (15, "watch"), (50, "critical")])
 def test_overdue_robot_alarms_by_how_late_it_is(status, monkeypatch, late_min, level):
     due = NOW - timedelta(minutes=late_min)

@@ -49,7 +49,15 @@ describe('the links of a robot', () => {
   });
 
   test('have a shape for each state', () => {
-    const states = ['live', 'stale', 'submerged', 'never_heard', 'port_closed', 'unplugged'];
+    const states = [
+      'live',
+      'stale',
+      'submerged',
+      'never_heard',
+      'mute',
+      'port_closed',
+      'unplugged',
+    ];
     expect(new Set(states.map(stateIcon)).size).toBe(states.length);
   });
 

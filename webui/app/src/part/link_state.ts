@@ -14,6 +14,7 @@ const STATE_ICONS: Record<string, IconName> = {
   stale: 'warning',
   submerged: 'info',
   never_heard: 'help',
+  mute: 'critical',
   port_closed: 'critical',
   unplugged: 'unplug',
 };

@@ -26,6 +26,11 @@ const LINKS: Record<string, Word> = {
     tone: 'plain',
     help: 'Silent because it said that it would dive. Radio does not reach it there.',
   },
+  mute: {
+    text: 'Radio mute',
+    tone: 'alarm',
+    help: 'The port is open, but the station’s own radio does not answer. The station keeps asking.',
+  },
   port_closed: {
     text: 'Port closed',
     tone: 'alarm',
