@@ -49,6 +49,7 @@ coverage: setup-dev
 wheel: ready
 	@rm -rf build/wheel
 	@$(BIN)/python -m pip wheel --quiet --disable-pip-version-check --no-deps --no-build-isolation -w build/wheel .
+	@rm -rf build/lib build/bdist.*
 	@ls build/wheel/*.whl
 
 setup: ready

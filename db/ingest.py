@@ -1,14 +1,14 @@
 """Decoded telemetry as it enters the tables, many rows a statement."""
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, cast
 
-from sqlalchemy import Table, select
+from sqlalchemy import CursorResult, Table, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
 from db.fault import UnknownIdError
-from db.tables import Base, PlanReportRow, RawFrameRow, Robot, SampleRow, StateRow
+from db.tables import Base, PlanReportRow, RawFrameRow, Robot, SampleCount, SampleRow, StateRow
 from db.target_tables import TargetReportRow
 from robot_link.messages import STATE, PlanReport, RawFrame, Sample, StateReport, TargetReport
 
@@ -32,16 +32,58 @@ def append_telemetry(session: Session, values: Sequence[Telemetry]) -> None:
             row["robot_key"] = keys[value.robot]
         rows.setdefault(table, []).append(row)
     for table, batch in rows.items():
-        insert_new(session, table, batch)
+        if table is SampleRow:
+            insert_samples(session, batch)
+        else:
+            insert_new(session, table, batch)
 
 
-def insert_new(session: Session, table: type[Base], rows: list[dict[str, Any]]) -> None:
-    """Insert rows and skip those whose key is taken."""
+def insert_samples(session: Session, rows: list[dict[str, Any]]) -> None:
+    """Insert measurements, skip those whose key is taken, and count those that are new."""
+    known = session.execute(select(Robot.key, Robot.created_at))
+    added = {row[0]: row[1] for row in known}
+    groups: dict[tuple[int, str, bool], list[dict[str, Any]]] = {}
+    for row in rows:
+        key = row["robot_key"]
+        groups.setdefault((key, row["variable"], row["measured_at"] >= added[key]), []).append(row)
+    counts = [
+        {
+            "robot_key": robot_key,
+            "variable": variable,
+            "is_live": is_live,
+            "samples": insert_new(session, SampleRow, group),
+        }
+        for (robot_key, variable, is_live), group in groups.items()
+    ]
+    new = [row for row in counts if row["samples"]]
+    if not new:
+        return
+    insert = _insert(session, SampleCount)
+    session.execute(
+        insert.on_conflict_do_update(
+            index_elements=["robot_key", "variable", "is_live"],
+            set_={"samples": SampleCount.samples + insert.excluded.samples},
+        ),
+        new,
+    )
+
+
+def insert_new(session: Session, table: type[Base], rows: list[dict[str, Any]]) -> int:
+    """Insert rows, skip those whose key is taken, and return how many were new."""
+    done = session.execute(
+        _insert(session, table).on_conflict_do_nothing(),
+        rows,
+        execution_options={"preserve_rowcount": True},
+    )
+    return cast("CursorResult[Any]", done).rowcount
+
+
+def _insert(session: Session, table: type[Base]) -> "sqlite.Insert | postgresql.Insert":
     dialect = sqlite if session.get_bind().dialect.name == "sqlite" else postgresql
     target = table.__table__
     if not isinstance(target, Table):
         raise TypeError(f"{table.__name__} is not a plain table")
-    session.execute(dialect.insert(target).on_conflict_do_nothing(), rows)
+    return dialect.insert(target)
 
 
 def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:

@@ -132,6 +132,22 @@ class SampleRow(Base):
     position_std_m: Mapped[float]
 
 
+class SampleCount(Base):
+    """How many measurements of a variable a robot has: counting millions of rows takes seconds.
+
+    ``db.ingest.insert_samples`` keeps it in the transaction that adds them.
+    """
+
+    __tablename__ = "sample_count"
+    __table_args__ = CLUSTERED
+
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"), primary_key=True)
+    variable: Mapped[str] = mapped_column(primary_key=True)
+    is_live: Mapped[bool] = mapped_column(primary_key=True)
+    """Whether they are of the robot's live deployment, which began when it was added."""
+    samples: Mapped[int] = mapped_column(BigInteger)
+
+
 class RawFrameRow(Base):
     """Bytes of one packet as they crossed a link."""
 

@@ -6,7 +6,7 @@ import shutil
 import signal
 import subprocess
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -80,7 +80,7 @@ class PostgresqlServer:
 
 
 @contextmanager
-def postgresql_server() -> Iterator[PostgresqlServer | None]:
+def postgresql_server() -> Generator[PostgresqlServer | None]:
     """Run a server for as long as it is used; None where this machine has none."""
     if not all(program(name) for name in ("initdb", "postgres", "psql")):
         yield None

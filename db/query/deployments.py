@@ -11,11 +11,11 @@ from sqlalchemy.orm import Session
 
 from db.fault import StoreError
 from db.identity import key_of, public_id
-from db.ingest import insert_new
+from db.ingest import insert_new, insert_samples
 from db.query.change import row_and_robot, row_of
 from db.query.robots import robot_key
 from db.record import same
-from db.tables import Deployment, Robot, SampleRow, StateRow
+from db.tables import Deployment, Robot, StateRow
 from robot_link.messages import STATE
 
 BATCH_ROWS = 5_000
@@ -171,7 +171,7 @@ def _keep_rows(
         first, last = first or batch[0].measured_at, batch[-1].measured_at
         insert_new(session, StateRow, [_state(key, row, at) for row in batch])
         if variables:
-            insert_new(session, SampleRow, _samples(key, log, variables, batch, count, at))
+            insert_samples(session, _samples(key, log, variables, batch, count, at))
         count += len(batch)
     if first is None or last is None:
         raise ValueError("a recording needs a row")

@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from autonomy.arrays import BoolArray, FloatArray, IntArray
 from db.map_tables import SmoothedSample
 from db.query.robots import robot_key
-from db.tables import SampleRow
+from db.tables import SampleCount, SampleRow
 from robot_link.messages import LogId, RobotId, Sample
 
 _ROWS_AT_ONCE = 10_000
@@ -234,6 +234,27 @@ def sampled_variables(
     return {row[0]: row[1] for row in session.execute(statement)}
 
 
+def kept_counts(session: Session, robot: str, *, of_deployment: bool = False) -> dict[str, int]:
+    """Return how many measurements of each variable a robot has, without counting them.
+
+    Args:
+        session: A reading session.
+        robot: Id of the robot.
+        of_deployment: Only those of its live deployment.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    statement = (
+        select(SampleCount.variable, func.sum(SampleCount.samples))
+        .where(SampleCount.robot_key == robot_key(session, robot))
+        .group_by(SampleCount.variable)
+    )
+    if of_deployment:
+        statement = statement.where(SampleCount.is_live)
+    return {row[0]: int(row[1]) for row in session.execute(statement)}
+
+
 def newest_samples(session: Session, robot: str) -> list[Sample]:
     """Return the newest measurement of each variable of a robot.
 
@@ -242,7 +263,7 @@ def newest_samples(session: Session, robot: str) -> list[Sample]:
     """
     key = robot_key(session, robot)
     samples: list[Sample] = []
-    for variable in sampled_variables(session, robot):
+    for variable in kept_counts(session, robot):
         row = session.scalars(
             select(SampleRow)
             .where(SampleRow.robot_key == key, SampleRow.variable == variable)

@@ -7,14 +7,14 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query, Response
 from fastapi.responses import StreamingResponse
+from sqlalchemy.orm import Session
 
 from db.query.deployments import DeploymentRecord, get_deployment
 from db.query.deployments import list_deployments as query_deployments
 from db.query.robots import get_robot
-from db.query.samples import sampled_variables
+from db.query.samples import kept_counts
 from db.query.target_span import TargetSpan
 from db.record import same
-from db.store import Store
 from server.access.dependency import Viewer
 from server.base.dependency import StoreDep
 from server.base.view import View, one_of
@@ -73,17 +73,19 @@ async def list_deployments(
 ) -> DeploymentsView:
     """Return deployments, the newest first."""
     del caller
-    records = await store.query(
-        lambda session: query_deployments(session, robot=robot, before=before, limit=limit)
-    )
-    return DeploymentsView([await _view(store, record) for record in records])
+
+    def views(session: Session) -> list[DeploymentView]:
+        records = query_deployments(session, robot=robot, before=before, limit=limit)
+        return [_view(session, record) for record in records]
+
+    return DeploymentsView(await store.query(views))
 
 
 @router.get("/{deployment}")
 async def get_one(caller: Viewer, deployment: str, store: StoreDep) -> DeploymentView:
     """Return one deployment."""
     del caller
-    return await _view(store, await store.query(lambda s: get_deployment(s, deployment)))
+    return await store.query(lambda s: _view(s, get_deployment(s, deployment)))
 
 
 @router.get(
@@ -126,15 +128,11 @@ async def export(
     return Response(content, media_type=media_type, headers=headers)
 
 
-async def _view(store: Store, record: DeploymentRecord) -> DeploymentView:
+def _view(session: Session, record: DeploymentRecord) -> DeploymentView:
     samples = record.rows * len(record.variables)
     variables = list(record.variables)
     if record.kind == "live":
-        counts = await store.query(
-            lambda session: sampled_variables(
-                session, record.robot, start=record.started_at, end=record.ended_at
-            )
-        )
+        counts = kept_counts(session, record.robot, of_deployment=True)
         samples, variables = sum(counts.values()), sorted(counts)
     return same(
         DeploymentView,

@@ -12,12 +12,13 @@ from db.engine import is_sqlite, write_engine
 from db.ingest import append_telemetry
 from db.migrate import NewerSchemaError, configuration, migrate, schema_version
 from db.query.robots import add_robot, list_robots
+from db.query.samples import kept_counts
 from db.query.studies import add_study, get_arrays, get_checkpoint, get_study, list_studies
 from db.query.telemetry import newest_state
 from db.query.vehicles import list_vehicles
 from db.store import Store
 from db.study_tables import Base
-from tests.db.conftest import ON_SQLITE, report, robot_record
+from tests.db.conftest import ON_SQLITE, report, robot_record, sample
 
 
 def test_migrations_lead_to_the_tables_that_the_code_knows(url):
@@ -53,6 +54,30 @@ def test_a_database_of_the_first_version_keeps_its_rows(url):
         assert [robot.id for robot in list_robots(session)] == ["mini-1"]
         assert newest_state(session, "mini-1").position_ned[2] == 0.7
         assert list_vehicles(session) == []
+    engine.dispose()
+
+
+OLD_SAMPLES = """
+INSERT INTO field_sample (robot_key, log, sequence, variable, measured_at, received_at, value,
+                          north_m, east_m, depth_m, position_std_m)
+  VALUES (1, 7, {0}, 'blue_light', 0, 0, 3, 0, 0, 0, 0)
+"""
+
+
+def test_samples_of_a_database_of_before_are_counted_once(url):
+    engine = write_engine(url)
+    with engine.begin() as connection:
+        command.upgrade(configuration(connection), "0008")
+        with Session(connection) as session:
+            add_robot(session, robot_record())
+            session.commit()
+        for sequence in range(3):
+            connection.exec_driver_sql(OLD_SAMPLES.format(sequence))
+    migrate(engine)
+    with Session(engine) as session:
+        append_telemetry(session, [sample(2), sample(3)])
+        assert kept_counts(session, "mini-1") == {"blue_light": 4}
+        assert kept_counts(session, "mini-1", of_deployment=True) == {"blue_light": 1}
     engine.dispose()
 
 

@@ -10,7 +10,7 @@ from sqlalchemy import event as sqlalchemy_event
 
 from db.fault import UnknownIdError
 from db.query.robots import add_robot
-from db.query.samples import iterate_samples, sample_columns, sampled_variables
+from db.query.samples import iterate_samples, kept_counts, sample_columns, sampled_variables
 from db.query.telemetry import (
     STATE_CHANNELS,
     history,
@@ -149,3 +149,22 @@ def test_values_survive_the_journey_to_the_last_bit(store):
     store.append([sample(0, value=value)]).result(60)
     with store.read() as session:
         assert sample_columns(session, "mini-1", "blue_light").value[0] == value
+
+
+def test_how_many_samples_there_are_is_kept_and_never_counted(store):
+    """A sample that is sent twice, in one batch or another, counts once."""
+    store.append([sample(0), sample(1), sample(1), sample(2, variable="temperature")]).result(60)
+    early = replace(sample(4), measured_at=START - timedelta(seconds=1))
+    store.append([sample(1), sample(3), early]).result(60)
+    statements = []
+    sqlalchemy_event.listen(
+        store._read_engine,
+        "before_cursor_execute",
+        lambda connection, cursor, statement, *rest: statements.append(statement),
+    )
+    with store.read() as session:
+        assert kept_counts(session, "mini-1") == {"blue_light": 4, "temperature": 1}
+        of_deployment = kept_counts(session, "mini-1", of_deployment=True)
+    assert of_deployment == {"blue_light": 3, "temperature": 1}
+    assert statements
+    assert not [said for said in statements if "count(" in said or "field_sample" in said]

@@ -8,6 +8,7 @@ from datetime import timedelta
 from pathlib import Path
 
 import pytest
+from sqlalchemy import event as sqlalchemy_event
 
 from db.query.maps import newest_maps
 from db.query.robots import add_robot, get_robot
@@ -221,3 +222,24 @@ async def test_a_real_glider_comes_in(app, pilot):
     with app.state.foundation.store.read() as session:
         depths = history(session, "eva035", "depth_m", max_points=100)
     assert max(depths.value) > 690.0
+
+
+async def test_deployments_are_listed_in_one_look_that_reads_no_samples(app, pilot):
+    """What they need is kept; a station has millions of samples, and they would take seconds."""
+    await import_file(pilot, dive_csv(rows=20))
+    await import_file(pilot, dive_csv(rows=20, start_s=1_563_761_502))
+    store = app.state.foundation.store
+    await store.write(lambda session: add_robot(session, robot_record()))
+    store.append([sample(0), sample(1)]).result(60)
+    statements = []
+
+    def note(connection, cursor, statement, *rest):
+        statements.append(statement)
+
+    sqlalchemy_event.listen(store._read_engine, "before_cursor_execute", note)
+    listed = (await pilot.get("/api/deployments")).json()["deployments"]
+    sqlalchemy_event.remove(store._read_engine, "before_cursor_execute", note)
+    assert [deployment["samples"] for deployment in listed] == [2, 20, 20]
+    about = [said for said in statements if "deployment" in said or "sample" in said]
+    assert about
+    assert not [said for said in about if "count(" in said or "field_sample" in said]
