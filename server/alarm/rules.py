@@ -80,7 +80,7 @@ def _silence(status: RobotStatus, watch: Watch) -> Verdict | None:
         return None
     robot = status.record.id
     return Verdict(
-        "warning", f"{robot} does not answer; last heard at {clock_time(link.heard_at)}."
+        "warning", f"{robot} does not answer; last heard at {_moment(link.heard_at, watch.now)}."
     )
 
 
@@ -122,11 +122,14 @@ def _contact(status: RobotStatus, watch: Watch) -> Verdict | None:
 
 
 def _late(watch: Watch, due: datetime, text: str) -> Verdict:
-    """Judge what is overdue, and say since when in whole minutes."""
-    minutes = int((watch.now - due).total_seconds() // 60)
-    watch.is_past(due + timedelta(minutes=minutes + 1))
+    """Judge what is overdue; how long it is so grows while the sentence stays."""
     level = "critical" if watch.is_past(due + _OVERDUE_CRITICAL) else "watch"
-    return Verdict(level, f"{text} {clock_time(due)}, {minutes} min ago.")
+    return Verdict(level, f"{text} {_moment(due, watch.now)} and did not.")
+
+
+def _moment(at: datetime, now: datetime) -> str:
+    """Return a moment for a sentence that is read later, with its day where that is another."""
+    return clock_time(at) if at.date() == now.date() else f"{at:%Y-%m-%d} {clock_time(at)}"
 
 
 def _budget(status: RobotStatus, watch: Watch) -> Verdict | None:

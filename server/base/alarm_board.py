@@ -20,6 +20,8 @@ from server.base.problem import not_found
 
 logger = logging.getLogger(__name__)
 LEVELS = ("watch", "warning", "critical")
+_STANDS = ("alarm.raised", "alarm.changed")
+"""Steps after which something is to be seen to."""
 
 
 class AlarmBoard:
@@ -170,6 +172,19 @@ class AlarmBoard:
         return alarm
 
 
+def _sentence(alarm: AlarmRecord, kind: str) -> str:
+    """Return what the log says of a step of an alarm's life; each step has its own words."""
+    match kind:
+        case "alarm.acknowledged":
+            return f"{alarm.acknowledged_by} acknowledged: {alarm.text}"
+        case "alarm.returned" | "alarm.closed":
+            return f"Back to normal: {alarm.text}"
+        case "alarm.changed":
+            return f"Now {alarm.level}: {alarm.text}"
+        case _:
+            return alarm.text
+
+
 def _saver(alarm: AlarmRecord, kind: str, at: datetime) -> Callable[[Session], None]:
     def save(session: Session) -> None:
         query.save_alarm(session, alarm)
@@ -177,8 +192,8 @@ def _saver(alarm: AlarmRecord, kind: str, at: datetime) -> Callable[[Session], N
             session,
             at,
             kind,
-            alarm.text,
-            level=alarm.level,
+            _sentence(alarm, kind),
+            level=alarm.level if kind in _STANDS else "info",
             robot=alarm.robot,
             data={"alarm": alarm.id, "by": alarm.acknowledged_by},
         )

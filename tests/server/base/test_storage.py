@@ -161,3 +161,32 @@ async def test_no_task_outlives_the_station(tmp_path):
     async with running(tmp_path):
         assert len(asyncio.all_tasks()) > len(before)
     assert asyncio.all_tasks() == before
+
+
+async def test_each_step_of_an_alarm_is_its_own_sentence_in_the_log(tmp_path):
+    async with running(tmp_path) as app, signed_in(app) as admin:
+        board = app.state.foundation.alarms
+        await board.raise_("battery", "mini-1 has 18% of its battery left.", level="warning")
+        await board.raise_("battery", "mini-1 has 9% of its battery left.", level="critical")
+        [alarm] = board.open
+        await admin.post(f"/api/alarms/{alarm.id}/ack")
+        await board.clear("battery")
+        await board.raise_("clock", "Its clock is wrong.", level="watch")
+        await board.clear("clock")
+        events = (await admin.get("/api/events")).json()["events"]
+        told = [
+            (event["kind"], event["level"], event["text"])
+            for event in sorted(events, key=lambda one: one["cursor"])
+            if event["kind"].startswith("alarm.")
+        ]
+        closed = (await admin.get("/api/alarms?state=closed")).json()["alarms"]
+        who = closed[0]["acknowledged_by"]
+    assert told == [
+        ("alarm.raised", "warning", "mini-1 has 18% of its battery left."),
+        ("alarm.changed", "critical", "Now critical: mini-1 has 9% of its battery left."),
+        ("alarm.acknowledged", "info", f"{who} acknowledged: mini-1 has 9% of its battery left."),
+        ("alarm.closed", "info", "Back to normal: mini-1 has 9% of its battery left."),
+        ("alarm.raised", "watch", "Its clock is wrong."),
+        ("alarm.returned", "info", "Back to normal: Its clock is wrong."),
+    ]
+    assert who
