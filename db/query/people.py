@@ -163,6 +163,24 @@ def find_session(session: Session, secret_hash: str, at: datetime) -> SessionRec
     return SessionRecord(_person(person), row.csrf_token, row.expires_at)
 
 
+def has_expired(session: Session, at: datetime) -> bool:
+    """Tell whether a session, token or sign-in has expired that ``end_expired`` would end."""
+    row = person_tables.Session
+    sessions = select(row.key).where(row.expires_at <= at).limit(1)
+    tokens = select(Token.key).where(Token.expires_at <= at, Token.revoked_at.is_(None)).limit(1)
+    return any(session.scalar(one) is not None for one in (sessions, tokens))
+
+
+def end_expired(session: Session, at: datetime) -> None:
+    """End for good what has expired, whatever the clock will say later."""
+    session.execute(delete(person_tables.Session).where(person_tables.Session.expires_at <= at))
+    session.execute(
+        update(Token)
+        .where(Token.expires_at <= at, Token.revoked_at.is_(None))
+        .values(revoked_at=at)
+    )
+
+
 def end_session(session: Session, secret_hash: str) -> None:
     """End the session of this secret."""
     session.execute(

@@ -1,62 +1,30 @@
 """Signing in, and finding out who asks."""
 
 import asyncio
+import contextlib
 import secrets
 from dataclasses import dataclass
 from datetime import datetime, timedelta
-from http import HTTPStatus
 from typing import Literal
 
+from sqlalchemy.exc import SQLAlchemyError
 from sqlalchemy.orm import Session
 
+from db.fault import StoreError
 from db.query import people as query
 from db.query.events import add_event
 from db.query.people import PersonRecord
 from db.store import Store
-from robot_link.clock import Clock, monotonic_s
+from robot_link.clock import Clock
+from server.access.failure import SignInFailures
 from server.access.role import Role
 from server.access.secret import hash_password, new_code, new_secret, password_fits, secret_hash
+from server.access.throttle import HashGate, KnownBrowsers, Origin, Throttle
 from server.base.problem import FieldError, Problem, conflict, unprocessable
 
 _WRONG = "Name or password is wrong."
-
-
-FREE_FAILURES = 5
-PAUSE_S = 30.0
-_NAMES_MAX = 10_000
-
-
-class Throttle:
-    """Counts failures by name and pauses after too many of them."""
-
-    def __init__(self) -> None:
-        self._failures: dict[str, tuple[int, float]] = {}
-
-    def check(self, name: str) -> None:
-        """Let the next try pass.
-
-        Raises:
-            Problem: 429 while the pause for this name lasts.
-        """
-        failures, last_s = self._failures.get(name, (0, 0.0))
-        left_s = last_s + PAUSE_S - monotonic_s()
-        if failures >= FREE_FAILURES and left_s > 0:
-            raise Problem(
-                HTTPStatus.TOO_MANY_REQUESTS,
-                f"Too many failed tries; wait {left_s:.0f} s.",
-                headers={"Retry-After": str(int(left_s) + 1)},
-            )
-
-    def failed(self, name: str) -> None:
-        """Count a failure."""
-        if len(self._failures) >= _NAMES_MAX:
-            self._failures.clear()
-        failures, _ = self._failures.get(name, (0, 0.0))
-        self._failures[name] = (failures + 1, monotonic_s())
-
-    def succeeded(self, name: str) -> None:
-        """Forget the failures of a name."""
-        self._failures.pop(name, None)
+_FIRST_START = "first start"
+EXPIRY_LOOK_S = 2.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,12 +62,23 @@ class Access:
     Tokens and sessions run out by the wall's clock, which a demo's scaled clock does not change.
     """
 
-    def __init__(self, store: Store, clock: Clock, wall: Clock, session_hours: float) -> None:
+    def __init__(
+        self,
+        store: Store,
+        clock: Clock,
+        wall: Clock,
+        session_hours: float,
+        failures: SignInFailures,
+        browsers: KnownBrowsers,
+    ) -> None:
         self._store = store
+        self._failures = failures
+        self._browsers = browsers
         self._clock = clock
         self._wall = wall
         self._session_length = timedelta(hours=session_hours)
         self._throttle = Throttle()
+        self._gate, self._gate_of_known = HashGate(), HashGate()
         self._first_code: str | None = None
 
     async def prepare(self) -> str | None:
@@ -113,7 +92,9 @@ class Access:
         """Whether nobody can sign in yet."""
         return self._first_code is not None
 
-    async def create_first_admin(self, name: str, password: str, code: str) -> SignedIn:
+    async def create_first_admin(
+        self, name: str, password: str, code: str, host: str | None
+    ) -> SignedIn:
         """Create the first person, with the code that the station printed, and sign in.
 
         Raises:
@@ -121,11 +102,14 @@ class Access:
         """
         if self._first_code is None:
             raise conflict("The station has an administrator already; sign in instead.")
-        self._throttle.check("first start")
-        if not secrets.compare_digest(code.strip().upper(), self._first_code):
-            self._throttle.failed("first start")
+        origin = Origin.of(host)
+        tries = origin.keys(_FIRST_START)
+        self._throttle.reserve(tries)
+        if not secrets.compare_digest(_bytes_of(code.strip().upper()), self._first_code.encode()):
+            await self._failures.note(f"A code of the first start from {origin.address} was wrong.")
             raise Problem(403, "The code is not the one that the station printed at its start.")
-        password_hash = await password_hash_of(password)
+        self._throttle.succeeded(tries)
+        password_hash = await self.password_hash(password)
         at = self._clock.now()
 
         def create(session: Session) -> PersonRecord:
@@ -138,23 +122,51 @@ class Access:
         self._first_code = None
         return await self._sign_in(person)
 
-    async def sign_in(self, name: str, password: str) -> SignedIn:
+    async def sign_in(
+        self, name: str, password: str, host: str | None = None, mark: str | None = None
+    ) -> SignedIn:
         """Sign a person in by name and password.
 
+        Args:
+            name: Who.
+            password: What only they know.
+            host: From which machine.
+            mark: What their browser kept of an earlier sign-in.
+
         Raises:
-            Problem: 401 if they do not fit, 429 after too many failures.
+            Problem: 401 if they do not fit, 429 after too many failures, 503 if too many try.
         """
-        self._throttle.check(name)
+        origin = Origin.of(host, self._browsers.identity(mark, name))
+        tries = origin.keys(name)
+        self._throttle.reserve(tries)
         person = await self._store.query(lambda session: query.find_person(session, name))
         known = None if person is None or person.disabled_at else person
-        fits = await asyncio.to_thread(
-            password_fits, password, None if known is None else known.password_hash
-        )
+        password_hash = None if known is None else known.password_hash
+        gate = self._gate if origin.browser is None else self._gate_of_known
+        fits = await gate.run(lambda: password_fits(password, password_hash))
         if known is None or not fits:
-            self._throttle.failed(name)
+            whose = "nobody's name" if person is None else f"the name {person.name}"
+            await self._failures.note(f"A sign-in by {whose} from {origin.address} failed.")
             raise Problem(401, _WRONG)
-        self._throttle.succeeded(name)
+        self._throttle.succeeded(tries)
         return await self._sign_in(known)
+
+    async def password_hash(self, password: str) -> str:
+        """Hash a new password.
+
+        Raises:
+            Problem: 422 if it is too short, 503 if too many passwords are looked at already.
+        """
+        try:
+            return await self._gate_of_known.run(lambda: hash_password(password))
+        except ValueError as error:
+            raise unprocessable(
+                "1 field is wrong.", [FieldError(loc=["password"], msg=str(error))]
+            ) from error
+
+    def mark(self, name: str) -> str:
+        """Return what a browser keeps so that nobody else's tries count against it."""
+        return self._browsers.mark(name)
 
     async def sign_in_once(self, secret: str) -> SignedIn:
         """Use a one-time sign-in up.
@@ -191,15 +203,28 @@ class Access:
                 lambda session: query.find_token(session, proof.digest, at)
             )
             if token is None:
-                return None
+                return await self._nobody()
             return Caller(token.name, Role(token.role), token.expires_at, None, proof)
         found = await self._store.query(
             lambda session: query.find_session(session, proof.digest, at)
         )
         if found is None:
-            return None
+            return await self._nobody()
         person = found.person
         return Caller(person.name, Role(person.role), found.expires_at, found.csrf_token, proof)
+
+    async def run(self) -> None:
+        """End what expires, until cancelled: a clock that is set back brings nothing to life."""
+        while True:
+            await self._nobody()
+            await asyncio.sleep(EXPIRY_LOOK_S)
+
+    async def _nobody(self) -> None:
+        """End what has expired by now."""
+        at = self._wall.now()
+        with contextlib.suppress(StoreError, SQLAlchemyError):
+            if await self._store.query(lambda session: query.has_expired(session, at)):
+                await self._store.write(lambda session: query.end_expired(session, at))
 
     async def _sign_in(self, person: PersonRecord) -> SignedIn:
         secret, csrf_token = new_secret(), new_secret()
@@ -223,15 +248,5 @@ class Access:
         return SignedIn(secret, caller)
 
 
-async def password_hash_of(password: str) -> str:
-    """Hash a password in a thread.
-
-    Raises:
-        Problem: 422 if it is too short.
-    """
-    try:
-        return await asyncio.to_thread(hash_password, password)
-    except ValueError as error:
-        raise unprocessable(
-            "1 field is wrong.", [FieldError(loc=["password"], msg=str(error))]
-        ) from error
+def _bytes_of(text: str) -> bytes:
+    return text.encode(errors="surrogatepass")

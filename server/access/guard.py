@@ -6,7 +6,7 @@ from urllib.parse import urlsplit
 from fastapi import Request, Response, WebSocket, WebSocketException, status
 from starlette.requests import HTTPConnection
 
-from server.access.access import Access, Caller
+from server.access.access import Access, Caller, SignedIn
 from server.access.role import Right
 from server.access.stream import Tickets
 from server.base.problem import Problem
@@ -14,6 +14,7 @@ from server.base.settings import Settings
 
 CSRF_HEADER: Final = "X-CSRF-Token"
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
+_MARK_S: Final = 180 * 86400
 _LOOPBACK_NAMES: Final = frozenset({"localhost", "127.0.0.1", "::1"})
 
 
@@ -29,17 +30,30 @@ class Guard:
         """Return the session cookie's name; it holds the port, which cookies do not."""
         return f"grace_session_{connection.url.port or 'default'}"
 
-    def set_cookie(self, request: Request, response: Response, secret: str) -> None:
-        """Let a browser keep its session's secret, where no script can read it."""
-        response.set_cookie(
-            self.cookie_name(request),
-            secret,
-            max_age=int(self._settings.session_hours * 3600),
-            path="/",
-            httponly=True,
-            samesite="lax",
-            secure=self._settings.secure_cookie,
-        )
+    def set_cookies(self, request: Request, response: Response, signed_in: SignedIn) -> None:
+        """Let a browser keep its session's secret, and that it is known, where no script reads."""
+        mark = self._access.mark(signed_in.caller.name)
+        hours = self._settings.session_hours
+        for name, value, path, seconds in (
+            (self.cookie_name(request), signed_in.secret, "/", hours * 3600),
+            (self._mark_name(request), mark, "/api/session", _MARK_S),
+        ):
+            response.set_cookie(
+                name,
+                value,
+                max_age=int(seconds),
+                path=path,
+                httponly=True,
+                samesite="lax",
+                secure=self._settings.secure_cookie,
+            )
+
+    def mark_of(self, request: Request) -> str | None:
+        """Return what a browser kept of an earlier sign-in."""
+        return request.cookies.get(self._mark_name(request))
+
+    def _mark_name(self, connection: HTTPConnection) -> str:
+        return f"grace_known_{connection.url.port or 'default'}"
 
     def host_is_ours(self, connection: HTTPConnection) -> bool:
         """Tell whether the request names a host of this station.

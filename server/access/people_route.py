@@ -9,8 +9,7 @@ from pydantic import Field, SecretStr
 from db.query import people as query
 from db.query.people import PersonRecord, TokenRecord
 from server.access import register
-from server.access.access import password_hash_of
-from server.access.dependency import Admin
+from server.access.dependency import AccessDep, Admin
 from server.access.role import Role
 from server.base.dependency import ClockDep, StoreDep
 from server.base.view import Body, View
@@ -100,10 +99,10 @@ async def list_people(caller: Admin, store: StoreDep) -> PeopleView:
 
 @router.post("/api/people", status_code=201)
 async def add_person(
-    caller: Admin, body: PersonBody, store: StoreDep, clock: ClockDep
+    caller: Admin, body: PersonBody, access: AccessDep, store: StoreDep, clock: ClockDep
 ) -> PersonView:
     """Add a person."""
-    password_hash = await password_hash_of(body.password.get_secret_value())
+    password_hash = await access.password_hash(body.password.get_secret_value())
     at = clock.now()
     person = await store.write(
         lambda session: register.add_person(
@@ -115,12 +114,17 @@ async def add_person(
 
 @router.patch("/api/people/{name}")
 async def change_person(
-    caller: Admin, name: str, body: PersonPatch, store: StoreDep, clock: ClockDep
+    caller: Admin,
+    name: str,
+    body: PersonPatch,
+    access: AccessDep,
+    store: StoreDep,
+    clock: ClockDep,
 ) -> PersonView:
     """Change a person's role or password, or take the door away; their sessions end."""
     password_hash = None
     if body.password is not None:
-        password_hash = await password_hash_of(body.password.get_secret_value())
+        password_hash = await access.password_hash(body.password.get_secret_value())
     at = clock.now()
     person = await store.write(
         lambda session: register.change_person(

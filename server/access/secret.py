@@ -32,7 +32,7 @@ def secret_hash(secret: str) -> str:
 
     A plain SHA-256 is enough because the secret is random; passwords use ``hash_password``.
     """
-    return hashlib.sha256(secret.encode()).hexdigest()
+    return hashlib.sha256(secret.encode(errors="surrogatepass")).hexdigest()
 
 
 def hash_password(password: str) -> str:
@@ -43,13 +43,18 @@ def hash_password(password: str) -> str:
     """
     if len(password) < PASSWORD_LENGTH_MIN:
         raise ValueError(f"a password has at least {PASSWORD_LENGTH_MIN} characters")
-    return PasswordHasher().hash(password)
+    return PasswordHasher().hash(_bytes_of(password))
 
 
 def password_fits(password: str, password_hash: str | None) -> bool:
     """Tell whether a password fits a hash; without a hash it takes as long and says no."""
     hasher = PasswordHasher()
     try:
-        return hasher.verify(password_hash or _NO_PASSWORD, password) and password_hash is not None
+        hasher.verify(password_hash or _NO_PASSWORD, _bytes_of(password))
     except (VerificationError, InvalidHashError):
         return False
+    return password_hash is not None
+
+
+def _bytes_of(password: str) -> bytes:
+    return password.encode(errors="surrogatepass")

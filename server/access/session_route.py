@@ -74,11 +74,13 @@ async def sign_in(
         signed_in = await access.sign_in_once(body.token.get_secret_value())
     elif body.name is not None and body.password is not None:
         password = body.password.get_secret_value()
-        signed_in = await access.sign_in(body.name, password)
+        signed_in = await access.sign_in(
+            body.name, password, _host(request), guard.mark_of(request)
+        )
     else:
         missing = "password" if body.name is not None else "name"
         raise unprocessable("1 field is wrong.", [FieldError(loc=[missing], msg="Field required")])
-    guard.set_cookie(request, response, signed_in.secret)
+    guard.set_cookies(request, response, signed_in)
     return _view(signed_in.caller)
 
 
@@ -89,9 +91,9 @@ async def create_first_admin(
     """Create the first administrator with the code that the station printed, and sign in."""
     _refuse_foreign_page(request, guard)
     signed_in = await access.create_first_admin(
-        body.name, body.password.get_secret_value(), body.code
+        body.name, body.password.get_secret_value(), body.code, _host(request)
     )
-    guard.set_cookie(request, response, signed_in.secret)
+    guard.set_cookies(request, response, signed_in)
     return _view(signed_in.caller)
 
 
@@ -129,8 +131,12 @@ async def sign_in_by_link(
         if problem.status != 401:
             raise
         return response
-    guard.set_cookie(request, response, signed_in.secret)
+    guard.set_cookies(request, response, signed_in)
     return response
+
+
+def _host(request: Request) -> str | None:
+    return None if request.client is None else request.client.host
 
 
 def _refuse_foreign_page(request: Request, guard: Guard) -> None:

@@ -86,6 +86,15 @@ class SecretStore:
         file = self._file("robot", robot)
         return _key_of(file, _read(file) or _create(file, secrets.token_bytes(KEY_BYTES).hex()))
 
+    def browser_key(self) -> bytes:
+        """Return the key that marks the browsers of people, made at first need.
+
+        Raises:
+            SecretUnreadableError: If its file does not hold 32 bytes.
+        """
+        file = self._file("browser", "marks")
+        return _key_of(file, _read(file) or _create(file, secrets.token_bytes(KEY_BYTES).hex()))
+
     def signing_key(self, robot: str) -> bytes | None:
         """Return the key that signs MAVLink with a robot; None where frames are not signed.
 

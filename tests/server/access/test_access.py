@@ -1,19 +1,23 @@
 """Who gets in, and what they may do."""
 
 import asyncio
+import json
 import re
-from datetime import timedelta
+import time
+from datetime import UTC, datetime, timedelta
 from types import SimpleNamespace
 
+import httpx
 import pytest
 from fastapi import WebSocketException
 from starlette.websockets import WebSocket
 
 from robot_link.clock import monotonic_s
-from server.access import access, register, stream
+from server.access import access, failure, register, stream, throttle
 from server.access.guard import Guard
 from server.access.role import Role
 from server.base.settings import Settings
+from tests.server.conftest import until
 from tests.server.station_app import (
     BASE_URL,
     PASSWORD,
@@ -149,11 +153,107 @@ async def test_name_and_password_open_a_session_and_signing_out_ends_it(admin, a
 
 async def test_guessing_a_password_is_slowed_down(admin, anyone):
     wrong = {"name": "ann", "password": "not the password"}
-    for _ in range(access.FREE_FAILURES):
+    for _ in range(throttle.FREE_FAILURES):
         assert (await anyone.post("/api/session", json=wrong)).status_code == 401
     answer = await anyone.post("/api/session", json={"name": "ann", "password": PASSWORD})
     assert answer.status_code == 429
     assert int(answer.headers["Retry-After"]) > 0
+
+
+async def test_many_tries_at_once_are_no_way_around(admin, anyone):
+    wrong = {"name": "ann", "password": "not the password"}
+    answers = await asyncio.gather(*(anyone.post("/api/session", json=wrong) for _ in range(30)))
+    looked_at = [answer.status_code for answer in answers if answer.status_code != 429]
+    assert len(looked_at) <= throttle.FREE_FAILURES
+
+
+async def test_a_stranger_locks_out_neither_who_was_here_before_nor_who_comes_from_elsewhere(
+    app, admin, anyone
+):
+    right = {"name": "ann", "password": PASSWORD}
+    for _ in range(throttle.FREE_FAILURES + 1):
+        await anyone.post("/api/session", json={"name": "ann", "password": "not the password"})
+    assert (await anyone.post("/api/session", json=right)).status_code == 429
+    assert (await admin.post("/api/session", json=right)).status_code == 200
+    elsewhere = httpx.ASGITransport(app, client=("192.0.2.7", 9))
+    async with httpx.AsyncClient(transport=elsewhere, base_url=BASE_URL) as client:
+        assert (await client.post("/api/session", json=right)).status_code == 200
+
+
+async def test_a_forged_mark_of_a_browser_is_none(admin, anyone):
+    right = {"name": "ann", "password": PASSWORD}
+    for _ in range(throttle.FREE_FAILURES):
+        await anyone.post("/api/session", json={"name": "ann", "password": "not the password"})
+    for mark in ("", "x", "x.y", "\u00e9.y", admin.cookies["grace_known_8000"][:-1]):
+        headers = {"Cookie": f"grace_known_8000={mark}".encode()}
+        assert (await anyone.post("/api/session", json=right, headers=headers)).status_code == 429
+
+
+async def test_one_address_tries_few_names(anyone):
+    answers = [
+        await anyone.post("/api/session", json={"name": f"n{number}", "password": "x"})
+        for number in range(throttle.FREE_FAILURES_OF_ADDRESS + 1)
+    ]
+    assert [answer.status_code for answer in answers[-2:]] == [401, 429]
+
+
+def test_a_network_of_ipv6_is_one_address():
+    assert throttle.Origin.of("2001:db8::1") == throttle.Origin.of("2001:db8::2:1")
+    assert throttle.Origin.of("192.0.2.1") != throttle.Origin.of("192.0.2.2")
+
+
+async def test_few_passwords_are_looked_at_at_once():
+    gate, running, most = throttle.HashGate(), [], []
+
+    def work():
+        running.append(1)
+        most.append(len(running))
+        time.sleep(0.01)
+        running.pop()
+
+    many = throttle.HASHES_AT_ONCE + throttle.HASHES_WAITING
+    results = await asyncio.gather(
+        *(gate.run(work) for _ in range(many + 5)), return_exceptions=True
+    )
+    assert [error.status for error in results if error is not None] == [503] * 5
+    assert max(most) <= throttle.HASHES_AT_ONCE
+
+
+async def test_failures_stand_in_the_log_and_many_are_an_alarm(app, admin, anyone, monkeypatch):
+    monkeypatch.setattr(throttle, "FREE_FAILURES_OF_ADDRESS", 100)
+    names = ["ann", *(f"n{number}" for number in range(failure.MANY - 1))]
+    for name in names:
+        await anyone.post("/api/session", json={"name": name, "password": "not the password"})
+    events = (await admin.get("/api/events")).json()["events"]
+    texts = [event["text"] for event in events if event["kind"] == "person.sign_in_failed"]
+    assert len(texts) == failure.MANY
+    assert texts[0] == "A sign-in by the name ann from 127.0.0.1 failed."
+    assert texts[1] == "A sign-in by nobody's name from 127.0.0.1 failed."
+    alarms = app.state.foundation.alarms
+    await until(lambda: [alarm.cause for alarm in alarms.open] == [failure.CAUSE])
+
+
+async def test_what_has_expired_stays_so_when_the_clock_is_set_back(app, admin, monkeypatch):
+    door = app.state.foundation.services.get(access.Access)
+    token = await token_of(app, Role.VIEWER)
+    later = datetime.now(UTC) + timedelta(days=30)
+    monkeypatch.setattr(type(door._wall), "now", lambda _: later)
+    assert (await admin.get("/api/session")).status_code == 401
+    monkeypatch.undo()
+    assert (await admin.get("/api/session")).status_code == 401
+    async with client_of(app, headers=bearer(token)) as script:
+        assert (await script.get("/api/session")).status_code == 401
+
+
+@pytest.mark.parametrize("text", ["\u00e9", "\ud800"])
+async def test_characters_of_any_kind_are_wrong_and_no_failure(app, anyone, text):
+    body = json.dumps({"name": "eve", "password": PASSWORD, "code": text})
+    headers = {"Content-Type": "application/json"}
+    answer = await anyone.post("/api/session/first", content=body, headers=headers)
+    assert answer.status_code in {403, 422}
+    for fields in ({"name": "ann", "password": text}, {"token": text}, {"name": text}):
+        answer = await anyone.post("/api/session", content=json.dumps(fields), headers=headers)
+        assert answer.status_code in {401, 422}
 
 
 async def test_the_cookie_is_out_of_reach_of_scripts_and_named_by_port(app, anyone):
@@ -273,8 +373,8 @@ def websocket_of(app, headers, query=""):
 async def test_a_websocket_with_a_cookie_must_come_from_the_stations_page(
     app, admin, origin, host, allowed
 ):
-    [(name, value)] = admin.cookies.items()
-    headers = {"Host": host, "Cookie": f"{name}={value}"}
+    name = "grace_session_8000"
+    headers = {"Host": host, "Cookie": f"{name}={admin.cookies[name]}"}
     if origin is not None:
         headers["Origin"] = origin
     guard = app.state.foundation.services.get(Guard)
