@@ -205,8 +205,9 @@ class MissionConfig(Configuration):
     duration, and the time of the following setting on top."""
     patience_s: float = quantity(900.0, "s", title="Patience, added", ge=0.0, le=86400.0)
     """Time that a mission may take beyond its planned duration times the setting above."""
-    draft_distance_m: float = quantity(1.0, "m", title="Draft's start, distance", gt=0.0)
-    """A draft counts as outdated once the robot is farther than this from where it begins."""
+    draft_distance_m: float = quantity(3.0, "m", title="Draft's start, distance", gt=0.0)
+    """A draft counts as outdated once the robot is farther than this from where it begins: a robot
+    swims back to there first, and as long as the way is free that costs little."""
     draft_age_s: float = quantity(3600.0, "s", title="Draft's age", gt=0.0, le=604800.0)
     """A draft counts as outdated this long after it was made."""
 

@@ -113,6 +113,7 @@ def outdated_by(status: RobotStatus, plan: PlanRecord, now: datetime) -> tuple[V
         PlannerConfig.model_validate(plan.config),
         state.position_ned[:2],
         (now - plan.created_at).total_seconds(),
+        status.record.site,
     )
     return tuple(ViolationView(one.field, one.message) for one in found)
 

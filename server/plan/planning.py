@@ -32,7 +32,7 @@ from server.plan.drafting import (
     draft_of,
     outdated_by,
 )
-from server.plan.dry_run import DryRuns
+from server.plan.dry_run import WORKING, DryRuns
 from server.plan.ledger import PlanLedger
 from server.plan.machine_code import MachineCode
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
@@ -83,6 +83,10 @@ class Planning:
                 else:
                     message = "The station stopped while it planned; plan again."
                     await self._fail(plan.id, message, {"interrupted": True})
+            for plan in await self._ledger.of_robot(status.record.id, ("draft",)):
+                if (plan.document.get("rehearsal") or {}).get("state") == WORKING.state:
+                    text = "The station stopped while this was rehearsed; it was not rehearsed."
+                    await self._note_dry_run(plan.id, DryRunView("failed", message=text))
 
     async def stop(self) -> None:
         """Stop searching; the plans are closed when the station starts again."""
@@ -194,6 +198,41 @@ class Planning:
             task.cancel()
             await asyncio.wait([task])
         return cancelled
+
+    async def rehearse(self, plan: str) -> PlanRecord:
+        """Fly a draft ahead once more, however long that takes; it stays a draft meanwhile.
+
+        Raises:
+            UnknownIdError: If there is no such plan.
+            Problem: 409 for a plan that is no draft, has no legs, is being flown ahead already, or
+                whose vehicle is not known.
+        """
+        record = await self._ledger.get(plan)
+        if record.state != "draft" or "settings" not in record.document:
+            raise conflict(f"{plan} is no draft with legs; only such a one can be rehearsed.")
+        if plan in self._tasks:
+            raise conflict(f"{plan} is being rehearsed already.")
+        if self._fleet.vehicle(record.robot) is None:
+            raise conflict(f"It is not known what vehicle {record.robot} is; say so first.")
+        config = PlannerConfig.model_validate(record.config)
+        self._begin(plan, self._rehearse_again(record, config))
+        return record
+
+    async def _rehearse_again(self, plan: PlanRecord, config: PlannerConfig) -> None:
+        await self._settle(plan.id, lambda: self._note_dry_run(plan.id, WORKING))
+        found = await self._dry_runs.fly(plan, config, is_limited=False)
+        await self._settle(plan.id, lambda: self._note_dry_run(plan.id, found))
+
+    async def _note_dry_run(self, plan: str, dry_run: DryRunView) -> None:
+        """Keep how a draft's dry run went; one that has left the station by now has no use of it.
+
+        Raises:
+            PlanStateError: If it is no draft any more.
+        """
+        document = {"rehearsal": asdict(dry_run)}
+        self._ledger.set_progress(
+            await self._ledger.note(plan, document, only_from=("draft",)), None
+        )
 
     async def check(self, plan: str) -> list[ViolationView]:
         """Check a draft again: its limits, its dry run, and whether it still fits the robot.

@@ -63,6 +63,14 @@ async def cancel_plan(caller: Pilot, plan: str, planning: PlanningDep) -> PlanId
     return PlanIdView(record.id)
 
 
+@router.post("/plans/{plan}/rehearse", status_code=202)
+async def rehearse_plan(caller: Pilot, plan: str, planning: PlanningDep) -> PlanIdView:
+    """Fly a draft ahead again, however long that takes; 409 for a plan that is no draft."""
+    del caller
+    record = await planning.rehearse(plan)
+    return PlanIdView(record.id)
+
+
 @router.post("/plans/{plan}/check")
 async def check_plan(caller: Pilot, plan: str, planning: PlanningDep) -> CheckView:
     """Check a plan: the limits that it breaks, and what changed since it was made."""

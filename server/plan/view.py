@@ -212,7 +212,8 @@ class PlanView(View):
     says it; a person may send it all the same."""
     stage: PlanStage | None
     """What planning does now: ``waiting`` until other robots of the survey are planned for,
-    ``searching`` or ``rehearsing``; ``null`` once it has ended."""
+    ``searching`` or ``rehearsing``, which a draft may be too once a person wants that again;
+    ``null`` once it has ended."""
     progress: ProgressView | None
     history: list[ObjectiveView]
     runners_up: list[RunnerUpView]

@@ -10,7 +10,7 @@ from autonomy.planner.leg.edge import legs_energy, planned_points
 from autonomy.planner.leg.primitive import dive, glide, spiral, swim
 from autonomy.planner.plan import Candidate, Leg, PlanResult, PlanStatus, PrimitiveKind
 from autonomy.planner.preset import PLANNER_PRESETS
-from autonomy.site import TANK
+from autonomy.site import TANK, Area
 
 CONFIG = PLANNER_PRESETS["miniglider"]
 SURFACE = (1.0, 0.7, 0.0)
@@ -174,9 +174,26 @@ def test_the_surfacing_before_each_dive_takes_its_time_and_the_energy_of_that_ti
 
 def test_a_plan_is_outdated_far_from_its_start_or_long_after_it_was_made():
     legs = there_and_back()
-    assert outdated(legs, CONFIG, (1.6, 0.7), 3000.0) == ()
-    (away,) = outdated(legs, CONFIG, (2.5, 0.7), 3000.0)
+    near = {"mission": CONFIG.mission.model_copy(update={"draft_distance_m": 1.0})}
+    config = CONFIG.model_copy(update=near)
+    assert outdated(legs, config, (1.6, 0.7), 3000.0, TANK) == ()
+    (away,) = outdated(legs, config, (2.5, 0.7), 3000.0, TANK)
     assert away.message == "The robot is 1.5 m from where the plan begins; the limit is 1 m."
-    (old,) = outdated(legs, CONFIG, (1.0, 0.7), 4000.0)
+    (old,) = outdated(legs, config, (1.0, 0.7), 4000.0, TANK)
     assert old.message == "The plan was made 67 min ago; the limit is 60 min."
-    assert len(outdated(legs, CONFIG, (2.5, 0.7), 4000.0)) == 2
+    assert len(outdated(legs, config, (2.5, 0.7), 4000.0, TANK)) == 2
+
+
+def test_an_idle_robots_drift_in_the_tank_does_not_outdate_a_plan():
+    """The robot swims back to where the plan begins."""
+    legs = there_and_back()
+    assert outdated(legs, CONFIG, (3.0, 0.7), 600.0, TANK) == ()
+
+
+def test_a_keep_out_between_the_robot_and_the_plan_outdates_it():
+    legs = there_and_back()
+    ladder = Area(name="Ladder", corners_m=((2.2, 0.4), (2.5, 0.4), (2.5, 1.0), (2.2, 1.0)))
+    config = CONFIG.model_copy(update={"keep_outs": (ladder,)})
+    (found_,) = outdated(legs, config, (2.9, 0.7), 600.0, TANK)
+    assert found_.message.endswith("and the way there is not free.")
+    assert outdated(legs, config, (1.5, 0.7), 600.0, TANK) == ()

@@ -43,6 +43,7 @@ FAST = {
     "total_budget": 24.0,
     "round_budget": 12.0,
     "search": {"iterations_max": 100},
+    "mission": {"draft_distance_m": 1.0},
 }
 """A survey of two short rounds; the search ends by its iterations on a machine of any speed."""
 

@@ -55,7 +55,11 @@ def violations(legs: tuple[Leg, ...], config: PlannerConfig, site: Site) -> tupl
 
 
 def outdated(
-    legs: tuple[Leg, ...], config: PlannerConfig, position_ne_m: tuple[float, float], age_s: float
+    legs: tuple[Leg, ...],
+    config: PlannerConfig,
+    position_ne_m: tuple[float, float],
+    age_s: float,
+    site: Site,
 ) -> tuple[Violation, ...]:
     """List why a plan that was made some time ago no longer fits the robot.
 
@@ -64,6 +68,7 @@ def outdated(
         config: Settings that it was made with, which say how long it stays true.
         position_ne_m: Where the robot is now.
         age_s: Time since the plan was made.
+        site: The water that the robot is in.
     """
     limits = config.mission
     found: list[Violation] = []
@@ -76,6 +81,14 @@ def outdated(
                 f"the limit is {limits.draft_distance_m:g} m.",
             )
         )
+    elif away_m > PLACE_TOLERANCE_M and not _is_way_free(legs, config, position_ne_m, site):
+        found.append(
+            Violation(
+                "mission.draft_distance_m",
+                f"The robot is {away_m:.3g} m from where the plan begins, and the way there is not "
+                "free.",
+            )
+        )
     if age_s > limits.draft_age_s:
         found.append(
             Violation(
@@ -85,6 +98,16 @@ def outdated(
             )
         )
     return tuple(found)
+
+
+def _is_way_free(
+    legs: tuple[Leg, ...], config: PlannerConfig, position_ne_m: tuple[float, float], site: Site
+) -> bool:
+    """Tell whether a swim to the plan's start breaks no limit that the plan does not break."""
+    here = (*position_ne_m, legs[0].start_ned[2])
+    way = primitive.swim(config, here, legs[0].start_ned)
+    broken = len(list(out_of_bounds((way, *legs), config, site)))
+    return broken <= len(list(out_of_bounds(legs, config, site)))
 
 
 def _overspent(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:

@@ -103,6 +103,38 @@ async def test_rehearsal_that_takes_too_long_is_left_out(client, workers, monkey
     assert draft["rehearsal"]["message"].startswith("Not rehearsed: that would have taken")
 
 
+async def test_a_draft_is_rehearsed_again_where_a_person_wants_it(client, workers, monkeypatch):
+    monkeypatch.setattr(dry_run, "LIMIT_S", 0.05)
+    workers.may_fly.clear()
+    plan = await laid_out(client)
+    await plan_in(client, plan, "draft")
+    assert (await client.post(f"/api/plans/{plan}/rehearse")).status_code == 202
+    await rehearses(client, plan)
+    working = (await client.get(f"/api/plans/{plan}")).json()
+    assert (working["state"], working["rehearsal"]["state"]) == ("draft", "working")
+    assert (await client.post(f"/api/plans/{plan}/rehearse")).status_code == 409
+    workers.may_fly.set()
+
+    async def rehearsed():
+        found = (await client.get(f"/api/plans/{plan}")).json()
+        return found["rehearsal"]["state"] == "done" and found["stage"] is None
+
+    await until(rehearsed)
+    assert len(workers.dry_runs) == 2
+
+
+async def test_only_a_draft_is_rehearsed_again(client):
+    plan = (await plan_in(client, await laid_out(client), "draft"))["id"]
+    assert (await client.post(f"/api/plans/{plan}/cancel")).status_code == 202
+    refused = await client.post(f"/api/plans/{plan}/rehearse")
+    assert refused.status_code == 409
+    assert "only such a one can be rehearsed" in refused.json()["detail"]
+
+
+async def test_a_busy_machine_has_a_minute_for_a_rehearsal():
+    assert dry_run.LIMIT_S >= 60.0
+
+
 async def test_plan_can_be_cancelled_while_it_is_rehearsed(client, workers):
     workers.may_fly.clear()
     plan = await laid_out(client)

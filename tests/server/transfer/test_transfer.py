@@ -228,7 +228,7 @@ async def test_order_that_waits_for_a_link_does_not_expire_once_there_is_one():
 
 
 async def test_outdated_draft_is_flown_only_after_a_second_word(client, world):
-    plan = await draft(client)
+    plan = await draft(client, {**DIVE, "config": {"mission": {"draft_distance_m": 1.0}}})
     assert (await client.post(f"/api/plans/{plan}/check")).json()["violations"] == []
     world.tell(state_report(MINI, (2.9, 0.6, 0.0)))
     (found,) = (await client.post(f"/api/plans/{plan}/check")).json()["violations"]

@@ -152,10 +152,22 @@ export class Api {
   chooseRunnerUp = (plan: string, runner_up: number) =>
     told(this.#http.POST('/api/plans/{plan}/choose', { ...of({ plan }), body: { runner_up } }));
 
+  /** Fly a draft ahead again, however long that takes. */
+  rehearse = (plan: string) => told(this.#http.POST('/api/plans/{plan}/rehearse', of({ plan })));
+
   /** Search on from a draft and its runners-up. */
   searchOn = (plan: string, planning_time_s: number | null) =>
     told(
       this.#http.POST('/api/plans/{plan}/continue', { ...of({ plan }), body: { planning_time_s } }),
+    );
+
+  /** Search for the draft of a survey anew, from where the robot is now. */
+  planAgain = (robot: string, mission: string) =>
+    told(
+      this.#http.POST('/api/robots/{robot}/plans', {
+        ...of({ robot }),
+        body: { kind: 'adaptive_survey', mission },
+      }),
     );
 
   /** Make a plan that follows a target, which takes no search; nothing is sent. */

@@ -1,6 +1,6 @@
 import { describe, expect, test } from 'vitest';
-import type { RobotLink, SatelliteQuote } from '../../api/types';
-import { priceText, sizesText, wayOf } from './send';
+import type { Plan, RobotLink, SatelliteQuote } from '../../api/types';
+import { priceText, reservations, sizesText, wayOf } from './send';
 
 const RADIO = { kind: 'radio', carrier: 'xbee', state: 'live', is_plugged: true } as RobotLink;
 const SPACE = { kind: 'satellite', carrier: 'rockblock', is_plugged: true } as RobotLink;
@@ -39,5 +39,20 @@ describe('what it costs', () => {
     expect(priceText(1.2, 'GBP')).toBe('1.20 GBP');
     expect(priceText(0, '')).toBe('no price set');
     expect(sizesText([{ bytes: 270 }, { bytes: 176 }])).toBe('270 + 176 B');
+  });
+});
+
+describe('what speaks against sending a draft', () => {
+  const AWAY = { field: 'mission.draft_distance_m', message: 'The robot is 4 m away.' };
+  const FLAWED = { state: 'done', completed: false, entered: [], message: 'It ran aground.' };
+  const draft = { state: 'draft', outdated: [AWAY], rehearsal: FLAWED } as unknown as Plan;
+
+  test('is known before it is held, whoever would refuse it then', () => {
+    expect(reservations(draft)).toEqual([AWAY.message, 'Its rehearsal says: It ran aground.']);
+    expect(reservations({ ...draft, outdated: [], rehearsal: null })).toEqual([]);
+  });
+
+  test('does not concern a plan that has left the station', () => {
+    expect(reservations({ ...draft, state: 'running' })).toEqual([]);
   });
 });

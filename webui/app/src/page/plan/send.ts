@@ -1,6 +1,20 @@
-import type { LinkKind, RobotLink, RouteChoice, SatelliteQuote, Way } from '../../api/types';
+import type { LinkKind, Plan, RobotLink, RouteChoice, SatelliteQuote, Way } from '../../api/types';
 import { shownState } from '../../part/link_state';
 import { carrierName } from '../../text/word';
+
+/**
+ * What speaks against sending a draft, which a person may know better; the station refuses it for
+ * these until that is confirmed.
+ */
+export function reservations(plan: Pick<Plan, 'state' | 'outdated' | 'rehearsal'>): string[] {
+  if (plan.state !== 'draft') return [];
+  const { rehearsal } = plan;
+  const isFlawed = rehearsal?.completed === false || (rehearsal?.entered ?? []).length > 0;
+  return [
+    ...plan.outdated.map(({ message }) => message),
+    ...(rehearsal && isFlawed ? [`Its rehearsal says: ${rehearsal.message}`] : []),
+  ];
+}
 
 /** What "automatic" takes: the station's word, else what its links tell. */
 export function wayOf(
