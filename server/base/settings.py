@@ -42,7 +42,9 @@ class Settings(BaseSettings):
     directip_port: int | None = Field(default=None, ge=0, le=65535)
     """Port on which DirectIP messages of robots are taken; none means that nobody listens."""
     directip_allowed: tuple[str, ...] = ()
-    """Networks from which DirectIP messages are taken, such as ``192.0.2.0/24``; none means all."""
+    """Networks from which DirectIP messages are taken, such as ``192.0.2.0/24``.
+
+    None means those that reach ``directip_host``, which must then be of this machine alone."""
     gateway_public_url: str | None = None
     """How satellite gateways reach this station, such as ``https://station.example.org``."""
     session_hours: float = Field(default=12.0, gt=0)
@@ -68,6 +70,16 @@ class Settings(BaseSettings):
             )
         return self
 
+    @model_validator(mode="after")
+    def _knows_who_may_deliver(self) -> Self:
+        is_open = self.directip_port is not None and not _is_loopback(self.directip_host)
+        if is_open and not self.directip_allowed:
+            raise ValueError(
+                f"directip_host {self.directip_host} can be reached from other machines, and "
+                "DirectIP proves nothing: give directip_allowed the networks of the gateway"
+            )
+        return self
+
     @property
     def has_tls(self) -> bool:
         """Whether the station itself speaks TLS."""
@@ -76,12 +88,7 @@ class Settings(BaseSettings):
     @property
     def is_loopback(self) -> bool:
         """Whether only this machine can reach the station."""
-        if self.host == "localhost":
-            return True
-        try:
-            return ip_address(self.host).is_loopback
-        except ValueError:
-            return False
+        return _is_loopback(self.host)
 
     @property
     def secure_cookie(self) -> bool:
@@ -99,3 +106,12 @@ class Settings(BaseSettings):
         if self.database_url is not None:
             return self.database_url
         return f"sqlite:///{(self.data_dir / 'station.sqlite3').resolve()}"
+
+
+def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
+    try:
+        return ip_address(host).is_loopback
+    except ValueError:
+        return False

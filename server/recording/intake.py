@@ -5,10 +5,11 @@ after another on a data folder that no station uses.
 """
 
 import asyncio
-from collections.abc import Sequence
+import threading
+from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import IO, NotRequired
+from typing import IO, NotRequired, TypeVar
 
 import numpy as np
 from sqlalchemy.orm import Session
@@ -26,7 +27,7 @@ from db.store import Store
 from robot_link.clock import Clock
 from server.base.job import JobError, JobProgress
 from server.base.worker import WORKER_FAILURES, WorkerPool
-from server.recording.keep import keep_recording, positions_ned, recording_log
+from server.recording.keep import ImportStoppedError, keep_recording, positions_ned, recording_log
 from server.recording.map_fit import TASK, FitFailure, FitProblem, FittedMap
 from server.recording.table import (
     Policy,
@@ -36,6 +37,8 @@ from server.recording.table import (
     RowFault,
     read_recording,
 )
+
+T = TypeVar("T")
 
 
 class RecordedScores(TypedDict):
@@ -117,16 +120,20 @@ async def run_import(
     Raises:
         JobError: If the file was refused; the result names each broken row.
     """
-    loop = asyncio.get_running_loop()
+    loop, stop = asyncio.get_running_loop(), threading.Event()
 
     def told(share: float) -> None:
+        if stop.is_set():
+            raise ImportStoppedError
         loop.call_soon_threadsafe(progress.report, share * READ_SHARE, "Reading the file")
 
-    recording, log = await asyncio.to_thread(read_order, order, told)
+    recording, log = await _stoppable(asyncio.to_thread(read_order, order, told), stop)
     progress.report(READ_SHARE, f"Keeping {len(recording.time_s)} rows")
     at = clock.now()
     try:
-        deployment = await store.write(lambda s: keep_order(s, order, recording, log, at))
+        deployment = await _stoppable(
+            store.write(lambda s: keep_order(s, order, recording, log, at, stop.is_set)), stop
+        )
     except DeploymentExistsError as error:
         raise JobError(str(error)) from error
     progress.report(KEPT_SHARE, "Learning the maps")
@@ -137,6 +144,20 @@ async def run_import(
     left_out = len(recording.skipped)
     progress.report(1.0, f"Imported {deployment.rows} rows as {deployment.id}; {left_out} left out")
     return import_result(deployment, recording, outcomes)
+
+
+async def _stoppable(work: Coroutine[object, object, T], stop: threading.Event) -> T:
+    """Await work of another thread; where that is cancelled, have it stop and wait until it has.
+
+    Otherwise the thread would go on with a file that is closed, or hold up everybody's writing.
+    """
+    task = asyncio.ensure_future(work)
+    try:
+        return await asyncio.shield(task)
+    except asyncio.CancelledError:
+        stop.set()
+        await asyncio.wait([task])
+        raise
 
 
 def read_order(order: ImportOrder, on_progress: Progress) -> tuple[Recording, int]:
@@ -153,15 +174,28 @@ def read_order(order: ImportOrder, on_progress: Progress) -> tuple[Recording, in
 
 
 def keep_order(
-    session: Session, order: ImportOrder, recording: Recording, log: int, at: datetime
+    session: Session,
+    order: ImportOrder,
+    recording: Recording,
+    log: int,
+    at: datetime,
+    is_stopped: Callable[[], bool] = lambda: False,
 ) -> DeploymentRecord:
     """Keep the rows, all of them or none.
 
     Raises:
         DeploymentExistsError: If this very file is there already.
+        ImportStoppedError: If ``is_stopped`` says so meanwhile.
     """
     return keep_recording(
-        session, order.robot, recording, title=order.title, log=log, at=at, by=order.by
+        session,
+        order.robot,
+        recording,
+        title=order.title,
+        log=log,
+        at=at,
+        by=order.by,
+        is_stopped=is_stopped,
     )
 
 

@@ -2,7 +2,7 @@
 
 import hashlib
 import math
-from collections.abc import Generator, Mapping
+from collections.abc import Callable, Generator, Mapping
 from datetime import UTC, datetime, timedelta
 from typing import IO
 
@@ -23,6 +23,14 @@ from server.recording.table import Recording
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _MARGIN_M = 1.0
 _BLOCK_BYTES = 1 << 20
+
+
+class ImportStoppedError(Exception):
+    """Nobody wants the recording any more; nothing of it is kept."""
+
+
+def _never() -> bool:
+    return False
 
 
 def recording_log(file: IO[bytes]) -> int:
@@ -47,6 +55,7 @@ def keep_recording(
     log: int,
     at: datetime,
     by: str,
+    is_stopped: Callable[[], bool] = _never,
 ) -> DeploymentRecord:
     """Keep a recording, all of it or nothing, in the caller's transaction.
 
@@ -55,6 +64,7 @@ def keep_recording(
 
     Raises:
         DeploymentExistsError: If this very file is there already.
+        ImportStoppedError: If ``is_stopped`` says so meanwhile.
     """
     variables = tuple(recording.values)
     record = _robot(session, robot, recording, next(iter((*variables, *VARIABLES))), at)
@@ -66,7 +76,7 @@ def keep_recording(
     deployment = add_recording(
         session,
         robot,
-        _rows(recording, positions),
+        _rows(recording, positions, is_stopped),
         title=title,
         log=log,
         variables=variables,
@@ -132,12 +142,16 @@ def _robot(
     return record
 
 
-def _rows(recording: Recording, positions: FloatArray) -> Generator[RecordedRow]:
+def _rows(
+    recording: Recording, positions: FloatArray, is_stopped: Callable[[], bool]
+) -> Generator[RecordedRow]:
     values = _rows_of(recording.values, len(positions))
     flight = _rows_of(recording.flight, len(positions))
     for time_s, position, row, flown in zip(
         recording.time_s.tolist(), positions.tolist(), values, flight, strict=True
     ):
+        if is_stopped():
+            raise ImportStoppedError
         north_m, east_m, depth_m = position
         told = zip(recording.flight, flown, strict=True)
         yield RecordedRow(

@@ -30,6 +30,10 @@ TIME_MAX_S = 4_102_444_800.0
 """The beginning of the year 2100: what lies beyond is a wrong unit."""
 COMMENT = "#"
 _LINE_LENGTH_MAX = 100_000
+ROWS_MAX = 2_000_000
+"""A day of 23 rows a second; they are held in memory, at about a kilobyte each."""
+_TELL_BYTES = 1 << 18
+"""So much of a file is read between two words on how far it is."""
 
 
 def ascending(times: Sequence[float]) -> list[int]:
@@ -103,7 +107,7 @@ class RecordingError(Exception):
 
 
 Progress = Callable[[float], None]
-"""Told the share of the file that is read, 0 .. 1."""
+"""Told the share of the file that is read, 0 .. 1; what it raises ends the reading."""
 
 
 def read_recording(
@@ -136,6 +140,8 @@ def read_recording(
     found: list[tuple[int, Row]] = []
     faults: list[RowFault] = []
     for number, line in lines:
+        if len(found) + len(faults) >= ROWS_MAX:
+            raise RecordingError(f"The file has more than {ROWS_MAX:,} rows; cut it into parts.")
         try:
             found.append((number, _checked((*POSITION_COLUMNS, *measured), _cells(line))))
         except ValueError as error:
@@ -185,27 +191,31 @@ def _checked(columns: tuple[str, ...], cells: list[str]) -> Row:
 
 def _in_order(rows: list[tuple[int, Row]]) -> tuple[list[Row], list[RowFault]]:
     """Leave out the fewest rows so that time ascends, and say why each is left out."""
-    kept = set(ascending([row[0] for _, row in rows]))
-    faults = [
-        RowFault(rows[index][0], _misplaced(rows, kept, index))
-        for index in range(len(rows))
-        if index not in kept
-    ]
-    return [rows[index][1] for index in sorted(kept)], faults
+    kept = ascending([row[0] for _, row in rows])
+    faults: list[RowFault] = []
+    following = 0
+    for index, (line, row) in enumerate(rows):
+        if following < len(kept) and kept[following] == index:
+            following += 1
+            continue
+        earlier = rows[kept[following - 1]] if following else None
+        later = rows[kept[following]] if following < len(kept) else None
+        faults.append(RowFault(line, _misplaced(row, earlier, later)))
+    return [rows[index][1] for index in kept], faults
 
 
-def _misplaced(rows: list[tuple[int, Row]], kept: set[int], index: int) -> str:
-    row = rows[index][1]
-    earlier = next((other for other in range(index - 1, -1, -1) if other in kept), None)
-    if earlier is not None and row[0] <= rows[earlier][1][0]:
-        line, before = rows[earlier]
+def _misplaced(row: Row, earlier: tuple[int, Row] | None, later: tuple[int, Row] | None) -> str:
+    """Say why a row is left out, from the rows before and after it that are not."""
+    if earlier is not None and row[0] <= earlier[1][0]:
+        line, before = earlier
         if row == before:
             return f"the row repeats line {line}"
         if row[0] == before[0]:
             return f"the time is that of line {line}"
         return f"the time goes back behind line {line}"
-    later = next(other for other in range(index + 1, len(rows)) if other in kept)
-    return f"the time is ahead of line {rows[later][0]}, which follows"
+    if later is None:
+        raise ValueError("a row that time allows was left out")
+    return f"the time is ahead of line {later[0]}, which follows"
 
 
 def _number(column: str, cell: str) -> float:
@@ -265,15 +275,14 @@ def _cells(line: str) -> list[str]:
 
 def _lines(file: IO[bytes], size: int, on_progress: Progress) -> Generator[str]:
     """Decode the file line by line; bytes that are not UTF-8 break their cell, not the file."""
-    done, told = 0, 0.0
+    done, told = 0, 0
     while line := file.readline(_LINE_LENGTH_MAX):
         text = line.decode("utf-8", errors="replace")
         yield text.removeprefix("\ufeff") if done == 0 else text
         done += len(line)
-        share = done / max(size, done)
-        if share - told >= 0.01:
-            told = share
-            on_progress(share)
+        if done - told >= min(_TELL_BYTES, size / 100):
+            told = done
+            on_progress(done / max(size, done))
 
 
 def _rows(count: int) -> str:

@@ -38,7 +38,7 @@ from server.satellite.gateways import GATEWAY_TITLES, Gateways
 router = APIRouter(prefix="/api/gateways", tags=["gateways"])
 
 PUSH_BYTES_MAX: Final = 8 * 1024
-_STATUS_OF_REFUSAL: Final = {"malformed": 400, "signature": 403, "disagrees": 403}
+_STATUS_OF_REFUSAL: Final = {"malformed": 400, "signature": 403, "expired": 403, "disagrees": 403}
 
 
 GatewaysDep = Annotated[Gateways, Depends(service(Gateways))]
@@ -78,8 +78,8 @@ class GatewayView(View):
     duplicate: int
     refused: dict[str, int]
     """Pushes that were refused, by reason: ``bad_path``, ``too_often``, ``too_large``,
-    ``no_key``, ``signature``, ``disagrees``, ``malformed``, ``held_back``, ``not_kept`` or
-    ``address``."""
+    ``no_key``, ``signature``, ``expired``, ``disagrees``, ``malformed``, ``held_back``,
+    ``not_kept`` or ``address``."""
     last_at: datetime | None
     """When the last message came."""
     fault: str | None

@@ -44,6 +44,8 @@ GATEWAY_TITLES: Final[dict[GatewayKind, str]] = {
     "cloudloop": "Cloudloop",
 }
 _LISTEN_AGAIN_S: Final = 30.0
+_FORGED = ("signature", "expired", "disagrees")
+"""Why a push is refused that the gateway itself would never have made so."""
 _TELL_AGAIN_S: Final = 600.0
 """Time between two entries in the log about refusals of one kind; every one is counted."""
 _TOLD_MODEMS_MAX: Final = 1000
@@ -87,6 +89,7 @@ class Gateways:
         self._retired: list[SatelliteGateway] = []
         self._listener: Listener | None = None
         self._listening: asyncio.Task[Any] | None = None
+        self._warning: asyncio.Task[Any] | None = None
         self._told: dict[tuple[str, str], float] = {}
         self._told_modems: set[str] = set()
         self.traffic: dict[GatewayKind, Traffic] = {kind: Traffic() for kind in GATEWAY_KINDS}
@@ -173,6 +176,7 @@ class Gateways:
         traffic = self.traffic[cast("GatewayKind", message.carrier)]
         is_new = await self._on_message(message)
         traffic.last_at = message.arrived_at
+        await self._attempt(self._foundation.alarms.clear(f"forged:{message.carrier}"))
         if is_new:
             traffic.accepted += 1
             await self._tell_of_stranger(message)
@@ -185,6 +189,8 @@ class Gateways:
         """Count a push that was refused, and tell of it in the log, though not of each."""
         self.traffic[kind].refused[reason] += 1
         self._changed()
+        if reason in _FORGED:
+            await self._warn_of_forgery(kind)
         now_s = monotonic_s()
         told_s = self._told.get((kind, reason))
         if sentence is None or (told_s is not None and now_s - told_s < _TELL_AGAIN_S):
@@ -276,6 +282,7 @@ class Gateways:
             allowed=settings.directip_allowed,
         )
         listener.refused = self.traffic["directip"].refused
+        listener.on_stranger = self._stranger_knocked
         while True:
             try:
                 await listener.start()
@@ -304,6 +311,17 @@ class Gateways:
             raise HeldBackError("Messages come too often.")
         await self.take(message)
 
+    def _stranger_knocked(self) -> None:
+        """Tell that somebody delivers from outside of the networks that are allowed."""
+        if self._warning is None or self._warning.done():
+            warning = self._warn_of_forgery("directip")
+            self._warning = self._foundation.background.start("DirectIP stranger", warning)
+        self._changed()
+
+    async def _warn_of_forgery(self, kind: GatewayKind) -> None:
+        raised = self._foundation.alarms.raise_(f"forged:{kind}", _forged_text(kind))
+        await self._attempt(raised)
+
     async def _attempt(self, work: Coroutine[Any, Any, object]) -> None:
         with contextlib.suppress(StoreError):
             await work
@@ -313,6 +331,19 @@ class Gateways:
             self._listening.cancel()
             await asyncio.gather(self._listening, return_exceptions=True)
             self._listening = None
+
+
+def _forged_text(kind: GatewayKind) -> str:
+    title = GATEWAY_TITLES[kind]
+    if kind == "directip":
+        return (
+            f"Somebody delivers messages in {title}'s name from a network that is not allowed; "
+            "nothing of them is believed."
+        )
+    return (
+        f"Somebody pushes messages in {title}'s name that it did not sign; nothing of them is "
+        "believed. Is the key that is entered its own?"
+    )
 
 
 def _is_complete(kind: GatewayKind, account: GatewayAccount) -> bool:

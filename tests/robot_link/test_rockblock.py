@@ -9,6 +9,7 @@ from pathlib import Path
 from random import Random
 from urllib.parse import parse_qs
 
+import jwt
 import pytest
 
 from robot_link.station.gateway.gateway import (
@@ -130,6 +131,39 @@ def test_tokens_that_nobody_or_somebody_else_signed_are_refused():
     assert refusal(form_push(fields, "")) == "signature"
     no_token = json.dumps(fields).encode()
     assert refusal(no_token, JSON) == "signature"
+
+
+@pytest.mark.parametrize(
+    ("claims", "is_taken"),
+    [
+        ({"exp": 3600}, True),
+        ({"exp": -30}, True),
+        ({"exp": -61}, False),
+        ({"nbf": -10}, True),
+        ({"nbf": 61}, False),
+        ({"nbf": -10, "exp": -61}, False),
+    ],
+)
+def test_a_signature_holds_only_in_the_time_that_it_says(claims, is_taken):
+    """Clocks may differ by a minute."""
+    times = {name: int(NOW.timestamp()) + second for name, second in claims.items()}
+    body = form_push(token=token_with(**times))
+    if is_taken:
+        assert read(body).imei == IMEI
+    else:
+        assert refusal(body) == "expired"
+
+
+@pytest.mark.parametrize("value", ["never", None, [], "1e999", float("nan")])
+def test_a_time_of_expiry_that_is_none_is_refused(value):
+    assert refusal(form_push(token=token_with(exp=value))) == "expired"
+
+
+def token_with(**claims):
+    """Sign also what a library would not."""
+    fields = {name: str(value) for name, value in push_fields().items()}
+    payload = json.dumps(fields | claims).encode()
+    return jwt.PyJWS().encode(payload, private_key(), algorithm="RS256")
 
 
 @pytest.mark.parametrize(

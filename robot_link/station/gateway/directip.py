@@ -248,6 +248,8 @@ class Listener:
         self._serving: set[asyncio.Task[None]] = set()
         self.refused: Counter[str] = Counter()
         """Connections whose message was not taken, by reason."""
+        self.on_stranger: Callable[[], None] = _ignore
+        """Called when one comes from outside of ``allowed``."""
 
     @property
     def port(self) -> int:
@@ -297,6 +299,7 @@ class Listener:
         if name is not None and any(ip_address(name[0]) in net for net in self._allowed):
             return True
         self.refused["address"] += 1
+        self.on_stranger()
         return False
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
@@ -342,3 +345,7 @@ class Listener:
                 await writer.drain()
         except (OSError, TimeoutError):
             _log.info("a DirectIP gateway hung up before its confirmation; it delivers again")
+
+
+def _ignore() -> None:
+    pass

@@ -11,12 +11,13 @@ class PushRefusal(Exception):  # noqa: N818 - an answer, not a fault of the prog
 
     Args:
         reason: ``malformed`` if it is no push of this gateway, ``signature`` if nothing proves
-            that the gateway sent it, ``disagrees`` if its body says other than what was signed.
+            that the gateway sent it, ``expired`` if that proof holds no longer, ``disagrees`` if
+            its body says other than what was signed.
         sentence: What is wrong; it repeats nothing that the push said.
     """
 
     def __init__(
-        self, reason: Literal["malformed", "signature", "disagrees"], sentence: str
+        self, reason: Literal["malformed", "signature", "expired", "disagrees"], sentence: str
     ) -> None:
         super().__init__(sentence)
         self.reason = reason

@@ -2,8 +2,9 @@
 
 From a robot, the service pushes a form or JSON with ``imei, serial, momsn, transmit_time
 ("YY-MM-DD HH:MM:SS", UTC), iridium_latitude, iridium_longitude, iridium_cep, data`` (hex) and
-``JWT``: the same fields as strings, signed RS256. The signed ones count. They carry no time of
-expiry and no number of their own, so a repeated push is told apart by the inbox alone.
+``JWT``: the same fields as strings, signed RS256. The signed ones count. They carry no number of
+their own, so a repeated push is told apart by the inbox alone. The service documents no time of
+expiry; where a signature says one (``exp``, ``nbf``), it holds only then.
 
 To a robot, ``imei, username, password, data`` (hex) and ``flush`` are posted; the answer is
 ``OK,<id>`` or ``FAILED,<code>,<text>``.
@@ -12,6 +13,7 @@ Source: docs.groundcontrol.com, RockBLOCK web services, "Receiving MO" and "Send
 """
 
 import json
+import math
 import re
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
@@ -45,6 +47,8 @@ _NUMBERS: Final = frozenset(
 )
 _SIGNED: Final = ("imei", "momsn", "transmit_time", "data")
 """What the body must repeat; of the other fields, what stands in both must be equal."""
+_CLOCK_ERROR_S: Final = 60.0
+"""How far the clocks of gateway and station may be apart."""
 _TEXT_MAX: Final = 120
 
 _REFUSALS: Final[dict[str, tuple[GatewayFault, str]]] = {
@@ -91,11 +95,12 @@ def read_push(
         arrived_at: Now.
 
     Raises:
-        PushRefusal: If it is no push, is not signed by this key, or its body says other than
-            what was signed.
+        PushRefusal: If it is no push, is not signed by this key or no longer, or its body says
+            other than what was signed.
     """
     said = _fields_of(body, content_type)
     signed = _claims_of(said.get("JWT"), public_key)
+    _check_time(signed, arrived_at)
     _check_agreement(said, signed)
     imei = signed.get("imei")
     if not isinstance(imei, str) or not is_imei(imei):
@@ -239,6 +244,21 @@ def _claims_of(token: object, public_key: RSAPublicKey) -> Mapping[str, Any]:
         )
     except (jwt.PyJWTError, ValueError, RecursionError):
         raise PushRefusal("signature", "The push is not signed by RockBLOCK's key.") from None
+
+
+def _check_time(signed: Mapping[str, Any], now: datetime) -> None:
+    """Refuse a signature outside of the time that it says it is for (RFC 7519, 4.1.4 and 4.1.5)."""
+    for name, is_over in (("exp", True), ("nbf", False)):
+        if name not in signed:
+            continue
+        try:
+            limit_s = float(signed[name])
+        except (TypeError, ValueError, OverflowError):
+            limit_s = math.nan
+        late_s = now.timestamp() - limit_s
+        holds = late_s < _CLOCK_ERROR_S if is_over else late_s > -_CLOCK_ERROR_S
+        if not (holds and math.isfinite(limit_s)):
+            raise PushRefusal("expired", "The push's signature does not hold at this time.")
 
 
 def _check_agreement(said: Mapping[str, Any], signed: Mapping[str, Any]) -> None:

@@ -3,6 +3,7 @@
 import asyncio
 import io
 import math
+import threading
 from dataclasses import replace
 from datetime import timedelta
 from pathlib import Path
@@ -13,7 +14,7 @@ from sqlalchemy import event as sqlalchemy_event
 from db.query.maps import newest_maps
 from db.query.robots import add_robot, get_robot
 from db.query.telemetry import history, newest_state, track
-from server.recording import keep
+from server.recording import keep, table
 from server.recording.map_fit import FitProblem, run
 from server.recording.table import Policy, read_recording
 from tests.db.conftest import report, robot_record, sample
@@ -243,3 +244,42 @@ async def test_deployments_are_listed_in_one_look_that_reads_no_samples(app, pil
     about = [said for said in statements if "deployment" in said or "sample" in said]
     assert about
     assert not [said for said in about if "count(" in said or "field_sample" in said]
+
+
+@pytest.mark.parametrize("step", ["reading", "keeping"])
+async def test_an_import_that_is_cancelled_stops_and_keeps_nothing(app, pilot, monkeypatch, step):
+    """Cancelled in the middle, it has let go of its file and of the writer when that is said."""
+    begun, let_go = threading.Event(), threading.Event()
+
+    def slowly(items):
+        for number, item in enumerate(items):
+            if number == 2:
+                begun.set()
+                let_go.wait(60)
+            yield item
+
+    room, name = {"reading": (table, "_lines"), "keeping": (keep, "_rows")}[step]
+    original = getattr(room, name)
+    monkeypatch.setattr(room, name, lambda *more: slowly(original(*more)))
+    answer = await pilot.post(
+        "/api/imports",
+        data={"robot": "eva"},
+        files={"file": ("dive.csv", io.BytesIO(dive_csv().encode()))},
+    )
+    job = answer.json()["id"]
+    await asyncio.to_thread(begun.wait, 60)
+    cancelling = asyncio.create_task(pilot.delete(f"/api/jobs/{job}"))
+    await until_cancelled(f"import {job}")
+    let_go.set()
+    assert (await cancelling).json()["state"] == "cancelled"
+    assert (await pilot.get("/api/deployments")).json()["deployments"] == []
+    assert (await import_file(pilot, dive_csv()))["state"] == "done"
+
+
+async def until_cancelled(name):
+    """Wait until a task has been told to end."""
+    async with asyncio.timeout(60):
+        while True:
+            if any(t.get_name() == name and t.cancelling() for t in asyncio.all_tasks()):
+                return
+            await asyncio.sleep(0.005)

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import math
+import sys
 from itertools import combinations, pairwise
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from server.recording import table
 from server.recording.table import Policy, RecordingError, RowFault, ascending, read_recording
 
 HEADER = "time,latitude,longitude,depth,chlorophyll\n"
@@ -176,3 +178,38 @@ def test_an_attitude_in_another_unit_breaks_its_row():
     header = "time,latitude,longitude,depth,pitch_deg\n"
     recording = read(f"{header}1000,48.9,-130.6,0.5,10\n1001,48.9,-130.6,0.6,1700\n")
     assert recording.skipped == (RowFault(3, "pitch_deg is 1700, outside -90 .. 90"),)
+
+
+def steps(rows):
+    """Count the steps of the interpreter in the module while rows of one time are read."""
+    count = 0
+
+    def trace(frame, event, argument):
+        nonlocal count
+        if frame.f_code.co_filename != table.__file__:
+            return None
+        frame.f_trace_opcodes = True
+        count += event == "opcode"
+        return trace
+
+    text = HEADER + "10,48,-125,5,7\n" * rows
+    before = sys.gettrace()
+    sys.settrace(trace)
+    try:
+        recording = read(text)
+    finally:
+        sys.settrace(before)
+    assert len(recording.skipped) == rows - 1
+    return count
+
+
+def test_the_work_grows_as_the_rows_and_not_faster():
+    assert steps(800) < 8.5 * steps(100)
+
+
+def test_a_file_of_more_rows_than_can_be_held_is_refused(monkeypatch):
+    monkeypatch.setattr(table, "ROWS_MAX", 2)
+    rows = [f"{second},48,-125,5,7\n" for second in range(3)]
+    assert len(read(HEADER + "".join(rows[:2])).time_s) == 2
+    with pytest.raises(RecordingError, match="more than 2 rows; cut it into parts"):
+        read(HEADER + "".join(rows))

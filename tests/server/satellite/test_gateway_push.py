@@ -16,6 +16,7 @@ from db.query.robots import add_robot
 from robot_link.station.gateway.gateway import HeldBackError
 from server.access.rate import RateLimit
 from server.base.secret import GatewayAccount
+from server.base.settings import Settings
 from tests.robot_link.signed_push import (
     FORM,
     IMEI,
@@ -83,6 +84,20 @@ async def events(app, kind):
     return [event for event in found if event.kind == kind]
 
 
+def alarms_standing(app):
+    return [a.cause for a in app.state.foundation.alarms.open if a.cleared_at is None]
+
+
+async def test_a_delivery_from_a_network_that_is_not_allowed_raises_an_alarm(tmp_path):
+    settings = {"directip_port": 0, "directip_allowed": ("192.0.2.0/24",)}
+    async with station(tmp_path, **settings) as app:
+        gateways = keeper_of(app).gateways
+        await until(lambda: gateways.directip_port is not None)
+        await deliver(gateways.directip_port, CAPTURE)
+        await until(lambda: alarms_standing(app) == ["forged:directip"])
+        assert keeper_of(app).messages == []
+
+
 @pytest.mark.parametrize(("body", "kind"), [(form_push(), FORM), (json_push(), JSON)])
 async def test_a_signed_push_is_kept_before_it_is_answered(app, gateway, body, kind):
     answer = await push(app, gateway, body, kind)
@@ -112,6 +127,14 @@ async def test_a_push_needs_neither_cookie_nor_origin_and_no_page_can_stop_it(ap
     assert answer.status_code == 200
 
 
+def test_directip_is_open_to_other_machines_only_for_networks_that_are_named(tmp_path):
+    far = {"data_dir": tmp_path, "directip_port": 10800, "directip_host": "0.0.0.0"}
+    with pytest.raises(ValueError, match="give directip_allowed the networks"):
+        Settings(**far)
+    assert Settings(**far, directip_allowed=("192.0.2.0/24",)).directip_port == 10800
+    assert Settings(**{**far, "directip_host": "127.0.0.1"}).directip_port == 10800
+
+
 async def test_without_the_secret_path_there_is_nothing(app, gateway):
     for word in ("x", "rockblock", "é", app.state.foundation.secrets.push_path("cloudloop")):
         answer = await gateway.post(f"/api/gateways/rockblock/push/{word}", content=form_push())
@@ -137,6 +160,11 @@ async def test_forged_pushes_are_refused_counted_and_told_once(app, gateway):
     assert traffic(app).refused == {"signature": 4, "disagrees": 2}
     assert keeper_of(app).messages == []
     assert len(await events(app, "gateway.refused")) == 2
+    [alarm] = app.state.foundation.alarms.open
+    assert "RockBLOCK's name that it did not sign" in alarm.text
+    assert (alarm.cause, alarm.cleared_at) == ("forged:rockblock", None)
+    assert (await push(app, gateway, form_push())).status_code == 200
+    assert alarms_standing(app) == []
 
 
 async def test_without_a_key_nothing_is_believed(app, gateway):
