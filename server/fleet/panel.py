@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Callable
+from datetime import datetime
 
 from autonomy.field.variable import VARIABLES
 from autonomy.frames import wgs84_from_ned
@@ -124,13 +125,24 @@ class FleetViews:
     def _forecast(self, status: RobotStatus) -> str:
         if status.record.kind == "recorded":
             return "A recording cannot be told anything"
-        link = status.link
+        link, satellite = status.link, status.satellite_link
+        if (
+            satellite is not None
+            and satellite.state is not LinkState.DISABLED
+            and status.radio_state is not LinkState.LIVE
+        ):
+            link = satellite
         return surface_forecast(
             status.record.id,
-            status.link_state,
+            LinkState.NEVER_HEARD if link is None else link.state,
             "" if link is None else link.carrier,
-            status.next_surfacing(),
+            self._next_call(status) if link is satellite else status.next_surfacing(),
         )
+
+    def _next_call(self, status: RobotStatus) -> datetime | None:
+        """Return when a robot calls next by satellite; an overdue call says nothing of the next."""
+        due = None if status.satellite is None else status.satellite.next_session_at
+        return None if due is None or self._fleet.age_s(due) > 0.0 else due
 
     def _link_view(self, status: RobotStatus) -> LinkView:
         link = status.link

@@ -268,3 +268,21 @@ async def test_refused_surface_order_is_critical_until_the_robot_is_up(far, sky,
     robot.mode = RobotMode.IDLE
     await robot.call()
     await until(lambda: standing() == [])
+
+
+async def test_surface_forecast_tells_the_time_that_the_send_sheet_knows(far, sky, world):
+    station, client = far
+    await station.satellite.refresh()
+    due = (await client.get("/api/robots/grace-1/satellite")).json()["next_session_at"]
+    forecast = (await client.get("/api/robots/grace-1")).json()["surface_forecast"]
+    assert forecast == (
+        f"Reaches grace-1 at its next session by RockBLOCK, expected about {due[11:16]}Z"
+    )
+    hear_radio(world, sky)
+    forecast = (await client.get("/api/robots/grace-1")).json()["surface_forecast"]
+    assert forecast == "Reaches grace-1 now by XBee"
+    lose_radio(world)
+    sky.clock.advance(hours=3)
+    await station.satellite.refresh()
+    forecast = (await client.get("/api/robots/grace-1")).json()["surface_forecast"]
+    assert forecast == "Reaches grace-1 at its next session by RockBLOCK"

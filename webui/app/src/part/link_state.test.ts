@@ -1,5 +1,6 @@
 import { describe, expect, test } from 'vitest';
 import type { RobotLink } from '../api/types';
+import { linkWord } from '../text/word';
 import {
   carriedText,
   hasSatellite,
@@ -37,6 +38,12 @@ describe('the links of a robot', () => {
     expect(lastHeard([link('xbee', 'radio'), SOUND])).toBeNull();
   });
 
+  test('by satellite call now and then, and are never live', () => {
+    expect(linkWord('live', 'rockblock')).toMatchObject({ text: 'Calls regularly', tone: 'plain' });
+    expect(linkWord('live', 'xbee')).toMatchObject({ text: 'Live', tone: 'ok' });
+    expect(stateIcon('live', 'rockblock')).not.toBe(stateIcon('live', 'xbee'));
+  });
+
   test('tell how long ago, and never of the future', () => {
     expect(linkAge(RADIO, Date.parse('2026-11-21T04:01:00Z'))).toBe(60);
     expect(linkAge(RADIO, Date.parse('2026-11-21T03:00:00Z'))).toBe(0);
@@ -58,7 +65,7 @@ describe('the links of a robot', () => {
       'port_closed',
       'unplugged',
     ];
-    expect(new Set(states.map(stateIcon)).size).toBe(states.length);
+    expect(new Set(states.map((state) => stateIcon(state))).size).toBe(states.length);
   });
 
   test('say what they carry', () => {

@@ -1,5 +1,5 @@
 import type { LinkKind, RobotLink } from '../api/types';
-import { carrierName, words } from '../text/word';
+import { carrierName, isSatellite, words } from '../text/word';
 import type { IconName } from './Icon.svelte';
 
 export const LINK_ICONS: Record<LinkKind, IconName> = {
@@ -14,12 +14,13 @@ const STATE_ICONS: Record<string, IconName> = {
   stale: 'warning',
   submerged: 'info',
   never_heard: 'help',
-  mute: 'critical',
+  mute: 'cross',
   port_closed: 'critical',
   unplugged: 'unplug',
 };
 
-export function stateIcon(state: string): IconName {
+export function stateIcon(state: string, carrier = ''): IconName {
+  if (state === 'live' && isSatellite(carrier)) return 'info';
   return STATE_ICONS[state] ?? 'info';
 }
 

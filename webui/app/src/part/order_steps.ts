@@ -1,13 +1,14 @@
-import type { Command, CommandLevelName } from '../api/types';
+import type { Command, CommandLevelName, RobotLink } from '../api/types';
 import type { Order } from '../live/order.svelte';
-import { carrierName } from '../text/word';
+import { carrierName, isSatellite } from '../text/word';
+import { shownState } from './link_state';
 import type { Step } from './step';
 
 const LEVELS: readonly { level: CommandLevelName; title: string; help: string }[] = [
   {
     level: 'queued',
     title: 'Queued',
-    help: 'The radio of the station took the order. The robot may not have it.',
+    help: 'The radio of the station, or the gateway, took the order. The robot may not have it.',
   },
   {
     level: 'radio',
@@ -26,19 +27,19 @@ const ENDS: Partial<Record<CommandLevelName, { title: string; help: string }>> =
 };
 
 /** The steps of an order, each shown only once it is proved. */
-export function orderSteps(order: Order): Step[] {
-  const steps = order.command === null ? LEVELS.map(openStep) : commandSteps(order.command);
+export function orderSteps(order: Order, links: readonly RobotLink[] = []): Step[] {
+  const { command } = order;
+  const steps = command === null ? LEVELS.map(openStep) : commandSteps(command, links);
   const open = steps.find(({ at }) => at === null);
   if (open && order.refusal === null) open.isPending = true;
   return steps;
 }
 
-/** The same of a command that nobody waits for. */
-export function commandSteps(command: Command): Step[] {
+/** The same of a command that nobody waits for; `links` are the robot's as they are now. */
+export function commandSteps(command: Command, links: readonly RobotLink[] = []): Step[] {
   const steps = LEVELS.map((rung) => {
-    const proof = command.levels.find(({ level }) => level === rung.level);
-    const detail = proof?.carrier ? `by ${carrierName(proof.carrier)}` : '';
-    return { ...openStep(rung), at: proof?.at ?? null, detail };
+    const proofs = command.levels.filter(({ level }) => level === rung.level);
+    return { ...openStep(rung), at: proofs[0]?.at ?? null, detail: carriedBy(proofs, links) };
   });
   const end = command.levels.find(({ level }) => level === 'refused' || level === 'expired');
   if (!end) return steps;
@@ -52,6 +53,19 @@ export function commandSteps(command: Command): Step[] {
       isFault: true,
     },
   ];
+}
+
+/** A radio takes an order also while it does not reach the robot, which is then not on its way. */
+function carriedBy(proofs: Command['levels'], links: readonly RobotLink[]): string {
+  const carriers = [...new Set(proofs.map(({ carrier }) => carrier).filter(Boolean))];
+  const [first] = carriers;
+  if (first === undefined) return '';
+  const gateways = carriers.filter(isSatellite);
+  if (gateways.length > 0) return `by ${gateways.map(carrierName).join(' and ')}`;
+  const radios = links.filter(({ carrier }) => carriers.includes(carrier));
+  const isOut = radios.length > 0 && radios.every((link) => shownState(link) !== 'live');
+  if (isOut && proofs[0]?.level === 'queued') return `${carrierName(first)} does not reach it now`;
+  return `by ${carriers.map(carrierName).join(' and ')}`;
 }
 
 function openStep({ title, help }: { title: string; help: string }): Step {

@@ -1,5 +1,5 @@
 import { describe, expect, test, vi } from 'vitest';
-import type { Command, Plan } from '../api/types';
+import type { Command, Plan, RobotLink } from '../api/types';
 import { gaugeRow, gaugeRows, reading } from './gauge';
 import { Keyboard } from './keyboard';
 import { commandSteps, orderSteps } from './order_steps';
@@ -47,6 +47,18 @@ describe('an order', () => {
       ['Delivered', false, true],
       ['Done', false, false],
     ]);
+  });
+
+  test('says who carries it, and no radio that does not reach the robot', () => {
+    const taken = command('queued');
+    const radio = { carrier: 'xbee', kind: 'radio', state: 'stale', is_plugged: true } as RobotLink;
+    const proof = { ...taken.levels[0], carrier: 'xbee' } as Command['levels'][number];
+    const byRadio = { ...taken, levels: [proof] };
+    const detail = (told: Command, links: RobotLink[]) => commandSteps(told, links)[0]?.detail;
+    expect(detail(byRadio, [{ ...radio, state: 'live' }])).toBe('by XBee');
+    expect(detail(byRadio, [radio])).toBe('XBee does not reach it now');
+    const both = { ...taken, levels: [proof, { ...proof, carrier: 'rockblock' }] };
+    expect(detail(both, [radio])).toBe('by RockBLOCK');
   });
 
   test('that was refused never looks done', () => {

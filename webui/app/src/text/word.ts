@@ -43,7 +43,15 @@ const LINKS: Record<string, Word> = {
   },
 };
 
-export function linkWord(state: string): Word {
+/** Heard now and then: between two sessions nobody hears the robot. */
+const CALLS: Word = {
+  text: 'Calls regularly',
+  tone: 'plain',
+  help: 'Its last session by satellite was in time. Between two sessions nobody hears it.',
+};
+
+export function linkWord(state: string, carrier = ''): Word {
+  if (state === 'live' && isSatellite(carrier)) return CALLS;
   return LINKS[state] ?? { text: words(state), tone: 'plain', help: '' };
 }
 
@@ -60,6 +68,12 @@ const CARRIERS: Record<string, string> = {
   acoustic: 'acoustic',
   simulator: 'simulator',
 };
+
+const SATELLITES: readonly string[] = ['iridium', 'rockblock', 'directip', 'cloudloop'];
+
+export function isSatellite(carrier: string): boolean {
+  return SATELLITES.includes(carrier);
+}
 
 export function carrierName(carrier: string): string {
   return CARRIERS[carrier] ?? carrier;
