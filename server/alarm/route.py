@@ -54,9 +54,22 @@ async def list_alarms(
 
 
 @router.post("/{alarm}/ack")
-async def acknowledge(caller: Pilot, alarm: str, foundation: FoundationDep) -> AlarmView:
-    """Say that one has seen an alarm; doing so twice changes nothing."""
-    return _view(await foundation.alarms.acknowledge(alarm, caller.name))
+async def acknowledge(
+    caller: Pilot,
+    alarm: str,
+    foundation: FoundationDep,
+    raised_at: Annotated[
+        datetime | None, Query(description="Since when it stood as it was seen.")
+    ] = None,
+    level: Annotated[str | None, Query(description="Its level as it was seen.")] = None,
+) -> AlarmView:
+    """Say that one has seen an alarm; doing so twice changes nothing.
+
+    409 if it was raised anew, or is of another level, since it was seen.
+    """
+    return _view(
+        await foundation.alarms.acknowledge(alarm, caller.name, raised_at=raised_at, level=level)
+    )
 
 
 def _view(alarm: AlarmRecord) -> AlarmView:

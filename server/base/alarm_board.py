@@ -16,7 +16,7 @@ from db.query.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
 from server.base.event_bus import AlarmChanged, EventBus
-from server.base.problem import not_found
+from server.base.problem import conflict, not_found
 
 logger = logging.getLogger(__name__)
 LEVELS = ("watch", "warning", "critical")
@@ -75,13 +75,17 @@ class AlarmBoard:
 
         A cause that comes back after it was normal, and that nobody has acknowledged meanwhile,
         is the same alarm, standing since now: one cause never floods the list. A standing alarm
-        of another text or level takes the new ones.
+        of another text or level takes the new ones; one that gets worse is to be seen anew.
         """
         alarm = self._of_cause(cause, robot)
         if alarm is not None and alarm.cleared_at is None:
             if (alarm.text, alarm.level) == (text, level):
                 return alarm
             changed = replace(alarm, text=text, level=level)
+            if LEVELS.index(level) > LEVELS.index(alarm.level):
+                changed = replace(
+                    changed, state="unacknowledged", acknowledged_at=None, acknowledged_by=None
+                )
             return await self._put(changed, "alarm.changed")
         if alarm is not None and alarm.acknowledged_at is None:
             changed = replace(
@@ -123,15 +127,26 @@ class AlarmBoard:
             "alarm.closed" if seen else "alarm.returned",
         )
 
-    async def acknowledge(self, alarm_id: str, by: str) -> AlarmRecord:
+    async def acknowledge(
+        self, alarm_id: str, by: str, *, raised_at: datetime | None = None, level: str | None = None
+    ) -> AlarmRecord:
         """Note that a person has seen the alarm; doing so twice changes nothing.
 
+        Args:
+            alarm_id: Which.
+            by: Who has seen it.
+            raised_at: Since when it stood as they saw it; ``None`` where nobody says.
+            level: Its level then.
+
         Raises:
-            Problem: 404 if there is no such alarm, or it is closed.
+            Problem: 404 if there is no such alarm, or it is closed; 409 if it is another by now
+                than the one that was seen.
         """
         alarm = self._open.get(alarm_id)
         if alarm is None:
             raise not_found(f"There is no open alarm {alarm_id!r}.")
+        if raised_at not in (None, alarm.raised_at) or level not in (None, alarm.level):
+            raise conflict(f"{alarm_id} has changed since it was seen; it says now: {alarm.text}")
         if alarm.acknowledged_at is not None:
             return alarm
         normal = alarm.cleared_at is not None

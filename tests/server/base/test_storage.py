@@ -190,3 +190,32 @@ async def test_each_step_of_an_alarm_is_its_own_sentence_in_the_log(tmp_path):
         ("alarm.returned", "info", "Back to normal: Its clock is wrong."),
     ]
     assert who
+
+
+async def test_nobody_acknowledges_what_has_changed_since_it_was_seen(tmp_path):
+    async with running(tmp_path) as app, signed_in(app) as admin:
+        board = app.state.foundation.alarms
+        seen = await board.raise_("battery", "Low.", level="warning")
+        what = {"raised_at": seen.raised_at.isoformat(), "level": seen.level}
+        path = f"/api/alarms/{seen.id}/ack"
+        await board.raise_("battery", "Very low.", level="critical")
+        refused = await admin.post(path, params=what)
+        assert refused.status_code == 409
+        assert refused.json()["detail"].endswith("it says now: Very low.")
+        await board.clear("battery")
+        await board.raise_("battery", "Low.", level="warning")
+        assert (await admin.post(path, params=what)).status_code == 409
+        [alarm] = board.open
+        assert alarm.state == "unacknowledged"
+        what["raised_at"] = alarm.raised_at.isoformat()
+        assert (await admin.post(path, params=what)).json()["state"] == "acknowledged"
+
+
+async def test_an_alarm_that_gets_worse_after_it_was_seen_is_to_be_seen_anew(board):
+    first = await board.raise_("battery", "Low.", level="warning")
+    await board.acknowledge(first.id, "ann")
+    await board.raise_("battery", "Lower.", level="warning")
+    assert board.open[0].acknowledged_by == "ann"
+    await board.raise_("battery", "Very low.", level="critical")
+    [alarm] = board.open
+    assert (alarm.state, alarm.acknowledged_by) == ("unacknowledged", None)

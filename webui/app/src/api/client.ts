@@ -1,7 +1,7 @@
 import createClient from 'openapi-fetch';
 import type { components, paths } from './generated/station';
 import { noAnswer, problemOf } from './problem';
-import type { ConfigDocument, JsonObject, SceneChange, SendWish } from './types';
+import type { Alarm, ConfigDocument, JsonObject, SceneChange, SendWish } from './types';
 
 type Schemas = components['schemas'];
 type Query<Path extends keyof paths> = NonNullable<
@@ -307,7 +307,13 @@ export class Api {
   alarms = async (state: 'open' | 'closed' = 'open') =>
     (await told(this.#http.GET('/api/alarms', { params: { query: { state } } }))).alarms;
 
-  acknowledge = (alarm: string) => done(this.#http.POST('/api/alarms/{alarm}/ack', of({ alarm })));
+  /** Names the alarm as it was seen: one that has changed since is not acknowledged unread. */
+  acknowledge = ({ id, raised_at, level }: Alarm) =>
+    done(
+      this.#http.POST('/api/alarms/{alarm}/ack', {
+        params: { path: { alarm: id }, query: { raised_at, level } },
+      }),
+    );
 
   deployments = async () => (await told(this.#http.GET('/api/deployments'))).deployments;
 

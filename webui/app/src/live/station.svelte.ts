@@ -173,8 +173,11 @@ export class Station {
   }
 
   async acknowledge(alarm: Alarm): Promise<void> {
-    await this.api.acknowledge(alarm.id);
-    await this.#alarms.load();
+    try {
+      await this.api.acknowledge(alarm);
+    } finally {
+      await this.#alarms.load();
+    }
   }
 
   #leave(): void {
@@ -251,6 +254,11 @@ export class Station {
     entry.report = report;
     entry.receivedAt = at;
   }
+}
+
+/** Names what a person sees of an alarm: raised anew, or worse, it is another. */
+export function occurrence({ id, raised_at, level }: Alarm): string {
+  return `${id} ${raised_at} ${level}`;
 }
 
 export function isUnacknowledged(state: Alarm['state']): boolean {
