@@ -152,7 +152,8 @@ def _system_status(source: TelemetrySource) -> WireMessage:
     return grace.MAVLink_sys_status_message(
         onboard_control_sensors_present=0,
         onboard_control_sensors_enabled=0,
-        onboard_control_sensors_health=0,
+        # There is no fence; without this bit MAVProxy calls it breached.
+        onboard_control_sensors_health=grace.MAV_SYS_STATUS_GEOFENCE,
         load=0,
         voltage_battery=_battery_mv(source),
         current_battery=-1,

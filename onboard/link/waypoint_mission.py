@@ -26,6 +26,8 @@ _GLOBAL = frozenset(
 )
 _DEGREES = 1e-7
 _LOCAL_M = 1e-4
+_ABOVE_M = 0.5
+"""A waypoint at the surface may be so much above it: whoever sets it knows the level no better."""
 _SAME_M = 0.01
 
 
@@ -146,6 +148,9 @@ def _place(number: int, item: StandardItem, rules: WaypointRules) -> PositionNed
         raise WaypointRefusal(number, grace.MAV_MISSION_UNSUPPORTED_FRAME, reason)
     if depth > rules.depth_max_m:
         reason = f"{depth:.1f} m is deeper than {rules.depth_max_m:g} m"
+        raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM7, reason)
+    if depth < -_ABOVE_M:
+        reason = f"it is {-depth:.1f} m above the water"
         raise WaypointRefusal(number, grace.MAV_MISSION_INVALID_PARAM7, reason)
     return (north, east, max(0.0, depth))
 

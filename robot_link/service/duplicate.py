@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from robot_link.messages import SystemId
 from robot_link.transport.datagram import Address
 
-_TOLD_S = 60.0
+TOLD_S = 60.0
 """How long after it was last heard a duplicate is spoken of."""
 _ADDRESSES = 8
 _LOST_MAX = 16
@@ -50,9 +50,9 @@ class DuplicateWatch:
                 oldest = min(self._duplicates, key=lambda key: self._duplicates[key].heard_s)
                 del self._duplicates[oldest]
             duplicate = self._duplicates[system, address] = _Duplicate(
-                address, 0, now_s - 2 * _TOLD_S
+                address, 0, now_s - 2 * TOLD_S
             )
-        is_news = now_s - duplicate.heard_s > _TOLD_S
+        is_news = now_s - duplicate.heard_s > TOLD_S
         duplicate.frames += 1
         duplicate.heard_s = now_s
         return is_news
@@ -62,7 +62,7 @@ class DuplicateWatch:
         found = [
             duplicate
             for (other, _), duplicate in self._duplicates.items()
-            if other == system and now_s - duplicate.heard_s <= _TOLD_S
+            if other == system and now_s - duplicate.heard_s <= TOLD_S
         ]
         if not found:
             return ""
@@ -111,7 +111,7 @@ class NumberWatch:
 
     def is_double(self, now_s: float) -> bool:
         """Tell whether two robots spoke of late."""
-        return self._seen_s is not None and now_s - self._seen_s <= _TOLD_S
+        return self._seen_s is not None and now_s - self._seen_s <= TOLD_S
 
 
 def _gap(before: int | None, number: int) -> float:

@@ -15,6 +15,7 @@ class LinkWatch:
         self._roster = roster
         self._on_report = on_report
         self._told: dict[tuple[RobotId, str], LinkState] = {}
+        roster.on_conflict = self.tell_now
 
     def best(self, member: Member) -> LinkReport:
         """Return the report of the best link to a robot."""
@@ -30,6 +31,11 @@ class LinkWatch:
             if self._told.get((member.robot, report.uri)) is not report.state:
                 self._tell(self._completed(member, report))
 
+    def tell_now(self, member: Member) -> None:
+        """Tell of each link, for what cannot wait."""
+        for report in self.reports(member):
+            self._tell(report)
+
     def tell_all_changes(self) -> None:
         """Tell of every link of every robot that changed."""
         for member in self._roster:
@@ -39,8 +45,7 @@ class LinkWatch:
         """Tell of every link once in a while until cancelled."""
         while True:
             for member in self._roster:
-                for report in self.reports(member):
-                    self._tell(report)
+                self.tell_now(member)
             await asyncio.sleep(period_s)
 
     def _completed(self, member: Member, report: LinkReport) -> LinkReport:

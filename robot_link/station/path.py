@@ -63,6 +63,9 @@ class PeerPath:
         """The robot's radio; None until one has spoken under its system id."""
         self.numbers = NumberWatch()
         """Of the robot's frames, where the line has no addresses."""
+        self.stranger = ""
+        """Sentence on who else spoke as the robot where the line has one far end."""
+        self.stranger_s = 0.0
         self._clock = clock
         self._timing = timing
         self._heard_s: float | None = None

@@ -21,7 +21,13 @@ from robot_link.messages import (
 from robot_link.station.link_watch import LinkWatch
 from robot_link.station.roster import Member, Roster
 from robot_link.station.sample_gate import SampleGate
-from robot_link.transport.datagram import DatagramTransport, Garbled, PortChanged, Received
+from robot_link.transport.datagram import (
+    DatagramTransport,
+    Garbled,
+    PortChanged,
+    Received,
+    Stranger,
+)
 
 
 class Reception:
@@ -63,6 +69,8 @@ class Reception:
                     self._receive(transport, event)
                 case PortChanged():
                     self._watch.tell_all_changes()
+                case Stranger(data=data):
+                    self._roster.note_stranger(transport, event, self._codec.unpack(data).messages)
                 case Garbled(frames, data):
                     self._roster.count_bad(transport, None, frames)
                     at = self._clock.now()

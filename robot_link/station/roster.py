@@ -1,19 +1,19 @@
 """The robots that a station talks to, and whose radio speaks for which of them."""
 
 import logging
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 from robot_link.clock import monotonic_s
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec, WireMessage
 from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.messages import RobotId, SystemId
-from robot_link.service.duplicate import DuplicateWatch
+from robot_link.service.duplicate import TOLD_S, DuplicateWatch
 from robot_link.station.command_lane import CommandLane
 from robot_link.station.path import RobotEndpoint
 from robot_link.station.peer import Peer
 from robot_link.station.robot_services import RobotServices
 from robot_link.station.upload import Upload
-from robot_link.transport.datagram import FAR_END, Address, DatagramTransport, Received
+from robot_link.transport.datagram import FAR_END, Address, DatagramTransport, Received, Stranger
 
 _log = logging.getLogger(__name__)
 
@@ -57,6 +57,8 @@ class Roster:
         self._members: dict[RobotId, Member] = {}
         self._by_system: dict[SystemId, Member] = {}
         self._duplicates = DuplicateWatch()
+        self.on_conflict: Callable[[Member], None] = _ignore
+        """Called at once when another is heard under a robot's system id."""
 
     def __iter__(self) -> Iterator[Member]:
         return iter(self._members.values())
@@ -88,7 +90,34 @@ class Roster:
             for path in member.peer.paths
             if path.numbers.is_double(now_s)
         ]
+        mixed += [
+            path.stranger
+            for path in member.peer.paths
+            if path.stranger and now_s - path.stranger_s <= TOLD_S
+        ]
         return "; ".join(filter(None, (self._duplicates.sentence(system, now_s), *mixed)))
+
+    def note_stranger(
+        self, transport: DatagramTransport, stranger: Stranger, messages: list[WireMessage]
+    ) -> None:
+        """Note that somebody else speaks for a robot on a line that has one far end."""
+        for system in {SystemId(message.get_srcSystem()) for message in messages}:
+            member = self._by_system.get(system)
+            path = None if member is None else member.peer.path_on(transport)
+            if member is None or path is None:
+                continue
+            fate = (
+                "it has taken the place of the one that was silent"
+                if stranger.took_over
+                else "it is not obeyed"
+            )
+            path.stranger = f"{stranger.where} speaks as system {system}, too; {fate}"
+            path.stranger_s = monotonic_s()
+            self._tell(member)
+
+    def _tell(self, member: Member) -> None:
+        _log.warning("%s: %s", member.robot, self.conflict(member))
+        self.on_conflict(member)
 
     def attributed(
         self, transport: DatagramTransport, received: Received, messages: list[WireMessage]
@@ -119,7 +148,7 @@ class Roster:
             if path is None or message.get_srcComponent() != ROBOT_COMPONENT:
                 continue
             if path.numbers.note(message.get_seq(), now_s):
-                _log.warning("%s: %s", sender.robot, self.conflict(sender))
+                self._tell(sender)
 
     def _is_trusted(self, message: WireMessage) -> bool:
         """Tell whether a message is signed by the robot's key, where it has one."""
@@ -146,5 +175,9 @@ class Roster:
             return member
         now_s = monotonic_s()
         if self._duplicates.note(system, address, now_s):
-            _log.warning("%s: %s", member.robot, self._duplicates.sentence(system, now_s))
+            self._tell(member)
         return None
+
+
+def _ignore(member: Member) -> None:
+    del member

@@ -73,7 +73,18 @@ class Garbled:
     """The first of these bytes."""
 
 
-TransportEvent = Received | PortChanged | Garbled
+@dataclass(frozen=True, slots=True)
+class Stranger:
+    """Somebody else than the far end speaks on a link that has one far end."""
+
+    where: str
+    """Where the other one speaks from, for a person."""
+    data: bytes
+    took_over: bool
+    """Whether it now counts as the far end, which had been silent for long."""
+
+
+TransportEvent = Received | PortChanged | Garbled | Stranger
 
 
 class DatagramTransport(Protocol):

@@ -25,6 +25,7 @@ from robot_link.transport.datagram import (
     PortChanged,
     PortClosedError,
     Received,
+    Stranger,
 )
 from robot_link.transport.opening import open_transport
 from robot_link.transport.udp import UdpTransport
@@ -106,6 +107,8 @@ class Hearing:
     messages: Counter[str] = field(default_factory=Counter[str])
     strength_dbm: dict[int, float] = field(default_factory=dict[int, float])
     """Last strength by radio."""
+    strangers: dict[str, set[int]] = field(default_factory=dict[str, set[int]])
+    """Systems that spoke from elsewhere than the far end."""
     neighbours: int = 0
     """Other radios of the network that answered."""
     bad: int = 0
@@ -174,6 +177,9 @@ class Doctor:
                     heard.closed_reason = reason
                 case Garbled(frames, data):
                     self._note_bad(frames, data)
+                case Stranger(where=where, data=data):
+                    systems = {one.get_srcSystem() for one in self._codec.unpack(data).messages}
+                    heard.strangers.setdefault(where, set()).update(systems)
                 case Received():
                     self._note(event)
 
@@ -307,9 +313,17 @@ class Doctor:
                     ("Give one of the robots another MAVLink system id.",),
                 )
             )
+        for where, systems in self._heard.strangers.items():
+            also = ", ".join(str(system) for system in sorted(systems)) or "nobody known"
+            self._advise(
+                Advice(
+                    f"Somebody else speaks to this port, from {where}, as system {also}.",
+                    ("Give each robot a port of its own.",),
+                )
+            )
         if STATION_SYSTEM in radios:
             self._say("Another ground station speaks on this link.")
-        return not conflicts
+        return not conflicts and not self._heard.strangers
 
     def _advise(self, advice: Advice) -> None:
         self._say(advice.found)

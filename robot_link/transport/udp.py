@@ -6,7 +6,8 @@ listens for vehicles.
 
 ``udp://host:port`` sends to that address from a port of the system's choice and hears that
 address alone. Who listens talks with whoever spoke first, until that one has been silent for ten
-seconds and another speaks; packets of others are dropped and counted.
+seconds and another speaks; packets of others are dropped,
+counted and told of, and so is whoever takes the place.
 """
 
 import asyncio
@@ -24,6 +25,7 @@ from robot_link.transport.datagram import (
     Garbled,
     PortClosedError,
     Received,
+    Stranger,
 )
 from robot_link.transport.keeper import KeptTransport
 from robot_link.transport.uri import LinkUri
@@ -87,7 +89,10 @@ class UdpTransport(KeptTransport):
             is_faithful = monotonic_s() - self._heard_s <= self._timing.faithful_s
             if self._far_end is not None and is_faithful:
                 self._keeper.bring(Garbled(1, data[:_KEPT_BYTES]))
+                self._keeper.bring(Stranger(_named(sender), data, took_over=False))
                 return
+            if self._far_end is not None:
+                self._keeper.bring(Stranger(_named(sender), data, took_over=True))
             self._far_end = sender
         self._heard_s = monotonic_s()
         self.trouble = ""
@@ -137,6 +142,10 @@ class _Ear(asyncio.DatagramProtocol):
     def connection_lost(self, exc: Exception | None) -> None:
         if not self._closed.done():
             self._closed.set_result(str(exc) if exc else "the socket was closed")
+
+
+def _named(sender: tuple[Any, ...]) -> str:
+    return f"{sender[0]} port {sender[1]}"
 
 
 def udp_link(uri: LinkUri) -> UdpTransport:

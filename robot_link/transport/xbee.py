@@ -85,6 +85,8 @@ class XBeeTiming:
     """Longest wait for an answer to an AT command."""
     signal_period_s: float = 1.0
     """Time between two questions for the signal strength, which prove that the radio lives."""
+    quiet_s: float = 0.3
+    """Silence after which half a frame is given up; a radio writes each of its own at once."""
     reopen_s: float = 0.5
     """Time between two attempts to open the port."""
 
@@ -189,16 +191,25 @@ class XBeeTransport(KeptTransport):
     async def _read(self, port: Port) -> str:
         reader = FrameReader(self._mode)
         garbled = 0
+        next_bytes = asyncio.ensure_future(port.read())
         try:
-            while data := await port.read():
-                for content in reader.feed(data):
+            while True:
+                done, _ = await asyncio.wait((next_bytes,), timeout=self._timing.quiet_s)
+                data = next_bytes.result() if done else b""
+                if done and not data:
+                    return "the port hung up"
+                for content in reader.feed(data) if done else reader.flush():
                     self._handle(parse_content(content))
                 if reader.bad > garbled:
                     self._keeper.bring(Garbled(reader.bad - garbled, reader.take_dropped()))
                     garbled = reader.bad
+                if done:
+                    next_bytes = asyncio.ensure_future(port.read())
         except OSError as error:
             return str(error)
-        return "the port hung up"
+        finally:
+            next_bytes.cancel()
+            await asyncio.gather(next_bytes, return_exceptions=True)
 
     def _handle(self, frame: Frame | None) -> None:
         match frame:

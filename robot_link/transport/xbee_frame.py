@@ -213,6 +213,18 @@ class FrameReader:
                 self._drop(1)
         return contents
 
+    def flush(self) -> list[bytes]:
+        """Give up the frame that is not complete; return those that it hid.
+
+        Bytes that only look like the beginning of a long frame would otherwise swallow the frames
+        that follow until its length is reached.
+        """
+        contents: list[bytes] = []
+        while self._buffer:
+            self._drop(1)
+            contents += self.feed(b"")
+        return contents
+
     def take_dropped(self) -> bytes:
         """Return the first bytes that were dropped since the last call."""
         dropped = bytes(self._dropped)

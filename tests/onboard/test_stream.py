@@ -84,6 +84,9 @@ def test_every_standard_message_says_what_the_robot_believes():
     assert heard["SCALED_PRESSURE"].press_abs == pytest.approx(1013.25 + 98.0665 * 0.375)
     assert heard["BATTERY_STATUS"].voltages[0] == 7412
     assert heard["SYS_STATUS"].battery_remaining == 88
+    # MAVProxy says "fence breach" where this bit is not set.
+    assert heard["SYS_STATUS"].onboard_control_sensors_health & grace.MAV_SYS_STATUS_GEOFENCE
+    assert heard["SYS_STATUS"].onboard_control_sensors_present == 0
     assert heard["GPS_RAW_INT"].fix_type == grace.GPS_FIX_TYPE_3D_FIX
     assert telemetry_message(grace.MAVLINK_MSG_ID_RAW_IMU, source) is None
 

@@ -2,6 +2,8 @@
 
 import asyncio
 import random
+import socket
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,12 +13,14 @@ from hypothesis import strategies as st
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.mavlink.telemetry import state_message
-from robot_link.messages import LinkReport
+from robot_link.messages import LinkReport, SystemId
 from robot_link.service.duplicate import NumberWatch
 from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
-from robot_link.transport.datagram import Address
+from robot_link.transport import udp
+from robot_link.transport.datagram import FAR_END, Address
 from robot_link.transport.opening import open_transport
 from tests.robot_link.rig import HASTE, MINI, STATION, SYSTEMS, Heard, rig, running, state, until
+from tests.robot_link.test_transport_line import free_port
 from tests.tcp_peer import serving
 
 
@@ -58,6 +62,41 @@ async def test_two_robots_on_a_line_without_addresses_are_told(robots: int):
     assert bool(conflict) == (robots == 2)
     if robots == 2:
         assert f"two robots speak as system {SYSTEMS[MINI]} on {uri}" in conflict
+
+
+async def test_a_second_one_on_a_udp_port_is_told_at_once_and_when_it_takes_the_place(
+    monkeypatch: pytest.MonkeyPatch,
+):
+    at_s = [1000.0]
+    monkeypatch.setattr(udp, "monotonic_s", lambda: at_s[0])
+    uri = f"udp://127.0.0.1:{free_port(socket.SOCK_DGRAM)}?listen=1"
+    heard = Heard()
+    endpoint = RobotEndpoint(SYSTEMS[MINI], (RadioPath(uri),))
+    slow = replace(HASTE, report_s=3600.0)
+    port = open_transport(uri)
+    station = StationLink({uri: port}, {MINI: endpoint}, SystemClock(), heard, slow)
+    called = uri.removesuffix("?listen=1")
+    first, second = (open_transport(called) for _ in range(2))
+    codecs = [Codec(SYSTEMS[MINI], ROBOT_COMPONENT) for _ in range(2)]
+    stranger = Codec(SystemId(77), ROBOT_COMPONENT)
+
+    def conflicts() -> list[str]:
+        return [report.conflict for report in heard.of(LinkReport) if report.conflict]
+
+    async with running(station.run), running(first.run), running(second.run):
+        await until(lambda: port.max_payload and first.max_payload and second.max_payload)
+        await first.send(FAR_END, frame(codecs[0]))
+        await until(lambda: station.link_report(MINI).frames_received == 1)
+        await second.send(FAR_END, stranger.pack(state_message(state(SystemClock().now()))))
+        await until(lambda: station.link_report(MINI).frames_bad)
+        assert not conflicts(), "another system is no second robot"
+        await second.send(FAR_END, frame(codecs[1]))
+        await until(conflicts)
+        assert "it is not obeyed" in conflicts()[-1]
+        assert station.link_report(MINI).frames_received == 1
+        at_s[0] += 60.0
+        await second.send(FAR_END, frame(codecs[1]))
+        await until(lambda: "has taken the place" in conflicts()[-1])
 
 
 @given(st.integers(0, 255), st.integers(1, 1000), st.sampled_from([0.0, 0.05, 0.3, 0.7]))

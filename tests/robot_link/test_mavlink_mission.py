@@ -199,6 +199,16 @@ def test_return_to_launch_comes_up_and_swims_back():
             "no such place",
         ),
         (
+            StandardItem(16, 6, 430_000_000, -840_000_000, 10.0),
+            grace.MAV_MISSION_INVALID_PARAM7,
+            "10.0 m above the water",
+        ),
+        (
+            local(1.0, 0, -0.6),
+            grace.MAV_MISSION_INVALID_PARAM7,
+            "0.6 m above the water",
+        ),
+        (
             StandardItem(178, 2, 0, 0, 0.0, (0.0, -3.0, 0.0, 0.0)),
             grace.MAV_MISSION_INVALID_PARAM2,
             "no speed",

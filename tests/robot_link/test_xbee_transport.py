@@ -355,6 +355,17 @@ async def test_a_radio_whose_answers_are_late_behind_its_packets_is_not_gone():
         assert "no XBee in API mode 1 answers" in event.reason
 
 
+async def test_the_beginning_of_a_long_frame_does_not_hide_those_that_follow_it():
+    """Noise can look like a frame of 512 bytes, which in a quiet sea come after minutes."""
+    packet = encode(ReceivePacket(Address(0x77), b"hello").content(), 1)
+    port = ScriptedPort()
+    async with running(XBeeTransport(opener(port))) as transport:
+        port.bring(b"\x7e\x02\x00" + packet + packet)
+        first = await next_event(transport, Received)
+        assert (first.address, first.data) == (Address(0x77), b"hello")
+        assert (await next_event(transport, Received)).data == b"hello"
+
+
 async def test_garbage_at_the_port_is_counted():
     port = ScriptedPort(answering_questions)
     async with running(XBeeTransport(opener(port))) as transport:
