@@ -189,7 +189,7 @@ def test_a_folder_that_others_could_read_is_closed_to_them(folder):
         ("GET /sign-in?token=%s failed", "short"),
         ("POST /api/gateways/rockblock/push/%s failed", "fEw_-x"),
         ("Authorization: Bearer %s", "abc.def"),
-        ("somebody said %s here", new_secret()),
+        pytest.param("somebody said %s here", new_secret(), id="new secret"),
     ],
 )
 def test_no_secret_reaches_the_log(said, secret):
