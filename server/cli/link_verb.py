@@ -9,9 +9,10 @@ from rich.markup import escape
 from rich.table import Table
 
 from db.query.robots import list_robots
-from robot_link.station.gateway.address import check_link
+from robot_link.station.gateway.address import check_link, is_acoustic, is_satellite
 from robot_link.transport.doctor import Doctor
-from robot_link.transport.opening import RADIO_SCHEMES, is_radio
+from server.base.settings import Settings
+from server.cli import link_doctor
 from server.cli.data import add_data_option, open_store, settings_of
 from server.cli.failure import CommandError
 from server.cli.remote import add_remote_options, checked, open_remote
@@ -26,11 +27,12 @@ def add_arguments(parser: ArgumentParser) -> None:
         "doctor", help="open a link, say what it hears, and what to try where it is silent"
     )
     doctor.add_argument(
-        "uri", help="the link, such as xbee:///dev/ttyUSB0 or udp://127.0.0.1:14550"
+        "uri", help="the link, such as xbee:///dev/ttyUSB0, udp://127.0.0.1:14550, or of a gateway"
     )
     doctor.add_argument(
         "--seconds", type=float, default=10.0, help="how long to listen (default: 10)"
     )
+    add_data_option(doctor)
     show = actions.add_parser("list", help="list the links of the station's robots")
     add_data_option(show)
     add_remote_options(show)
@@ -39,7 +41,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(arguments: Namespace) -> int:
     """Do the action; the doctor's exit status says whether a robot was heard."""
     if arguments.action == "doctor":
-        return _examine(arguments.uri, arguments.seconds)
+        return _examine(arguments.uri, arguments.seconds, settings_of(arguments))
     table = _live_links(arguments) if arguments.url else _registered_links(arguments)
     Console().print(table if table.row_count else "There is no robot yet.")
     return 0
@@ -81,22 +83,22 @@ def _live_links(arguments: Namespace) -> Table:
     return table
 
 
-def _examine(uri: str, listen_s: float) -> int:
+def _examine(uri: str, listen_s: float, settings: Settings) -> int:
     if not 0 < listen_s <= _LONGEST_LISTENING_S:
         raise CommandError(f"--seconds must be above 0 and up to {_LONGEST_LISTENING_S:g}.", 2)
-    scheme = uri.partition(":")[0]
-    if not is_radio(uri) and _remark(uri) == "":
-        raise CommandError(
-            f"{scheme} links cannot be listened to from here; the robot's page of a running"
-            f" station shows them. The doctor examines {', '.join(RADIO_SCHEMES)}.",
-            2,
-        )
     logging.getLogger("robot_link").addHandler(logging.NullHandler())
     try:
-        doctor = Doctor(uri, lambda line: print(line, flush=True))
+        if is_satellite(uri) or is_acoustic(uri):
+            examined = link_doctor.examine(uri, settings, listen_s, _say)
+        else:
+            examined = Doctor(uri, _say).examine(listen_s)
+        return 0 if asyncio.run(examined) else 1
     except ValueError as error:
         raise CommandError(f"{error}.", 2) from error
-    return 0 if asyncio.run(doctor.examine(listen_s)) else 1
+
+
+def _say(line: str) -> None:
+    print(line, flush=True)
 
 
 def _remark(uri: str) -> str:

@@ -27,7 +27,11 @@ from robot_link.transport.opening import open_transport
 from robot_link.transport.port import SerialPort
 from robot_link.transport.uri import LinkUri
 from robot_link.transport.xbee_frame import ReceivePacket, encode
+from server.base.secret import GatewayAccount, SecretStore
+from server.base.settings import Settings
+from server.cli import link_doctor
 from server.cli.main import main
+from simulator.acoustic_modem import AcousticConditions, AcousticModem
 from simulator.xbee_network import AirConditions, XBeeNetwork
 from tests.robot_link.far_end import heartbeat, line, running
 
@@ -310,10 +314,62 @@ def test_the_command_line_examines_a_link_and_tells_by_its_exit_status(capsys):
     assert "There is no line /dev/no-such-line." in capsys.readouterr().out
     assert main(["link", "doctor", "serial://", "--seconds", "1"]) == 2
     assert "needs the path" in capsys.readouterr().err
-    assert main(["link", "doctor", "rockblock://300234010753370"]) == 2
-    assert "cannot be listened to from here" in capsys.readouterr().err
+    assert main(["link", "doctor", "rockblock://3002340107533"]) == 2
+    assert "an IMEI has 15 digits" in capsys.readouterr().err
     assert main(["link", "doctor", "udp://127.0.0.1:1", "--seconds", "-1"]) == 2
     assert "--seconds" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "rockblock://300234010753370",
+        "directip://300234010753370",
+        "cloudloop://ThInG?imei=300234010753370",
+    ],
+)
+def test_a_satellite_link_is_examined_without_a_message(tmp_path: Path, capsys, uri: str):
+    """Each step that lacks something is said; nothing but the gateway's address is called."""
+    kind = uri.partition(":")[0]
+    ask = ["link", "doctor", uri, "--data", str(tmp_path), "--seconds", "30"]
+    assert main(ask) == 1
+    assert f"has no account with {kind}" in capsys.readouterr().out
+    secrets = SecretStore(Settings(data_dir=tmp_path).secret_dir)
+    with socket.socket() as gateway:
+        gateway.bind(("127.0.0.1", 0))
+        port = gateway.getsockname()[1]
+        scheme, path = ("tcp", "") if kind == "directip" else ("http", "/MT")
+        account = GatewayAccount(
+            url=f"{scheme}://127.0.0.1:{port}{path}",
+            username="ann",
+            password="secret-word",
+            public_key="a key" if kind == "rockblock" else "",
+        )
+        secrets.set_gateway(kind, account)
+        assert main(ask) == 1
+        assert "cannot be reached" in capsys.readouterr().out
+        gateway.listen()
+        status = main(ask)
+        said = capsys.readouterr().out
+    assert f"127.0.0.1 port {port} can be reached" in said
+    assert "secret-word" not in said
+    assert status == (1 if kind == "directip" else 0), "no port takes DirectIP messages yet"
+    assert ("GRACE_DIRECTIP_PORT" in said) == (kind == "directip")
+
+
+async def test_an_acoustic_modem_is_asked_for_its_address(tmp_path: Path):
+    line_path = tmp_path / "modem"
+    uri, said = f"micromodem://{line_path}?us=1&peer=2", []
+    settings = Settings(data_dir=tmp_path)
+    assert not await link_doctor.examine(uri, settings, 0.2, said.append)
+    assert said[0].startswith("No Micro-Modem answers")
+    modem = AcousticModem(
+        lambda: (0.0, 0.0, 0.0), {}, random.Random(2), AcousticConditions(), SystemClock()
+    )
+    said.clear()
+    async with modem.pty(line_path):
+        assert await link_doctor.examine(uri, settings, 60.0, said.append)
+    assert "answers and has its address" in said[0]
 
 
 def test_the_command_line_lists_every_link_and_what_is_wrong_with_it(
@@ -340,5 +396,6 @@ def test_the_command_line_lists_every_link_and_what_is_wrong_with_it(
     told = " ".join(capsys.readouterr().out.split())
     for words in (*links, "three", "slashes", "glider-2", "no link"):
         assert words in told
-    assert main(["link", "list", "--url", "http://127.0.0.1:1", "--token", "x"]) == 1
+    monkeypatch.setenv("GRACE_TOKEN", "x")
+    assert main(["link", "list", "--url", "http://127.0.0.1:1"]) == 1
     assert "does not answer" in capsys.readouterr().err
