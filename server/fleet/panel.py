@@ -115,6 +115,9 @@ class FleetViews:
         )
 
     def _next_contact(self, status: RobotStatus) -> ContactView | None:
+        if _speaks_by_satellite(status):
+            at = self._next_call(status)
+            return None if at is None else ContactView(at, f"Next session about {clock_time(at)}")
         if status.link_state is not LinkState.SUBMERGED:
             return None
         at = status.next_surfacing()
@@ -125,18 +128,13 @@ class FleetViews:
     def _forecast(self, status: RobotStatus) -> str:
         if status.record.kind == "recorded":
             return "A recording cannot be told anything"
-        link, satellite = status.link, status.satellite_link
-        if (
-            satellite is not None
-            and satellite.state is not LinkState.DISABLED
-            and status.radio_state is not LinkState.LIVE
-        ):
-            link = satellite
+        is_far = _speaks_by_satellite(status)
+        link = status.satellite_link if is_far else status.link
         return surface_forecast(
             status.record.id,
             LinkState.NEVER_HEARD if link is None else link.state,
             "" if link is None else link.carrier,
-            self._next_call(status) if link is satellite else status.next_surfacing(),
+            self._next_call(status) if is_far else status.next_surfacing(),
         )
 
     def _next_call(self, status: RobotStatus) -> datetime | None:
@@ -237,3 +235,9 @@ class FleetViews:
             state=onboard_plan_state(report.state),
             age_s=self._fleet.age_s(report.measured_at),
         )
+
+
+def _speaks_by_satellite(status: RobotStatus) -> bool:
+    """Tell whether a robot is reached by satellite, and not by a radio that is nearer."""
+    known = status.known_links
+    return known.has_satellite and not known.radio_reaches

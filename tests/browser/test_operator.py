@@ -147,3 +147,52 @@ def test_surface_now_says_what_is_proved(page, demo):
         open_page(page, demo, path)
         page.wait_for_timeout(800)
         shoot(page, name)
+
+
+def alarm(number, level):
+    return {
+        "id": f"alarm-{number}",
+        "robot": None,
+        "level": level,
+        "text": f"Trial alarm {number}.",
+        "state": "unacknowledged",
+        "raised_at": f"2026-11-21T12:00:0{number}Z",
+        "acknowledged_at": None,
+        "acknowledged_by": None,
+        "cleared_at": None,
+    }
+
+
+def test_a_second_click_acknowledges_nothing_that_nobody_has_read(page, demo):
+    """The button rests after each change; here until the test lets that time pass."""
+    alarms, seen = [alarm(1, "critical"), alarm(2, "warning")], []
+
+    def answer(route):
+        if route.request.method == "POST":
+            number = int(re.search(r"alarm-(\d)/ack", route.request.url).group(1))
+            seen.append((number, "level=" in route.request.url))
+            alarms[number - 1] |= {"state": "acknowledged"}
+        route.fulfill(json={"alarms": alarms})
+
+    screen = page.context.new_page()
+    screen.route(re.compile("/api/alarms"), answer)
+    screen.add_init_script(
+        "const later = window.setTimeout; window.rests = [];"
+        "window.setTimeout = (work, ms, ...rest) =>"
+        " ms === 1200 ? window.rests.push(work) : later(work, ms, ...rest);"
+    )
+    open_page(screen, demo, "/")
+    button = screen.get_by_role("alert").get_by_role("button", name="Acknowledge")
+    expect(screen.get_by_role("alert").get_by_text("Trial alarm 1.")).to_be_visible()
+    screen.evaluate("window.rests.forEach((work) => work())")
+    expect(button).to_be_enabled()
+    button.click()
+    expect(screen.get_by_role("alert").get_by_text("Trial alarm 2.")).to_be_visible()
+    expect(button).to_be_disabled()
+    button.click(force=True)
+    assert seen == [(1, True)]
+    screen.evaluate("window.rests.forEach((work) => work())")
+    button.click()
+    expect(screen.get_by_role("alert").get_by_text("Trial alarm")).to_have_count(0)
+    assert seen == [(1, True), (2, True)]
+    screen.close()

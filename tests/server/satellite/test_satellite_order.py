@@ -274,10 +274,11 @@ async def test_surface_forecast_tells_the_time_that_the_send_sheet_knows(far, sk
     station, client = far
     await station.satellite.refresh()
     due = (await client.get("/api/robots/grace-1/satellite")).json()["next_session_at"]
-    forecast = (await client.get("/api/robots/grace-1")).json()["surface_forecast"]
-    assert forecast == (
+    shown = (await client.get("/api/robots/grace-1")).json()
+    assert shown["surface_forecast"] == (
         f"Reaches grace-1 at its next session by RockBLOCK, expected about {due[11:16]}Z"
     )
+    assert shown["next_contact"] == {"at": due, "text": f"Next session about {due[11:16]}Z"}
     hear_radio(world, sky)
     forecast = (await client.get("/api/robots/grace-1")).json()["surface_forecast"]
     assert forecast == "Reaches grace-1 now by XBee"
