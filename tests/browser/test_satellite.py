@@ -35,7 +35,8 @@ def far(tmp_path_factory):
 @pytest.fixture(scope="module")
 def screen(browser, far):
     with browser_page(browser, far) as page:
-        [cookie] = [each for each in page.context.cookies() if each["httpOnly"]]
+        cookies = page.context.cookies()
+        [cookie] = [each for each in cookies if each["name"].startswith("grace_session")]
         far.client.cookies.set(cookie["name"], cookie["value"])
         far.client.headers["X-CSRF-Token"] = far.get("/api/session")["csrf_token"]
         yield page
