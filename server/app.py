@@ -39,7 +39,8 @@ def create_app(settings: Settings, make_service: MakeService = Station) -> FastA
         docs_url=None,
         redoc_url=None,
         responses={
-            "4XX": {"model": ProblemDetails, "description": "Refused; `detail` says what to do."}
+            "4XX": {"model": ProblemDetails, "description": "Refused; `detail` says what to do."},
+            "5XX": {"model": ProblemDetails, "description": "Failed; try again when it works."},
         },
     )
     install_problem_handlers(app)

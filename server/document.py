@@ -11,7 +11,8 @@ from fastapi import FastAPI
 from pydantic import TypeAdapter
 from pydantic.json_schema import JsonSchemaMode
 
-from server.base.view import View
+from server.base.problem import ERROR_FAMILIES, MEDIA_TYPE
+from server.base.view import CURSOR_MAX, View
 from server.command.view import CommandView
 from server.fleet.view import LiveRobotView
 from server.map.view import LearnedView
@@ -77,6 +78,16 @@ class DocumentedApp(FastAPI):
         return self.openapi_schema or {}
 
 
+def _parameter(name: str, description: str, schema: dict[str, Any]) -> dict[str, Any]:
+    return {
+        "name": name,
+        "in": "query",
+        "required": False,
+        "description": description,
+        "schema": schema,
+    }
+
+
 def _complete(document: dict[str, Any]) -> None:
     schemas: dict[str, Any] = document["components"]["schemas"]
     models: tuple[type[Any], ...] = (LiveBatchView, *JOB_RESULTS)
@@ -91,14 +102,35 @@ def _complete(document: dict[str, Any]) -> None:
         schemas[name]["additionalProperties"] = {"$ref": _REF.format(model="JsonValue")}
     results = [{"$ref": _REF.format(model=one.__name__)} for one in JOB_RESULTS]
     schemas["JobView"]["properties"]["result"] = {"anyOf": [*results, {"type": "null"}]}
+    for operation in (one for item in document["paths"].values() for one in item.values()):
+        for family in ERROR_FAMILIES:
+            content = operation["responses"][family]["content"]
+            content[MEDIA_TYPE] = content.pop("application/json")
     document["paths"]["/api/live"] = {
         "get": {
             "tags": ["live"],
             "summary": "Live stream",
             "operationId": "live",
-            "description": "A WebSocket. Each message is one `LiveBatchView` as JSON.",
+            "description": (
+                "A WebSocket. Each message is one `LiveBatchView` as JSON. It is opened by a "
+                "bearer token, by the cookie from a page of the station, or by a ticket of "
+                "`POST /api/session/ticket`; it is closed with 1008 when that sign-in ends and "
+                "with 1001 when the station stops."
+            ),
+            "parameters": [
+                _parameter("robots", "Ids, separated by commas.", {"type": "string"}),
+                _parameter(
+                    "after",
+                    "Cursor of the last event seen; one that this log does not reach begins now.",
+                    {"type": "integer", "minimum": 0, "maximum": CURSOR_MAX},
+                ),
+                _parameter("ticket", "Opens the stream, once.", {"type": "string"}),
+            ],
             "responses": {
-                "4XX": document["paths"]["/api/health"]["get"]["responses"]["4XX"],
+                **{
+                    family: document["paths"]["/api/health"]["get"]["responses"][family]
+                    for family in ERROR_FAMILIES
+                },
                 "101": {
                     "description": "The stream begins.",
                     "content": {

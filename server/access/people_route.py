@@ -4,14 +4,16 @@ from dataclasses import dataclass
 from datetime import datetime, timedelta
 
 from fastapi import APIRouter
-from pydantic import Field, SecretStr
+from pydantic import Field
 
 from db.query import people as query
 from db.query.people import PersonRecord, TokenRecord
 from server.access import register
 from server.access.dependency import AccessDep, Admin
 from server.access.role import Role
+from server.access.secret import NewPassword
 from server.base.dependency import ClockDep, StoreDep
+from server.base.text import Name
 from server.base.view import Body, View
 
 router = APIRouter(tags=["people"])
@@ -20,24 +22,23 @@ router = APIRouter(tags=["people"])
 class PersonBody(Body):
     """A new person."""
 
-    name: str = Field(min_length=1, max_length=100)
+    name: Name
     role: Role
-    password: SecretStr
-    """At least ten characters."""
+    password: NewPassword
 
 
 class PersonPatch(Body):
     """What changes about a person; their sessions end with it."""
 
     role: Role | None = None
-    password: SecretStr | None = None
+    password: NewPassword | None = None
     disabled: bool | None = None
 
 
 class TokenBody(Body):
     """A new bearer token."""
 
-    name: str = Field(min_length=1, max_length=100)
+    name: Name
     """What the token is for; it stands in the log as who did something."""
     role: Role
     days: float = Field(default=30.0, gt=0, le=3650)

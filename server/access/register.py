@@ -14,7 +14,8 @@ from db.query.events import add_event
 from db.query.people import PersonRecord, TokenRecord
 from server.access.role import Role
 from server.access.secret import new_secret, secret_hash
-from server.base.problem import conflict
+from server.base.problem import FieldError, conflict, unprocessable
+from server.base.text import checked
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,8 +32,9 @@ def add_person(
     """Add a person.
 
     Raises:
-        Problem: 409 if the name is taken.
+        Problem: 409 if the name is taken, 422 if it is none.
     """
+    _check(name)
     try:
         person = query.add_person(session, name, role, password_hash, at)
     except query.PersonExistsError as error:
@@ -71,7 +73,12 @@ def change_person(
 def create_token(
     session: Session, name: str, role: Role, lifetime: timedelta, *, at: datetime, by: str
 ) -> IssuedToken:
-    """Create a bearer token for a script."""
+    """Create a bearer token for a script.
+
+    Raises:
+        Problem: 422 if its name is none.
+    """
+    _check(name)
     secret, wall = new_secret(), datetime.now(UTC)
     token = query.add_token(
         session,
@@ -115,3 +122,11 @@ def revoke_token(session: Session, token: str, *, at: datetime, by: str) -> None
     """
     query.revoke_token(session, token, datetime.now(UTC))
     add_event(session, at, "token.revoked", f"{by} revoked {token}.")
+
+
+def _check(name: str) -> None:
+    try:
+        checked(name)
+    except ValueError as error:
+        sentence = f"The name {error}."
+        raise unprocessable(sentence, [FieldError(loc=["name"], msg=str(error))]) from error

@@ -2,11 +2,23 @@
 
 import hashlib
 import secrets
+from typing import Annotated
 
 from argon2 import PasswordHasher
 from argon2.exceptions import InvalidHashError, VerificationError
+from pydantic import Field, SecretStr
 
 PASSWORD_LENGTH_MIN = 10
+PASSWORD_LENGTH_MAX = 1000
+NewPassword = Annotated[
+    SecretStr,
+    Field(
+        max_length=PASSWORD_LENGTH_MAX,
+        json_schema_extra={"minLength": PASSWORD_LENGTH_MIN},
+        description="At least ten characters.",
+    ),
+]
+"""Of a request; ``hash_password`` looks at its length."""
 _NO_PASSWORD = (
     "$argon2id$v=19$m=65536,t=3,p=4$dJdFtQNQ6TO53nCmL5iTDQ$+UH3EE"
     "zdofD/Wpgdtl07gArLBcV4RzZi8t9g4+TLSSE"

@@ -13,8 +13,10 @@ from server.access.access import Caller
 from server.access.dependency import AccessDep, GuardDep, TicketsDep, Viewer
 from server.access.guard import Guard
 from server.access.role import Role
+from server.access.secret import PASSWORD_LENGTH_MAX, NewPassword
 from server.access.stream import TICKET_S
 from server.base.problem import FieldError, Problem, unprocessable
+from server.base.text import NAME_LENGTH_MAX, Name
 from server.base.view import Body, View
 
 router = APIRouter(tags=["session"])
@@ -23,18 +25,17 @@ router = APIRouter(tags=["session"])
 class SignInBody(Body):
     """Name and password, or the token of a one-time sign-in."""
 
-    name: str | None = Field(default=None, max_length=100)
-    password: SecretStr | None = None
-    token: SecretStr | None = None
+    name: str | None = Field(default=None, max_length=NAME_LENGTH_MAX)
+    password: SecretStr | None = Field(default=None, max_length=PASSWORD_LENGTH_MAX)
+    token: SecretStr | None = Field(default=None, max_length=200)
 
 
 class FirstAdminBody(Body):
     """Who sets the station up."""
 
-    name: str = Field(min_length=1, max_length=100)
-    password: SecretStr
-    """At least ten characters."""
-    code: str
+    name: Name
+    password: NewPassword
+    code: str = Field(max_length=100)
     """The code that the station printed at its start."""
 
 

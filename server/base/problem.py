@@ -14,6 +14,8 @@ from starlette.exceptions import HTTPException
 from db.fault import StoreClosedError, StoreUnavailableError, UnknownIdError
 
 MEDIA_TYPE = "application/problem+json"
+ERROR_FAMILIES = ("4XX", "5XX")
+"""Statuses under which the document tells what every error looks like."""
 _UNKNOWN = "extra_forbidden"
 logger = logging.getLogger(__name__)
 

@@ -7,6 +7,9 @@ from fastapi import Response
 from pydantic import BaseModel, ConfigDict, RootModel, WithJsonSchema
 from typing_extensions import TypeAliasType
 
+CURSOR_MAX = 2**63 - 1
+"""Largest key of a database."""
+
 
 class View:
     """Lets the docstring below a field become its description in the OpenAPI schema.

@@ -27,6 +27,7 @@ from server.access.dependency import Admin, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import FoundationDep, StoreDep, service
 from server.base.problem import FieldError, conflict, not_found, unprocessable
+from server.base.text import Title
 from server.base.view import Body, encoded
 from server.fleet.dependency import FleetDep
 from server.fleet.panel import FleetViews
@@ -53,7 +54,7 @@ class NewRobot(Body):
 
     id: str = Field(pattern=r"^[a-z0-9][a-z0-9-]{0,39}$")
     """Short name: lower-case letters, digits and dashes."""
-    name: str = Field(min_length=1, max_length=80)
+    name: Title
     """What operators call it."""
     model: str
     """Key of a vehicle of the catalogue, such as ``miniglider``; see `GET /api/vehicles`."""
@@ -71,7 +72,7 @@ class NewRobot(Body):
 class RobotChanges(Body):
     """What is to be changed of a robot."""
 
-    name: str | None = Field(default=None, min_length=1, max_length=80)
+    name: Title | None = None
     model: str | None = None
     """Key of a vehicle of the catalogue: what holds for the robot from now on."""
     system_id: int | None = Field(default=None, ge=1, le=249)

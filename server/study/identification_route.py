@@ -8,6 +8,7 @@ from pydantic import AwareDatetime, Field
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
+from server.base.text import Title
 from server.base.view import Body, SettingsDocument, encoded
 from server.study.identification import Identifications
 from server.study.view import (
@@ -41,7 +42,7 @@ class AcceptRequest(Body):
 
     key: str | None = Field(default=None, pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$")
     """Its key in the catalogue; by default one made of the robot's id."""
-    title: str | None = Field(default=None, min_length=1, max_length=80)
+    title: Title | None = None
     """Its title; by default one that says where it comes from."""
 
 

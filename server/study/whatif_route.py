@@ -8,6 +8,7 @@ from pydantic import Field
 from server.access.dependency import Pilot, Viewer
 from server.access.idempotency import IdempotentRoute
 from server.base.dependency import service
+from server.base.text import Title
 from server.base.view import Body, SettingsDocument, encoded
 from server.study.view import StudyStartedView, WhatIfsView, WhatIfView
 from server.study.whatif import ControllerRequest, WhatIfs
@@ -22,7 +23,7 @@ class ControllerBody(Body):
 
     kind: str
     """Key of a controller, such as ``controller.pid``; see `GET /api/config`."""
-    title: str | None = Field(default=None, min_length=1, max_length=80)
+    title: Title | None = None
     """What it is called in plots; by default its kind's title."""
     config: SettingsDocument = Field(default_factory=dict)
     """Settings that differ from what holds for the robot; null returns one to its preset."""

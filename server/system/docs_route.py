@@ -9,6 +9,7 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse
 
 from server.base.dependency import FoundationDep
+from server.base.problem import ERROR_FAMILIES
 
 router = APIRouter()
 _METHODS = ("get", "post", "patch", "put", "delete")
@@ -78,7 +79,7 @@ def _operation(path: str, method: str, operation: dict[str, Any]) -> str:
         for media, content in body.items()
     )
     for status, answer in operation.get("responses", {}).items():
-        if status in {"422", "4XX"}:
+        if status in {"422", *ERROR_FAMILIES}:
             continue
         shapes = [_type(c["schema"]) for c in answer.get("content", {}).values() if "schema" in c]
         rows.append(

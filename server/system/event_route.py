@@ -6,10 +6,11 @@ from typing import Annotated
 
 from fastapi import APIRouter, Query
 
-from db.query.events import EventRecord, events_after, newest_events
+from db.query.events import EventRecord, events_after, last_cursor, newest_events
 from server.access.dependency import Viewer
 from server.base.dependency import StoreDep
-from server.base.view import EventData, View, one_of
+from server.base.problem import conflict
+from server.base.view import CURSOR_MAX, EventData, View, one_of
 
 router = APIRouter(prefix="/api/events", tags=["events"])
 
@@ -40,12 +41,22 @@ class EventsView(View):
 async def list_events(
     caller: Viewer,
     store: StoreDep,
-    after: Annotated[int | None, Query(ge=0, description="Cursor to go on after.")] = None,
+    after: Annotated[
+        int | None, Query(ge=0, le=CURSOR_MAX, description="Cursor to go on after.")
+    ] = None,
     robot: Annotated[str | None, Query(description="Events of this robot only.")] = None,
     limit: Annotated[int, Query(ge=1, le=1000)] = 200,
 ) -> EventsView:
-    """Return the events after a cursor, or the newest ones where no cursor is given."""
+    """Return the events after a cursor, or the newest ones where no cursor is given.
+
+    A cursor that this log has not reached is refused: it comes from another database, and would
+    wait for what it has missed already.
+    """
     del caller
+    if after is not None and after > (last := await store.query(last_cursor)):
+        raise conflict(
+            f"The log ends at {last}; the cursor {after} is of another one. Read without `after`."
+        )
     if after is None:
         records = await store.query(lambda s: newest_events(s, robot=robot, limit=limit))
     else:

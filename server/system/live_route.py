@@ -4,10 +4,12 @@ from typing import Annotated
 
 from fastapi import APIRouter, Depends, Query, WebSocket, WebSocketDisconnect
 
+from db.query.events import last_cursor
 from server.access.dependency import AccessDep, WebSocketViewer
 from server.access.stream import serve_stream
-from server.base.dependency import service
+from server.base.dependency import StoreDep, service
 from server.base.live_feed import LiveFeed
+from server.base.view import CURSOR_MAX
 
 router = APIRouter(tags=["live"])
 
@@ -20,11 +22,16 @@ async def live(
     caller: WebSocketViewer,
     access: AccessDep,
     feed: LiveFeedDep,
+    store: StoreDep,
     robots: Annotated[str | None, Query(description="Ids, separated by commas.")] = None,
-    after: Annotated[int | None, Query(ge=0, description="Cursor of the last event seen.")] = None,
+    after: Annotated[
+        int | None, Query(ge=0, le=CURSOR_MAX, description="Cursor of the last event seen.")
+    ] = None,
 ) -> None:
     """Send what changed, ten times a second, until the browser leaves or its sign-in ends."""
     wanted = None if robots is None else frozenset(filter(None, robots.split(",")))
+    if after is not None and after > await store.query(last_cursor):
+        after = None  # of another database: what it waits for would never come
     await websocket.accept()
 
     async def tell() -> None:

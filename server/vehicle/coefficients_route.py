@@ -14,6 +14,7 @@ from autonomy.vehicle.parameter_file import VehicleDocument
 from server.access.dependency import Pilot
 from server.base.dependency import service
 from server.base.problem import FieldError, Problem, invalid, unprocessable
+from server.base.text import Title
 from server.base.view import Body, View
 from server.vehicle.coefficients import (
     COLUMNS,
@@ -37,7 +38,7 @@ class CoefficientRequest(Body):
     """Every row with the same columns; null for a force or moment that was not measured."""
     key: str | None = Field(default=None, pattern=r"^[a-z0-9][a-z0-9_-]{0,39}$")
     """Of the vehicle in the answer."""
-    title: str | None = Field(default=None, min_length=1, max_length=80)
+    title: Title | None = None
     """Of the vehicle in the answer."""
     water_density_kg_m3: float | None = Field(default=None, gt=0.0, le=1e5)
     """Of the tunnel's water; by default the vehicle's."""

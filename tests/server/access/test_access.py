@@ -468,3 +468,21 @@ def test_environment_variables_are_settings(monkeypatch):
     monkeypatch.setenv("GRACE_SESSION_HOURS", "1.5")
     settings = Settings()
     assert (settings.port, settings.session_hours) == (9000, 1.5)
+
+
+@pytest.mark.parametrize("name", ["a\nb", "a\u202eb", "\x1b[2J", "a\u2028b", "  "])
+async def test_a_name_holds_nothing_that_cannot_be_seen(admin, name):
+    person = {"name": name, "role": "pilot", "password": PASSWORD}
+    answer = await admin.post("/api/people", json=person)
+    assert answer.status_code == 422
+    assert answer.json()["errors"][0]["loc"] == ["name"]
+    answer = await admin.post("/api/tokens", json={"name": name, "role": "viewer"})
+    assert answer.status_code == 422
+
+
+async def test_a_cursor_of_another_log_is_refused_with_a_word(admin):
+    assert (await admin.get("/api/events", params={"after": 0})).status_code == 200
+    answer = await admin.get("/api/events", params={"after": 2**40})
+    assert answer.status_code == 409
+    assert "the cursor 1099511627776 is of another one" in answer.json()["detail"]
+    assert (await admin.get("/api/events", params={"after": 2**63})).status_code == 422
