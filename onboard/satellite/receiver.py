@@ -41,6 +41,8 @@ _WORDS_KEPT = 16
 """Words on transfers, and on orders, that are remembered."""
 _STAYS_UP = (CommandKind.SURFACE, CommandKind.HOLD)
 """Orders that never expire, and after which no earlier mission begins to fly."""
+_LEAVES_COURSE = (CommandKind.QUIET, CommandKind.PING)
+"""Orders that change nothing of where the robot goes: one to surface from before them holds."""
 
 
 class ReceiverStore(Protocol):
@@ -318,13 +320,20 @@ class Receiver:
         counters = [one.counter for one in memory.answered]
         if len(counters) == _WORDS_KEPT and counter <= min(counters):
             return Nothing("this order is older than all that are remembered")
-        is_overtaken = bool(counters) and counter <= max(counters)
+        is_overtaken = self._is_overtaken(command.kind, counter)
         is_late = command.kind not in _STAYS_UP and now.timestamp() > command.expiry_s
         if is_overtaken or is_late:
             self._remember(Answered(command, counter, self._outcome_unobeyed(command, counter)))
             return Nothing(f"this order was {'overtaken by another' if is_overtaken else 'late'}")
         self._open[name] = counter
         return OrderReceived(command)
+
+    def _is_overtaken(self, kind: CommandKind, counter: int) -> bool:
+        """Tell whether an order given later, which takes the place of this one, was answered."""
+        later = [one.command.kind for one in self._memory.answered if one.counter >= counter]
+        if kind is CommandKind.SURFACE:
+            return any(one not in _LEAVES_COURSE for one in later)
+        return bool(later)
 
     def _outcome_unobeyed(self, command: ReceivedCommand, counter: int) -> CommandOutcome:
         """Return what came of an order that is not acted on; what a later one did holds for it."""

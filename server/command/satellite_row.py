@@ -22,6 +22,7 @@ from server.satellite.modem import Modem
 from server.satellite.row_kind import FIRST_PRIORITY, Means, RobotSession, RowKind
 
 _PRIORITY: Final = 3
+_LEAVES_COURSE: Final = (CommandKind.QUIET, CommandKind.PING)
 _OVERTAKEN: Final = "a later order took its place"
 _REFUSALS: Final = {
     CommandOutcome.NOT_NOW: "the robot cannot do this now",
@@ -211,10 +212,15 @@ def _answered(
 
 
 def _is_overtaken(session: Session, row: OutboxRecord, said: RobotSession) -> bool:
-    """Tell whether the robot obeyed an order that was given later."""
+    """Tell whether the robot obeyed an order that was given later.
+
+    One to surface stays wanted after a later order that left the robot on its course.
+    """
     obeyed = {one.number for one in said.answers if one.outcome is CommandOutcome.DONE}
     return any(
-        one.counter > row.counter and (one.level == "applied" or one.document["number"] in obeyed)
+        one.counter > row.counter
+        and (not is_surface(row) or one.document["kind"] not in _LEAVES_COURSE)
+        and (one.level == "applied" or one.document["number"] in obeyed)
         for one in query.newest_outboxes(session, row.robot, row.kind, row.created_at)
     )
 

@@ -249,6 +249,19 @@ def test_order_to_surface_overtaken_by_another_was_obeyed_with_it(robot):
     assert robot.outcomes == {8: CommandOutcome.DONE, 7: CommandOutcome.DONE}
 
 
+@pytest.mark.parametrize("kind", [CommandKind.QUIET, CommandKind.PING])
+def test_order_to_surface_that_was_lost_is_obeyed_after_a_later_one_about_pings(robot, kind):
+    assert robot.obey(order(kind, 8))
+    assert robot.obey(order(CommandKind.SURFACE, 7))
+    assert robot.outcomes == {8: CommandOutcome.DONE, 7: CommandOutcome.DONE}
+
+
+def test_order_to_surface_does_not_stop_a_robot_that_was_sent_on_since(robot):
+    assert robot.obey(order(CommandKind.RESUME, 8))
+    assert not robot.obey(order(CommandKind.SURFACE, 7))
+    assert robot.outcomes == {8: CommandOutcome.DONE, 7: CommandOutcome.NOT_NOW}
+
+
 def test_order_to_fly_expires_by_the_robots_clock_and_one_to_stay_up_never(robot):
     late = LATER + timedelta(days=800)
     assert not robot.obey(order(CommandKind.START, 7), now=late)
