@@ -174,17 +174,13 @@ class Fleet:
             newest[sample.variable] = sample
             self.touch(sample.robot)
 
-    def take_plan_report(self, report: PlanReport) -> bool:
-        """Take what a robot says of the plan on board; tell whether it is its newest word."""
+    def take_plan_report(self, report: PlanReport) -> None:
+        """Take what a robot says of the plan on board."""
         status = self._statuses[report.robot]
-        known = status.plan_report
-        if known is not None and report.measured_at < known.measured_at:
-            return False
         status.plan_report = report
         if report.state is OnboardPlanState.RUNNING and status.flies_no_target:
             status.target_report = None
         self.touch(report.robot)
-        return True
 
     def take_target(self, report: TargetReport) -> None:
         """Take a report on a target; one that is older than the newest changes nothing."""

@@ -8,6 +8,7 @@ import asyncio
 import logging
 from collections.abc import Sequence
 from concurrent.futures import Future
+from datetime import datetime
 
 from db.fault import StoreError
 from db.ingest import Telemetry
@@ -27,7 +28,7 @@ from robot_link.messages import (
     UploadReport,
 )
 from server.base.event_bus import EventBus
-from server.fleet.clock_fault import ClockJudge
+from server.fleet.clock_fault import AHEAD_MAX, ClockJudge
 from server.fleet.fleet import Fleet
 from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_target
 from server.link.event import (
@@ -60,6 +61,8 @@ class Ingest:
         self._stored: Future[None] | None = None
         """What was handed to the database last."""
         self._clocks: dict[RobotId, ClockJudge] = {}
+        self._plans_told: dict[RobotId, datetime] = {}
+        """When each robot said its newest word on its plan by radio."""
         self._told_faults: set[tuple[str, str]] = set()
         self._notes: set[asyncio.Task[None]] = set()
 
@@ -80,7 +83,7 @@ class Ingest:
             case Sample():
                 self._take_sample(event)
             case PlanReport():
-                self._take_plan_report(event)
+                self._take_plan_report(event, is_prompt=is_prompt)
             case LinkReport():
                 self._fleet.take_link(event)
             case TargetReport():
@@ -137,11 +140,17 @@ class Ingest:
         if self._flush is None:
             self._flush = asyncio.get_running_loop().call_later(GATHER_S, self.flush)
 
-    def _take_plan_report(self, report: PlanReport) -> None:
+    def _take_plan_report(self, report: PlanReport, *, is_prompt: bool) -> None:
+        """Take a word on the plan; one by radio from before the newest by radio changes nothing."""
         report = self._clock_of(report.robot).dated(report)
         self._append(report)
-        if self._fleet.take_plan_report(report):
-            self._bus.publish(PlanReported(report))
+        if is_prompt:
+            newest = self._plans_told.get(report.robot, report.measured_at)
+            if newest - report.measured_at > AHEAD_MAX * max(1.0, self._clock.speed):
+                return
+            self._plans_told[report.robot] = max(newest, report.measured_at)
+        self._fleet.take_plan_report(report)
+        self._bus.publish(PlanReported(report))
 
     def _take_state(self, report: StateReport, *, is_prompt: bool) -> None:
         judge = self._clock_of(report.robot)
