@@ -40,6 +40,7 @@ AREAS = (
     "satellite",
     "garbage",
     "live",
+    "stored",
 )
 OUTPUT = Path("build/bench.json")
 

@@ -425,6 +425,8 @@ class LinkReport:
     """Sentence on what is wrong beside the state: a clock that is off by hours, or ``conflict``."""
     conflict: str = ""
     """Sentence on another robot that speaks under the robot's system id."""
+    is_signed: bool = False
+    """Whether a frame counts only with the robot's signature, and the robot knows ours."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -55,6 +55,10 @@ class Track:
     """Whether points were left out; the shallowest and deepest of every interval are kept."""
 
 
+_MODES = {int(mode): mode for mode in RobotMode}
+"""A lookup: making the members of twenty thousand numbers takes longer than to read them."""
+
+
 def newest_state(session: Session, robot: str) -> StateReport | None:
     """Return the newest report of a robot about itself; a recording has none."""
     row = session.scalar(
@@ -160,7 +164,7 @@ def track(
             (north_m, east_m, depth_m),
             std_m,
             has_fix,
-            None if mode is None else RobotMode(mode),
+            None if mode is None else _MODES[mode],
         )
         for at, depth_m, north_m, east_m, std_m, has_fix, mode in rows
     ]

@@ -57,6 +57,7 @@ class LinkWatch:
             clock_offset_s=None if offset is None else offset.offset_s,
             trouble="; ".join(trouble for trouble in troubles if trouble),
             conflict=conflict,
+            is_signed=member.signing is not None,
         )
 
     def _tell(self, report: LinkReport) -> None:

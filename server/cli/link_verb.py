@@ -65,7 +65,7 @@ def _registered_links(arguments: Namespace) -> Table:
 
 def _live_links(arguments: Namespace) -> Table:
     """Return the links as a running station knows them now."""
-    table = Table("robot", "link", "state", "frames", "bad", "dBm", "remark")
+    table = Table("robot", "link", "state", "frames", "bad", "dBm", "signed", "remark")
     with open_remote(arguments) as client:
         for robot in checked(client.get("/api/robots")).json():
             links = checked(client.get(f"/api/robots/{robot['id']}/links")).json()
@@ -78,6 +78,7 @@ def _live_links(arguments: Namespace) -> Table:
                     str(link["frames_received"]),
                     str(link["frames_bad"]),
                     "" if strength is None else f"{strength:g}",
+                    {True: "yes", False: "no"}.get(link["is_signed"], ""),
                     escape(link["text"]),
                 )
     return table

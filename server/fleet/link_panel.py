@@ -43,6 +43,7 @@ def _view(status: RobotStatus, uri: str, report: LinkReport | None) -> RobotLink
         rssi_dbm=None if report is None else report.rssi_dbm,
         frames_received=0 if report is None else report.frames_received,
         frames_bad=0 if report is None else report.frames_bad,
+        is_signed=(report is not None and report.is_signed) if kind == "radio" else None,
         text=_with_trouble(_text(status, kind, _carrier(uri), state), report),
         carries=_carries(status, kind, state) if is_enabled else [],
     )

@@ -25,6 +25,10 @@ class RobotLinkView(View):
     rssi_dbm: float | None
     frames_received: int
     frames_bad: int
+    is_signed: bool | None
+    """Whether a radio's frames are signed; without, whoever has such a radio can pose as the robot
+    or as this station. ``null`` of other kinds: satellite messages always carry a proof, and the
+    modem's ranges none."""
     text: str
     """Its state in one sentence."""
     carries: list[str]

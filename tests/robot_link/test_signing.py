@@ -210,6 +210,13 @@ async def test_a_station_without_the_key_is_neither_heard_nor_bound(
                 assert station.link_report(MINI).state is LinkState.NEVER_HEARD
         async with it.station(signing=lambda _robot: right) as (station, _):
             await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+            assert station.link_report(MINI).is_signed
+
+
+async def test_a_link_without_a_key_says_that_it_is_not_signed(tmp_path: Path):
+    async with rig(tmp_path, CALM) as it, it.station() as (station, _):
+        await until(lambda: station.link_report(MINI).state is LinkState.LIVE)
+        assert not station.link_report(MINI).is_signed
 
 
 async def test_refused_packets_are_journaled_as_nobodys(tmp_path: Path):

@@ -108,6 +108,16 @@ async def test_garbage_on_the_radio_is_counted_and_shown(client, world):
     assert (await client.get("/api/robots/mini-1")).json()["link"]["frames_bad"] == 17
 
 
+@pytest.mark.parametrize("is_signed", [True, False])
+async def test_each_radio_says_whether_its_frames_are_signed(client, world, is_signed):
+    live = LinkState.LIVE
+    world.tell(LinkReport(MINI, "xbee", live, datetime.now(UTC), None, 3, 0, is_signed=is_signed))
+    links = (await client.get("/api/robots/mini-1/links")).json()
+    signed = {link["kind"]: link["is_signed"] for link in links}
+    assert signed["radio"] is is_signed
+    assert signed.get("satellite") is None
+
+
 async def test_silent_robot_raises_one_alarm_that_clears_when_it_is_heard(
     client, world, monkeypatch
 ):

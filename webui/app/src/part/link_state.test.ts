@@ -7,6 +7,7 @@ import {
   lastHeard,
   linkAge,
   shownState,
+  signingHelp,
   stateIcon,
   unplugText,
 } from './link_state';
@@ -22,6 +23,7 @@ function link(carrier: string, kind: RobotLink['kind'], more: Partial<RobotLink>
     rssi_dbm: null,
     frames_received: 0,
     frames_bad: 0,
+    is_signed: kind === 'radio' ? false : null,
     text: '',
     carries: [],
     ...more,
@@ -33,6 +35,11 @@ const SPACE = link('rockblock', 'satellite', { heard_at: '2026-11-21T04:30:00.5Z
 const SOUND = link('micromodem', 'acoustic', { heard_at: '2026-11-21T04:59:00Z' });
 
 describe('the links of a robot', () => {
+  test('say what it means that a radio is not signed', () => {
+    expect(signingHelp(RADIO)).toContain('can pose as the robot');
+    expect(signingHelp({ is_signed: true })).toContain('are believed');
+  });
+
   test('tell by which of them it was heard last', () => {
     expect(lastHeard([RADIO, SPACE, SOUND])?.carrier).toBe('rockblock');
     expect(lastHeard([link('xbee', 'radio'), SOUND])).toBeNull();
@@ -65,7 +72,7 @@ describe('the links of a robot', () => {
       'port_closed',
       'unplugged',
     ];
-    expect(new Set(states.map((state) => stateIcon(state))).size).toBe(states.length);
+    expect(new Set(states.map((state) => String(stateIcon(state)))).size).toBe(states.length);
   });
 
   test('say what they carry', () => {

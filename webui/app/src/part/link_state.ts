@@ -29,6 +29,13 @@ export function shownState(link: Pick<RobotLink, 'state' | 'is_plugged'>): strin
   return link.is_plugged ? link.state : 'unplugged';
 }
 
+/** What it means that a radio's frames are signed, or not. */
+export function signingHelp(link: Pick<RobotLink, 'is_signed'>): string {
+  return link.is_signed
+    ? 'Only frames signed with the key that robot and station share are believed.'
+    : 'Nothing proves who speaks: whoever has such a radio can pose as the robot or the station.';
+}
+
 /** Link by which a robot was heard last; ranges of an acoustic modem are no word of its own. */
 export function lastHeard(links: readonly RobotLink[]): RobotLink | null {
   return links
