@@ -1,6 +1,7 @@
 """Serves the built operator app beside the station's own routes."""
 
 from importlib.resources import files
+from mimetypes import guess_type
 from pathlib import Path
 from typing import Final
 
@@ -20,6 +21,8 @@ CONTENT_SECURITY_POLICY: Final = "; ".join(
 """The app loads nothing from elsewhere, and no other page may frame it."""
 STATION_ROOTS: Final = frozenset({"api", "view", "docs", "redoc", "openapi.json", "sign-in"})
 """First parts of addresses that are the station's; the app has no page there."""
+ENCODINGS: Final = {"br": ".br", "gzip": ".gz"}
+"""Content codings that the build wrote files in, the smallest first, and how their names end."""
 _FOR_EVER: Final = "public, max-age=31536000, immutable"
 _ASK_AGAIN: Final = "no-cache"
 _NOT_BUILT: Final = """<!doctype html>
@@ -48,21 +51,46 @@ def mount_app(app: FastAPI, dist: Path | None = None) -> None:
     def serve_app(request: Request, path: str) -> Response:
         if path.split("/", 1)[0] in STATION_ROOTS:
             raise HTTPException(404)
-        return _answer(root, path, wants_page="text/html" in request.headers.get("accept", ""))
+        return _answer(root, path, request)
 
 
-def _answer(root: Path, path: str, *, wants_page: bool) -> Response:
+def _answer(root: Path, path: str, request: Request) -> Response:
     index = root / "index.html"
     if not index.is_file():
         return HTMLResponse(_NOT_BUILT, status_code=503, headers=_headers(_ASK_AGAIN))
     wanted = (root / path).resolve()
     if wanted != index and wanted.is_relative_to(root) and wanted.is_file():
         hashed = wanted.is_relative_to(root / "assets")
-        return FileResponse(wanted, headers=_headers(_FOR_EVER if hashed else _ASK_AGAIN))
-    if Path(path).suffix and not wants_page:
+        return _file(wanted, _FOR_EVER if hashed else _ASK_AGAIN, request)
+    if Path(path).suffix and "text/html" not in request.headers.get("accept", ""):
         # A missing asset must not look like one: the page in its place would be run as a script.
         raise HTTPException(404)
-    return FileResponse(index, headers=_headers(_ASK_AGAIN))
+    return _file(index, _ASK_AGAIN, request)
+
+
+def _file(path: Path, cache: str, request: Request) -> Response:
+    """Return a file in the smallest coding that it exists in and that is asked for."""
+    headers = _headers(cache) | {"Vary": "Accept-Encoding"}
+    kind = guess_type(path.name)[0]
+    for coding in _accepted(request.headers.get("accept-encoding", "")):
+        packed = path.with_name(path.name + ENCODINGS[coding])
+        if packed.is_file():
+            return FileResponse(
+                packed, media_type=kind, headers=headers | {"Content-Encoding": coding}
+            )
+    return FileResponse(path, media_type=kind, headers=headers)
+
+
+def _accepted(header: str) -> list[str]:
+    """Return the content codings that a browser takes and the build may have written."""
+    asked: dict[str, float] = {}
+    for part in header.split(","):
+        name, _, weight = part.partition(";")
+        try:
+            asked[name.strip().lower()] = float(weight.partition("=")[2] or 1.0)
+        except ValueError:
+            continue
+    return [coding for coding in ENCODINGS if asked.get(coding, asked.get("*", 0.0)) > 0.0]
 
 
 def _headers(cache: str) -> dict[str, str]:

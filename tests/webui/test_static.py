@@ -1,5 +1,6 @@
 """The operator app as a browser gets it from the station."""
 
+import gzip
 from pathlib import Path
 
 import httpx
@@ -50,6 +51,34 @@ async def test_hashed_assets_are_kept_for_ever_and_other_files_are_not(dist: Pat
     assert "immutable" in asset.headers["cache-control"]
     assert "javascript" in asset.headers["content-type"]
     assert (await client.get("/mark.svg")).headers["cache-control"] == "no-cache"
+
+
+@pytest.mark.parametrize(
+    ("accepted", "coding"),
+    [
+        ("gzip, deflate, br, zstd", "br"),
+        ("gzip", "gzip"),
+        ("br;q=0, gzip;q=0.5", "gzip"),
+        ("*", "br"),
+        ("identity", None),
+        ("br;q=much", None),
+    ],
+)
+async def test_an_asset_travels_in_the_smallest_coding_that_the_browser_takes(
+    dist: Path, accepted: str, coding: str | None
+) -> None:
+    script = dist / "assets" / "index-abc.js"
+    script.with_name("index-abc.js.gz").write_bytes(gzip.compress(script.read_bytes()))
+    script.with_name("index-abc.js.br").write_bytes(b"packed")
+    headers = {"Accept-Encoding": accepted}
+    async with browser(dist).stream("GET", "/assets/index-abc.js", headers=headers) as answer:
+        raw = b"".join([part async for part in answer.aiter_raw()])
+    assert answer.headers.get("content-encoding") == coding
+    assert answer.headers["vary"] == "Accept-Encoding"
+    assert "javascript" in answer.headers["content-type"]
+    assert "immutable" in answer.headers["cache-control"]
+    expected = {"br": b"packed", "gzip": script.with_name("index-abc.js.gz").read_bytes()}
+    assert raw == expected.get(coding or "", script.read_bytes())
 
 
 async def test_a_missing_asset_is_never_answered_with_the_page(dist: Path) -> None:
