@@ -12,7 +12,7 @@ const KEY = 'grace.preference';
 
 /** What this browser remembers of its user's wishes. */
 export class Preference {
-  theme = $state<Theme>('dark');
+  #theme = $state<Theme>('dark');
   position = $state<PositionFormat>('degrees');
   robot = $state<string | null>(null);
 
@@ -24,9 +24,18 @@ export class Preference {
     document.documentElement.dataset.theme = this.theme;
   }
 
-  /** To be called inside an effect: keeps every change, and shows the theme. */
-  apply(): void {
-    document.documentElement.dataset.theme = this.theme;
+  get theme(): Theme {
+    return this.#theme;
+  }
+
+  /** The page wears it before anybody hears of it: charts read its colours when they do. */
+  set theme(theme: Theme) {
+    document.documentElement.dataset.theme = theme;
+    this.#theme = theme;
+  }
+
+  /** To be called inside an effect: keeps every change. */
+  keep(): void {
     const kept = JSON.stringify({
       theme: this.theme,
       position: this.position,
