@@ -16,8 +16,15 @@ it; viser's notices of real faults (red) stay."""
 
 @cache
 def page(*, is_framed: bool) -> bytes:
-    """Return viser's page, compressed by gzip; ``is_framed`` hides its panel and mild notices."""
+    """Return viser's page, compressed by gzip.
+
+    Args:
+        is_framed: Hides its panel and mild notices, and paces its pictures where no graphics
+            processor draws them.
+    """
     content = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
     if is_framed:
+        pace = (Path(__file__).parent / "pace.js").read_bytes()
+        content = content.replace(b"<head>", b"<head><script>" + pace + b"</script>", 1)
         content = content.replace(b"</head>", f"<style>{_BARE}</style></head>".encode(), 1)
     return gzip.compress(content, mtime=0)

@@ -2,6 +2,9 @@ import type { PositionFormat } from '../text/position';
 
 export type Theme = 'dark' | 'day' | 'night-red';
 
+/** A site in space, or flat from above. */
+export type View = 'scene' | 'above';
+
 export const THEMES: readonly { key: Theme; title: string; help: string }[] = [
   { key: 'dark', title: 'Dark', help: 'For a control room.' },
   { key: 'day', title: 'Day', help: 'For bright surroundings.' },
@@ -15,11 +18,14 @@ export class Preference {
   #theme = $state<Theme>('dark');
   position = $state<PositionFormat>('degrees');
   robot = $state<string | null>(null);
+  /** What a view of a site shows; `null` before anybody chose. */
+  view = $state<View | null>(null);
 
   constructor() {
     const kept = read();
     if (THEMES.some(({ key }) => key === kept.theme)) this.theme = kept.theme as Theme;
     if (kept.position === 'minutes' || kept.position === 'seconds') this.position = kept.position;
+    if (kept.view === 'scene' || kept.view === 'above') this.view = kept.view;
     if (typeof kept.robot === 'string') this.robot = kept.robot;
     document.documentElement.dataset.theme = this.theme;
   }
@@ -40,6 +46,7 @@ export class Preference {
       theme: this.theme,
       position: this.position,
       robot: this.robot,
+      view: this.view,
     });
     try {
       localStorage.setItem(KEY, kept);

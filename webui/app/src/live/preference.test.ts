@@ -16,4 +16,11 @@ describe('the theme', () => {
     expect(page.documentElement.dataset.theme).toBe('night-red');
     expect(preference.theme).toBe('night-red');
   });
+
+  test('and the view that was chosen last are found again', () => {
+    const kept = { theme: 'day', view: 'above' };
+    vi.stubGlobal('localStorage', { getItem: () => JSON.stringify(kept), setItem: vi.fn() });
+    const { theme, view } = new Preference();
+    expect([theme, view]).toEqual(['day', 'above']);
+  });
 });
