@@ -40,3 +40,16 @@ def station(demo: Demo, page: Page) -> Demo:
     demo.client.headers["X-CSRF-Token"] = demo.get("/api/session")["csrf_token"]
     demo.patch("/api/config/planner", LASTING, robot="mini-1")
     return demo
+
+
+@pytest.fixture(scope="module")
+def calm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Demo]:
+    """A demo in real time, in which nothing happens by itself."""
+    with Demo(tmp_path_factory.mktemp("calm")) as demo:
+        yield demo
+
+
+@pytest.fixture(scope="module")
+def screen(browser: Browser, calm: Demo) -> Iterator[Page]:
+    with browser_page(browser, calm) as page:
+        yield page

@@ -8,8 +8,7 @@ from urllib.parse import urlsplit
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.walk import CHROMIUM, browser_page, hold, open_page, requests_of
-from tests.e2e.demo import Demo
+from tests.browser.walk import CHROMIUM, hold, open_page, requests_of
 
 pytestmark = [
     pytest.mark.browser,
@@ -19,19 +18,6 @@ pytestmark = [
 MINUTES = 5
 """Tried until one is idle: on a busy machine a robot may seem silent, or the station."""
 REQUESTS = 2
-
-
-@pytest.fixture(scope="module")
-def calm(tmp_path_factory):
-    """A demo in real time, in which nothing happens by itself."""
-    with Demo(tmp_path_factory.mktemp("calm")) as demo:
-        yield demo
-
-
-@pytest.fixture(scope="module")
-def screen(browser, calm):
-    with browser_page(browser, calm) as page:
-        yield page
 
 
 @pytest.mark.walk

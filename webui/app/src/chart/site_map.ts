@@ -16,6 +16,8 @@ export interface MapRobot {
   isOld: boolean;
 }
 
+/** Room for the label of one line of the grid, px. */
+const LABEL_PX = 72;
 const SVG = 'http://www.w3.org/2000/svg';
 
 /**
@@ -188,7 +190,16 @@ function drawFrame(map: L.Map, site: Site): void {
       interactive: false,
       keyboard: false,
     }).addTo(map);
-  for (const east of ticks(water.y_min_m, water.y_max_m, 5)) {
+  // At the scale that shows all of the water; a label needs this much room.
+  const size = map.getSize();
+  const scale = Math.min(
+    size.x / (water.y_max_m - water.y_min_m),
+    size.y / (water.x_max_m - water.x_min_m),
+  );
+  const count = (span: number, most: number) =>
+    scale > 0 ? Math.max(1, Math.min(most, Math.floor((span * scale) / LABEL_PX))) : most;
+  const easts = count(water.y_max_m - water.y_min_m, 5);
+  for (const east of ticks(water.y_min_m, water.y_max_m, easts)) {
     const line: [number, number][] = [
       [water.x_min_m, east],
       [water.x_max_m, east],

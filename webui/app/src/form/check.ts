@@ -2,6 +2,12 @@ import type { Json } from '../api/types';
 import { plainNumber, screenUnit } from '../text/unit';
 import type { Bounds, FormNode, NumberNode, NumbersNode } from './schema';
 
+/** What 0 means in a field, in the words of its help; "" where it is a number like any other. */
+export function zeroMeaning(help: string): string {
+  const found = /[;,.]\s+(0 [a-z][^.;,]*)/.exec(help.replace(/\s+/g, ' '))?.[1];
+  return found === undefined ? '' : `${found}.`;
+}
+
 /** What is wrong with a value, in words, or `null`. */
 export function fault(node: FormNode, value: Json | undefined): string | null {
   if (value === null || value === undefined) {

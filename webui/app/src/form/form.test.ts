@@ -1,7 +1,7 @@
 import { describe, expect, test } from 'vitest';
 import { Problem } from '../api/problem';
 import type { JsonObject } from '../api/types';
-import { boundsText, fault, parseNumber, parseNumbers } from './check';
+import { boundsText, fault, parseNumber, parseNumbers, zeroMeaning } from './check';
 import { Draft, fieldTitle, nodeAt } from './draft.svelte';
 import { formTree, type FormNode, type NumberNode } from './schema';
 import { difference, leaves, withValue } from './value';
@@ -273,5 +273,15 @@ describe('what differs from the defaults', () => {
     expect(valueText(node('objective'), 'ergodic')).toBe('Ergodic');
     expect(valueText(node('seed'), null)).toBe('none');
     expect(valueText(node('is_reused'), false)).toBe('off');
+  });
+});
+
+describe('a 0 that is no number like others', () => {
+  test('is told in the words of its help', () => {
+    expect(
+      zeroMeaning('Longest duration of one round, surfacings included; 0 sets no limit.'),
+    ).toBe('0 sets no limit.');
+    expect(zeroMeaning('A share of the whole; 0.3 is usual. Above 0 only.')).toBe('');
+    expect(zeroMeaning('Energy units of one round.')).toBe('');
   });
 });

@@ -2,8 +2,8 @@ import { describe, expect, test } from 'vitest';
 import { wgs84 } from './frame';
 import { latitude, longitude } from './position';
 import { age, clockTime, countdown, dateTime, duration } from './time';
-import { energy, bytes, compact, fixed, plainNumber, screenUnit } from './unit';
-import { lastKnown, lower, overText, planName, words } from './word';
+import { energy, bytes, compact, factorText, fixed, plainNumber, screenUnit } from './unit';
+import { lastKnown, lower, overText, planName, readable, words } from './word';
 
 describe('times', () => {
   test('are UTC with a Z', () => {
@@ -128,4 +128,19 @@ describe('an alarm that is over', () => {
       'The port cannot be opened; plug it in; back to normal 2 min ago',
     );
   });
+});
+
+describe('plans and missions in sentences of the station', () => {
+  test('are named as everywhere else', () => {
+    expect(readable('Round 1 of mini-1 is plan-1.')).toBe('Round 1 of mini-1 is plan 1.');
+    expect(readable('Plan-12 replaces plan-11; mission-3 goes on.')).toBe(
+      'Plan 12 replaces plan 11; mission 3 goes on.',
+    );
+    expect(readable('see /api/plans/plan-1')).toBe('see /api/plans/plan-1');
+  });
+});
+
+test('a deviation of a logarithm is told as a factor', () => {
+  expect(factorText(0)).toBe('×1.00');
+  expect(factorText(Math.log(2))).toBe('×2.00');
 });

@@ -80,6 +80,11 @@ export function compact(value: number | null | undefined, digits = 3): string {
   return fixed(value, Math.min(decimals, 6));
 }
 
+/** `×1.65`: what a deviation of a natural logarithm means for the quantity itself. */
+export function factorText(deviation: number): string {
+  return `×${compact(Math.exp(deviation), 3)}`;
+}
+
 /** Energy units of the planner's account. */
 export function energy(value: number): string {
   return value < 0.05 ? '0' : fixed(value, value < 9.95 ? 1 : value % 1 === 0 ? 0 : 1);

@@ -161,11 +161,20 @@ export function creditText(credits: number): string {
   return `${credits} ${credits === 1 ? 'credit' : 'credits'}`;
 }
 
+/** What an energy unit is, for people who meet the word. */
+export const ENERGY_HELP =
+  'Energy units of the planner, no watt-hours: a dive costs 1, a glide or a spiral 1.5, and time.';
+
 /** Plan 14 of `plan-14`. */
 export function planName(id: string | null): string {
   if (id === null) return 'plan';
   const number = /^plan-(\d+)$/.exec(id)?.[1];
   return number === undefined ? id : `plan ${number}`;
+}
+
+/** A sentence of the station with its plans and missions named as the app names them. */
+export function readable(text: string): string {
+  return text.replace(/(?<![\w/-])(plan|mission)-(\d+)\b/gi, '$1 $2');
 }
 
 export function missionName(id: string): string {
