@@ -26,6 +26,11 @@ class Guard:
         self._tickets = tickets
         self._settings = settings
 
+    @property
+    def speaks_tls(self) -> bool:
+        """Whether browsers reach the station by TLS alone."""
+        return self._settings.secure_cookie
+
     def cookie_name(self, connection: HTTPConnection) -> str:
         """Return the session cookie's name; it holds the port, which cookies do not."""
         return f"grace_session_{connection.url.port or 'default'}"
@@ -69,12 +74,17 @@ class Guard:
         return name in _LOOPBACK_NAMES or name in public
 
     def origin_is_ours(self, connection: HTTPConnection) -> bool:
-        """Tell whether the page that asks came from this station."""
+        """Tell whether the page that asks came from this station, by its scheme too.
+
+        A page that came without TLS, which anybody on the way could write, is none of a station
+        that speaks TLS.
+        """
         origin = connection.headers.get("origin")
         if origin is None:
             return False
-        host = connection.headers.get("host", "")
-        return origin in self._settings.public_origins or urlsplit(origin).netloc == host
+        scheme = "https" if self._settings.secure_cookie else "http"
+        ours = f"{scheme}://{connection.headers.get('host', '')}"
+        return origin in (*self._settings.public_origins, ours)
 
     async def caller(self, request: Request, right: Right) -> Caller:
         """Return who asks, once it is proved that they may.

@@ -15,6 +15,9 @@ _HEADERS = {
 }
 
 
+_TLS_ONLY = "max-age=31536000"
+
+
 class RequestGuard:
     """Refuses foreign host names and unsound bodies, and tells browsers to be careful."""
 
@@ -28,17 +31,19 @@ class RequestGuard:
             await self._app(scope, receive, send)
             return
         request = Request(scope)
+        guard = request.app.state.foundation.services.get(Guard)
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
                 headers = MutableHeaders(scope=message)
                 for name, value in _HEADERS.items():
                     headers.setdefault(name, value)
+                if guard.speaks_tls:
+                    headers.setdefault("Strict-Transport-Security", _TLS_ONLY)
                 if request.url.path.startswith("/api/"):
                     headers.setdefault("Cache-Control", "no-store")
             await send(message)
 
-        guard = request.app.state.foundation.services.get(Guard)
         if guard.host_is_ours(request):
             with self._bodies.guard(request, receive, guard) as body:
                 await self._app(scope, body.receive, send_guarded)

@@ -22,6 +22,11 @@ def checked(text: str) -> str:
     return text
 
 
+def shown(text: str, length_max: int = TITLE_LENGTH_MAX) -> str:
+    """Return what can be seen of a text that nobody chose for others, such as a file's name."""
+    return "".join(one for one in text if unicodedata.category(one) not in _UNSEEN)[:length_max]
+
+
 Name = Annotated[
     str,
     Field(min_length=1, max_length=NAME_LENGTH_MAX, pattern=r"\S"),

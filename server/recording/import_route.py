@@ -12,6 +12,7 @@ from fastapi import APIRouter, Form, UploadFile
 from server.access.dependency import Pilot
 from server.base.dependency import FoundationDep
 from server.base.job import JobProgress
+from server.base.text import shown
 from server.base.view import View
 from server.recording.intake import ImportOrder, ImportResult, run_import
 from server.recording.robot_id import ROBOT_ID
@@ -48,7 +49,7 @@ async def start_import(
     order = ImportOrder(
         file=kept,
         size=os.fstat(kept.fileno()).st_size,
-        title=file.filename or "recording.csv",
+        title=shown(file.filename or "") or "recording.csv",
         robot=robot,
         policy=policy,
         by=caller.name,

@@ -23,18 +23,13 @@ from server.base.problem import Problem, not_found
 from server.base.view import Body
 from server.scene.host import SceneHost
 from server.scene.view import SceneStateView
-from webui.scene.page import page
+from webui.scene.page import page, policy
 from webui.scene.view import SceneChange, SceneState
 
 router = APIRouter(tags=["view"])
 
 SceneHostDep = Annotated[SceneHost, Depends(service(SceneHost))]
 
-_POLICY = (
-    "default-src 'self'; script-src 'self' 'unsafe-inline' 'wasm-unsafe-eval' blob:; "
-    "worker-src blob: data:; style-src 'self' 'unsafe-inline'; img-src 'self' blob: data:; "
-    "connect-src 'self' blob: data:; font-src 'self' data:; frame-ancestors 'self'"
-)
 _LARGEST_MESSAGE = 2**26
 _FOREIGN_SCENE = "This view shows the station's own scenes only; leave `websocket` out."
 
@@ -114,7 +109,7 @@ async def show_view(
     return Response(
         page(is_framed=framed),
         media_type="text/html; charset=utf-8",
-        headers={"Content-Encoding": "gzip", "Content-Security-Policy": _POLICY},
+        headers={"Content-Encoding": "gzip", "Content-Security-Policy": policy()},
     )
 
 

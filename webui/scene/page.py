@@ -1,8 +1,13 @@
 """viser's page as the station serves it: whole, or bare for a place inside the operator app."""
 
+import base64
 import gzip
+import hashlib
+import re
+from collections.abc import Mapping
 from functools import cache
 from pathlib import Path
+from types import MappingProxyType
 
 import viser
 
@@ -13,6 +18,13 @@ _BARE = """
 """The app has its own switches beside the view, and tells there that no graphics processor draws
 it; viser's notices of real faults (red) stay."""
 
+UNPACKED: Mapping[str, str] = MappingProxyType(
+    {"1.1.1": "o/BTEGoB4UnTxqb+3RxwUFQZkWXpqUxouHkbDNrAkqE="}
+)
+"""Hash of the script that viser's page unpacks, by viser's version; a browser tells another's."""
+_SCRIPT = re.compile(rb"""<script(?:[^>"']|"[^"]*"|'[^']*')*>(.*?)</script>""", re.DOTALL)
+"""An attribute of viser's holds half a megabyte, with angle brackets in it."""
+
 
 @cache
 def page(*, is_framed: bool) -> bytes:
@@ -22,9 +34,45 @@ def page(*, is_framed: bool) -> bytes:
         is_framed: Hides its panel and mild notices, and paces its pictures where no graphics
             processor draws them.
     """
+    return gzip.compress(_html(is_framed=is_framed), mtime=0)
+
+
+@cache
+def policy() -> str:
+    """Return the content security policy of the page: its own scripts, and nothing from elsewhere.
+
+    viser's page holds a script, and within it packed the one that this writes into the page; they
+    and ours are named by their hashes. Its widgets write styles.
+    """
+    hashes = [
+        base64.b64encode(hashlib.sha256(script).digest()).decode()
+        for script in re.findall(_SCRIPT, _html(is_framed=True))
+    ]
+    unpacked = UNPACKED.get(viser.__version__)
+    named = " ".join(f"'sha256-{one}'" for one in (*hashes, unpacked))
+    if unpacked is None:
+        named = "'unsafe-inline'"
+    return "; ".join(
+        (
+            "default-src 'none'",
+            f"script-src 'self' {named} 'wasm-unsafe-eval' blob:",
+            "worker-src blob: data:",
+            "style-src 'self' 'unsafe-inline'",
+            "img-src 'self' blob: data:",
+            "connect-src 'self' blob: data:",
+            "font-src 'self' data:",
+            "manifest-src 'self'",
+            "base-uri 'none'",
+            "form-action 'none'",
+            "frame-ancestors 'self'",
+        )
+    )
+
+
+def _html(*, is_framed: bool) -> bytes:
     content = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
     if is_framed:
         pace = (Path(__file__).parent / "pace.js").read_bytes()
         content = content.replace(b"<head>", b"<head><script>" + pace + b"</script>", 1)
         content = content.replace(b"</head>", f"<style>{_BARE}</style></head>".encode(), 1)
-    return gzip.compress(content, mtime=0)
+    return content

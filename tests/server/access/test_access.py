@@ -486,3 +486,30 @@ async def test_a_cursor_of_another_log_is_refused_with_a_word(admin):
     assert answer.status_code == 409
     assert "the cursor 1099511627776 is of another one" in answer.json()["detail"]
     assert (await admin.get("/api/events", params={"after": 2**63})).status_code == 422
+
+
+@pytest.mark.parametrize(
+    ("settings", "origin", "fits"),
+    [
+        ({}, "http://127.0.0.1:8000", True),
+        ({}, "https://127.0.0.1:8000", False),
+        ({"behind_proxy": True}, "https://127.0.0.1:8000", True),
+        ({"behind_proxy": True}, "http://127.0.0.1:8000", False),
+        ({"public_origins": ("https://a.example",)}, "https://a.example", True),
+        ({"public_origins": ("https://a.example",)}, "http://a.example", False),
+    ],
+)
+async def test_a_page_is_the_stations_by_its_scheme_too(tmp_path, settings, origin, fits):
+    async with running(tmp_path, **settings) as app, client_of(app) as client:
+        body = {"name": "nobody", "password": PASSWORD}
+        answer = await client.post("/api/session", json=body, headers={"Origin": origin})
+        assert answer.status_code == (401 if fits else 403)
+
+
+async def test_browsers_of_a_station_with_tls_come_by_tls_alone(tmp_path):
+    async with running(tmp_path, behind_proxy=True) as app, client_of(app) as client:
+        assert "max-age" in (await client.get("/api/health")).headers["Strict-Transport-Security"]
+
+
+async def test_a_station_without_tls_does_not_demand_it(anyone):
+    assert "Strict-Transport-Security" not in (await anyone.get("/api/health")).headers
