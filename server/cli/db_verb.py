@@ -1,17 +1,33 @@
-"""``grace db``: care of the database."""
+"""``grace db``: care of the database.
 
+A backup is one file with what a station must not lose, a gzipped tar of plain files:
+``station.sqlite3``, ``clock.json`` of a demo, ``secret/*`` and ``log/*``. What else is in a data
+folder the programs make anew.
+"""
+
+import shutil
+import tarfile
+import tempfile
+import zlib
 from argparse import ArgumentParser, Namespace
-from pathlib import Path
+from collections.abc import Generator, Iterable
+from contextlib import contextmanager
+from pathlib import Path, PurePosixPath
+from typing import Final
 
 from db import care
 from db.engine import shown_url
-from db.fault import StoreError
+from db.fault import StoreError, StoreUnavailableError
 from db.migrate import schema_version
+from robot_link.whole_file import keep_names
 from server.base.settings import Settings
-from server.cli.backup import BackupError, pack, unpack
 from server.cli.data import add_data_option, open_store, settings_of
-from server.cli.data_folder import DataFolderError, hold_data_folder
+from server.cli.data_folder import CLOCK_FILE, DataFolderError, hold_data_folder
 from server.cli.failure import CommandError
+
+DATABASE: Final = "station.sqlite3"
+FOLDERS: Final = ("secret", "log")
+_SQLITE_BEGINS: Final = b"SQLite format 3\0"
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -80,3 +96,125 @@ def _sqlite(settings: Settings, instead: str) -> Path:
             f"{settings.secret_dir} beside it."
         )
     return file
+
+
+class BackupError(Exception):
+    """A backup cannot be made or unpacked; the sentence says why and what to do."""
+
+
+def pack(folder: Path, database: Path, target: Path) -> None:
+    """Pack a data folder while a station may run on it; ``target`` appears whole or not at all.
+
+    Raises:
+        BackupError: If there is nothing to pack, or ``target`` exists or cannot be written.
+        StoreUnavailableError: If the database cannot be read.
+    """
+    if target.exists():
+        raise BackupError(f"{target} exists already; nothing was copied.")
+    if not database.exists():
+        raise BackupError(f"There is no database at {database}.")
+    with _said(target), _beside(target) as staging:
+        care.copy_sqlite(database, staging / DATABASE)
+        fresh = staging / "backup"
+        with tarfile.open(fresh, "x:gz", compresslevel=6) as archive:
+            archive.add(staging / DATABASE, DATABASE)
+            if (folder / CLOCK_FILE).is_file():
+                archive.add(folder / CLOCK_FILE, CLOCK_FILE)
+            for name in FOLDERS:
+                for file in sorted((folder / name).glob("*")):
+                    if file.is_file() and not file.is_symlink():
+                        archive.add(file, f"{name}/{file.name}")
+        fresh.chmod(0o600)
+        fresh.replace(target)
+        keep_names(target.parent.absolute())
+
+
+def unpack(source: Path, folder: Path, database: Path) -> None:
+    """Unpack a backup, all of it or nothing; a copy of the database alone is one, too.
+
+    Raises:
+        BackupError: If ``source`` is no backup or a damaged one, or the folder has something that
+            would be lost.
+    """
+    with _said(folder), _beside(folder / DATABASE) as staging:
+        _unpack_into(staging, source)
+        if not (staging / DATABASE).is_file():
+            raise BackupError(f"{source} holds no {DATABASE}; it is no backup of a station.")
+        wrong = _complaint(staging / DATABASE)
+        if wrong:
+            raise BackupError(f"The database in {source} is damaged: {wrong}")
+        moves = [(staging / CLOCK_FILE, folder / CLOCK_FILE)]
+        for name in FOLDERS:
+            moves += [(file, folder / name / file.name) for file in (staging / name).glob("*")]
+        # The database last: as long as there is none, the same can be done again.
+        moves.append((staging / DATABASE, database))
+        moves = [(fresh, place) for fresh, place in moves if fresh.exists()]
+        _refuse_to_replace(place for _, place in moves)
+        _refuse_to_replace(database.with_name(f"{database.name}{end}") for end in ("-wal", "-shm"))
+        for fresh, place in moves:
+            place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            fresh.replace(place)
+            keep_names(place.parent)
+
+
+def _complaint(database: Path) -> str:
+    """Return what is first wrong with a database, or ""."""
+    try:
+        return next(iter(care.complaints(f"sqlite:///{database}")), "")
+    except StoreUnavailableError as error:
+        return str(error)
+
+
+def _refuse_to_replace(places: Iterable[Path]) -> None:
+    for place in places:
+        if place.exists():
+            raise BackupError(
+                f"{place} is there already and would be lost; move it away, or restore into "
+                "another folder with --data. Nothing was restored."
+            )
+
+
+def _unpack_into(staging: Path, source: Path) -> None:
+    try:
+        with source.open("rb") as file:
+            is_database = file.read(len(_SQLITE_BEGINS)) == _SQLITE_BEGINS
+        if is_database:
+            care.copy_sqlite(source, staging / DATABASE)
+            return
+        with tarfile.open(source, "r:gz") as archive:
+            for member in archive:
+                _unpack_one(archive, member, staging, source)
+    except (tarfile.TarError, EOFError, zlib.error) as error:
+        raise BackupError(f"{source} is no backup, or a damaged one ({error}).") from error
+    except OSError as error:
+        raise BackupError(f"{source} cannot be read: {error.strerror or error}.") from error
+
+
+def _unpack_one(
+    archive: tarfile.TarFile, member: tarfile.TarInfo, staging: Path, source: Path
+) -> None:
+    parts = PurePosixPath(member.name).parts
+    is_ours = parts in ((DATABASE,), (CLOCK_FILE,)) or (len(parts) == 2 and parts[0] in FOLDERS)
+    content = archive.extractfile(member) if member.isfile() else None
+    if not is_ours or ".." in parts or content is None:
+        raise BackupError(f"{source} holds {member.name!r}; it is no backup of a station.")
+    place = staging.joinpath(*parts)
+    place.parent.mkdir(mode=0o700, exist_ok=True)
+    with content, place.open("xb") as file:
+        place.chmod(0o600)
+        shutil.copyfileobj(content, file)
+
+
+@contextmanager
+def _beside(target: Path) -> Generator[Path]:
+    """Give a folder on the same disk that nobody else can look into, for as long as it is used."""
+    with tempfile.TemporaryDirectory(prefix=".grace-", dir=target.parent) as staging:
+        yield Path(staging)
+
+
+@contextmanager
+def _said(place: Path) -> Generator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise BackupError(f"{place} cannot be written: {error.strerror or error}.") from error

@@ -1,7 +1,11 @@
 """``grace serve``: the station."""
 
 import asyncio
+import os
+import signal
 import socket
+import threading
+import time
 from argparse import SUPPRESS, ArgumentParser, Namespace
 from pathlib import Path
 
@@ -16,10 +20,11 @@ from server.cli.data import add_data_option, settings_of
 from server.cli.data_folder import DataFolderError, hold_data_folder
 from server.cli.failure import CommandError
 from server.cli.http_server import STREAM_FRAME_MAX, HttpServer, ImpatientHttp
-from server.cli.parent import end_with_parent
 
 GRACEFUL_STOP_S = 3
 LISTEN_BACKLOG = 128
+_PARENT_PERIOD_S = 0.5
+_PARENT_GRACE_S = 15.0
 
 
 def add_arguments(parser: ArgumentParser) -> None:
@@ -62,7 +67,7 @@ def run(arguments: Namespace) -> int:
         clock_file=arguments.clock_file,
     )
     if arguments.parent_pid is not None:
-        end_with_parent(arguments.parent_pid)
+        _end_with_parent(arguments.parent_pid)
     log_to_console()
     try:
         with hold_data_folder(settings.data_dir), _listener(settings, arguments.listen_fd) as at:
@@ -120,3 +125,18 @@ def _listener(settings: Settings, inherited: int | None) -> socket.socket:
             "choose another with --port."
         ) from error
     return listener
+
+
+def _end_with_parent(parent_pid: int) -> None:
+    """Stop in order when the parent is gone, however it ended, or by force if that fails."""
+    threading.Thread(
+        target=_watch_parent, args=(parent_pid,), name="parent watch", daemon=True
+    ).start()
+
+
+def _watch_parent(parent_pid: int) -> None:
+    while os.getppid() == parent_pid:
+        time.sleep(_PARENT_PERIOD_S)
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(_PARENT_GRACE_S)
+    os._exit(1)
