@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import secrets
+from collections import Counter
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Literal
@@ -77,6 +78,8 @@ class Access:
         self._clock = clock
         self._wall = wall
         self._session_length = timedelta(hours=session_hours)
+        self.streams: Counter[str] = Counter()
+        """How many streams are open, by the name of who opened them."""
         self._throttle = Throttle()
         self._gate, self._gate_of_known = HashGate(), HashGate()
         self._first_code: str | None = None

@@ -18,6 +18,8 @@ Direction: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 TICKET_S: Final = 30.0
 """How long a ticket waits for its one use."""
 TICKETS_MAX: Final = 1000
+STREAMS_MAX: Final = 100
+"""Of one person or script at once."""
 LOOK_S: Final = 0.3
 """Between two looks whether a stream's sign-in still holds; another process may end it too."""
 
@@ -80,8 +82,13 @@ async def serve_stream(
 ) -> None:
     """Run the directions of an accepted WebSocket until one ends, or the caller's sign-in does.
 
-    The browser is told 1001 where the far end has gone, and 1008 where its sign-in ended.
+    The browser is told 1001 where the far end has gone, 1008 where its sign-in ended, and 1013
+    where its person has too many streams already.
     """
+    if access.streams[caller.name] >= STREAMS_MAX:
+        await websocket.close(status.WS_1013_TRY_AGAIN_LATER)
+        return
+    access.streams[caller.name] += 1
     ending = asyncio.create_task(until_ended(access, caller), name=f"sign-in of a {name}")
     running = [asyncio.create_task(one(), name=f"{name} to a client") for one in directions]
     try:
@@ -91,6 +98,7 @@ async def serve_stream(
         elif not any(one.done() and _is_gone(one.exception()) for one in running):
             await websocket.close(status.WS_1001_GOING_AWAY)
     finally:
+        access.streams[caller.name] -= 1
         for task in (ending, *running):
             task.cancel()
         results = await asyncio.gather(ending, *running, return_exceptions=True)

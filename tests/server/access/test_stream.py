@@ -10,9 +10,11 @@ import websockets
 from sqlalchemy import update
 
 from db.person_tables import Session as SessionRow
+from server.access import stream
+from server.access.access import Access
 from server.access.role import Role
 from server.access.stream import LOOK_S
-from tests.server.conftest import GRACE
+from tests.server.conftest import GRACE, until
 from tests.server.station_app import PASSWORD, client_of, token_of
 
 SOON_S = 1.0
@@ -97,3 +99,18 @@ async def test_text_from_a_client_of_the_live_stream_is_ignored(client, address)
         await stream.send("what is this")
         for _ in range(3):
             await stream.recv()
+
+
+async def test_nobody_opens_streams_without_end(client, address, monkeypatch):
+    monkeypatch.setattr(stream, "STREAMS_MAX", 1)
+    uri = f"ws://{address}/api/live?ticket="
+    async with websockets.connect(uri + await ticket(client)) as first:
+        await first.recv()
+        async with websockets.connect(uri + await ticket(client)) as second:
+            with pytest.raises(websockets.ConnectionClosedError):
+                await second.recv()
+            assert second.close_code == 1013
+    access = client.app.state.foundation.services.get(Access)
+    await until(lambda: not +access.streams)
+    async with websockets.connect(uri + await ticket(client)) as again:
+        await again.recv()
