@@ -1,5 +1,5 @@
 import type { Plan, PlanState } from '../api/types';
-import { planWord, readable } from '../text/word';
+import { planWord } from '../text/word';
 import type { Step } from './step';
 
 const RUNGS = [
@@ -63,11 +63,11 @@ export function planSentence(
   }
   // It left the station once: that nobody else has it cannot be said any more.
   if (plan.state === 'draft' && plan.message.startsWith('Not confirmed')) {
-    return `${readable(plan.message)} What left the station may still reach the robot.`;
+    return `${plan.message} What left the station may still reach the robot.`;
   }
-  if (plan.state === 'failed' && ENDED_EARLY.test(plan.message)) return readable(plan.message);
+  if (plan.state === 'failed' && ENDED_EARLY.test(plan.message)) return plan.message;
   const isTold = ['failed', 'cancelled'].includes(plan.state) && plan.message !== '';
-  const told = isTold ? ` ${readable(plan.message)}` : '';
+  const told = isTold ? ` ${plan.message}` : '';
   const following = plan.kind === 'track_target' ? FOLLOWING[plan.state] : undefined;
   return (following ?? SENTENCES[plan.state]) + told;
 }
