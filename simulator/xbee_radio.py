@@ -24,6 +24,7 @@ class RobotRadio:
     """A ``DatagramTransport`` that is open whenever it is plugged in."""
 
     carrier = "xbee"
+    is_mute = False
 
     def __init__(self, address: Address, air: Air) -> None:
         self.is_enabled = True
