@@ -28,12 +28,7 @@ _SCRIPT = re.compile(rb"""<script(?:[^>"']|"[^"]*"|'[^']*')*>(.*?)</script>""", 
 
 @cache
 def page(*, is_framed: bool) -> bytes:
-    """Return viser's page, compressed by gzip.
-
-    Args:
-        is_framed: Hides its panel and mild notices, and paces its pictures where no graphics
-            processor draws them.
-    """
+    """Return viser's page, compressed by gzip; ``is_framed`` hides its panel and mild notices."""
     return gzip.compress(_html(is_framed=is_framed), mtime=0)
 
 
@@ -41,8 +36,8 @@ def page(*, is_framed: bool) -> bytes:
 def policy() -> str:
     """Return the content security policy of the page: its own scripts, and nothing from elsewhere.
 
-    viser's page holds a script, and within it packed the one that this writes into the page; they
-    and ours are named by their hashes. Its widgets write styles.
+    viser's page holds a script, and within it packed the one that this writes into the page; both
+    are named by their hashes. Its widgets write styles.
     """
     hashes = [
         base64.b64encode(hashlib.sha256(script).digest()).decode()
@@ -72,7 +67,5 @@ def policy() -> str:
 def _html(*, is_framed: bool) -> bytes:
     content = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
     if is_framed:
-        pace = (Path(__file__).parent / "pace.js").read_bytes()
-        content = content.replace(b"<head>", b"<head><script>" + pace + b"</script>", 1)
         content = content.replace(b"</head>", f"<style>{_BARE}</style></head>".encode(), 1)
     return content
