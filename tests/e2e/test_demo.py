@@ -1,5 +1,6 @@
 """The product as a person meets it: one command, two robots, a survey, a killed station."""
 
+import os
 import re
 import socket
 import subprocess
@@ -105,9 +106,10 @@ def test_the_example_script_plans_and_sends_nothing_by_default(demo):
         cwd=ROOT, capture_output=True, text=True, check=True, timeout=300,
     ).stdout.split()[-1]  # fmt: skip
     done = subprocess.run(
-        [sys.executable, "examples/adaptive_survey.py", "--url", demo.url, "--token", token,
-         "--robot", "mini-1", "--planning-time-s", "1"],
-        cwd=ROOT, capture_output=True, text=True, check=False, timeout=600,
+        [sys.executable, "examples/adaptive_survey.py", "--url", demo.url, "--robot", "mini-1",
+         "--planning-time-s", "1"],
+        cwd=ROOT, env=os.environ | {"GRACE_TOKEN": token}, capture_output=True, text=True,
+        check=False, timeout=600,
     )  # fmt: skip
     assert done.returncode == 0, done.stdout + done.stderr
     assert "nothing was sent" in done.stdout
