@@ -22,6 +22,7 @@ class ImpatientHttp(H11Protocol):
     """Ends connections that do not ask in time, and takes no more than it can keep."""
 
     _head: asyncio.TimerHandle | None = None
+    _is_stream = False
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
         """Begin to wait for a request."""
@@ -34,6 +35,8 @@ class ImpatientHttp(H11Protocol):
     def data_received(self, data: bytes) -> None:
         """Take bytes; those of a head that is not whole yet do not prolong its time."""
         super().data_received(data)
+        if self._is_stream:
+            return
         if self._is_asked():
             self._stop_waiting()
         elif self._head is None:
@@ -52,6 +55,7 @@ class ImpatientHttp(H11Protocol):
 
     def handle_websocket_upgrade(self, event: Any) -> None:  # noqa: ANN401 - h11's own
         """Leave the connection to its stream."""
+        self._is_stream = True
         self._stop_waiting()
         super().handle_websocket_upgrade(event)
 

@@ -5,6 +5,7 @@ import asyncio
 import httpx
 import pytest
 import uvicorn
+from websockets.asyncio.client import connect
 
 from server.cli import http_server
 from server.cli.http_server import HttpServer, ImpatientHttp
@@ -12,7 +13,12 @@ from tests.server.conftest import until
 
 
 async def answer(scope, receive, send):
-    del scope, receive
+    if scope["type"] == "websocket":
+        await send({"type": "websocket.accept"})
+        while (said := await receive())["type"] != "websocket.disconnect":
+            if "text" in said:
+                await send({"type": "websocket.send", "text": said["text"]})
+        return
     await send(
         {"type": "http.response.start", "status": 200, "headers": [(b"content-length", b"2")]}
     )
@@ -86,3 +92,11 @@ async def test_a_request_is_answered_as_before(port):
     async with httpx.AsyncClient(trust_env=False) as client:
         for _ in range(3):
             assert (await client.get(f"http://127.0.0.1:{port}/")).text == "ok"
+
+
+async def test_a_stream_outlives_the_time_for_a_head(port):
+    async with connect(f"ws://127.0.0.1:{port}/", proxy=None) as stream:
+        for number in range(30):
+            await stream.send(str(number))
+            assert await asyncio.wait_for(stream.recv(), 60) == str(number)
+            await asyncio.sleep(http_server.HEADER_MAX_S / 10)
