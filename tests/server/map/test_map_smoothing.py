@@ -1,4 +1,5 @@
 import asyncio
+import shutil
 from datetime import UTC, datetime, timedelta
 
 import numpy as np
@@ -11,6 +12,7 @@ from db.fault import StoreUnavailableError
 from db.query import smoothing as query
 from db.query.events import newest_events
 from db.query.samples import sample_columns
+from db.store import Store
 from robot_link.clock import SystemClock
 from robot_link.messages import Sample
 from server.map import comparison_task as compare_maps
@@ -21,6 +23,14 @@ from server.map.smoothing import Smoothing
 from server.map.task import ComparisonProblem
 from tests.server.conftest import MINI, open_station, until
 from tests.server.dive import DRIFT_M_S, STEP_S, begin_of, dive
+
+
+@pytest.fixture
+def store(prepared_database, tmp_path):
+    """A database alone: a station's own smoothing would look at the same samples."""
+    opened = Store.open(f"sqlite:///{shutil.copy(prepared_database, tmp_path)}")
+    yield opened
+    opened.close()
 
 
 @pytest.fixture(autouse=True)
@@ -95,8 +105,8 @@ async def test_dive_that_nobody_smoothed_is_caught_up_after_a_restart(tmp_path, 
         )
 
 
-async def test_looking_again_changes_nothing(foundation):
-    store, looker = foundation.store, Smoothing(foundation.store, SystemClock())
+async def test_looking_again_changes_nothing(store):
+    looker = Smoothing(store, SystemClock())
     told = dive(MINI, begin_of(1))
     await kept(store, told)
     assert await looker.look(MINI) == 20
@@ -108,8 +118,8 @@ async def test_looking_again_changes_nothing(foundation):
     np.testing.assert_array_equal(columns(store).smoothed_ned, before.smoothed_ned)
 
 
-async def test_samples_that_come_late_lead_to_the_same_places(foundation):
-    store, begin = foundation.store, begin_of(2)
+async def test_samples_that_come_late_lead_to_the_same_places(store):
+    begin = begin_of(2)
     told = dive(MINI, begin)
     late = samples_of(told)[8:]
     await kept(store, [one for one in told if one not in late])
@@ -131,9 +141,9 @@ async def test_samples_that_come_late_lead_to_the_same_places(foundation):
     np.testing.assert_allclose(moved, (at_once.smoothed_ned - at_once.position_ned)[20:], atol=1e-9)
 
 
-async def test_dive_whose_keeping_fails_stays_as_it_was_and_is_tried_again(foundation, monkeypatch):
+async def test_dive_whose_keeping_fails_stays_as_it_was_and_is_tried_again(store, monkeypatch):
     """What a killed station leaves is what a failed transaction leaves: all or nothing."""
-    store, looker = foundation.store, Smoothing(foundation.store, SystemClock())
+    looker = Smoothing(store, SystemClock())
     await kept(store, dive(MINI, begin_of(1)))
 
     def torn(session, robot, places):
@@ -150,8 +160,8 @@ async def test_dive_whose_keeping_fails_stays_as_it_was_and_is_tried_again(found
     assert columns(store).is_smoothed.all()
 
 
-async def test_long_track_is_looked_at_piece_by_piece(foundation, monkeypatch):
-    store, begin = foundation.store, begin_of(4)
+async def test_long_track_is_looked_at_piece_by_piece(store, monkeypatch):
+    begin = begin_of(4)
     for number in range(4):
         start = begin + timedelta(seconds=100 * number)
         await kept(store, dive(MINI, start, first=20 * number))
@@ -163,15 +173,13 @@ async def test_long_track_is_looked_at_piece_by_piece(foundation, monkeypatch):
     np.testing.assert_allclose(moved, moved[:1].repeat(4, axis=0), atol=1e-6)
 
 
-async def test_dive_that_has_not_ended_waits(foundation):
-    store = foundation.store
+async def test_dive_that_has_not_ended_waits(store):
     await kept(store, dive(MINI, begin_of(1))[:-1])
     assert await Smoothing(store, SystemClock()).look(MINI) == 0
     assert not columns(store).is_smoothed.any()
 
 
-async def test_smoothed_samples_reach_whoever_asks_for_the_samples_of_the_water(foundation):
-    store = foundation.store
+async def test_smoothed_samples_reach_whoever_asks_for_the_samples_of_the_water(store):
     await kept(store, dive(MINI, begin_of(1)))
     await Smoothing(store, SystemClock()).look(MINI)
     with store.read() as session:
@@ -205,8 +213,8 @@ async def test_each_sample_says_its_fidelity_and_whether_it_was_smoothed(client,
     assert plain["north_m"] is None
 
 
-async def test_smoothed_samples_make_the_better_map_on_the_same_seeds(foundation):
-    store, begin = foundation.store, begin_of(12)
+async def test_smoothed_samples_make_the_better_map_on_the_same_seeds(store):
+    begin = begin_of(12)
     for number in range(12):
         start = begin + timedelta(seconds=100 * number)
         north_m, east_m = 0.3 + 0.45 * (number % 4), 0.3 + 0.35 * (number // 4)
