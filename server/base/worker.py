@@ -30,6 +30,10 @@ class WorkerTaskError(Exception):
     """The task raised; the message is its own. Do not repeat it unchanged."""
 
 
+class WorkerSpentError(Exception):
+    """The task used up the processor time that it was given."""
+
+
 class WorkerEndedError(Exception):
     """The process ended in the middle of a task; nothing was changed. It may be tried again."""
 
@@ -139,19 +143,26 @@ class WorkerPool:
         payload: object,
         *,
         on_progress: Callable[[Any], None] | None = None,
+        processor_limit_s: float | None = None,
     ) -> Any:  # noqa: ANN401 - the task's own result
         """Run one task and return its result.
+
+        With a ``processor_limit_s`` the task is told to stop once it has used so much of a
+        processor: a machine that is busy with something else takes nothing of it.
 
         Cancelling the awaiting asyncio task cancels the work: the task is asked to stop and its
         process is ended if it does not within ``CANCEL_GRACE_S``.
 
         Raises:
             WorkerTaskError: The task raised.
+            WorkerSpentError: It was told to stop since it had used ``processor_limit_s``.
             WorkerEndedError: The process died.
         """
         async with self._places:
             # A long recording takes its time to be packed, and the event loop is needed meanwhile.
-            call = await asyncio.to_thread(wire.frame, (wire.CALL, task, payload))
+            call = await asyncio.to_thread(
+                wire.frame, (wire.CALL, task, payload, processor_limit_s)
+            )
             worker = await self._acquire()
             self._busy.add(worker)
             try:
@@ -198,6 +209,8 @@ class WorkerPool:
                 return values[0]
             elif kind == wire.FAILURE:
                 raise WorkerTaskError(values[0])
+            elif kind == wire.SPENT:
+                raise WorkerSpentError
 
     async def _withdraw(self, worker: _Process) -> None:
         """Let a cancelled task end by itself, else end its process."""
@@ -209,5 +222,5 @@ class WorkerPool:
             await worker.kill()
             if self._grace_s:
                 log.warning("A worker did not stop when asked to and was ended")
-        except WORKER_FAILURES:
+        except (*WORKER_FAILURES, WorkerSpentError):
             return

@@ -12,6 +12,7 @@ import queue
 import struct
 import sys
 import threading
+import time
 import traceback
 from collections.abc import Callable
 from functools import partial
@@ -19,7 +20,7 @@ from typing import IO, Any
 
 LENGTH = struct.Struct("<I")
 CALL, CANCEL = "call", "cancel"
-PROGRESS, RESULT, FAILURE, READY = "progress", "result", "failure", "ready"
+PROGRESS, RESULT, FAILURE, SPENT, READY = "progress", "result", "failure", "spent", "ready"
 
 
 def frame(message: object) -> bytes:
@@ -60,13 +61,23 @@ def _resolve(task: str) -> Callable[..., Any]:
     return getattr(importlib.import_module(module), name)
 
 
-def _listen(pipe: _Pipe, calls: "queue.Queue[tuple[str, Any]]", cancelled: threading.Event) -> None:
+class _Allowance:
+    """What a task may use of the processor; waiting, and a busy machine, cost nothing of it."""
+
+    def __init__(self, limit_s: float | None) -> None:
+        self._until_s = None if limit_s is None else time.process_time() + limit_s
+
+    def is_spent(self) -> bool:
+        return self._until_s is not None and time.process_time() > self._until_s
+
+
+def _listen(pipe: _Pipe, calls: "queue.Queue[tuple[Any, ...]]", cancelled: threading.Event) -> None:
     while (message := pipe.receive()) is not None:
         if message[0] == CANCEL:
             cancelled.set()
         else:
             cancelled.clear()
-            calls.put((message[1], message[2]))
+            calls.put(message[1:])
     os._exit(0)
 
 
@@ -75,20 +86,37 @@ def main(niceness: int) -> None:
     if niceness and hasattr(os, "nice"):
         os.nice(niceness)
     pipe = _Pipe()
-    calls: queue.Queue[tuple[str, Any]] = queue.Queue()
+    calls: queue.Queue[tuple[Any, ...]] = queue.Queue()
     cancelled = threading.Event()
     threading.Thread(target=_listen, args=(pipe, calls, cancelled), daemon=True).start()
     pipe.send(READY)
     while True:
-        task, payload = calls.get()
-        try:
-            result = _resolve(task)(payload, partial(pipe.send, PROGRESS), cancelled.is_set)
-        except Exception as error:  # noqa: BLE001 - whatever a task raises is the station's to tell
-            if not cancelled.is_set():  # one that was told to stop may say so by an exception
-                traceback.print_exc()
-            pipe.send(FAILURE, _sentence(error))
-        else:
-            pipe.send(RESULT, result)
+        task, payload, limit_s = calls.get()
+        _do(pipe, cancelled, task, payload, limit_s)
+
+
+def _do(
+    pipe: _Pipe, cancelled: threading.Event, task: str, payload: object, limit_s: float | None
+) -> None:
+    """Do one task; one that is told to stop may say so by an exception."""
+    allowance = _Allowance(None)
+    try:
+        work = _resolve(task)
+        allowance = _Allowance(limit_s)
+        result = work(
+            payload,
+            partial(pipe.send, PROGRESS),
+            lambda: cancelled.is_set() or allowance.is_spent(),
+        )
+    except Exception as error:  # noqa: BLE001 - whatever a task raises is the station's to tell
+        if allowance.is_spent():
+            pipe.send(SPENT)
+            return
+        if not cancelled.is_set():
+            traceback.print_exc()
+        pipe.send(FAILURE, _sentence(error))
+    else:
+        pipe.send(RESULT, result)
 
 
 if __name__ == "__main__":

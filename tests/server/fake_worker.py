@@ -47,9 +47,12 @@ class FakeWorkers:
         payload: object,
         *,
         on_progress: Callable[[object], None] | None = None,
+        processor_limit_s: float | None = None,
     ) -> object:
         """Do what ``WorkerPool.run`` does; a pool's own method calls it."""
-        return await fake.run(pool, task, payload, on_progress=on_progress)
+        return await fake.run(
+            pool, task, payload, on_progress=on_progress, processor_limit_s=processor_limit_s
+        )
 
     async def run(
         self,
@@ -58,6 +61,7 @@ class FakeWorkers:
         payload: object,
         *,
         on_progress: Callable[[object], None] | None = None,
+        processor_limit_s: float | None = None,
     ) -> object:
         if isinstance(payload, SurveyProblem):
             self.problems.append(payload)
@@ -74,7 +78,9 @@ class FakeWorkers:
             return dry_run_of(payload, completed=self.breaks_off < 0, entered=self.enters)
         if task == MAP_STD:
             return self.map_std
-        return await self.run_really(pool, task, payload, on_progress=on_progress)
+        return await self.run_really(
+            pool, task, payload, on_progress=on_progress, processor_limit_s=processor_limit_s
+        )
 
     def plan(self, problem: SurveyProblem) -> PlanResult:
         if self.nothing_feasible:

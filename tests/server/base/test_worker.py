@@ -8,7 +8,7 @@ from collections.abc import AsyncIterator, Callable
 import pytest
 import pytest_asyncio
 
-from server.base.worker import WorkerEndedError, WorkerPool, WorkerTaskError
+from server.base.worker import WorkerEndedError, WorkerPool, WorkerSpentError, WorkerTaskError
 
 HERE = __name__
 
@@ -48,6 +48,17 @@ def wait_for_cancel(_: None, report: Callable[[int], None], cancelled: Callable[
     while not cancelled():
         time.sleep(0.01)
     return "noticed"
+
+
+def rest(payload: float, _: Callable[[int], None], is_over: Callable[[], bool]) -> bool:
+    time.sleep(payload)
+    return is_over()
+
+
+def toil(_: None, report: Callable[[int], None], is_over: Callable[[], bool]) -> None:
+    while not is_over():
+        pass
+    raise RuntimeError("told to stop")
 
 
 def break_off(_: None, report: Callable[[int], None], cancelled: Callable[[], bool]) -> None:
@@ -112,6 +123,21 @@ async def test_cancelled_task_stops_and_leaves_its_process_warm(pool: WorkerPool
         await task
     assert await pool.run(f"{HERE}:double", 4) == 8
     assert pool.process_ids() == (pid,)
+
+
+async def test_a_task_that_only_waits_for_a_processor_has_used_nothing_of_its_limit(
+    pool: WorkerPool,
+) -> None:
+    assert await pool.run(f"{HERE}:rest", 0.6, processor_limit_s=0.3) is False
+
+
+async def test_a_task_is_told_to_stop_by_the_processor_time_that_it_used(pool: WorkerPool) -> None:
+    await pool.run(f"{HERE}:double", 1)
+    first = pool.process_ids()
+    with pytest.raises(WorkerSpentError):
+        await pool.run(f"{HERE}:toil", None, processor_limit_s=0.05)
+    assert await pool.run(f"{HERE}:double", 4) == 8
+    assert pool.process_ids() == first
 
 
 async def test_worker_ends_when_the_station_closes_its_pipe(pool: WorkerPool) -> None:

@@ -5,7 +5,7 @@ import signal
 import pytest
 
 from robot_link.dry_run import DRY_RUN
-from server.base.worker import WorkerEndedError
+from server.base.worker import WorkerEndedError, WorkerSpentError
 from server.plan import dry_run
 from server.plan.dry_run import DryRuns
 from server.plan.search_request import SearchRequest
@@ -95,19 +95,19 @@ async def test_rehearsal_whose_process_dies_leaves_a_draft_that_says_so(client, 
     assert draft["violations"] == []
 
 
-async def test_rehearsal_that_takes_too_long_is_left_out(client, workers, monkeypatch):
-    monkeypatch.setattr(dry_run, "LIMIT_S", 0.05)
-    workers.may_fly.clear()
+async def test_rehearsal_that_takes_too_long_is_left_out(client, workers):
+    workers.fails[DRY_RUN] = WorkerSpentError()
     draft = await plan_in(client, await laid_out(client), "draft")
     assert draft["rehearsal"]["state"] == "skipped"
     assert draft["rehearsal"]["message"].startswith("Not rehearsed: that would have taken")
 
 
-async def test_a_draft_is_rehearsed_again_where_a_person_wants_it(client, workers, monkeypatch):
-    monkeypatch.setattr(dry_run, "LIMIT_S", 0.05)
-    workers.may_fly.clear()
+async def test_a_draft_is_rehearsed_again_where_a_person_wants_it(client, workers):
+    workers.fails[DRY_RUN] = WorkerSpentError()
     plan = await laid_out(client)
     await plan_in(client, plan, "draft")
+    del workers.fails[DRY_RUN]
+    workers.may_fly.clear()
     assert (await client.post(f"/api/plans/{plan}/rehearse")).status_code == 202
     await rehearses(client, plan)
     working = (await client.get(f"/api/plans/{plan}")).json()
@@ -133,6 +133,13 @@ async def test_only_a_draft_is_rehearsed_again(client):
 
 async def test_a_busy_machine_has_a_minute_for_a_rehearsal():
     assert dry_run.LIMIT_S >= 60.0
+
+
+async def test_a_real_rehearsal_ends_by_the_processor_time_that_it_took(client, monkeypatch):
+    monkeypatch.setattr(dry_run, "LIMIT_S", 0.0)
+    draft = await plan_in(client, await laid_out(client), "draft")
+    assert draft["rehearsal"]["state"] == "skipped"
+    assert "0 s of work" in draft["rehearsal"]["message"]
 
 
 async def test_plan_can_be_cancelled_while_it_is_rehearsed(client, workers):
