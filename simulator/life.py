@@ -1,6 +1,7 @@
 """Simulated robots live by the shared clock, in steps, and sleep in between."""
 
 import asyncio
+from datetime import datetime
 from typing import Protocol
 
 from onboard.computer import Computer
@@ -81,15 +82,24 @@ class BareBody:
         """Do nothing: its program reports."""
 
 
-async def live(being: Living, clock: Clock) -> None:
-    """Let it live by the clock until cancelled."""
-    began = clock.now()
+async def live(being: Living, clock: Clock, began: datetime) -> None:
+    """Let it live by the clock until cancelled, and catch up whatever it missed.
+
+    Args:
+        being: What lives.
+        clock: The time that it lives by.
+        began: When it was switched on: what it tells the time by counts from then, so that it has
+            to live what passed while its devices were opened.
+    """
     at_speed_s = max(_STATE_GAP_S, 2.0 * _SLEEP_MIN_S * clock.speed)
     interval_s = min(_STATE_INTERVAL_S * clock.speed, at_speed_s)
     reported_s = being.time_s
+
+    def lag_s() -> float:
+        return (clock.now() - began).total_seconds() - being.time_s
+
     while True:
-        lag_s = (clock.now() - began).total_seconds() - being.time_s
-        steps = int(lag_s / PERIOD_S)
+        steps = int(lag_s() / PERIOD_S)
         is_late = steps > _STEPS_AT_ONCE
         due_s = reported_s + (at_speed_s if is_late else interval_s) - 0.5 * PERIOD_S
         has_reported = False
@@ -103,4 +113,4 @@ async def live(being: Living, clock: Clock) -> None:
         if is_late:
             await asyncio.sleep(_SLEEP_MIN_S if has_reported else _CATCHING_UP_SLEEP_S)
         else:
-            await asyncio.sleep(max(PERIOD_S / clock.speed, _SLEEP_MIN_S))
+            await asyncio.sleep(max((PERIOD_S - lag_s()) / clock.speed, _SLEEP_MIN_S))

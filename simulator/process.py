@@ -142,7 +142,7 @@ async def _whole(
         )
         async with asyncio.TaskGroup() as group:
             group.create_task(computer.run(), name=f"{definition.robot} computer")
-            await live(WholeRobot(robot, computer), truth)
+            await live(WholeRobot(robot, computer), truth, time.started_at)
 
 
 async def _bare(
@@ -164,7 +164,7 @@ async def _bare(
         await stack.enter_async_context(
             equipped(settings, definition, body, time, network, (node.server,))
         )
-        await live(BareBody(body, node), truth)
+        await live(BareBody(body, node), truth, time.started_at)
 
 
 @asynccontextmanager
