@@ -11,7 +11,10 @@ from pathlib import Path
 
 import httpx
 
-READY_LIMIT_S = 60.0
+SLOW_S = 60.0
+"""After this a child that is not ready is told to be slow: the machine may be busy."""
+READY_LIMIT_S = 600.0
+HEALTH_TIMEOUT_S = 10.0
 HEALTH_PERIOD_S = 0.1
 AWAIT_LIMIT_S = 20.0
 AWAIT_PERIOD_S = 0.05
@@ -131,12 +134,17 @@ class Supervisor:
             )
 
     async def _announce(self) -> None:
-        deadline_s = time.monotonic() + READY_LIMIT_S
-        async with httpx.AsyncClient(timeout=1.0, trust_env=False) as client:
+        began_s = time.monotonic()
+        async with httpx.AsyncClient(timeout=HEALTH_TIMEOUT_S, trust_env=False) as client:
             for child in self._children:
-                if child.health_url is not None and not await _is_healthy(
-                    client, child.health_url, deadline_s
-                ):
+                url = child.health_url
+                if url is None or await _is_healthy(client, url, began_s + SLOW_S):
+                    continue
+                print(
+                    f"The {child.name} takes longer than {SLOW_S:.0f} s to start; still waiting.",
+                    flush=True,
+                )
+                if not await _is_healthy(client, url, began_s + READY_LIMIT_S):
                     self._give_up(f"The {child.name} was not ready in {READY_LIMIT_S:.0f} s", child)
                     return
         self._on_ready()

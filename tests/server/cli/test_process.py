@@ -12,8 +12,10 @@ from pathlib import Path
 
 import pytest
 
+from server.cli import supervisor as supervisor_module
 from server.cli.supervisor import Child, Supervisor
 from tests.server.recording.test_import import dive_csv
+from tests.tcp_peer import serving
 
 pytestmark = pytest.mark.process
 ROOT = Path(__file__).parents[3]
@@ -180,3 +182,33 @@ async def test_a_child_starts_when_there_is_what_it_awaits(tmp_path):
     await until(lambda: pids(tmp_path / "b"))
     os.kill(os.getpid(), signal.SIGTERM)
     assert await asyncio.wait_for(running, 60) == 0
+
+
+async def test_a_station_that_is_slow_to_start_is_waited_for(tmp_path, capsys, monkeypatch):
+    monkeypatch.setattr(supervisor_module, "SLOW_S", 0.0)
+    monkeypatch.setattr(supervisor_module, "HEALTH_PERIOD_S", 0.01)
+    is_ready, announced = asyncio.Event(), asyncio.Event()
+
+    async def answer(reader, writer):
+        await reader.readuntil(b"\r\n\r\n")
+        body = json.dumps({"ready": is_ready.is_set()}).encode()
+        head = f"HTTP/1.1 200 OK\r\nContent-Length: {len(body)}\r\nConnection: close\r\n\r\n"
+        writer.write(head.encode() + body)
+        await writer.drain()
+
+    async with serving(answer) as port:
+        url = f"http://127.0.0.1:{port}/api/health"
+        station = child("station", tmp_path / "a", health_url=url)
+        supervisor = Supervisor((station,), tmp_path / "log", announced.set)
+        running = asyncio.create_task(supervisor.run())
+        said = []
+
+        def waits():
+            said.append(capsys.readouterr().out)
+            return "takes longer than 0 s to start; still waiting" in "".join(said)
+
+        await until(waits)
+        is_ready.set()
+        await asyncio.wait_for(announced.wait(), 60)
+        os.kill(os.getpid(), signal.SIGTERM)
+        assert await asyncio.wait_for(running, 60) == 0
