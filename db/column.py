@@ -1,10 +1,14 @@
 """Column types that mean the same in SQLite and in PostgreSQL."""
 
+from collections.abc import Sequence
 from datetime import UTC, datetime, timedelta
 from typing import Any
 
+import numpy as np
 from sqlalchemy import BigInteger, Dialect
 from sqlalchemy.types import TypeDecorator
+
+from autonomy.arrays import FloatArray
 
 EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -23,6 +27,15 @@ def microseconds(moment: datetime) -> int:
 def moment(value: int) -> datetime:
     """Return the aware UTC moment of a number of microseconds from the epoch."""
     return EPOCH + timedelta(microseconds=value)
+
+
+def moments(values: Sequence[int] | FloatArray) -> list[datetime]:
+    """Return ``moment`` of each of many numbers, in a tenth of the time.
+
+    A float holds whole microseconds exactly for another two hundred years.
+    """
+    naive: list[datetime] = np.asarray(values, np.int64).astype("datetime64[us]").tolist()
+    return [one.replace(tzinfo=UTC) for one in naive]
 
 
 class Utc(TypeDecorator[datetime]):

@@ -8,6 +8,7 @@ from sqlalchemy import SQLColumnExpression, func, select
 from sqlalchemy.orm import InstrumentedAttribute, Session
 
 from autonomy.arrays import BoolArray, FloatArray
+from db.column import moments
 from db.map_tables import SmoothedSample
 from db.query.decimation import Series, thinned_rows
 from db.query.robots import robot_key
@@ -58,7 +59,7 @@ def sample_places(
     rows, decimated = thinned_rows(session, series, start, end, max_points)
     numbers = np.array([row[2:] for row in rows], dtype=np.float64).reshape(-1, 5)
     return SamplePlaces(
-        measured_at=[row[0] for row in rows],
+        measured_at=moments([row[0] for row in rows]),
         value=[row[1] for row in rows],
         position_ned=numbers[:, :3],
         position_std_m=numbers[:, 3],

@@ -2,7 +2,6 @@
 
 from typing import Annotated, Any, Literal
 
-import numpy as np
 from fastapi import APIRouter, Depends, Query, Response
 from pydantic import AwareDatetime, Field
 from sqlalchemy.orm import Session
@@ -212,19 +211,18 @@ async def get_track(
         lambda session: track(session, robot, start, end, max_points)
     )
     thresholds_m = fleet.status(robot).track.thresholds_m
-    positions = np.array([point.position_ned for point in found.points]).reshape(-1, 3)
-    std_m = np.array([point.position_std_m for point in found.points])
+    positions, std_m = found.position_ned, found.position_std_m
     geodetic = wgs84_from_ned(positions[:, :2], site.origin_latitude_deg, site.origin_longitude_deg)
     return encoded(
         TrackView(
             robot=robot,
-            measured_at=[point.measured_at for point in found.points],
+            measured_at=found.measured_at,
             north_m=positions[:, 0].tolist(),
             east_m=positions[:, 1].tolist(),
             depth_m=positions[:, 2].tolist(),
             std_m=std_m.tolist(),
             fidelity=fidelity_level(std_m, thresholds_m).tolist(),
-            adrift=[point.mode in DRIFT_MODES for point in found.points],
+            adrift=[mode in DRIFT_MODES for mode in found.mode],
             latitude_deg=geodetic[:, 0].tolist(),
             longitude_deg=geodetic[:, 1].tolist(),
             decimated=found.decimated,

@@ -1,4 +1,5 @@
 import math
+from cProfile import Profile
 from dataclasses import replace
 from datetime import timedelta
 from uuid import uuid4
@@ -7,6 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from sqlalchemy import event as sqlalchemy_event
+from sqlalchemy import select
 
 from db.fault import UnknownIdError
 from db.query.robots import add_robot
@@ -18,7 +20,15 @@ from db.query.telemetry import (
     newest_state,
     track,
 )
-from robot_link.messages import OnboardPlanState, PlanHash, PlanReport, RawFrame, RobotId
+from db.tables import StateRow
+from robot_link.messages import (
+    OnboardPlanState,
+    PlanHash,
+    PlanReport,
+    RawFrame,
+    RobotId,
+    RobotMode,
+)
 from tests.db.conftest import ON_SQLITE, START, report, robot_record, sample
 
 
@@ -75,6 +85,36 @@ def test_a_range_includes_both_of_its_ends(store):
     with store.read() as session:
         assert history(session, "mini-1", "depth_m", start, end).value == [3.0, 4.0, 5.0]
         assert len(track(session, "mini-1", start, end).points) == 3
+
+
+def test_a_track_is_what_the_rows_of_the_table_say(store):
+    said = [
+        replace(report(i, i / 3), measured_at=START + timedelta(microseconds=i * 333_333),
+                has_fix=i % 3 == 0, mode=list(RobotMode)[i % 4])
+        for i in range(50)
+    ]  # fmt: skip
+    store.append(said).result(60)
+    with store.read() as session:
+        found = track(session, "mini-1")
+        rows = session.scalars(select(StateRow).order_by(StateRow.measured_at)).all()
+    assert not found.decimated
+    assert [point.measured_at for point in found.points] == [row.measured_at for row in rows]
+    for point, row in zip(found.points, rows, strict=True):
+        assert point.position_ned == (row.north_m, row.east_m, row.depth_m)
+        assert point.position_std_m == row.position_std_m
+        assert (point.has_fix, point.mode) == (row.has_fix, RobotMode(row.mode))
+
+
+def test_a_long_track_is_read_by_column_and_no_object_is_made_for_a_row(store):
+    count = 4000
+    store.append([report(second) for second in range(count)]).result(60)
+    with store.read() as session:
+        track(session, "mini-1", max_points=count)
+        profile = Profile()
+        found = profile.runcall(track, session, "mini-1", None, None, count)
+    calls = sum(entry.callcount for entry in profile.getstats())
+    assert len(found.points) == count
+    assert calls < 3 * count
 
 
 @given(
