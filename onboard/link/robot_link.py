@@ -54,6 +54,8 @@ _SILENCES_BEFORE_ANOTHER_STATION = 3
 _ANYONE = 0
 _REPLIES = 512
 """Answers that may wait for the radio; whoever gets none asks again."""
+_MAY_MOVE = True
+"""Another station may take over from wherever it is, when the one before has been silent long."""
 _STREAM_SHARE = 0.5
 """What standard telemetry may take of a radio; the rest is for what our own station asks."""
 
@@ -262,9 +264,12 @@ class RobotLink:
     def _receive(self, received: Received) -> None:
         messages, bad = self._codec.unpack(received.data)
         self.frames_bad += bad
+        is_far_end = False
         for message in messages:
             if not self._is_welcome(message, received.address):
                 self.frames_bad += 1
+            elif not is_far_end and not (is_far_end := received.accept(_MAY_MOVE)):
+                return
             elif getattr(message, "target_system", _ANYONE) in (_ANYONE, self._system):
                 self._obey(message, received.address)
 

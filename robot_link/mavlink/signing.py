@@ -181,6 +181,8 @@ class Signing:
         self._memory = memory
         self._clock = clock
         self.link = link
+        self.fault = ""
+        """Why nobody can hold this secret, for a person; empty where somebody does."""
         marks = memory.load()
         self._stamp = marks.stamp
         self._reserved = marks.stamp

@@ -51,13 +51,19 @@ class LinkWatch:
     def _completed(self, member: Member, report: LinkReport) -> LinkReport:
         offset = member.services.clock.offset
         conflict = self._roster.conflict(member)
-        troubles = (conflict, "" if offset is None else offset.sentence)
+        signing = member.signing
+        troubles = (
+            conflict,
+            "" if signing is None else signing.fault,
+            self._roster.unproved(member),
+            "" if offset is None else offset.sentence,
+        )
         return replace(
             report,
             clock_offset_s=None if offset is None else offset.offset_s,
             trouble="; ".join(trouble for trouble in troubles if trouble),
             conflict=conflict,
-            is_signed=member.signing is not None,
+            is_signed=signing is not None,
         )
 
     def _tell(self, report: LinkReport) -> None:

@@ -49,6 +49,8 @@ class RobotEndpoint:
     system: SystemId
     paths: tuple[RadioPath, ...]
     """Its radios, the preferred one first; at least one."""
+    key_number: int = 0
+    """Changes when its signing key does: it is then a robot with other links."""
 
 
 class PeerPath:
@@ -66,6 +68,9 @@ class PeerPath:
         self.stranger = ""
         """Sentence on who else spoke as the robot where the line has one far end."""
         self.stranger_s = 0.0
+        self.unproved = ""
+        """Where what is not signed with the robot's key came from, or ""."""
+        self.unproved_s = 0.0
         self._clock = clock
         self._timing = timing
         self._heard_s: float | None = None
@@ -82,6 +87,10 @@ class PeerPath:
         self._frames_received += frames
         if received.rssi_dbm is not None:
             self._rssi_dbm = received.rssi_dbm
+
+    def is_fresh(self, limit_s: float) -> bool:
+        """Tell whether the robot was heard here within the last seconds."""
+        return self._heard_s is not None and monotonic_s() - self._heard_s <= limit_s
 
     def count_bad(self, frames: int) -> None:
         """Count frames that were dropped."""

@@ -80,6 +80,8 @@ class Reception:
         at = self._clock.now()
         messages, bad = self._codec.unpack(received.data)
         sender, own = self._roster.attributed(transport, received, messages)
+        if sender is not None and own and not received.accept(sender.signing is not None):
+            sender, own = None, []
         is_believed = bool(own) or not messages
         self._on_event(
             RawFrame(

@@ -9,7 +9,7 @@ from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.messages import RobotId, SystemId
 from robot_link.service.duplicate import TOLD_S, DuplicateWatch
 from robot_link.station.command_lane import CommandLane
-from robot_link.station.path import RobotEndpoint
+from robot_link.station.path import PeerPath, RobotEndpoint
 from robot_link.station.peer import Peer
 from robot_link.station.robot_services import RobotServices
 from robot_link.station.upload import Upload
@@ -95,7 +95,29 @@ class Roster:
             for path in member.peer.paths
             if path.stranger and now_s - path.stranger_s <= TOLD_S
         ]
+        mixed += [
+            f"{path.unproved} speaks as system {system}, too, without its key; it is not obeyed"
+            for path in self._unproved_paths(member)
+            if path.is_fresh(TOLD_S)
+        ]
         return "; ".join(filter(None, (self._duplicates.sentence(system, now_s), *mixed)))
+
+    def unproved(self, member: Member) -> str:
+        """Return a sentence on a robot of which only frames without its key come, or ""."""
+        return "; ".join(
+            f"what {path.unproved} says as system {member.peer.system} is not signed with the key"
+            f" of {member.robot} and is not believed: put the key into the robot"
+            for path in self._unproved_paths(member)
+            if not path.is_fresh(TOLD_S)
+        )
+
+    def _unproved_paths(self, member: Member) -> list[PeerPath]:
+        now_s = monotonic_s()
+        return [
+            path
+            for path in member.peer.paths
+            if path.unproved and now_s - path.unproved_s <= TOLD_S
+        ]
 
     def note_stranger(
         self, transport: DatagramTransport, stranger: Stranger, messages: list[WireMessage]
@@ -116,14 +138,14 @@ class Roster:
             self._tell(member)
 
     def _tell(self, member: Member) -> None:
-        _log.warning("%s: %s", member.robot, self.conflict(member))
+        _log.warning("%s: %s", member.robot, self.conflict(member) or self.unproved(member))
         self.on_conflict(member)
 
     def attributed(
         self, transport: DatagramTransport, received: Received, messages: list[WireMessage]
     ) -> tuple[Member | None, list[WireMessage]]:
         """Return whose datagram this is, and which of its messages are believed."""
-        trusted = [message for message in messages if self._is_trusted(message)]
+        trusted = [one for one in messages if self._is_trusted(one, transport, received)]
         sender = self._at(transport, received.address)
         if sender is None and trusted:
             sender = self._bound(transport, received.address, trusted[0])
@@ -150,12 +172,34 @@ class Roster:
             if path.numbers.note(message.get_seq(), now_s):
                 self._tell(sender)
 
-    def _is_trusted(self, message: WireMessage) -> bool:
+    def _is_trusted(
+        self, message: WireMessage, transport: DatagramTransport, received: Received
+    ) -> bool:
         """Tell whether a message is signed by the robot's key, where it has one."""
         member = self._by_system.get(SystemId(message.get_srcSystem()))
         if member is None or member.signing is None:
             return True
-        return member.signing.check(bytes(message.get_msgbuf())) is Verdict.GOOD
+        verdict = member.signing.check(bytes(message.get_msgbuf()))
+        if verdict in (Verdict.UNSIGNED, Verdict.FORGED):
+            self._note_unproved(member, transport, received)
+        return verdict is Verdict.GOOD
+
+    def _note_unproved(
+        self, member: Member, transport: DatagramTransport, received: Received
+    ) -> None:
+        """Note somebody who speaks for a robot without its key: another one, or itself."""
+        path, now_s = member.peer.path_on(transport), monotonic_s()
+        if path is None:
+            return
+        if path.address not in (None, received.address):
+            is_news = self._duplicates.note(member.peer.system, received.address, now_s)
+        else:
+            is_news = not path.unproved or now_s - path.unproved_s > TOLD_S
+            radio = f"the radio {received.address:016X}" if received.address else ""
+            path.unproved = received.where or radio or f"somebody on {path.uri}"
+            path.unproved_s = now_s
+        if is_news:
+            self._tell(member)
 
     def _at(self, transport: DatagramTransport, address: Address) -> Member | None:
         for member in self:

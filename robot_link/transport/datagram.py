@@ -1,8 +1,8 @@
 """What every radio offers to the sessions above it: datagrams to an address, and their fate."""
 
 import asyncio
-from collections.abc import AsyncIterator
-from dataclasses import dataclass
+from collections.abc import AsyncIterator, Callable
+from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final, NewType, Protocol
 
@@ -44,6 +44,10 @@ class PortClosedError(Exception):
     """There is no open port to the radio at the moment; it is being opened again."""
 
 
+def _always(_may_move: bool) -> bool:
+    return True
+
+
 @dataclass(frozen=True, slots=True)
 class Received:
     """One datagram from the air."""
@@ -53,6 +57,12 @@ class Received:
     data: bytes
     rssi_dbm: float | None
     """Strength last measured for this sender, None until known."""
+    where: str = ""
+    """Where it was sent from, for a person, where anybody may speak to the port."""
+    accept: Callable[[bool], bool] = field(default=_always, compare=False, repr=False)
+    """Call it when the datagram is believed: answers go to its sender from then on. Its argument
+    says whether the sender may be another host than the one before; it returns False where the
+    datagram is to be dropped all the same, for it is not from the far end."""
 
 
 @dataclass(frozen=True, slots=True)

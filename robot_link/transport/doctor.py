@@ -185,6 +185,8 @@ class Doctor:
 
     def _note(self, received: Received) -> None:
         messages, bad = self._codec.unpack(received.data)
+        if messages and not received.accept(False):
+            return
         if bad:
             self._note_bad(bad, b"" if messages else received.data)
         for message in messages:

@@ -8,6 +8,7 @@ Nothing confirms that a frame arrived.
 import asyncio
 from collections.abc import Awaitable, Callable
 from dataclasses import dataclass
+from typing import Final
 
 from robot_link.mavlink.frame import MavlinkFrameReader
 from robot_link.transport.datagram import (
@@ -21,6 +22,8 @@ from robot_link.transport.datagram import (
 )
 from robot_link.transport.keeper import KeptTransport, first_to_end
 from robot_link.transport.port import Port
+
+HUNG_UP: Final = "the far side hung up"
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,25 +113,46 @@ class MavlinkStream(KeptTransport):
         return "the far side takes no bytes"
 
     async def _read(self, port: Port) -> str:
-        frames = MavlinkFrameReader()
-        bad = 0
-        next_bytes = asyncio.ensure_future(port.read())
+        def hear(frames: bytes) -> None:
+            self._keeper.bring(Received(FAR_END, frames, None))
+
         try:
-            while True:
-                done, _ = await asyncio.wait((next_bytes,), timeout=self._timing.quiet_s)
-                data = next_bytes.result() if done else b""
-                if done and not data:
-                    return "the far side hung up"
-                whole = frames.feed(data) if done else frames.flush()
-                if whole:
-                    self._keeper.bring(Received(FAR_END, b"".join(whole), None))
-                if frames.bad > bad:
-                    self._keeper.bring(Garbled(frames.bad - bad, frames.take_dropped()))
-                    bad = frames.bad
-                if done:
-                    next_bytes = asyncio.ensure_future(port.read())
+            return await read_frames(port, self._timing.quiet_s, hear, self._keeper.bring)
         except OSError as error:
             return str(error)
-        finally:
-            next_bytes.cancel()
-            await asyncio.gather(next_bytes, return_exceptions=True)
+
+
+async def read_frames(
+    port: Port, quiet_s: float, hear: Callable[[bytes], None], bring: Callable[[Garbled], None]
+) -> str:
+    """Read whole frames until the far side hangs up; return that it did.
+
+    Args:
+        port: Where from.
+        quiet_s: Silence after which half a frame is given up, s.
+        hear: Takes frames that came together.
+        bring: Takes what was between frames.
+
+    Raises:
+        OSError: If the port failed.
+    """
+    frames = MavlinkFrameReader()
+    bad = 0
+    next_bytes = asyncio.ensure_future(port.read())
+    try:
+        while True:
+            done, _ = await asyncio.wait((next_bytes,), timeout=quiet_s)
+            data = next_bytes.result() if done else b""
+            if done and not data:
+                return HUNG_UP
+            whole = frames.feed(data) if done else frames.flush()
+            if whole:
+                hear(b"".join(whole))
+            if frames.bad > bad:
+                bring(Garbled(frames.bad - bad, frames.take_dropped()))
+                bad = frames.bad
+            if done:
+                next_bytes = asyncio.ensure_future(port.read())
+    finally:
+        next_bytes.cancel()
+        await asyncio.gather(next_bytes, return_exceptions=True)

@@ -5,15 +5,16 @@ or overtake one another; nothing confirms them. Port 14550 is where a ground sta
 listens for vehicles.
 
 ``udp://host:port`` sends to that address from a port of the system's choice and hears that
-address alone. Who listens talks with whoever spoke first, until that one has been silent for ten
-seconds and another speaks; packets of others are dropped,
-counted and told of, and so is whoever takes the place.
+address alone. Who listens talks with the first that is believed, until that one has been silent
+for ten seconds and another is believed; packets of others are dropped, counted and told of, and so
+is whoever takes the place (see ``far_end``).
 """
 
 import asyncio
 import math
 import socket
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from robot_link.clock import monotonic_s
@@ -27,12 +28,17 @@ from robot_link.transport.datagram import (
     Received,
     Stranger,
 )
+from robot_link.transport.far_end import FarEnd
 from robot_link.transport.keeper import KeptTransport
 from robot_link.transport.uri import LinkUri
 
 _PACKET_BYTES = 1200
 """Fits one packet of any network without being split."""
 _KEPT_BYTES = 1024
+
+
+_Sender = tuple[Any, ...]
+"""Host and port, as the system gives them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,8 +70,9 @@ class UdpTransport(KeptTransport):
         self._timing = timing or UdpTiming()
         super().__init__(self.carrier, self._serve, self._timing.reopen_s)
         self._socket: asyncio.DatagramTransport | None = None
-        self._far_end: tuple[Any, ...] | None = None
-        self._heard_s = 0.0
+        self._far_end = FarEnd[_Sender](self._timing.faithful_s, _host, monotonic_s)
+        self._speaker: _Sender | None = None
+        """Who spoke last while nobody is believed."""
 
     async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
         """Send a packet to the far end, whatever the address."""
@@ -76,28 +83,51 @@ class UdpTransport(KeptTransport):
         if len(data) > self.max_payload:
             detail = f"{len(data)} bytes do not fit a packet of {self.max_payload}"
             fate.set_result(Delivery(Fate.TOO_LARGE, detail=detail))
-        elif self._far_end is None:
+        elif self._listens and self._target is None:
             fate.set_result(Delivery(Fate.REFUSED, detail="nobody has spoken at this port yet"))
         else:
-            self._socket.sendto(data, None if not self._listens else self._far_end)
+            self._socket.sendto(data, self._target)
             fate.set_result(Delivery(Fate.UNCONFIRMED))
         return fate
 
-    def hear(self, data: bytes, sender: tuple[Any, ...]) -> None:
+    def set_enabled(self, is_enabled: bool) -> None:
+        """Enable the port, or disable it, which closes it and forgets who spoke there."""
+        if not is_enabled:
+            self._far_end.forget()
+            self._speaker = None
+        super().set_enabled(is_enabled)
+
+    def hear(self, data: bytes, sender: _Sender) -> None:
         """Take a packet from the network."""
-        if self._listens and sender != self._far_end:
-            is_faithful = monotonic_s() - self._heard_s <= self._timing.faithful_s
-            if self._far_end is not None and is_faithful:
-                self._keeper.bring(Garbled(1, data[:_KEPT_BYTES]))
-                self._keeper.bring(Stranger(_named(sender), data, took_over=False))
-                return
-            if self._far_end is not None:
-                self._keeper.bring(Stranger(_named(sender), data, took_over=True))
-            self._far_end = sender
-        self._heard_s = monotonic_s()
         self.trouble = ""
-        if data:
+        if not data:
+            return
+        if not self._listens:
             self._keeper.bring(Received(FAR_END, data, None))
+        elif self._far_end.admits(sender):
+            self._speaker = sender
+            accept = partial(self._accept, data, sender)
+            self._keeper.bring(Received(FAR_END, data, None, _named(sender), accept))
+        else:
+            self._refuse(data, sender)
+
+    def _accept(self, data: bytes, sender: _Sender, may_move: bool) -> bool:
+        before = self._far_end.caller
+        if not self._far_end.accept(sender, may_move=may_move):
+            self._refuse(data, sender)
+            return False
+        if before not in (None, sender):
+            self._keeper.bring(Stranger(_named(sender), data, took_over=True))
+        return True
+
+    def _refuse(self, data: bytes, sender: _Sender) -> None:
+        self._keeper.bring(Garbled(1, data[:_KEPT_BYTES]))
+        self._keeper.bring(Stranger(_named(sender), data, took_over=False))
+
+    @property
+    def _target(self) -> _Sender | None:
+        """Who is sent to; None is whom the socket is connected to, or nobody."""
+        return self._far_end.caller or self._speaker
 
     async def _serve(self) -> str:
         """Serve one opening of the socket; return why it ended."""
@@ -114,7 +144,6 @@ class UdpTransport(KeptTransport):
             return f"{self._host} has no address: {error.strerror}"
         except OSError as error:
             return str(error)
-        self._far_end = None if self._listens else where
         self.max_payload = _PACKET_BYTES
         self._keeper.opened()
         try:
@@ -144,7 +173,11 @@ class _Ear(asyncio.DatagramProtocol):
             self._closed.set_result(str(exc) if exc else "the socket was closed")
 
 
-def _named(sender: tuple[Any, ...]) -> str:
+def _host(sender: _Sender) -> str:
+    return str(sender[0])
+
+
+def _named(sender: _Sender) -> str:
     return f"{sender[0]} port {sender[1]}"
 
 

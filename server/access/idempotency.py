@@ -44,6 +44,11 @@ class IdempotentRoute(APIRoute):
         return handle
 
 
+def keep_answer(request: Request, body: bytes) -> None:
+    """Say what a repeated request is answered, where the first answer shows what is shown once."""
+    request.state.kept_answer = body
+
+
 def _storage_fails(request: Request) -> bool:
     """Tell whether no key can be kept now: the route decides then what may happen all the same."""
     foundation: Foundation = request.app.state.foundation
@@ -71,7 +76,7 @@ async def _once(request: Request, key: str, handler: Handler) -> Response:
         with contextlib.suppress(StoreError):
             await foundation.store.write(lambda session: release(session, caller, key))
         raise
-    body = bytes(response.body)
+    body: bytes = getattr(request.state, "kept_answer", bytes(response.body))
     with contextlib.suppress(StoreError):
         await foundation.store.write(
             lambda session: (

@@ -1,8 +1,8 @@
 """What the station must know and nobody else may read: keys of robots, accounts with gateways.
 
 Each secret is a file of its own under ``<data>/secret/``, readable by the station's user alone.
-None of them is ever shown, logged or put into a URL; an administrator copies a robot's key from
-its file into the robot.
+None of them is ever logged or put into a URL, and only the key that signs a robot's radio is ever
+shown: once, to who had it made. An administrator copies the others from their files.
 """
 
 import contextlib
@@ -18,6 +18,8 @@ from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_valida
 from robot_link.whole_file import keep_names
 
 KEY_BYTES: Final = 32
+SIGNING_OFF: Final = "off"
+"""What the file of a signing key holds where somebody decided that frames are not signed."""
 GatewayKind = Literal["rockblock", "directip", "cloudloop"]
 GATEWAY_KINDS: Final[tuple[GatewayKind, ...]] = get_args(GatewayKind)
 DEFAULT_URLS: Final[dict[GatewayKind, str]] = {
@@ -98,14 +100,31 @@ class SecretStore:
     def signing_key(self, robot: str) -> bytes | None:
         """Return the key that signs MAVLink with a robot; None where frames are not signed.
 
-        A person puts its file there, and takes it away.
-
         Raises:
-            SecretUnreadableError: If its file does not hold 32 bytes.
+            SecretUnreadableError: If its file holds neither 32 bytes nor that signing is off.
         """
         file = self._file("signing", robot)
         text = _read(file)
-        return None if text is None else _key_of(file, text)
+        return None if text is None or text.strip() == SIGNING_OFF else _key_of(file, text)
+
+    def is_signing_off(self, robot: str) -> bool:
+        """Tell whether somebody decided that a robot's frames are not signed."""
+        return (_read(self._file("signing", robot)) or "").strip() == SIGNING_OFF
+
+    def new_signing_key(self, robot: str) -> bytes:
+        """Make the key that signs MAVLink with a robot; the one before it is gone."""
+        key = secrets.token_bytes(KEY_BYTES)
+        self._decide_signing(robot, key.hex())
+        return key
+
+    def turn_signing_off(self, robot: str) -> None:
+        """Keep that a robot's frames are not signed; the key that it had is gone."""
+        self._decide_signing(robot, SIGNING_OFF)
+
+    def _decide_signing(self, robot: str, text: str) -> None:
+        """Keep a decision; stamps of frames under the key before it mean nothing any more."""
+        _write(self._file("signing", robot), text)
+        self.signing_marks(robot).unlink(missing_ok=True)
 
     def signing_marks(self, robot: str) -> Path:
         """Return the file in which the stamps of signed frames outlive a restart."""

@@ -1,4 +1,4 @@
-"""The demo's satellite gateway: what station and simulator must agree on before both start."""
+"""What a demo's station and simulator must agree on before both start: gateway and keys."""
 
 import secrets
 import socket
@@ -73,17 +73,27 @@ def read_gateway(folder: Path) -> GatewaySettings | None:
         return None
 
 
+def decide_signing(store: SecretStore, robots: Iterable[RobotId]) -> None:
+    """Make the signing key of each robot for which nobody decided whether it signs."""
+    for robot in robots:
+        if store.signing_key(robot) is None and not store.is_signing_off(robot):
+            store.new_signing_key(robot)
+
+
 def give_keys(folder: Path, store: SecretStore, robots: Iterable[RobotId]) -> None:
-    """Write into each robot's memory the keys that it shares with the station."""
+    """Write into each robot's memory the keys that it shares with the station.
+
+    A signing key that somebody put there stays where the station of this folder has none.
+    """
     for robot in robots:
         memory = folder / MEMORY_FOLDER / robot
         if FLEET[robot].imei:
             _write_secret(memory / "robot.key", store.robot_key(robot).hex())
         signing_key = store.signing_key(robot)
-        if signing_key is None:
-            (memory / "signing.key").unlink(missing_ok=True)
-        else:
+        if signing_key is not None:
             _write_secret(memory / "signing.key", signing_key.hex())
+        elif store.is_signing_off(robot):
+            (memory / "signing.key").unlink(missing_ok=True)
 
 
 def _write_secret(file: Path, text: str) -> None:

@@ -29,7 +29,7 @@ from server.base.clock_file import read_clock, start_clock, stop_clock
 from server.base.secret import SecretStore
 from server.cli.data import add_data_option, open_store, settings_of
 from server.cli.data_folder import CLOCK_FILE, LOG_FOLDER, DataFolderError, make_data_folder
-from server.cli.demo_gateway import prepare_gateway
+from server.cli.demo_gateway import decide_signing, prepare_gateway
 from server.cli.failure import CommandError
 from server.cli.simulate_verb import LINK_FOLDER, add_world_options
 from server.cli.supervisor import Child, Supervisor
@@ -88,6 +88,7 @@ def run(arguments: Namespace) -> int:
         sign_in = _prepare(folder, read_clock(clock_file), robots)
         secrets = SecretStore(settings_of(Namespace(data=folder)).secret_dir)
         prepare_gateway(folder, secrets, _url(listener))
+        decide_signing(secrets, robots)
         try:
             status = asyncio.run(_supervise(arguments, folder, listener, sign_in))
         finally:

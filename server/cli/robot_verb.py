@@ -29,7 +29,13 @@ def add_arguments(parser: ArgumentParser) -> None:
         type=Path,
         required=True,
         metavar="DIR",
-        help="folder of what it remembers while it is switched off, with its key in robot.key",
+        help="folder of what it remembers while it is switched off, with its key in robot.key and"
+        " the one that signs its radio in signing.key",
+    )
+    parser.add_argument(
+        "--unsigned",
+        action="store_true",
+        help="begin without signing.key: whoever has such a radio can then give it orders",
     )
     parser.add_argument(
         "--speed", type=float, default=1.0, help="how many times faster than life its nodes are"
@@ -39,6 +45,7 @@ def add_arguments(parser: ArgumentParser) -> None:
 def run(arguments: Namespace) -> int:
     """Fly the robot until told to stop."""
     # The onboard program is heavy to import; few other verbs run it.
+    from onboard.computer import SIGNING_KEY_FILE
     from onboard.memory import KeyUnreadableError
     from simulator.robot_process import RobotSettings
     from simulator.robot_process import run as run_robot
@@ -55,6 +62,11 @@ def run(arguments: Namespace) -> int:
         first = error.errors()[0]
         message = first["msg"].removeprefix("Value error, ")
         raise CommandError(f"{first['loc'][0]}: {message}", status=2) from error
+    if not (arguments.unsigned or (settings.memory / SIGNING_KEY_FILE).exists()):
+        raise CommandError(
+            f"{settings.memory / SIGNING_KEY_FILE} is not there: write the key into it that the"
+            " station showed when the robot was added, or say --unsigned."
+        )
     log_to_console()
     try:
         run_robot(settings)

@@ -15,6 +15,13 @@ class RobotChanged:
 
 
 @dataclass(frozen=True, slots=True)
+class SigningChanged:
+    """A robot's radio is signed with another key from now on, or no more."""
+
+    robot: RobotId
+
+
+@dataclass(frozen=True, slots=True)
 class RobotReported:
     """What is known of a robot changed: it said something, or something was found out about it."""
 

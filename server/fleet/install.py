@@ -2,7 +2,7 @@
 
 from server.base.event_bus import AlarmChanged, EventLogged, SettingsChanged
 from server.base.foundation import Foundation
-from server.fleet import route
+from server.fleet import route, signing_route
 from server.fleet.disabled_links import DisabledLinks
 from server.fleet.event import LinkSwitched, RobotChanged, RobotReported
 from server.fleet.fleet import Fleet
@@ -10,7 +10,7 @@ from server.fleet.panel import FleetViews
 from server.fleet.roster import Roster
 from server.vehicle.vehicles import Vehicles
 
-ROUTERS = (route.router,)
+ROUTERS = (route.router, signing_route.router)
 
 
 def install(foundation: Foundation) -> None:

@@ -1,9 +1,11 @@
 """The fleet: who there is, how each robot is now, and what it said before."""
 
-from typing import Annotated, Any, Literal
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal, TypeVar
 
-from fastapi import APIRouter, Depends, Query, Response
-from pydantic import AwareDatetime, Field
+from fastapi import APIRouter, Depends, Query, Request, Response
+from pydantic import AwareDatetime, Field, TypeAdapter
 from sqlalchemy.orm import Session
 
 from autonomy.field.fidelity import fidelity_level
@@ -23,14 +25,16 @@ from db.record import same
 from robot_link.messages import STATE, RobotId, SystemId
 from robot_link.station.gateway.address import check_link
 from server.access.dependency import Admin, Viewer
-from server.access.idempotency import IdempotentRoute
+from server.access.idempotency import IdempotentRoute, keep_answer
 from server.base.dependency import FoundationDep, StoreDep, service
-from server.base.problem import FieldError, conflict, not_found, unprocessable
+from server.base.problem import FieldError, Problem, conflict, not_found, unprocessable
 from server.base.text import Title
 from server.base.view import Body, encoded
 from server.fleet.dependency import FleetDep
+from server.fleet.event import SigningChanged
 from server.fleet.panel import FleetViews
 from server.fleet.roster import Roster
+from server.fleet.signing_route import SigningKeyView, shown_key
 from server.fleet.trail import DRIFT_MODES
 from server.fleet.view import RobotView, SamplesView, StateView, TrackView
 from server.vehicle.vehicles import Vehicles
@@ -41,6 +45,7 @@ FleetViewsDep = Annotated[FleetViews, Depends(service(FleetViews))]
 RosterDep = Annotated[Roster, Depends(service(Roster))]
 VehiclesDep = Annotated[Vehicles, Depends(service(Vehicles))]
 
+T = TypeVar("T")
 MaxPoints = Annotated[
     int, Query(ge=2, le=20_000, description="Thin the series to at most this many points.")
 ]
@@ -66,6 +71,17 @@ class NewRobot(Body):
     """The water that it works in."""
     kind: Literal["real", "simulated"] = "real"
     """Whether it exists in a simulator only."""
+    signing: bool = True
+    """Whether frames of its radio are signed with a key that is made now; ``false`` for a robot
+    that cannot sign, as whom anybody with such a radio can then pose."""
+
+
+@dataclass(frozen=True, slots=True)
+class NewRobotView(RobotView):
+    """A robot that was added, with the key that its radio is to sign with."""
+
+    signing_key: SigningKeyView | None
+    """Shown here and never again; ``null`` where signing is off, and of a repeated request."""
 
 
 class RobotChanges(Body):
@@ -90,15 +106,17 @@ async def list_robots(caller: Viewer, fleet: FleetDep, views: FleetViewsDep) -> 
 async def create_robot(
     caller: Admin,
     robot: NewRobot,
+    request: Request,
     views: FleetViewsDep,
     roster: RosterDep,
     vehicles: VehiclesDep,
     foundation: FoundationDep,
-) -> RobotView:
-    """Add a robot; the station listens for it at once."""
+) -> NewRobotView:
+    """Add a robot; the station listens for it at once, and shows its signing key this once."""
     vehicles.check_model(robot.model)
     _check_links(robot.links)
     at = foundation.clock.now()
+    secrets = foundation.secrets
     record = same(
         RobotRecord,
         robot,
@@ -108,13 +126,20 @@ async def create_robot(
         created_at=at,
     )
 
-    def write(session: Session) -> None:
+    def write(session: Session) -> bytes | None:
         add_robot(session, record)
         add_event(session, at, "robot.added", f"{caller.name} added {robot.id}.", robot=robot.id)
+        if robot.signing:
+            return secrets.new_signing_key(robot.id)
+        secrets.turn_signing_off(robot.id)
+        return None
 
-    await _keep(foundation, write)
+    key = await _keep(foundation, write)
+    foundation.bus.publish(SigningChanged(record.id))
     await roster.refresh(robot.id)
-    return views.robot_view(robot.id)
+    added = same(NewRobotView, views.robot_view(robot.id), signing_key=None)
+    keep_answer(request, TypeAdapter(NewRobotView).dump_json(added))
+    return added if key is None else replace(added, signing_key=shown_key(robot.id, key))
 
 
 @router.get("/{robot}")
@@ -269,8 +294,10 @@ def _check_links(links: list[str]) -> None:
         raise unprocessable(f"{len(errors)} links are wrong.", errors)
 
 
-async def _keep(foundation: FoundationDep, write: Any) -> None:  # noqa: ANN401
+async def _keep(foundation: FoundationDep, write: Callable[[Session], T]) -> T:
     try:
-        await foundation.store.write(write)
+        return await foundation.store.write(write)
     except RobotExistsError as error:
         raise conflict(str(error)) from error
+    except OSError as error:
+        raise Problem(503, f"The robot's key cannot be kept: {error.strerror}.") from error

@@ -4,7 +4,7 @@ from robot_link.station.gateway.address import is_acoustic
 from robot_link.transport.opening import is_radio
 from server.base.foundation import Foundation
 from server.fleet.disabled_links import DisabledLinks
-from server.fleet.event import LinkSwitched, RobotChanged, TrackGrew
+from server.fleet.event import LinkSwitched, RobotChanged, SigningChanged, TrackGrew
 from server.fleet.fleet import Fleet
 from server.link import onboard_route, range_route, route
 from server.link.event import RadiosChanged, SamplesStored, ValuesStored
@@ -47,9 +47,16 @@ def install(foundation: Foundation, make_link: LinkFactory) -> None:
         await ranging.stop()
         ingest.flush()
 
-    def robot_changed(_: RobotChanged) -> None:
+    def follow_radios() -> None:
         if radios.set_robots([status.record for status in fleet.statuses]):
             bus.publish(RadiosChanged())
+
+    def signing_changed(event: SigningChanged) -> None:
+        signing.decide_anew(event.robot)
+        follow_radios()
+
+    def robot_changed(_: RobotChanged) -> None:
+        follow_radios()
         foundation.background.start("acoustic modems of the fleet", follow_fleet())
 
     def switch(event: LinkSwitched) -> None:
@@ -70,6 +77,7 @@ def install(foundation: Foundation, make_link: LinkFactory) -> None:
     bus.subscribe(ValuesStored, stored)
     bus.subscribe(SamplesStored, radios.acknowledge)
     bus.subscribe(RobotChanged, robot_changed)
+    bus.subscribe(SigningChanged, signing_changed)
     bus.subscribe(LinkSwitched, switch)
     foundation.lifetime.on_stop(stop)
     foundation.lifetime.on_start(start)

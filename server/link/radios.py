@@ -101,6 +101,7 @@ class Radios:
         self._robots: dict[RobotId, RobotEndpoint] = {}
         self._disabled: set[str] = set()
         """Radios that the operator disabled, of robots there are and others."""
+        self._signing = signing
         self._link = make(clock, on_event, signing)
         self._waiting: dict[tuple[RobotId, CommandNumber], datetime] = {}
         """When each command for a robot without a link expires."""
@@ -109,7 +110,7 @@ class Radios:
     def set_robots(self, robots: Iterable[RobotRecord]) -> bool:
         """Say which robots there are; tell whether they changed."""
         endpoints = {
-            robot.id: RobotEndpoint(robot.system_id, paths)
+            robot.id: RobotEndpoint(robot.system_id, paths, self._signing.decisions(robot.id))
             for robot in robots
             if robot.system_id is not None and (paths := _paths(robot))
         }

@@ -2,6 +2,7 @@
 
 import logging
 import secrets
+from collections import defaultdict
 
 from robot_link.clock import Clock
 from robot_link.mavlink.signing import (
@@ -23,6 +24,16 @@ class RobotSigning:
         self._secrets = secrets
         self._clock = clock
         self._known: dict[RobotId, Signing] = {}
+        self._decisions: dict[RobotId, int] = defaultdict(int)
+
+    def decisions(self, robot: RobotId) -> int:
+        """Return how often it was decided anew how a robot signs, since the start."""
+        return self._decisions[robot]
+
+    def decide_anew(self, robot: RobotId) -> None:
+        """Look again how a robot signs: its key was made or ended."""
+        self._decisions[robot] += 1
+        self._known.pop(robot, None)
 
     def __call__(self, robot: RobotId) -> Signing | None:
         """Return how frames of a robot are signed; ``None`` where it has no signing key.
@@ -44,5 +55,6 @@ class RobotSigning:
             return Signing(key, memory, self._clock)
         except (SecretUnreadableError, OSError) as error:
             _log.error("%s has no radio until its signing key is put right: %s", robot, error)
-            key = secrets.token_bytes(SECRET_BYTES)
-            return Signing(key, MemorySigningMemory(), self._clock)
+            nobodys = Signing(secrets.token_bytes(SECRET_BYTES), MemorySigningMemory(), self._clock)
+            nobodys.fault = "its signing key cannot be read; make a new one"
+            return nobodys

@@ -7,6 +7,7 @@ import pytest
 from robot_link.station.path import RadioPath
 from robot_link.transport.mavlink_stream import MavlinkStream
 from robot_link.transport.opening import is_radio, open_transport
+from robot_link.transport.tcp import TcpListener
 from robot_link.transport.udp import UdpTransport
 from robot_link.transport.xbee import XBeeTransport
 
@@ -21,7 +22,7 @@ from robot_link.transport.xbee import XBeeTransport
         ("udp://127.0.0.1:14550", UdpTransport, "udp"),
         ("udp://0.0.0.0:14550?listen=1", UdpTransport, "udp"),
         ("tcp://[::1]:5760", MavlinkStream, "tcp"),
-        ("tcp://127.0.0.1:5760?listen=1", MavlinkStream, "tcp"),
+        ("tcp://127.0.0.1:5760?listen=1", TcpListener, "tcp"),
     ],
 )
 def test_every_kind_of_radio_is_opened_by_its_uri(uri: str, kind: type, carrier: str):

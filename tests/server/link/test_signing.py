@@ -1,5 +1,7 @@
 """Which robots sign: a damaged key leaves its own robot without radio, and no other."""
 
+from datetime import UTC, datetime, timedelta
+
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.mavlink.signing import MemorySigningMemory, Signing, Verdict
@@ -46,3 +48,44 @@ def test_a_damaged_key_lets_nobody_in_and_stops_nobody_else(tmp_path, caplog):
     assert whole.check(signed(KEY)) is Verdict.GOOD
     assert f"{ONE} has no radio until its signing key is put right" in caplog.text
     assert signing(THREE) is None
+
+
+def test_a_decision_is_kept_apart_from_no_decision_and_nobody_else_may_read_it(tmp_path):
+    secrets = SecretStore(tmp_path / "secret")
+    assert (secrets.signing_key(ONE), secrets.is_signing_off(ONE)) == (None, False)
+    key = secrets.new_signing_key(ONE)
+    assert (secrets.signing_key(ONE), len(key)) == (key, 32)
+    assert (tmp_path / "secret" / f"signing-{ONE}").stat().st_mode & 0o777 == 0o600
+    assert (tmp_path / "secret").stat().st_mode & 0o777 == 0o700
+    assert secrets.new_signing_key(ONE) != key, "a new key ends the old one"
+    secrets.turn_signing_off(ONE)
+    assert (secrets.signing_key(ONE), secrets.is_signing_off(ONE)) == (None, True)
+
+
+def test_stamps_go_on_over_a_restart_of_the_station_and_begin_anew_with_a_new_key(tmp_path):
+    secrets = SecretStore(tmp_path)
+    key = secrets.new_signing_key(ONE)
+
+    class Clock:
+        speed = 1.0
+        at = datetime(2026, 6, 1, tzinfo=UTC)
+
+        def now(self) -> datetime:
+            return self.at
+
+    clock = Clock()
+    signing = RobotSigning(secrets, clock)(ONE)
+    stamps = [signing.next_stamp() for _ in range(50)]
+    heard = signed(key)
+    assert signing.check(heard) is Verdict.GOOD
+    clock.at -= timedelta(days=400)  # the station's clock lost its battery with the restart
+    again = RobotSigning(SecretStore(tmp_path), clock)
+    later = again(ONE)
+    assert later.next_stamp() > max(stamps)
+    assert later.check(heard) is Verdict.REPLAYED
+    new = secrets.new_signing_key(ONE)
+    again.decide_anew(ONE)
+    renewed = again(ONE)
+    assert renewed is not later
+    assert renewed.check(signed(key)) is Verdict.FORGED
+    assert renewed.check(signed(new)) is Verdict.GOOD

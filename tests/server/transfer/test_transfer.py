@@ -23,7 +23,9 @@ from robot_link.messages import (
 )
 from server.base import retry_queue as turn
 from server.base.problem import Problem
+from server.base.secret import SecretStore
 from server.link.radios import Radios
+from server.link.signing import RobotSigning
 from server.plan.document import mission_of
 from server.plan.drafting import ages_at
 from server.plan.state import PlanChanged
@@ -194,11 +196,12 @@ async def test_flight_that_costs_more_than_planned_says_so(client, station, worl
     assert found[0].endswith("3.3 energy units, 0.8 more than planned.")
 
 
-async def test_order_for_a_robot_without_a_link_expires():
+async def test_order_for_a_robot_without_a_link_expires(tmp_path):
     heard: list[object] = []
     world = World()
     clock = SystemClock()
-    way = Radios(clock, heard.append, world.make_link, None)
+    signing = RobotSigning(SecretStore(tmp_path), clock)
+    way = Radios(clock, heard.append, world.make_link, signing)
     serving = asyncio.create_task(way.run())
     soon = clock.now() + timedelta(seconds=0.15)
     way.send_command(MINI, CommandKind.SURFACE, CommandNumber(7), soon)
@@ -212,11 +215,12 @@ async def test_order_for_a_robot_without_a_link_expires():
     await asyncio.gather(serving, return_exceptions=True)
 
 
-async def test_order_that_waits_for_a_link_does_not_expire_once_there_is_one():
+async def test_order_that_waits_for_a_link_does_not_expire_once_there_is_one(tmp_path):
     heard: list[object] = []
     world = World()
     clock = SystemClock()
-    way = Radios(clock, heard.append, world.make_link, None)
+    signing = RobotSigning(SecretStore(tmp_path), clock)
+    way = Radios(clock, heard.append, world.make_link, signing)
     serving = asyncio.create_task(way.run())
     soon = clock.now() + timedelta(seconds=1.0)
     way.send_command(MINI, CommandKind.HOLD, CommandNumber(8), soon)

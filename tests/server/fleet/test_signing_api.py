@@ -1,0 +1,111 @@
+"""A robot's signing key: made with the robot, shown once, replaced and ended by an admin."""
+
+from urllib.parse import unquote
+
+import pytest
+
+from robot_link.messages import RobotId
+from server.access.role import Role
+from server.base.secret import SecretStore
+from tests.server.conftest import MINI, api_client
+from tests.server.fleet.test_robot_api import NEW_ROBOT
+
+NEW = RobotId("mini-2")
+
+
+def secrets_of(station) -> SecretStore:
+    return station.foundation.secrets
+
+
+def new_robot(station, **more: object) -> dict[str, object]:
+    site = station.fleet.status(MINI).record.site.model_dump(mode="json")
+    return {**NEW_ROBOT, "site": site, **more}
+
+
+async def test_the_key_of_a_new_robot_is_shown_once_as_text_and_as_qr_code(client, station):
+    added = (await client.post("/api/robots", json=new_robot(station))).json()
+    shown = added["signing_key"]
+    assert bytes.fromhex(shown["key"]) == secrets_of(station).signing_key(NEW)
+    kind, _, picture = shown["qr"].partition(",")
+    assert kind.startswith("data:image/svg+xml")
+    assert unquote(picture).startswith("<svg")
+    everything = [
+        await client.get(path)
+        for path in ("/api/robots", f"/api/robots/{NEW}", "/api/signing", "/api/events")
+    ]
+    assert not [one.url for one in everything if shown["key"] in one.text]
+    states = {one["robot"]: one["state"] for one in everything[2].json()["robots"]}
+    assert states == {MINI: "undecided", "grace-1": "undecided", NEW: "on"}
+
+
+async def test_a_repeated_request_is_not_shown_the_key_and_the_database_does_not_have_it(
+    client, station, tmp_path
+):
+    headers = {"Idempotency-Key": "add it once"}
+    body = new_robot(station)
+    first, second = [
+        (await client.post("/api/robots", json=body, headers=headers)) for _ in range(2)
+    ]
+    key = first.json()["signing_key"]["key"]
+    assert second.headers["Idempotent-Replayed"] == "true"
+    assert second.json()["signing_key"] is None
+    assert {**first.json(), "signing_key": None}.keys() == second.json().keys()
+    files = [one for one in tmp_path.rglob("*") if one.is_file() and "secret" not in one.parts]
+    assert files
+    assert not [one for one in files if key.encode() in one.read_bytes()]
+
+
+async def test_a_robot_that_exists_keeps_its_key_when_it_is_added_again(client, station):
+    await client.post("/api/robots", json=new_robot(station))
+    key = secrets_of(station).signing_key(NEW)
+    assert (await client.post("/api/robots", json=new_robot(station))).status_code == 409
+    assert secrets_of(station).signing_key(NEW) == key
+
+
+async def test_signing_is_off_only_where_somebody_said_so(client, station):
+    added = (await client.post("/api/robots", json=new_robot(station, signing=False))).json()
+    assert added["signing_key"] is None
+    assert secrets_of(station).is_signing_off(NEW)
+
+
+async def test_a_new_key_ends_the_old_one_and_signing_can_be_turned_off(client, station):
+    first = (await client.post(f"/api/robots/{MINI}/signing-key")).json()["key"]
+    answer = await client.post(f"/api/robots/{MINI}/signing-key")
+    assert answer.status_code == 201
+    assert answer.json()["key"] != first
+    assert secrets_of(station).signing_key(MINI).hex() == answer.json()["key"]
+    off = await client.delete(f"/api/robots/{MINI}/signing-key")
+    assert off.json() == {"robot": MINI, "state": "off", "fault": None}
+    texts = [event["text"] for event in (await client.get("/api/events")).json()["events"]]
+    assert any("turned signing off for mini-1" in text for text in texts)
+    assert sum("made a new signing key for mini-1" in text for text in texts) == 2
+
+
+async def test_a_damaged_key_is_told_and_a_new_one_mends_it(client, station):
+    secrets_of(station).new_signing_key(MINI)
+    file = station.foundation.settings.secret_dir / f"signing-{MINI}"
+    file.write_text("no key")
+    (told,) = [
+        one for one in (await client.get("/api/signing")).json()["robots"] if one["robot"] == MINI
+    ]
+    assert told["state"] == "unreadable"
+    assert f"signing-{MINI} does not hold 32 bytes" in told["fault"]
+    assert (await client.post(f"/api/robots/{MINI}/signing-key")).status_code == 201
+
+
+@pytest.mark.parametrize("role", [Role.VIEWER, Role.PILOT])
+async def test_only_an_administrator_makes_and_ends_keys(station, role):
+    path = f"/api/robots/{MINI}/signing-key"
+    async with api_client(station, role) as caller:
+        answers = [
+            await caller.post(path),
+            await caller.delete(path),
+            await caller.get("/api/signing"),
+        ]
+    assert [answer.status_code for answer in answers] == [403, 403, 403]
+    assert secrets_of(station).signing_key(MINI) is None
+
+
+async def test_nobody_makes_a_key_for_a_robot_that_does_not_exist(client, station):
+    assert (await client.post("/api/robots/nobody/signing-key")).status_code == 404
+    assert secrets_of(station).signing_key("nobody") is None
