@@ -39,8 +39,9 @@ class SigningKeyView(View):
     robot: str
     key: str
     """32 bytes in hexadecimal, as the robot's file ``signing.key`` holds them."""
-    qr: str
-    """The same text as a QR code: an SVG picture, as a ``data:`` URI."""
+    qr: list[str]
+    """The same text as a QR code: its rows of modules, ``1`` where one is dark, with the light
+    margin that a camera needs."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +66,8 @@ class SigningsView(View):
 def shown_key(robot: str, key: bytes) -> SigningKeyView:
     """Return what shows a key to a person and to a camera."""
     text = key.hex()
-    code = segno.make(text.upper(), micro=False)
-    uri = code.svg_data_uri(border=_QUIET_ZONE, light="#fff", omitsize=True)
-    return SigningKeyView(robot, text, uri)
+    rows = segno.make(text.upper(), error="m", micro=False).matrix_iter(border=_QUIET_ZONE)
+    return SigningKeyView(robot, text, ["".join("01"[module] for module in row) for row in rows])
 
 
 @router.get("/signing")

@@ -301,6 +301,12 @@ export class Api {
   changeGateway = (kind: Schemas['GatewayView']['kind'], body: Schemas['AccountBody']) =>
     done(this.#http.PUT('/api/gateways/{kind}', { ...of({ kind }), body }));
 
+  signing = async () => (await told(this.#http.GET('/api/signing'))).robots;
+  makeSigningKey = (robot: string) =>
+    told(this.#http.POST('/api/robots/{robot}/signing-key', of({ robot })));
+  turnSigningOff = (robot: string) =>
+    done(this.#http.DELETE('/api/robots/{robot}/signing-key', of({ robot })));
+
   events = (query: Query<'/api/events'>) =>
     told(this.#http.GET('/api/events', { params: { query } }));
 

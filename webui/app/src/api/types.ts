@@ -61,6 +61,8 @@ export type {
   MapEntryView as MapListing,
   MissionView as Mission,
   NewTokenView as NewToken,
+  SigningKeyView as SigningKey,
+  SigningView as Signing,
   ObjectiveView as ObjectivePoint,
   OutgoingMessageView as OutgoingMessage,
   ParameterView as Parameter,
