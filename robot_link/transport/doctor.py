@@ -9,6 +9,7 @@ from typing import Final
 from urllib.parse import parse_qsl, urlencode, urlsplit
 
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
+from robot_link.mavlink.frame import INCOMPATIBLE, SIGNED
 from robot_link.service.heartbeat import station_heartbeat
 from robot_link.transport.advice import (
     Advice,
@@ -104,6 +105,8 @@ class Hearing:
     """Why the port closed or did not open, the last time."""
     frames: Counter[tuple[int, int]] = field(default_factory=Counter[tuple[int, int]])
     """Valid frames by system id and radio."""
+    signed: Counter[tuple[int, bool]] = field(default_factory=Counter[tuple[int, bool]])
+    """Valid frames by system id and whether they are signed; with whose key is not known."""
     messages: Counter[str] = field(default_factory=Counter[str])
     strength_dbm: dict[int, float] = field(default_factory=dict[int, float])
     """Last strength by radio."""
@@ -192,6 +195,8 @@ class Doctor:
         for message in messages:
             self._heard.frames[message.get_srcSystem(), received.address] += 1
             self._heard.messages[message.get_type()] += 1
+            is_signed = bool(message.get_msgbuf()[INCOMPATIBLE] & SIGNED)
+            self._heard.signed[message.get_srcSystem(), is_signed] += 1
         if received.rssi_dbm is not None:
             self._heard.strength_dbm[received.address] = received.rssi_dbm
 
@@ -260,7 +265,7 @@ class Doctor:
         if heard.messages:
             common = heard.messages.most_common(_MESSAGES_SHOWN)
             self._say("It says " + ", ".join(f"{name} {count}x" for name, count in common) + ".")
-        is_well = self._tell_conflicts()
+        is_well = all((self._tell_signatures(), self._tell_conflicts()))
         if heard.bad:
             self._say(f"{heard.bad} stretches of bytes were no valid frame.")
         if heard.frames:
@@ -278,6 +283,33 @@ class Doctor:
         if trouble:
             self._say(f"The network says of what was sent: {trouble}.")
         return False
+
+    def _tell_signatures(self) -> bool:
+        """Say who signs; return whether nobody does one thing and the other."""
+        signed = self._heard.signed
+        both: list[int] = []
+        for system in sorted({system for system, _ in signed}):
+            if signed[system, True] and signed[system, False]:
+                both.append(system)
+            elif signed[system, True]:
+                self._say(
+                    f"System {system} signs its frames: it answers and obeys only who has its key,"
+                    " which the doctor has not."
+                )
+            else:
+                self._say(
+                    f"System {system} does not sign its frames: whoever has such a radio can pose"
+                    " as it, or give it orders."
+                )
+        for system in both:
+            self._advise(
+                Advice(
+                    f"Frames of system {system} come signed and unsigned: somebody without its key"
+                    " speaks as it, too.",
+                    ("Find the second one; the station does not obey it.",),
+                )
+            )
+        return not both
 
     def _is_undecided(self) -> bool:
         """Tell whether it is not yet plain if the port opens, or if an XBee is there."""

@@ -23,6 +23,7 @@ from robot_link.station.gateway.address import (
 )
 from robot_link.transport.datagram import PortChanged
 from robot_link.transport.doctor import Doctor
+from robot_link.transport.opening import is_radio
 from server.base.secret import GATEWAY_KINDS, GatewayKind, SecretStore, SecretUnreadableError
 from server.base.settings import Settings
 from server.cli.data import add_data_option, open_store, settings_of
@@ -63,18 +64,29 @@ def run(arguments: Namespace) -> int:
 
 def _registered_links(arguments: Namespace) -> Table:
     """Return the links as the data folder has them."""
-    with open_store(settings_of(arguments)) as store, store.read() as session:
+    settings = settings_of(arguments)
+    secrets = SecretStore(settings.secret_dir)
+    with open_store(settings) as store, store.read() as session:
         robots = list_robots(session)
-    table = Table("robot", "system", "link", "remark")
+    table = Table("robot", "system", "link", "signed", "remark")
     for robot in robots:
         for number, uri in enumerate(robot.links):
             system = robot.system_id if number == 0 else None
             name = "" if number else robot.id
-            table.add_row(name, str(system or ""), escape(uri), escape(_remark(uri)))
+            signed = _signed(secrets, robot.id) if is_radio(uri) else ""
+            table.add_row(name, str(system or ""), escape(uri), signed, escape(_remark(uri)))
         if not robot.links:
             remark = "a recording" if robot.kind == "recorded" else "no link: give it one"
-            table.add_row(robot.id, str(robot.system_id or ""), "", remark)
+            table.add_row(robot.id, str(robot.system_id or ""), "", "", remark)
     return table
+
+
+def _signed(secrets: SecretStore, robot: str) -> str:
+    """Return whether a robot's radio is signed: yes, no, or that its key is damaged."""
+    try:
+        return "no" if secrets.signing_key(robot) is None else "yes"
+    except (SecretUnreadableError, OSError):
+        return "key damaged"
 
 
 def _live_links(arguments: Namespace) -> Table:

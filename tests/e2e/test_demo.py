@@ -43,6 +43,27 @@ def test_everything_is_marked_as_simulation(demo):
     assert all(robot["simulated"] for robot in demo.get("/api/robots"))
 
 
+def test_every_radio_is_signed_with_a_key_that_was_made_for_this_demo(demo):
+    def signed():
+        links = [
+            link
+            for robot in ("mini-1", "grace-1")
+            for link in demo.get(f"/api/robots/{robot}/links")
+            if link["kind"] == "radio"
+        ]
+        return len(links) == 2 and all(
+            link["is_signed"] and link["frames_received"] for link in links
+        )
+
+    demo.wait("signed frames of both robots", signed, 20.0)
+    keys = {robot: demo.data / "secret" / f"signing-{robot}" for robot in ("mini-1", "grace-1")}
+    assert len({file.read_text() for file in keys.values()}) == 2
+    for robot, file in keys.items():
+        on_board = demo.data / "robots" / robot / "signing.key"
+        assert on_board.read_text() == file.read_text()
+        assert {one.stat().st_mode & 0o077 for one in (on_board, file)} == {0}
+
+
 def test_the_openapi_pages_are_there(demo):
     assert demo.client.get("/docs").status_code == 200
     assert "/api/robots" in demo.client.get("/openapi.json").json()["paths"]

@@ -18,7 +18,9 @@ from db.query.robots import RobotRecord, add_robot
 from db.store import Store
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
-from robot_link.messages import RobotId, SystemId
+from robot_link.mavlink.signing import MemorySigningMemory, Signing
+from robot_link.messages import RobotId, RobotMode, SystemId
+from robot_link.service.heartbeat import robot_heartbeat
 from robot_link.transport import doctor
 from robot_link.transport.advice import byte_advice, port_advice
 from robot_link.transport.datagram import BROADCAST, Address, PortClosedError
@@ -34,6 +36,7 @@ from server.cli.main import main
 from simulator.acoustic_modem import AcousticConditions, AcousticModem
 from simulator.xbee_network import AirConditions, XBeeNetwork
 from tests.robot_link.far_end import heartbeat, line, running
+from tests.tcp_peer import serving
 
 STATION = Address(0x0013A200_41F000FF)
 LISTEN_S = 0.4
@@ -262,6 +265,28 @@ async def test_a_vehicle_that_waits_to_be_called_is_heard():
     assert "System 1 is heard" in said
 
 
+@pytest.mark.parametrize("signs", [(True,), (False,), (True, False)])
+async def test_it_is_told_who_signs_and_who_speaks_without_the_key(signs: tuple[bool, ...]):
+    def codec(is_signed: bool) -> Codec:
+        key = Signing(bytes(32), MemorySigningMemory(), SystemClock()) if is_signed else None
+        return Codec(SystemId(2), ROBOT_COMPONENT, key)
+
+    async def speak(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        for one in map(codec, signs):
+            writer.write(one.pack(robot_heartbeat(RobotMode.IDLE)))
+        await reader.read()
+
+    async with serving(speak) as port:
+        is_well, said = await told(f"tcp://127.0.0.1:{port}", "is heard")
+    if signs == (True, False):
+        assert not is_well
+        assert "Frames of system 2 come signed and unsigned" in said
+    else:
+        assert is_well
+        assert ("System 2 signs its frames" in said) == signs[0]
+        assert ("System 2 does not sign its frames" in said) != signs[0]
+
+
 async def answer(robot) -> None:
     async for _ in robot.events():
         try:
@@ -392,9 +417,10 @@ def test_the_command_line_lists_every_link_and_what_is_wrong_with_it(
                 created_at=SystemClock().now(),
             )
             store.change(partial(add_robot, robot=robot)).result()
+    SecretStore(Settings(data_dir=tmp_path).secret_dir).new_signing_key("glider-1")
     assert main(["link", "list", "--data", str(tmp_path)]) == 0
     told = " ".join(capsys.readouterr().out.split())
-    for words in (*links, "three", "slashes", "glider-2", "no link"):
+    for words in (*links, "three", "slashes", "glider-2", "no link", "│ yes"):
         assert words in told
     monkeypatch.setenv("GRACE_TOKEN", "x")
     assert main(["link", "list", "--url", "http://127.0.0.1:1"]) == 1
