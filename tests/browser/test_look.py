@@ -1,11 +1,12 @@
 """What a page weighs and how it is laid out, measured in a real browser at three sizes."""
 
+import re
 from itertools import pairwise
 
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.walk import CHROMIUM, open_page
+from tests.browser.walk import CHROMIUM, hold, open_page
 
 pytestmark = [
     pytest.mark.browser,
@@ -93,3 +94,160 @@ def test_charts_take_the_colours_of_the_theme_that_was_chosen(screen, calm):
     screen.wait_for_function(f"each => ({reddish})(each)", arg=chart.element_handle())
     screen.get_by_role("button", name="demo").click()
     screen.get_by_text("Dark", exact=True).first.click()
+
+
+ALARM = {
+    "id": "alarm-1", "robot": "mini-1", "level": "critical", "state": "unacknowledged",
+    "text": "mini-1 has come up where nobody expected it, and it does not say why it did that.",
+    "raised_at": "2026-11-21T12:00:00Z", "acknowledged_at": None, "acknowledged_by": None,
+    "cleared_at": None,
+}  # fmt: skip
+
+
+@pytest.fixture
+def alarmed(screen):
+    """The same browser, told of two alarms that nobody has acknowledged."""
+    page = screen.context.new_page()
+    alarms = [ALARM, ALARM | {"id": "alarm-2", "level": "watch"}]
+    page.route(re.compile("/api/alarms"), lambda route: route.fulfill(json={"alarms": alarms}))
+    yield page
+    page.close()
+
+
+def test_a_phone_in_alarm_keeps_three_quarters_for_its_page(alarmed, calm):
+    alarmed.set_viewport_size({"width": 360, "height": 780})
+    open_page(alarmed, calm, "/")
+    bar = alarmed.get_by_role("alert")
+    expect(bar.get_by_text("Critical", exact=True)).to_be_in_viewport(ratio=1)
+    expect(bar.locator("svg").first).to_be_in_viewport(ratio=1)
+    expect(alarmed.get_by_text("SIMULATION")).to_be_in_viewport(ratio=1)
+    room = alarmed.get_by_role("main").evaluate("each => each.clientHeight / innerHeight")
+    assert room >= 0.73
+
+
+@pytest.mark.parametrize(
+    ("path", "name"),
+    [("/", "Surface mini-1 now"), ("/robot/mini-1", "Hold mini-1 at its next surfacing")],
+)
+def test_a_button_that_is_held_stays_under_the_finger(screen, calm, path, name):
+    screen.set_viewport_size({"width": 360, "height": 780})
+    open_page(screen, calm, path)
+    button = screen.get_by_role("button", name=re.compile(name))
+    button.scroll_into_view_if_needed()
+    before = button.bounding_box()
+    screen.mouse.move(before["x"] + 20, before["y"] + 20)
+    screen.mouse.down()
+    # What a sentence does that becomes longer above the button and beside it.
+    screen.evaluate(
+        "() => { for (const parent of document.querySelectorAll('.strip, .row')) {"
+        " const more = document.createElement('p'); more.textContent = 'a longer sentence';"
+        " more.style.cssText = 'grid-column: 1 / -1; flex-basis: 100%; order: -1; margin: 9px';"
+        " parent.prepend(more); } }"
+    )
+    screen.wait_for_function(
+        "([each, box]) => { const { x, y } = each.getBoundingClientRect();"
+        " return Math.abs(x - box.x) < 0.6 && Math.abs(y - box.y) < 0.6; }",
+        arg=[button.element_handle(), before],
+    )
+    screen.mouse.move(5, 300)
+    screen.mouse.up()
+
+
+def test_what_scrolls_sideways_says_so(screen, calm):
+    screen.set_viewport_size({"width": 360, "height": 780})
+    open_page(screen, calm, "/settings")
+    table = screen.get_by_role("region", name="Robots and links, goes on sideways")
+    expect(table).to_have_class(re.compile("more-right"))
+    table.focus()
+    table.evaluate("each => { each.scrollLeft = each.scrollWidth; }")
+    expect(table).to_have_class(re.compile("more-left"))
+    expect(table).not_to_have_class(re.compile("more-right"))
+
+
+def test_a_form_says_beside_its_fields_what_they_lack(screen, calm):
+    screen.set_viewport_size({"width": 1600, "height": 950})
+    open_page(screen, calm, "/settings")
+    people = screen.get_by_role("region", name="People")
+    people.get_by_role("button", name="Add a person").click()
+    expect(people.get_by_text("Fill this in.")).to_have_count(2)
+    name = people.get_by_label("Name")
+    expect(name).to_be_focused()
+    expect(name).to_have_attribute("aria-invalid", "true")
+    name.fill("anna")
+    expect(people.get_by_text("Fill this in.")).to_have_count(1)
+    open_page(screen, calm, "/data/mini-1")
+    expect(screen.get_by_text("None chosen")).to_be_visible()
+    screen.get_by_role("button", name="Import", exact=True).click()
+    expect(screen.get_by_text("Choose a file.")).to_be_visible()
+
+
+def test_a_word_is_explained_to_those_who_tap_or_type(screen, calm):
+    screen.set_viewport_size({"width": 360, "height": 780})
+    open_page(screen, calm, "/map/mini-1")
+    word = screen.get_by_role("note").filter(has_text="learned").first
+    word.focus()
+    bubble = screen.get_by_role("tooltip")
+    expect(bubble).to_contain_text("marginal likelihood")
+    expect(bubble).to_be_in_viewport(ratio=1)
+    screen.keyboard.press("Escape")
+    expect(bubble).to_have_count(0)
+
+
+def test_a_viewer_is_told_why_nothing_can_be_surfaced(screen, calm):
+    page = screen.context.new_page()
+
+    def as_viewer(route):
+        session = route.fetch().json()
+        route.fulfill(json=session | {"role": "viewer"})
+
+    page.route(re.compile("/api/session$"), as_viewer)
+    page.set_viewport_size({"width": 360, "height": 780})
+    open_page(page, calm, "/plan/mini-1")
+    button = page.get_by_role("button", name=re.compile("Surface mini-1 now"))
+    expect(button).to_be_disabled()
+    why = "Surfacing a robot needs the role of a pilot"
+    expect(button).to_have_attribute("title", why)
+    expect(page.get_by_text(why, exact=True)).to_be_visible()
+    expect(page.get_by_text("You are signed in as a viewer")).to_be_visible()
+    page.close()
+
+
+def test_a_robot_at_the_edge_of_a_map_has_its_name_inside(screen, calm):
+    screen.set_viewport_size({"width": 1600, "height": 950})
+    open_page(screen, calm, "/")
+    site = screen.locator(".leaflet-container").first
+    name = site.locator(".map-name")
+    expect(name).to_be_visible()
+    frame, label = site.bounding_box(), name.bounding_box()
+    y = frame["y"] + 0.5 * frame["height"]
+    screen.mouse.move(frame["x"] + 20, y)
+    screen.mouse.down()
+    way = frame["x"] + frame["width"] - label["x"] - 20
+    screen.mouse.move(frame["x"] + 20 + way, y, steps=5)
+    screen.mouse.up()
+    screen.wait_for_function(
+        "each => each.querySelector('.map-name').getBoundingClientRect().right"
+        " <= each.getBoundingClientRect().right",
+        arg=site.element_handle(),
+    )
+
+
+def test_a_refusal_keeps_off_the_edges_of_its_panel(screen, calm):
+    page = screen.context.new_page()
+    page.route(re.compile(r"/api/events\?"), lambda route: route.fulfill(status=500, json={}))
+    open_page(page, calm, "/log#events")
+    notice = page.get_by_role("region", name="Events").locator(".notice")
+    expect(notice).to_be_visible()
+    panel, box = page.get_by_role("region", name="Events").bounding_box(), notice.bounding_box()
+    assert box["x"] - panel["x"] >= 8
+    assert panel["x"] + panel["width"] - box["x"] - box["width"] >= 8
+    page.close()
+
+
+def test_an_order_that_is_done_says_so_and_leaves(screen, calm):
+    screen.set_viewport_size({"width": 360, "height": 780})
+    open_page(screen, calm, "/log")
+    hold(screen, re.compile("Surface mini-1 now"))
+    done = screen.get_by_text("mini-1 is up, as ordered.")
+    expect(done).to_be_visible()
+    expect(done).to_have_count(0)

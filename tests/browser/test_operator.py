@@ -138,7 +138,8 @@ def look_at_the_map(page, demo):
 def test_surface_now_says_what_is_proved(page, demo):
     open_page(page, demo, "/data/grace-1")
     hold(page, re.compile("Surface grace-1 now"))
-    expect(page.get_by_text("grace-1 obeys: it is coming up.")).to_be_visible(timeout=240_000)
+    outcome = re.compile(r"grace-1 (obeys: it is coming up\.|is up, as ordered\.)")
+    expect(page.get_by_text(outcome)).to_be_visible(timeout=240_000)
     for step in ("Queued", "Delivered", "Done"):
         expect(page.get_by_text(step, exact=True)).to_be_visible()
     shoot(page, "surface")

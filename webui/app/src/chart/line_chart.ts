@@ -70,7 +70,7 @@ export function chartOptions(
   return {
     width,
     height,
-    padding: [10, 14, 0, 0],
+    padding: [10, 30, 0, 0],
     legend: { show: false },
     cursor: {
       ...(wish.sync === undefined ? {} : { sync: { key: wish.sync } }),

@@ -18,6 +18,10 @@ export interface MapRobot {
 
 /** Room for the label of one line of the grid, px. */
 const LABEL_PX = 72;
+/** Between a robot and its name, px. */
+const NAME_GAP_PX = 12;
+/** What a tooltip keeps from an arrow that ours has not, and from the edge, px. */
+const EDGE_PX = 8;
 const SVG = 'http://www.w3.org/2000/svg';
 
 /**
@@ -62,6 +66,7 @@ export class SiteDrawing {
     map.on('mouseout', () => onHover(null));
     host.addEventListener('pointerleave', () => onHover(null));
     map.on('dblclick', () => this.fit());
+    map.on('moveend zoomend', () => this.#turnNames());
     map.doubleClickZoom.disable();
     this.fit();
   }
@@ -69,6 +74,7 @@ export class SiteDrawing {
   fit(): void {
     this.#map.invalidateSize(false);
     this.#map.fitBounds(this.#bounds, { padding: [26, 18], animate: false });
+    this.#turnNames();
   }
 
   remove(): void {
@@ -144,6 +150,24 @@ export class SiteDrawing {
       mark.arrow.setAttribute('transform', `rotate(${degrees.toFixed(1)} 14 14)`);
       mark.marker.getElement()?.classList.toggle('map-old', robot.isOld);
     }
+    this.#turnNames();
+  }
+
+  /** A name that would be cut at the right edge stands on the left of its robot. */
+  #turnNames(): void {
+    const width = this.#map.getSize().x;
+    for (const { marker } of this.#marks.values()) {
+      const tooltip = marker.getTooltip();
+      const element = tooltip?.getElement();
+      if (!tooltip || !element) continue;
+      const { x } = this.#map.latLngToContainerPoint(marker.getLatLng());
+      const isCut = x + NAME_GAP_PX + element.offsetWidth + EDGE_PX > width;
+      const direction = isCut ? 'left' : 'right';
+      if (tooltip.options.direction === direction) continue;
+      tooltip.options.direction = direction;
+      tooltip.options.offset = L.point(isCut ? -NAME_GAP_PX : NAME_GAP_PX, 0);
+      tooltip.update();
+    }
   }
 
   #addRobot(robot: MapRobot): { marker: L.Marker; arrow: SVGElement; circle: L.Circle } {
@@ -157,7 +181,7 @@ export class SiteDrawing {
     marker.bindTooltip(robot.name, {
       permanent: true,
       direction: 'right',
-      offset: [12, 0],
+      offset: [NAME_GAP_PX, 0],
       className: 'map-name',
     });
     const circle = L.circle([0, 0], { radius: 1, className: 'map-std', interactive: false });

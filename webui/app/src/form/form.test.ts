@@ -6,6 +6,7 @@ import { Draft, fieldTitle, nodeAt } from './draft.svelte';
 import { formTree, type FormNode, type NumberNode } from './schema';
 import { difference, leaves, withValue } from './value';
 import { valueText } from './value_text';
+import { faultOf } from './own_messages';
 
 const SCHEMA: JsonObject = {
   $defs: {
@@ -284,4 +285,18 @@ describe('a 0 that is no number like others', () => {
     expect(zeroMeaning('A share of the whole; 0.3 is usual. Above 0 only.')).toBe('');
     expect(zeroMeaning('Energy units of one round.')).toBe('');
   });
+});
+
+test('a form says in its own words what its fields lack', () => {
+  const field = { title: '', type: 'text', minLength: 10, min: '1', max: '9' };
+  const fault = (validity: Partial<ValidityState>, more = {}) =>
+    faultOf({ ...field, ...more, validity });
+  expect(fault({ valid: true })).toBe('');
+  expect(fault({ valid: false, valueMissing: true })).toBe('Fill this in.');
+  expect(fault({ valid: false, valueMissing: true }, { type: 'file' })).toBe('Choose a file.');
+  expect(fault({ valid: false, tooShort: true })).toBe('At least 10 characters.');
+  expect(fault({ valid: false, rangeUnderflow: true })).toBe('At least 1.');
+  expect(fault({ valid: false, patternMismatch: true }, { title: 'Lower case only' })).toBe(
+    'Lower case only.',
+  );
 });

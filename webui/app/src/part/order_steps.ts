@@ -1,6 +1,7 @@
 import type { Command, CommandLevelName, RobotLink } from '../api/types';
 import type { Order } from '../live/order.svelte';
-import { carrierName, isSatellite } from '../text/word';
+import type { RobotLive } from '../live/station.svelte';
+import { carrierName, isSatellite, readable } from '../text/word';
 import { shownState } from './link_state';
 import type { Step } from './step';
 
@@ -66,6 +67,30 @@ function carriedBy(proofs: Command['levels'], links: readonly RobotLink[]): stri
   const isOut = radios.length > 0 && radios.every((link) => shownState(link) !== 'live');
   if (isOut && proofs[0]?.level === 'queued') return `${carrierName(first)} does not reach it now`;
   return `by ${carriers.map(carrierName).join(' and ')}`;
+}
+
+/** What a robot does that is at the surface and stays there. */
+const UP: readonly string[] = ['idle', 'surfaced', 'holding'];
+
+/** Whether the robot, heard after it had obeyed an order to surface, was up. */
+export function isUp(command: Command, report: RobotLive['report'] | undefined): boolean {
+  const answer = command.levels.find(({ level }) => level === 'applied');
+  if (command.kind !== 'surface' || !answer || !report) return false;
+  const isNewer = report.links.some(
+    ({ heard_at }) => heard_at !== null && Date.parse(heard_at) >= Date.parse(answer.at),
+  );
+  return isNewer && UP.includes(report.mode ?? '');
+}
+
+/** How far an order is proved; a robot that has come up is not told to be coming up. */
+export function orderText(command: Command, report: RobotLive['report'] | undefined): string {
+  return isUp(command, report) ? `${command.robot} is up, as ordered.` : readable(command.text);
+}
+
+/** Whether nothing more is expected of an order, and nobody has to read why. */
+export function isFinished(command: Command, report: RobotLive['report'] | undefined): boolean {
+  if (command.level === 'applied') return command.kind !== 'surface' || isUp(command, report);
+  return command.level === 'expired';
 }
 
 function openStep({ title, help }: { title: string; help: string }): Step {

@@ -1,8 +1,9 @@
 import { describe, expect, test, vi } from 'vitest';
 import type { Command, Plan, RobotLink } from '../api/types';
+import type { RobotLive } from '../live/station.svelte';
 import { gaugeRow, gaugeRows, reading } from './gauge';
 import { Keyboard } from './keyboard';
-import { commandSteps, orderSteps } from './order_steps';
+import { commandSteps, isFinished, orderSteps, orderText } from './order_steps';
 import { planSentence, planSteps } from './plan_steps';
 
 const EMPTY = {
@@ -65,6 +66,30 @@ describe('an order', () => {
     const steps = commandSteps(command('queued', 'refused'));
     expect(steps.map(({ title }) => title)).toEqual(['Queued', 'Refused']);
     expect(steps.at(-1)).toMatchObject({ isFault: true, detail: 'no plan' });
+  });
+
+  test('to surface is over once the robot is up, and says so', () => {
+    const obeyed = {
+      ...command('queued', 'radio', 'applied'),
+      text: 'mini-1 obeys: it is coming up.',
+    };
+    const report = (mode: string, heard_at: string) =>
+      ({ mode, links: [{ heard_at }] }) as unknown as RobotLive['report'];
+    const rising = report('aborting', '2026-11-21T04:00:09Z');
+    expect([orderText(obeyed, rising), isFinished(obeyed, rising)]).toEqual([obeyed.text, false]);
+    const before = report('idle', '2026-11-21T04:00:01Z');
+    expect(isFinished(obeyed, before)).toBe(false);
+    const up = report('idle', '2026-11-21T04:00:09Z');
+    expect([orderText(obeyed, up), isFinished(obeyed, up)]).toEqual([
+      'mini-1 is up, as ordered.',
+      true,
+    ]);
+  });
+
+  test('that was refused stays until somebody has put it away', () => {
+    expect(isFinished(command('queued', 'refused'), undefined)).toBe(false);
+    expect(isFinished({ ...command('queued', 'applied'), kind: 'hold' }, undefined)).toBe(true);
+    expect(isFinished(command('expired'), undefined)).toBe(true);
   });
 
   test('that expired overrules everything else', () => {

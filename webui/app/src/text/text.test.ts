@@ -3,7 +3,7 @@ import { wgs84 } from './frame';
 import { latitude, longitude } from './position';
 import { age, clockTime, countdown, dateTime, duration } from './time';
 import { energy, bytes, compact, factorText, fixed, plainNumber, screenUnit } from './unit';
-import { lastKnown, lower, overText, planName, readable, words } from './word';
+import { datedActivity, lastKnown, lower, overText, planName, readable, words } from './word';
 
 describe('times', () => {
   test('are UTC with a Z', () => {
@@ -133,11 +133,20 @@ describe('an alarm that is over', () => {
 describe('plans and missions in sentences of the station', () => {
   test('are named as everywhere else', () => {
     expect(readable('Round 1 of mini-1 is plan-1.')).toBe('Round 1 of mini-1 is plan 1.');
+    expect(readable('plan-1 is ready to be sent.')).toBe('Plan 1 is ready to be sent.');
+    expect(readable('It began. mission-2 goes on.')).toBe('It began. Mission 2 goes on.');
+    expect(readable('mini-1 came up.')).toBe('mini-1 came up.');
     expect(readable('Plan-12 replaces plan-11; mission-3 goes on.')).toBe(
       'Plan 12 replaces plan 11; mission 3 goes on.',
     );
     expect(readable('see /api/plans/plan-1')).toBe('see /api/plans/plan-1');
   });
+});
+
+test('an old report is told with its age, beside a link that may be live', () => {
+  const old = 'Last heard: idle at the surface';
+  expect(datedActivity(old, '2 min ago')).toBe('Idle at the surface, as it said 2 min ago');
+  expect(datedActivity('Gliding down', '2 min ago')).toBe('Gliding down');
 });
 
 test('a deviation of a logarithm is told as a factor', () => {

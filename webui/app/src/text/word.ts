@@ -174,7 +174,11 @@ export function planName(id: string | null): string {
 
 /** A sentence of the station with its plans and missions named as the app names them. */
 export function readable(text: string): string {
-  return text.replace(/(?<![\w/-])(plan|mission)-(\d+)\b/gi, '$1 $2');
+  return text
+    .replace(/(?<![\w/-])(plan|mission)-(\d+)\b/gi, '$1 $2')
+    .replace(/(^|[.!?] )(plan|mission)(?= \d)/g, (_, before: string, word: string) => {
+      return before + capital(word);
+    });
 }
 
 export function missionName(id: string): string {
@@ -194,6 +198,12 @@ export function overText(text: string, ago: string): string {
 /** A title inside a sentence; one that begins with an acronym stays as it is. */
 export function lower(title: string): string {
   return /^[A-Z][A-Z]/.test(title) ? title : title.charAt(0).toLowerCase() + title.slice(1);
+}
+
+/** What a robot does; of an old report how old it is, as its link may be live without a newer. */
+export function datedActivity(activity: string, ago: string): string {
+  const old = /^Last heard: (.+)$/.exec(activity)?.[1];
+  return old === undefined ? activity : `${capital(old)}, as it said ${ago || 'long ago'}`;
 }
 
 /** What a robot did when the station was heard last. */

@@ -4,7 +4,7 @@ import { Draft } from '../../form/draft.svelte';
 import { areasOf, currentOf, numberOf } from './config';
 import { KeepOutEditor } from './keep_out_editor.svelte';
 import { fidelityBands, nearestPoint, profileOf } from './profile';
-import { knowing, rehearsalWord, straying } from './rehearsal';
+import { knowing, rehearsalSentence, rehearsalWord, straying } from './rehearsal';
 
 describe('the profile of a plan', () => {
   const dive = (t: number) =>
@@ -14,12 +14,21 @@ describe('the profile of a plan', () => {
       [t + 20, 0, 0, 0, 0.01],
     ] as const;
 
-  const leg = (depth: number) => ({ start_ned: [0, 0, depth] as const, duration_s: 10 });
-  const LEGS = [leg(0), leg(2), leg(0), leg(2)];
+  const leg = (from: number, to: number) => ({
+    start_ned: [0, 0, from] as const,
+    end_ned: [0, 0, to] as const,
+    duration_s: 10,
+  });
+  const LEGS = [leg(0, 2), leg(2, 0), leg(0, 2), leg(2, 0)];
+
+  test('marks how often the robot comes up, as its account does: not where it begins or swims', () => {
+    const swim = [leg(0, 0), ...LEGS, leg(0, 0)];
+    expect(profileOf(dive(0), 60, swim).surfacings).toHaveLength(2);
+  });
 
   test('counts the time before every leg that begins at the surface in', () => {
     const { points, surfacings, duration } = profileOf([...dive(0), ...dive(20)], 60, LEGS);
-    expect(surfacings).toEqual([0, 30]);
+    expect(surfacings).toEqual([30, 60]);
     expect(duration).toBe(60);
     expect(points.map(({ t }) => t)).toEqual([0, 10, 10, 20, 30, 30, 30, 40, 50, 60]);
   });
@@ -56,6 +65,20 @@ describe('a rehearsal', () => {
     position_error_m: null, predicted_error_m: null, planned_worst_std_m: null, within_share: null,
     entered: [], runs: null, duration_s: 100, energy: 5, flown: [], message: '', ...change,
   }); // prettier-ignore
+
+  test('tells the account and the summary before sending the same', () => {
+    const domain = { x_min_m: 0, x_max_m: 2, y_min_m: 0, y_max_m: 1, depth_max_m: 1 };
+    expect(rehearsalSentence(rehearsal({}), domain)).toEqual({
+      text: 'Rehearsed well.',
+      isGood: true,
+    });
+    const beside = rehearsalSentence(rehearsal({ rms_error_m: 0.45 }), domain);
+    expect(beside.isGood).toBe(false);
+    expect(beside.text).toContain('Does it fly the plan? Not well: 0.45 m beside the plan');
+    expect(rehearsalSentence(rehearsal({ completed: false }), domain).isGood).toBe(false);
+    expect(rehearsalSentence(rehearsal({ state: 'skipped' }), domain).text).toBe('Not rehearsed.');
+    expect(rehearsalSentence(null, domain)).toEqual({ text: '', isGood: true });
+  });
 
   test('that did not reach the end is no good news', () => {
     expect(rehearsalWord(rehearsal({ completed: false })).tone).toBe('alarm');

@@ -9,7 +9,7 @@ export interface ProfilePoint {
 
 export interface Profile {
   points: ProfilePoint[];
-  /** Moments at which the robot rests at the surface before a leg that begins there. */
+  /** Moments at which the robot comes up, counted as the account counts them. */
   surfacings: number[];
   duration: number;
 }
@@ -18,24 +18,23 @@ export interface Profile {
  * Depth and position uncertainty over planned time.
  *
  * A plan's points leave out the time at the surface before each leg that begins there; its account
- * does not. What is left over is spread over these surfacings, which are counted as the account does.
+ * does not. What is left over is spread over the rests before these legs.
  */
 export function profileOf(
   points: readonly PlanPoint[],
   duration_s: number | null,
-  legs: readonly Pick<Leg, 'start_ned' | 'duration_s'>[],
+  legs: readonly ProfileLeg[],
 ): Profile {
   const last = points.at(-1)?.[0] ?? 0;
   const waiting = surfaceStarts(legs);
   const pause = waiting.length > 0 ? Math.max(0, (duration_s ?? last) - last) / waiting.length : 0;
-  const surfacings: number[] = [];
+  const surfacings = surfaceEnds(legs).map(({ t, rests }) => t + rests * pause);
   const moved: ProfilePoint[] = [];
   let paused = 0;
   points.forEach(([t, , , depth, std], i) => {
     while (waiting[0] !== undefined && (waiting[0] < t || (i === 0 && waiting[0] <= t))) {
       const start = waiting.shift() ?? 0;
       const [, , , up, sure] = points[i - 1] ?? [0, 0, 0, 0, std];
-      surfacings.push(start + paused);
       moved.push({ t: start + paused, depth: up, std: sure });
       paused += pause;
       moved.push({ t: start + paused, depth: up, std: sure });
@@ -45,8 +44,21 @@ export function profileOf(
   return { points: moved, surfacings, duration: Math.max(last + paused, duration_s ?? 0) };
 }
 
+type ProfileLeg = Pick<Leg, 'start_ned' | 'end_ned' | 'duration_s'>;
+
+/** Flight times at which the robot comes up, and before how many legs it has rested by then. */
+function surfaceEnds(legs: readonly ProfileLeg[]): { t: number; rests: number }[] {
+  let t = 0;
+  let rests = 0;
+  return legs.flatMap(({ start_ned, end_ned, duration_s }) => {
+    t += duration_s;
+    if (start_ned[2] <= 0) rests += 1;
+    return end_ned[2] <= 0 && start_ned[2] > 0 ? [{ t, rests }] : [];
+  });
+}
+
 /** Flight times at which legs begin at the surface. */
-function surfaceStarts(legs: readonly Pick<Leg, 'start_ned' | 'duration_s'>[]): number[] {
+function surfaceStarts(legs: readonly ProfileLeg[]): number[] {
   let t = 0;
   return legs.flatMap(({ start_ned, duration_s }) => {
     const start = t;

@@ -61,6 +61,27 @@ export function straying({ rms_error_m }: Rehearsal, domain: Box): Finding | nul
   };
 }
 
+/** What a rehearsal says of a plan, in one sentence; "" while it has said nothing. */
+export function rehearsalSentence(rehearsal: Rehearsal | null | undefined, domain: Box): Verdict {
+  if (!rehearsal || rehearsal.state === 'working') return { text: '', isGood: true };
+  if (rehearsal.state !== 'done')
+    return { text: `${rehearsalWord(rehearsal).text}.`, isGood: false };
+  if (rehearsal.completed === false) {
+    return { text: 'Its rehearsal was cut short before the end.', isGood: false };
+  }
+  const bad = [straying(rehearsal, domain), knowing(rehearsal)].filter(
+    (each) => each !== null && !each.isGood,
+  );
+  if (bad.length === 0) return { text: 'Rehearsed well.', isGood: true };
+  const told = bad.map((each) => `${each?.question} ${each?.answer}: ${each?.verdict}.`);
+  return { text: `Its rehearsal asks: ${told.join(' ')}`, isGood: false };
+}
+
+export interface Verdict {
+  text: string;
+  isGood: boolean;
+}
+
 /** Whether the predicted uncertainty covers how far the robot is from where it believes to be. */
 export function knowing({ position_error_m, predicted_error_m }: Rehearsal): Finding | null {
   if (typeof position_error_m !== 'number' || typeof predicted_error_m !== 'number') return null;

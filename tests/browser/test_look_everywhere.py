@@ -1,0 +1,104 @@
+"""What holds on every page: nothing cut, what scrolls is announced, and axe-core finds no fault."""
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.browser.test_look import SIZES
+from tests.browser.walk import CHROMIUM, open_page
+from tests.e2e.demo import ROOT
+
+pytestmark = [
+    pytest.mark.browser,
+    pytest.mark.walk,
+    pytest.mark.timeout(900),
+    pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
+]
+
+AXE = ROOT / "webui/app/node_modules/axe-core/axe.min.js"
+PAGES = ["/", "/robot/mini-1", "/plan/mini-1", "/track/mini-1", "/map/mini-1",
+         "/control/mini-1#settings", "/control/mini-1#polar", "/control/mini-1#what-if",
+         "/control/mini-1#identify", "/control/mini-1#parameters", "/data/mini-1", "/log",
+         "/log#alarms", "/log#satellite", "/settings"]  # fmt: skip
+THEMES = ("dark", "day", "night-red")
+GRAVE = ("serious", "critical")
+
+LOOK = """() => {
+  const faults = [];
+  const told = each => `${each.className} "${each.innerText.slice(0, 60)}"`;
+  for (const each of document.querySelectorAll('body *')) {
+    if (each.closest('svg, canvas, iframe, .leaflet-container, .visually-hidden')) continue;
+    const box = each.getBoundingClientRect(), style = getComputedStyle(each);
+    if (!box.width || !box.height || style.visibility === 'hidden') continue;
+    const text = (each.innerText ?? '').trim();
+    const isCut = ['hidden', 'clip'].includes(style.overflowX)
+      && each.scrollWidth > each.clientWidth + 1;
+    const name = each.title || each.getAttribute('aria-label') || '';
+    if (isCut && text && !name.includes(text)) faults.push(`cut: ${told(each)}`);
+    if (each.tagName === 'SELECT') {
+      const pen = document.createElement('canvas').getContext('2d');
+      pen.font = style.font;
+      const breadth = pen.measureText(each.selectedOptions[0]?.text ?? '').width;
+      if (breadth > each.clientWidth - 24) faults.push(`cut choice: ${told(each)}`);
+      const isNamed = each.labels.length > 0 || each.closest('td');
+      if (!isNamed) faults.push(`no visible label: ${told(each)}`);
+    }
+    if (['auto', 'scroll'].includes(style.overflowX) && each.scrollWidth > each.clientWidth + 1
+        && !(each.tabIndex === 0 && each.getAttribute('aria-label') && each.matches(
+          '.more-left, .more-right')))
+      faults.push(`scrolls unannounced: ${told(each)}`);
+    if (each.matches('button:disabled, input:disabled, select:disabled') && !each.title
+        && !each.getAttribute('aria-describedby')) faults.push(`says not why: ${told(each)}`);
+    if (each.matches('.notice')) {
+      const panel = each.closest('section.panel')?.getBoundingClientRect();
+      if (panel && (box.left - panel.left < 6 || panel.right - box.right < 6))
+        faults.push(`no margin: ${told(each)}`);
+    }
+  }
+  if (document.documentElement.scrollWidth > innerWidth) faults.push('wider than the window');
+  return faults;
+}"""
+
+
+@pytest.mark.parametrize("size", SIZES, ids=["wide", "tablet", "phone"])
+def test_no_page_cuts_words_or_scrolls_unannounced(screen, calm, size):
+    screen.set_viewport_size({"width": size[0], "height": size[1]})
+    found = {}
+    for path in PAGES:
+        show(screen, calm, path)
+        if faults := screen.evaluate(LOOK):
+            found[path] = faults
+    assert found == {}
+
+
+@pytest.mark.skipif(not AXE.exists(), reason="axe-core is not among the app's packages here")
+@pytest.mark.parametrize("theme", THEMES)
+@pytest.mark.parametrize("size", [SIZES[0], SIZES[2]], ids=["wide", "phone"])
+def test_axe_finds_nothing_serious(screen, calm, theme, size):
+    screen.set_viewport_size({"width": size[0], "height": size[1]})
+    screen.evaluate(
+        "theme => localStorage.setItem('grace.preference',"
+        " JSON.stringify({ theme, view: 'above', robot: 'mini-1' }))",
+        theme,
+    )
+    found = {}
+    for path in PAGES:
+        show(screen, calm, path)
+        assert screen.evaluate("document.documentElement.dataset.theme") == theme
+        screen.evaluate(AXE.read_text())
+        faults = screen.evaluate(
+            "axe.run({ exclude: [['iframe']] }, { resultTypes: ['violations'], iframes: false })"
+            ".then(({ violations }) => violations.flatMap(({ id, impact, nodes }) =>"
+            " nodes.map(({ html }) => [impact, id, html.slice(0, 160)])))"
+        )
+        if grave := [fault for fault in faults if fault[0] in GRAVE]:
+            found[path] = grave
+    assert found == {}
+
+
+def show(page, demo, path):
+    """Open a page anew; one that differs by its section only would not be read again."""
+    page.goto("about:blank")
+    open_page(page, demo, path)
+    expect(page.get_by_text("Loading the page.")).to_have_count(0)
+    expect(page.get_by_role("status").get_by_text("Asking the station.")).to_have_count(0)
+    page.wait_for_function("document.fonts.ready.then(() => true)")
