@@ -29,12 +29,13 @@ SECRET_BYTES = 32
 _EPOCH = datetime(2015, 1, 1, tzinfo=UTC)
 _TICK = timedelta(microseconds=10)
 _SECOND = 100_000
-_AHEAD = 60 * _SECOND
-"""How far beyond what is kept a sender may stamp before it keeps a new mark."""
-_NEW_STREAM_LAG = 60 * _SECOND
-"""How far behind our own stamp the first frame of a stream may be, as the standard says."""
-_MARK_STEP = _SECOND
-"""How far a stream's stamps may move on before its mark is kept again."""
+_AHEAD_S = 60
+"""Wall seconds beyond what is kept that a sender may stamp before it keeps a new mark."""
+_NEW_STREAM_LAG_S = 60
+"""Wall seconds that the first frame of a stream may be behind our own stamp, as the standard
+says."""
+_MARK_STEP_S = 1
+"""Wall seconds that a stream's stamps may move on before its mark is kept again."""
 _OVERTAKEN = 64
 """Newest stamps of a stream that are remembered one by one."""
 _SYSTEM, _COMPONENT = 5, 6
@@ -63,7 +64,8 @@ class SigningMarks:
     stamp: int = 0
     """No frame was ever sent with a stamp beyond this one."""
     streams: Mapping[Stream, int] = field(default_factory=dict)
-    """Stamps below which nothing of a stream is taken."""
+    """Stamps up to which nothing of a stream is taken after a restart; a little beyond the newest
+    one that was, so that not every frame has to be marked."""
 
 
 class SigningMemory(Protocol):
@@ -186,9 +188,7 @@ class Signing:
         marks = memory.load()
         self._stamp = marks.stamp
         self._reserved = marks.stamp
-        self._windows = {
-            stream: _Window(stamp + _MARK_STEP) for stream, stamp in marks.streams.items()
-        }
+        self._windows = {stream: _Window(stamp) for stream, stamp in marks.streams.items()}
         self._marked = dict(marks.streams)
         self.counts: dict[Verdict, int] = dict.fromkeys(Verdict, 0)
         """Frames by verdict since the start."""
@@ -197,7 +197,7 @@ class Signing:
         """Return the stamp of the next frame to send; none is ever given twice."""
         self._stamp = max(self._stamp + 1, _stamp_of(self._clock.now()))
         if self._stamp > self._reserved:
-            self._reserved = self._stamp + _AHEAD
+            self._reserved = self._stamp + self._ticks(_AHEAD_S)
             self._save()
         return self._stamp
 
@@ -217,19 +217,23 @@ class Signing:
         window = self._windows.get(stream)
         if window is None:
             ours = max(self._stamp, _stamp_of(self._clock.now()))
-            window = _Window(max(0, ours - _NEW_STREAM_LAG))
+            window = _Window(max(0, ours - self._ticks(_NEW_STREAM_LAG_S)))
         if not window.is_fresh(stamp):
             return Verdict.REPLAYED
         self._windows[stream] = window
         window.take(stamp)
         self._stamp = max(self._stamp, stamp)
-        if window.newest >= self._marked.get(stream, 0) + _MARK_STEP:
-            self._marked[stream] = window.newest
+        if window.newest >= self._marked.get(stream, 0):
+            self._marked[stream] = window.newest + self._ticks(_MARK_STEP_S)
             self._save()
         return Verdict.GOOD
 
     def _signature(self, signed: bytes) -> bytes:
         return hashlib.sha256(self.secret + signed).digest()[:6]
+
+    def _ticks(self, wall_s: float) -> int:
+        """Return what stamps move on by within so many seconds of the wall."""
+        return round(wall_s * _SECOND * max(1.0, self._clock.speed))
 
     def _save(self) -> None:
         try:

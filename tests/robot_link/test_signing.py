@@ -129,6 +129,27 @@ def test_nothing_is_taken_or_stamped_twice_over_a_restart(tmp_path: Path, crashe
     assert path.stat().st_mode & 0o777 == 0o600
 
 
+def test_a_fast_demo_marks_no_oftener_than_life_does(tmp_path: Path):
+    class Counted(MemorySigningMemory):
+        saved = 0
+
+        def save(self, marks: SigningMarks) -> None:
+            self.saved += 1
+            super().save(marks)
+
+    clock, memory = SetClock(speed=20.0), Counted()
+    sender, receiver = robot(signing(clock=clock)), signing(memory=memory, clock=clock)
+    taken = []
+    for _ in range(100):  # ten seconds of the wall
+        clock.at += timedelta(seconds=2.0)
+        taken.append(sender.pack(heartbeat()))
+        assert receiver.check(taken[-1]) is Verdict.GOOD
+    assert 5 <= memory.saved <= 12
+    slow = SetClock(clock.at)
+    again = signing(memory=memory, clock=slow)
+    assert {again.check(frame) for frame in taken} == {Verdict.REPLAYED}
+
+
 def test_a_robot_whose_clock_is_years_behind_is_heard_once_it_has_heard_the_station():
     late = SetClock(NOON - timedelta(days=3000))
     on_board, ashore = signing(clock=late), signing()

@@ -39,6 +39,7 @@ def test_a_damaged_key_lets_nobody_in_and_stops_nobody_else(tmp_path, caplog):
     signing = RobotSigning(secrets, SystemClock())
     damaged, whole = signing(ONE), signing(TWO)
     assert damaged is not None
+    assert damaged.fault == "its signing key cannot be read; make a new one"
     assert damaged.check(signed(KEY)) is Verdict.FORGED
     unsigned = Codec(SystemId(1), ROBOT_COMPONENT).pack(
         grace.MAVLink_heartbeat_message(12, 0, 1, 4, 4, 3)
