@@ -95,20 +95,21 @@ class Roster:
             for path in member.peer.paths
             if path.stranger and now_s - path.stranger_s <= TOLD_S
         ]
-        mixed += [
-            f"{path.unproved} speaks as system {system}, too, without its key; it is not obeyed"
-            for path in self._unproved_paths(member)
-            if path.is_fresh(TOLD_S)
-        ]
+        if _is_heard(member):
+            mixed += [
+                f"{path.unproved} speaks as system {system}, too, without its key; it is not obeyed"
+                for path in self._unproved_paths(member)
+            ]
         return "; ".join(filter(None, (self._duplicates.sentence(system, now_s), *mixed)))
 
     def unproved(self, member: Member) -> str:
         """Return a sentence on a robot of which only frames without its key come, or ""."""
+        if _is_heard(member):
+            return ""
         return "; ".join(
             f"what {path.unproved} says as system {member.peer.system} is not signed with the key"
             f" of {member.robot} and is not believed: put the key into the robot"
             for path in self._unproved_paths(member)
-            if not path.is_fresh(TOLD_S)
         )
 
     def _unproved_paths(self, member: Member) -> list[PeerPath]:
@@ -221,6 +222,11 @@ class Roster:
         if self._duplicates.note(system, address, now_s):
             self._tell(member)
         return None
+
+
+def _is_heard(member: Member) -> bool:
+    """Tell whether a robot was heard of late, by whatever link: who lacks its key is another."""
+    return any(path.is_fresh(TOLD_S) for path in member.peer.paths)
 
 
 def _ignore(member: Member) -> None:

@@ -105,6 +105,7 @@ async def case(kind: str, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Case
         monkeypatch.setattr(module, "monotonic_s", lambda: clock_s[0])
     it = Case(f"{kind}://127.0.0.1:{free_port(KIND[kind])}?listen=1", clock_s)
     async with tasks_running(it.station.run):
+        await until(lambda: kind == "tcp" or it.port.max_payload)  # a caller opens TCP
         yield it
 
 
@@ -202,6 +203,37 @@ async def test_one_unsigned_frame_beside_a_signed_robot_on_one_line_is_told_at_o
             conflict = station.link_report(MINI).conflict
     assert f"somebody on {uri} speaks as system" in conflict
     assert "without its key; it is not obeyed" in conflict
+
+
+@pytest.mark.parametrize("kind", KIND)
+async def test_an_impostor_on_another_link_of_the_robot_is_told_at_once(kind: str):
+    async def speak(reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
+        writer.write(frame(robot()))
+        await reader.read()
+
+    async with serving(speak) as number:
+        own = f"tcp://127.0.0.1:{number}"
+        other = f"{kind}://127.0.0.1:{free_port(KIND[kind])}"
+        uris = (own, f"{other}?listen=1")
+        heard, ashore = Heard(), signing()
+        ports = {uri: open_transport(uri) for uri in uris}
+        station = StationLink(
+            ports,
+            {MINI: RobotEndpoint(SYSTEMS[MINI], tuple(RadioPath(uri) for uri in uris))},
+            SystemClock(),
+            heard,
+            replace(HASTE, report_s=3600.0),
+            signing=lambda _robot: ashore,
+        )
+        async with tasks_running(station.run), running(open_transport(other)) as false:
+            await until(lambda: station.link_report(MINI).frames_received == 1)
+            await until(lambda: kind == "tcp" or ports[uris[1]].max_payload)
+            await until(lambda: false.max_payload)
+            await false.send(FAR_END, frame(impostor()))
+            await until(lambda: any(report.conflict for report in heard.of(LinkReport)))
+            assert "127.0.0.1 port" in station.link_report(MINI).conflict
+            reports = {report.uri: report for report in station.link_reports(MINI)}
+            assert reports[uris[1]].frames_received == 0
 
 
 async def test_another_radio_without_the_key_is_told_by_its_address(tmp_path: Path):
