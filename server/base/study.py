@@ -11,7 +11,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from datetime import datetime
-from typing import Any, ClassVar, Generic, TypeVar
+from typing import Annotated, Any, ClassVar, Generic, TypeVar
 
 from pydantic import BaseModel, ValidationError
 from sqlalchemy.orm import Session
@@ -25,6 +25,7 @@ from db.store import Store
 from robot_link.clock import Clock
 from server.base.job import JobBoard, JobError, JobProgress
 from server.base.problem import Problem, conflict
+from server.base.view import one_of
 from server.base.worker import WORKER_FAILURES, WorkerPool
 
 log = logging.getLogger(__name__)
@@ -53,7 +54,7 @@ class StudySummary(Result):
     """A study in a list."""
 
     id: str
-    state: str
+    state: Annotated[str, one_of("running", "done", "failed", "cancelled", "interrupted")]
     """``running``, ``done``, ``failed``, ``cancelled`` or ``interrupted``; those whose kind says so
     can be resumed after the last three."""
     job: str | None

@@ -1,5 +1,6 @@
 """Parents of views and of request bodies, and what views say of documents and words."""
 
+from enum import IntEnum
 from typing import Annotated, Any
 
 import msgspec
@@ -39,6 +40,11 @@ class Body(BaseModel):
 def one_of(*words: str) -> WithJsonSchema:
     """Return what makes the schema of a text name the words that it can be."""
     return WithJsonSchema({"type": "string", "enum": list(words)})
+
+
+def name_of(words: type[IntEnum]) -> WithJsonSchema:
+    """Return what makes the schema of a text name the members of an enumeration, in small."""
+    return one_of(*(word.name.lower() for word in words))
 
 
 def numbers(count: int) -> WithJsonSchema:

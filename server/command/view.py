@@ -10,6 +10,7 @@ from sqlalchemy.orm import Session
 from db.query.commands import CREATED, CommandRecord
 from db.query.outbox import open_outbox
 from db.record import same
+from robot_link.messages import CommandKind
 from server.base.view import View, one_of
 from server.fleet.words import command_text
 
@@ -34,7 +35,7 @@ class CommandView(View):
 
     id: str
     robot: str
-    kind: str
+    kind: Annotated[str, one_of(*CommandKind)]
     level: CommandLevel
     """``created``, ``queued``, ``radio``, ``applied``, ``refused`` or ``expired``."""
     levels: list[LevelView]

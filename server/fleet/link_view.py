@@ -4,7 +4,10 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated
 
+from robot_link.messages import LinkState
 from server.base.view import View, one_of
+
+LinkStateName = Annotated[str, one_of(*LinkState)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,7 +19,7 @@ class RobotLinkView(View):
     """What carries it, such as ``xbee``, ``rockblock`` or ``micromodem``."""
     kind: Annotated[str, one_of("radio", "satellite", "acoustic")]
     """``radio``, ``satellite`` or ``acoustic``."""
-    state: str
+    state: LinkStateName
     """``never_heard``, ``live``, ``stale``, ``submerged``, ``mute`` (the station's own radio does
     not answer), ``port_closed`` or ``unplugged``."""
     is_plugged: bool
@@ -104,11 +107,11 @@ class OutgoingMessageView(View):
     """One message that was handed to a gateway, or waits to be."""
 
     at: datetime
-    kind: str
+    kind: Annotated[str, one_of("plan", "order", "withdrawal")]
     """``plan``, ``order`` or ``withdrawal`` (the robot is to refuse what is left of a plan)."""
     bytes: int
     credits: int
-    state: str
+    state: Annotated[str, one_of("sending", "taken", "radio", "refused", "dropped", "unknown")]
     """``sending``, ``taken``, ``radio``, ``refused``, ``dropped`` or ``unknown`` (nobody knows
     whether the gateway has it)."""
     message_id: str | None

@@ -5,9 +5,12 @@ from datetime import datetime
 from typing import Annotated
 
 from autonomy.site import Site
-from server.base.view import RobotLevel, View, one_of
-from server.fleet.link_view import RobotLinkView
+from robot_link.messages import OnboardPlanState, RobotMode
+from server.base.view import RobotLevel, View, name_of, one_of
+from server.fleet.link_view import LinkStateName, RobotLinkView
 from server.fleet.target_view import TargetReportView
+
+RobotModeName = Annotated[str, name_of(RobotMode)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -16,9 +19,9 @@ class LinkView(View):
 
     carrier: str
     """Kind of the link that was heard last, such as ``xbee``; empty before the first byte."""
-    state: str
-    """``never_heard``, ``live``, ``stale``, ``submerged``, ``port_closed`` or
-    ``unplugged``."""
+    state: LinkStateName
+    """``never_heard``, ``live``, ``stale``, ``submerged``, ``mute`` (the station's own radio does
+    not answer), ``port_closed`` or ``unplugged``."""
     heard_at: datetime | None
     age_s: float | None
     """Time since the last byte."""
@@ -76,7 +79,7 @@ class OnboardPlanView(View):
     plan_id: str | None
     """The station's plan with this hash; ``null`` when the robot holds a stranger's."""
     sha256: str | None
-    state: str
+    state: Annotated[str, name_of(OnboardPlanState)]
     leg: int
     legs: int
     energy_used: float
@@ -91,7 +94,7 @@ class StateView(View):
     channels: dict[str, ChannelView]
     """By channel key, which carries the unit; field variables are channels too."""
     position: PositionView | None
-    mode: str | None
+    mode: RobotModeName | None
     activity: str
     """What the robot is doing, in words."""
     plan: OnboardPlanView | None
@@ -128,15 +131,16 @@ class RobotView(View):
     """Key of the vehicle in the catalogue, empty for a recording of something unknown."""
     model_note: str
     """What to know about the model's parameters."""
-    model_origin: str
-    """Where the model comes from: ``built-in``, ``file`` or ``identified``."""
+    model_origin: Annotated[str, one_of("built-in", "file", "identified", "")]
+    """Where the model comes from: ``built-in``, ``file`` or ``identified``; empty for a
+    recording of something unknown."""
     kind: Annotated[str, one_of("real", "simulated", "recorded")]
     """``real``, ``simulated`` or ``recorded``."""
     system_id: int | None
     simulated: bool
     site: Site
     link: LinkView
-    mode: str | None
+    mode: RobotModeName | None
     activity: str
     mission_id: str | None
     """The mission that concerns the operator now."""

@@ -150,7 +150,7 @@ class KeptComparison(ComparedSamples):
 class MapComparisonView(ComparedSamples):
     """All field models on the same samples."""
 
-    state: str
+    state: Annotated[str, one_of("none", "working", "ready")]
     """``none``, ``working`` or ``ready``; while one works, the rest is the one before."""
     job: str | None
     """The job that works."""

@@ -7,6 +7,7 @@ from typing import Annotated
 from autonomy.planner.plan import PrimitiveKind
 from server.base.view import SettingsDocument, View, numbers, one_of
 from server.fleet.link_view import TransferPartView
+from server.fleet.routing import RequestedLink
 
 PlanState = Annotated[
     str,
@@ -15,6 +16,7 @@ PlanState = Annotated[
         "done", "failed", "superseded", "cancelled",
     ),
 ]  # fmt: skip
+PlanKind = Annotated[str, one_of("adaptive_survey", "primitives", "track_target")]
 PlanStage = Annotated[str, one_of("waiting", "searching", "rehearsing")]
 TrajectoryPoint = Annotated[list[float], numbers(5)]
 """Time s, north, east, down m, standard deviation of the position m."""
@@ -184,7 +186,7 @@ class PlanView(View):
 
     id: str
     robot: str
-    kind: str
+    kind: PlanKind
     mission_id: str | None
     round: int
     state: PlanState
@@ -250,7 +252,7 @@ class PlanSummaryView(View):
 
     id: str
     robot: str
-    kind: str
+    kind: PlanKind
     mission_id: str | None
     round: int
     state: PlanState
@@ -290,19 +292,22 @@ class TransferView(View):
     id: str
     robot: str
     plan_id: str
-    state: str
+    state: Annotated[
+        str,
+        one_of("waiting", "sending", "on_board", "running", "failed", "withdrawn", "superseded"),
+    ]
     """``waiting``, ``sending``, ``on_board``, ``running``, ``failed``, ``withdrawn`` or
     ``superseded``."""
     items_sent: int
     items: int
     bytes: int
-    level: str
+    level: Annotated[str, one_of("created", "queued", "radio", "applied")]
     """How far it is proved: ``created`` (nothing left the station), ``queued``, ``radio`` or
     ``applied``."""
     started_at: datetime
     ended_at: datetime | None
     reason: str
-    route: str = "auto"
+    route: RequestedLink = "auto"
     """What was asked for: ``auto``, ``radio`` or ``satellite``."""
     carrier: str = ""
     """What carries it now, such as ``xbee`` or ``rockblock``; empty before the first byte."""

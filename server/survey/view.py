@@ -6,6 +6,7 @@ from typing import Annotated
 
 from server.base.view import SettingsDocument, View, one_of
 from server.map.view import ScoresView
+from server.plan.view import PlanState
 
 MissionState = Annotated[
     str,
@@ -21,7 +22,7 @@ class RoundView(View):
 
     round: int
     plan_id: str
-    state: str
+    state: PlanState
     energy: float
     """Spent as the robot reports it; planned while the round has not begun."""
     objective: float | None
@@ -54,7 +55,7 @@ class MissionView(View):
 
     id: str
     robot: str
-    kind: str
+    kind: Annotated[str, one_of("adaptive_survey")]
     state: MissionState
     """``planning``, ``ready``, ``running``, ``replanning``, ``scoring``, ``done``, ``failed`` or
     ``stopped``."""

@@ -52,3 +52,33 @@ def test_the_live_stream_is_described(document):
     batch = document["components"]["schemas"]["LiveBatchView"]
     assert {*SECTIONS, "events", "alarms"} <= set(batch["required"])
     assert "101" in document["paths"]["/api/live"]["get"]["responses"]
+
+
+STATES = {"state", "mode", "level", "phase", "status", "stage"}
+"""Names of fields that tell how things stand."""
+
+
+def free_states(document: dict[str, Any]) -> Iterator[str]:
+    """Tell the fields of a state that may be any text."""
+    for name, schema in document["components"]["schemas"].items():
+        for field, told in schema.get("properties", {}).items():
+            kinds = [
+                document["components"]["schemas"].get(
+                    str(one.get("$ref", "")).rsplit("/", 1)[-1], one
+                )
+                for one in told.get("anyOf", [told])
+            ]
+            if field in STATES and {"type": "string"} in [
+                {key: one[key] for key in one.keys() & {"type", "enum", "const"}} for one in kinds
+            ]:
+                yield f"{name}.{field}"
+
+
+def test_every_state_names_the_words_that_it_can_be(document):
+    assert list(free_states(document)) == []
+
+
+def test_a_state_that_may_be_any_text_is_noticed():
+    fields = {"state": {"type": "string"}, "level": {"enum": ["high"], "type": "string"}}
+    schemas = {"JobView": {"properties": fields}}
+    assert list(free_states({"components": {"schemas": schemas}})) == ["JobView.state"]

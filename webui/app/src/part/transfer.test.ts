@@ -17,7 +17,10 @@ function part(index: number, level: TransferPart['level']): TransferPart {
   };
 }
 
-function transfer(parts: TransferPart[], more: Partial<Transfer> = {}): Transfer {
+/** Also of words that this app does not know yet. */
+type Changes = Partial<Omit<Transfer, 'state' | 'level'>> & { state?: string; level?: string };
+
+function transfer(parts: TransferPart[], more: Changes = {}): Transfer {
   return {
     id: 'transfer-1',
     robot: 'grace-1',
@@ -39,7 +42,7 @@ function transfer(parts: TransferPart[], more: Partial<Transfer> = {}): Transfer
     reason: '',
     parts,
     ...more,
-  };
+  } as Transfer;
 }
 
 const shown = (of: Transfer) =>

@@ -116,7 +116,6 @@ export function leftOutText(
 }
 
 const STATES: Record<RunState, VerdictWord> = {
-  queued: { text: 'Waiting for its turn', tone: 'plain' },
   running: { text: 'Running', tone: 'accent' },
   done: { text: 'Done', tone: 'ok' },
   failed: { text: 'Failed', tone: 'alarm' },
@@ -134,5 +133,5 @@ export function runWord(state: RunState): VerdictWord {
 }
 
 export function isUnderWay(state: RunState | undefined): boolean {
-  return state === 'queued' || state === 'running';
+  return state === 'running';
 }
