@@ -208,7 +208,8 @@ class Planning:
                 whose vehicle is not known.
         """
         record = await self._ledger.get(plan)
-        if record.state != "draft" or "settings" not in record.document:
+        has_legs = record.kind != FOLLOW_TARGET and "settings" in record.document
+        if record.state != "draft" or not has_legs:
             raise conflict(f"{plan} is no draft with legs; only such a one can be rehearsed.")
         if plan in self._tasks:
             raise conflict(f"{plan} is being rehearsed already.")

@@ -11,6 +11,8 @@ from autonomy.planner.outcome import as_candidate
 from autonomy.planner.plan import Candidate, Leg, PositionNed, PrimitiveKind
 from server.base.problem import FieldError, unprocessable
 
+POINTS_MAX = 20_000
+"""Of the points that a plan is looked at by, one each ``point_interval_s``."""
 _SPEEDS = {
     PrimitiveKind.GLIDE: "glide_speed_m_s",
     PrimitiveKind.SPIRAL: "spiral_speed_m_s",
@@ -38,13 +40,20 @@ def legs_from(
     """Lay legs end to end from a point of the surface.
 
     Raises:
-        Problem: 422 with the path of each leg that does not move the robot.
+        Problem: 422 with the path of each leg that does not move the robot, or where all take
+            too long to be looked at.
     """
     here: PositionNed = (*start_xy, 0.0)
     legs: list[Leg] = []
     errors: list[FieldError] = []
     for i, request in enumerate(requests):
-        leg = _leg(config, here, request)
+        try:
+            leg = _leg(config, here, request)
+        except ValueError as error:
+            raise unprocessable(
+                f"Leg {i + 1} cannot be swum.",
+                [FieldError(loc=["legs", i, "end_ned"], msg=str(error))],
+            ) from error
         if not (math.isfinite(leg.duration_s) and leg.duration_s > 0.0):
             loc: list[str | int] = ["legs", i, "end_ned"]
             errors.append(FieldError(loc=loc, msg=f"this {request.kind} does not move the robot"))
@@ -52,6 +61,13 @@ def legs_from(
         here = leg.end_ned
     if errors:
         raise unprocessable(f"{len(errors)} legs do not move the robot.", errors)
+    duration_s, interval_s = sum(leg.duration_s for leg in legs), config.primitives.point_interval_s
+    if not duration_s / interval_s <= POINTS_MAX:
+        text = (
+            f"they take {duration_s:.3g} s, which at a point each {interval_s:g} s is more than "
+            f"the {POINTS_MAX:,} points of a plan"
+        )
+        raise unprocessable("The legs take too long.", [FieldError(loc=["legs"], msg=text)])
     return tuple(legs)
 
 

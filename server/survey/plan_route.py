@@ -44,19 +44,25 @@ class SurveyPlanRequest(Body):
     """A mission that waits for its start: the plan takes the place of its newest draft."""
 
 
+FAR_M = 1e6
+"""Nothing of a plan is farther from anything else."""
+Place = Annotated[float, Field(ge=-FAR_M, le=FAR_M)]
+Turn = Annotated[float, Field(ge=-1e4, le=1e4)]
+
+
 class LegBody(Body):
     """One motion primitive; it starts where the one before ended."""
 
     kind: PrimitiveKind
-    end_ned: tuple[float, float, float]
+    end_ned: tuple[Place, Place, Place]
     """North, east, depth. Of a dive or spiral only the depth counts."""
     speed_m_s: float | None = Field(default=None, gt=0.0, le=5.0)
     """Vertical speed, of a swim the speed over ground; by default the planner's."""
-    heading_rad: float = 0.0
+    heading_rad: Turn = 0.0
     """Heading at which a spiral is entered."""
-    radius_m: float = Field(default=0.0, ge=0.0)
+    radius_m: float = Field(default=0.0, ge=0.0, le=FAR_M)
     """Radius of a spiral."""
-    turn_rad: float = 0.0
+    turn_rad: Turn = 0.0
     """Angle that a spiral turns through, positive to starboard."""
 
 

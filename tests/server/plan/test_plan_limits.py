@@ -42,3 +42,30 @@ async def test_wrong_settings_are_named_by_their_field(client, config, field):
     answer = await refused(client, **config)
     assert answer.status_code == 422
     assert all(error["loc"][:2] == ["config", field] for error in answer.json()["errors"])
+
+
+def dive(depth_m, **more):
+    return {"kind": "dive", "end_ned": [0.0, 0.0, depth_m], **more}
+
+
+@pytest.mark.parametrize(
+    ("legs", "config", "where"),
+    [
+        ([dive(1e300)], {}, ["legs", 0, "end_ned", 2]),
+        ([dive(0.3, speed_m_s=1e-12), dive(0.0)], {}, ["legs"]),
+        ([dive(0.3), dive(0.0)], {"primitives": {"point_interval_s": 1e-12}}, ["legs"]),
+        (
+            [{"kind": "swim", "end_ned": [1.5, 0.6, 0.0]}],
+            {"current": {"north_m_s": -0.9}},
+            ["legs", 0, "end_ned"],
+        ),
+    ],
+)
+async def test_legs_without_measure_are_refused_by_what_is_wrong_of_them(
+    client, legs, config, where
+):
+    body = {"kind": "primitives", "legs": legs, "config": config}
+    answer = await client.post("/api/robots/mini-1/plans", json=body)
+    assert answer.status_code == 422
+    [error] = answer.json()["errors"]
+    assert [part for part in error["loc"] if part != "primitives"] == where

@@ -45,6 +45,13 @@ async def test_it_is_a_draft_at_once_with_settings_account_and_hash(client):
     assert found["message"] == "It follows a virtual target for 300 s, at the surface."
 
 
+async def test_it_has_no_legs_to_rehearse(client):
+    found = await draft(client)
+    refused = await client.post(f"/api/plans/{found['id']}/rehearse")
+    assert refused.status_code == 409
+    assert "no draft with legs" in refused.json()["detail"]
+
+
 async def test_path_of_a_virtual_target_lasts_as_long_as_the_mission(client):
     target = {"path": "line", "speed_m_s": 0.001, "north_m": 1.0, "east_m": 0.5}
     found = await draft(client, {"target": target, "motion": {"duration_s": 200.0}})
