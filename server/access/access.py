@@ -3,7 +3,7 @@
 import asyncio
 import contextlib
 import secrets
-from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from datetime import datetime, timedelta
 from typing import Literal
@@ -78,8 +78,6 @@ class Access:
         self._clock = clock
         self._wall = wall
         self._session_length = timedelta(hours=session_hours)
-        self.streams: Counter[str] = Counter()
-        """How many streams are open, by the name of who opened them."""
         self._throttle = Throttle()
         self._gate, self._gate_of_known = HashGate(), HashGate()
         self._first_code: str | None = None
@@ -215,6 +213,23 @@ class Access:
             return await self._nobody()
         person = found.person
         return Caller(person.name, Role(person.role), found.expires_at, found.csrf_token, proof)
+
+    async def roles_of(self, proofs: Collection[Proof]) -> dict[Proof, Role]:
+        """Return what each proof lets somebody do; those that are worth nothing are left out."""
+        at = self._wall.now()
+
+        def role(session: Session, proof: Proof) -> str | None:
+            if proof.kind == "token":
+                token = query.find_token(session, proof.digest, at)
+                return None if token is None else token.role
+            found = query.find_session(session, proof.digest, at)
+            return None if found is None else found.person.role
+
+        def roles(session: Session) -> dict[Proof, Role]:
+            told = {proof: role(session, proof) for proof in proofs}
+            return {proof: Role(one) for proof, one in told.items() if one is not None}
+
+        return await self._store.query(roles)
 
     async def run(self) -> None:
         """End what expires, until cancelled: a clock that is set back brings nothing to life."""

@@ -16,7 +16,7 @@ from fastapi.dependencies.models import Dependant
 from server.access.access import Access, Caller
 from server.access.guard import Guard
 from server.access.role import Right
-from server.access.stream import Tickets
+from server.access.stream import SignInWatch, Tickets
 from server.base.dependency import FoundationDep, service
 
 
@@ -31,6 +31,7 @@ def get_access(foundation: FoundationDep) -> Access:
 
 
 AccessDep = Annotated[Access, Depends(get_access)]
+SignInWatchDep = Annotated[SignInWatch, Depends(service(SignInWatch))]
 TicketsDep = Annotated[Tickets, Depends(service(Tickets))]
 GuardDep = Annotated[Guard, Depends(get_guard)]
 

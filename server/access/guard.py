@@ -106,6 +106,7 @@ class Guard:
             )
         if right not in found.role.rights:
             raise Problem(403, f"{found.name} is a {found.role} and may not do this.")
+        request.state.caller = found
         return found
 
     async def websocket_caller(self, websocket: WebSocket, right: Right = Right.VIEW) -> Caller:

@@ -5,7 +5,7 @@ from server.access import people_route, session_route
 from server.access.access import Access
 from server.access.failure import SignInFailures
 from server.access.guard import Guard
-from server.access.stream import Tickets
+from server.access.stream import SignInWatch, Tickets
 from server.access.throttle import KnownBrowsers
 from server.base.foundation import Foundation
 
@@ -21,5 +21,7 @@ def install(foundation: Foundation) -> None:
     foundation.lifetime.on_start(failures.forget)
     foundation.lifetime.run("sign-ins", access.run)
     foundation.services.add(access)
+    watch = foundation.services.add(SignInWatch(access))
+    foundation.lifetime.run("sign-ins in use", watch.run)
     tickets = foundation.services.add(Tickets(access))
     foundation.services.add(Guard(access, tickets, settings))

@@ -1,11 +1,16 @@
 """What holds for every request, whichever route takes it."""
 
+import asyncio
+from contextlib import ExitStack
+
 from starlette.datastructures import MutableHeaders
 from starlette.requests import Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
+from server.access.access import Caller
 from server.access.body import BodyReader
 from server.access.guard import Guard
+from server.access.stream import SignInEndedError, SignInWatch
 from server.base.problem import problem_response
 
 _HEADERS = {
@@ -18,8 +23,43 @@ _HEADERS = {
 _TLS_ONLY = "max-age=31536000"
 
 
+class _Download:
+    """The sign-in behind an answer that is sent in pieces."""
+
+    def __init__(self, watch: SignInWatch, request: Request) -> None:
+        self._watch = watch
+        self._request = request
+        self._stack = ExitStack()
+        self._ended: asyncio.Event | None = None
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, _kind: object, error: BaseException | None, _trace: object) -> bool:
+        self._stack.close()
+        return isinstance(error, SignInEndedError)
+
+    def check(self) -> None:
+        """Look before each piece.
+
+        Raises:
+            SignInEndedError: If whoever asked may not have it any more.
+        """
+        caller: Caller | None = getattr(self._request.state, "caller", None)
+        if caller is None:
+            return
+        if self._ended is None:
+            self._ended = self._stack.enter_context(self._watch.watching(caller))
+        if self._ended.is_set():
+            raise SignInEndedError
+
+
 class RequestGuard:
-    """Refuses foreign host names and unsound bodies, and tells browsers to be careful."""
+    """Refuses foreign host names and unsound bodies, and tells browsers to be careful.
+
+    A download ends with the sign-in that began it: its connection breaks off, so that nobody takes
+    what came for the whole.
+    """
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -31,7 +71,9 @@ class RequestGuard:
             await self._app(scope, receive, send)
             return
         request = Request(scope)
-        guard = request.app.state.foundation.services.get(Guard)
+        scope.setdefault("state", {})
+        services = request.app.state.foundation.services
+        guard, download = services.get(Guard), _Download(services.get(SignInWatch), request)
 
         async def send_guarded(message: Message) -> None:
             if message["type"] == "http.response.start":
@@ -42,10 +84,12 @@ class RequestGuard:
                     headers.setdefault("Strict-Transport-Security", _TLS_ONLY)
                 if request.url.path.startswith("/api/"):
                     headers.setdefault("Cache-Control", "no-store")
+            elif message.get("more_body"):
+                download.check()
             await send(message)
 
         if guard.host_is_ours(request):
-            with self._bodies.guard(request, receive, guard) as body:
+            with self._bodies.guard(request, receive, guard) as body, download:
                 await self._app(scope, body.receive, send_guarded)
         else:
             refusal = problem_response(421, f"This station is not {request.url.hostname}.")

@@ -1,7 +1,9 @@
-"""Streams: a ticket opens one, and it ends with the sign-in that opened it."""
+"""Streams and downloads: a ticket opens one, and it ends with the sign-in that opened it."""
 
 import asyncio
-from collections.abc import Callable, Coroutine
+from collections import Counter
+from collections.abc import Callable, Coroutine, Generator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from typing import Any, Final, TypeAlias
 
@@ -21,7 +23,7 @@ TICKETS_MAX: Final = 1000
 STREAMS_MAX: Final = 100
 """Of one person or script at once."""
 LOOK_S: Final = 0.3
-"""Between two looks whether a stream's sign-in still holds; another process may end it too."""
+"""Between two looks whether the sign-ins in use still hold; another process may end one too."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,24 +60,56 @@ class Tickets:
         return await self._access.caller_of(issued.proof)
 
 
-async def until_ended(access: Access, caller: Caller) -> None:
-    """Wait until a caller's sign-in has ended or lets them do something else than before.
+class SignInEndedError(Exception):
+    """What is being sent is no business of who asked for it any more."""
 
-    A failing storage ends nobody's: what it is about is shown by the streams.
+
+class SignInWatch:
+    """Looks at the sign-ins of everything that lasts, all at once and only while there is any.
+
+    Belongs to one event loop. A failing storage ends nobody's: what it is about is shown by the
+    streams.
     """
-    while True:
-        await asyncio.sleep(LOOK_S)
+
+    def __init__(self, access: Access) -> None:
+        self.streams: Counter[str] = Counter()
+        """How many streams are open, by the name of who opened them."""
+        self._access = access
+        self._watched: dict[asyncio.Event, Caller] = {}
+        self._has_some = asyncio.Event()
+
+    @contextmanager
+    def watching(self, caller: Caller) -> Generator[asyncio.Event]:
+        """Give what is set once a caller's sign-in has ended, or lets them do something else."""
+        ended = asyncio.Event()
+        self._watched[ended] = caller
+        self._has_some.set()
         try:
-            now = await access.caller_of(caller.proof)
-        except (StoreError, SQLAlchemyError):
-            continue
-        if now is None or now.role != caller.role:
-            return
+            yield ended
+        finally:
+            del self._watched[ended]
+
+    async def run(self) -> None:
+        """Look at what is watched, until cancelled."""
+        while True:
+            await self._has_some.wait()
+            await asyncio.sleep(LOOK_S)
+            watched = dict(self._watched)
+            if not watched:
+                self._has_some.clear()
+                continue
+            try:
+                roles = await self._access.roles_of({each.proof for each in watched.values()})
+            except (StoreError, SQLAlchemyError):
+                continue
+            for ended, caller in watched.items():
+                if roles.get(caller.proof) != caller.role:
+                    ended.set()
 
 
 async def serve_stream(
     websocket: WebSocket,
-    access: Access,
+    watch: SignInWatch,
     caller: Caller,
     name: str,
     *directions: Direction,
@@ -85,11 +119,21 @@ async def serve_stream(
     The browser is told 1001 where the far end has gone, 1008 where its sign-in ended, and 1013
     where its person has too many streams already.
     """
-    if access.streams[caller.name] >= STREAMS_MAX:
+    if watch.streams[caller.name] >= STREAMS_MAX:
         await websocket.close(status.WS_1013_TRY_AGAIN_LATER)
         return
-    access.streams[caller.name] += 1
-    ending = asyncio.create_task(until_ended(access, caller), name=f"sign-in of a {name}")
+    with watch.watching(caller) as ended:
+        watch.streams[caller.name] += 1
+        try:
+            await _serve_until(ended, websocket, name, directions)
+        finally:
+            watch.streams[caller.name] -= 1
+
+
+async def _serve_until(
+    ended: asyncio.Event, websocket: WebSocket, name: str, directions: tuple[Direction, ...]
+) -> None:
+    ending = asyncio.create_task(ended.wait(), name=f"sign-in of a {name}")
     running = [asyncio.create_task(one(), name=f"{name} to a client") for one in directions]
     try:
         await asyncio.wait((ending, *running), return_when=asyncio.FIRST_COMPLETED)
@@ -98,7 +142,6 @@ async def serve_stream(
         elif not any(one.done() and _is_gone(one.exception()) for one in running):
             await websocket.close(status.WS_1001_GOING_AWAY)
     finally:
-        access.streams[caller.name] -= 1
         for task in (ending, *running):
             task.cancel()
         results = await asyncio.gather(ending, *running, return_exceptions=True)

@@ -15,7 +15,7 @@ from fastapi.responses import RedirectResponse
 from pydantic import Field
 
 from robot_link.messages import RobotId
-from server.access.dependency import AccessDep, Pilot, Viewer, WebSocketViewer
+from server.access.dependency import Pilot, SignInWatchDep, Viewer, WebSocketViewer
 from server.access.role import Right
 from server.access.stream import Direction, serve_stream
 from server.base.dependency import service
@@ -118,7 +118,7 @@ async def pipe_view(
     websocket: WebSocket,
     robot: RobotId,
     caller: WebSocketViewer,
-    access: AccessDep,
+    watch: SignInWatchDep,
     scenes: SceneHostDep,
 ) -> None:
     """Carry messages between a browser and the robot's scene until either end closes.
@@ -154,7 +154,7 @@ async def pipe_view(
                     await websocket.send_bytes(content)
 
         await serve_stream(
-            websocket, access, caller, "3D view", _until_closed(to_scene), _until_closed(to_browser)
+            websocket, watch, caller, "3D view", _until_closed(to_scene), _until_closed(to_browser)
         )
 
 

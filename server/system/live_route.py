@@ -5,7 +5,7 @@ from typing import Annotated
 from fastapi import APIRouter, Depends, Query, WebSocket, WebSocketDisconnect
 
 from db.query.events import last_cursor
-from server.access.dependency import AccessDep, WebSocketViewer
+from server.access.dependency import SignInWatchDep, WebSocketViewer
 from server.access.stream import serve_stream
 from server.base.dependency import StoreDep, service
 from server.base.live_feed import LiveFeed
@@ -20,7 +20,7 @@ LiveFeedDep = Annotated[LiveFeed, Depends(service(LiveFeed))]
 async def live(
     websocket: WebSocket,
     caller: WebSocketViewer,
-    access: AccessDep,
+    watch: SignInWatchDep,
     feed: LiveFeedDep,
     store: StoreDep,
     robots: Annotated[str | None, Query(description="Ids, separated by commas.")] = None,
@@ -43,4 +43,4 @@ async def live(
             pass
         raise WebSocketDisconnect
 
-    await serve_stream(websocket, access, caller, "live stream", tell, hear)
+    await serve_stream(websocket, watch, caller, "live stream", tell, hear)

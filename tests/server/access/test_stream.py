@@ -2,8 +2,10 @@
 
 import asyncio
 import contextlib
+import threading
 from datetime import UTC, datetime, timedelta
 
+import httpx
 import pytest
 import viser
 import websockets
@@ -13,8 +15,9 @@ from db.person_tables import Session as SessionRow
 from server.access import stream
 from server.access.access import Access
 from server.access.role import Role
-from server.access.stream import LOOK_S
-from tests.server.conftest import GRACE, until
+from server.access.stream import LOOK_S, SignInWatch
+from server.target import route as target_route
+from tests.server.conftest import GRACE, MINI, until
 from tests.server.station_app import PASSWORD, client_of, token_of
 
 SOON_S = 1.0
@@ -110,7 +113,55 @@ async def test_nobody_opens_streams_without_end(client, address, monkeypatch):
             with pytest.raises(websockets.ConnectionClosedError):
                 await second.recv()
             assert second.close_code == 1013
-    access = client.app.state.foundation.services.get(Access)
-    await until(lambda: not +access.streams)
+    watch = client.app.state.foundation.services.get(SignInWatch)
+    await until(lambda: not +watch.streams)
     async with websockets.connect(uri + await ticket(client)) as again:
         await again.recv()
+
+
+async def test_many_streams_of_one_sign_in_are_one_question(client, address, monkeypatch):
+    access = client.app.state.foundation.services.get(Access)
+    asked, ask = [], access.roles_of
+
+    async def note(proofs):
+        asked.append(len(proofs))
+        return await ask(proofs)
+
+    monkeypatch.setattr(access, "roles_of", note)
+    uri = f"ws://{address}/api/live?ticket="
+    async with contextlib.AsyncExitStack() as streams:
+        for _ in range(5):
+            stream = websockets.connect(uri + await ticket(client))
+            await (await streams.enter_async_context(stream)).recv()
+        asked.clear()
+        await until(lambda: len(asked) > 2)
+        assert set(asked) == {1}
+
+
+async def rest_of(pieces):
+    async for _ in pieces:
+        pass
+
+
+async def test_a_download_ends_within_a_second_of_its_sign_in(client, address, bob, monkeypatch):
+    is_over = threading.Event()
+
+    def endless(*_):
+        while not is_over.wait(0.01):
+            yield "row\n"
+
+    monkeypatch.setattr(target_route, "target_csv_blocks", endless)
+    path = f"http://{address}/api/robots/{MINI}/tracking.csv"
+    headers = {"Authorization": f"Bearer {await token_of(client.app, Role.PILOT, 'plot')}"}
+    try:
+        async with (
+            httpx.AsyncClient(timeout=60) as browser,
+            browser.stream("GET", path, headers=headers) as answer,
+        ):
+            pieces = answer.aiter_bytes()
+            await anext(pieces)
+            await revoke(client, bob)
+            with pytest.raises(httpx.RemoteProtocolError):
+                await asyncio.wait_for(rest_of(pieces), 60)
+    finally:
+        is_over.set()
