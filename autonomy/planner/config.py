@@ -240,9 +240,9 @@ class PlannerConfig(Configuration):
 
     domain: Box = quantity(Box(), title="Domain")
     """The part of the water to explore; no planned point leaves it."""
-    total_budget: float = quantity(80.0, title="Total energy budget", gt=0.0)
+    total_budget: float = quantity(80.0, "units", title="Total energy budget", gt=0.0)
     """Energy units for the whole survey: a glide or spiral costs 1.5, a dive 1, and time."""
-    round_budget: float = quantity(20.0, title="Energy budget of a round", gt=0.0)
+    round_budget: float = quantity(20.0, "units", title="Energy budget of a round", gt=0.0)
     """Energy units for one round, after which the map is updated and the next round planned."""
     time_budget_s: float = quantity(
         0.0, "s", title="Time budget of a round", ge=0.0, le=2_592_000.0

@@ -59,6 +59,8 @@ class Draft:
     """When that version was saved."""
     surfacings: int
     satellite_bytes: int
+    energy_wh: float | None
+    """About what the energy units are in watt-hours, ``None`` where nobody knows."""
     tariff: Tariff
     """By which sending it by satellite is charged."""
 
@@ -94,6 +96,7 @@ def draft_document(draft: Draft) -> dict[str, Any]:
                 credits=mission_credits(draft.mission, draft.tariff),
                 surfacings=draft.surfacings,
                 satellite_bytes=draft.satellite_bytes,
+                energy_wh=draft.energy_wh,
             )
         ),
         "violations": [asdict(violation) for violation in draft.violations],

@@ -5,11 +5,13 @@ from datetime import datetime, timedelta
 
 from autonomy.configuration import Configuration
 from autonomy.field.config import FieldConfig
+from autonomy.planner.capability import joules_per_unit
 from autonomy.planner.check.check import outdated, violations
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg.edge import surfacings
 from autonomy.planner.plan import Candidate, Leg
 from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.steady import NoSteadyGlideError
 from autonomy.vehicle.trim import TrimConfig, trim_flaw
 from db.query.plans import PlanRecord
 from robot_link.mission import Mission, MissionSettings
@@ -22,6 +24,7 @@ from server.plan.document import Draft, legs_of
 from server.plan.target_check import outdated_target
 from server.plan.view import ViolationView
 
+_J_PER_WH = 3600.0
 SENDABLE = ("draft", "on_board")
 """States of a plan that can be sent; one that is on board already is only started."""
 
@@ -65,8 +68,16 @@ def draft_of(
         trim_at=trim.changed_at,
         surfacings=comes_up,
         satellite_bytes=comes_up * config.mission.surfacing_bytes,
+        energy_wh=None if vehicle is None else _watt_hours(vehicle, config, best.energy),
         tariff=tariff,
     )
+
+
+def _watt_hours(vehicle: Vehicle, config: PlannerConfig, units: float) -> float | None:
+    try:
+        return units * joules_per_unit(vehicle, config.primitives, config.energy) / _J_PER_WH
+    except NoSteadyGlideError:
+        return None
 
 
 def _onboard_settings(

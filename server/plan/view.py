@@ -69,6 +69,9 @@ class AccountView(View):
     so often."""
     satellite_bytes: int = 0
     """What the robot says by satellite at these surfacings, where there is no radio."""
+    energy_wh: float | None = None
+    """About what the energy units of a survey's plan are in watt-hours, by the work of the glides
+    that it is made of; ``null`` where the vehicle is not known."""
     battery: BatteryView | None = None
     """Of a plan that follows a target; ``null`` where the vehicle is not known."""
 

@@ -8,6 +8,9 @@ from contextlib import suppress
 
 import pytest
 
+from autonomy.planner.capability import joules_per_unit
+from autonomy.planner.preset import PLANNER_PRESETS
+from autonomy.vehicle.config import VEHICLES
 from db.query.events import newest_events
 from db.query.maps import newest_maps
 from db.query.samples import sample_columns
@@ -285,6 +288,10 @@ async def test_progress_and_best_objective_travel_in_the_live_stream(client, sta
     assert found["objective_unit"] == "nat"
     assert found["history"][-1]["objective"] == pytest.approx(found["objective"])
     assert found["account"]["energy"] <= 12.0 + 1e-6
+    vehicle, preset = VEHICLES["miniglider"], PLANNER_PRESETS["miniglider"]
+    unit_wh = joules_per_unit(vehicle, preset.primitives, preset.energy) / 3600.0
+    watt_hours = found["account"]["energy"] * unit_wh
+    assert found["account"]["energy_wh"] == pytest.approx(watt_hours, rel=1e-6)
     assert len(found["points"][0]) == 5
     follower.cancel()
 

@@ -40,6 +40,7 @@ const ROWS: readonly GaugeRow[] = [
     'Energy used',
     1,
     'Energy units of the plan’s account since the mission began.',
+    'units',
   ),
 ];
 

@@ -2,7 +2,16 @@ import { describe, expect, test } from 'vitest';
 import { wgs84 } from './frame';
 import { latitude, longitude } from './position';
 import { age, clockTime, countdown, dateTime, duration } from './time';
-import { energy, bytes, compact, factorText, fixed, plainNumber, screenUnit } from './unit';
+import {
+  bytes,
+  compact,
+  energy,
+  factorText,
+  fixed,
+  plainNumber,
+  screenUnit,
+  wattHours,
+} from './unit';
 import { datedActivity, lastKnown, lower, overText, planName, readable, words } from './word';
 
 describe('times', () => {
@@ -141,6 +150,11 @@ describe('plans and missions in sentences of the station', () => {
     );
     expect(readable('see /api/plans/plan-1')).toBe('see /api/plans/plan-1');
   });
+});
+
+test('energy units are told in watt-hours, too, where that is known', () => {
+  expect(wattHours(0.404)).toBe('about 0.40 Wh');
+  expect(wattHours(null)).toBe('');
 });
 
 test('an old report is told with its age, beside a link that may be live', () => {

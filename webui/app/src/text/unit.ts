@@ -14,7 +14,7 @@ const FACTORS: Record<string, Record<string, number>> = {
   'm/s': { 'cm/s': 100, 'mm/s': 1000, 'km/h': 3.6 },
   kg: { g: 1000 },
   Hz: { kHz: 1 / 1000 },
-  '': { '%': 100 },
+  '': { '%': 100, units: 1 },
   '1': { '%': 100 },
 };
 
@@ -88,6 +88,11 @@ export function factorText(deviation: number): string {
 /** Energy units of the planner's account. */
 export function energy(value: number): string {
   return value < 0.05 ? '0' : fixed(value, value < 9.95 ? 1 : value % 1 === 0 ? 0 : 1);
+}
+
+/** About what energy units are in watt-hours; "" where nobody knows. */
+export function wattHours(value: number | null | undefined): string {
+  return typeof value === 'number' ? `about ${compact(value, 2)} Wh` : '';
 }
 
 /** Signal strength as a radio reports it. */

@@ -163,7 +163,7 @@ export function creditText(credits: number): string {
 
 /** What an energy unit is, for people who meet the word. */
 export const ENERGY_HELP =
-  'Energy units of the planner, no watt-hours: a dive costs 1, a glide or a spiral 1.5, and time.';
+  'Energy units of the planner: a dive costs 1, a glide or a spiral 1.5, and time. The account of a plan says about how many watt-hours they are.';
 
 /** Plan 14 of `plan-14`. */
 export function planName(id: string | null): string {
