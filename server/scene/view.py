@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 from typing import Annotated, Self
 
+from db.record import same
 from server.base.view import View, one_of
 from webui.scene.view import SceneState
 
@@ -27,6 +28,18 @@ class SceneLayerView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class SceneColoursView(View):
+    """What the colours of the map stand for, from the first to the last."""
+
+    low: float
+    high: float
+    """Values of the ends, in the scale that the map has."""
+    unit: str
+    is_log: bool
+    """Whether those are natural logarithms, or deviations of such."""
+
+
+@dataclass(frozen=True, slots=True)
 class SceneStateView(View):
     """Switches and sliders of a 3D view."""
 
@@ -48,6 +61,8 @@ class SceneStateView(View):
     layers: list[SceneLayerView]
     legend: str
     """What the colours of the map mean, with numbers and unit."""
+    colours: SceneColoursView | None
+    """``null`` while no map is drawn."""
     target_legend: str
     """What the marks of the target mean; empty while there is nothing to show of one."""
 
@@ -70,5 +85,6 @@ class SceneStateView(View):
                 for layer in state.layers
             ],
             legend=state.legend,
+            colours=state.colours and same(SceneColoursView, state.colours),
             target_legend=state.target_legend,
         )

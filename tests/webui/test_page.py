@@ -1,6 +1,7 @@
 """viser's page as it is served."""
 
 import gzip
+from importlib.resources import files
 
 from webui.scene.page import page
 
@@ -8,7 +9,18 @@ from webui.scene.page import page
 def test_a_framed_page_hides_visers_panel_and_a_page_alone_keeps_it() -> None:
     alone = gzip.decompress(page(is_framed=False)).decode()
     framed = gzip.decompress(page(is_framed=True)).decode()
-    assert ".mantine-Paper-root,\n.mantine-Notification-root" not in alone
-    before, after = framed.split("<style>\n.mantine-Paper-root", 1)
+    bare = "\n.mantine-Paper-root,\n.mantine-Notification-root"
+    assert bare not in alone
+    before, after = framed.split(bare, 1)
     assert alone.startswith(before)
-    assert after.split("</style>", 1)[1] == alone[len(before) :]
+    assert after.split("</style>", 1)[1] == alone[len(before) :].split("</style>", 1)[1]
+
+
+def test_the_sky_is_there_before_any_script_and_our_scripts_before_visers() -> None:
+    content = gzip.decompress(page(is_framed=True)).decode()
+    scene = files("webui") / "scene"
+    ours = [content.index((scene / name).read_text()) for name in ("frame.js", "pace.js")]
+    scripts = [at for at in range(len(content)) if content.startswith("<script", at)]
+    assert content.index("--sky") < scripts[0]
+    assert scripts[0] < ours[0] < scripts[1] < ours[1] < scripts[2]
+    assert len(scripts) == 3

@@ -9,6 +9,7 @@ from autonomy.frames import ned_to_enu
 from webui.scene.colour import ColourArray, linear, mapped
 from webui.scene.source import MapView, SceneSource
 from webui.scene.stage import Stage
+from webui.scene.view import ColourScale
 
 QUANTITIES = ("mean", "standard deviation")
 FORMS = ("volume", "slices")
@@ -42,6 +43,8 @@ class FieldMap:
         self.visible = True
         self.legend = ""
         """What colours mean now, with numbers and unit."""
+        self.colours: ColourScale | None = None
+        """The same in numbers."""
 
     def update(self) -> None:
         """Fetch the newest map and draw what changed."""
@@ -76,7 +79,7 @@ class FieldMap:
     def _forget(self) -> None:
         if self._cells is not None:
             self._stage.remove("map")
-        self._cells, self._drawn, self.legend = None, None, ""
+        self._cells, self._drawn, self.legend, self.colours = None, None, "", None
 
     def _draw(self, view: MapView) -> None:
         values = view.mean if self.quantity == "mean" else view.std
@@ -86,6 +89,8 @@ class FieldMap:
         colours = linear(mapped(values, low, high, _COLOUR_MAP[self.quantity]).reshape(-1, 3))
         opacities = self._opacities(view, values, low, high).reshape(-1).astype(np.float32)
         self.legend = _legend(view, self.quantity, low, high)
+        is_log = view.variable.scale == "log"
+        self.colours = ColourScale(low, high, view.variable.unit, is_log)
         axes = (view.x_m, view.y_m, view.z_m)
         if self._cells is None or self._axes is None or not _same(axes, self._axes):
             self._axes = axes

@@ -11,6 +11,13 @@ from types import MappingProxyType
 
 import viser
 
+_GROUND = """
+:root { --sky: linear-gradient(#161f29, #090d12); }
+:root[data-theme="day"] { --sky: linear-gradient(#8fa5b5, #566d7f); }
+body { background: var(--sky) !important; }
+#root div:has(canvas) { background: none !important; }
+"""
+"""The sky lies behind the canvas, which draws none: there from the first paint, in each theme."""
 _BARE = """
 .mantine-Paper-root,
 .mantine-Notification-root[style*="orange"] { display: none !important; }
@@ -18,6 +25,8 @@ _BARE = """
 """The app has its own switches beside the view, and tells there that no graphics processor draws
 it; viser's notices of real faults (red) stay."""
 
+_BEFORE = ("frame.js", "pace.js")
+"""Our scripts, run before viser's."""
 UNPACKED: Mapping[str, str] = MappingProxyType(
     {"1.1.1": "o/BTEGoB4UnTxqb+3RxwUFQZkWXpqUxouHkbDNrAkqE="}
 )
@@ -66,6 +75,7 @@ def policy() -> str:
 
 def _html(*, is_framed: bool) -> bytes:
     content = (Path(viser.__file__).parent / "client" / "build" / "index.html").read_bytes()
-    if is_framed:
-        content = content.replace(b"</head>", f"<style>{_BARE}</style></head>".encode(), 1)
-    return content
+    scripts = [(Path(__file__).parent / name).read_text() for name in _BEFORE]
+    before = "".join(f"<script>{script}</script>" for script in scripts)
+    style = f"<style>{_GROUND}{_BARE if is_framed else ''}</style>"
+    return content.replace(b"<head>", f"<head>{style}{before}".encode(), 1)

@@ -160,6 +160,7 @@ class Panel:
                 for key, entry in self._layers.items()
             ),
             legend=self._map.legend,
+            colours=self._map.colours if self._map.visible else None,
             target_legend=self._target_legend(),
         )
 

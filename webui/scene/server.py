@@ -2,8 +2,6 @@
 
 from pathlib import Path
 
-import numpy as np
-
 from webui.scene.comparison import Comparison
 from webui.scene.door import PrivateServer
 from webui.scene.field_map import FieldMap
@@ -22,8 +20,6 @@ from webui.scene.surroundings import draw_surroundings, write_depth
 from webui.scene.target import Target
 from webui.scene.track import Track
 from webui.scene.view import SceneChange, SceneState
-
-_SKY = ((22, 31, 41), (9, 13, 18))
 
 
 class RobotScene:
@@ -140,7 +136,7 @@ class RobotScene:
         scene = self._server.scene
         scene.set_up_direction("+z")
         scene.configure_default_lights(enabled=True, cast_shadow=False)
-        shade = np.linspace(0.0, 1.0, 64)[:, None, None]
-        sky = (1 - shade) * np.array(_SKY[0]) + shade * np.array(_SKY[1])
-        scene.set_background_image(np.repeat(sky, 2, axis=1).astype(np.uint8))
+        # Light from an image costs a browser without a graphics processor seconds to prepare.
+        scene.configure_environment_map(None)
+        scene.add_light_ambient("/light", intensity=1.2)
         begin(self._server.initial_camera, None)

@@ -16,6 +16,18 @@ class LayerState:
 
 
 @dataclass(frozen=True, slots=True)
+class ColourScale:
+    """What the colours of the map stand for, from the first to the last."""
+
+    low: float
+    high: float
+    """Values of the ends, in the scale that the map has."""
+    unit: str
+    is_log: bool
+    """Whether those are natural logarithms, or deviations of such."""
+
+
+@dataclass(frozen=True, slots=True)
 class SceneState:
     """The view's switches and sliders; slices lie at shares of the map's extent."""
 
@@ -34,6 +46,8 @@ class SceneState:
     layers: tuple[LayerState, ...]
     legend: str
     """What the colours of the map mean, with numbers and unit."""
+    colours: ColourScale | None
+    """``None`` while no map is drawn."""
     target_legend: str
     """What the marks of the target mean; empty while there is nothing to show of one."""
 

@@ -81,10 +81,9 @@ export class SiteDrawing {
     this.#map.remove();
   }
 
-  showTrack(track: Track | null): void {
+  showTracks(tracks: readonly Track[]): void {
     this.#track.clearLayers();
-    if (track === null) return;
-    for (const run of fidelityRuns(track)) {
+    for (const run of tracks.flatMap(fidelityRuns)) {
       L.polyline(run.points, {
         className: `map-track map-fidelity-${run.level ?? 'none'}`,
         interactive: false,
@@ -93,9 +92,9 @@ export class SiteDrawing {
   }
 
   /** Legs by primitive, dashed and thin: predicted, wherever the plan is; solid is what was flown. */
-  showPlan(legs: readonly Leg[]): void {
+  showPlans(plans: readonly (readonly Leg[])[]): void {
     this.#plan.clearLayers();
-    for (const leg of legs) {
+    for (const leg of plans.flat()) {
       const points = legPoints(leg).map(([north, east]): [number, number] => [north, east]);
       L.polyline(points, {
         className: `map-leg map-${leg.kind}`,
@@ -103,8 +102,7 @@ export class SiteDrawing {
         .bindTooltip(PRIMITIVES[leg.kind].title, { sticky: true })
         .addTo(this.#plan);
     }
-    const start = legs[0]?.start_ned;
-    if (start) {
+    for (const { start_ned: start } of plans.flatMap(([first]) => first ?? [])) {
       L.circleMarker([start[0], start[1]], { radius: 4, className: 'map-start' })
         .bindTooltip('Start of the plan')
         .addTo(this.#plan);

@@ -52,6 +52,17 @@ describe.each(['dark', 'day', 'night-red'])('the theme %s', (theme) => {
     }
   });
 
+  test('has marks on a map visible on any of its colours, by their edge or their halo', () => {
+    const [edge = '', halo = ''] = [colours['mark-edge'], colours['mark-halo']];
+    const greys = Array.from(
+      { length: 256 },
+      (_, i) => `#${i.toString(16).padStart(2, '0').repeat(3)}`,
+    );
+    for (const grey of greys) {
+      expect(Math.max(contrast(edge, grey), contrast(halo, grey)), grey).toBeGreaterThanOrEqual(3);
+    }
+  });
+
   test('gives a colour to every role', () => {
     const roles = Object.keys(tokens('dark'));
     expect(roles.length).toBeGreaterThan(20);
