@@ -41,8 +41,9 @@ _WORDS_KEPT = 16
 """Words on transfers, and on orders, that are remembered."""
 _STAYS_UP = (CommandKind.SURFACE, CommandKind.HOLD)
 """Orders that never expire, and after which no earlier mission begins to fly."""
-_LEAVES_COURSE = (CommandKind.QUIET, CommandKind.PING)
-"""Orders that change nothing of where the robot goes: one to surface from before them holds."""
+_LEAVES_SURFACE = (CommandKind.HOLD, CommandKind.QUIET, CommandKind.PING)
+"""Orders that send the robot nowhere: one to surface from before them holds. A robot that holds
+flies its dive to the end first."""
 
 
 class ReceiverStore(Protocol):
@@ -332,7 +333,7 @@ class Receiver:
         """Tell whether an order given later, which takes the place of this one, was answered."""
         later = [one.command.kind for one in self._memory.answered if one.counter >= counter]
         if kind is CommandKind.SURFACE:
-            return any(one not in _LEAVES_COURSE for one in later)
+            return any(one not in _LEAVES_SURFACE for one in later)
         return bool(later)
 
     def _outcome_unobeyed(self, command: ReceivedCommand, counter: int) -> CommandOutcome:

@@ -22,7 +22,7 @@ from server.satellite.modem import Modem
 from server.satellite.row_kind import FIRST_PRIORITY, Means, RobotSession, RowKind
 
 _PRIORITY: Final = 3
-_LEAVES_COURSE: Final = (CommandKind.QUIET, CommandKind.PING)
+_LEAVES_SURFACE: Final = (CommandKind.HOLD, CommandKind.QUIET, CommandKind.PING)
 _OVERTAKEN: Final = "a later order took its place"
 _REFUSALS: Final = {
     CommandOutcome.NOT_NOW: "the robot cannot do this now",
@@ -219,7 +219,7 @@ def _is_overtaken(session: Session, row: OutboxRecord, said: RobotSession) -> bo
     obeyed = {one.number for one in said.answers if one.outcome is CommandOutcome.DONE}
     return any(
         one.counter > row.counter
-        and (not is_surface(row) or one.document["kind"] not in _LEAVES_COURSE)
+        and (not is_surface(row) or one.document["kind"] not in _LEAVES_SURFACE)
         and (one.level == "applied" or one.document["number"] in obeyed)
         for one in query.newest_outboxes(session, row.robot, row.kind, row.created_at)
     )

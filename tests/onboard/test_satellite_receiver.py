@@ -249,8 +249,8 @@ def test_order_to_surface_overtaken_by_another_was_obeyed_with_it(robot):
     assert robot.outcomes == {8: CommandOutcome.DONE, 7: CommandOutcome.DONE}
 
 
-@pytest.mark.parametrize("kind", [CommandKind.QUIET, CommandKind.PING])
-def test_order_to_surface_that_was_lost_is_obeyed_after_a_later_one_about_pings(robot, kind):
+@pytest.mark.parametrize("kind", [CommandKind.HOLD, CommandKind.QUIET, CommandKind.PING])
+def test_order_to_surface_that_was_lost_is_obeyed_after_a_later_one_to_no_place(robot, kind):
     assert robot.obey(order(kind, 8))
     assert robot.obey(order(CommandKind.SURFACE, 7))
     assert robot.outcomes == {8: CommandOutcome.DONE, 7: CommandOutcome.DONE}
@@ -308,7 +308,7 @@ def test_mission_sent_again_after_a_withdrawal_is_not_taken_for_the_one_withdraw
 
 
 def test_surface_that_a_newer_order_overtook_still_ends_what_was_sent_before_it(robot):
-    assert robot.obey(order(CommandKind.HOLD, 9))
+    assert robot.obey(order(CommandKind.RESUME, 9))
     assert not robot.obey(order(CommandKind.SURFACE, 8))
     assert isinstance(robot.take(*chunks(counter=7)), Nothing)
     assert isinstance(robot.take(*chunks(short_mission(), counter=10)), Complete)
