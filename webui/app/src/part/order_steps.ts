@@ -27,6 +27,13 @@ const ENDS: Partial<Record<CommandLevelName, { title: string; help: string }>> =
   },
 };
 
+const OVERTAKEN = { title: 'Overtaken', help: 'A later order took its place.', isFault: false };
+
+/** Whether an order ended before its time since the robot was told something else. */
+function isOvertaken({ level, reason }: Command['levels'][number]): boolean {
+  return level === 'expired' && /a later order took its place|is told to surface/.test(reason);
+}
+
 /** The steps of an order, each shown only once it is proved. */
 export function orderSteps(order: Order, links: readonly RobotLink[] = []): Step[] {
   const { command } = order;
@@ -48,10 +55,10 @@ export function commandSteps(command: Command, links: readonly RobotLink[] = [])
   return [
     ...proved,
     {
-      ...(ENDS[end.level] ?? { title: end.level, help: '' }),
+      isFault: true,
+      ...(isOvertaken(end) ? OVERTAKEN : (ENDS[end.level] ?? { title: end.level, help: '' })),
       at: end.at,
       detail: end.reason,
-      isFault: true,
     },
   ];
 }

@@ -100,6 +100,19 @@ describe('an order', () => {
   });
 });
 
+test.each(['a later order took its place', 'dropped: the robot is told to surface'])(
+  'an order that ended since %s has not expired',
+  (reason) => {
+    const told = command('queued', 'expired');
+    const levels = told.levels.map((each) => ({ ...each, reason }));
+    expect(commandSteps({ ...told, levels }).at(-1)).toMatchObject({
+      title: 'Overtaken',
+      detail: reason,
+      isFault: false,
+    });
+  },
+);
+
 describe('a plan', () => {
   const plan = (state: Plan['state'], ladder: Partial<Plan['ladder']>) => ({
     state,
