@@ -114,6 +114,11 @@ class MicroModem:
         return self._line.is_ready
 
     @property
+    def is_mute(self) -> bool:
+        """Whether the port could be opened, but no modem answers at its end."""
+        return self._line.is_mute
+
+    @property
     def is_enabled(self) -> bool:
         """Whether the operator lets the port be open."""
         return self._line.is_enabled

@@ -129,6 +129,7 @@ class ModemLine(KeptTransport):
         try:
             self._port = await self._open_port()
         except OSError as error:
+            self.is_mute = False
             return str(error)
         self._is_silent = self._has_restarted = False
         try:
@@ -186,14 +187,19 @@ class ModemLine(KeptTransport):
         """Configure the modem, again when it restarts, and ask whether it lives; return why not."""
         try:
             await self._configure()
+            self.is_mute = False
             self._keeper.opened()
             while not self._is_silent:
                 await self._set_clock()
                 await self._until_restart()
                 if not self._is_silent:
                     await self._configure()
+        except ModemSilentError as error:
+            self.is_mute = True
+            return str(error)
         except (ModemRefusedError, PortClosedError) as error:
             return str(error)
+        self.is_mute = True
         return "no Micro-Modem answers"
 
     async def _configure(self) -> None:

@@ -75,7 +75,9 @@ def _text(status: RobotStatus, kind: str, carrier: str, state: LinkState) -> str
     robot, title = status.record.id, carrier_title(carrier)
     if state is LinkState.DISABLED:
         return f"{title} is unplugged; nothing is sent or taken until it is plugged in again."
-    if kind == "acoustic":
+    if kind == "acoustic" and state is LinkState.MUTE:
+        return f"The port of {title} is open, but no modem answers at its end."
+    if kind == "acoustic" and state is not LinkState.PORT_CLOSED:
         return "Ranges under water; carries no plans and no orders."
     if kind == "satellite":
         return _satellite_text(status, title, state)

@@ -210,7 +210,7 @@ class Ranging:
         if not bench.modem.is_enabled:
             return LinkState.DISABLED
         if not bench.opened.is_set():
-            return LinkState.PORT_CLOSED
+            return LinkState.MUTE if bench.modem.is_mute else LinkState.PORT_CLOSED
         if ear.heard_at is None:
             return LinkState.NEVER_HEARD
         period_s = max(bench.modem.config.period_s, _LEAST_PERIOD_S * self._clock.speed)

@@ -19,7 +19,13 @@ from server.link.ranging import Ranging
 from server.plan import install as plan
 from server.station import Station
 from simulator.acoustic_modem import AcousticConditions, AcousticModem, AcousticNode
-from tests.robot_link.test_acoustic_modem import SOON_SILENT, FakeModem, replying, scaled_clock
+from tests.robot_link.test_acoustic_modem import (
+    HASTE,
+    SOON_SILENT,
+    FakeModem,
+    replying,
+    scaled_clock,
+)
 from tests.server.fake_link import World
 from tests.server.gateway_station import _tables, blank_database, robot, station
 from tests.server.station_app import signed_in
@@ -32,14 +38,14 @@ NEAR = {"range_max_m": 1.0, "turnaround_s": 0.0, "period_s": 5.0}
 
 
 @asynccontextmanager
-async def ranging(tmp_path, fake, reports):
+async def ranging(tmp_path, fake, reports, timing=SOON_SILENT):
     """Ranging of a station whose robots share one modem, on a clock that runs 20 times as fast."""
     opened = []
 
     def open_(links, clock):
         opened.append(dict(links))
         robots = {acoustic_address(uri).peer: robot_id for robot_id, uri in links.items()}
-        return MicroModem(fake.open, 1, robots, clock, timing=SOON_SILENT)
+        return MicroModem(fake.open, 1, robots, clock, timing=timing)
 
     async with station(tmp_path) as app:
         foundation = replace(app.state.foundation, clock=scaled_clock(20.0))
@@ -183,3 +189,19 @@ async def test_the_whole_station_asks_a_robot_whose_modem_is_at_a_line(tmp_path,
     assert found.range_m == pytest.approx(50.0, abs=6.0)
     assert (link["kind"], link["state"], link["carries"]) == ("acoustic", "live", ["range"])
     assert shown_robot["link"]["state"] == "never_heard"
+
+
+@pytest.mark.parametrize("is_deaf_at_first", [True, False])
+async def test_a_modem_that_does_not_answer_is_mute_and_no_port_to_plug_in(
+    tmp_path, is_deaf_at_first
+):
+    reports, fake = [], FakeModem({"CCMPC": replying("1", "2")})
+    fake.is_deaf = is_deaf_at_first
+    async with ranging(tmp_path, fake, reports, HASTE) as service:
+        await service.set_robots([robot((LINK,))])
+        if not is_deaf_at_first:
+            await shown(reports, GRACE, LinkState.LIVE)
+            fake.is_deaf = True
+        await shown(reports, GRACE, LinkState.MUTE)
+        fake.is_deaf = False
+        await shown(reports, GRACE, LinkState.LIVE)
