@@ -11,10 +11,12 @@ from PIL import Image, ImageStat
 from playwright.sync_api import ConsoleMessage, Frame, Page, expect
 
 from tests.browser.walk import CHROMIUM, expect_scene, open_page
-from tests.e2e.demo import Demo
+from tests.e2e.demo import LASTING, Demo
 
 pytestmark = [
     pytest.mark.browser,
+    pytest.mark.walk,
+    pytest.mark.timeout(1200),
     pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on this machine"),
 ]
 
@@ -162,3 +164,29 @@ def test_a_view_without_its_stream_says_so_and_finds_it_again(screen, calm, view
     expect(lost).to_be_visible()
     expect(lost).to_have_count(0)
     until_drawn_again(screen, view)
+
+
+def test_the_map_of_the_fleet_shows_the_trail_and_dashed_where_a_plan_leads(screen, calm):
+    sign_in_as(calm, screen)
+    calm.patch("/api/config/planner", LASTING, robot="mini-1")
+    north, east, _ = calm.get("/api/robots/mini-1/state")["position"]["ned_m"]
+    there = {"kind": "swim", "end_ned": [north + 0.4, east, 0.0]}
+    wish = {"kind": "primitives", "legs": [there], "config": {"total_budget": 80.0}}
+    plan = calm.post("/api/robots/mini-1/plans", wish)["id"]
+    calm.wait("draft", lambda: calm.get(f"/api/plans/{plan}")["state"] == "draft", 60.0)
+    calm.post(f"/api/plans/{plan}/upload", {"start": False})
+    calm.wait("on board", lambda: calm.get(f"/api/plans/{plan}")["state"] == "on_board", 60.0)
+    open_page(screen, calm, "/")
+    tank = screen.get_by_role("img", name="Test tank from above with its robots")
+    expect(tank.locator(".map-track").first).to_be_attached()
+    leg = tank.locator(".map-leg").first
+    expect(leg).to_be_attached()
+    assert leg.evaluate("one => getComputedStyle(one).strokeDasharray") != "none"
+
+
+def sign_in_as(demo: Demo, page: Page) -> None:
+    """Let the demo's own client be who the browser is: the one-time address has gone to it."""
+    for each in page.context.cookies():
+        if each.get("name", "").startswith("grace_session"):
+            demo.client.cookies.set(each["name"], each["value"])
+    demo.client.headers["X-CSRF-Token"] = demo.get("/api/session")["csrf_token"]

@@ -208,6 +208,16 @@ def test_a_log_map_names_its_ends_in_the_unit_of_the_variable(scene):
     assert "counts" in scene._map.legend
 
 
+def test_the_colours_of_the_map_are_told_in_numbers_while_it_is_shown(scene, source):
+    scene.update()
+    colours = scene.state.colours
+    low, high = float(np.nanmin(source.map.mean)), float(np.nanmax(source.map.mean))
+    assert (colours.low, colours.high) == (low, high)
+    assert (colours.unit, colours.is_log) == (source.map.variable.unit, True)
+    scene.change({"layers": {"map": False}})
+    assert scene.state.colours is None
+
+
 def test_slices_are_cut_across_every_axis(scene, source):
     scene.change({"form": "slices", "slice_depth": None, "slice_north": 0.0, "slice_east": 1.0})
     opacity = np.array(scene._map._cells.batched_opacities).reshape(source.map.mean.shape)
