@@ -20,7 +20,7 @@ from db.query.plans import PlanRecord, PlanStateError
 from robot_link.satellite.config import SatelliteConfig
 from server.base.configuration_kind import ONBOARD_CONTROLLER
 from server.base.foundation import Foundation
-from server.base.problem import conflict
+from server.base.problem import FieldError, conflict, unprocessable
 from server.base.retry_queue import until_stored
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
@@ -131,13 +131,18 @@ class Planning:
         """Begin a draft of legs that an operator laid out.
 
         Raises:
-            Problem: 409 if the robot's position is not known, 422 if a leg cannot be a leg.
+            Problem: 409 if the robot's position is not known, 422 if a leg cannot be a leg, or is
+                too large for the wire.
             StoreUnavailableError: Nothing was kept.
         """
         self.settings.refuse_while_storage_fails()
         start = self.settings.position(robot)
         flown = candidate_of(config, legs_from(config, (start[0], start[1]), legs))
-        draft = await self._draft(robot, config, flown)
+        try:
+            draft = await self._draft(robot, config, flown)
+        except ValueError as error:
+            wrong = [FieldError(loc=["legs"], msg=str(error))]
+            raise unprocessable("The plan cannot travel to the robot.", wrong) from error
         plan = await self._ledger.add(
             robot, "primitives", config=config.model_dump(mode="json"), config_id=config_id, by=by
         )

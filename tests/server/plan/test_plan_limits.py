@@ -52,6 +52,7 @@ def dive(depth_m, **more):
     ("legs", "config", "where"),
     [
         ([dive(1e300)], {}, ["legs", 0, "end_ned", 2]),
+        ([{"kind": "glide", "end_ned": [9e5, 0.0, 0.3]}, dive(0.0)], {}, ["legs"]),
         ([dive(0.3, speed_m_s=1e-12), dive(0.0)], {}, ["legs"]),
         ([dive(0.3), dive(0.0)], {"primitives": {"point_interval_s": 1e-12}}, ["legs"]),
         (
