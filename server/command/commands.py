@@ -26,7 +26,13 @@ from server.base.problem import conflict
 from server.base.retry_queue import RetryQueue
 from server.base.secret import SecretUnreadableError
 from server.command.satellite_row import CommandRows, add_rows, emergency_message
-from server.command.state import CommandChanged, SurfaceOrdered, apply, surface_fault
+from server.command.state import (
+    SETTLED,
+    CommandChanged,
+    SurfaceOrdered,
+    apply,
+    surface_fault,
+)
 from server.command.view import CommandView, command_view, waiting_view
 from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
@@ -91,7 +97,7 @@ class Commands:
         self._emergency_numbers = iter(_EMERGENCY_NUMBERS)
         self._emergencies: dict[str, CommandRecord] = {}
         self._written: dict[CommandNumber, str] = {}
-        """Commands that were written down after all, by the number of the emergency before."""
+        """Unsettled commands that were written down after all, by the emergency's number."""
         satellite.kinds.register(CommandRows())
         self._bus.subscribe(OutboxChanged, self._row_changed)
 
@@ -372,6 +378,8 @@ class Commands:
     async def _publish(self, command: str) -> None:
         view = await self.view(command)
         self._bus.publish(CommandChanged(view))
+        if view.level in SETTLED:
+            self._written = {of: one for of, one in self._written.items() if one != command}
         if view.kind == CommandKind.SURFACE.value:
             await self._show_surfacing(view.robot)
 

@@ -218,6 +218,7 @@ async def test_surface_order_that_left_before_it_was_written_is_one_order(
     assert alarms == []
     assert (await client.get(path)).json()["id"] == shown[-1].id
     assert not [one for one in shown if one.level in ("refused", "expired")]
+    await until(lambda: not station.commands._written)
 
 
 async def test_order_that_a_later_one_overtook_was_not_refused(far, sky, robot):
