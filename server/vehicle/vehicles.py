@@ -20,6 +20,7 @@ from db.store import Store
 from robot_link.clock import Clock
 from server.base.problem import FieldError, Problem, conflict, not_found, unprocessable
 from server.base.study import Refusal
+from server.base.text import checked
 from server.base.vehicle_catalogue import BUILT_IN, CatalogueEntry, entry_of, vehicle_digest
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.vehicle.task import CAPABILITY, POLAR, STEADY, CapabilityProblem, SteadyProblem
@@ -112,6 +113,7 @@ class Vehicles:
             vehicle = vehicle_from_document(document)
         except VehicleFileError as error:
             raise _wrong_entries(error) from error
+        _check_words(vehicle)
         if vehicle.key in self._entries:
             raise _taken(vehicle.key)
         record = VehicleRecord(
@@ -248,3 +250,18 @@ def _taken(key: str) -> Problem:
 def not_worked_out(error: Exception) -> Problem:
     """Return the 503 of a question that its working process could not answer."""
     return Problem(503, f"This could not be worked out: {error}", headers={"Retry-After": "5"})
+
+
+def _check_words(vehicle: Vehicle) -> None:
+    """Check what others read of a vehicle; a note may have lines.
+
+    Raises:
+        Problem: 422 if a word holds what cannot be seen.
+    """
+    for name, words in (("title", [vehicle.title]), ("note", vehicle.note.splitlines())):
+        try:
+            for one in words:
+                checked(one)
+        except ValueError as error:
+            wrong = [FieldError(loc=[name], msg=str(error))]
+            raise unprocessable("1 entry is wrong; nothing was kept.", wrong) from error

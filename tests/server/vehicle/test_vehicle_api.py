@@ -42,6 +42,15 @@ async def test_a_vehicle_from_a_file_is_kept_over_a_restart(tmp_path, world):
         assert kept == document(note="after the refit")
 
 
+@pytest.mark.parametrize("field", ["title", "note"])
+async def test_words_that_cannot_be_seen_are_refused(client, field):
+    refused = await client.post("/api/vehicles", json=document(**{field: "Mini\u202eB\x07"}))
+    assert refused.status_code == 422
+    assert [error["loc"] for error in refused.json()["errors"]] == [[field]]
+    lines = document(note="after the refit\nin spring")
+    assert (await client.post("/api/vehicles", json=lines)).status_code == 201
+
+
 async def test_wrong_entries_of_a_file_are_all_named_with_their_range(client):
     wrong = document()
     wrong["parameters"] = {**wrong["parameters"], "mass_1_kg": {"value": -1.0, "unit": "kg"}}
