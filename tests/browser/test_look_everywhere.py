@@ -39,9 +39,9 @@ LOOK = """() => {
       pen.font = style.font;
       const breadth = pen.measureText(each.selectedOptions[0]?.text ?? '').width;
       if (breadth > each.clientWidth - 24) faults.push(`cut choice: ${told(each)}`);
-      const isNamed = each.labels.length > 0 || each.closest('td');
-      if (!isNamed) faults.push(`no visible label: ${told(each)}`);
     }
+    if (each.matches('select, input') && !each.labels?.length && !each.closest('td, li'))
+      faults.push(`no visible label: ${told(each)} ${name}`);
     if (['auto', 'scroll'].includes(style.overflowX) && each.scrollWidth > each.clientWidth + 1
         && !(each.tabIndex === 0 && each.getAttribute('aria-label') && each.matches(
           '.more-left, .more-right')))
