@@ -224,6 +224,7 @@ def test_a_robot_at_the_edge_of_a_map_has_its_name_inside(screen, calm):
     screen.mouse.down()
     way = frame["x"] + frame["width"] - label["x"] - 20
     screen.mouse.move(frame["x"] + 20 + way, y, steps=5)
+    screen.wait_for_timeout(300)  # a map that is let go while it moves glides on
     screen.mouse.up()
     screen.wait_for_function(
         "each => each.querySelector('.map-name').getBoundingClientRect().right"
