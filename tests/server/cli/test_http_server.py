@@ -27,7 +27,7 @@ async def answer(scope, receive, send):
 
 @pytest.fixture
 async def port(monkeypatch):
-    monkeypatch.setattr(http_server, "HEADER_MAX_S", 0.2)
+    monkeypatch.setattr(http_server, "HEADER_MAX_S", 600.0)
     config = uvicorn.Config(
         answer, host="127.0.0.1", port=0, lifespan="off", log_level="error", http=ImpatientHttp
     )
@@ -39,11 +39,17 @@ async def port(monkeypatch):
     await serving
 
 
+@pytest.fixture
+def impatient(port, monkeypatch):
+    monkeypatch.setattr(http_server, "HEADER_MAX_S", 0.2)
+
+
 @pytest.mark.parametrize(
     "said",
     [b"", b"GET / HTTP/1.1\r\nHost: a\r\nX-", b"GET / HTTP/1.1\r\nHost: a\r\n\r\nGET / HTTP"],
     ids=["nothing", "half a head", "half a head after a request"],
 )
+@pytest.mark.usefixtures("impatient")
 async def test_a_connection_that_asks_for_nothing_is_ended(port, said):
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
     writer.write(said)
@@ -57,6 +63,7 @@ async def test_a_connection_that_asks_for_nothing_is_ended(port, said):
     assert heard.count(b"ok") <= 1
 
 
+@pytest.mark.usefixtures("impatient")
 async def test_a_head_that_drips_is_ended_all_the_same(port):
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
 
@@ -78,7 +85,6 @@ async def test_a_head_that_drips_is_ended_all_the_same(port):
 
 
 async def test_connections_beyond_the_bound_are_not_taken(port, monkeypatch):
-    monkeypatch.setattr(http_server, "HEADER_MAX_S", 600.0)
     monkeypatch.setattr(http_server, "CONNECTIONS_MAX", 2)
     kept = [await asyncio.open_connection("127.0.0.1", port) for _ in range(2)]
     reader, writer = await asyncio.open_connection("127.0.0.1", port)
@@ -89,13 +95,23 @@ async def test_connections_beyond_the_bound_are_not_taken(port, monkeypatch):
 
 
 async def test_a_request_is_answered_as_before(port):
-    async with httpx.AsyncClient(trust_env=False) as client:
+    async with httpx.AsyncClient(trust_env=False, timeout=60) as client:
         for _ in range(3):
             assert (await client.get(f"http://127.0.0.1:{port}/")).text == "ok"
 
 
-async def test_a_stream_outlives_the_time_for_a_head(port):
-    async with connect(f"ws://127.0.0.1:{port}/", proxy=None) as stream:
+async def test_a_stream_outlives_the_time_for_a_head(port, monkeypatch):
+    taken = []
+    begin = ImpatientHttp.handle_websocket_upgrade
+
+    def upgrade(connection, event):
+        begin(connection, event)
+        taken.append(connection._head)
+
+    monkeypatch.setattr(ImpatientHttp, "handle_websocket_upgrade", upgrade)
+    async with connect(f"ws://127.0.0.1:{port}/", proxy=None, open_timeout=60) as stream:
+        assert taken == [None]
+        monkeypatch.setattr(http_server, "HEADER_MAX_S", 0.2)
         for number in range(30):
             await stream.send(str(number))
             assert await asyncio.wait_for(stream.recv(), 60) == str(number)
