@@ -5,16 +5,22 @@ None of them is ever logged or put into a URL, and only the key that signs a rob
 shown: once, to who had it made. An administrator copies the others from their files.
 """
 
+import asyncio
 import contextlib
+import logging
 import os
 import re
 import secrets
+from collections.abc import Callable
+from concurrent.futures import Future
 from pathlib import Path
-from typing import Final, Literal, Self, get_args
+from typing import Final, Literal, Self, TypeVar, get_args
 from urllib.parse import SplitResult, urlsplit
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from sqlalchemy.orm import Session
 
+from db.store import Store
 from robot_link.whole_file import keep_names
 
 KEY_BYTES: Final = 32
@@ -28,6 +34,9 @@ DEFAULT_URLS: Final[dict[GatewayKind, str]] = {
     "cloudloop": "https://api.cloudloop.com/Data/DoSendSbdMessage",
 }
 _NAME: Final = re.compile(r"[a-z0-9][a-z0-9-]{0,39}")
+_log = logging.getLogger(__name__)
+
+T = TypeVar("T")
 
 
 class SecretUnreadableError(Exception):
@@ -121,6 +130,33 @@ class SecretStore:
         """Keep that a robot's frames are not signed; the key that it had is gone."""
         self._decide_signing(robot, SIGNING_OFF)
 
+    async def decide_with(self, store: Store, robot: str, write: Callable[[Session], T]) -> T:
+        """Await a change that decides how a robot signs; both are kept, or neither.
+
+        Args:
+            store: Where the change is made.
+            robot: Whose signing the change decides.
+            write: The change; it calls ``new_signing_key`` or ``turn_signing_off``.
+
+        Raises:
+            OSError: If the decision cannot be kept.
+        """
+        before: list[_Before] = []
+
+        def change(session: Session) -> T:
+            before.append(_Before(self._file("signing", robot), self.signing_marks(robot)))
+            return write(session)
+
+        def settle(done: Future[T]) -> None:
+            is_kept = not done.cancelled() and done.exception() is None
+            for one in before:
+                one.settle(is_kept=is_kept)
+
+        made = store.change(change)
+        # On the writer's thread: no other decision begins before this one is kept or taken back.
+        made.add_done_callback(settle)
+        return await asyncio.wrap_future(made)
+
     def _decide_signing(self, robot: str, text: str) -> None:
         """Keep a decision; stamps of frames under the key before it mean nothing any more."""
         _write(self._file("signing", robot), text)
@@ -160,6 +196,46 @@ class SecretStore:
         if not _NAME.fullmatch(name):
             raise ValueError(f"{name!r} is not the name of a robot or gateway")
         return self._folder / f"{kind}-{name}"
+
+
+class _Before:
+    """A robot's key and stamps before a decision, by second names: to go back takes no room.
+
+    Raises:
+        OSError: If the disk refuses.
+    """
+
+    def __init__(self, key: Path, marks: Path) -> None:
+        self._key, self._marks = key, marks
+        for file in (key, marks):
+            _second(file).unlink(missing_ok=True)
+            with contextlib.suppress(FileNotFoundError):
+                os.link(file, _second(file))
+
+    def settle(self, *, is_kept: bool) -> None:
+        """Go back unless the decision is kept, and drop the second names."""
+        try:
+            if not is_kept:
+                self._go_back()
+            for file in (self._key, self._marks):
+                _second(file).unlink(missing_ok=True)
+            if self._key.parent.exists():
+                keep_names(self._key.parent)
+        except OSError as error:
+            _log.error("%s is left half changed: %s", _named(self._key), error.strerror)
+
+    def _go_back(self) -> None:
+        if _second(self._key).exists():
+            _second(self._key).replace(self._key)
+        else:
+            self._key.unlink(missing_ok=True)
+        # Stamps that were kept since then are the newer ones.
+        with contextlib.suppress(FileNotFoundError, FileExistsError):
+            os.link(_second(self._marks), self._marks)
+
+
+def _second(file: Path) -> Path:
+    return file.with_name(f".{file.name}.before")
 
 
 def _is_loopback(parts: SplitResult) -> bool:

@@ -1,6 +1,6 @@
 """The fleet: who there is, how each robot is now, and what it said before."""
 
-from collections.abc import Callable
+from collections.abc import Awaitable
 from dataclasses import dataclass, replace
 from typing import Annotated, Literal, TypeVar
 
@@ -134,7 +134,7 @@ async def create_robot(
         secrets.turn_signing_off(robot.id)
         return None
 
-    key = await _keep(foundation, write)
+    key = await _keep(secrets.decide_with(foundation.store, robot.id, write))
     foundation.bus.publish(SigningChanged(record.id))
     await roster.refresh(robot.id)
     added = same(NewRobotView, views.robot_view(robot.id), signing_key=None)
@@ -174,7 +174,7 @@ async def patch_robot(
         text = f"{caller.name} changed {robot}."
         add_event(session, at, "robot.changed", text, robot=robot, data={"fields": list(given)})
 
-    await _keep(foundation, write)
+    await _keep(foundation.store.write(write))
     await roster.refresh(robot)
     return views.robot_view(robot)
 
@@ -294,9 +294,9 @@ def _check_links(links: list[str]) -> None:
         raise unprocessable(f"{len(errors)} links are wrong.", errors)
 
 
-async def _keep(foundation: FoundationDep, write: Callable[[Session], T]) -> T:
+async def _keep(change: Awaitable[T]) -> T:
     try:
-        return await foundation.store.write(write)
+        return await change
     except RobotExistsError as error:
         raise conflict(str(error)) from error
     except OSError as error:

@@ -121,7 +121,7 @@ async def _decide(
         return decide(robot)
 
     try:
-        made = await foundation.store.write(write)
+        made = await foundation.secrets.decide_with(foundation.store, robot, write)
     except OSError as error:
         raise Problem(503, f"The decision cannot be kept: {error.strerror}.") from error
     foundation.bus.publish(SigningChanged(robot))

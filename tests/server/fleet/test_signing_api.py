@@ -1,7 +1,12 @@
 """A robot's signing key: made with the robot, shown once, replaced and ended by an admin."""
 
+import sqlite3
+from contextlib import contextmanager
+
 import pytest
 import segno
+from sqlalchemy import event
+from sqlalchemy.exc import OperationalError
 
 from robot_link.messages import RobotId
 from server.access.role import Role
@@ -19,6 +24,26 @@ def secrets_of(station) -> SecretStore:
 def new_robot(station, **more: object) -> dict[str, object]:
     site = station.fleet.status(MINI).record.site.model_dump(mode="json")
     return {**NEW_ROBOT, "site": site, **more}
+
+
+@contextmanager
+def commits_fail(station):
+    """Every change is made, and then the disk refuses to commit it."""
+
+    def fail(_: object) -> None:
+        raise OperationalError("COMMIT", {}, sqlite3.OperationalError("disk I/O error"))
+
+    engine = station.foundation.store._write_engine
+    event.listen(engine, "commit", fail)
+    try:
+        yield
+    finally:
+        event.remove(engine, "commit", fail)
+
+
+def secret_files(station) -> dict[str, bytes]:
+    folder = station.foundation.settings.secret_dir
+    return {file.name: file.read_bytes() for file in folder.iterdir()}
 
 
 def drawn(text: str) -> list[str]:
@@ -119,3 +144,37 @@ async def test_only_an_administrator_makes_and_ends_keys(station, role):
 async def test_nobody_makes_a_key_for_a_robot_that_does_not_exist(client, station):
     assert (await client.post("/api/robots/nobody/signing-key")).status_code == 404
     assert secrets_of(station).signing_key("nobody") is None
+
+
+@pytest.mark.parametrize("method", ["POST", "DELETE"])
+@pytest.mark.parametrize("had", ["nothing", "off", "damaged", "key"])
+async def test_a_decision_that_is_not_committed_leaves_the_key_as_it_was(
+    client, station, method, had
+):
+    file = station.foundation.settings.secret_dir / f"signing-{MINI}"
+    if had == "key":
+        secrets_of(station).new_signing_key(MINI)
+        secrets_of(station).signing_marks(MINI).write_text('{"stamp": 5, "streams": []}')
+    elif had != "nothing":
+        file.write_text({"off": "off", "damaged": "no key"}[had])
+    before = secret_files(station)
+    with commits_fail(station):
+        for _ in range(2):
+            answer = await client.request(method, f"/api/robots/{MINI}/signing-key")
+            assert answer.status_code == 503
+            assert "Nothing was changed" in answer.json()["detail"]
+    assert secret_files(station) == before
+    answer = await client.request(method, f"/api/robots/{MINI}/signing-key")
+    assert answer.is_success
+    assert secret_files(station).keys() == {*before, file.name} - {f"stamps-{MINI}"}
+
+
+@pytest.mark.parametrize("signing", [True, False])
+async def test_a_robot_that_is_not_added_has_no_decision(client, station, signing):
+    before = secret_files(station)
+    body = new_robot(station, signing=signing)
+    with commits_fail(station):
+        assert (await client.post("/api/robots", json=body)).status_code == 503
+    assert secret_files(station) == before
+    assert (await client.post("/api/robots", json=body)).status_code == 201
+    assert secret_files(station).keys() == {*before, f"signing-{NEW}"}
