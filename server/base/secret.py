@@ -100,11 +100,16 @@ class SecretStore:
     def browser_key(self) -> bytes:
         """Return the key that marks the browsers of people, made at first need.
 
-        Raises:
-            SecretUnreadableError: If its file does not hold 32 bytes.
+        A damaged one is replaced: all that is lost is that browsers are known.
         """
         file = self._file("browser", "marks")
-        return _key_of(file, _read(file) or _create(file, secrets.token_bytes(KEY_BYTES).hex()))
+        fresh = secrets.token_bytes(KEY_BYTES)
+        try:
+            return _key_of(file, _read(file) or _create(file, fresh.hex()))
+        except SecretUnreadableError as error:
+            _log.warning("%s A new key takes its place; no browser is known any more.", error)
+            _write(file, fresh.hex())
+            return fresh
 
     def signing_key(self, robot: str) -> bytes | None:
         """Return the key that signs MAVLink with a robot; None where frames are not signed.

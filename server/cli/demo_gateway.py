@@ -2,6 +2,7 @@
 
 import secrets
 import socket
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from urllib.parse import urlsplit
@@ -18,7 +19,7 @@ from pydantic import ValidationError
 
 from robot_link.messages import RobotId
 from robot_link.whole_file import replace_file
-from server.base.secret import GatewayAccount, SecretStore
+from server.base.secret import GatewayAccount, SecretStore, SecretUnreadableError
 from simulator.fleet import FLEET
 from simulator.settings import GatewaySettings
 
@@ -74,26 +75,44 @@ def read_gateway(folder: Path) -> GatewaySettings | None:
 
 
 def decide_signing(store: SecretStore, robots: Iterable[RobotId]) -> None:
-    """Make the signing key of each robot for which nobody decided whether it signs."""
+    """Make the signing key of each robot for which nobody decided whether it signs.
+
+    A robot whose key is damaged goes without radio until a person makes a new one.
+    """
     for robot in robots:
-        if store.signing_key(robot) is None and not store.is_signing_off(robot):
-            store.new_signing_key(robot)
+        try:
+            if store.signing_key(robot) is None and not store.is_signing_off(robot):
+                store.new_signing_key(robot)
+        except SecretUnreadableError as error:
+            print(f"{robot} has no radio until it has a new key: {error}", file=sys.stderr)
 
 
 def give_keys(folder: Path, store: SecretStore, robots: Iterable[RobotId]) -> None:
     """Write into each robot's memory the keys that it shares with the station.
 
-    A signing key that somebody put there stays where the station of this folder has none.
+    A signing key that somebody put there stays where the station of this folder has none. Of a key
+    that is damaged at the station, the robot keeps its own copy, and nobody else goes without.
     """
     for robot in robots:
         memory = folder / MEMORY_FOLDER / robot
-        if FLEET[robot].imei:
-            _write_secret(memory / "robot.key", store.robot_key(robot).hex())
-        signing_key = store.signing_key(robot)
-        if signing_key is not None:
-            _write_secret(memory / "signing.key", signing_key.hex())
-        elif store.is_signing_off(robot):
-            (memory / "signing.key").unlink(missing_ok=True)
+        for give in (_give_satellite_key, _give_signing_key):
+            try:
+                give(memory, store, robot)
+            except SecretUnreadableError as error:
+                print(f"{robot} is given no new key: {error}", file=sys.stderr, flush=True)
+
+
+def _give_satellite_key(memory: Path, store: SecretStore, robot: RobotId) -> None:
+    if FLEET[robot].imei:
+        _write_secret(memory / "robot.key", store.robot_key(robot).hex())
+
+
+def _give_signing_key(memory: Path, store: SecretStore, robot: RobotId) -> None:
+    key = store.signing_key(robot)
+    if key is not None:
+        _write_secret(memory / "signing.key", key.hex())
+    elif store.is_signing_off(robot):
+        (memory / "signing.key").unlink(missing_ok=True)
 
 
 def _write_secret(file: Path, text: str) -> None:

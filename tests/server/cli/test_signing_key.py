@@ -51,6 +51,24 @@ def test_a_simulated_robot_keeps_the_key_file_that_it_was_given_by_hand(tmp_path
     assert read_key(on_board(tmp_path, MINI)) == bytes(range(32))
 
 
+@pytest.mark.parametrize("content", [b"", b"no key", b"\xff\xfe"])
+@pytest.mark.parametrize("kind", ["signing", "robot"])
+def test_a_damaged_key_keeps_no_other_robot_from_its_own(tmp_path, secrets, capsys, kind, content):
+    decide_signing(secrets, (GRACE,))
+    give_keys(tmp_path, secrets, (GRACE,))
+    before = read_key(on_board(tmp_path, GRACE))
+    file = tmp_path / "secret" / f"{kind}-{GRACE}"
+    file.write_bytes(content)
+    decide_signing(secrets, (GRACE, MINI))
+    give_keys(tmp_path, secrets, (GRACE, MINI))
+    assert file.read_bytes() == content
+    assert read_key(on_board(tmp_path, GRACE)) == before, "its own copy stays"
+    assert read_key(on_board(tmp_path, MINI)) == secrets.signing_key(MINI)
+    told = capsys.readouterr().err
+    assert f"{GRACE} is given no new key: secret/{kind}-{GRACE}" in told
+    assert (f"{GRACE} has no radio" in told) is (kind == "signing")
+
+
 def test_an_onboard_program_begins_without_a_key_only_when_it_is_told_to(
     tmp_path, capsys, monkeypatch
 ):

@@ -201,6 +201,16 @@ def test_a_damaged_secret_is_named_and_never_replaced(tmp_path):
     assert (tmp_path / "robot-grace-1").read_text() == "1234"
 
 
+@pytest.mark.parametrize("content", [b"", b"no key", b"\xff\xfe"])
+def test_a_damaged_key_of_browsers_makes_way_for_a_new_one(tmp_path, caplog, content):
+    (tmp_path / "browser-marks").write_bytes(content)
+    key = SecretStore(tmp_path).browser_key()
+    assert len(key) == 32
+    assert SecretStore(tmp_path).browser_key() == key
+    assert "browser-marks" in caplog.text
+    assert key.hex() not in caplog.text
+
+
 @pytest.mark.parametrize("name", ["../x", "", "A", "a/b", "a" * 41])
 def test_a_name_that_would_leave_the_folder_is_refused(tmp_path, name):
     with pytest.raises(ValueError, match="name"):
