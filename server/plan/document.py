@@ -289,8 +289,6 @@ def teaches(plan: PlanRecord) -> bool:
 
 def stage_of(plan: PlanRecord, progress: ProgressView | None) -> str | None:
     """Return what planning does now, ``None`` once it has ended."""
-    if plan.state == "draft" and (plan.document.get("rehearsal") or {}).get("state") == "working":
-        return "rehearsing"
     if plan.state != "planning":
         return None
     if "rehearsal" in plan.document:

@@ -38,6 +38,7 @@ def install(foundation: Foundation) -> None:
     bus = foundation.bus
     bus.subscribe(PlanChanged, ledger.take)
     bus.subscribe(PlanChanged, show)
+    bus.subscribe(PlanChanged, planning.take)
     bus.subscribe(PlanSeen, show)
     bus.subscribe(RobotReported, lambda event: ledger.robot_changed(event.robot))
     bus.subscribe(PlanReported, lambda event: follower.take(event.report))

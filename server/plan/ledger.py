@@ -16,6 +16,7 @@ from server.fleet.fleet import Fleet
 from server.fleet.status import PlanInHand
 from server.plan.document import legs_of, live_plan_view, plan_view, points_of
 from server.plan.drafting import SENDABLE, ages_at, outdated_by
+from server.plan.dry_run import WORKING
 from server.plan.state import ON_THE_WAY, PlanChanged, PlanEvidence, PlanSeen, apply, begin, note
 from server.plan.survey_round import AHEAD_OF
 from server.plan.view import LivePlanView, PlanView, ProgressView, TransferView, ViolationView
@@ -41,6 +42,8 @@ class PlanLedger:
         self._fleet = fleet
         self._progress: dict[str, ProgressView] = {}
         self._transfers: dict[str, TransferView] = {}
+        self._rehearsing: set[str] = set()
+        """Drafts that are flown ahead once more; what the last dry run found stands meanwhile."""
         self._said_outdated: dict[str, tuple[ViolationView, ...]] = {}
         self._looks = Wakeups(foundation.clock, _REST_S)
 
@@ -193,14 +196,19 @@ class PlanLedger:
         """Return a plan as REST says it."""
         status = self._fleet.status(plan.robot)
         progress, outdated = self._progress.get(plan.id), self._outdated(plan)
-        return plan_view(plan, progress, status.plan_report, outdated)
+        view = plan_view(plan, progress, status.plan_report, outdated)
+        if not self._is_rehearsed_again(plan):
+            return view
+        last = view.rehearsal or WORKING
+        return replace(view, stage="rehearsing", rehearsal=replace(last, state=WORKING.state))
 
     def live_view(self, plan: PlanRecord) -> LivePlanView:
         """Return what the live stream says of a plan."""
         report = self._fleet.status(plan.robot).plan_report
         progress, outdated = self._progress.get(plan.id), self._outdated(plan)
         view = live_plan_view(plan, progress, report, outdated)
-        return replace(view, transfer=self._transfers.get(plan.id))
+        stage = "rehearsing" if self._is_rehearsed_again(plan) else view.stage
+        return replace(view, stage=stage, transfer=self._transfers.get(plan.id))
 
     def set_progress(self, plan: PlanRecord, progress: ProgressView | None) -> None:
         """Say how far planning is; ``None`` when it has ended."""
@@ -210,6 +218,19 @@ class PlanLedger:
         elif newest.state == "planning":
             self._progress[plan.id] = progress
         self._bus.publish(PlanSeen(newest))
+
+    def set_rehearsing(self, plan: PlanRecord, *, is_on: bool) -> None:
+        """Say whether a draft is flown ahead once more; its document keeps the last dry run."""
+        if is_on == (plan.id in self._rehearsing):
+            return
+        if is_on:
+            self._rehearsing.add(plan.id)
+        else:
+            self._rehearsing.discard(plan.id)
+        self._bus.publish(PlanSeen(self._newest(plan)))
+
+    def _is_rehearsed_again(self, plan: PlanRecord) -> bool:
+        return plan.state == "draft" and plan.id in self._rehearsing
 
     def set_transfer(self, plan: PlanRecord, transfer: TransferView) -> None:
         """Say how far a plan is on its way."""

@@ -32,14 +32,14 @@ from server.plan.drafting import (
     draft_of,
     outdated_by,
 )
-from server.plan.dry_run import WORKING, DryRuns
+from server.plan.dry_run import DryRuns
 from server.plan.ledger import PlanLedger
 from server.plan.machine_code import MachineCode
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
 from server.plan.round_problem import RoundProblems
 from server.plan.search_request import SearchRequest
 from server.plan.settings import PlanSettings
-from server.plan.state import PlanEvidence
+from server.plan.state import PlanChanged, PlanEvidence
 from server.plan.survey_round import NOTHING_FEASIBLE, REPLACES
 from server.plan.target_battery import battery_violations, target_battery
 from server.plan.target_check import target_violations
@@ -47,6 +47,9 @@ from server.plan.task import PLAN_SURVEY
 from server.plan.view import DryRunView, ProgressView, ViolationView
 
 log = logging.getLogger(__name__)
+
+_LAST_TRY = " Last try: "
+"""Between what a dry run found and why a later one found nothing."""
 
 
 class Planning:
@@ -68,7 +71,10 @@ class Planning:
         self._workers = workers
         self._machine_code = machine_code
         self._dry_runs = DryRuns(fleet, workers)
+        self._dry_runs_again = DryRuns(fleet, foundation.study_workers)
+        """They may take as long as they like, and keep no plan waiting."""
         self._tasks: dict[str, asyncio.Task[None]] = {}
+        self._rehearsed_again: dict[str, asyncio.Task[None]] = {}
         self._turns: dict[str, asyncio.Lock] = {}
         """By site: robots of one fleet survey are planned for one after the other."""
         self._naming = asyncio.Lock()
@@ -83,10 +89,6 @@ class Planning:
                 else:
                     message = "The station stopped while it planned; plan again."
                     await self._fail(plan.id, message, {"interrupted": True})
-            for plan in await self._ledger.of_robot(status.record.id, ("draft",)):
-                if (plan.document.get("rehearsal") or {}).get("state") == WORKING.state:
-                    text = "The station stopped while this was rehearsed; it was not rehearsed."
-                    await self._note_dry_run(plan.id, DryRunView("failed", message=text))
 
     async def stop(self) -> None:
         """Stop searching; the plans are closed when the station starts again."""
@@ -211,6 +213,7 @@ class Planning:
             UnknownIdError: If there is no such plan.
             Problem: 409 for a plan that is no draft, has no legs, is being flown ahead already, or
                 whose vehicle is not known.
+            StoreUnavailableError: If storage fails.
         """
         record = await self._ledger.get(plan)
         has_legs = record.kind != FOLLOW_TARGET and "settings" in record.document
@@ -221,24 +224,36 @@ class Planning:
         if self._fleet.vehicle(record.robot) is None:
             raise conflict(f"It is not known what vehicle {record.robot} is; say so first.")
         config = PlannerConfig.model_validate(record.config)
-        self._begin(plan, self._rehearse_again(record, config))
-        return record
+        self._ledger.set_rehearsing(record, is_on=True)
+        again = self._begin(plan, self._rehearse_again(record, config))
+        again.add_done_callback(lambda _: self._ledger.set_rehearsing(record, is_on=False))
+        self._rehearsed_again[plan] = again
+        again.add_done_callback(lambda _: self._rehearsed_again.pop(plan))
+        # It may have left before anyone knew of this rehearsal.
+        newest = await self._ledger.get(plan)
+        self.take(PlanChanged(newest))
+        if newest.state != "draft":
+            raise conflict(f"{plan} is no draft any more; it is not rehearsed.")
+        return newest
+
+    def take(self, event: PlanChanged) -> None:
+        """Take that a plan changed: one that is no draft any more is not flown ahead once more."""
+        plan = event.plan
+        again = self._rehearsed_again.get(plan.id)
+        if again is not None and plan.state != "draft":
+            self._ledger.set_rehearsing(plan, is_on=False)
+            again.cancel()
 
     async def _rehearse_again(self, plan: PlanRecord, config: PlannerConfig) -> None:
-        await self._settle(plan.id, lambda: self._note_dry_run(plan.id, WORKING))
-        found = await self._dry_runs.fly(plan, config, is_limited=False)
-        await self._settle(plan.id, lambda: self._note_dry_run(plan.id, found))
+        """Fly a draft ahead beside all else; what its last dry run found stands until the end."""
+        found = await self._dry_runs_again.fly(plan, config, is_limited=False)
+        document = {"rehearsal": asdict(_standing(plan, found))}
 
-    async def _note_dry_run(self, plan: str, dry_run: DryRunView) -> None:
-        """Keep how a draft's dry run went; one that has left the station by now has no use of it.
+        async def keep() -> None:
+            kept = await self._ledger.note(plan.id, document, only_from=("draft",))
+            self._ledger.set_rehearsing(kept, is_on=False)
 
-        Raises:
-            PlanStateError: If it is no draft any more.
-        """
-        document = {"rehearsal": asdict(dry_run)}
-        self._ledger.set_progress(
-            await self._ledger.note(plan, document, only_from=("draft",)), None
-        )
+        await self._settle(plan.id, keep)
 
     async def check(self, plan: str) -> list[ViolationView]:
         """Check a draft again: its limits, its dry run, and whether it still fits the robot.
@@ -278,10 +293,11 @@ class Planning:
             document=request.document(),
         )
 
-    def _begin(self, plan: str, work: Coroutine[Any, Any, object]) -> None:
+    def _begin(self, plan: str, work: Coroutine[Any, Any, object]) -> asyncio.Task[None]:
         task = self._foundation.background.start(f"planning {plan}", _done(work))
         self._tasks[plan] = task
         task.add_done_callback(lambda _: self._tasks.pop(plan, None))
+        return task
 
     async def _search(
         self, plan: PlanRecord, request: SearchRequest, start_xy: tuple[float, float]
@@ -446,6 +462,18 @@ class Planning:
 
 async def _done(work: Coroutine[Any, Any, object]) -> None:
     await work
+
+
+def _standing(plan: PlanRecord, found: DryRunView) -> DryRunView:
+    """Return what holds of a draft after another dry run.
+
+    One that found nothing leaves the figures of one that did, by which the draft is kept back.
+    """
+    before = plan.document.get("rehearsal")
+    if found.state == "done" or before is None or before["state"] != "done":
+        return found
+    message = before["message"].partition(_LAST_TRY)[0]
+    return replace(DryRunView(**before), message=f"{message}{_LAST_TRY}{found.message}")
 
 
 def _progress(point: ObjectivePoint, limit_s: float) -> ProgressView:

@@ -23,6 +23,7 @@ class FakeWorkers:
     def __init__(self) -> None:
         self.problems: list[SurveyProblem] = []
         self.dry_runs: list[DryRunProblem] = []
+        self.dry_run_pools: list[WorkerPool] = []
         self.may_plan = asyncio.Event()
         self.may_plan.set()
         self.may_fly = asyncio.Event()
@@ -68,6 +69,7 @@ class FakeWorkers:
             await self.may_plan.wait()
         if isinstance(payload, DryRunProblem):
             self.dry_runs.append(payload)
+            self.dry_run_pools.append(pool)
             await self.may_fly.wait()
         if task in self.fails:
             raise self.fails[task]

@@ -1,16 +1,20 @@
 import asyncio
 import os
 import signal
+from asyncio import all_tasks
 
 import pytest
 
 from robot_link.dry_run import DRY_RUN
+from server.access.role import Role
 from server.base.worker import WorkerEndedError, WorkerSpentError
 from server.plan import dry_run
 from server.plan.dry_run import DryRuns
+from server.plan.ledger import PlanLedger
 from server.plan.search_request import SearchRequest
+from server.plan.state import PlanEvidence
 from server.survey import step as survey_step
-from tests.server.conftest import FAST, MINI, open_station, until
+from tests.server.conftest import FAST, MINI, api_client, open_station, until
 from tests.server.fake_link import state_report
 from tests.server.survey.test_plan_choice import drafted, mission_in, plan_in
 
@@ -121,6 +125,113 @@ async def test_a_draft_is_rehearsed_again_where_a_person_wants_it(client, worker
 
     await until(rehearsed)
     assert len(workers.dry_runs) == 2
+
+
+async def rehearsed_again(client, workers, plan):
+    """Begin to rehearse a draft once more; that goes on until ``workers.may_fly`` is set."""
+    workers.may_fly.clear()
+    begun = len(workers.dry_runs)
+    answer = await client.post(f"/api/plans/{plan}/rehearse")
+    assert answer.status_code == 202, answer.text
+    await until(lambda: len(workers.dry_runs) > begun)
+    await rehearses(client, plan)
+
+
+async def nothing_rehearses(plan):
+    await until(lambda: f"planning {plan}" not in {task.get_name() for task in all_tasks()})
+
+
+async def refused_as_broken_off(client, plan):
+    refused = await client.post(f"/api/plans/{plan}/upload")
+    assert refused.status_code == 409
+    assert [one["loc"] for one in refused.json()["errors"]] == [["adaptive.rehearse"]]
+    (one,) = (await client.post(f"/api/plans/{plan}/check")).json()["violations"]
+    assert one["field"] == "adaptive.rehearse"
+    assert "it was lost." in one["message"]
+
+
+async def test_draft_that_broke_off_is_kept_back_while_it_is_rehearsed_again(client, workers):
+    workers.breaks_off = 1
+    plan = (await plan_in(client, await laid_out(client), "draft"))["id"]
+    await rehearsed_again(client, workers, plan)
+    working = (await client.get(f"/api/plans/{plan}")).json()["rehearsal"]
+    assert (working["state"], working["completed"]) == ("working", False)
+    await refused_as_broken_off(client, plan)
+    workers.may_fly.set()
+    await nothing_rehearses(plan)
+    found = (await client.get(f"/api/plans/{plan}")).json()
+    assert (found["stage"], found["rehearsal"]["state"]) == (None, "done")
+    assert found["rehearsal"]["completed"]
+    assert (await client.post(f"/api/plans/{plan}/upload")).status_code == 202
+
+
+async def test_rehearsal_that_fails_leaves_what_the_last_one_found(client, workers):
+    workers.breaks_off = 1
+    plan = (await plan_in(client, await laid_out(client), "draft"))["id"]
+    workers.fails[DRY_RUN] = WorkerEndedError("The working process ended unexpectedly.")
+    for _ in range(2):
+        await rehearsed_again(client, workers, plan)
+        workers.may_fly.set()
+        await nothing_rehearses(plan)
+        found = (await client.get(f"/api/plans/{plan}")).json()["rehearsal"]
+        assert (found["state"], found["completed"]) == ("done", False)
+        assert found["message"] == (
+            "The robot did not fly the whole plan: it was lost. Last try: Not rehearsed: "
+            "The working process ended unexpectedly."
+        )
+    await refused_as_broken_off(client, plan)
+
+
+async def test_station_that_stops_during_another_rehearsal_keeps_the_last(tmp_path, world, workers):
+    workers.breaks_off = 1
+    async with open_station(tmp_path, world) as station, api_client(station, Role.ADMIN) as client:
+        world.hear(MINI)
+        world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        plan = (await plan_in(client, await laid_out(client), "draft"))["id"]
+        before = (await client.get(f"/api/plans/{plan}")).json()["rehearsal"]
+        await rehearsed_again(client, workers, plan)
+    async with open_station(tmp_path, world) as station, api_client(station, Role.ADMIN) as client:
+        found = (await client.get(f"/api/plans/{plan}")).json()
+        assert (found["state"], found["stage"]) == ("draft", None)
+        assert found["rehearsal"] == before
+        await refused_as_broken_off(client, plan)
+
+
+async def test_draft_that_is_sent_is_not_rehearsed_any_longer(client, workers):
+    plan = (await plan_in(client, await laid_out(client), "draft"))["id"]
+    before = (await client.get(f"/api/plans/{plan}")).json()["rehearsal"]
+    await rehearsed_again(client, workers, plan)
+    assert (await client.post(f"/api/plans/{plan}/upload")).status_code == 202
+    sent = await plan_in(client, plan, "on_board")
+    await nothing_rehearses(plan)
+    assert not workers.may_fly.is_set()
+    assert (sent["stage"], sent["rehearsal"]) == (None, before)
+    assert (await client.get(f"/api/plans/{plan}")).json()["rehearsal"] == before
+
+
+async def test_draft_that_leaves_just_before_is_not_rehearsed_again(client, workers, monkeypatch):
+    plan = (await plan_in(client, await laid_out(client), "draft"))["id"]
+    workers.may_fly.clear()
+    get = PlanLedger.get
+
+    async def leave_once_read(ledger, plan):
+        monkeypatch.setattr(PlanLedger, "get", get)
+        record = await ledger.get(plan)
+        await ledger.move(plan, PlanEvidence.SENT, f"{plan} was sent.")
+        return record
+
+    monkeypatch.setattr(PlanLedger, "get", leave_once_read)
+    refused = await client.post(f"/api/plans/{plan}/rehearse")
+    assert refused.status_code == 409
+    assert "no draft any more" in refused.json()["detail"]
+    await nothing_rehearses(plan)
+    assert (await client.get(f"/api/plans/{plan}")).json()["rehearsal"]["state"] == "done"
+
+
+async def test_another_rehearsal_keeps_no_plan_waiting(client, workers, station):
+    plan = (await plan_in(client, await laid_out(client), "draft"))["id"]
+    await rehearsed_again(client, workers, plan)
+    assert workers.dry_run_pools == [station.workers, station.study_workers]
 
 
 async def test_only_a_draft_is_rehearsed_again(client):
