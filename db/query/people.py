@@ -76,9 +76,13 @@ def add_person(
     return _person(row)
 
 
-def find_person(session: Session, name: str) -> PersonRecord | None:
-    """Return the person of this name, if there is one."""
-    row = session.scalar(select(Person).where(Person.name == name))
+def find_person(session: Session, name: str, *, held: bool = False) -> PersonRecord | None:
+    """Return the person of this name, if there is one.
+
+    Where ``held``, nobody changes that person until the transaction ends.
+    """
+    statement = select(Person).where(Person.name == name)
+    row = session.scalar(statement.with_for_update() if held else statement)
     return None if row is None else _person(row)
 
 

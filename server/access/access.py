@@ -104,12 +104,11 @@ class Access:
         if self._first_code is None:
             raise conflict("The station has an administrator already; sign in instead.")
         origin = Origin.of(host)
-        tries = origin.keys(_FIRST_START)
-        self._throttle.reserve(tries)
+        reserved = self._throttle.reserve(origin.keys(_FIRST_START))
         if not secrets.compare_digest(_bytes_of(code.strip().upper()), self._first_code.encode()):
             await self._failures.note(f"A code of the first start from {origin.address} was wrong.")
             raise Problem(403, "The code is not the one that the station printed at its start.")
-        self._throttle.succeeded(tries)
+        self._throttle.succeeded(reserved)
         password_hash = await self.password_hash(password)
         at = self._clock.now()
 
@@ -138,18 +137,21 @@ class Access:
             Problem: 401 if they do not fit, 429 after too many failures, 503 if too many try.
         """
         origin = Origin.of(host, self._browsers.identity(mark, name))
-        tries = origin.keys(name)
-        self._throttle.reserve(tries)
-        person = await self._store.query(lambda session: query.find_person(session, name))
-        known = None if person is None or person.disabled_at else person
-        password_hash = None if known is None else known.password_hash
-        gate = self._gate if origin.browser is None else self._gate_of_known
-        fits = await gate.run(lambda: password_fits(password, password_hash))
+        reserved = self._throttle.reserve(origin.keys(name))
+        try:
+            person = await self._store.query(lambda session: query.find_person(session, name))
+            known = None if person is None or person.disabled_at else person
+            password_hash = None if known is None else known.password_hash
+            gate = self._gate if origin.browser is None else self._gate_of_known
+            fits = await gate.run(lambda: password_fits(password, password_hash))
+        except Exception:
+            self._throttle.give_back(reserved)  # the password was not judged
+            raise
         if known is None or not fits:
             whose = "nobody's name" if person is None else f"the name {person.name}"
             await self._failures.note(f"A sign-in by {whose} from {origin.address} failed.")
             raise Problem(401, _WRONG)
-        self._throttle.succeeded(tries)
+        self._throttle.succeeded(reserved)
         return await self._sign_in(known)
 
     async def password_hash(self, password: str) -> str:
@@ -245,11 +247,15 @@ class Access:
                 await self._store.write(lambda session: query.end_expired(session, at))
 
     async def _sign_in(self, person: PersonRecord) -> SignedIn:
+        """Open a session, unless the person is no longer who was looked at."""
         secret, csrf_token = new_secret(), new_secret()
         wall, at = self._wall.now(), self._clock.now()
         expires_at = wall + self._session_length
 
         def add(session: Session) -> None:
+            now = query.find_person(session, person.name, held=True)
+            if now is None or _proved_by(now) != _proved_by(person):
+                raise Problem(401, "This person was changed meanwhile; sign in again.")
             query.add_session(
                 session,
                 person.name,
@@ -264,6 +270,10 @@ class Access:
         proof = Proof("session", secret_hash(secret))
         caller = Caller(person.name, Role(person.role), expires_at, csrf_token, proof)
         return SignedIn(secret, caller)
+
+
+def _proved_by(person: PersonRecord) -> tuple[str | None, datetime | None]:
+    return person.password_hash, person.disabled_at
 
 
 def _bytes_of(text: str) -> bytes:

@@ -22,6 +22,8 @@ FREE_FAILURES: Final = 5
 FREE_FAILURES_OF_ADDRESS: Final = 20
 """With any names: several people may sit behind one address."""
 PAUSE_S: Final = 30.0
+FORGOTTEN_S: Final = 15 * 60.0
+"""A count to which nothing was added for so long is none."""
 _KEPT_MAX: Final = 10_000
 HASHES_AT_ONCE: Final = 2
 HASHES_WAITING: Final = 8
@@ -59,21 +61,31 @@ class Origin:
         }
 
 
+@dataclass(frozen=True, slots=True)
+class Reservation:
+    """One try, counted as failed for as long as nothing else is known of it."""
+
+    at_s: float
+    """When it was counted, by the monotonic clock."""
+    earlier_s: dict[Key, float]
+    """What it counts against, each with the moment of the try before."""
+
+
 class Throttle:
     """Counts tries, and pauses after too many that failed."""
 
     def __init__(self) -> None:
         self._tries: dict[Key, tuple[int, float]] = {}
 
-    def reserve(self, keys: dict[Key, int]) -> None:
-        """Count a try as failed until it is known to have succeeded.
+    def reserve(self, keys: dict[Key, int]) -> Reservation:
+        """Count a try as failed until it is known to have succeeded, or was not judged at all.
 
         Raises:
             Problem: 429 while a pause lasts.
         """
         now_s = monotonic_s()
         for key, free in keys.items():
-            tries, last_s = self._tries.get(key, (0, 0.0))
+            tries, last_s = self._count(key, now_s)
             left_s = last_s + PAUSE_S - now_s
             if tries >= free and left_s > 0:
                 raise Problem(
@@ -81,18 +93,36 @@ class Throttle:
                     f"Too many failed tries; wait {left_s:.0f} s.",
                     headers={"Retry-After": str(int(left_s) + 1)},
                 )
+        earlier_s: dict[Key, float] = {}
         for key in keys:
-            tries, _ = self._tries.pop(key, (0, 0.0))
+            tries, earlier_s[key] = self._count(key, now_s)
+            self._tries.pop(key, None)
             self._tries[key] = (tries + 1, now_s)
         while len(self._tries) > _KEPT_MAX:
             del self._tries[next(iter(self._tries))]
+        return Reservation(now_s, earlier_s)
 
-    def succeeded(self, keys: dict[Key, int]) -> None:
+    def give_back(self, reservation: Reservation) -> None:
+        """Forget this try alone: it proved nothing, or it succeeded."""
+        for key, earlier_s in reservation.earlier_s.items():
+            tries, last_s = self._tries.get(key, (0, 0.0))
+            if tries > 1:
+                is_last = last_s == reservation.at_s
+                self._tries[key] = (tries - 1, earlier_s if is_last else last_s)
+            else:
+                self._tries.pop(key, None)
+
+    def succeeded(self, reservation: Reservation) -> None:
         """Forget the tries of a name from here; of an address, this one alone."""
-        for key in keys:
-            tries, last_s = self._tries.pop(key, (0, 0.0))
-            if key[0] == "address" and tries > 1:
-                self._tries[key] = (tries - 1, last_s)
+        self.give_back(reservation)
+        for key in reservation.earlier_s:
+            if key[0] != "address":
+                self._tries.pop(key, None)
+
+    def _count(self, key: Key, now_s: float) -> tuple[int, float]:
+        """Return how many tries count against a key, and when the last of them was."""
+        tries, last_s = self._tries.get(key, (0, 0.0))
+        return (tries, last_s) if now_s - last_s <= FORGOTTEN_S else (0, 0.0)
 
 
 class HashGate:

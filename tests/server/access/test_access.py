@@ -12,10 +12,12 @@ import pytest
 from fastapi import WebSocketException
 from starlette.websockets import WebSocket
 
+from db.fault import StoreUnavailableError
 from robot_link.clock import monotonic_s
 from server.access import access, failure, register, stream, throttle
 from server.access.guard import Guard
 from server.access.role import Role
+from server.base.problem import Problem
 from server.base.settings import Settings
 from tests.server.conftest import until
 from tests.server.station_app import (
@@ -195,6 +197,101 @@ async def test_one_address_tries_few_names(anyone):
         for number in range(throttle.FREE_FAILURES_OF_ADDRESS + 1)
     ]
     assert [answer.status_code for answer in answers[-2:]] == [401, 429]
+
+
+@pytest.fixture
+def time_s(monkeypatch):
+    """What the throttle's clock says, to be set."""
+    now_s = [1000.0]
+    monkeypatch.setattr(throttle, "monotonic_s", lambda: now_s[0])
+    return now_s
+
+
+def test_a_count_to_which_nothing_is_added_is_forgotten(time_s):
+    door, keys = throttle.Throttle(), throttle.Origin.of("192.0.2.1").keys("ann")
+    for _ in range(throttle.FREE_FAILURES):
+        door.reserve(keys)
+    time_s[0] += throttle.FORGOTTEN_S
+    door.reserve(keys)
+    with pytest.raises(Problem):
+        door.reserve(keys)
+    time_s[0] += throttle.FORGOTTEN_S + 1
+    for _ in range(throttle.FREE_FAILURES):
+        door.reserve(keys)
+    with pytest.raises(Problem):
+        door.reserve(keys)
+
+
+def test_who_signs_in_does_not_prolong_the_pause_of_an_address(time_s):
+    door, origin = throttle.Throttle(), throttle.Origin.of("192.0.2.1")
+    for number in range(throttle.FREE_FAILURES_OF_ADDRESS - 1):
+        door.reserve(origin.keys(f"n{number}"))
+    time_s[0] += 1.0
+    ann = door.reserve(origin.keys("ann"))
+    time_s[0] += 1.0
+    door.succeeded(ann)
+    door.reserve(origin.keys("bob"))
+    time_s[0] += throttle.PAUSE_S
+    cid = door.reserve(origin.keys("cid"))
+    with pytest.raises(Problem):
+        door.reserve(origin.keys("dan"))
+    door.give_back(cid)
+    door.succeeded(door.reserve(origin.keys("cid")))
+    door.reserve(origin.keys("dan"))
+    with pytest.raises(Problem):
+        door.reserve(origin.keys("eve"))
+
+
+def test_what_fails_while_another_is_judged_keeps_its_own_moment(time_s):
+    door, origin = throttle.Throttle(), throttle.Origin.of("192.0.2.1")
+    ann = door.reserve(origin.keys("ann"))
+    for number in range(throttle.FREE_FAILURES_OF_ADDRESS):
+        time_s[0] += 1.0
+        if number < throttle.FREE_FAILURES_OF_ADDRESS - 1:
+            door.reserve(origin.keys(f"n{number}"))
+    door.give_back(ann)
+    door.reserve(origin.keys("bob"))
+    with pytest.raises(Problem):
+        door.reserve(origin.keys("cid"))
+
+
+async def test_a_try_whose_password_was_not_judged_does_not_count(admin, anyone, monkeypatch):
+    right = {"name": "ann", "password": PASSWORD}
+
+    def broken(*_):
+        raise StoreUnavailableError("The disk is full.")
+
+    with monkeypatch.context() as harm:
+        harm.setattr(throttle, "HASHES_WAITING", -throttle.HASHES_AT_ONCE)
+        for _ in range(throttle.FREE_FAILURES):
+            assert (await anyone.post("/api/session", json=right)).status_code == 503
+    with monkeypatch.context() as harm:
+        harm.setattr(access.query, "find_person", broken)
+        for _ in range(throttle.FREE_FAILURES):
+            assert (await anyone.post("/api/session", json=right)).status_code == 503
+    assert (await anyone.post("/api/session", json=right)).status_code == 200
+
+
+@pytest.mark.parametrize(
+    "change", [{"password": f"{PASSWORD} anew"}, {"disabled": True}], ids=["password", "disabled"]
+)
+async def test_who_is_changed_while_their_password_is_judged_is_not_let_in(
+    app, admin, anyone, monkeypatch, change
+):
+    person = {"name": "bob", "role": "pilot", "password": PASSWORD}
+    assert (await admin.post("/api/people", json=person)).status_code == 201
+    door = app.state.foundation.services.get(access.Access)
+    judge = door._gate.run
+
+    async def run(work):
+        fits = await judge(work)
+        assert (await admin.patch("/api/people/bob", json=change)).status_code == 200
+        return fits
+
+    monkeypatch.setattr(door._gate, "run", run)
+    answer = await anyone.post("/api/session", json={"name": "bob", "password": PASSWORD})
+    assert answer.status_code == 401
+    assert "set-cookie" not in answer.headers
 
 
 def test_a_network_of_ipv6_is_one_address():
