@@ -122,7 +122,9 @@ def pack(folder: Path, database: Path, target: Path) -> None:
                 archive.add(folder / CLOCK_FILE, CLOCK_FILE)
             for name in FOLDERS:
                 for file in sorted((folder / name).glob("*")):
-                    if file.is_file() and not file.is_symlink():
+                    # A name that begins with a dot is of a file that is half written.
+                    is_whole = file.is_file() and not file.is_symlink() and file.name[0] != "."
+                    if is_whole:
                         archive.add(file, f"{name}/{file.name}")
         fresh.chmod(0o600)
         fresh.replace(target)
