@@ -5,13 +5,14 @@ A backup is one file with what a station must not lose, a gzipped tar of plain f
 folder the programs make anew.
 """
 
+import filecmp
 import shutil
 import tarfile
 import tempfile
 import zlib
 from argparse import ArgumentParser, Namespace
 from collections.abc import Generator, Iterable
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path, PurePosixPath
 from typing import Final
 
@@ -148,15 +149,42 @@ def unpack(source: Path, folder: Path, database: Path) -> None:
         moves = [(staging / CLOCK_FILE, folder / CLOCK_FILE)]
         for name in FOLDERS:
             moves += [(file, folder / name / file.name) for file in (staging / name).glob("*")]
-        # The database last: as long as there is none, the same can be done again.
-        moves.append((staging / DATABASE, database))
-        moves = [(fresh, place) for fresh, place in moves if fresh.exists()]
+        # What an attempt that was cut off has left is there already, and is not lost.
+        moves = [(fresh, place) for fresh, place in moves if _is_missing(fresh, place)]
         _refuse_to_replace(place for _, place in moves)
-        _refuse_to_replace(database.with_name(f"{database.name}{end}") for end in ("-wal", "-shm"))
+        _refuse_to_replace(
+            database.with_name(f"{database.name}{end}") for end in ("", "-wal", "-shm")
+        )
+        with _said(database):
+            database.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            with _beside(database) as near:
+                # It may be on another disk than the folder, and appears whole or not at all.
+                fresh = Path(shutil.move(staging / DATABASE, near / DATABASE))
+                # The database last: as long as there is none, the same can be done again.
+                _move_all([*moves, (fresh, database)])
+
+
+def _is_missing(fresh: Path, place: Path) -> bool:
+    """Tell whether there is a file to be put in a place that does not have the same already."""
+    if not fresh.exists():
+        return False
+    return not (place.is_file() and filecmp.cmp(fresh, place, shallow=False))
+
+
+def _move_all(moves: list[tuple[Path, Path]]) -> None:
+    """Move files to their places, all of them or none."""
+    moved: list[tuple[Path, Path]] = []
+    try:
         for fresh, place in moves:
             place.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             fresh.replace(place)
+            moved.append((fresh, place))
             keep_names(place.parent)
+    except BaseException:
+        for fresh, place in reversed(moved):
+            with suppress(OSError):
+                place.replace(fresh)
+        raise
 
 
 def _complaint(database: Path) -> str:

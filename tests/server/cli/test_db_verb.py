@@ -1,11 +1,13 @@
 """A database that is damaged, gone or in the wrong place: one sentence, and the way out."""
 
+import errno
 import importlib
 import os
 import sqlite3
 import stat
 import tarfile
 from contextlib import closing, contextmanager
+from pathlib import Path
 
 import pytest
 
@@ -154,6 +156,72 @@ def test_a_backup_brings_back_database_secrets_and_logs(folder, tmp_path, capsys
         assert (other / name).read_text() == (folder / name).read_text()
     assert stat.S_IMODE((other / "secret" / "robot-mini-1").stat().st_mode) == 0o600
     assert not [left for left in (*tmp_path.iterdir(), *other.iterdir()) if ".grace" in left.name]
+
+
+def test_what_is_half_written_is_not_in_a_backup(folder, tmp_path):
+    backup = tmp_path / "lake.tar.gz"
+    for name in ("secret/.signing-mini-1.new", "log/.stamps-mini-1.new"):
+        (folder / name).write_text("half")
+    assert grace("db", "backup", backup, "--data", folder) == 0
+    with tarfile.open(backup) as archive:
+        names = archive.getnames()
+    assert "secret/robot-mini-1" in names
+    assert not [name for name in names if "/." in name]
+
+
+@pytest.mark.parametrize("undoes", [True, False], ids=["refused by the disk", "cut off"])
+def test_a_restore_that_did_not_come_to_its_end_can_be_done_again(
+    folder, tmp_path, capsys, monkeypatch, undoes
+):
+    backup, other = tmp_path / "lake.tar.gz", tmp_path / "other"
+    elsewhere = tmp_path / "disk" / "lake.sqlite3"
+    grace("db", "backup", backup, "--data", folder)
+    monkeypatch.setenv("GRACE_DATABASE_URL", f"sqlite:///{elsewhere}")
+    replace, is_over = Path.replace, []
+
+    def fail(fresh, place):
+        if is_over and not undoes:
+            raise OSError(errno.EIO, "Input/output error")
+        if place == elsewhere:
+            is_over.append(True)
+            raise OSError(errno.EIO, "Input/output error")
+        return replace(fresh, place)
+
+    capsys.readouterr()
+    with monkeypatch.context() as harm:
+        harm.setattr(Path, "replace", fail)
+        assert grace("db", "restore", backup, "--data", other) == 1
+    assert str(elsewhere) in said(capsys)
+    left = {file.name for file in other.rglob("*") if file.is_file()}
+    assert left == ({"station.lock"} if undoes else {"station.lock", "robot-mini-1", "station.log"})
+    assert grace("db", "restore", backup, "--data", other) == 0
+    assert (other / "secret/robot-mini-1").read_text() == "a0" * 32
+    assert [file.name for file in elsewhere.parent.iterdir()] == ["lake.sqlite3"]
+
+
+def test_a_database_on_another_disk_than_its_folder_is_restored(
+    folder, tmp_path, capsys, monkeypatch
+):
+    backup, elsewhere = tmp_path / "lake.tar.gz", tmp_path / "disk" / "lake.sqlite3"
+    grace("db", "backup", backup, "--data", folder)
+    monkeypatch.setenv("GRACE_DATABASE_URL", f"sqlite:///{elsewhere}")
+
+    def on_two_disks(move):
+        def moved(source, target, **rest):
+            disks = {Path(one).is_relative_to(elsewhere.parent) for one in (source, target)}
+            if len(disks) > 1:
+                raise OSError(errno.EXDEV, "Invalid cross-device link")
+            return move(source, target, **rest)
+
+        return moved
+
+    with monkeypatch.context() as disks:
+        disks.setattr(Path, "replace", on_two_disks(Path.replace))
+        disks.setattr(os, "rename", on_two_disks(os.rename))
+        assert grace("db", "restore", backup, "--data", tmp_path / "other") == 0
+    capsys.readouterr()
+    assert grace("token", "list", "--data", tmp_path / "other") == 0
+    assert "kept" in capsys.readouterr().out
 
 
 def test_a_copy_of_the_database_alone_is_restored_too(folder, tmp_path, capsys):
