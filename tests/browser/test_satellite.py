@@ -99,7 +99,9 @@ def test_a_plan_is_priced_before_it_is_sent_and_ticked_as_it_is_proved(screen, f
 def test_every_message_can_be_traced_by_its_numbers(screen, far):
     open_page(screen, far, "/log#satellite")
     messages = screen.get_by_role("region", name="Satellite messages")
-    expect(messages).to_contain_text("MOMSN")
+    number = messages.get_by_role("note").filter(has_text=re.compile(r"no\. \d+ from it")).first
+    number.focus()
+    expect(number.get_by_role("tooltip")).to_contain_text("MOMSN")
     expect(messages.get_by_text("Out", exact=True).first).to_be_visible()
     spent = far.get(f"/api/robots/{ROBOT}/satellite")["credits_today"]
     assert spent > 0

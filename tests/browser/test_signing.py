@@ -24,7 +24,7 @@ def test_the_demos_radios_are_signed_and_a_new_key_is_shown_once(screen, calm):
 
     panel.get_by_role("button", name="New key for grace-1").click()
     expect(panel).to_contain_text("it takes no order by radio, not even to surface")
-    hold(screen, re.compile("Make a key for grace-1"))
+    hold(screen, re.compile("New key for grace-1. Press and hold"))
     shown = panel.get_by_label("Signing key of grace-1")
     expect(shown).to_contain_text("it is not shown again")
     key = "".join(shown.locator(".key span").all_inner_texts())

@@ -57,7 +57,7 @@ export class Fetched<T> {
    * Read it now, and again while that fails, until the returned function is called.
    *
    * For effects: one that also reads `Station.revision` reads again whenever something changed. A
-   * change that comes while an answer is under way is asked for a moment after it.
+   * change that comes while an answer is under way, or in the rest after it, is asked for after it.
    *
    * @param subject What it is about: of another one it is read at once.
    */
@@ -74,20 +74,12 @@ export class Fetched<T> {
 
   async #readWhileDue(): Promise<void> {
     this.#isReading = true;
-    while (this.#isFollowed) {
+    while (this.#isFollowed && (this.#isDue || this.#unread !== '')) {
       this.#isDue = false;
       await this.load();
-      const restMs = this.#waitMs();
-      if (restMs === null) break;
-      await pause(restMs);
+      await pause(this.#unread === '' ? this.#restMs : RETRY_MS);
     }
     this.#isReading = false;
-  }
-
-  /** How long to wait before it is read once more; `null` while there is no reason to. */
-  #waitMs(): number | null {
-    if (this.#unread !== '') return RETRY_MS;
-    return this.#isDue ? this.#restMs : null;
   }
 }
 

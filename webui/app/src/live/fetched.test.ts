@@ -55,6 +55,18 @@ describe('what is read from the station', () => {
     vi.useRealTimers();
   });
 
+  test('rests between two answers, however often it changes', async () => {
+    vi.useFakeTimers();
+    const read = vi.fn().mockResolvedValue(1);
+    const source = new Fetched<number>(read, 8000);
+    for (let second = 0; second < 60; second++) {
+      source.follow();
+      await vi.advanceTimersByTimeAsync(1000);
+    }
+    expect(read).toHaveBeenCalledTimes(8);
+    vi.useRealTimers();
+  });
+
   test('is asked for again only while that fails, and while somebody looks', async () => {
     vi.useFakeTimers();
     const read = vi.fn().mockRejectedValueOnce(REFUSED).mockResolvedValueOnce(1);
