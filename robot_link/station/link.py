@@ -158,7 +158,7 @@ class StationLink:
         """
         for member in list(self._roster):
             if robots.get(member.robot) != member.endpoint:
-                self.cancel_upload(member.robot, "the robot's links were changed")
+                self.cancel_upload(member.robot, "the robot's links or its key were changed")
                 self._tasks.remove(member.robot)
                 self._roster.remove(member.robot)
         for uri in [uri for uri in self._transports if uri not in transports]:

@@ -154,7 +154,7 @@ async def test_an_upload_to_a_robot_that_is_taken_away_fails_with_a_sentence(tmp
         station.set_robots({}, {})
         report = await upload
         assert report.state is OnboardPlanState.FAILED
-        assert report.reason == "the robot's links were changed"
+        assert report.reason == "the robot's links or its key were changed"
 
 
 def ends(it: Rig, robot) -> RobotEndpoint:
