@@ -4,7 +4,7 @@ import asyncio
 import contextlib
 import secrets
 from collections.abc import Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from typing import Literal
 
@@ -44,7 +44,7 @@ class Caller:
     name: str
     role: Role
     expires_at: datetime
-    csrf_token: str | None
+    csrf_token: str | None = field(repr=False)
     """The token that a browser's changes must carry; a script with a bearer token has none."""
     proof: Proof
 
@@ -53,7 +53,7 @@ class Caller:
 class SignedIn:
     """A new session: its secret for the cookie, and who it stands for."""
 
-    secret: str
+    secret: str = field(repr=False)
     caller: Caller
 
 

@@ -1,6 +1,6 @@
 """Who may do what: people and the bearer tokens of scripts."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 
 from fastapi import APIRouter
@@ -86,7 +86,7 @@ class NewTokenView(View):
     """A fresh bearer token; its secret is shown here and never again."""
 
     id: str
-    token: str
+    token: str = field(repr=False)
     expires_at: datetime
 
 

@@ -4,7 +4,7 @@ Used by the routes and, on a data folder without a station, by the command line.
 moment for the log; how long a secret is valid is measured on the wall's clock.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import UTC, datetime, timedelta
 
 from sqlalchemy.orm import Session
@@ -22,7 +22,7 @@ from server.base.text import checked
 class IssuedToken:
     """A fresh token with its secret, which is kept nowhere."""
 
-    secret: str
+    secret: str = field(repr=False)
     token: TokenRecord
 
 

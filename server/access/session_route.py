@@ -1,6 +1,6 @@
 """Signing in and out, and finding out who one is."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated
 
@@ -46,7 +46,7 @@ class SessionView(View):
     name: str
     role: Role
     rights: list[str]
-    csrf_token: str | None
+    csrf_token: str | None = field(repr=False)
     """Send it as ``X-CSRF-Token`` with every change; null for a bearer token, which needs none."""
     expires_at: datetime
 
@@ -55,7 +55,7 @@ class SessionView(View):
 class TicketView(View):
     """Opens one stream as ``?ticket=``; worth nothing once it is used or too old."""
 
-    ticket: str
+    ticket: str = field(repr=False)
     valid_s: float
 
 

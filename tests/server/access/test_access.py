@@ -13,8 +13,17 @@ from fastapi import WebSocketException
 from starlette.websockets import WebSocket
 
 from db.fault import StoreUnavailableError
+from db.query.people import TokenRecord
 from robot_link.clock import monotonic_s
-from server.access import access, failure, register, stream, throttle
+from server.access import (
+    access,
+    failure,
+    people_route,
+    register,
+    session_route,
+    stream,
+    throttle,
+)
 from server.access.guard import Guard
 from server.access.role import Role
 from server.base.problem import Problem
@@ -180,6 +189,21 @@ async def test_a_stranger_locks_out_neither_who_was_here_before_nor_who_comes_fr
     elsewhere = httpx.ASGITransport(app, client=("192.0.2.7", 9))
     async with httpx.AsyncClient(transport=elsewhere, base_url=BASE_URL) as client:
         assert (await client.post("/api/session", json=right)).status_code == 200
+
+
+def test_who_holds_a_secret_does_not_show_it_in_its_own_words():
+    at, word = datetime.now(UTC), "s3cret-word"
+    proof = access.Proof("token", "digest")
+    caller = access.Caller("ann", Role.ADMIN, at, word, proof)
+    holders = [
+        caller,
+        access.SignedIn(word, caller),
+        register.IssuedToken(word, TokenRecord("1", "ann", Role.ADMIN, False, at, at, None, None)),
+        people_route.NewTokenView("1", word, at),
+        session_route.SessionView("ann", Role.ADMIN, [], word, at),
+        session_route.TicketView(word, 60.0),
+    ]
+    assert not [one for one in holders if word in repr(one)]
 
 
 async def test_a_forged_mark_of_a_browser_is_none(admin, anyone):
