@@ -112,7 +112,7 @@ class FileSigningMemory:
             OSError: If the file cannot be read.
         """
         try:
-            text = self._path.read_text(encoding="utf-8")
+            text = self._path.read_bytes()
         except FileNotFoundError:
             return SigningMarks()
         try:

@@ -43,6 +43,15 @@ class SecretUnreadableError(Exception):
     """A file of the secret folder does not hold what its name says; the text names the file."""
 
 
+def secret_fault(error: SecretUnreadableError | OSError) -> str:
+    """Say why a secret cannot be read; of its file the name alone, not where the folder is."""
+    if isinstance(error, SecretUnreadableError):
+        return str(error)
+    reason = error.strerror or type(error).__name__
+    file = error.filename
+    return f"{_named(Path(file))}: {reason}." if isinstance(file, str | Path) else f"{reason}."
+
+
 class GatewayAccount(BaseModel):
     """What the station needs to speak with one gateway."""
 

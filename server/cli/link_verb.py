@@ -24,7 +24,13 @@ from robot_link.station.gateway.address import (
 from robot_link.transport.datagram import PortChanged
 from robot_link.transport.doctor import Doctor
 from robot_link.transport.opening import is_radio
-from server.base.secret import GATEWAY_KINDS, GatewayKind, SecretStore, SecretUnreadableError
+from server.base.secret import (
+    GATEWAY_KINDS,
+    GatewayKind,
+    SecretStore,
+    SecretUnreadableError,
+    secret_fault,
+)
 from server.base.settings import Settings
 from server.cli.data import add_data_option, open_store, settings_of
 from server.cli.failure import CommandError
@@ -183,7 +189,7 @@ async def _examine_gateway(uri: str, settings: Settings, listen_s: float, say: S
     try:
         account = SecretStore(settings.secret_dir).gateway(kind)
     except (SecretUnreadableError, OSError) as error:
-        say(f"The account cannot be read: {error}")
+        say(f"The account cannot be read: {secret_fault(error)}")
         return False
     if account is None:
         say(f"The data folder {settings.data_dir} has no account with {kind}.")

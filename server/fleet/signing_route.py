@@ -6,7 +6,8 @@ station's own copy is a file that nobody but its user may read.
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, field
 from typing import Annotated, TypeVar
 
 import segno
@@ -19,7 +20,7 @@ from server.access.dependency import Admin
 from server.base.dependency import FoundationDep
 from server.base.foundation import Foundation
 from server.base.problem import Problem
-from server.base.secret import SecretStore, SecretUnreadableError
+from server.base.secret import SecretStore, SecretUnreadableError, secret_fault
 from server.base.view import View, one_of
 from server.fleet.dependency import FleetDep
 from server.fleet.event import SigningChanged
@@ -37,9 +38,9 @@ class SigningKeyView(View):
     """A key that was made just now; it is shown here and never again."""
 
     robot: str
-    key: str
+    key: str = field(repr=False)
     """32 bytes in hexadecimal, as the robot's file ``signing.key`` holds them."""
-    qr: list[str]
+    qr: list[str] = field(repr=False)
     """The same text as a QR code: its rows of modules, ``1`` where one is dark, with the light
     margin that a camera needs."""
 
@@ -131,7 +132,9 @@ async def _decide(
 def _signing(secrets: SecretStore, robot: str) -> SigningView:
     try:
         if secrets.signing_key(robot) is not None:
+            with suppress(FileNotFoundError):
+                secrets.signing_marks(robot).read_bytes()
             return SigningView(robot, "on", None)
     except (SecretUnreadableError, OSError) as error:
-        return SigningView(robot, "unreadable", str(error))
+        return SigningView(robot, "unreadable", secret_fault(error))
     return SigningView(robot, "off" if secrets.is_signing_off(robot) else "undecided", None)

@@ -12,7 +12,7 @@ from robot_link.mavlink.signing import (
     Signing,
 )
 from robot_link.messages import RobotId
-from server.base.secret import SecretStore, SecretUnreadableError
+from server.base.secret import SecretStore, SecretUnreadableError, secret_fault
 
 _log = logging.getLogger(__name__)
 
@@ -27,7 +27,7 @@ class RobotSigning:
         self._decisions: dict[RobotId, int] = defaultdict(int)
 
     def decisions(self, robot: RobotId) -> int:
-        """Return how often it was decided anew how a robot signs, since the start."""
+        """Return how often it was decided anew, or is to be looked at again, how a robot signs."""
         return self._decisions[robot]
 
     def decide_anew(self, robot: RobotId) -> None:
@@ -39,22 +39,36 @@ class RobotSigning:
         """Return how frames of a robot are signed; ``None`` where it has no signing key.
 
         A robot whose key cannot be read gets one that nobody holds: it is neither believed
-        unsigned nor a reason for the others to go without radio.
+        unsigned nor a reason for the others to go without radio. Where it is the disk that fails,
+        the key is looked for again as soon as the fleet is looked through again.
         """
         signing = self._known.get(robot)
-        if signing is None and (found := self._made(robot)) is not None:
-            signing = self._known[robot] = found
+        if signing is not None:
+            return signing
+        try:
+            signing = self._made(robot)
+        except SecretUnreadableError as error:
+            self._tell(robot, error)
+            signing = self._nobodys("its signing key cannot be read; make a new one")
+        except OSError as error:
+            self._tell(robot, error)
+            self._decisions[robot] += 1
+            return self._nobodys(f"its signing key cannot be read now: {secret_fault(error)}")
+        if signing is not None:
+            self._known[robot] = signing
         return signing
 
     def _made(self, robot: RobotId) -> Signing | None:
-        try:
-            key = self._secrets.signing_key(robot)
-            if key is None:
-                return None
-            memory = FileSigningMemory(self._secrets.signing_marks(robot))
-            return Signing(key, memory, self._clock)
-        except (SecretUnreadableError, OSError) as error:
-            _log.error("%s has no radio until its signing key is put right: %s", robot, error)
-            nobodys = Signing(secrets.token_bytes(SECRET_BYTES), MemorySigningMemory(), self._clock)
-            nobodys.fault = "its signing key cannot be read; make a new one"
-            return nobodys
+        key = self._secrets.signing_key(robot)
+        if key is None:
+            return None
+        return Signing(key, FileSigningMemory(self._secrets.signing_marks(robot)), self._clock)
+
+    def _nobodys(self, fault: str) -> Signing:
+        signing = Signing(secrets.token_bytes(SECRET_BYTES), MemorySigningMemory(), self._clock)
+        signing.fault = fault
+        return signing
+
+    def _tell(self, robot: RobotId, error: SecretUnreadableError | OSError) -> None:
+        text = "%s has no radio until its signing key is put right: %s"
+        _log.error(text, robot, secret_fault(error))

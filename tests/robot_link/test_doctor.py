@@ -382,6 +382,15 @@ def test_a_satellite_link_is_examined_without_a_message(tmp_path: Path, capsys, 
     assert ("GRACE_DIRECTIP_PORT" in said) == (kind == "directip")
 
 
+def test_an_account_that_cannot_be_read_is_named_but_not_where_it_is(tmp_path: Path, capsys):
+    (Settings(data_dir=tmp_path).secret_dir / "gateway-rockblock").mkdir(parents=True)
+    uri = "rockblock://300234010753370"
+    assert main(["link", "doctor", uri, "--data", str(tmp_path), "--seconds", "30"]) == 1
+    said = capsys.readouterr().out
+    assert "The account cannot be read: secret/gateway-rockblock: Is a directory." in said
+    assert str(tmp_path) not in said
+
+
 async def test_an_acoustic_modem_is_asked_for_its_address(tmp_path: Path):
     line_path = tmp_path / "modem"
     uri, said = f"micromodem://{line_path}?us=1&peer=2", []

@@ -11,6 +11,7 @@ from sqlalchemy.exc import OperationalError
 from robot_link.messages import RobotId
 from server.access.role import Role
 from server.base.secret import SecretStore
+from server.fleet.signing_route import shown_key
 from tests.server.conftest import MINI, api_client
 from tests.server.fleet.test_robot_api import NEW_ROBOT
 
@@ -126,6 +127,27 @@ async def test_a_damaged_key_is_told_and_a_new_one_mends_it(client, station):
     assert told["state"] == "unreadable"
     assert f"signing-{MINI} does not hold 32 bytes" in told["fault"]
     assert (await client.post(f"/api/robots/{MINI}/signing-key")).status_code == 201
+
+
+@pytest.mark.parametrize("name", ["signing", "stamps"])
+async def test_a_file_that_cannot_be_read_is_named_but_not_where_it_is(client, station, name):
+    if name == "stamps":
+        secrets_of(station).new_signing_key(MINI)
+    (station.foundation.settings.secret_dir / f"{name}-{MINI}").mkdir()
+    (told,) = [
+        one for one in (await client.get("/api/signing")).json()["robots"] if one["robot"] == MINI
+    ]
+    assert told == {
+        "robot": MINI,
+        "state": "unreadable",
+        "fault": f"secret/{name}-{MINI}: Is a directory.",
+    }
+
+
+def test_a_key_is_not_shown_in_its_own_words():
+    shown = shown_key(MINI, bytes(range(32)))
+    assert shown.key not in repr(shown)
+    assert shown.qr[9] not in repr(shown)
 
 
 @pytest.mark.parametrize("role", [Role.VIEWER, Role.PILOT])

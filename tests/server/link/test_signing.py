@@ -2,6 +2,8 @@
 
 from datetime import UTC, datetime, timedelta
 
+import pytest
+
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.mavlink.signing import MemorySigningMemory, Signing, Verdict
@@ -49,6 +51,38 @@ def test_a_damaged_key_lets_nobody_in_and_stops_nobody_else(tmp_path, caplog):
     assert whole.check(signed(KEY)) is Verdict.GOOD
     assert f"{ONE} has no radio until its signing key is put right" in caplog.text
     assert signing(THREE) is None
+
+
+@pytest.mark.parametrize("name", ["signing", "stamps"])
+def test_a_disk_that_fails_asks_for_no_new_key_and_the_old_one_holds_again(tmp_path, caplog, name):
+    (tmp_path / f"signing-{ONE}").write_text(KEY.hex())
+    file = tmp_path / f"{name}-{ONE}"
+    aside = file.rename(tmp_path / "aside") if file.exists() else None
+    file.mkdir()
+    signing = RobotSigning(SecretStore(tmp_path), SystemClock())
+    known = signing.decisions(ONE)
+    failing = signing(ONE)
+    assert failing.check(signed(KEY)) is Verdict.FORGED
+    fault = f"{tmp_path.name}/{name}-{ONE}: Is a directory."
+    assert failing.fault == f"its signing key cannot be read now: {fault}"
+    assert str(tmp_path) not in caplog.text
+    assert signing.decisions(ONE) > known, "its links are made again with the next look"
+    file.rmdir()
+    if aside is not None:
+        aside.rename(file)
+    whole = signing(ONE)
+    assert (whole.fault, whole.check(signed(KEY))) == ("", Verdict.GOOD)
+    known = signing.decisions(ONE)
+    assert signing(ONE) is whole
+    assert signing.decisions(ONE) == known
+
+
+def test_marks_that_are_no_text_are_set_aside(tmp_path):
+    secrets = SecretStore(tmp_path)
+    (tmp_path / f"signing-{ONE}").write_text(KEY.hex())
+    secrets.signing_marks(ONE).write_bytes(b"\xff\xfe\xfd")
+    assert RobotSigning(secrets, SystemClock())(ONE).fault == ""
+    assert (tmp_path / f"stamps-{ONE}.damaged").exists()
 
 
 def test_a_decision_is_kept_apart_from_no_decision_and_nobody_else_may_read_it(tmp_path):
