@@ -33,6 +33,7 @@ from server.base.view import Body, encoded
 from server.fleet.dependency import FleetDep
 from server.fleet.event import SigningChanged
 from server.fleet.panel import FleetViews
+from server.fleet.recorded import refuse_recording
 from server.fleet.roster import Roster
 from server.fleet.signing_route import SigningKeyView, shown_key
 from server.fleet.trail import DRIFT_MODES
@@ -161,7 +162,9 @@ async def patch_robot(
     foundation: FoundationDep,
 ) -> RobotView:
     """Change a robot's name, model, links or site."""
-    fleet.status(robot)
+    status = fleet.status(robot)
+    if changes.system_id is not None or changes.links is not None:
+        refuse_recording(status, "has no radio")
     given = changes.model_dump(exclude_unset=True, exclude_none=True)
     if changes.model is not None:
         vehicles.check_model(changes.model)

@@ -2,12 +2,14 @@
 
 import sqlite3
 from contextlib import contextmanager
+from dataclasses import replace
 
 import pytest
 import segno
 from sqlalchemy import event
 from sqlalchemy.exc import OperationalError
 
+from db.query.robots import add_robot
 from robot_link.messages import RobotId
 from server.access.role import Role
 from server.base.secret import SecretStore
@@ -142,6 +144,27 @@ async def test_a_file_that_cannot_be_read_is_named_but_not_where_it_is(client, s
         "state": "unreadable",
         "fault": f"secret/{name}-{MINI}: Is a directory.",
     }
+
+
+@pytest.mark.parametrize("changes", [{"system_id": 9}, {"links": ["xbee://127.0.0.1:9"]}])
+async def test_a_recording_gets_no_radio_without_a_decision_on_its_signing(
+    client, station, changes
+):
+    record = replace(
+        station.fleet.status(MINI).record,
+        id=RobotId("eva-035"),
+        kind="recorded",
+        system_id=None,
+        links=(),
+    )
+    await station.foundation.store.write(lambda session: add_robot(session, record))
+    await station.refresh(record.id)
+    refused = await client.patch(f"/api/robots/{record.id}", json={"name": "Eva", **changes})
+    assert refused.status_code == 409
+    assert refused.json()["detail"] == "eva-035 is a recording; it has no radio."
+    assert station.fleet.status(record.id).record == record
+    renamed = await client.patch(f"/api/robots/{record.id}", json={"name": "Eva"})
+    assert renamed.json()["name"] == "Eva"
 
 
 def test_a_key_is_not_shown_in_its_own_words():
