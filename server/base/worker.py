@@ -62,7 +62,11 @@ class _Process:
             env={**os.environ, **_ENVIRONMENT},
         )
         worker = cls(process)
-        await worker.receive()
+        try:
+            await worker.receive()
+        except BaseException:
+            await worker.kill()
+            raise
         return worker
 
     @property

@@ -8,6 +8,7 @@ from collections.abc import AsyncIterator, Callable
 import pytest
 import pytest_asyncio
 
+from server.base import worker as worker_module
 from server.base.worker import WorkerEndedError, WorkerPool, WorkerSpentError, WorkerTaskError
 
 HERE = __name__
@@ -123,6 +124,29 @@ async def test_cancelled_task_stops_and_leaves_its_process_warm(pool: WorkerPool
         await task
     assert await pool.run(f"{HERE}:double", 4) == 8
     assert pool.process_ids() == (pid,)
+
+
+async def test_a_task_that_is_cancelled_before_its_process_is_ready_leaves_none(
+    pool: WorkerPool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    started: list[asyncio.subprocess.Process] = []
+    is_awaited = asyncio.Event()
+
+    async def never_ready(worker: worker_module._Process) -> tuple[object, ...]:
+        started.append(worker.process)
+        is_awaited.set()
+        await asyncio.Event().wait()
+        return ()
+
+    monkeypatch.setattr(worker_module._Process, "receive", never_ready)
+    task = asyncio.create_task(pool.run(f"{HERE}:double", 1))
+    await is_awaited.wait()
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert [process.returncode for process in started] == [-signal.SIGKILL]
+    monkeypatch.undo()
+    assert await pool.run(f"{HERE}:double", 4) == 8
 
 
 async def test_a_task_that_only_waits_for_a_processor_has_used_nothing_of_its_limit(
