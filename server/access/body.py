@@ -22,8 +22,8 @@ _MB: Final = 2**20
 BODY_BYTES_MAX: Final = _MB
 STRANGER_BYTES_MAX: Final = 2**16
 """Sign-in forms, and what a gateway pushes."""
-FILE_BYTES_MAX: Final = {"/api/imports": 512 * _MB, "/api/vehicles/coefficients": 8 * _MB}
-"""Routes that take files, by their path."""
+FILE_BYTES_MAX: Final = {"/api/imports": 512 * _MB, "/api/vehicles/{key}/coefficients": 8 * _MB}
+"""Routes that take files, by their path; anything but a form with files is kept in memory."""
 FILES_AT_ONCE: Final = 4
 PAUSE_MAX_S: Final = 15.0
 """Between two parts of a body."""
@@ -104,13 +104,13 @@ class GuardedBody:
         right = right_of(dependant) if isinstance(dependant, Dependant) else None
         if right is not None:
             await self._ask(right)
-        self._limit = (
-            STRANGER_BYTES_MAX if right is None else FILE_BYTES_MAX.get(path, BODY_BYTES_MAX)
-        )
+        has_parts = _kind(self._request) == "multipart/form-data"
+        file_max = FILE_BYTES_MAX.get(path) if has_parts else None
+        self._limit = STRANGER_BYTES_MAX if right is None else file_max or BODY_BYTES_MAX
         told = self._request.headers.get("content-length", "")
         if told.isascii() and told.isdecimal() and int(told[:20]) > self._limit:
             raise self._too_long()
-        if right is not None and path in FILE_BYTES_MAX:
+        if right is not None and file_max is not None:
             self._reader.take_file()
             self._has_file = True
 
@@ -157,8 +157,12 @@ def _too_slow() -> BodyProblem:
     return BodyProblem(Problem(408, "The request came too slowly; send it again."))
 
 
+def _kind(request: Request) -> str:
+    return request.headers.get("content-type", "").partition(";")[0].strip().lower()
+
+
 def _is_json(request: Request) -> bool:
-    kind = request.headers.get("content-type", "").partition(";")[0].strip().lower()
+    kind = _kind(request)
     return kind == "application/json" or (
         kind.startswith("application/") and kind.endswith("+json")
     )

@@ -83,6 +83,19 @@ async def test_a_sign_in_of_many_bytes_is_cut_off(app):
     assert (await answered(app, "/api/session", parts, JSON | told))[::2] == (413, 0)
 
 
+FORM = {"Content-Type": "application/x-www-form-urlencoded"}
+
+
+async def test_what_is_kept_in_memory_is_no_longer_on_a_route_of_files(app):
+    pilot = bearer(await token_of(app, Role.PILOT))
+    parts = [b" " * 2**18] * 12
+    status, _, read = await answered(app, "/api/imports", parts, FORM | pilot)
+    assert (status, read) == (413, body.BODY_BYTES_MAX // 2**18 + 1)
+    told = {"Content-Length": str(body.BODY_BYTES_MAX + 1)}
+    assert (await answered(app, "/api/imports", parts, FORM | pilot | told))[::2] == (413, 0)
+    assert (await answered(app, "/api/imports", [b"--x--\r\n"], FILE | pilot | told))[0] == 422
+
+
 async def test_a_body_that_stops_is_given_up(app, monkeypatch):
     monkeypatch.setattr(body, "PAUSE_MAX_S", 0.05)
     status, problem, _ = await answered(app, "/api/session", [b"{", STOPS], JSON)

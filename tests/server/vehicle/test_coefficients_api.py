@@ -2,6 +2,7 @@
 
 from autonomy.vehicle.config import MINIGLIDER
 from autonomy.vehicle.parameter_file import vehicle_document
+from server.access.body import BODY_BYTES_MAX
 from server.access.role import Role
 from tests.server.conftest import api_client
 from tests.server.vehicle.test_coefficients import FOUND, csv_text, rows
@@ -54,3 +55,15 @@ async def test_a_viewer_fits_nothing(station):
     async with api_client(station, Role.VIEWER) as viewer:
         path = "/api/vehicles/miniglider/coefficients"
         assert (await viewer.post(path, json={"rows": rows()})).status_code == 403
+
+
+async def test_a_table_may_be_longer_as_a_file_than_as_rows(client):
+    path = "/api/vehicles/miniglider/coefficients"
+    head, *lines = csv_text().splitlines(keepends=True)
+    long = head + "".join(lines) * (BODY_BYTES_MAX // len("".join(lines)) + 1)
+    files = {"file": ("tunnel.csv", long, "text/csv")}
+    assert (await client.post(path, files=files)).status_code != 413
+    for kind in ("application/json", "text/plain"):
+        headers = {"Content-Type": kind}
+        answer = await client.post(path, content=b" " * (BODY_BYTES_MAX + 1), headers=headers)
+        assert answer.status_code == 413
