@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from hashlib import sha256
 
-from sqlalchemy import func, select
+from sqlalchemy import BigInteger, func, select, type_coerce
 from sqlalchemy.orm import Session
 
 from db.identity import key_of, public_id
@@ -116,15 +116,20 @@ def newest_session(session: Session, imei: str, latest: timedelta) -> datetime |
         imei: The modem.
         latest: A delivery that took longer names no session that can be true.
     """
-    newest = session.execute(
-        select(InboxRow.session_at, InboxRow.arrived_at)
-        .where(InboxRow.imei == imei, InboxRow.is_decoded, func.length(InboxRow.data) > 0)
+    took_us = type_coerce(InboxRow.arrived_at, BigInteger) - type_coerce(
+        InboxRow.session_at, BigInteger
+    )
+    return session.scalar(
+        select(InboxRow.session_at)
+        .where(
+            InboxRow.imei == imei,
+            InboxRow.is_decoded,
+            func.length(InboxRow.data) > 0,
+            took_us <= latest // timedelta(microseconds=1),
+        )
         .order_by(InboxRow.session_at.desc())
         .limit(1)
-    ).one_or_none()
-    if newest is None or newest.session_at < newest.arrived_at - latest:
-        return None
-    return newest.session_at
+    )
 
 
 def _record(row: InboxRow, robot: str | None) -> InboxRecord:
