@@ -5,6 +5,7 @@ from datetime import datetime
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Query
+from pydantic import AwareDatetime
 
 from db.query.alarms import AlarmRecord, closed_alarms
 from db.record import same
@@ -59,7 +60,7 @@ async def acknowledge(
     alarm: str,
     foundation: FoundationDep,
     raised_at: Annotated[
-        datetime | None, Query(description="Since when it stood as it was seen.")
+        AwareDatetime | None, Query(description="Since when it stood as it was seen.")
     ] = None,
     level: Annotated[str | None, Query(description="Its level as it was seen.")] = None,
 ) -> AlarmView:

@@ -207,6 +207,8 @@ async def test_nobody_acknowledges_what_has_changed_since_it_was_seen(tmp_path):
         assert (await admin.post(path, params=what)).status_code == 409
         [alarm] = board.open
         assert alarm.state == "unacknowledged"
+        naive = {"raised_at": alarm.raised_at.replace(tzinfo=None).isoformat()}
+        assert (await admin.post(path, params=naive)).status_code == 422
         what["raised_at"] = alarm.raised_at.isoformat()
         assert (await admin.post(path, params=what)).json()["state"] == "acknowledged"
 
