@@ -193,7 +193,7 @@ async def _examine_gateway(uri: str, settings: Settings, listen_s: float, say: S
         return False
     if account is None:
         say(f"The data folder {settings.data_dir} has no account with {kind}.")
-        say("  Try: name the station's folder with --data, or enter the account on the page Links.")
+        say("  Try: name the station's folder with --data, or enter it in Settings, Gateways.")
         return False
     if kind == "rockblock" and not account.public_key:
         say("What RockBLOCK pushes is refused: its public key is not entered.")
