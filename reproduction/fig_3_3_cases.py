@@ -7,7 +7,7 @@ import numpy as np
 
 from autonomy.control.config import BACKSTEPPING_SIMULATION, BacksteppingConfig
 from autonomy.vehicle.config import MINIGLIDER
-from autonomy.vehicle.steady import angle_of_attack
+from autonomy.vehicle.glide import angle_of_attack
 from autonomy.whatif.config import StartConfig, StraightConfig, TrialConfig
 from autonomy.whatif.run import Trial
 from reproduction.contender import CONTENDERS

@@ -6,26 +6,19 @@ the primitives are follows from the depth that they must fit into.
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
 
 import numpy as np
 
 from autonomy.planner.config import EnergyConfig, PrimitiveConfig
+from autonomy.planner.work import CHANGE_SHARE, DIVE_PUMP_SHARE, SPIRAL_TAILS_RAD, work_of
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.extended_kernel import advance
-from autonomy.vehicle.steady import (
-    NoSteadyGlideError,
-    SteadyGlide,
-    angle_of_attack,
-    glide_inputs,
-    steady_glide,
-)
+from autonomy.vehicle.glide import NoSteadyGlideError, angle_of_attack, glide_inputs
+from autonomy.vehicle.steady import SteadyGlide, steady_glide
 from autonomy.vehicle.surroundings import Surroundings
 
 _DEPTH_IN_LENGTHS = 10.0
 """Depth of the water if nobody says otherwise, in lengths of the robot from tail to nose."""
-_CHANGE_SHARE = 1.0 / 3.0
-"""Smallest change of depth as a share of the depth."""
 _CHANGEOVER_SHARE = 0.5
 """Part of the shortest glide within which pump and sliding mass must have changed over."""
 _PUMP_SHARE = 2.0 / 3.0
@@ -37,8 +30,6 @@ _STALL_MARGIN_RAD = math.radians(3.0)
 _STEP_RAD = math.radians(0.25)
 _SPIRAL_SPEED_SHARE = 0.8
 _SPIRAL_GLIDE_RAD = math.radians(45.0)
-_SPIRAL_TAILS_RAD = (math.radians(25.0), math.radians(45.0))
-_DIVE_PUMP_SHARE = 0.5
 _DIVE_SHARE = 0.9
 """Part of the speed with half of the pump that a flat dive is planned with."""
 _SWIM_SHARE = 0.75
@@ -69,7 +60,7 @@ def motion_of(vehicle: Vehicle, depth_m: float | None = None) -> PrimitiveConfig
             room; the message says which.
     """
     depth = _DEPTH_IN_LENGTHS * vehicle.hull.tail_to_nose_m if depth_m is None else depth_m
-    change = _CHANGE_SHARE * depth
+    change = CHANGE_SHARE * depth
     flattest = _flattest_rad(vehicle)
     speed = _glide_speed(vehicle, flattest, change)
     steepest = _steepest_rad(vehicle, flattest, speed)
@@ -92,50 +83,6 @@ def motion_of(vehicle: Vehicle, depth_m: float | None = None) -> PrimitiveConfig
         depth_change_min_m=change,
         bearing_noise_rad=0.35,
         point_interval_s=depth / speed / _POINTS_PER_GLIDE,
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class Work:
-    """Electrical energy that primitives take, J."""
-
-    glide_j: float
-    """Change-over of pump and sliding mass at the beginning of a glide."""
-    spiral_j: float
-    """As of a glide, and the tail's way to its place and back."""
-    dive_j: float
-    """Change-over of the pump at the beginning of a flat dive."""
-    tail_j_s_rad2: float
-    """Multiplies the integral of the squared tail rate while swimming."""
-    electronics_w: float
-    """Taken all the time."""
-
-
-def work_of(vehicle: Vehicle, motion: PrimitiveConfig) -> Work:
-    """Return what primitives take from the battery (thesis Eq. 5.20 with actuators at full rate).
-
-    Args:
-        vehicle: Its actuators and their power.
-        motion: Speeds and angles of the primitives.
-
-    Raises:
-        NoSteadyGlideError: If it cannot fly these glides.
-    """
-    limits, prices = vehicle.limits, vehicle.energy
-    middle = 0.5 * (motion.glide_angle_min_rad + motion.glide_angle_max_rad)
-    down = glide_inputs(vehicle, -middle, motion.glide_speed_m_s)
-    up = glide_inputs(vehicle, middle, motion.glide_speed_m_s)
-    pump_j_kg = prices.pump_full_w / limits.m0_rate_kg_s
-    slide_j_m = prices.mass_full_w / limits.rp1_rate_m_s
-    glide_j = abs(down[0] - up[0]) * pump_j_kg + abs(down[1] - up[1]) * slide_j_m
-    tail_s = 2.0 * float(np.mean(_SPIRAL_TAILS_RAD)) / limits.delta_rate_rad_s
-    dive_kg = 2.0 * _DIVE_PUMP_SHARE * min(limits.m0_max_kg, -limits.m0_min_kg)
-    return Work(
-        glide_j=glide_j,
-        spiral_j=glide_j + tail_s * prices.tail_full_w,
-        dive_j=dive_kg * pump_j_kg,
-        tail_j_s_rad2=prices.tail_full_w / limits.delta_rate_rad_s**2,
-        electronics_w=prices.electronics_w,
     )
 
 
@@ -172,21 +119,6 @@ def time_unit_j(vehicle: Vehicle) -> float:
     A robot without electronics that draw power has its unit by one watt.
     """
     return (vehicle.energy.electronics_w or 1.0) / EnergyConfig().time_factor
-
-
-def joules_per_unit(vehicle: Vehicle, motion: PrimitiveConfig, energy: EnergyConfig) -> float:
-    """Return how many joules stand behind one energy unit of settings, for showing both.
-
-    Units price actuators otherwise than a battery does, so this is the ratio for the dive that
-    surveys are made of: a glide down and one up through three times the smallest change of depth.
-
-    Raises:
-        NoSteadyGlideError: If the vehicle cannot fly these glides.
-    """
-    work = work_of(vehicle, motion)
-    glide_s = motion.depth_change_min_m / _CHANGE_SHARE / motion.glide_speed_m_s
-    joules = work.glide_j + work.electronics_w * glide_s
-    return joules / (energy.glide + energy.time_factor * glide_s)
 
 
 def swimming_speed_m_s(vehicle: Vehicle) -> float:
@@ -278,7 +210,7 @@ def _spirals(vehicle: Vehicle, speed: float) -> tuple[SteadyGlide, SteadyGlide]:
     """Return the widest and the tightest spiral that are planned with."""
     m0, rp1 = glide_inputs(vehicle, -_SPIRAL_GLIDE_RAD, speed)
     wide, tight = (
-        steady_glide(vehicle.parameters, m0, rp1, tail, extended=True) for tail in _SPIRAL_TAILS_RAD
+        steady_glide(vehicle.parameters, m0, rp1, tail, extended=True) for tail in SPIRAL_TAILS_RAD
     )
     return wide, tight
 
@@ -293,7 +225,7 @@ def _dive_speed(vehicle: Vehicle) -> float:
     Drag alone carries the weight then: the lift of the extended model vanishes with cos(alpha).
     """
     p = vehicle.parameters
-    net = _DIVE_PUMP_SHARE * min(vehicle.limits.m0_max_kg, -vehicle.limits.m0_min_kg)
+    net = DIVE_PUMP_SHARE * min(vehicle.limits.m0_max_kg, -vehicle.limits.m0_min_kg)
     drag_area = p.area_m2 * (p.drag_0 + p.drag_alpha * (0.5 * math.pi) ** 2)
     return _DIVE_SHARE * math.sqrt(2.0 * net * p.gravity_m_s2 / (p.water_density_kg_m3 * drag_area))
 

@@ -9,7 +9,7 @@ from autonomy.control.feasibility import (
 )
 from autonomy.control.governor_config import MOST_DELAY_CALLS, GovernorConfig
 from autonomy.vehicle.config import Vehicle
-from autonomy.vehicle.steady import NoSteadyGlideError
+from autonomy.vehicle.glide import NoSteadyGlideError
 from autonomy.whatif.config import ControllerChoice, TrialConfig
 from autonomy.whatif.setting import reference_function
 from autonomy.whatif.work import check_work

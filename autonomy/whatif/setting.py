@@ -16,7 +16,7 @@ from autonomy.control.trajectory import (
     straight_glide,
 )
 from autonomy.vehicle.config import Vehicle, VehicleParameters
-from autonomy.vehicle.steady import angle_of_attack
+from autonomy.vehicle.glide import angle_of_attack
 from autonomy.vehicle.surroundings import Surroundings
 from autonomy.whatif.config import StraightConfig, TrialConfig
 from autonomy.whatif.kernel import correlate

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from autonomy.vehicle.config import Vehicle
-from autonomy.vehicle.steady import NoSteadyGlideError, angle_of_attack, glide_inputs
+from autonomy.vehicle.glide import NoSteadyGlideError, angle_of_attack, glide_inputs
 from onboard.flight.depth_change import DepthChange
 from onboard.flight.maneuver import Flight
 from onboard.flight.navigation import Estimate

@@ -5,13 +5,13 @@ from datetime import datetime, timedelta
 
 from autonomy.configuration import Configuration
 from autonomy.field.config import FieldConfig
-from autonomy.planner.capability import joules_per_unit
 from autonomy.planner.check.check import outdated, violations
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg.edge import surfacings
 from autonomy.planner.plan import Candidate, Leg
+from autonomy.planner.work import joules_per_unit
 from autonomy.vehicle.config import Vehicle
-from autonomy.vehicle.steady import NoSteadyGlideError
+from autonomy.vehicle.glide import NoSteadyGlideError
 from autonomy.vehicle.trim import TrimConfig, trim_flaw
 from db.query.plans import PlanRecord
 from robot_link.mission import Mission, MissionSettings

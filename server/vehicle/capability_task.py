@@ -3,8 +3,9 @@
 from collections.abc import Callable
 from typing import Any
 
-from autonomy.planner.capability import energy_of, joules_per_unit, motion_of
-from autonomy.vehicle.steady import NoSteadyGlideError
+from autonomy.planner.capability import energy_of, motion_of
+from autonomy.planner.work import joules_per_unit
+from autonomy.vehicle.glide import NoSteadyGlideError
 from server.base.study import Refusal
 from server.vehicle.task import CapabilityProblem
 

@@ -8,9 +8,10 @@ import numpy as np
 
 from autonomy.arrays import BoolArray, FloatArray
 from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.glide import NoSteadyGlideError
 from autonomy.vehicle.polar import polar
 from autonomy.vehicle.stability import stability
-from autonomy.vehicle.steady import NoSteadyGlideError, steady_glide
+from autonomy.vehicle.steady import steady_glide
 from server.base.study import Refusal
 from server.vehicle.task import SteadyProblem
 

@@ -15,8 +15,8 @@ from autonomy.control.reference.pid import pid_inputs
 from autonomy.control.trajectory import THESIS_REFERENCES, Reference, straight_glide
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
 from autonomy.vehicle.extended_kernel import advance
+from autonomy.vehicle.glide import angle_of_attack
 from autonomy.vehicle.reference.dynamics import state_derivative
-from autonomy.vehicle.steady import angle_of_attack
 from autonomy.vehicle.surroundings import Surroundings
 
 GOLDEN = json.loads((Path(__file__).parent / "golden_vehicle.json").read_text())

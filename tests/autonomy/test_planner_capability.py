@@ -4,22 +4,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from autonomy.planner.capability import (
-    energy_of,
-    joules_per_unit,
-    motion_of,
-    swimming_speed_m_s,
-    time_unit_j,
-    work_of,
-)
+from autonomy.planner.capability import energy_of, motion_of, swimming_speed_m_s, time_unit_j
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import primitive
 from autonomy.planner.preset import PLANNER_PRESETS
+from autonomy.planner.work import joules_per_unit, work_of
 from autonomy.site import LAKE, TANK
 from autonomy.vehicle.config import GRACE3, MINIGLIDER, VEHICLES, Vehicle
 from autonomy.vehicle.extended_kernel import advance
+from autonomy.vehicle.glide import NoSteadyGlideError, glide_inputs
 from autonomy.vehicle.stability import stability
-from autonomy.vehicle.steady import NoSteadyGlideError, glide_inputs, steady_glide
+from autonomy.vehicle.steady import steady_glide
 from autonomy.vehicle.surroundings import Surroundings
 
 OWN = replace(

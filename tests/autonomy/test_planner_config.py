@@ -9,7 +9,8 @@ from autonomy.planner.config import PlannerConfig, PrimitiveConfig, exploitation
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Box
 from autonomy.vehicle.config import VEHICLES
-from autonomy.vehicle.steady import glide_inputs, steady_glide
+from autonomy.vehicle.glide import glide_inputs
+from autonomy.vehicle.steady import steady_glide
 
 SITES = {"miniglider": TANK, "grace3": LAKE}
 

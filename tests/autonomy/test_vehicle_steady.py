@@ -7,12 +7,8 @@ import pytest
 
 from autonomy.vehicle import extended_kernel
 from autonomy.vehicle.config import MINIGLIDER, VEHICLES
-from autonomy.vehicle.steady import (
-    NoSteadyGlideError,
-    angle_of_attack,
-    glide_inputs,
-    steady_glide,
-)
+from autonomy.vehicle.glide import NoSteadyGlideError, angle_of_attack, glide_inputs
+from autonomy.vehicle.steady import steady_glide
 from autonomy.vehicle.surroundings import Surroundings
 
 GOLDEN = json.loads((Path(__file__).parent / "golden_vehicle.json").read_text())

@@ -8,8 +8,8 @@ from contextlib import suppress
 
 import pytest
 
-from autonomy.planner.capability import joules_per_unit
 from autonomy.planner.preset import PLANNER_PRESETS
+from autonomy.planner.work import joules_per_unit
 from autonomy.vehicle.config import VEHICLES
 from db.query.events import newest_events
 from db.query.maps import newest_maps

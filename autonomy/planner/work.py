@@ -1,0 +1,74 @@
+"""What a vehicle's primitives take from its battery, by its actuators' powers and rates."""
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from autonomy.planner.config import EnergyConfig, PrimitiveConfig
+from autonomy.vehicle.config import Vehicle
+from autonomy.vehicle.glide import glide_inputs
+
+CHANGE_SHARE = 1.0 / 3.0
+"""Smallest change of depth as a share of the depth."""
+SPIRAL_TAILS_RAD = (math.radians(25.0), math.radians(45.0))
+DIVE_PUMP_SHARE = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Work:
+    """Electrical energy that primitives take, J."""
+
+    glide_j: float
+    """Change-over of pump and sliding mass at the beginning of a glide."""
+    spiral_j: float
+    """As of a glide, and the tail's way to its place and back."""
+    dive_j: float
+    """Change-over of the pump at the beginning of a flat dive."""
+    tail_j_s_rad2: float
+    """Multiplies the integral of the squared tail rate while swimming."""
+    electronics_w: float
+    """Taken all the time."""
+
+
+def work_of(vehicle: Vehicle, motion: PrimitiveConfig) -> Work:
+    """Return what primitives take from the battery (thesis Eq. 5.20 with actuators at full rate).
+
+    Args:
+        vehicle: Its actuators and their power.
+        motion: Speeds and angles of the primitives.
+
+    Raises:
+        NoSteadyGlideError: If it cannot fly these glides.
+    """
+    limits, prices = vehicle.limits, vehicle.energy
+    middle = 0.5 * (motion.glide_angle_min_rad + motion.glide_angle_max_rad)
+    down = glide_inputs(vehicle, -middle, motion.glide_speed_m_s)
+    up = glide_inputs(vehicle, middle, motion.glide_speed_m_s)
+    pump_j_kg = prices.pump_full_w / limits.m0_rate_kg_s
+    slide_j_m = prices.mass_full_w / limits.rp1_rate_m_s
+    glide_j = abs(down[0] - up[0]) * pump_j_kg + abs(down[1] - up[1]) * slide_j_m
+    tail_s = 2.0 * float(np.mean(SPIRAL_TAILS_RAD)) / limits.delta_rate_rad_s
+    dive_kg = 2.0 * DIVE_PUMP_SHARE * min(limits.m0_max_kg, -limits.m0_min_kg)
+    return Work(
+        glide_j=glide_j,
+        spiral_j=glide_j + tail_s * prices.tail_full_w,
+        dive_j=dive_kg * pump_j_kg,
+        tail_j_s_rad2=prices.tail_full_w / limits.delta_rate_rad_s**2,
+        electronics_w=prices.electronics_w,
+    )
+
+
+def joules_per_unit(vehicle: Vehicle, motion: PrimitiveConfig, energy: EnergyConfig) -> float:
+    """Return how many joules stand behind one energy unit of settings, for showing both.
+
+    Units price actuators otherwise than a battery does, so this is the ratio for the dive that
+    surveys are made of: a glide down and one up through three times the smallest change of depth.
+
+    Raises:
+        NoSteadyGlideError: If the vehicle cannot fly these glides.
+    """
+    work = work_of(vehicle, motion)
+    glide_s = motion.depth_change_min_m / CHANGE_SHARE / motion.glide_speed_m_s
+    joules = work.glide_j + work.electronics_w * glide_s
+    return joules / (energy.glide + energy.time_factor * glide_s)
