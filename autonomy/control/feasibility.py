@@ -9,6 +9,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.control.trajectory import Reference
 from autonomy.vehicle.config import ActuatorLimits, Vehicle
+from autonomy.vehicle.glide import NoSteadyGlideError, angle_of_attack
 
 _SAMPLES = 400
 _STEEPEST_RAD = math.radians(85.0)
@@ -56,7 +57,6 @@ def glide_envelope(vehicle: Vehicle, *, down: bool) -> GlideEnvelope:
     proportional to V^2, and the position of the sliding mass is a constant and a multiple of V^2.
     """
     from autonomy.vehicle.reference.dynamics import hydrodynamic_wrench
-    from autonomy.vehicle.steady import NoSteadyGlideError, angle_of_attack
 
     p, sign = vehicle.parameters, -1.0 if down else 1.0
     angles, speeds = [], []
