@@ -13,7 +13,15 @@ that somebody else gets what is meant for the robot, so:
 """
 
 from collections.abc import Callable
-from typing import Generic, TypeVar
+from functools import partial
+from typing import Final, Generic, TypeVar
+
+from robot_link.clock import monotonic_s
+from robot_link.transport.datagram import FAR_END, Garbled, Received, Stranger, TransportEvent
+
+FAITHFUL_S: Final = 10.0
+"""Silence of the far end after which another may take its place."""
+_KEPT_BYTES = 1024
 
 Caller = TypeVar("Caller")
 
@@ -35,6 +43,8 @@ class FarEnd(Generic[Caller]):
     ) -> None:
         self.caller: Caller | None = None
         """Who is believed to be the far end."""
+        self.has_left = False
+        """Whether that one hung up."""
         self._faithful_s = faithful_s
         self._host_of = host_of
         self._clock = clock
@@ -42,7 +52,7 @@ class FarEnd(Generic[Caller]):
 
     def admits(self, caller: Caller) -> bool:
         """Tell whether a caller is to be heard, and not a stranger."""
-        if self.caller is None or caller == self.caller:
+        if self.caller is None or caller == self.caller or self.has_left:
             return True
         return self._clock() - self._heard_s > self._faithful_s
 
@@ -58,14 +68,58 @@ class FarEnd(Generic[Caller]):
         before = self.caller
         if before is not None and not may_move and self._host_of(before) != self._host_of(caller):
             return False
-        self.caller, self._heard_s = caller, self._clock()
+        self.caller, self._heard_s, self.has_left = caller, self._clock(), False
         return True
 
     def left(self, caller: Caller) -> None:
         """Note that a caller hung up: its place may be taken at once."""
         if caller == self.caller:
-            self._heard_s = float("-inf")
+            self.has_left = True
 
     def forget(self) -> None:
         """Begin anew: whoever is believed next is the far end."""
         self.caller = None
+
+
+class OpenPort(Generic[Caller]):
+    """Hands on what is heard at such a port: of the far end, or as a stranger's.
+
+    Args:
+        bring: Takes what was heard.
+        host_of: Names the host of a caller.
+        where_of: Names where a caller speaks from, for a person.
+        faithful_s: Silence of the far end after which another may take its place, s.
+    """
+
+    def __init__(
+        self,
+        bring: Callable[[TransportEvent], None],
+        host_of: Callable[[Caller], str],
+        where_of: Callable[[Caller], str],
+        faithful_s: float = FAITHFUL_S,
+    ) -> None:
+        self.far_end = FarEnd(faithful_s, host_of, monotonic_s)
+        self._bring = bring
+        self._where_of = where_of
+
+    def hear(self, caller: Caller, data: bytes) -> bool:
+        """Hand on what a caller said; tell whether it is no stranger's."""
+        if not self.far_end.admits(caller):
+            self._refuse(caller, data)
+            return False
+        accept = partial(self._accept, caller, data)
+        self._bring(Received(FAR_END, data, None, self._where_of(caller), accept))
+        return True
+
+    def _accept(self, caller: Caller, data: bytes, may_move: bool) -> bool:
+        before, had_left = self.far_end.caller, self.far_end.has_left
+        if not self.far_end.accept(caller, may_move=may_move):
+            self._refuse(caller, data)
+            return False
+        if before not in (None, caller) and not had_left:
+            self._bring(Stranger(self._where_of(caller), data, took_over=True))
+        return True
+
+    def _refuse(self, caller: Caller, data: bytes) -> None:
+        self._bring(Garbled(1, data[:_KEPT_BYTES]))
+        self._bring(Stranger(self._where_of(caller), data, took_over=False))

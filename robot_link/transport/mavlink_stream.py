@@ -123,7 +123,7 @@ class MavlinkStream(KeptTransport):
 
 
 async def read_frames(
-    port: Port, quiet_s: float, hear: Callable[[bytes], None], bring: Callable[[Garbled], None]
+    port: Port, quiet_s: float, hear: Callable[[bytes], object], bring: Callable[[Garbled], None]
 ) -> str:
     """Read whole frames until the far side hangs up; return that it did.
 

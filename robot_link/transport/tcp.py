@@ -14,19 +14,14 @@ import math
 from contextlib import suppress
 from functools import partial
 
-from robot_link.clock import monotonic_s
 from robot_link.transport.datagram import (
-    FAR_END,
     Address,
     DatagramTransport,
     Delivery,
     Fate,
-    Garbled,
     PortClosedError,
-    Received,
-    Stranger,
 )
-from robot_link.transport.far_end import FarEnd
+from robot_link.transport.far_end import OpenPort
 from robot_link.transport.keeper import KeptTransport
 from robot_link.transport.mavlink_stream import HUNG_UP, MavlinkStream, StreamTiming, read_frames
 from robot_link.transport.port import TcpPort
@@ -36,8 +31,6 @@ _FRAME_BYTES = 1200
 """Frames handed over at once fit one packet of any network."""
 _CALLERS = 4
 """Callers at once; another takes the place of the one that is there longest and not believed."""
-_FAITHFUL_S = 10.0
-_KEPT_BYTES = 1024
 
 
 def tcp_link(uri: LinkUri) -> DatagramTransport:
@@ -69,6 +62,10 @@ def _host(caller: _Caller) -> str:
     return caller.host
 
 
+def _where(caller: _Caller) -> str:
+    return caller.where
+
+
 class TcpListener(KeptTransport):
     """Carries datagrams to the one caller that is believed. Belongs to one event loop."""
 
@@ -82,14 +79,14 @@ class TcpListener(KeptTransport):
         self._port = port
         self._timing = timing or StreamTiming()
         super().__init__(self.carrier, self._serve, self._timing.reopen_s)
-        self._far_end = FarEnd[_Caller](_FAITHFUL_S, _host, monotonic_s)
+        self._open_port = OpenPort[_Caller](self._keeper.bring, _host, _where)
         self._callers: dict[_Caller, asyncio.Task[None]] = {}
         self._all_gone = asyncio.Event()
 
     def set_enabled(self, is_enabled: bool) -> None:
         """Enable the port, or disable it, which closes it and forgets who called."""
         if not is_enabled:
-            self._far_end.forget()
+            self._open_port.far_end.forget()
         super().set_enabled(is_enabled)
 
     async def send(self, address: Address, data: bytes) -> asyncio.Future[Delivery]:
@@ -97,7 +94,7 @@ class TcpListener(KeptTransport):
         del address
         if not self.max_payload:
             raise PortClosedError
-        believed = self._far_end.caller
+        believed = self._open_port.far_end.caller
         targets = [one for one in self._callers if believed in (None, one)]
         taken = await asyncio.gather(*(self._write(one, data) for one in targets))
         if not any(taken):
@@ -145,7 +142,9 @@ class TcpListener(KeptTransport):
             writer.transport.abort()
             return
         if len(self._callers) >= _CALLERS:
-            self._drop(next(one for one in self._callers if one is not self._far_end.caller))
+            self._drop(
+                next(one for one in self._callers if one is not self._open_port.far_end.caller)
+            )
         caller = _Caller(port, str(peer[0]), int(peer[1]))
         read = asyncio.create_task(self._read(caller), name=f"tcp caller {caller.where}")
         self._callers[caller] = read
@@ -160,32 +159,12 @@ class TcpListener(KeptTransport):
             return
         reading.cancel()
         caller.port.close()
-        self._far_end.left(caller)
+        self._open_port.far_end.left(caller)
         if not self._callers:
             self._all_gone.set()
 
     async def _read(self, caller: _Caller) -> None:
-        hear = partial(self._hear, caller)
+        hear = partial(self._open_port.hear, caller)
         with suppress(OSError):
             await read_frames(caller.port, self._timing.quiet_s, hear, self._keeper.bring)
         self._drop(caller)
-
-    def _hear(self, caller: _Caller, data: bytes) -> None:
-        if self._far_end.admits(caller):
-            accept = partial(self._accept, data, caller)
-            self._keeper.bring(Received(FAR_END, data, None, caller.where, accept))
-        else:
-            self._refuse(caller, data)
-
-    def _accept(self, data: bytes, caller: _Caller, may_move: bool) -> bool:
-        before = self._far_end.caller
-        if not self._far_end.accept(caller, may_move=may_move):
-            self._refuse(caller, data)
-            return False
-        if before not in (None, caller) and before in self._callers:
-            self._keeper.bring(Stranger(caller.where, data, took_over=True))
-        return True
-
-    def _refuse(self, caller: _Caller, data: bytes) -> None:
-        self._keeper.bring(Garbled(1, data[:_KEPT_BYTES]))
-        self._keeper.bring(Stranger(caller.where, data, took_over=False))

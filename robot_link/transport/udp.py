@@ -14,29 +14,22 @@ import asyncio
 import math
 import socket
 from dataclasses import dataclass
-from functools import partial
 from typing import Any
 
-from robot_link.clock import monotonic_s
 from robot_link.transport.datagram import (
     FAR_END,
     Address,
     Delivery,
     Fate,
-    Garbled,
     PortClosedError,
     Received,
-    Stranger,
 )
-from robot_link.transport.far_end import FarEnd
+from robot_link.transport.far_end import FAITHFUL_S, OpenPort
 from robot_link.transport.keeper import KeptTransport
 from robot_link.transport.uri import LinkUri
 
 _PACKET_BYTES = 1200
 """Fits one packet of any network without being split."""
-_KEPT_BYTES = 1024
-
-
 _Sender = tuple[Any, ...]
 """Host and port, as the system gives them."""
 
@@ -45,7 +38,7 @@ _Sender = tuple[Any, ...]
 class UdpTiming:
     """Wall seconds of one socket."""
 
-    faithful_s: float = 10.0
+    faithful_s: float = FAITHFUL_S
     """Silence of the far end after which another may take its place."""
     reopen_s: float = 0.5
     """Time between two attempts to open the socket."""
@@ -70,7 +63,9 @@ class UdpTransport(KeptTransport):
         self._timing = timing or UdpTiming()
         super().__init__(self.carrier, self._serve, self._timing.reopen_s)
         self._socket: asyncio.DatagramTransport | None = None
-        self._far_end = FarEnd[_Sender](self._timing.faithful_s, _host, monotonic_s)
+        self._open_port = OpenPort[_Sender](
+            self._keeper.bring, _host, _named, self._timing.faithful_s
+        )
         self._speaker: _Sender | None = None
         """Who spoke last while nobody is believed."""
 
@@ -93,7 +88,7 @@ class UdpTransport(KeptTransport):
     def set_enabled(self, is_enabled: bool) -> None:
         """Enable the port, or disable it, which closes it and forgets who spoke there."""
         if not is_enabled:
-            self._far_end.forget()
+            self._open_port.far_end.forget()
             self._speaker = None
         super().set_enabled(is_enabled)
 
@@ -104,30 +99,13 @@ class UdpTransport(KeptTransport):
             return
         if not self._listens:
             self._keeper.bring(Received(FAR_END, data, None))
-        elif self._far_end.admits(sender):
+        elif self._open_port.hear(sender, data):
             self._speaker = sender
-            accept = partial(self._accept, data, sender)
-            self._keeper.bring(Received(FAR_END, data, None, _named(sender), accept))
-        else:
-            self._refuse(data, sender)
-
-    def _accept(self, data: bytes, sender: _Sender, may_move: bool) -> bool:
-        before = self._far_end.caller
-        if not self._far_end.accept(sender, may_move=may_move):
-            self._refuse(data, sender)
-            return False
-        if before not in (None, sender):
-            self._keeper.bring(Stranger(_named(sender), data, took_over=True))
-        return True
-
-    def _refuse(self, data: bytes, sender: _Sender) -> None:
-        self._keeper.bring(Garbled(1, data[:_KEPT_BYTES]))
-        self._keeper.bring(Stranger(_named(sender), data, took_over=False))
 
     @property
     def _target(self) -> _Sender | None:
         """Who is sent to; None is whom the socket is connected to, or nobody."""
-        return self._far_end.caller or self._speaker
+        return self._open_port.far_end.caller or self._speaker
 
     async def _serve(self) -> str:
         """Serve one opening of the socket; return why it ended."""

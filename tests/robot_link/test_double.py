@@ -16,7 +16,7 @@ from robot_link.mavlink.telemetry import state_message
 from robot_link.messages import LinkReport, SystemId
 from robot_link.service.duplicate import NumberWatch
 from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
-from robot_link.transport import udp
+from robot_link.transport import far_end
 from robot_link.transport.datagram import FAR_END, Address
 from robot_link.transport.opening import open_transport
 from tests.robot_link.rig import HASTE, MINI, STATION, SYSTEMS, Heard, rig, running, state, until
@@ -68,7 +68,7 @@ async def test_a_second_one_on_a_udp_port_is_told_at_once_and_when_it_takes_the_
     monkeypatch: pytest.MonkeyPatch,
 ):
     at_s = [1000.0]
-    monkeypatch.setattr(udp, "monotonic_s", lambda: at_s[0])
+    monkeypatch.setattr(far_end, "monotonic_s", lambda: at_s[0])
     uri = f"udp://127.0.0.1:{free_port(socket.SOCK_DGRAM)}?listen=1"
     heard = Heard()
     endpoint = RobotEndpoint(SYSTEMS[MINI], (RadioPath(uri),))

@@ -15,7 +15,7 @@ from robot_link.mavlink.signing import MemorySigningMemory, Signing
 from robot_link.mavlink.telemetry import state_message
 from robot_link.messages import LinkReport, LinkState
 from robot_link.station.link import RadioPath, RobotEndpoint, StationLink
-from robot_link.transport import tcp, udp
+from robot_link.transport import far_end
 from robot_link.transport.datagram import FAR_END, Address, DatagramTransport, Received
 from robot_link.transport.far_end import FarEnd
 from robot_link.transport.keeper import KeptTransport
@@ -101,8 +101,7 @@ def is_quiet(caller: DatagramTransport) -> bool:
 @asynccontextmanager
 async def case(kind: str, monkeypatch: pytest.MonkeyPatch) -> AsyncIterator[Case]:
     clock_s = [1000.0]
-    for module in (tcp, udp):
-        monkeypatch.setattr(module, "monotonic_s", lambda: clock_s[0])
+    monkeypatch.setattr(far_end, "monotonic_s", lambda: clock_s[0])
     it = Case(f"{kind}://127.0.0.1:{free_port(KIND[kind])}?listen=1", clock_s)
     async with tasks_running(it.station.run):
         await until(lambda: kind == "tcp" or it.port.max_payload)  # a caller opens TCP

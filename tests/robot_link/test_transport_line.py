@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from robot_link.transport import udp
+from robot_link.transport import far_end
 from robot_link.transport.datagram import (
     BROADCAST,
     FAR_END,
@@ -241,7 +241,7 @@ async def test_strangers_at_a_udp_port_are_counted_until_the_far_end_has_gone(
     monkeypatch: pytest.MonkeyPatch,
 ):
     at_s = [1000.0]
-    monkeypatch.setattr(udp, "monotonic_s", lambda: at_s[0])
+    monkeypatch.setattr(far_end, "monotonic_s", lambda: at_s[0])
     port = free_port(socket.SOCK_DGRAM)
     robot = UdpTransport(LOCAL, port, listens=True, timing=UdpTiming(faithful_s=0.2))
     first, second = (open_transport(f"udp://{LOCAL}:{port}") for _ in range(2))
