@@ -7,14 +7,7 @@ import pytest
 
 from server.access import body
 from server.access.role import Role
-from tests.server.station_app import bearer, client_of, running, token_of
-
-
-@pytest.fixture
-async def app(tmp_path):
-    async with running(tmp_path) as app:
-        yield app
-
+from tests.server.station_app import bearer, client_of, token_of
 
 STOPS = b"stops"
 
