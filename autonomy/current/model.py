@@ -1,0 +1,388 @@
+r"""The current of a water as a Gaussian process of what the fixes of its robots reveal.
+
+A dive goes from a fix to the next. Its robot believed the track :math:`q(t)` without a current, so
+the fix tells the integral of the current along the true track,
+
+.. math:: d = \int u(r(t))\,dt + w, \qquad \mathrm{Cov}(w) = (\kappa^2 s_q^2 + s_f^2) I,
+
+which is linear in the current. The integral is a sum over midpoints of equal times.
+
+Source:
+    Lee, Zhang and others 2019; Russo and others 2022 (occupation kernels) have this map's mean.
+"""
+
+import math
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
+from scipy.linalg import cho_solve, solve_triangular
+
+from autonomy.arrays import FloatArray
+from autonomy.current.config import CurrentMapConfig
+from autonomy.current.kernel import (
+    BASIN_STD,
+    CHANGING_STD,
+    EDDY_STD,
+    SHEAR_STD,
+    Functionals,
+    at_points,
+    cross_gram,
+    gram_of,
+    joined,
+    packed,
+    prior_blocks,
+)
+
+MIDPOINTS = 6
+"""Points of the sum that stands for the integral along a dive."""
+FEWEST = 3
+"""Observations from which a map tells more than its prior."""
+FASTEST_M_S = 3.0
+"""No current carries a robot faster."""
+_LIVES = 5.0
+"""What is older than so many memories tells nothing."""
+_TRACK_ROUNDS = 2
+_CARRIAGE_ROUNDS = 3
+_CARRIAGE_POINTS = 24
+_JITTER = 1e-9
+_JITTER_TRIES = 2
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Observation:
+    """What a dive, or a stay at the surface, told of the current."""
+
+    robot: str
+    time_s: FloatArray
+    """Ascending times, shape ``(n,)``, s; the first and the last are those of the two fixes."""
+    position_ned: FloatArray
+    """Where the robot believed to be then without any current, shape ``(n, 3)``, m."""
+    displacement_ne_m: tuple[float, float]
+    """Last fix less where the robot believed to be, north and east."""
+    walk_std_m: float
+    """Standard deviation, per axis, of what dead reckoning was wrong by without any current."""
+    fix_std_m: float
+    """Standard deviation of the last fix, per axis."""
+    is_surface: bool = False
+    """Whether it is a stay at the surface, which tells of the current there."""
+
+    @property
+    def duration_s(self) -> float:
+        """Time between the two fixes, s."""
+        return float(self.time_s[-1] - self.time_s[0])
+
+    @property
+    def current_ne_m_s(self) -> tuple[float, float]:
+        """Mean current along the track, north and east."""
+        north, east = self.displacement_ne_m
+        return north / self.duration_s, east / self.duration_s
+
+    @property
+    def key(self) -> tuple[str, float, float]:
+        """What tells it from all others."""
+        return self.robot, float(self.time_s[0]), float(self.time_s[-1])
+
+    def fault(self) -> str | None:
+        """Return why it cannot be, in words; None if it can."""
+        numbers = (*self.displacement_ne_m, self.walk_std_m, self.fix_std_m)
+        if not (np.isfinite(numbers).all() and np.isfinite(self.position_ned).all()):
+            return "its numbers are not finite"
+        if len(self.time_s) < 2 or not np.all(np.diff(self.time_s) > 0.0):
+            return "its times do not ascend"
+        if math.hypot(*self.displacement_ne_m) > FASTEST_M_S * self.duration_s:
+            return f"no current is faster than {FASTEST_M_S:g} m/s"
+        return None
+
+    def functional(self) -> Functionals:
+        """Return the integral that was observed, along the track as the fixes bend it."""
+        share = (self.time_s - self.time_s[0]) / self.duration_s
+        track = self.position_ned.copy()
+        track[:, :2] += share[:, None] * np.array(self.displacement_ne_m)
+        return integral_along(self.time_s, track)
+
+
+class Taking(Enum):
+    """What became of an observation."""
+
+    TAKEN = "taken"
+    REPEATED = "repeated"
+    DOUBTED = "doubted"
+    """Taken with the error that the map finds in it."""
+    REFUSED = "refused"
+
+
+@dataclass(frozen=True, slots=True)
+class Appended:
+    """What became of an observation, and why."""
+
+    taking: Taking
+    text: str = ""
+    """A sentence for a person where it was doubted or refused."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Flow:
+    """The current at points."""
+
+    mean_ne_m_s: FloatArray
+    """Shape ``(n, 2)``."""
+    cov_m2_s2: FloatArray
+    """Shape ``(n, 2, 2)``."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Displacement:
+    """How far the water carries something along a track."""
+
+    mean_ne_m: FloatArray
+    """Shape ``(2,)``."""
+    cov_m2: FloatArray
+    """Shape ``(2, 2)``."""
+
+    @property
+    def std_m(self) -> float:
+        """Standard deviation along the axis where it is greatest."""
+        return math.sqrt(max(float(np.linalg.eigvalsh(self.cov_m2)[-1]), 0.0))
+
+
+def integral_along(
+    time_s: FloatArray, position_ned: FloatArray, points: int = MIDPOINTS
+) -> Functionals:
+    """Return the integral of the current along a track, as a sum over midpoints of equal times."""
+    duration_s = float(time_s[-1] - time_s[0])
+    at_s = time_s[0] + (np.arange(points) + 0.5) * (duration_s / points)
+    row = np.empty((1, points, 4))
+    for axis in range(3):
+        row[0, :, axis] = np.interp(at_s, time_s, position_ned[:, axis])
+    row[0, :, 3] = at_s
+    return Functionals(row, np.full((1, points), duration_s / points))
+
+
+class CurrentMap:
+    """What is known of the current of one water. Not for several threads at once.
+
+    Args:
+        config: What the current is like before anything was seen.
+        latitude_deg: Of the water, for a current that turns with the earth.
+        learned: What the dives taught of ``config``, if they did (``learning.learn``).
+    """
+
+    def __init__(
+        self,
+        config: CurrentMapConfig,
+        latitude_deg: float = 0.0,
+        learned: CurrentMapConfig | None = None,
+    ) -> None:
+        self.config = config
+        self.latitude_deg = latitude_deg
+        self._origin_s: float | None = None
+        self._observations: list[Observation] = []
+        self._functionals: list[Functionals] = []
+        self._prior = np.zeros((0, 0))
+        self._factor = np.zeros((0, 0))
+        self._alpha = np.zeros(0)
+        self._fitted: list[Functionals] = []
+        """What the last good factor is of."""
+        self._set(learned)
+
+    def _set(self, learned: CurrentMapConfig | None) -> None:
+        self.learned = learned
+        self._parameters = packed(learned or self.config, self.latitude_deg)
+        self._walk_factor = (learned or self.config).walk_factor
+
+    @property
+    def observations(self) -> tuple[Observation, ...]:
+        """What the map is made of, in the order of their ends."""
+        return tuple(self._observations)
+
+    @property
+    def newest_s(self) -> float:
+        """Time of the newest observation's end; -inf without any."""
+        return max((float(one.time_s[-1]) for one in self._observations), default=-math.inf)
+
+    def append(self, observation: Observation) -> Appended:
+        """Take an observation in; one that the map finds hard to believe with its own error."""
+        fault = observation.fault()
+        if fault is not None:
+            return Appended(Taking.REFUSED, f"The dive tells nothing of the current: {fault}.")
+        if any(one.key == observation.key for one in self._observations):
+            return Appended(Taking.REPEATED)
+        appended = Appended(Taking.TAKEN)
+        error_m = self._strangeness(observation)
+        if error_m is not None:
+            observation = replace(observation, fix_std_m=error_m)
+            appended = Appended(
+                Taking.DOUBTED,
+                f"The dive drifted {error_m:.1f} m from what the map of the current expected;"
+                " it counts little.",
+            )
+        self._insert(observation)
+        self._forget()
+        self._fit()
+        return appended
+
+    def relearned(self, learned: CurrentMapConfig | None) -> None:
+        """Take what the dives taught, and make the map anew."""
+        self._set(learned)
+        if self._functionals:
+            self._prior = gram_of(joined(self._functionals), self._parameters)
+        self._fit()
+
+    def flow(self, points: FloatArray) -> Flow:
+        """Return the current at points, shape ``(n, 4)``: north, east, depth, m, and time, s."""
+        functionals = self._shifted(at_points(np.asarray(points, dtype=np.float64)))
+        mean, cov = self._condition(functionals)
+        return Flow(mean, cov)
+
+    def mean_flow(self, points: FloatArray) -> FloatArray:
+        """Return the mean current at points, shape ``(n, 2)``; quicker than ``flow``."""
+        return self._mean(self._shifted(at_points(points)), self._parameters)
+
+    def tide(self, points: FloatArray) -> FloatArray:
+        """Return the mean of the tidal part of the current at points, shape ``(n, 2)``."""
+        parameters = self._parameters.copy()
+        parameters[[BASIN_STD, EDDY_STD, CHANGING_STD, SHEAR_STD]] = 0.0
+        return self._mean(self._shifted(at_points(points)), parameters)
+
+    def prior_std_m_s(self) -> float:
+        """Return the standard deviation of the current, per axis, where nothing was seen."""
+        prior = prior_blocks(at_points(np.zeros((1, 4))), self._parameters)[0]
+        return math.sqrt(float(np.trace(prior)) / 2.0)
+
+    def displacement(
+        self, time_s: FloatArray, position_ned: FloatArray, noise_variance_m2: float = 0.0
+    ) -> Displacement:
+        """Return how far the water carries a robot that believes to fly a track without a current.
+
+        Args:
+            time_s: Ascending times of the believed track, shape ``(n,)``, s.
+            position_ned: The believed track, shape ``(n, 3)``, m.
+            noise_variance_m2: Variance per axis, m², of what no current explains: the walk of dead
+                reckoning (times the walk factor squared) and the fixes.
+        """
+        share = ((time_s - time_s[0]) / (time_s[-1] - time_s[0]))[:, None]
+        track = position_ned.copy()
+        for _ in range(_TRACK_ROUNDS):
+            mean = self._mean(self._shifted(integral_along(time_s, track)), self._parameters)
+            track[:, :2] = position_ned[:, :2] + share * mean
+        found, cov = self._condition(self._shifted(integral_along(time_s, track)))
+        return Displacement(found[0], cov[0] + noise_variance_m2 * np.eye(2))
+
+    def carriage(
+        self, place_ned: tuple[float, float, float], from_s: float, to_s: float
+    ) -> Displacement:
+        """Return how far the water at a place is carried until another moment, earlier or later.
+
+        The way is the mean one, at the depth of the place; the covariance is that of the current's
+        integral along it. Nothing to carry, no way and no doubt.
+        """
+        if from_s == to_s:
+            return Displacement(np.zeros(2), np.zeros((2, 2)))
+        count = _CARRIAGE_POINTS
+        step_s = (to_s - from_s) / count
+        points = np.empty((count, 4))
+        points[:, :3] = place_ned
+        points[:, 3] = from_s + (np.arange(count) + 0.5) * step_s
+        for _ in range(_CARRIAGE_ROUNDS):
+            way = self.mean_flow(points) * step_s  # (count, 2)
+            points[:, :2] = np.array(place_ned[:2]) + np.cumsum(way, axis=0) - 0.5 * way
+        functional = Functionals(points[None], np.full((1, count), step_s))
+        mean, cov = self._condition(self._shifted(functional))
+        return Displacement(mean[0], cov[0])
+
+    def walk_variance_m2(self, drift_m_sqrt_s: float, duration_s: float) -> float:
+        """Return what dead reckoning walks in a dive without any current, per axis."""
+        return (self._walk_factor * drift_m_sqrt_s) ** 2 * duration_s
+
+    def _strangeness(self, observation: Observation) -> float | None:
+        """Return the error of a dive that the map cannot believe, m; None if it can."""
+        if len(self._observations) < FEWEST:
+            return None
+        mean, cov = self._condition(self._shifted(observation.functional()))
+        error = np.array(observation.displacement_ne_m) - mean[0]
+        cov = cov[0] + self._noise(observation) * np.eye(2)
+        surprise = float(error @ np.linalg.solve(cov, error))
+        return float(np.hypot(*error)) if surprise > self.config.gate else None
+
+    def _noise(self, one: Observation) -> float:
+        """Return the variance per axis of what was observed, m²."""
+        if one.is_surface:
+            return 2.0 * one.fix_std_m**2
+        return (self._walk_factor * one.walk_std_m) ** 2 + one.fix_std_m**2
+
+    def _insert(self, observation: Observation) -> None:
+        """Put an observation in its place in time, with its row of the prior covariance."""
+        if self._origin_s is None:
+            self._origin_s = float(observation.time_s[0])
+        own = self._shifted(observation.functional())
+        ends = [float(one.time_s[-1]) for one in self._observations]
+        at = int(np.searchsorted(ends, float(observation.time_s[-1]), side="right"))
+        self._observations.insert(at, observation)
+        self._functionals.insert(at, own)
+        cross = cross_gram(own, joined(self._functionals), self._parameters)  # (2, 2n)
+        size = 2 * len(self._observations)
+        others = np.r_[0 : 2 * at, 2 * at + 2 : size]
+        prior = np.empty((size, size))
+        prior[np.ix_(others, others)] = self._prior
+        prior[2 * at : 2 * at + 2] = cross
+        prior[:, 2 * at : 2 * at + 2] = cross.T
+        self._prior = prior
+
+    def _forget(self) -> None:
+        """Drop what is too old to tell anything, and what is more than the map may hold."""
+        used = self.learned or self.config
+        oldest_s = self.newest_s - _LIVES * max(used.basin_memory_s, used.eddy_memory_s)
+        drop = sum(float(one.time_s[-1]) < oldest_s for one in self._observations)
+        drop = max(drop, len(self._observations) - self.config.dives_max)
+        if drop > 0:
+            del self._observations[:drop], self._functionals[:drop]
+            self._prior = self._prior[2 * drop :, 2 * drop :]
+
+    def _fit(self) -> None:
+        """Factor the covariance of what was observed; what has no factor changes nothing."""
+        noise = np.repeat([self._noise(one) for one in self._observations], 2)
+        factor = factor_of(self._prior + np.diag(noise))
+        if factor is None:
+            return
+        told = np.array([one.displacement_ne_m for one in self._observations]).ravel()
+        self._factor = factor
+        self._alpha = cho_solve((factor, True), told, check_finite=False)
+        self._fitted = list(self._functionals)
+
+    def _shifted(self, functionals: Functionals) -> Functionals:
+        """Count times from the first observation, so that no digits are lost."""
+        points = functionals.points.copy()
+        points[..., 3] -= self._origin_s or 0.0
+        return Functionals(points, functionals.weights)
+
+    def _mean(self, wanted: Functionals, parameters: FloatArray) -> FloatArray:
+        if not self._fitted:
+            return np.zeros((len(wanted), 2))
+        cross = cross_gram(wanted, joined(self._fitted), parameters)  # (2p, 2n)
+        return (cross @ self._alpha).reshape(-1, 2)
+
+    def _condition(self, wanted: Functionals) -> tuple[FloatArray, FloatArray]:
+        """Return mean ``(p, 2)`` and covariance ``(p, 2, 2)`` of functionals."""
+        prior = prior_blocks(wanted, self._parameters)
+        if not self._fitted:
+            return np.zeros((len(wanted), 2)), prior
+        cross = cross_gram(joined(self._fitted), wanted, self._parameters)  # (2n, 2p)
+        mean = (cross.T @ self._alpha).reshape(-1, 2)
+        known = solve_triangular(self._factor, cross, lower=True, check_finite=False)
+        known = known.reshape(len(known), -1, 2)  # (2n, p, 2)
+        return mean, prior - np.einsum("npi,npj->pij", known, known)
+
+
+def factor_of(covariance: FloatArray) -> FloatArray | None:
+    """Return the lower Cholesky factor of a covariance, helped twice if need be; None without."""
+    if not len(covariance):
+        return covariance
+    help_m2 = _JITTER * float(np.trace(covariance)) / len(covariance)
+    for tries in range(_JITTER_TRIES + 1):
+        try:
+            helped = covariance + tries * help_m2 * np.eye(len(covariance))
+            return np.asarray(np.linalg.cholesky(helped), dtype=np.float64)
+        except np.linalg.LinAlgError:
+            continue
+    return None
