@@ -9,6 +9,7 @@ from autonomy.vehicle.extended_kernel import advance
 from autonomy.vehicle.surroundings import Surroundings
 from onboard.flight.hardware import SetPoints
 from simulator.current import DriftingCurrent
+from simulator.flow import Flow
 
 PHYSICS_STEP_S = 0.02
 """Runge-Kutta step: accurate to micrometres and stable in contact with floor and walls."""
@@ -30,6 +31,8 @@ class Plant:
         heading_rad: Where its nose points at first.
         site: The water body, whose floor the robot meets; without one, or without a survey of its
             floor, that of the surroundings.
+        flow: What else moves the water, by place and time.
+        water_s: Time of the water at the beginning, s: where a tide is then.
     """
 
     def __init__(
@@ -40,9 +43,13 @@ class Plant:
         start_ne_m: tuple[float, float],
         heading_rad: float,
         site: Site | None = None,
+        flow: Flow | None = None,
+        water_s: float = 0.0,
     ) -> None:
         self._packed = vehicle.packed()
         self._current = current
+        self._flow = flow
+        self._water_s = water_s
         self._surroundings = surroundings.packed()
         self._uneven = site if site is not None and site.bathymetry is not None else None
         self.time_s = 0.0
@@ -61,6 +68,10 @@ class Plant:
         """
         self._current.advance(duration_s)
         self._surroundings[0:2] = self._current.velocity_ne_m_s
+        if self._flow is not None:
+            north, east, depth = self.position_ned
+            at_s = self._water_s + self.time_s
+            self._surroundings[0:2] += self._flow.velocity_ne_m_s(north, east, depth, at_s)
         if self._uneven is not None:
             below_m = float(self._uneven.floor_m(self.state[0], self.state[1]))
             self._surroundings[_FLOOR] = max(below_m, _SHALLOWEST_M)

@@ -123,6 +123,7 @@ async def _whole(
         time.started_at,
         settings.conditions(),
         stamp=lambda: time.at(robot.program.time_s),
+        water_s=truth.now().timestamp(),
     )
     bodies[definition.imei] = robot.body
     async with AsyncExitStack() as stack:
@@ -154,7 +155,8 @@ async def _bare(
     """Let a robot's body and devices live until cancelled; its program runs elsewhere."""
     truth = settings.clock()
     time = Timekeeping.of(definition, settings.seed, truth)
-    body = SimulatedBody(definition, settings.seed, settings.conditions())
+    water_s = truth.now().timestamp()
+    body = SimulatedBody(definition, settings.seed, settings.conditions(), water_s)
     node = BodyNode(body, lambda: time.oscillator.count_s(body.plant.time_s))
     bodies[definition.imei] = body
     async with AsyncExitStack() as stack:

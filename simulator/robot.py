@@ -24,10 +24,15 @@ class SimulatedBody:
         definition: Which robot.
         seed: Starting point of its randomness.
         conditions: Layers and waves of the water; by default mixed and calm.
+        water_s: Time of the water when its life begins, s.
     """
 
     def __init__(
-        self, definition: RobotDefinition, seed: int, conditions: WaterConditions | None = None
+        self,
+        definition: RobotDefinition,
+        seed: int,
+        conditions: WaterConditions | None = None,
+        water_s: float = 0.0,
     ) -> None:
         current, sensors = np.random.default_rng([seed, definition.system_id]).spawn(2)
         self.battery = Battery(definition.battery)
@@ -46,6 +51,8 @@ class SimulatedBody:
             definition.start_ne_m,
             definition.heading_rad,
             definition.site,
+            definition.flow,
+            water_s,
         )
         """The truth, which the onboard program never sees."""
         self._definition = definition
@@ -97,6 +104,7 @@ class SimulatedRobot:
         started_at: Its clock at the beginning.
         conditions: Layers and waves of the water; by default mixed and calm.
         stamp: Tells the time by its own clock; by default the steps are counted.
+        water_s: Time of the water when its life begins, s.
     """
 
     def __init__(
@@ -106,9 +114,10 @@ class SimulatedRobot:
         started_at: datetime,
         conditions: WaterConditions | None = None,
         stamp: Callable[[], datetime] | None = None,
+        water_s: float = 0.0,
     ) -> None:
         self.definition = definition
-        self.body = SimulatedBody(definition, seed, conditions)
+        self.body = SimulatedBody(definition, seed, conditions, water_s)
         self.program = program_of(definition, self.body, started_at, stamp)
 
     @property

@@ -7,12 +7,14 @@ from typing import Self
 from pydantic import AwareDatetime, Field, field_validator, model_validator
 
 from autonomy.configuration import Configuration
+from autonomy.site import TANK
 from autonomy.vehicle.water import Wave
 from robot_link.clock import ScaledClock
 from robot_link.messages import RobotId
 from simulator.acoustic_modem import AcousticConditions
 from simulator.conditions import WaterConditions
 from simulator.fleet import FLEET, USUAL_ROBOTS, RobotDefinition, robots_named
+from simulator.flow import read_flow
 from simulator.iridium.conditions import SatelliteConditions
 from simulator.xbee_network import AirConditions
 
@@ -86,11 +88,21 @@ class SimulatorSettings(Configuration):
     """Height of the waves on a lake, from trough to crest; 0 is calm."""
     wave_period_s: float = Field(default=2.0, gt=0.0, le=10.0)
     """Period of the waves."""
+    current: str = ""
+    """Flow of the water (``simulator.flow.GRAMMAR``); empty for none. Robots and station are not
+    told."""
 
     @field_validator("robots")
     @classmethod
     def _robots_exist(cls, robots: tuple[RobotId, ...]) -> tuple[RobotId, ...]:
         return robots_named(robots)
+
+    @field_validator("current")
+    @classmethod
+    def _flow_can_be_read(cls, current: str) -> str:
+        if current:
+            read_flow(current, TANK)
+        return current
 
     @model_validator(mode="after")
     def _waves_do_not_break(self) -> Self:
@@ -140,6 +152,8 @@ class SimulatorSettings(Configuration):
     def definition(self, robot: RobotId) -> RobotDefinition:
         """Return a robot as it begins."""
         definition = FLEET[robot]
+        if self.current:
+            definition = replace(definition, flow=read_flow(self.current, definition.site))
         return definition.far_away() if self.is_far else definition
 
     def memory(self, robot: RobotId) -> Path | None:

@@ -165,12 +165,14 @@ def _radios(arguments: Namespace, folder: Path) -> tuple[Path, ...]:
 
 
 def _trouble(arguments: Namespace) -> tuple[str, ...]:
-    """Return the simulator's options that make a link's life harder."""
+    """Return the simulator's options that make a robot's life harder."""
     options: list[str] = ["--far"] if arguments.far else []
     for name in ("loss", "satellite_loss", "acoustic_loss", "acoustic_outliers"):
         value = getattr(arguments, name)
         if value is not None:
             options += [f"--{name.replace('_', '-')}", str(value)]
+    if arguments.current:
+        options += ["--current", arguments.current]
     return tuple(options)
 
 

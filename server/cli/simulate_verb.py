@@ -4,6 +4,7 @@ from argparse import SUPPRESS, ArgumentParser, ArgumentTypeError, Namespace
 
 from pydantic import ValidationError
 
+from autonomy.site import TANK
 from server.base.clock_file import ClockAnchors, start_clock
 from server.base.secret import SecretStore
 from server.cli.console_log import log_to_console
@@ -38,6 +39,14 @@ def add_world_options(parser: ArgumentParser) -> None:
     parser.add_argument(
         "--far", action="store_true", help="begin with the lake robot out of radio range"
     )
+    parser.add_argument(
+        "--current",
+        type=flow,
+        metavar="FLOW",
+        help="how the water flows, which robots and station are not told: gyre, double, shear, "
+        "tide or uniform, such as uniform:0.02 (m/s), uniform:0.02@90 (towards the east), "
+        "tide:0.08/2 (a period of 2 h), gyre:0.05+tide",
+    )
     for name, what in (
         ("loss", "radio frames that are lost"),
         ("satellite-loss", "satellite messages that are lost"),
@@ -62,6 +71,21 @@ def part(text: str) -> float:
     if not 0.0 <= value <= _PART_MAX:
         raise ArgumentTypeError(f"{text} does not lie between 0 and {_PART_MAX:g}")
     return value
+
+
+def flow(text: str) -> str:
+    """Check that a text names a flow.
+
+    Raises:
+        ArgumentTypeError: If it does not.
+    """
+    from simulator.flow import read_flow
+
+    try:
+        read_flow(text, TANK)
+    except ValueError as error:
+        raise ArgumentTypeError(str(error)) from error
+    return text
 
 
 def run(arguments: Namespace) -> int:
@@ -97,6 +121,7 @@ def run(arguments: Namespace) -> int:
         "memory_folder": folder / MEMORY_FOLDER,
         "gateway": read_gateway(folder),
         "satellite_memory": folder / NETWORK_FILE,
+        "current": arguments.current,
         "robots": arguments.robots and arguments.robots.split(","),
     }
     try:

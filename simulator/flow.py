@@ -1,0 +1,199 @@
+"""Flows of the simulated water, by place, depth and time. Neither robot nor station is told."""
+
+import math
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from autonomy.arrays import FloatArray
+from autonomy.site import Box, Site
+
+_SPEED_M_S = {"tank": 0.02}
+_USUAL_SPEED_M_S = 0.05
+"""Speed of a flow where nobody says another, in a tank and elsewhere."""
+_FASTEST_M_S = 2.0
+_M2_H = 12.4206
+KINDS = ("uniform", "gyre", "double", "shear", "tide")
+"""Flows by name."""
+GRAMMAR = (
+    "KIND[:SPEED][@TOWARDS][/HOURS], several joined by +; a kind is one of "
+    + ", ".join(KINDS)
+    + "; SPEED in m/s, TOWARDS in degrees from north, HOURS the period of a tide; "
+    "such as gyre, uniform:0.02@90, gyre:0.05+tide:0.08/2"
+)
+
+
+class Flow(Protocol):
+    """Velocity of the water by place and time."""
+
+    def velocity_ne_m_s(
+        self,
+        north_m: npt.ArrayLike,
+        east_m: npt.ArrayLike,
+        depth_m: npt.ArrayLike,
+        time_s: npt.ArrayLike,
+    ) -> FloatArray:
+        """Return north and east velocity, m/s; the shape of the arguments, and 2."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Uniform:
+    """The same everywhere and always."""
+
+    north_m_s: float
+    east_m_s: float
+
+    def velocity_ne_m_s(
+        self,
+        north_m: npt.ArrayLike,
+        east_m: npt.ArrayLike,
+        depth_m: npt.ArrayLike,
+        time_s: npt.ArrayLike,
+    ) -> FloatArray:
+        """Return north and east velocity."""
+        return _pair(self.north_m_s, self.east_m_s, north_m, time_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Gyre:
+    r"""Gyres side by side that fill a box: stream function :math:`\sin a \sin b`."""
+
+    speed_m_s: float
+    """Greatest speed, at the box's edges; negative turns the other way."""
+    box: Box
+    cells_north: int = 1
+    cells_east: int = 1
+
+    def velocity_ne_m_s(
+        self,
+        north_m: npt.ArrayLike,
+        east_m: npt.ArrayLike,
+        depth_m: npt.ArrayLike,
+        time_s: npt.ArrayLike,
+    ) -> FloatArray:
+        """Return north and east velocity."""
+        box = self.box
+        ka = math.pi * self.cells_north / (box.x_max_m - box.x_min_m)
+        kb = math.pi * self.cells_east / (box.y_max_m - box.y_min_m)
+        a = ka * (np.asarray(north_m) - box.x_min_m)
+        b = kb * (np.asarray(east_m) - box.y_min_m)
+        scale = self.speed_m_s / max(ka, kb)
+        return _pair(
+            scale * kb * np.sin(a) * np.cos(b), -scale * ka * np.cos(a) * np.sin(b), 0.0, time_s
+        )
+
+
+@dataclass(frozen=True, slots=True)
+class Shear:
+    """What the wind drives at the surface and the depth returns: without flow in the mean."""
+
+    north_m_s: float
+    """At the surface."""
+    east_m_s: float
+    depth_m: float
+    """Of the floor."""
+
+    def velocity_ne_m_s(
+        self,
+        north_m: npt.ArrayLike,
+        east_m: npt.ArrayLike,
+        depth_m: npt.ArrayLike,
+        time_s: npt.ArrayLike,
+    ) -> FloatArray:
+        """Return north and east velocity."""
+        share = np.clip(np.asarray(depth_m) / self.depth_m, 0.0, 1.0)
+        profile = (1.0 - share) * (1.0 - 3.0 * share)
+        return _pair(self.north_m_s * profile, self.east_m_s * profile, north_m, time_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Tide:
+    """An ellipse that the current runs through in one period, the same everywhere."""
+
+    major_m_s: float
+    minor_m_s: float
+    """Along the shorter axis; negative turns the other way."""
+    towards_rad: float
+    """Of the longer axis, from north towards east."""
+    period_s: float
+    phase_rad: float = 0.0
+
+    def velocity_ne_m_s(
+        self,
+        north_m: npt.ArrayLike,
+        east_m: npt.ArrayLike,
+        depth_m: npt.ArrayLike,
+        time_s: npt.ArrayLike,
+    ) -> FloatArray:
+        """Return north and east velocity."""
+        angle = 2.0 * math.pi * np.asarray(time_s) / self.period_s + self.phase_rad
+        along, across = self.major_m_s * np.cos(angle), self.minor_m_s * np.sin(angle)
+        cos, sin = math.cos(self.towards_rad), math.sin(self.towards_rad)
+        return _pair(along * cos - across * sin, along * sin + across * cos, north_m, time_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Sum:
+    """Several flows at once."""
+
+    parts: tuple[Flow, ...]
+
+    def velocity_ne_m_s(
+        self,
+        north_m: npt.ArrayLike,
+        east_m: npt.ArrayLike,
+        depth_m: npt.ArrayLike,
+        time_s: npt.ArrayLike,
+    ) -> FloatArray:
+        """Return north and east velocity."""
+        found = _pair(0.0, 0.0, north_m, time_s)
+        for part in self.parts:
+            found = found + part.velocity_ne_m_s(north_m, east_m, depth_m, time_s)
+        return found
+
+
+def read_flow(text: str, site: Site) -> Flow:
+    """Return the flow that a text names (``GRAMMAR``), in the water of a site.
+
+    Raises:
+        ValueError: If it cannot be read; the sentence says what can.
+    """
+    parts = tuple(_read_part(part, site) for part in text.split("+"))
+    return parts[0] if len(parts) == 1 else Sum(parts)
+
+
+def _read_part(text: str, site: Site) -> Flow:
+    rest, _, hours = text.strip().partition("/")
+    rest, _, towards = rest.partition("@")
+    kind, _, speed = rest.partition(":")
+    try:
+        speed_m_s = float(speed) if speed else _SPEED_M_S.get(site.kind, _USUAL_SPEED_M_S)
+        towards_rad = math.radians(float(towards or 45.0))
+        period_s = 3600.0 * float(hours or _M2_H)
+    except ValueError:
+        raise ValueError(f"{text!r} is no flow: {GRAMMAR}") from None
+    usual = kind in KINDS and (kind == "tide" or not hours) and period_s > 0.0
+    if not usual or not abs(speed_m_s) <= _FASTEST_M_S or not math.isfinite(towards_rad):
+        raise ValueError(f"{text!r} is no flow: {GRAMMAR}")
+    north, east = speed_m_s * math.cos(towards_rad), speed_m_s * math.sin(towards_rad)
+    match kind:
+        case "uniform":
+            return Uniform(north, east)
+        case "shear":
+            return Shear(north, east, site.water.depth_max_m)
+        case "tide":
+            return Tide(speed_m_s, 0.3 * speed_m_s, towards_rad, period_s)
+        case _:
+            return Gyre(speed_m_s, site.water, cells_east=2 if kind == "double" else 1)
+
+
+def _pair(
+    north: npt.ArrayLike, east: npt.ArrayLike, place: npt.ArrayLike, time_s: npt.ArrayLike
+) -> FloatArray:
+    shape = np.broadcast_shapes(np.shape(north), np.shape(place), np.shape(time_s))
+    return np.stack(
+        [np.broadcast_to(north, shape), np.broadcast_to(east, shape)], axis=-1, dtype=np.float64
+    )

@@ -1,0 +1,78 @@
+"""Flows of the simulated water."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from autonomy.site import LAKE, TANK
+from onboard.flight.hardware import SetPoints
+from simulator.fleet import MINI_1
+from simulator.flow import Gyre, Shear, Sum, Tide, Uniform, read_flow
+from simulator.robot import SimulatedBody
+
+
+def test_gyre_has_no_divergence_and_leaves_no_box() -> None:
+    gyre = read_flow("double:0.1", LAKE)
+    rng = np.random.default_rng(0)
+    north, east = rng.uniform(0.0, 500.0, (2, 50))
+    step = 1e-3
+    du = gyre.velocity_ne_m_s(north + step, east, 3.0, 0.0)
+    du = du - gyre.velocity_ne_m_s(north - step, east, 3.0, 0.0)
+    dv = gyre.velocity_ne_m_s(north, east + step, 3.0, 0.0)
+    dv = dv - gyre.velocity_ne_m_s(north, east - step, 3.0, 0.0)
+    assert np.abs(du[:, 0] + dv[:, 1]).max() < 1e-9
+    walls = gyre.velocity_ne_m_s(np.array([0.0, 500.0]), np.array([70.0, 333.0]), 0.0, 0.0)
+    assert np.abs(walls[:, 0]).max() < 1e-15
+    speed = np.hypot(*gyre.velocity_ne_m_s(*np.mgrid[0:500:5.0, 0:500:5.0], 0.0, 0.0).T)
+    assert speed.max() == pytest.approx(0.1, rel=0.01)
+
+
+def test_shear_returns_at_depth_what_it_takes_at_the_surface() -> None:
+    shear = read_flow("shear:0.1@90", LAKE)
+    depth = (np.arange(2000) + 0.5) * 0.01
+    flow = shear.velocity_ne_m_s(0.0, 0.0, depth, 0.0 * depth)
+    assert flow[0, 1] == pytest.approx(0.1, rel=0.01)
+    assert np.abs(flow.mean(axis=0)).max() < 1e-6
+
+
+def test_tide_comes_back_and_has_no_mean() -> None:
+    tide = read_flow("tide:0.08@30/2", LAKE)
+    time = np.linspace(0.0, 7200.0, 721)
+    flow = tide.velocity_ne_m_s(0.0, 0.0, 0.0, time)
+    np.testing.assert_allclose(flow[0], flow[-1], atol=1e-12)
+    np.testing.assert_allclose(flow[0], 0.08 * np.array([math.cos(0.5236), math.sin(0.5236)]), 1e-4)
+    assert np.abs(flow[:-1].mean(axis=0)).max() < 1e-12
+
+
+def test_flows_add_up_and_speed_is_that_of_the_water() -> None:
+    both = read_flow("uniform:0.02@0 + uniform:0.03@90", TANK)
+    np.testing.assert_allclose(both.velocity_ne_m_s(1.0, 1.0, 0.1, 5.0), [0.02, 0.03], atol=1e-12)
+    assert isinstance(both, Sum)
+    assert read_flow("uniform@0", TANK) == Uniform(0.02, 0.0)
+    assert read_flow("uniform@0", LAKE) == Uniform(0.05, 0.0)
+    assert isinstance(read_flow("gyre", TANK), Gyre)
+    assert isinstance(read_flow("tide", TANK), Tide)
+    assert isinstance(read_flow("shear", TANK), Shear)
+
+
+@pytest.mark.parametrize(
+    "text", ["", "flood", "gyre:fast", "gyre:3", "gyre/2", "tide/0", "uniform:nan", "gyre+"]
+)
+def test_what_is_no_flow_says_what_is(text: str) -> None:
+    with pytest.raises(ValueError, match="is no flow: KIND"):
+        read_flow(text, LAKE)
+
+
+def test_flow_carries_a_robot_at_its_own_time() -> None:
+    tide = Tide(0.05, 0.0, 0.0, 1000.0)
+    still = replace(MINI_1, drift_m_sqrt_s=0.0, flow=tide)
+    ways = []
+    for water_s in (0.0, 500.0):
+        body = SimulatedBody(still, 0, water_s=water_s)
+        for _ in range(100):
+            body.plant.advance(SetPoints(-0.002, 0.0), 0.1)
+        ways.append(body.plant.position_ned[0] - MINI_1.start_ne_m[0])
+    assert ways[0] > 0.3
+    assert ways[1] == pytest.approx(-ways[0], abs=0.02)
