@@ -7,12 +7,21 @@ from sqlalchemy import CursorResult, Table, select
 from sqlalchemy.dialects import postgresql, sqlite
 from sqlalchemy.orm import Session
 
+from db.current_tables import CurrentReportRow
 from db.fault import UnknownIdError
 from db.tables import Base, PlanReportRow, RawFrameRow, Robot, SampleCount, SampleRow, StateRow
 from db.target_tables import TargetReportRow
-from robot_link.messages import STATE, PlanReport, RawFrame, Sample, StateReport, TargetReport
+from robot_link.messages import (
+    STATE,
+    CurrentReport,
+    PlanReport,
+    RawFrame,
+    Sample,
+    StateReport,
+    TargetReport,
+)
 
-Telemetry = StateReport | Sample | PlanReport | TargetReport | RawFrame
+Telemetry = StateReport | Sample | PlanReport | TargetReport | CurrentReport | RawFrame
 """What the writer takes in batches."""
 
 
@@ -105,6 +114,17 @@ def _row(value: Telemetry) -> tuple[type[Base], dict[str, Any]]:
             }
         case TargetReport():
             return TargetReportRow, _target_row(value)
+        case CurrentReport():
+            return CurrentReportRow, {
+                "measured_at": value.measured_at,
+                "received_at": value.received_at,
+                "north_m_s": value.current_ne_m_s[0],
+                "east_m_s": value.current_ne_m_s[1],
+                "std_m_s": value.current_std_m_s,
+                "doubt": value.doubt,
+                "dives": value.dives,
+                "fixes_refused": value.fixes_refused,
+            }
         case RawFrame():
             return RawFrameRow, {
                 "robot_key": None,

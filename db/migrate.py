@@ -9,6 +9,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import Connection, Engine
 
 from db import (
+    current_tables,
     link_tables,
     map_tables,
     onboard_tables,
@@ -26,6 +27,7 @@ _TABLE_MODULES = (
     link_tables,
     onboard_tables,
     target_tables,
+    current_tables,
 )
 """All that have tables, so that none is missing in the metadata."""
 METADATA = tables.Base.metadata

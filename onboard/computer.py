@@ -189,6 +189,8 @@ class Computer:
         self.log.track(report)
         if (target := self.program.target_report()) is not None:
             self.link.report_target(target)
+        if (current := self.program.due_current_report()) is not None:
+            self.link.report_current(current)
 
 
 def _talk_settings(config: SatelliteConfig) -> TalkSettings:

@@ -21,6 +21,7 @@ from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FLIGHT_PROFILES
 from robot_link.messages import (
     CommandKind,
+    CurrentReport,
     OnboardPlanState,
     PositionNed,
     RobotId,
@@ -40,6 +41,8 @@ _SENSED = tuple(
 """What a state says as the sensors do."""
 PERIOD_S = 0.1
 """Time between two steps of the program."""
+_CURRENT_EVERY_S = 10.0
+"""How often the robot says what it believes of the current; at once when a dive begins or ends."""
 
 
 class Radio(Protocol):
@@ -123,6 +126,8 @@ class OnboardProgram:
         self._next_sample_s = 0.0
         self._told_mode: RobotMode | None = None
         self._told_plan: tuple[OnboardPlanState, int] | None = None
+        self._told_current: tuple[RobotMode, int] | None = None
+        self._next_current_s = 0.0
         self.is_talking = False
         """Whether a call by satellite is due or under way, for which the robot stays up."""
 
@@ -187,6 +192,29 @@ class OnboardProgram:
         ``received_at`` is the receiver's to fill.
         """
         return self.executive.tracking.report(self._robot, self.now, self.estimate)
+
+    def current_report(self) -> CurrentReport:
+        """Return what the robot believes of the current; ``received_at`` is the receiver's."""
+        belief = self.estimate.current
+        return CurrentReport(
+            robot=self._robot,
+            measured_at=self.now,
+            received_at=self.now,
+            current_ne_m_s=belief.current_ne_m_s,
+            current_std_m_s=belief.std_m_s,
+            doubt=belief.doubt,
+            dives=belief.dives,
+            fixes_refused=belief.fixes_refused,
+        )
+
+    def due_current_report(self) -> CurrentReport | None:
+        """Return what the robot believes of the current, None where it said so a moment ago."""
+        told = self.executive.mode, self.estimate.current.fixes_refused
+        if told == self._told_current and self.time_s < self._next_current_s:
+            return None
+        self._told_current = told
+        self._next_current_s = self.time_s + _CURRENT_EVERY_S
+        return self.current_report()
 
     def step(self, radio: Radio) -> None:
         """Read, estimate, decide, act, measure and tell; call it every ``PERIOD_S``."""

@@ -359,6 +359,29 @@ class TargetReport:
 
 
 @dataclass(frozen=True, slots=True)
+class CurrentReport:
+    """What a robot believes of the water's current, and how far its own positions may be believed.
+
+    It stays good for the dive that follows: the robot reckons its position with this current.
+    """
+
+    robot: RobotId
+    measured_at: datetime
+    received_at: datetime
+    current_ne_m_s: tuple[float, float]
+    """The current that stays, north and east; zero of a robot that learns none."""
+    current_std_m_s: float
+    """Its standard deviation per axis, the larger one, ``doubt`` counted."""
+    doubt: float
+    """How many times larger than its filter's own the standard deviations are that the robot
+    states, 1 or more, because its last fixes surprised it."""
+    dives: int
+    """How many dives that was judged by, 0 to 255."""
+    fixes_refused: int
+    """Fixes that were not believed since the robot was switched on."""
+
+
+@dataclass(frozen=True, slots=True)
 class CommandReport:
     """A level of one command, proved at ``at`` by ``carrier``."""
 
@@ -450,6 +473,7 @@ LinkEvent = (
     | Sample
     | PlanReport
     | TargetReport
+    | CurrentReport
     | CommandReport
     | UploadReport
     | LinkReport

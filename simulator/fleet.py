@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 
-from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
+from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig, estimator_preset
 from autonomy.planner.config import EnergyConfig, PlannerConfig
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Site
@@ -77,7 +77,7 @@ class RobotDefinition:
     @property
     def estimator(self) -> EstimatorConfig:
         """Settings of its onboard filters."""
-        return ESTIMATOR_PRESETS.get(self.vehicle.key, EstimatorConfig())
+        return estimator_preset(self.vehicle.key, self.site.kind)
 
     @property
     def energy(self) -> EnergyConfig:

@@ -9,14 +9,17 @@ from autonomy.configuration import Configuration, quantity
 class EstimatorConfig(Configuration):
     """Which filter tells the position, the noise that it assumes, the velocity observer's gains."""
 
-    method: Literal["position", "model"] = quantity("position", title="Position by", advanced=True)
-    """``position``: velocity observer and position filter, which see no current. ``model``: one
-    filter on the vehicle's model that estimates current and ballast error from fixes and depth."""
-    steady_current_m_s: float = quantity(
-        0.0, "m/s", title="Steady current", ge=0.0, le=3.0, advanced=True
+    method: Literal["model", "position"] = quantity("model", title="Position by", advanced=True)
+    """``model``: one filter on the vehicle's model that learns current and ballast error from fixes
+    and depth. ``position``: velocity observer and position filter, which learn no current; their
+    uncertainty allows for one."""
+    steady_current_m_s: float = quantity(0.01, "m/s", title="Unknown current", ge=0.0, le=3.0)
+    """Standard deviation per axis of the current that stays for many dives, before any fix has told
+    it. Robot, plan and map all reckon with it; as delivered it is that of the kind of water."""
+    current_memory_s: float = quantity(
+        36000.0, "s", title="Current stays for", ge=60.0, le=1e7, advanced=True
     )
-    """Standard deviation per axis of a current that stays for many dives; the method ``model``
-    learns it from fixes, the method ``position`` does not know of it."""
+    """Time over which that current changes: what fixes told of it is believed for so long."""
     surface_depth_m: float = quantity(0.05, "m", title="Fix depth", gt=0.0, le=2.0)
     """At this depth or above, the horizontal position can be fixed from outside."""
     fix_std_m: float = quantity(0.01, "m", title="Fix noise", gt=0.0, le=100.0)
@@ -50,11 +53,33 @@ ESTIMATOR_PRESETS: dict[str, EstimatorConfig] = {
         depth_std_m=0.01,
         drift_m_sqrt_s=0.3,
         acceleration_density=1e-3,
+        steady_current_m_s=0.05,
     ),
 }
 """Settings by vehicle: cameras over a tank, and a differential GPS (3 m at 95 %) on a lake with a
-current of a few centimetres a second that dead reckoning does not see. The tank's eddies, 0.02
-m/s^0.5 in 3 s, ask for the 9e-5; with a ninth of it the normalized error squared is 2.7, not 2."""
+current of a few centimetres a second. The tank's eddies, 0.02 m/s^0.5 in 3 s, ask for the 9e-5;
+with a ninth of it the normalized error squared is 2.7, not 2."""
+
+_STEADY_CURRENT_M_S = {"tank": 0.01, "lake": 0.05, "sea": 0.20}
+_CURRENT_MEMORY_S = {"sea": 7200.0}
+"""A half-day tide turns by a radian in two hours."""
+
+
+def estimator_preset(vehicle: str, water: str) -> EstimatorConfig:
+    """Return the settings of a vehicle in a kind of water, as delivered.
+
+    This is the one place that says how strong an unknown current is where.
+
+    Args:
+        vehicle: Key of the vehicle; one without settings of its own has the general ones.
+        water: ``Site.kind``.
+    """
+    return ESTIMATOR_PRESETS.get(vehicle, EstimatorConfig()).model_copy(
+        update={
+            "steady_current_m_s": _STEADY_CURRENT_M_S[water],
+            "current_memory_s": _CURRENT_MEMORY_S.get(water, 36000.0),
+        }
+    )
 
 
 class CurrentConfig(Configuration):

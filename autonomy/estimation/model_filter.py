@@ -99,6 +99,12 @@ class ModelFilter:
         return (north, east)
 
     @property
+    def steady_current_std_m_s(self) -> float:
+        """Standard deviation of that part along its worst direction."""
+        across = self._S[kernel.STEADY_NORTH : kernel.EDDY_NORTH]
+        return math.sqrt(float(np.linalg.eigvalsh(across @ across.T)[-1]))
+
+    @property
     def buoyancy_bias_kg(self) -> float:
         """What the feedback of the net buoyancy says too much."""
         return float(self._x[kernel.BIAS])

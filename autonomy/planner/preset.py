@@ -2,7 +2,7 @@
 
 import math
 
-from autonomy.estimation.config import ESTIMATOR_PRESETS
+from autonomy.estimation.config import estimator_preset
 from autonomy.planner.config import (
     EnergyConfig,
     ErgodicConfig,
@@ -34,7 +34,7 @@ MINIGLIDER = PlannerConfig(
         bearing_noise_rad=0.4,
     ),
     energy=EnergyConfig(swim_factor=0.5, tail_amplitude_rad=0.40, tail_frequency_hz=0.40),
-    position_filter=ESTIMATOR_PRESETS["miniglider"],
+    position_filter=estimator_preset("miniglider", TANK.kind),
 )
 """Miniglider in the tank's exploration domain.
 
@@ -74,7 +74,7 @@ GRACE3 = PlannerConfig(
         point_interval_s=10.0,
     ),
     energy=EnergyConfig(swim_factor=0.5, tail_amplitude_rad=0.40, tail_frequency_hz=0.25),
-    position_filter=ESTIMATOR_PRESETS["grace3"],
+    position_filter=estimator_preset("grace3", LAKE.kind),
     mission=MissionConfig(turn_time_s=25.0, draft_distance_m=40.0),
     ergodic=ErgodicConfig(reach_north_m=40.0, reach_east_m=40.0, reach_depth_m=2.0),
     search=SearchConfig(step_m=40.0, near_radius_m=40.0, nearest_radius_m=32.0, transects=12),
@@ -93,3 +93,14 @@ come within one length scale of the field to all the water, within half of one t
 
 PLANNER_PRESETS: dict[str, PlannerConfig] = {"miniglider": MINIGLIDER, "grace3": GRACE3}
 """Default of each vehicle, by the vehicle's key."""
+
+
+def planner_preset(vehicle: str, water: str) -> PlannerConfig:
+    """Return the settings of a vehicle in a kind of water, as delivered.
+
+    Args:
+        vehicle: Key of the vehicle.
+        water: ``Site.kind``.
+    """
+    preset = PLANNER_PRESETS.get(vehicle, PlannerConfig())
+    return preset.model_copy(update={"position_filter": estimator_preset(vehicle, water)})

@@ -25,6 +25,22 @@ _sensed: Callable[[Readings], tuple[Any, ...]] = attrgetter(*_SENSED)
 
 
 @dataclass(frozen=True, slots=True)
+class CurrentBelief:
+    """What the robot believes of the water's steady current, and how it fared with its fixes."""
+
+    current_ne_m_s: tuple[float, float]
+    """North and east; zero where none is learned."""
+    std_m_s: float
+    """Of it, larger axis, ``doubt`` counted."""
+    doubt: float = 1.0
+    """How many times larger the stated standard deviations are than the filter's own."""
+    dives: int = 0
+    """How many dives that was judged by."""
+    fixes_refused: int = 0
+    """Fixes that were not believed so far."""
+
+
+@dataclass(frozen=True, slots=True)
 class Estimate:
     """The robot's belief at one moment."""
 
@@ -40,6 +56,8 @@ class Estimate:
     """Heading averaged over one beat of the tail, whose wiggle no controller should fight."""
     has_fix: bool
     """Whether a fix arrived within the last two seconds."""
+    current: CurrentBelief
+    """What is believed of the current."""
 
     @property
     def depth_m(self) -> float:
@@ -68,6 +86,7 @@ class WaterState:
     """Through the water in body axes, m/s."""
     velocity_ned: tuple[float, float, float]
     """Through the water in NED, m/s."""
+    current: CurrentBelief
 
 
 class WaterTrack(Protocol):
@@ -105,6 +124,7 @@ class ObserverTrack:
         readings: Readings,
     ) -> None:
         self._surface_depth_m = config.surface_depth_m
+        self._current = CurrentBelief((0.0, 0.0), config.steady_current_m_s)
         self._filter = PositionFilter(config, position_ned, position_std_m)
         self._observer = VelocityObserver(config, vehicle, readings.depth_m)
 
@@ -134,7 +154,11 @@ class ObserverTrack:
         velocity_ned = observer.velocity_ned
         position.step(dt_s, velocity_ned, readings.depth_m, readings.fix_ne_m)
         return WaterState(
-            position.position_ned, position.position_std_m, observer.velocity_body, velocity_ned
+            position.position_ned,
+            position.position_std_m,
+            observer.velocity_body,
+            velocity_ned,
+            self._current,
         )
 
 
@@ -158,7 +182,12 @@ class ModelTrack:
         readings: Readings,
     ) -> None:
         model = MODEL_FILTER_PRESETS.get(vehicle.key, ModelFilterConfig())
-        water = model.current.model_copy(update={"steady_std_m_s": config.steady_current_m_s})
+        water = model.current.model_copy(
+            update={
+                "steady_std_m_s": config.steady_current_m_s,
+                "steady_correlation_s": config.current_memory_s,
+            }
+        )
         self._filter = ModelFilter(
             config,
             model.model_copy(update={"current": water}),
@@ -192,7 +221,11 @@ class ModelTrack:
             fix_ne=readings.fix_ne_m,
         )
         return WaterState(
-            belief.position_ned, belief.position_std_m, belief.velocity_body, belief.velocity_ned
+            belief.position_ned,
+            belief.position_std_m,
+            belief.velocity_body,
+            belief.velocity_ned,
+            CurrentBelief(belief.steady_current_ne_m_s, belief.steady_current_std_m_s),
         )
 
 
@@ -268,6 +301,7 @@ class Navigator:
             readings=readings,
             course_heading_rad=self._mean_heading(),
             has_fix=self._since_fix_s < _FIX_HOLDS_S,
+            current=now.current,
         )
 
     def _usable(self, readings: Readings) -> Readings:

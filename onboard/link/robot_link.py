@@ -16,7 +16,7 @@ from onboard.link.service_desk import ServiceDesk
 from onboard.link.waypoint_mission import WaypointRules
 from robot_link.clock import Clock, monotonic_s, set_or_after
 from robot_link.delivery import deliver
-from robot_link.mavlink import target, telemetry
+from robot_link.mavlink import current, target, telemetry
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_SYSTEM, Codec, WireMessage
 from robot_link.mavlink.command import (
     ReceivedCommand,
@@ -27,6 +27,7 @@ from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
     CommandKind,
+    CurrentReport,
     LogId,
     OnboardPlanState,
     PlanHash,
@@ -124,6 +125,7 @@ class RobotLink:
         self._mode_changed = asyncio.Event()
         self._states = self._newest_sender(telemetry.STATE_FRAME_BYTES)
         self._targets = self._newest_sender(target.TARGET_FRAME_BYTES)
+        self._currents = self._newest_sender(current.CURRENT_FRAME_BYTES)
         self._plan = PlanDesk(
             plans, program, clock, self._timing, lambda message: self._answer(None, message)
         )
@@ -195,6 +197,7 @@ class RobotLink:
                 ("heartbeat", self._beat()),
                 ("states", self._states.run()),
                 ("targets", self._targets.run()),
+                ("currents", self._currents.run()),
                 ("plan reports", self._report_plan()),
                 ("samples", self._samples.run()),
                 ("replies", self._reply()),
@@ -228,6 +231,11 @@ class RobotLink:
         """
         if target.can_travel(report):
             self._targets.put(partial(target.target_message, report))
+
+    def report_current(self, report: CurrentReport) -> None:
+        """Send what is believed of the current once, as ``report_target`` sends a target."""
+        if current.can_travel(report):
+            self._currents.put(partial(current.current_message, report))
 
     def record_sample(
         self,

@@ -5,8 +5,15 @@ from typing import Protocol
 
 from onboard.link.plan_desk import PlanOnBoard
 from robot_link.clock import Clock
-from robot_link.mavlink.target import can_travel
-from robot_link.messages import RobotId, Sample, StateReport, SystemId, TargetReport
+from robot_link.mavlink import current, target
+from robot_link.messages import (
+    CurrentReport,
+    RobotId,
+    Sample,
+    StateReport,
+    SystemId,
+    TargetReport,
+)
 from robot_link.onboard_settings import DigestSettings
 from robot_link.sample_log import SampleKey, SampleLog
 from robot_link.satellite.digest import choose
@@ -47,6 +54,10 @@ class StateTeller(Protocol):
 
     def target_report(self) -> TargetReport | None:
         """Return how the robot holds its target; None while it follows none."""
+        ...
+
+    def current_report(self) -> CurrentReport:
+        """Return what the robot believes of the current."""
         ...
 
 
@@ -98,9 +109,11 @@ class RecordWriter:
             acks: Words on missions.
             answers: Words on orders.
             most_bytes: How long it may be.
-            is_full: Whether it carries the state, the target, and as many samples as fit, too.
+            is_full: Whether it carries the state, the current, the target, and as many samples
+                as fit, too.
         """
-        target = self._program.target_report() if is_full else None
+        followed = self._program.target_report() if is_full else None
+        water = self._program.current_report() if is_full else None
         plan = self._link.plan_report()
         content = MobileOriginatedContent(
             counter=counter,
@@ -115,7 +128,8 @@ class RecordWriter:
             ),
             acks=acks,
             answers=answers,
-            target=target if target is not None and can_travel(target) else None,
+            target=None if followed is None or not target.can_travel(followed) else followed,
+            current=None if water is None or not current.can_travel(water) else water,
         )
         if is_full:
             room = sample_room(content, most_bytes)

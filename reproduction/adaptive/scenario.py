@@ -63,4 +63,6 @@ def planner_config(
 
 def position_filter(drift_m_sqrt_s: float) -> EstimatorConfig:
     """Return the robot's filter, which is told the drift."""
-    return EstimatorConfig(drift_m_sqrt_s=max(drift_m_sqrt_s, LEAST_STATED_DRIFT))
+    return EstimatorConfig(
+        drift_m_sqrt_s=max(drift_m_sqrt_s, LEAST_STATED_DRIFT), steady_current_m_s=0.0
+    )

@@ -3,12 +3,20 @@
 from collections.abc import Iterable
 from datetime import datetime
 
-from robot_link.mavlink import target, telemetry
+from robot_link.mavlink import current, target, telemetry
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
-from robot_link.messages import PlanReport, RobotId, RobotMode, Sample, StateReport, TargetReport
+from robot_link.messages import (
+    CurrentReport,
+    PlanReport,
+    RobotId,
+    RobotMode,
+    Sample,
+    StateReport,
+    TargetReport,
+)
 
-Value = RobotMode | StateReport | Sample | PlanReport | TargetReport | None
+Value = RobotMode | StateReport | Sample | PlanReport | TargetReport | CurrentReport | None
 """What one message means; None for what the station does not keep."""
 
 
@@ -36,6 +44,8 @@ def decoded(message: WireMessage, robot: RobotId, received_at: datetime) -> Valu
             return telemetry.plan_report(message, robot, received_at)
         case grace.MAVLink_grace_track_message():
             return target.target_report(message, robot, received_at)
+        case grace.MAVLink_grace_current_message():
+            return current.current_report(message, robot, received_at)
         case _:
             return None
 

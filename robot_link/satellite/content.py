@@ -6,6 +6,7 @@ from enum import IntEnum
 from robot_link.messages import (
     SURFACED_BY_COMMAND,
     CommandNumber,
+    CurrentReport,
     OnboardPlanState,
     Sample,
     StateReport,
@@ -146,3 +147,5 @@ class MobileOriginatedContent:
     """To ``compose``: the most telling first; as read: by log and number."""
     target: TargetReport | None = None
     """What it knows of its target; goes with the state alone, and without the second hypothesis."""
+    current: CurrentReport | None = None
+    """What it believes of the current; goes with the state alone, where there is room."""

@@ -3,7 +3,7 @@
 A record, big endian, before the code of ``frame``:
 
     u8   version << 4 | 3
-    u8   flags: bit 0 words, 1 state, 2 plan, 3 samples, 4 target
+    u8   flags: bit 0 words, 1 state, 2 plan, 3 samples, 4 target, 5 current
     u32  counter
     words    u8 acks << 4 | answers; of each ack u32 transfer id, u8 chunks, u8 state << 5 | reason
              and, while receiving, a bit for each chunk, the first in the lowest bit of the first
@@ -11,6 +11,7 @@ A record, big endian, before the code of ``frame``:
              u8 outcome
     state    ``state_code``
     plan     ``state_code``
+    current  ``current_code``; only with a state
     target   ``target_code``; only with a state
     samples  ``sample_code``
 
@@ -32,6 +33,7 @@ from robot_link.satellite.content import (
     TransferAck,
     TransferState,
 )
+from robot_link.satellite.current_code import CURRENT_BYTES, packed_current, unpacked_current
 from robot_link.satellite.frame import (
     MAC_BYTES,
     MOBILE_ORIGINATED_MAX,
@@ -73,8 +75,8 @@ SMALLEST = 70
 
 _HEADER = struct.Struct(">BBI")
 _ACK = struct.Struct(">IBB")
-_WORDS, _STATE, _PLAN, _SAMPLES, _TARGET = 1, 2, 4, 8, 16
-_FLAGS_MAX = 31
+_WORDS, _STATE, _PLAN, _SAMPLES, _TARGET, _CURRENT = 1, 2, 4, 8, 16, 32
+_FLAGS_MAX = 63
 _WORDS_MAX = 15
 """Acks, and answers, of one record."""
 _REASON_BITS = 5
@@ -93,7 +95,8 @@ def compose(
 ) -> bytes:
     """Return one message of at most ``max_bytes`` that says as much of the content as fits.
 
-    What proves a level comes first: acks, answers, state, plan, target; samples fill the rest.
+    What proves a level comes first: acks, answers, state, plan, current, target; samples fill the
+    rest.
 
     Args:
         content: What there is to say.
@@ -117,6 +120,10 @@ def compose(
     if content.plan is not None and room >= PLAN_BYTES:
         parts.append((_PLAN, packed_plan(content.plan)))
         room -= PLAN_BYTES
+    current = _packed_current(content, room)
+    if current and any(flag == _STATE for flag, _ in parts):
+        parts.append((_CURRENT, current))
+        room -= len(current)
     target = _packed_target(content, room)
     if target and any(flag == _STATE for flag, _ in parts):
         parts.append((_TARGET, target))
@@ -135,6 +142,7 @@ def sample_room(content: MobileOriginatedContent, max_bytes: int) -> int:
     room -= len(_packed_words(content.acks, content.answers, room))
     room -= 0 if content.state is None else STATE_BYTES
     room -= 0 if content.plan is None else PLAN_BYTES
+    room -= len(_packed_current(content, room))
     room -= len(_packed_target(content, room))
     return max(0, room)
 
@@ -161,13 +169,14 @@ def read_mobile_originated(
     if state_bytes is not None:
         energy_used = 0.0 if plan is None else plan.energy_used
         state = unpacked_state(state_bytes, robot, received_at, energy_used)
-    if flags & _TARGET and state is None:
-        raise WireError("a record tells a track without a state")
+    if flags & (_TARGET | _CURRENT) and state is None:
+        raise WireError("a record tells a track or a current without a state")
+    current = unpacked_current(reader, state) if flags & _CURRENT and state is not None else None
     target = unpacked_target(reader, state) if flags & _TARGET and state is not None else None
     samples = unpacked_samples(reader, robot, received_at) if flags & _SAMPLES else ()
     if not reader.is_at_end:
         raise WireError("something follows the end of a record")
-    return MobileOriginatedContent(counter, state, plan, acks, answers, samples, target)
+    return MobileOriginatedContent(counter, state, plan, acks, answers, samples, target, current)
 
 
 def _packed_target(content: MobileOriginatedContent, room: int) -> bytes:
@@ -175,6 +184,13 @@ def _packed_target(content: MobileOriginatedContent, room: int) -> bytes:
     if content.target is None or content.state is None:
         return b""
     return packed_target(content.target, room)
+
+
+def _packed_current(content: MobileOriginatedContent, room: int) -> bytes:
+    """Return what is believed of the current; nothing where no state says when, or no room is."""
+    if content.current is None or content.state is None or room < CURRENT_BYTES:
+        return b""
+    return packed_current(content.current)
 
 
 def _packed_words(

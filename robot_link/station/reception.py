@@ -9,6 +9,7 @@ from robot_link.mavlink.codec import Codec, WireMessage
 from robot_link.mavlink.decode import Value, decoded, robot_time
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
+    CurrentReport,
     LinkEvent,
     OnboardPlanState,
     PlanReport,
@@ -131,7 +132,7 @@ class Reception:
                     self._samples_owed.set()
             case PlanReport():
                 self._take_plan_report(sender, value)
-            case TargetReport():
+            case TargetReport() | CurrentReport():
                 self._on_event(value)
             case None:
                 pass

@@ -7,11 +7,11 @@ from typing import Literal
 
 from autonomy.configuration import Configuration
 from autonomy.control.catalogue import CONTROLLERS, ControllerKind
-from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
+from autonomy.estimation.config import EstimatorConfig, estimator_preset
 from autonomy.field.config import FIELD_PRESETS, FieldConfig
 from autonomy.identification.config import IDENTIFICATION_PRESETS, IdentificationConfig
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.preset import PLANNER_PRESETS
+from autonomy.planner.preset import planner_preset
 from autonomy.tracking.config import TRACKING_PRESETS, TrackingConfig
 from autonomy.vehicle.battery import BATTERY_PRESETS, BatteryConfig
 from autonomy.vehicle.config import MINIGLIDER
@@ -92,6 +92,14 @@ def _by_variable(robot: RobotRecord, vehicle: str) -> FieldConfig:
     return FIELD_PRESETS.get(robot.site.variable, FieldConfig())
 
 
+def _planner_by_water(robot: RobotRecord, vehicle: str) -> PlannerConfig:
+    return planner_preset(vehicle, robot.site.kind)
+
+
+def _estimator_by_water(robot: RobotRecord, vehicle: str) -> EstimatorConfig:
+    return estimator_preset(vehicle, robot.site.kind)
+
+
 def _trial_by_water(robot: RobotRecord, vehicle: str) -> TrialConfig:
     return fitting(TRIAL_PRESETS.get(vehicle, TrialConfig()), robot.site)
 
@@ -100,10 +108,17 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
     {
         kind.key: kind
         for kind in (
-            _by_vehicle("planner", "Planner", PLANNER_PRESETS, PlannerConfig()),
+            ConfigurationKind(
+                "planner", "Planner", PlannerConfig, PlannerConfig(), _planner_by_water
+            ),
             ConfigurationKind("field", "Field map", FieldConfig, FieldConfig(), _by_variable),
-            _by_vehicle(
-                "estimator", "Estimator", ESTIMATOR_PRESETS, EstimatorConfig(), NOT_ON_BOARD
+            ConfigurationKind(
+                "estimator",
+                "Estimator",
+                EstimatorConfig,
+                EstimatorConfig(),
+                _estimator_by_water,
+                NOT_ON_BOARD,
             ),
             _by_vehicle("trim", "Trim", TRIM_PRESETS, TrimConfig(), WITH_MISSION),
             _by_vehicle(

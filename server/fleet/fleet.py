@@ -10,6 +10,7 @@ from db.query.robots import RobotRecord
 from db.query.telemetry import TrackPoint
 from robot_link.clock import Clock
 from robot_link.messages import (
+    CurrentReport,
     LinkReport,
     LinkState,
     OnboardPlanState,
@@ -49,6 +50,7 @@ class Memory:
     samples: Sequence[Sample]
     track: Sequence[TrackPoint]
     target_report: TargetReport | None
+    current_report: CurrentReport | None = None
 
 
 class Fleet:
@@ -87,6 +89,7 @@ class Fleet:
         status, state = self._statuses[robot], memory.state
         status.state, status.plan_report = state, memory.plan_report
         status.target_report = memory.target_report
+        status.current_report = memory.current_report
         status.samples = {sample.variable: sample for sample in memory.samples}
         if state is not None:
             water = status.record.site
@@ -188,6 +191,14 @@ class Fleet:
         newest = status.target_report
         if newest is None or report.measured_at >= newest.measured_at:
             status.target_report = report
+            self.touch(report.robot)
+
+    def take_current(self, report: CurrentReport) -> None:
+        """Take a report on the current; one that is older than the newest changes nothing."""
+        status = self._statuses[report.robot]
+        newest = status.current_report
+        if newest is None or report.measured_at >= newest.measured_at:
+            status.current_report = report
             self.touch(report.robot)
 
     def take_link(self, report: LinkReport) -> None:

@@ -11,6 +11,7 @@ from autonomy.site import Site
 from autonomy.tracking.phase import TargetPhase
 from db.record import same
 from robot_link.messages import STATE, LinkState
+from server.fleet.current_words import current_view
 from server.fleet.fleet import Fleet
 from server.fleet.link_panel import link_views
 from server.fleet.status import RobotStatus
@@ -20,6 +21,7 @@ from server.fleet.target_view import TargetReportView
 from server.fleet.view import (
     ChannelView,
     ContactView,
+    CurrentView,
     LinkView,
     LiveRobotView,
     OnboardPlanView,
@@ -82,6 +84,7 @@ class FleetViews:
             link=self._link_view(status),
             links=link_views(status),
             clock_fault=None if status.clock_fault is None else status.clock_fault.text,
+            current=self._current(status),
             tracking=self._tracking(status),
         )
 
@@ -220,6 +223,12 @@ class FleetViews:
         if report is None:
             return None
         return target_view(report, reason_by(report, status.plan_report))
+
+    def _current(self, status: RobotStatus) -> CurrentView | None:
+        report = status.current_report
+        return (
+            None if report is None else current_view(report, self._fleet.age_s(report.measured_at))
+        )
 
     def _onboard_plan(self, status: RobotStatus) -> OnboardPlanView | None:
         report = status.plan_report

@@ -8,7 +8,8 @@ from collections.abc import Sequence
 from datetime import UTC, datetime
 
 from autonomy.site import Site
-from robot_link.messages import STATE, Sample, StateReport, TargetReport
+from robot_link.current_check import current_fault
+from robot_link.messages import STATE, CurrentReport, Sample, StateReport, TargetReport
 from robot_link.target_check import target_fault
 from server.fleet.clock_fault import AHEAD_MAX
 
@@ -51,6 +52,11 @@ def fault_of_target(report: TargetReport, site: Site, now: datetime, speed: floa
     return _fault_of_time(report.measured_at, now, speed) or _fault_of_position(
         (*report.position_ne_m, 0.0), 0.0, site
     )
+
+
+def fault_of_current(report: CurrentReport, now: datetime, speed: float) -> str | None:
+    """Return why a report on the current cannot be true, or ``None``."""
+    return current_fault(report) or _fault_of_time(report.measured_at, now, speed)
 
 
 def _fault_of_time(measured_at: datetime, now: datetime, speed: float) -> str | None:

@@ -73,6 +73,27 @@ class PositionView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class CurrentView(View):
+    """What the robot believes of the water's current, and how far its positions are doubted."""
+
+    north_m_s: float
+    east_m_s: float
+    std_m_s: float
+    """Standard deviation of the current, larger axis."""
+    doubt: float
+    """How many times larger its stated uncertainties are, because its last fixes surprised it."""
+    dives: int
+    """How many dives that was judged by."""
+    fixes_refused: int
+    """Fixes that it did not believe since it was switched on."""
+    text: str
+    """All of that in words."""
+    measured_at: datetime
+    received_at: datetime
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class OnboardPlanView(View):
     """The plan that the robot says it holds."""
 
@@ -103,6 +124,8 @@ class StateView(View):
     """Every link that the robot has; ``link`` is the best of them."""
     clock_fault: str | None
     """What is wrong with the robot's clock; its values are then in the order of their arrival."""
+    current: CurrentView | None
+    """What the robot believes of the current; ``null`` of one that never told."""
     tracking: TargetReportView | None
     """Newest report on the target that the robot follows, or followed last; ``null`` for one that
     flies something else."""

@@ -17,6 +17,7 @@ from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import (
     CommandReport,
+    CurrentReport,
     LinkEvent,
     LinkReport,
     PlanReport,
@@ -30,7 +31,12 @@ from robot_link.messages import (
 from server.base.event_bus import EventBus
 from server.fleet.clock_fault import AHEAD_MAX, ClockJudge
 from server.fleet.fleet import Fleet
-from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_target
+from server.fleet.plausibility import (
+    fault_of_current,
+    fault_of_sample,
+    fault_of_state,
+    fault_of_target,
+)
 from server.link.event import (
     CommandReported,
     PlanReported,
@@ -88,6 +94,8 @@ class Ingest:
                 self._fleet.take_link(event)
             case TargetReport():
                 self._take_target(event)
+            case CurrentReport():
+                self._take_current(event)
             case UploadReport():
                 self._bus.publish(UploadReported(event))
             case CommandReport():
@@ -177,6 +185,16 @@ class Ingest:
         self._append(report)
         self._fleet.take_target(report)
         self._bus.publish(TargetReported(report))
+
+    def _take_current(self, report: CurrentReport) -> None:
+        report = self._clock_of(report.robot).dated(report)
+        fault = fault_of_current(report, self._clock.now(), self._clock.speed)
+        if fault is not None:
+            self._refuse(report.robot, "current", fault)
+            return
+        self._told_faults.discard((report.robot, "current"))
+        self._append(report)
+        self._fleet.take_current(report)
 
     def _take_sample(self, sample: Sample) -> None:
         sample = self._clock_of(sample.robot).dated(sample)

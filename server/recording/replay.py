@@ -11,6 +11,7 @@ from typing import Any, TypeGuard
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from db.current_tables import CurrentReportRow
 from db.ingest import Telemetry, append_telemetry
 from db.query.journal import JournalRange, iterate_frames
 from db.query.plans import plan_by_hash
@@ -21,6 +22,7 @@ from db.target_tables import TargetReportRow
 from robot_link.mavlink.codec import STATION_COMPONENT, STATION_SYSTEM, Codec
 from robot_link.mavlink.decode import Value, decoded
 from robot_link.messages import (
+    CurrentReport,
     OnboardPlanState,
     PlanHash,
     PlanReport,
@@ -34,10 +36,21 @@ from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 from robot_link.station.gateway.address import SATELLITE_CARRIERS
 from server.fleet.clock_fault import ClockJudge
-from server.fleet.plausibility import fault_of_sample, fault_of_state, fault_of_target
+from server.fleet.plausibility import (
+    fault_of_current,
+    fault_of_sample,
+    fault_of_state,
+    fault_of_target,
+)
 from server.satellite.content import Telling, values_of
 
-TABLES: tuple[type[Base], ...] = (StateRow, SampleRow, PlanReportRow, TargetReportRow)
+TABLES: tuple[type[Base], ...] = (
+    StateRow,
+    SampleRow,
+    PlanReportRow,
+    TargetReportRow,
+    CurrentReportRow,
+)
 """What is built from the journal."""
 _ROWS_AT_ONCE = 5000
 _NOT_KEPT = (OnboardPlanState.RECEIVING, OnboardPlanState.REFUSED)
@@ -142,6 +155,8 @@ class Replay:
                 return fault_of_sample(value, robot.site, frame.at, self._speed) is None
             case TargetReport():
                 return fault_of_target(value, robot.site, frame.at, self._speed) is None
+            case CurrentReport():
+                return fault_of_current(value, frame.at, self._speed) is None
             case PlanReport():
                 return True
 
@@ -149,7 +164,7 @@ class Replay:
 def _is_kept(value: Value) -> TypeGuard[Telling]:
     if isinstance(value, PlanReport):
         return value.state not in _NOT_KEPT
-    return isinstance(value, StateReport | Sample | TargetReport)
+    return isinstance(value, StateReport | Sample | TargetReport | CurrentReport)
 
 
 def replay_into(source: Session, target: Store, speed: float, key: Callable[[str], bytes]) -> int:

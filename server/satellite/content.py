@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from datetime import datetime
 
 from robot_link.messages import (
+    CurrentReport,
     OnboardPlanState,
     PlanHash,
     PlanReport,
@@ -20,7 +21,7 @@ from robot_link.satellite.frame import WireError
 from robot_link.satellite.record import read_mobile_originated
 from robot_link.station.gateway.gateway import MobileOriginated
 
-Telling = StateReport | Sample | PlanReport | TargetReport
+Telling = StateReport | Sample | PlanReport | TargetReport | CurrentReport
 _OUTCOMES = {
     CommandOutcome.DONE: "obeyed",
     CommandOutcome.NOT_NOW: "not obeyed now",
@@ -80,6 +81,8 @@ def values_of(
         told.append(_plan_report(content.plan, robot, said_at, arrived_at, find_plan))
     if content.target is not None:
         told.append(content.target)
+    if content.current is not None:
+        told.append(content.current)
     told.extend(content.samples)
     return told
 

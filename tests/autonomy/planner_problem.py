@@ -15,7 +15,7 @@ THESIS_TANK = PlannerConfig(
     max_uncertainty_m=0.5,
     fidelity_counts=False,
     primitives=PrimitiveConfig(swim_length_max_m=1.4),
-    position_filter=EstimatorConfig(drift_m_sqrt_s=0.02),
+    position_filter=EstimatorConfig(drift_m_sqrt_s=0.02, steady_current_m_s=0.0),
 )
 START = (0.3, 0.3)
 

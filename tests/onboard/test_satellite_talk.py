@@ -19,6 +19,7 @@ from onboard.satellite.talk import SatelliteTalk, TalkSettings
 from robot_link.messages import (
     CommandKind,
     CommandNumber,
+    CurrentReport,
     LogId,
     OnboardPlanState,
     RobotId,
@@ -117,6 +118,11 @@ class Afloat:
 
     def target_report(self) -> TargetReport | None:
         return self.track
+
+    def current_report(self) -> CurrentReport:
+        return CurrentReport(
+            ROBOT, STATE.measured_at, STATE.measured_at, (0.02, -0.01), 0.004, 1.0, 3, 0
+        )
 
 
 @dataclass

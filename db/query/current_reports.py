@@ -1,0 +1,62 @@
+"""What robots believed of the water's current."""
+
+from datetime import datetime
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from db.current_tables import CurrentReportRow
+from db.query.robots import robot_key
+from db.record import same
+from robot_link.messages import CurrentReport, RobotId
+
+
+def newest_current_report(
+    session: Session, robot: str, before: datetime | None = None
+) -> CurrentReport | None:
+    """Return the newest report of a robot on the current, ``None`` if it never told one.
+
+    Args:
+        session: A reading session.
+        robot: Id of the robot.
+        before: Only reports up to this moment count.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    at = CurrentReportRow.measured_at
+    statement = select(CurrentReportRow).where(
+        CurrentReportRow.robot_key == robot_key(session, robot)
+    )
+    if before is not None:
+        statement = statement.where(at <= before)
+    row = session.scalar(statement.order_by(at.desc()).limit(1))
+    return None if row is None else _report(row, robot)
+
+
+def current_reports(
+    session: Session, robot: str, start: datetime | None, end: datetime
+) -> list[CurrentReport]:
+    """Return reports from the last one before ``start`` to ``end``, in order of time.
+
+    Raises:
+        UnknownIdError: If there is no such robot.
+    """
+    at = CurrentReportRow.measured_at
+    statement = select(CurrentReportRow).where(
+        CurrentReportRow.robot_key == robot_key(session, robot), at <= end
+    )
+    first = None if start is None else newest_current_report(session, robot, start)
+    if first is not None:
+        statement = statement.where(at >= first.measured_at)
+    return [_report(row, robot) for row in session.scalars(statement.order_by(at))]
+
+
+def _report(row: CurrentReportRow, robot: str) -> CurrentReport:
+    return same(
+        CurrentReport,
+        row,
+        robot=RobotId(robot),
+        current_ne_m_s=(row.north_m_s, row.east_m_s),
+        current_std_m_s=row.std_m_s,
+    )

@@ -1,0 +1,61 @@
+"""What the station says of the current in which a robot reckons its position, in words."""
+
+import math
+
+from robot_link.messages import CurrentReport
+from server.fleet.view import CurrentView
+
+DOUBT_TOLD = 1.3
+"""From here on a robot's doubt of its own positions is worth an alarm."""
+
+
+def current_view(report: CurrentReport, age_s: float) -> CurrentView:
+    """Return a report as the operator sees it."""
+    north_m_s, east_m_s = report.current_ne_m_s
+    return CurrentView(
+        north_m_s=north_m_s,
+        east_m_s=east_m_s,
+        std_m_s=report.current_std_m_s,
+        doubt=report.doubt,
+        dives=report.dives,
+        fixes_refused=report.fixes_refused,
+        text=current_text(report),
+        measured_at=report.measured_at,
+        received_at=report.received_at,
+        age_s=age_s,
+    )
+
+
+def current_text(report: CurrentReport) -> str:
+    """Say what a robot believes of the current, and how far it believes itself."""
+    north_m_s, east_m_s = report.current_ne_m_s
+    speed_m_s, std_m_s = math.hypot(north_m_s, east_m_s), report.current_std_m_s
+    if speed_m_s > std_m_s:
+        to_deg = math.degrees(math.atan2(east_m_s, north_m_s)) % 360.0
+        text = f"{_cm_s(speed_m_s)} cm/s to {to_deg:.0f} deg, give or take {_cm_s(std_m_s)}."
+    else:
+        text = f"None that it could tell; give or take {_cm_s(std_m_s)} cm/s."
+    return " ".join(filter(None, (text, doubt_text(report), refused_text(report))))
+
+
+def doubt_text(report: CurrentReport) -> str:
+    """Say by how much a robot doubts its positions; "" where its fixes agree with it."""
+    if report.doubt < DOUBT_TOLD:
+        return ""
+    return (
+        f"The water moves more than was believed; positions are doubted {report.doubt:.1f} times "
+        "more."
+    )
+
+
+def refused_text(report: CurrentReport) -> str:
+    """Say how many fixes a robot did not believe; "" for none."""
+    count = report.fixes_refused
+    if not count:
+        return ""
+    lay = "fix lay too far off and was" if count == 1 else "fixes lay too far off and were"
+    return f"{count} {lay} not believed."
+
+
+def _cm_s(speed_m_s: float) -> str:
+    return f"{100.0 * speed_m_s:.{1 if speed_m_s < 0.1 else 0}f}"
