@@ -1,6 +1,7 @@
 """Turns the point where a search ended into a result, with no more certainty than there is."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,6 +13,8 @@ from autonomy.identification.identifiability import (
     Direction,
     Judgement,
     judge,
+    listed,
+    lower_title,
     unjudged,
 )
 from autonomy.identification.least_squares import Descent, DivergedError
@@ -136,6 +139,8 @@ def concluded(
         offsets=_offsets_of(problem, point.u, judged),
         findings=[
             *_doubts(problem, point, is_converged=is_converged),
+            *_held_back(problem, judged),
+            *_widened(problem, point.u),
             *(direction.message for direction in directions),
         ],
         fit=_fit_of(problem, before.predicted, after[0]),
@@ -190,6 +195,41 @@ def _doubts(problem: Problem, point: Descent, *, is_converged: bool) -> list[str
             f" {FEWEST_SEGMENTS} to see whether they agree, so nothing counts as identified"
         )
     return said
+
+
+def _held_back(problem: Problem, judged: Sequence[Judgement]) -> list[str]:
+    """Return what stands at the border of the box, and what that makes of the others, in words."""
+    said: list[str] = []
+    for place, mine in enumerate(judged):
+        if place not in mine.held_by:
+            continue
+        along = [
+            lower_title(problem.sought[k].title)
+            for k, other in enumerate(judged)
+            if k != place and place in other.held_by
+        ]
+        title = lower_title(problem.sought[place].title)
+        sentence = f"the {title} stands at the border of the box"
+        if along:
+            sentence += f", so what goes along with it counts as weak: {listed(along)}"
+        said.append(f"{sentence}; check the vehicle and the recording, or hold it fixed")
+    return said
+
+
+def _widened(problem: Problem, u: FloatArray) -> list[str]:
+    """Return what was found beyond the box of before, in words."""
+    share = problem.config.bounds_share
+    moved = [
+        f"{lower_title(unknown.title)} ({float(value) * 100.0:+.0f} %)"
+        for unknown, value in zip(problem.sought, u, strict=True)
+        if unknown.nominal != 0.0 and abs(float(value)) > share + 1e-9
+    ]
+    if not moved:
+        return []
+    return [
+        f"the box of ±{share * 100.0:.0f} % was widened: beyond it, from the present values, lie"
+        f" {listed(moved)}"
+    ]
 
 
 def _before(problem: Problem, workers: Workers) -> Before:

@@ -98,7 +98,10 @@ class IdentificationConfig(Configuration):
     velocity_share: float = quantity(0.2, title="Fastest move", gt=0.0, le=1.0, advanced=True)
     """Greatest move of a particle in one iteration, as a part of the box's width."""
     bounds_share: float = quantity(0.5, title="Box", gt=0.0, lt=1.0)
-    """How far a parameter may move from its present value, as a part of it."""
+    """How far a parameter may move from its present value at first, as a part of it."""
+    widest_share: float = quantity(3.0, title="Widest box", gt=0.0, le=10.0, advanced=True)
+    """The box grows where the descent presses against it, up to this part of the present value; a
+    sign that physics demands is kept. If this is not above the box, the box never grows."""
     starts_at_present: bool = quantity(True, title="Seed one particle")
     """Let one particle start at the present values, measured or from fluid dynamics."""
     descents: int = quantity(100, title="Steps of least squares", ge=1, le=200, advanced=True)

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from autonomy.arrays import FloatArray
+from autonomy.arrays import BoolArray, FloatArray
+from autonomy.identification.box import at_border
 from autonomy.identification.normal_equations import Information
 from autonomy.identification.result import Verdict
 from autonomy.identification.unknown import Unknown
@@ -18,6 +19,10 @@ _NULL = 1.0
 FEWEST_SEGMENTS = 6
 """Fewer parts of a recording cannot contradict each other: what they say alike may be wrong."""
 _MOST_NAMED = 5
+_CORRELATED = 0.2
+"""From this correlation on an unknown goes along with another that the box holds back."""
+_PULLED = 0.3
+"""So does one that would move by more than this part of its deviation if the box let go."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,6 +49,9 @@ class Judgement:
     std: float
     """Standard deviation in units of the scale; infinite if it is not identifiable."""
     reason: str
+    held_by: tuple[int, ...] = ()
+    """Unknowns at the border of the box that this one goes along with; itself if it stands there.
+    """
 
 
 def judge(
@@ -58,7 +66,9 @@ def judge(
     Null directions are taken out before the rest is inverted; what little they move an unknown
     within the box is added to its deviation. The rest is the greater of what the noise allows and
     of how much the answer moves when one segment is left out (jackknife), which feels a wrong model
-    as well; and beside it how far the answer hangs on what was not reported.
+    as well; and beside it how far the answer hangs on what was not reported. An unknown at the
+    border of the box is held back: how far the others would move if the box let go is added to
+    their deviations, and those that go along with it are weak.
 
     Args:
         sought: The unknowns.
@@ -79,7 +89,9 @@ def judge(
     within = np.maximum(np.sqrt(variance), jackknife(information, vectors[:, told]))
     unseen = _moved_by(information, vectors[:, told], drift)
     beyond = (vectors[:, ~told] ** 2) @ np.minimum(stds, reach)[~told] ** 2
-    std = np.sqrt(within**2 + unseen**2 + beyond)
+    held, freed = _held_back(sought, u, information, vectors[:, told])
+    std = np.sqrt(within**2 + unseen**2 + beyond + freed**2)
+    held |= (freed > _PULLED * std)[:, None] & held.any(axis=0)
     directions = tuple(
         _direction(sought, vectors[:, k], float(stds[k]), float(reach[k]))
         for k in np.argsort(-stds)
@@ -87,7 +99,7 @@ def judge(
     )
     count = information.fisher_by_segment.shape[0]
     judged = [
-        _judgement(sought[k], k, float(u[k]), float(std[k]), float(unseen[k]), directions, count)
+        _judgement(sought, k, held[k], float(std[k]), float(unseen[k]), directions, count)
         for k in range(u.size)
     ]
     return tuple(judged), directions
@@ -105,6 +117,33 @@ def _reach(sought: Sequence[Unknown], vector: FloatArray) -> float:
     """Return how far a direction can be followed from the middle of the box."""
     half = np.array([0.5 * (unknown.high - unknown.low) for unknown in sought])
     return float(np.min(half / np.maximum(np.abs(vector), 1e-12)))
+
+
+def _held_back(
+    sought: Sequence[Unknown], u: FloatArray, information: Information, told: FloatArray
+) -> tuple[BoolArray, FloatArray]:
+    """Return what the box holds back, and how far each unknown would move if it let go.
+
+    Args:
+        sought: The unknowns.
+        u: Where they ended, shape ``(n,)``.
+        information: What the data tell there.
+        told: Orthonormal directions in which there is an answer, shape ``(n, k)``.
+
+    Returns:
+        Whether unknown ``i`` goes along with ``j``, which stands at the border, shape ``(n, n)``;
+        and the distances, shape ``(n,)``.
+    """
+    border = at_border(sought, u)
+    held = np.zeros((u.size, u.size), dtype=np.bool_)
+    if not border or told.shape[1] == 0:
+        return held, np.zeros(u.size)
+    covariance = told @ np.linalg.solve(told.T @ information.fisher @ told, told.T)
+    spread = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    for k in border:
+        held[:, k] = np.abs(covariance[:, k]) > _CORRELATED * spread * spread[k]
+        held[k, k] = True
+    return held, np.abs(covariance @ information.gradient)
 
 
 def _moved_by(information: Information, told: FloatArray, drift: FloatArray | None) -> FloatArray:
@@ -140,9 +179,9 @@ def jackknife(information: Information, told: FloatArray) -> FloatArray:
 
 
 def _judgement(
-    unknown: Unknown,
+    sought: Sequence[Unknown],
     place: int,
-    u: float,
+    held: BoolArray,
     std: float,
     unseen: float,
     directions: Sequence[Direction],
@@ -150,13 +189,18 @@ def _judgement(
 ) -> Judgement:
     mine = [direction for direction in directions if place in direction.members]
     null = [direction for direction in mine if direction.is_null]
+    unknown, held_by = sought[place], tuple(np.flatnonzero(held).tolist())
     if null:
-        return Judgement("not identifiable", math.inf, null[0].message)
-    if min(u - unknown.low, unknown.high - u) < 1e-9:
-        return Judgement(
-            "weak", std, "stopped at the border of the box: widen the box, or hold it fixed"
-        )
+        return Judgement("not identifiable", math.inf, null[0].message, held_by)
+    if place in held_by:
+        reason = "stopped at the border of the box: widen the box, or hold it fixed"
+        return Judgement("weak", std, reason, held_by)
     said = _deviation(unknown, std)
+    if held_by:
+        names = listed([lower_title(sought[k].title) for k in held_by])
+        stand = "stands" if len(held_by) == 1 else "stand"
+        reason = f"{said}; goes along with {names}, which {stand} at the border of the box"
+        return Judgement("weak", std, reason, held_by)
     if std > _WEAK:
         if unseen > 0.7 * std:
             return Judgement(
@@ -192,7 +236,7 @@ def _direction(
         members = (min(members), max(members))
     # seen in the logarithm of the magnitudes, products and ratios are sums and differences
     grows = [vector[k] * math.copysign(1.0, sought[k].nominal) > 0.0 for k in members]
-    titles = [_lower(sought[k].title) for k in members]
+    titles = [lower_title(sought[k].title) for k in members]
     return Direction(std, members, _message(titles, grows, std))
 
 
@@ -203,23 +247,26 @@ def _message(titles: Sequence[str], grows: Sequence[bool], std: float) -> str:
         if len(titles) == 2:
             joint = ("ratio", "/") if grows[0] == grows[1] else ("product", "x")
             return f"only the {joint[0]} {titles[0]} {joint[1]} {titles[1]} enters"
-        return f"only ratios of {_listed(titles)} enter: measure one of them and hold it fixed"
+        return f"only ratios of {listed(titles)} enter: measure one of them and hold it fixed"
     if len(titles) == 1:
         return f"the {titles[0]} is weak: ±{std * 100:.0f} %"
     return (
-        f"{_listed(titles)} can change together with little trace (±{std * 100:.0f} %): measure"
+        f"{listed(titles)} can change together with little trace (±{std * 100:.0f} %): measure"
         " one of them and hold it fixed"
     )
 
 
-def _lower(title: str) -> str:
+def lower_title(title: str) -> str:
     """Return a title for the middle of a sentence: "Drag, tail" becomes "drag (tail)"."""
     head, comma, rest = title.lower().partition(", ")
     return f"{head} ({rest})" if comma else head
 
 
-def _listed(titles: Sequence[str]) -> str:
+def listed(titles: Sequence[str]) -> str:
+    """Return titles as a sentence lists them, the first few by name."""
     named = list(titles[:_MOST_NAMED])
+    if len(named) == 1:
+        return named[0]
     if len(titles) > len(named):
         return ", ".join(named) + f" and {len(titles) - len(named)} more"
     return ", ".join(named[:-1]) + f" and {named[-1]}"

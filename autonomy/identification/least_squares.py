@@ -108,7 +108,9 @@ def settled(
     return early if whole is None else whole
 
 
-def at(problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers) -> Descent:
+def at(
+    problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers, steps: int = 0
+) -> Descent:
     """Return the point of a descent with given unknowns and initial states.
 
     Args:
@@ -116,9 +118,10 @@ def at(problem: Problem, u: FloatArray, initial: FloatArray, workers: Workers) -
         u: Unknowns in units of their scales, shape ``(n,)``.
         initial: Initial states, shape ``(segments, 12)``.
         workers: Threads.
+        steps: Steps that were done before.
     """
     cost = _cost(problem, u, initial, workers)
-    return Descent(u.copy(), initial.copy(), cost, _FIRST_DAMPING)
+    return Descent(u.copy(), initial.copy(), cost, _FIRST_DAMPING, steps)
 
 
 def descend(

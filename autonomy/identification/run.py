@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.identification import kernel, least_squares, screening, swarm
+from autonomy.identification import box, kernel, least_squares, screening, swarm
 from autonomy.identification.conclusion import concluded
 from autonomy.identification.config import IdentificationConfig
 from autonomy.identification.least_squares import Descent, DivergedError
@@ -23,7 +23,9 @@ from autonomy.identification.progress import (
 from autonomy.identification.result import IdentificationResult
 from autonomy.identification.swarm import Swarm
 
-_FORMAT = 2
+_FORMAT = 3
+_STALLED, _STALLED_STEPS = 0.98, 3
+"""A step that leaves more of the cost than this gains little; asked from so many steps on."""
 _SCREENED_EVERY = 12
 """Steps of the descent between two looks at what spoils it."""
 
@@ -77,6 +79,10 @@ class _Log:
         config = problem.config
         self.cuts: tuple[screening.Cut, ...] = ()
         """Parts of the segments that the descent uses."""
+        self.box = box.borders(problem)
+        """Borders of the box that the descent keeps to."""
+        self.widened_at = 0
+        """Step of the descent at which the box grew last."""
         self.convergence: list[tuple[int, float]] = []
         self._moves = config.iterations * config.runs if config.method == "swarm" else 0
         descends = config.polish or config.method == "least_squares"
@@ -103,9 +109,22 @@ class _Log:
 
     def descended(self, now: Descent) -> None:
         """Note a step of the descent."""
-        state = {"descent": now.document(), "cuts": [list(cut) for cut in self.cuts]}
+        state = {
+            "descent": now.document(),
+            "cuts": [list(cut) for cut in self.cuts],
+            "box": self.box,
+            "widened_at": self.widened_at,
+        }
         said = f"least squares descend: step {now.steps}, cost {_rounded(now.cost)}"
+        if self.box != box.borders(self._problem):
+            said += ", in a wider box"
         self._note(self._moves + now.steps, now.cost, 0.0, said, state)
+
+    def has_stalled(self, now: Descent) -> bool:
+        """Tell whether the descent has gained little by its last step in this box."""
+        if now.steps - self.widened_at < _STALLED_STEPS:
+            return False
+        return self.convergence[-1][1] > _STALLED * self.convergence[-2][1]
 
     def _note(
         self, done: int, cost: float, spread: float, message: str, stage: dict[str, Any]
@@ -170,6 +189,8 @@ def _descent(
     """Descend, and leave out what the model cannot explain on the way."""
     fit, log.cuts = problem, screening.whole(problem)
     if resume is not None:
+        problem, log.box = box.with_borders(problem, resume["box"]), resume["box"]
+        log.widened_at = int(resume["widened_at"])
         log.cuts = tuple((int(k), int(first), int(stop)) for k, first, stop in resume["cuts"])
         fit = screening.reduced(problem, log.cuts)
         point = Descent.from_document(resume["descent"])
@@ -178,6 +199,20 @@ def _descent(
     else:
         point = least_squares.begin(problem, np.zeros(len(problem.sought)), workers)
     while True:
+        # a model that presses against the box explains nothing: first the box, then the screening
+        if (point.is_done or log.has_stalled(point)) and point.steps < problem.config.descents:
+            wider = box.widened(problem, point.u)
+            if wider is not None:
+                problem, log.box, log.widened_at = wider, box.borders(wider), point.steps
+                whole = screening.whole(problem)
+                fit = problem
+                point = (
+                    least_squares.at(fit, point.u, point.initial, workers, steps=point.steps)
+                    if log.cuts == whole
+                    else screening.carried(log.cuts, whole, fit, point, workers)
+                )
+                log.cuts = whole
+                continue
         # by the number of steps, so that a resumed descent looks at the same points
         if point.is_done or (point.steps and point.steps % _SCREENED_EVERY == 0):
             kept = screening.screened(fit, log.cuts, point, workers)

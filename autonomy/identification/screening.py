@@ -146,4 +146,4 @@ def carried(
     initial = least_squares.best_settled(problem, point.u, (start,), workers)
     if initial is None:
         raise least_squares.DivergedError("the model cannot follow what is left of the recording")
-    return replace(least_squares.at(problem, point.u, initial, workers), steps=point.steps)
+    return least_squares.at(problem, point.u, initial, workers, steps=point.steps)

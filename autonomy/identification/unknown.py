@@ -23,6 +23,15 @@ GROUPS: dict[str, tuple[str, ...]] = {
 }
 """The 24 parameters of thesis Table 3.2 that data can speak of, by field of ``FreeParameters``."""
 
+SIGN_KEPT = frozenset(
+    (
+        *(*GROUPS["masses"], *GROUPS["inertias"], *GROUPS["sliding_mass"], *GROUPS["offset_mass"]),
+        *(*GROUPS["drag"], "roll_damping_m_s", "pitch_damping_m_s", "yaw_damping_m_s"),
+    )
+)
+"""Parameters that physics holds to one sign: masses are positive, and drag and damping take energy.
+"""
+
 ALWAYS_FIXED: dict[str, str] = {
     "gravity_m_s2": "a constant of nature",
     "water_density_kg_m3": "only its product with the coefficients enters; measure it",
