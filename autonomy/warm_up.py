@@ -20,6 +20,7 @@ FLIGHT = (
     "autonomy.vehicle.extended_kernel",
     "autonomy.control.kernel",
     "autonomy.control.integral_kernel",
+    "autonomy.control.actuator_kernel",
     "autonomy.control.governor_kernel",
     "autonomy.control.swimming_kernel",
     "autonomy.control.law",

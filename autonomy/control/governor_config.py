@@ -14,6 +14,9 @@ MOST_DELAY_CALLS = 255
 class GovernorConfig(IntegralConfig):
     """Backstepping that learns its offsets, for an actuator with a delay and a small rate.
 
+    Rate and delay of the sliding mass are those that are told here until its feedback refutes them;
+    from then on they are what the feedback says (``actuator_kernel``).
+
     The pitch law works on the state that the model predicts for the moment at which a command
     takes effect, and its bandwidth is lowered to what the mass actuator can follow: at bandwidth
     w an error e asks for a growth of the angular acceleration of w^3 e, which the actuator's rate
@@ -30,11 +33,13 @@ class GovernorConfig(IntegralConfig):
     mass_rate_share: float = quantity(
         1.0, "", title="Known rate of the sliding mass", gt=0.0, le=2.0
     )
-    """Greatest speed of the sliding mass as a share of the vehicle's nominal one."""
+    """Greatest speed of the sliding mass as a share of the vehicle's nominal one, as far as its
+    feedback says nothing else."""
     mass_delay_s: float = quantity(
         0.0, "s", title="Known delay of the sliding mass", ge=0.0, le=2.0
     )
-    """Time between a command and the beginning of the sliding mass's answer."""
+    """Time between a command and the beginning of the sliding mass's answer, as far as its feedback
+    says nothing else."""
     rate_use: float = quantity(4.0, "", title="Use of the rate", gt=0.0, le=100.0, advanced=True)
     """Growth of the angular acceleration that is asked for, as a multiple of what the sliding
     mass's rate gives. At 1 the mass keeps up with every error; above, it lags behind large ones."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import inner_kernel, kernel
-from autonomy.control import integral_kernel
+from autonomy.control import actuator_kernel, integral_kernel
 from autonomy.control import kernel as thesis
 from autonomy.control.governor_config import MOST_DELAY_CALLS
 from autonomy.vehicle import kernel as vehicle_kernel
@@ -25,7 +25,17 @@ learns."""
 HEAD = 6
 """Index in the memory of where the next set point goes."""
 FIRST = 7
-MEMORY_SIZE = FIRST + HISTORY
+FED = FIRST + HISTORY
+"""Index in the memory of what the actuators feed back: whether they do (``SILENT``, ``LEARNING`` or
+``KNOWN``), net mass, sliding mass and tail."""
+SILENT, LEARNING, KNOWN = 0.0, 1.0, 2.0
+"""Without feedback the commands alone say where the actuators are; with it they are where they say,
+and the sliding mass's rate and delay are learned, or known from elsewhere."""
+COUNTED_SHARE, COUNTED_DELAY = FED + 4, FED + 5
+"""Index in the memory of the rate and the delay that the last command counted on."""
+BANK = FED + 6
+"""Index in the memory of the guesses at the sliding mass's rate and delay."""
+MEMORY_SIZE = BANK + actuator_kernel.BANK_SIZE
 
 backstepping_into = thesis.backstepping_into
 learn_offset = integral_kernel.learn_offset
@@ -37,6 +47,9 @@ ERROR_HYBRID, ERROR_HYBRID_RATE = thesis.ERROR_HYBRID, thesis.ERROR_HYBRID_RATE
 SLIDE_EFFECT = thesis.SLIDE_EFFECT
 M0_RATE, RP1_RATE = vehicle_kernel.M0_RATE, vehicle_kernel.RP1_RATE
 DELTA_RATE = vehicle_kernel.DELTA_RATE
+RP1_MIN, RP1_MAX = vehicle_kernel.RP1_MIN, vehicle_kernel.RP1_MAX
+look = actuator_kernel.look
+known_rate, known_delay = actuator_kernel.known_rate, actuator_kernel.known_delay
 """Names that numba resolves once, when it compiles."""
 
 
@@ -85,6 +98,22 @@ def _predict(
 
 
 @inner_kernel
+def _hear(gains: FloatArray, p: FloatArray, dt_s: float, memory: FloatArray) -> None:
+    """Take in what the actuators feed back, and note which rate and delay to count on."""
+    share, delay_s = gains[MASS_RATE_SHARE], gains[MASS_DELAY]
+    if memory[FED] != SILENT:
+        for i in range(3):
+            if math.isfinite(memory[FED + 1 + i]):
+                memory[SENT + i] = memory[FED + 1 + i]
+    if memory[FED] == LEARNING:
+        command = memory[FIRST + (int(memory[HEAD]) - 1) % HISTORY]
+        sliding, travel = memory[FED + 2], p[RP1_MAX] - p[RP1_MIN]
+        look(memory, BANK, command, sliding, p[RP1_RATE], travel, share, delay_s, dt_s)
+        share, delay_s = known_rate(memory, BANK, share), known_delay(memory, BANK, delay_s)
+    memory[COUNTED_SHARE], memory[COUNTED_DELAY] = share, delay_s
+
+
+@inner_kernel
 def governor_into(
     x: FloatArray,
     r: FloatArray,
@@ -99,8 +128,9 @@ def governor_into(
 
     ``memory`` has shape ``(MEMORY_SIZE,)``; ``scratch`` is from ``rows``.
     """
-    calls = min(round(gains[MASS_DELAY] / dt_s), HISTORY - 1) if dt_s > 0.0 else 0
-    rate = gains[MASS_RATE_SHARE] * p[RP1_RATE]
+    _hear(gains, p, dt_s, memory)
+    calls = min(round(memory[COUNTED_DELAY] / dt_s), HISTORY - 1) if dt_s > 0.0 else 0
+    rate = memory[COUNTED_SHARE] * p[RP1_RATE]
     _predict(x, r, calls, rate, p, dt_s, memory, scratch)
     e, distance = scratch[0], memory[2]
     backstepping_into(scratch[3], scratch[4], gains, p, distance, e, scratch[1], scratch[2], out)

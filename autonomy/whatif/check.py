@@ -1,6 +1,7 @@
 """Whether a scenario can be tried at all."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from autonomy.control.feasibility import (
     InfeasibleReferenceError,
@@ -58,7 +59,14 @@ def check_scenario(
     if swims:
         check_swim(vehicle, trajectory, config.duration_s)
     if config.reference != "level_swim":
-        check_reference(vehicle, trajectory, config.duration_s)
+        check_reference(_as_told(vehicle, choices), trajectory, config.duration_s)
+
+
+def _as_told(vehicle: Vehicle, choices: Sequence[ControllerChoice]) -> Vehicle:
+    """Return the vehicle with the slowest sliding mass that a controller was told of."""
+    shares = [c.config.mass_rate_share for c in choices if isinstance(c.config, GovernorConfig)]
+    rate = vehicle.limits.rp1_rate_m_s * min([1.0, *shares])
+    return replace(vehicle, limits=vehicle.limits.model_copy(update={"rp1_rate_m_s": rate}))
 
 
 def _check_delay(choice: ControllerChoice, period_s: float, number: int) -> None:

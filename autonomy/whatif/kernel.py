@@ -9,8 +9,9 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import inlined_entry, inlined_kernel, inner_kernel, kernel
+from autonomy.control import governor_kernel
 from autonomy.control import law as laws
-from autonomy.control.law_number import BACKSTEPPING
+from autonomy.control.law_number import BACKSTEPPING, GOVERNOR
 from autonomy.vehicle import extended_kernel
 from autonomy.vehicle import kernel as body
 
@@ -23,6 +24,7 @@ backstepping_into = laws.backstepping_into
 rows = laws.rows
 """Names that numba resolves once, when it compiles."""
 
+FED, LEARNING = governor_kernel.FED, governor_kernel.LEARNING
 COMMAND_SIZE, MEMORY_SIZE = laws.COMMAND_SIZE, laws.MEMORY_SIZE
 
 (
@@ -282,6 +284,9 @@ def fly(
             backstepping_into(estimate, r, gains, believed, 0.0, errors, probe, slope, command)
             clip_into(believed, command)
         else:
+            if law == GOVERNOR:
+                memory[FED] = LEARNING
+                memory[FED + 1 : FED + 4] = inputs
             command_into(law, estimate, r, gains, believed, period_s, memory, scratch, command)
         _record(record, k, x, estimate, inputs, command)
         applied[:] = command
