@@ -30,6 +30,7 @@ AREAS = (
     "field_learning",
     "field_real",
     "field_quality",
+    "currents",
     "planner",
     "tracking",
     "tracking_speed",

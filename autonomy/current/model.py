@@ -222,6 +222,16 @@ class CurrentMap:
         self._fit()
         return appended
 
+    def copy(self) -> "CurrentMap":
+        """Return a map of the same observations, which later ones of this map do not change."""
+        copy = CurrentMap(self.config, self.latitude_deg, self.learned)
+        copy._origin_s = self._origin_s
+        copy._observations = list(self._observations)
+        copy._functionals = list(self._functionals)
+        copy._prior, copy._factor, copy._alpha = self._prior, self._factor, self._alpha
+        copy._fitted = list(self._fitted)
+        return copy
+
     def relearned(self, learned: CurrentMapConfig | None) -> None:
         """Take what the dives taught, and make the map anew."""
         self._set(learned)
