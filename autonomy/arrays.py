@@ -17,3 +17,13 @@ def evenly_spread(count: int, most: int) -> IntArray:
     returned.
     """
     return np.unique(np.linspace(0, max(count - 1, 0), min(count, most)).round().astype(np.int64))
+
+
+def spaced(ascending: FloatArray, least: float) -> BoolArray:
+    """Choose of ascending values those that lie at least ``least`` behind the one chosen before."""
+    chosen = np.zeros(len(ascending), dtype=np.bool_)
+    last = -np.inf
+    for i, value in enumerate(ascending.tolist()):
+        if value - last >= least:
+            chosen[i], last = True, value
+    return chosen

@@ -1,11 +1,11 @@
-"""Table of what robots believed of the water's current."""
+"""Tables of what robots believed of the water's current, and of what their dives tell of it."""
 
 from datetime import datetime
 
-from sqlalchemy import ForeignKey
+from sqlalchemy import ForeignKey, UniqueConstraint
 from sqlalchemy.orm import Mapped, mapped_column
 
-from db.tables import CLUSTERED, Base
+from db.tables import APPENDED_ONLY, CLUSTERED, Base, Document, Key
 
 
 class CurrentReportRow(Base):
@@ -23,3 +23,17 @@ class CurrentReportRow(Base):
     doubt: Mapped[float]
     dives: Mapped[int]
     fixes_refused: Mapped[int]
+
+
+class CurrentObservationRow(Base):
+    """What a dive, or a stay at the surface, told of the current between its two fixes."""
+
+    __tablename__ = "current_observation"
+    __table_args__ = (UniqueConstraint("robot_key", "ended_at", "started_at"), APPENDED_ONLY)
+
+    key: Mapped[int] = mapped_column(Key, primary_key=True)
+    robot_key: Mapped[int] = mapped_column(ForeignKey("robot.key"))
+    started_at: Mapped[datetime]
+    ended_at: Mapped[datetime]
+    is_surface: Mapped[bool]
+    document: Mapped[Document]

@@ -11,6 +11,7 @@ from server.alarm import install as alarm
 from server.base.foundation import Foundation, open_foundation
 from server.base.settings import Settings
 from server.command import install as command
+from server.current import install as current
 from server.fleet import install as fleet
 from server.link import install as link
 from server.link.radios import LinkFactory, open_link
@@ -36,6 +37,7 @@ CAPABILITIES = (
     link,
     satellite,
     command,
+    current,
     maps,
     plan,
     transfer,
@@ -85,6 +87,7 @@ class Station:
         link.install(foundation, make_link)
         satellite.install(foundation, make_gateways)
         command.install(foundation)
+        current.install(foundation)
         maps.install(foundation)
         plan.install(foundation)
         transfer.install(foundation)

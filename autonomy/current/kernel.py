@@ -244,22 +244,34 @@ def cross_gram(a: Functionals, b: Functionals, parameters: FloatArray) -> FloatA
 
 def prior_blocks(functionals: Functionals, parameters: FloatArray) -> FloatArray:
     """Return the prior covariance of each functional with itself, shape ``(n, 2, 2)``."""
-    points, weights = functionals.points, functionals.weights
-    if points.shape[1] == 1:  # a current at a point: the same everywhere, but for its weight
-        one = gram(points[:1], np.ones((1, 1)), points[:1], np.ones((1, 1)), parameters, True)
-        return weights[:, :1, None] ** 2 * one
-    blocks = [
-        gram(
-            points[i : i + 1],
-            weights[i : i + 1],
-            points[i : i + 1],
-            weights[i : i + 1],
-            parameters,
-            True,
-        )
-        for i in range(len(points))
-    ]
-    return np.array(blocks).reshape(-1, 2, 2)
+    return own_covariances(functionals.points, functionals.weights, parameters)
+
+
+@kernel
+def own_covariances(points: FloatArray, weights: FloatArray, parameters: FloatArray) -> FloatArray:
+    """Return the diagonal blocks of ``gram``, shape ``(n, 2, 2)``."""
+    n, m = weights.shape
+    found = np.empty((n, 2, 2))
+    for i in range(n):
+        north, east, both = 0.0, 0.0, 0.0
+        for k in range(m):
+            for q in range(m):
+                nn, ee, ne, _ = _covariance(
+                    points[i, k, 0] - points[i, q, 0],
+                    points[i, k, 1] - points[i, q, 1],
+                    points[i, k, 2] - points[i, q, 2],
+                    points[i, k, 3] - points[i, q, 3],
+                    parameters,
+                )
+                w = weights[i, k] * weights[i, q]
+                north += w * nn
+                east += w * ee
+                both += w * ne
+        found[i, 0, 0] = north
+        found[i, 1, 1] = east
+        found[i, 0, 1] = both
+        found[i, 1, 0] = both
+    return found
 
 
 def warm_up() -> None:
@@ -268,3 +280,4 @@ def warm_up() -> None:
     weights = np.ones((1, 2))
     parameters = packed(CurrentMapConfig())
     gram(points, weights, points, weights, parameters, True)
+    own_covariances(points, weights, parameters)

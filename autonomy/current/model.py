@@ -12,6 +12,7 @@ Source:
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
 
@@ -222,6 +223,25 @@ class CurrentMap:
         self._fit()
         return appended
 
+    @classmethod
+    def of(
+        cls,
+        observations: Sequence[Observation],
+        config: CurrentMapConfig,
+        latitude_deg: float = 0.0,
+        learned: CurrentMapConfig | None = None,
+    ) -> "CurrentMap":
+        """Return the map of observations that were taken before, in the order of their ends."""
+        made = cls(config, latitude_deg, learned)
+        if observations:
+            made._origin_s = float(observations[0].time_s[0])
+            made._observations = list(observations)
+            made._functionals = [made._shifted(one.functional()) for one in observations]
+            made.relearned(learned)
+            made._forget()
+            made._fit()
+        return made
+
     def copy(self) -> "CurrentMap":
         """Return a map of the same observations, which later ones of this map do not change."""
         copy = CurrentMap(self.config, self.latitude_deg, self.learned)
@@ -244,6 +264,15 @@ class CurrentMap:
         functionals = self._shifted(at_points(np.asarray(points, dtype=np.float64)))
         mean, cov = self._condition(functionals)
         return Flow(mean, cov)
+
+    def flow_over_depth(self, north_east_m: FloatArray, depth_m: FloatArray, time_s: float) -> Flow:
+        """Return the mean current over depths at places, shape ``(n, 2)``, at a moment."""
+        points = np.empty((len(north_east_m), len(depth_m), 4))
+        points[..., :2] = north_east_m[:, None, :]
+        points[..., 2] = depth_m
+        points[..., 3] = time_s
+        weights = np.full(points.shape[:2], 1.0 / len(depth_m))
+        return Flow(*self._condition(self._shifted(Functionals(points, weights))))
 
     def mean_flow(self, points: FloatArray) -> FloatArray:
         """Return the mean current at points, shape ``(n, 2)``; quicker than ``flow``."""

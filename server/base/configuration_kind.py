@@ -7,6 +7,7 @@ from typing import Literal
 
 from autonomy.configuration import Configuration
 from autonomy.control.catalogue import CONTROLLERS, ControllerKind
+from autonomy.current.config import CurrentMapConfig, current_preset
 from autonomy.estimation.config import EstimatorConfig, estimator_preset
 from autonomy.field.config import FIELD_PRESETS, FieldConfig
 from autonomy.identification.config import IDENTIFICATION_PRESETS, IdentificationConfig
@@ -100,6 +101,11 @@ def _estimator_by_water(robot: RobotRecord, vehicle: str) -> EstimatorConfig:
     return estimator_preset(vehicle, robot.site.kind)
 
 
+def _current_by_water(robot: RobotRecord, vehicle: str) -> CurrentMapConfig:
+    del vehicle
+    return current_preset(robot.site.domain)
+
+
 def _trial_by_water(robot: RobotRecord, vehicle: str) -> TrialConfig:
     return fitting(TRIAL_PRESETS.get(vehicle, TrialConfig()), robot.site)
 
@@ -112,6 +118,14 @@ KINDS: Mapping[str, ConfigurationKind] = MappingProxyType(
                 "planner", "Planner", PlannerConfig, PlannerConfig(), _planner_by_water
             ),
             ConfigurationKind("field", "Field map", FieldConfig, FieldConfig(), _by_variable),
+            ConfigurationKind(
+                "current_map",
+                "Current map",
+                CurrentMapConfig,
+                CurrentMapConfig(),
+                _current_by_water,
+                AT_ONCE,
+            ),
             ConfigurationKind(
                 "estimator",
                 "Estimator",

@@ -24,11 +24,11 @@ from db.store import Store
 from robot_link.clock import Clock
 from server.base.event_bus import EventBus
 from server.fleet.event import FixTaken
+from server.fleet.water import site_robots
 from server.link.event import SamplesStored
 from server.map.event import DivesSmoothed, MapChanged
 from server.map.group import MapGroup, MapKey, MapSettings
 from server.map.record import Comparison, newest_comparison, record_of, scores_of, view_of
-from server.map.samples import site_robots
 from server.map.site_map import SiteMap
 from server.map.smoothing import Smoothing
 from server.map.view import ScoresView

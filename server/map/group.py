@@ -11,9 +11,9 @@ from autonomy.site import Box, Site
 from db.query.robots import RobotRecord
 from robot_link.messages import Sample
 from server.base.configuration import CurrentConfiguration
+from server.fleet.water import Water
 from server.map.grid import grid_of
 from server.map.record import Comparison
-from server.map.samples import Water
 from server.map.site_map import SiteMap, basis_of
 from server.map.view import ScoresView
 from webui.scene.source import MapView

@@ -28,11 +28,12 @@ from server.base.problem import conflict
 from server.base.study import worked_out
 from server.base.worker import WorkerPool
 from server.fleet.fleet import Fleet
+from server.fleet.water import Water
 from server.map.comparison import map_group
 from server.map.event import DivesSmoothed
 from server.map.field_maps import FieldMaps
 from server.map.group import MapGroup
-from server.map.samples import Water, field_samples
+from server.map.samples import field_samples
 from server.map.task import LEARN_FIELD, LearningProblem
 from server.map.view import LearnedView
 

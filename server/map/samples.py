@@ -1,53 +1,22 @@
 """The samples behind a map: those of all robots of one water, where they most probably were.
 
-Robots share a map if they work at one site, in one frame, and are all real or all simulated: what
-is computed never enters a map of what was measured. A recording has a map of its own.
+Which robots share a water, ``server.fleet.water`` says.
 """
 
 import logging
-from dataclasses import dataclass
 
 import numpy as np
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import IntArray
 from autonomy.field.samples import FieldSamples
-from db.query.robots import RobotRecord, get_robot, list_robots
 from db.query.samples import SampleColumns, sample_columns
+from server.fleet.water import site_robots
 
 log = logging.getLogger(__name__)
 
 _DIVES_PER_ROBOT = 1 << 32
 """Numbers of dives of different robots lie this far apart."""
-
-
-@dataclass(frozen=True, slots=True)
-class Water:
-    """What robots have in common that share a map."""
-
-    name: str
-    latitude_deg: float
-    longitude_deg: float
-    """Origin of the frame in which they say where they are."""
-    kind: str
-    """``real`` or ``simulated``; a recording is its own, by its id."""
-
-    @classmethod
-    def of(cls, robot: RobotRecord) -> "Water":
-        """Return the water of a robot."""
-        site = robot.site
-        kind = robot.id if robot.kind == "recorded" else robot.kind
-        return cls(site.name, site.origin_latitude_deg, site.origin_longitude_deg, kind)
-
-
-def site_robots(session: Session, robot: str) -> tuple[str, ...]:
-    """Return the ids of the robots that share the map of one, in the order they were added.
-
-    Raises:
-        UnknownIdError: If there is no such robot.
-    """
-    water = Water.of(get_robot(session, robot))
-    return tuple(other.id for other in list_robots(session) if Water.of(other) == water)
 
 
 def site_samples(session: Session, robot: str, variable: str) -> FieldSamples:

@@ -14,7 +14,7 @@ from datetime import UTC, datetime
 import numpy as np
 from sqlalchemy.orm import Session
 
-from autonomy.arrays import BoolArray, FloatArray
+from autonomy.arrays import FloatArray, spaced
 from autonomy.estimation.smoother import Dive, finished_dives, smooth_dive
 from db.column import moment
 from db.query.events import add_event
@@ -32,7 +32,7 @@ from robot_link.messages import Sample
 
 ROWS_PER_LOOK = 20_000
 """Most reports and samples of one look; a longer track is looked at piece by piece."""
-_CLOSEST_S = 0.25
+CLOSEST_S = 0.25
 """Points of a track closer than this give no speed: clocks and positions on a wire are rounded."""
 
 
@@ -202,7 +202,7 @@ def smoothed_places(track: TrackColumns) -> tuple[list[SmoothedPlace], list[Smoo
     """
     time_s = track.measured_at_us.astype(np.float64) * 1e-6
     position_ned, std_m = track.position_ned.copy(), track.position_std_m.copy()
-    line = _apart(time_s)
+    line = spaced(time_s, CLOSEST_S)
     dives = finished_dives(time_s[line], track.position_ned[line], track.position_std_m[line])
     told: list[SmoothedDive] = []
     for dive in dives:
@@ -228,16 +228,6 @@ def _places(
             *(column[mine].tolist() for column in columns), strict=True
         )
     ]
-
-
-def _apart(time_s: FloatArray) -> BoolArray:
-    """Choose points of a track that are far enough from each other in time to give a speed."""
-    chosen = np.zeros(len(time_s), dtype=np.bool_)
-    last_s = -np.inf
-    for i, at_s in enumerate(time_s.tolist()):
-        if at_s - last_s >= _CLOSEST_S:
-            chosen[i], last_s = True, at_s
-    return chosen
 
 
 def _up_to_last_fix(track: TrackColumns) -> TrackColumns:

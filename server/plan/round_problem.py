@@ -15,8 +15,9 @@ from db.query.plans import PlanRecord, list_plans
 from robot_link.messages import PlanReport
 from server.base.foundation import Foundation
 from server.fleet.fleet import Fleet
+from server.fleet.water import Water
 from server.map.group import field_config_of
-from server.map.samples import Water, site_samples
+from server.map.samples import site_samples
 from server.plan.ahead import planned_rest
 from server.plan.task import MapProblem, SurveyProblem
 

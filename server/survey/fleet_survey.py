@@ -5,7 +5,7 @@ from typing import Any
 
 from server.base.problem import FieldError, unprocessable
 from server.fleet.fleet import Fleet
-from server.map.samples import Water
+from server.fleet.water import Water
 from server.survey.surveys import Surveys
 
 

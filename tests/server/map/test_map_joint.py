@@ -10,8 +10,9 @@ from autonomy.site import TANK, Area, Bathymetry
 from db.query.robots import add_robot, change_robot
 from db.query.samples import sample_columns
 from robot_link.messages import LogId, RobotId, Sample
+from server.fleet.water import site_robots
 from server.link.event import SamplesStored
-from server.map.samples import field_samples, site_robots, site_samples
+from server.map.samples import field_samples, site_samples
 from tests.server.conftest import MINI, open_station, robot_record, until
 from tests.server.fake_link import state_report
 

@@ -1,0 +1,98 @@
+"""What the station says of a current, in words."""
+
+import math
+from collections.abc import Sequence
+from datetime import UTC, datetime
+
+import numpy as np
+
+from autonomy.arrays import FloatArray
+from autonomy.current.model import FEWEST, CurrentMap
+from server.current.record import Verdict
+from server.current.water_current import WaterCurrent
+
+_WEAK_TIDE_M_S = 0.005
+_STEPS = 96
+"""Moments of a tide's period that are looked at."""
+_LEAST_VERDICTS = 3
+_COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
+
+
+def dives_text(found: WaterCurrent) -> str:
+    """Say what the map is made of."""
+    dives = found.dives
+    if not found.config.enabled:
+        return "The current of this water is not mapped: the settings say so."
+    if not dives:
+        return "No dive has told of the current yet."
+    robots = sorted({one.robot for one in dives})
+    names = robots[0] if len(robots) == 1 else f"{', '.join(robots[:-1])} and {robots[-1]}"
+    text = f"From {len(dives)} dive{'s' if len(dives) > 1 else ''} of {names}."
+    if len(found.known.observations) < FEWEST:
+        text += f" It takes {FEWEST} to tell anything."
+    return text
+
+
+def place_text(known: CurrentMap, robot: str, place_ned: Sequence[float], now_s: float) -> str:
+    """Say what the current is at a robot."""
+    flow = known.flow(np.array([[*place_ned, now_s]]))
+    (north, east), cov = flow.mean_ne_m_s[0].tolist(), flow.cov_m2_s2[0]
+    std = math.sqrt(max(float(np.trace(cov)) / 2.0, 0.0))
+    speed = math.hypot(north, east)
+    if speed < std:
+        return f"At {robot} now none that it could tell; give or take {_cm_s(std)} cm/s."
+    to_deg = math.degrees(math.atan2(east, north)) % 360.0
+    return f"At {robot} now {_cm_s(speed)} cm/s to {to_deg:.0f} deg, give or take {_cm_s(std)}."
+
+
+def tide_text(known: CurrentMap, place_ned: Sequence[float], now_s: float) -> str:
+    """Say how strong the tide gets and when it is slack next; "" where none was found."""
+    used = known.learned or known.config
+    periods = [
+        3600.0 * period
+        for std, period in zip(used.tide_std_m_s, used.tide_periods_h, strict=True)
+        if std > 0.0
+    ]
+    if not periods:
+        return ""
+    times = now_s + np.linspace(0.0, max(periods), _STEPS)
+    points = np.column_stack([np.tile(place_ned, (_STEPS, 1)), times])
+    speed: FloatArray = np.hypot(*known.tide(points).T)
+    if float(speed.max()) < _WEAK_TIDE_M_S:
+        return ""
+    half = speed[: _STEPS // 2]
+    slack = datetime.fromtimestamp(float(times[int(half.argmin())]), UTC)
+    return f"Tide up to {_cm_s(float(speed.max()))} cm/s, next slack {slack:%H:%MZ}."
+
+
+def worth_text(verdicts: Sequence[Verdict]) -> str:
+    """Say how far dives ended from what had been said of them before they began."""
+    count = len(verdicts)
+    by_map = rms([one.error_m for one in verdicts])
+    by_last = rms([one.last_error_m for one in verdicts])
+    if by_map is None or by_last is None or count < _LEAST_VERDICTS:
+        return ""
+    return (
+        f"The last {_COUNTS[count]} surfacings were {_m(by_map)} from the prediction; by the last "
+        f"current they would have been {_m(by_last)}."
+    )
+
+
+def left_out_text(left_out: dict[str, str]) -> str:
+    """Say whose dives are not counted; "" where all are."""
+    return " ".join(
+        f"The newest dive of {robot} is left out: {why}." for robot, why in sorted(left_out.items())
+    )
+
+
+def rms(values: Sequence[float]) -> float | None:
+    """Return the root mean square, ``None`` of nothing."""
+    return math.sqrt(sum(one * one for one in values) / len(values)) if values else None
+
+
+def _m(distance_m: float) -> str:
+    return f"{distance_m:.0f} m" if distance_m >= 10.0 else f"{distance_m:.2g} m"
+
+
+def _cm_s(speed_m_s: float) -> str:
+    return f"{100.0 * speed_m_s:.{1 if speed_m_s < 0.1 else 0}f}"
