@@ -29,6 +29,9 @@ class EstimatorConfig(Configuration):
     drift_m_sqrt_s: float = quantity(0.02, "m/s^0.5", title="Drift", ge=0.001, le=10.0)
     """Growth of the dead-reckoned position's standard deviation, per axis, per root second under
     water; the velocity's noise at period dt is this divided by the root of dt."""
+    doubt: float = quantity(1.0, title="Doubt", ge=1.0, le=10.0, advanced=True)
+    """How many times larger positions' standard deviations are stated than by the other settings.
+    The robot raises it where its fixes surprise it, and plans take over what it says."""
     acceleration_density: float = quantity(
         1e-5, "m^2/s^3", title="Acceleration noise", gt=0.0, le=1.0, advanced=True
     )
@@ -43,6 +46,11 @@ class EstimatorConfig(Configuration):
         1.0, "1/s", title="Observer gain K2", ge=0.0, le=10.0, advanced=True
     )
     """How strongly the depth error corrects the velocity observer's depth."""
+
+    def current_std_after(self, std_m_s: float, age_s: float) -> float:
+        """Return how well a steady current is known that was known to ``std_m_s`` a while ago."""
+        kept = math.exp(-2.0 * age_s / self.current_memory_s)
+        return math.sqrt(kept * std_m_s**2 + (1.0 - kept) * self.steady_current_m_s**2)
 
 
 ESTIMATOR_PRESETS: dict[str, EstimatorConfig] = {
@@ -110,7 +118,9 @@ class OutlierConfig(Configuration):
     """Squared distance from the prediction, in standard deviations, beyond which a measurement is
     refused. Two true coordinates exceed 20 once in 20 000 times, four once in 2000."""
     patience: int = quantity(10, title="Patience with outliers", ge=1, le=10_000, advanced=True)
-    """So many refusals in a row, and the next measurement is believed: the filter was lost."""
+    """So many depths refused in a row, and the next is believed: the filter was lost."""
+    fix_patience: int = quantity(3, title="Patience with fixes", ge=2, le=100, advanced=True)
+    """So many refused fixes in a row that agree with each other re-open the question."""
 
 
 class ModelFilterConfig(Configuration):

@@ -14,6 +14,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.estimation import model_kernel as kernel
 from autonomy.estimation.config import EstimatorConfig, ModelFilterConfig
+from autonomy.estimation.fix_watch import SHORTEST_DIVE_S, FixGate, FixWatch, Verdict
 from autonomy.frames import rotation_ned_from_body
 from autonomy.vehicle.config import Vehicle
 from autonomy.vehicle.surroundings import Surroundings
@@ -23,6 +24,9 @@ LONGEST_STEP_S = 0.1
 LONGEST_SILENCE_S = 5.0
 """After a longer time without readings nothing but a widened covariance is claimed."""
 _FIRST_SPEED_STD_M_S = 0.05
+_FASTEST_CURRENT_STDS = 4.0
+"""The robot may move over ground by its own speed and a current of so many standard deviations."""
+_HORIZONTAL = [kernel.NORTH, kernel.EAST]
 
 
 class ModelFilter:
@@ -30,6 +34,11 @@ class ModelFilter:
 
     The model's coefficients may be wrong by what ``config.model_error`` says; the filter learns how
     far as it learns the ballast error.
+
+    What it states of position and current is ``doubt`` times larger than its covariance, by what
+    the fixes of the last dives said of that (``FixWatch``). A fix that lies too far off is refused;
+    when ``fix_patience`` in a row agree they are believed, and the current is doubted as far as it
+    would have to have been another to explain them.
 
     Args:
         estimator: Noise of depth and fixes, the eddies' drift, and how deep a fix is believed.
@@ -70,8 +79,18 @@ class ModelFilter:
         measured = (*self._attitude, *self._rates, *self._actuators)
         if not np.isfinite([*self._x, *self._S.ravel(), *measured]).all():
             raise ValueError("the model filter must begin with finite numbers")
-        self._refused_fixes, self._refused_depths = np.zeros(2), np.zeros(2)
+        self._refused_depths = np.zeros(2)
         self._newest_fix: tuple[float, float] | None = None
+        self._watch = FixWatch(estimator.doubt)
+        self._gate = FixGate(
+            config.outlier.limit,
+            config.outlier.fix_patience,
+            config.greatest_speed_m_s + _FASTEST_CURRENT_STDS * config.current.steady_std_m_s,
+            estimator.fix_std_m,
+        )
+        self._believed_fix: tuple[float, float] | None = None
+        self._since_fix_s = 0.0
+        self._doubt = self._watch.doubt
 
     @property
     def position_ned(self) -> tuple[float, float, float]:
@@ -102,7 +121,17 @@ class ModelFilter:
     def steady_current_std_m_s(self) -> float:
         """Standard deviation of that part along its worst direction."""
         across = self._S[kernel.STEADY_NORTH : kernel.EDDY_NORTH]
-        return math.sqrt(float(np.linalg.eigvalsh(across @ across.T)[-1]))
+        return self._doubt * math.sqrt(float(np.linalg.eigvalsh(across @ across.T)[-1]))
+
+    @property
+    def doubt(self) -> float:
+        """How many times larger than its covariance the filter states its deviations to be."""
+        return self._doubt
+
+    @property
+    def dives(self) -> int:
+        """How many dives that is judged by."""
+        return self._watch.dives
 
     @property
     def buoyancy_bias_kg(self) -> float:
@@ -116,8 +145,8 @@ class ModelFilter:
 
     @property
     def position_covariance(self) -> FloatArray:
-        """Covariance of northing and easting, shape ``(2, 2)``, m2."""
-        across = self._S[kernel.NORTH : kernel.EAST + 1]
+        """Covariance of northing and easting with its doubt, shape ``(2, 2)``, m2."""
+        across = self._doubt * self._S[kernel.NORTH : kernel.EAST + 1]
         return across @ across.T
 
     @property
@@ -128,7 +157,7 @@ class ModelFilter:
     @property
     def refused(self) -> tuple[int, int]:
         """How many fixes and depths were refused as outliers so far."""
-        return int(self._refused_fixes[1]), int(self._refused_depths[1])
+        return self._gate.refused, int(self._refused_depths[1])
 
     def step(
         self,
@@ -172,6 +201,7 @@ class ModelFilter:
             self._lose_sight(dt_s)
         else:
             self._predict(dt_s, command, time_s, inside)
+        self._since_fix_s += dt_s
         self._notice_trim(dt_s, inside)
         self._attitude, self._rates, self._actuators = attitude, rates, inside
         self._take_depth(depth_m)
@@ -214,16 +244,50 @@ class ModelFilter:
         )
 
     def _take_fix(self, fix_ne: tuple[float, float]) -> None:
-        outlier = self._config.outlier
+        innovation = np.array(fix_ne) - self._x[_HORIZONTAL]
+        variance = self._estimator.fix_std_m**2
+        across = self._S[_HORIZONTAL]
+        covariance = across @ across.T + variance * np.eye(2)
+        squared = float(innovation @ np.linalg.solve(covariance, innovation))
+        since_s = self._since_fix_s
+        away_m = 0.0 if self._believed_fix is None else math.dist(fix_ne, self._believed_fix)
+        verdict = self._gate.judge(fix_ne, squared / self._doubt**2, away_m, since_s)
+        if verdict is Verdict.REFUSED:
+            return
+        if since_s >= SHORTEST_DIVE_S and self._believed_fix is not None:
+            self._watch.take(squared, 1.0 - self._share_of_current(covariance))
+            self._doubt = self._watch.doubt
+        if verdict is Verdict.REOPENED:
+            self._doubt_itself(float(np.hypot(*innovation)), since_s)
         kernel.measure_fix(
             self._x,
             self._S,
             np.array(fix_ne, dtype=np.float64),
-            self._estimator.fix_std_m**2,
-            outlier.limit,
-            outlier.patience,
-            self._refused_fixes,
+            variance,
+            math.inf,
+            1,
+            np.zeros(2),
         )
+        self._believed_fix, self._since_fix_s = fix_ne, 0.0
+
+    def _share_of_current(self, covariance: FloatArray) -> float:
+        """Return which part of a fix's expected distance comes from not knowing the current."""
+        steady = self._S[kernel.STEADY_NORTH : kernel.EDDY_NORTH]
+        own = (steady**2).sum(axis=1)  # (2,)
+        both = (self._S[_HORIZONTAL] * steady).sum(axis=1)  # (2,)
+        explained = np.divide(both**2, own, out=np.zeros(2), where=own > 0.0)
+        return float(np.mean(explained / np.diag(covariance)))
+
+    def _doubt_itself(self, off_m: float, since_s: float) -> None:
+        """Doubt position and current, each so far that it alone explains where the fixes lie."""
+        rows = np.zeros((kernel.STATES + 4, kernel.STATES))
+        rows[: kernel.STATES] = self._S.T
+        for i in range(2):
+            rows[kernel.STATES + i, kernel.NORTH + i] = off_m
+            if since_s >= SHORTEST_DIVE_S:
+                rows[kernel.STATES + 2 + i, kernel.NORTH + i] = off_m
+                rows[kernel.STATES + 2 + i, kernel.STEADY_NORTH + i] = off_m / since_s
+        self._S[:] = kernel.triangular(rows)
 
     def _notice_trim(self, dt_s: float, actuators: FloatArray) -> None:
         """Doubt the ballast error when the feedback jumps farther than the pump can go.

@@ -2,8 +2,9 @@
 
 Model (thesis 5.4.2): constant velocity driven by white acceleration. Near the surface position and
 velocity are measured, deeper only depth and velocity. All noise is diagonal, so north, east and
-down decouple and one axis has a covariance of three numbers. Nothing here is compiled: the station
-plans with it, and never loads a compiler.
+down decouple and one axis has a covariance of three numbers. A steady current of standard deviation
+b that nobody knows adds ``b^2 t^2``, t the time since the last fix. Nothing here is compiled: the
+station plans with it, and never loads a compiler.
 """
 
 import math
@@ -89,9 +90,31 @@ def expected_position_std(
     """
     axis = surface_covariance(config, interval_s)
     std = np.empty(len(times_s))
-    before = 0.0
+    before = blind_s = 0.0
     for i, (time, depth) in enumerate(zip(times_s, depths_m, strict=True)):
-        axis = axis.step(config, time - before, has_fix=depth <= config.surface_depth_m)
-        std[i] = math.sqrt(axis.position)
+        has_fix = depth <= config.surface_depth_m
+        axis = axis.step(config, time - before, has_fix=has_fix)
+        blind_s = 0.0 if has_fix else blind_s + time - before
+        variance = axis.position + (config.steady_current_m_s * blind_s) ** 2
+        std[i] = config.doubt * math.sqrt(variance)
         before = time
     return std
+
+
+def drifted_variance(config: EstimatorConfig, blind_s: float) -> float:
+    """Return by what variance a position is lost per axis in a time without a fix, m^2."""
+    steady_m = config.steady_current_m_s * blind_s
+    return config.doubt**2 * (config.drift_m_sqrt_s**2 * blind_s + steady_m**2)
+
+
+def blind_time_s(config: EstimatorConfig, variance: float) -> float:
+    """Return how long a robot may go without a fix until its position is lost by a variance.
+
+    Args:
+        config: Its drift and the current that nobody knows.
+        variance: Of the position per axis, m^2.
+    """
+    walk, steady = config.drift_m_sqrt_s**2, config.steady_current_m_s**2
+    variance /= config.doubt**2
+    # the root of steady t^2 + walk t = variance in the form that holds for steady = 0 too
+    return 2.0 * variance / (walk + math.sqrt(walk**2 + 4.0 * steady * variance))

@@ -1,4 +1,7 @@
-"""The position filter of the onboard program (thesis 5.4.2), which sees no current.
+"""The position filter of the thesis (5.4.2), which learns no current but allows for one.
+
+Beside the thesis's covariance it keeps how far a steady current of the expected strength may have
+carried the robot since its last fix: ``b t`` per axis.
 
 ``autonomy.estimation.position`` has its model, and the readable reference of its covariance.
 """
@@ -9,8 +12,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.estimation.config import EstimatorConfig
+from autonomy.estimation.config import EstimatorConfig, OutlierConfig
+from autonomy.estimation.fix_watch import SHORTEST_DIVE_S, FixGate, FixWatch, Verdict
 from autonomy.estimation.kernel import step_position
+
+GREATEST_SPEED_M_S = 1.0
+"""No robot of this kind moves faster over ground."""
 
 
 class PositionFilter:
@@ -28,6 +35,14 @@ class PositionFilter:
     ) -> None:
         """Begin at a position known to ``position_std_m`` per axis, at rest."""
         self._config = config
+        outlier = OutlierConfig()
+        self._watch = FixWatch(config.doubt)
+        self._gate = FixGate(
+            outlier.limit, outlier.fix_patience, GREATEST_SPEED_M_S, config.fix_std_m
+        )
+        self._doubt = self._watch.doubt
+        self._blind_s = 0.0
+        self._believed_fix: tuple[float, float] | None = None
         self._noise = position_noise(config)
         self._axes = np.zeros((3, 5))
         self._axes[:, 0] = position_ned
@@ -48,14 +63,34 @@ class PositionFilter:
 
     @property
     def covariance(self) -> FloatArray:
-        """Covariance of the state ``[x, y, z, vx, vy, vz]``, shape ``(6, 6)``."""
+        """Covariance of ``[x, y, z, vx, vy, vz]`` without current and doubt, ``(6, 6)``."""
         a, b, d = (np.diag(self._axes[:, k]) for k in (2, 3, 4))
         return np.block([[a, b], [b, d]])
 
     @property
     def position_std_m(self) -> float:
         """Standard deviation of the horizontal position along its worst direction, m."""
-        return math.sqrt(max(self._axes[:2, 2].tolist()))
+        return self._doubt * math.sqrt(max(self._axes[:2, 2].tolist()) + self._carried_m**2)
+
+    @property
+    def doubt(self) -> float:
+        """How many times larger than its covariance the filter states its deviations to be."""
+        return self._doubt
+
+    @property
+    def dives(self) -> int:
+        """How many dives that is judged by."""
+        return self._watch.dives
+
+    @property
+    def refused_fixes(self) -> int:
+        """How many fixes were not believed so far."""
+        return self._gate.refused
+
+    @property
+    def _carried_m(self) -> float:
+        """How far the unknown current may have carried the robot, standard deviation per axis."""
+        return self._config.steady_current_m_s * self._blind_s
 
     def step(
         self,
@@ -81,7 +116,27 @@ class PositionFilter:
         xy = np.array(fix or (0.0, 0.0), dtype=np.float64)
         if not (0.0 < dt_s < math.inf and np.isfinite([*velocity, depth_m, *xy]).all()):
             raise ValueError("the position filter needs dt > 0 and finite measurements")
-        step_position(self._axes, dt_s, velocity, depth_m, xy, fix is not None, self._noise)
+        self._blind_s += dt_s
+        is_believed = fix is not None and self._takes(fix)
+        step_position(self._axes, dt_s, velocity, depth_m, xy, is_believed, self._noise)
+
+    def _takes(self, fix: tuple[float, float]) -> bool:
+        """Judge a fix; the way that the current may have made becomes part of the covariance."""
+        off = np.array(fix) - self._axes[:2, 0]
+        variance = self._axes[:2, 2] + self._carried_m**2 + self._config.fix_std_m**2
+        squared = float(np.sum(off**2 / variance))
+        away_m = 0.0 if self._believed_fix is None else math.dist(fix, self._believed_fix)
+        verdict = self._gate.judge(fix, squared / self._doubt**2, away_m, self._blind_s)
+        if verdict is Verdict.REFUSED:
+            return False
+        if self._blind_s >= SHORTEST_DIVE_S and self._believed_fix is not None:
+            self._watch.take(squared)
+            self._doubt = self._watch.doubt
+        self._axes[:2, 2] += self._carried_m**2
+        if verdict is Verdict.REOPENED:
+            self._axes[:2, 2] += float(off @ off)
+        self._believed_fix, self._blind_s = fix, 0.0
+        return True
 
 
 def position_noise(config: EstimatorConfig) -> FloatArray:

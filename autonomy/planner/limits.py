@@ -55,6 +55,10 @@ class Limits(NamedTuple):
     drift_variance: float
     """Square of the drift, m²/s."""
     acceleration_density: float
+    steady_current: float
+    """Standard deviation per axis of the steady current that nobody knows, m/s."""
+    doubt: float
+    """Factor on the position's standard deviation."""
     turn_time: float
     """Duration of the surfacing before each dive."""
     time_budget: float
@@ -112,6 +116,8 @@ def limits_of(config: PlannerConfig, budget: float) -> Limits:
         fix_variance=position.fix_std_m**2,
         drift_variance=position.drift_m_sqrt_s**2,
         acceleration_density=position.acceleration_density,
+        steady_current=position.steady_current_m_s,
+        doubt=position.doubt,
         turn_time=config.mission.turn_time_s,
         time_budget=config.time_budget_s,
         surfacing_bytes=config.mission.surfacing_bytes,

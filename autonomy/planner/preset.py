@@ -15,6 +15,7 @@ from autonomy.site import LAKE, TANK
 
 MINIGLIDER = PlannerConfig(
     domain=TANK.domain,
+    max_uncertainty_m=0.35,
     fidelity_thresholds_m=(0.05, 0.12),
     primitives=PrimitiveConfig(
         glide_speed_m_s=0.025,
@@ -45,13 +46,17 @@ degrees of tail it spirals at radii of 0.3 to 0.55 m, 0.42 to 0.65 m deep a radi
 of 1.05 rad/s allows 0.40 rad at 0.40 Hz, which brings it from rest to 0.07 m/s within 20 s. This
 gait does a fifth of the work of 0.35 rad at 1 Hz, so the swim factor is 0.5 where the thesis has
 0.2: a metre then costs 4 units, several times that of a glide, as the thesis intends.
+
+A dive of 45 s in a current of which nothing is known but that it is about 1 cm/s loses the position
+by 0.35 m at the end, so such dives can still be planned; one to the floor and back, 52 s and more,
+can once a minute of floating, or a dive, has told the current to 4 mm/s.
 """
 
 GRACE3 = PlannerConfig(
     domain=LAKE.domain,
     total_budget=240.0,
     round_budget=40.0,
-    max_uncertainty_m=12.0,
+    max_uncertainty_m=20.0,
     fidelity_thresholds_m=(3.0, 8.0),
     margin_m=10.0,
     floor_margin_m=2.0,
@@ -89,6 +94,9 @@ radian, with 25 to 35 degrees of tail, and swims at 0.15 m/s.
 The lake is a dozen dives wide, so a search begins with transects. A round of 40 units is seven
 dives and 210 m in an hour, which a dry run can fly ahead in time; six rounds, six hours in all,
 come within one length scale of the field to all the water, within half of one to nine tenths of it.
+
+A dive of 6 minutes in a current of which nothing is known but that it is about 5 cm/s loses the
+position by 20 m; the first such dive tells the current to 2 cm/s, in which 9 minutes do.
 """
 
 PLANNER_PRESETS: dict[str, PlannerConfig] = {"miniglider": MINIGLIDER, "grace3": GRACE3}

@@ -37,6 +37,8 @@ class SensorErrors:
     fix_depth_m: float
     """True depth below which no fix is possible."""
     fix_period_s: float
+    compass_rad: float = 0.0
+    """By how much the compass turns every heading."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -130,6 +132,7 @@ def fly_trial(
     water: WaterMotion,
     command: FloatArray,
     rng: np.random.Generator,
+    steady_ne_m_s: FloatArray | None = None,
 ) -> Flight:
     """Fly commands from the origin's surface, in a random heading, current and ballast error.
 
@@ -139,6 +142,8 @@ def fly_trial(
         water: How the water moves.
         command: Of each period, shape ``(n, 5)``.
         rng: Source of randomness.
+        steady_ne_m_s: Current beside the eddies, shape ``(2,)``, or ``(n, 2)`` where it changes;
+            without it one is drawn as ``water`` says.
     """
     n = command.shape[0]
     noise = rng.standard_normal
@@ -146,14 +151,15 @@ def fly_trial(
     start[5] = rng.uniform(-math.pi, math.pi)
     start[12] = 0.3 * vehicle.limits.m0_min_kg
     bias = errors.buoyancy_bias_kg * noise()
-    current = water.steady_std_m_s * noise(2) + drift(
-        noise((n, 2)), water.eddy_std_m_s, water.correlation_s, PERIOD_S
-    )
+    drawn = water.steady_std_m_s * noise(2)
+    steady = drawn if steady_ne_m_s is None else steady_ne_m_s
+    current = steady + drift(noise((n, 2)), water.eddy_std_m_s, water.correlation_s, PERIOD_S)
     truth = fly(
         start, command, current, vehicle.packed(), Surroundings().packed(), PERIOD_S, PHYSICS_STEPS
     )
     tilt_heading = np.array([errors.tilt_rad, errors.tilt_rad, errors.heading_rad])
     measured = truth[:, 3:6] + tilt_heading * noise((n, 3))
+    measured[:, 2] += errors.compass_rad
     gyro = truth[:, 9:12] + errors.gyro_rad_s * noise((n, 3))
     attitude, rates = follow_attitude(
         measured, gyro, PERIOD_S, PERIOD_S / CORRECTION_S, PERIOD_S / RATE_SMOOTHING_S

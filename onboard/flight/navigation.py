@@ -105,7 +105,7 @@ class WaterTrack(Protocol):
 
 
 class ObserverTrack:
-    """Velocity observer and position filter, which see no current.
+    """Velocity observer and position filter, which learn no current.
 
     Args:
         config: Noise and gains that both assume.
@@ -124,7 +124,7 @@ class ObserverTrack:
         readings: Readings,
     ) -> None:
         self._surface_depth_m = config.surface_depth_m
-        self._current = CurrentBelief((0.0, 0.0), config.steady_current_m_s)
+        self._steady_current_m_s = config.steady_current_m_s
         self._filter = PositionFilter(config, position_ned, position_std_m)
         self._observer = VelocityObserver(config, vehicle, readings.depth_m)
 
@@ -158,7 +158,13 @@ class ObserverTrack:
             position.position_std_m,
             observer.velocity_body,
             velocity_ned,
-            self._current,
+            CurrentBelief(
+                (0.0, 0.0),
+                position.doubt * self._steady_current_m_s,
+                position.doubt,
+                position.dives,
+                position.refused_fixes,
+            ),
         )
 
 
@@ -225,7 +231,13 @@ class ModelTrack:
             belief.position_std_m,
             belief.velocity_body,
             belief.velocity_ned,
-            CurrentBelief(belief.steady_current_ne_m_s, belief.steady_current_std_m_s),
+            CurrentBelief(
+                belief.steady_current_ne_m_s,
+                belief.steady_current_std_m_s,
+                belief.doubt,
+                belief.dives,
+                belief.refused[0],
+            ),
         )
 
 

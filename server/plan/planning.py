@@ -116,6 +116,8 @@ class Planning:
             StoreUnavailableError: Nothing was begun.
         """
         self.settings.refuse_while_storage_fails()
+        config = self.settings.known_current(request.robot, request.config)
+        request = replace(request, config=config)
         start_xy = request.start_xy or self.settings.check_start(request.robot, request.config)
         plan = await self._add(request)
         self._begin(plan.id, self._search(plan, request, start_xy))
@@ -139,6 +141,7 @@ class Planning:
         """
         self.settings.refuse_while_storage_fails()
         start = self.settings.position(robot)
+        config = self.settings.known_current(robot, config)
         flown = candidate_of(config, legs_from(config, (start[0], start[1]), legs))
         try:
             draft = await self._draft(robot, config, flown)

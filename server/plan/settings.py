@@ -8,6 +8,7 @@ from autonomy.planner.approach import approach_energy, way_in
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.outcome import least_energy
 from autonomy.site import Box
+from robot_link.current_check import MOST_DOUBT
 from server.base.foundation import Foundation
 from server.base.problem import FieldError, Problem, conflict, unprocessable
 from server.fleet.fleet import Fleet
@@ -41,6 +42,23 @@ class PlanSettings:
         if holds.id is None:
             raise TypeError("a kept version has an id")
         return holds.id, config
+
+    def known_current(self, robot: str, config: PlannerConfig) -> PlannerConfig:
+        """Return settings that reckon with the current as well as the robot says that it knows it.
+
+        What it said grows old towards the settings' own; a robot that never told leaves them.
+        """
+        report = self._fleet.status(robot).current_report
+        if report is None:
+            return config
+        position = config.position_filter
+        age_s = max(0.0, self._fleet.age_s(report.measured_at))
+        std_m_s = report.current_std_m_s / max(report.doubt, 1.0)
+        change = {
+            "steady_current_m_s": position.current_std_after(std_m_s, age_s),
+            "doubt": min(max(position.doubt, report.doubt), MOST_DOUBT),
+        }
+        return config.model_copy(update={"position_filter": position.model_copy(update=change)})
 
     async def merged(self, robot: str, patch: Mapping[str, Any]) -> PlannerConfig:
         """Return the planner's settings for a robot with a patch on top; nothing is kept.

@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from autonomy.estimation.position import blind_time_s, drifted_variance
 from autonomy.planner.config import EnergyConfig, PlannerConfig
 from autonomy.planner.leg import primitive
 from autonomy.planner.plan import PrimitiveKind
@@ -51,11 +52,12 @@ def dives_of(config: TrackingConfig, planner: PlannerConfig, vehicle: Vehicle | 
         planner: The robot's settings: how fast its position drifts, how uncertain it may become.
         vehicle: Its model; without one its ballast takes no time.
     """
-    drift, limit_m = planner.position_filter.drift_m_sqrt_s, planner.max_uncertainty_m
-    if not is_deep(config, planner) or config.target.kind == "beacon" or drift == 0.0:
+    position, limit_m = planner.position_filter, planner.max_uncertainty_m
+    drifts = position.drift_m_sqrt_s > 0.0 or position.steady_current_m_s > 0.0
+    if not is_deep(config, planner) or config.target.kind == "beacon" or not drifts:
         return Dives(math.inf, 0.0, limit_m)
-    span_m2 = limit_m**2 - planner.position_filter.fix_std_m**2
-    blind_s = max(0.0, span_m2) / drift**2  # until the position is too uncertain
+    span_m2 = limit_m**2 - position.fix_std_m**2
+    blind_s = blind_time_s(position, max(0.0, span_m2))  # until the position is too uncertain
     # the pump takes in what let the robot float, and gives it out again
     limits = None if vehicle is None else vehicle.limits
     ballast_s = 0.0 if limits is None else -limits.m0_min_kg / limits.m0_rate_kg_s
@@ -87,8 +89,8 @@ def target_account(
     duration_s, dives = config.motion.duration_s, dives_of(config, planner, vehicle)
     std_m = 0.0 if state is None else state.position_std_m
     if is_deep(config, planner):
-        drift_m = planner.position_filter.drift_m_sqrt_s * math.sqrt(duration_s)
-        std_m = min(math.hypot(std_m, drift_m), max(std_m, dives.limit_m))
+        drifted_m = math.sqrt(drifted_variance(planner.position_filter, duration_s))
+        std_m = min(math.hypot(std_m, drifted_m), max(std_m, dives.limit_m))
     surfacings = dives.surfacings(duration_s)
     return AccountView(
         energy=_energy(_prices(planner, vehicle), duration_s, dives.share),

@@ -9,6 +9,7 @@ from autonomy.estimation.config import EstimatorConfig
 from autonomy.planner.belief import FieldBelief
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig, SearchConfig
 from autonomy.planner.plan import ObjectivePoint, PlanResult
+from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import Box
 
 THESIS_TANK = PlannerConfig(
@@ -86,3 +87,13 @@ def run(
         elapsed_s=elapsed_s,
         **more,
     )
+
+
+def told(config: PlannerConfig) -> PlannerConfig:
+    """Return settings of a robot to which many fixes have told the current."""
+    position = config.position_filter.model_copy(update={"steady_current_m_s": 0.0})
+    return config.model_copy(update={"position_filter": position})
+
+
+TOLD = {key: told(preset) for key, preset in PLANNER_PRESETS.items()}
+"""Presets of both vehicles where they know the current."""

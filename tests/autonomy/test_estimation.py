@@ -5,9 +5,11 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig
+from autonomy.estimation.config import ESTIMATOR_PRESETS, EstimatorConfig, estimator_preset
 from autonomy.estimation.position import (
     AxisCovariance,
+    blind_time_s,
+    drifted_variance,
     expected_position_std,
     surface_covariance,
 )
@@ -18,8 +20,9 @@ from autonomy.vehicle.config import VEHICLES
 from autonomy.vehicle.extended_kernel import advance
 from autonomy.vehicle.surroundings import Surroundings
 
-CONFIG = EstimatorConfig(drift_m_sqrt_s=0.03)
+CONFIG = EstimatorConfig(drift_m_sqrt_s=0.03, steady_current_m_s=0.0)
 MINIGLIDER = VEHICLES["miniglider"]
+WATERS = ("tank", "lake", "sea")
 
 
 def test_uncertainty_under_water_grows_as_the_specification_computed() -> None:
@@ -55,7 +58,7 @@ def full_filter_std(config: EstimatorConfig, times, depths, interval):
 
 
 def test_one_axis_knows_what_the_six_state_filter_knows():
-    config = EstimatorConfig()
+    config = EstimatorConfig(steady_current_m_s=0.0)
     times = np.append(np.arange(1, 31) * 2.0, 61.3)
     depths = np.maximum(0.0, 0.6 * np.sin(times / 8.0))
     expected = full_filter_std(config, times, depths, 2.0)
@@ -70,7 +73,7 @@ def test_six_states_have_the_covariance_of_three_separate_axes() -> None:
     for k in range(200):
         surfaced = k < 20 or k > 150
         depth = 0.0 if surfaced else 0.5
-        dive_filter.step(0.5, (0.1, 0.0, 0.0), depth, (0.0, 0.0) if surfaced else None)
+        dive_filter.step(0.5, (0.0, 0.0, 0.0), depth, (0.0, 0.0) if surfaced else None)
         axis = axis.step(CONFIG, 0.5, has_fix=surfaced)
         P = dive_filter.covariance
         assert [P[0, 0], P[0, 3], P[3, 3]] == pytest.approx(
@@ -284,7 +287,7 @@ def test_the_observer_refuses_what_is_not_finite() -> None:
 
 def glide_in_a_current(seed: int) -> list[float]:
     """Fly in a random current; return normalized squared position errors under water."""
-    config = ESTIMATOR_PRESETS["miniglider"]
+    config = ESTIMATOR_PRESETS["miniglider"].model_copy(update={"steady_current_m_s": 0.0})
     rng = np.random.default_rng(seed)
     correlation_s = 10.0
     current_std = config.drift_m_sqrt_s / math.sqrt(2.0 * correlation_s)
@@ -323,3 +326,36 @@ def glide_in_a_current(seed: int) -> list[float]:
 def test_a_gliding_robot_in_an_unseen_current_is_where_its_uncertainty_says() -> None:
     mean = np.mean([np.mean(glide_in_a_current(seed)) for seed in range(12)])
     assert 0.3 < mean < 1.5
+
+
+def test_a_current_that_nobody_knows_adds_its_way_since_the_last_fix():
+    times = np.arange(1, 41) * 2.0
+    depth = np.where(times <= 40.0, 0.5, np.where(times <= 44.0, 0.0, 0.5))
+    still, moving, doubted = (
+        expected_position_std(CONFIG.model_copy(update=change), times, depth, 2.0)
+        for change in (
+            {"steady_current_m_s": 0.0},
+            {"steady_current_m_s": 0.02},
+            {"steady_current_m_s": 0.02, "doubt": 1.5},
+        )
+    )
+    blind_s = np.where(times <= 40.0, times, np.where(times <= 44.0, 0.0, times - 44.0))
+    np.testing.assert_allclose(moving**2, still**2 + (0.02 * blind_s) ** 2, rtol=1e-12)
+    np.testing.assert_allclose(doubted, 1.5 * moving, rtol=1e-12)
+
+
+@pytest.mark.parametrize("steady_m_s", [0.0, 0.01, 2.0])
+def test_the_time_without_a_fix_is_that_after_which_the_position_is_lost(steady_m_s):
+    config = CONFIG.model_copy(update={"steady_current_m_s": steady_m_s, "doubt": 1.3})
+    assert drifted_variance(config, blind_time_s(config, 0.25**2)) == pytest.approx(0.25**2)
+
+
+def test_every_water_has_its_own_current_and_what_was_learned_is_forgotten_slowly():
+    stds = [estimator_preset("miniglider", kind).steady_current_m_s for kind in WATERS]
+    assert stds == [0.01, 0.05, 0.2]
+    assert estimator_preset("stranger", "sea").steady_current_m_s == 0.2
+    lake = estimator_preset("grace3", "lake")
+    assert lake.fix_std_m == 1.5
+    assert lake.current_std_after(0.002, 0.0) == 0.002
+    assert 0.005 < lake.current_std_after(0.002, 600.0) < 0.012
+    assert lake.current_std_after(0.002, 1e9) == pytest.approx(0.05)

@@ -9,10 +9,10 @@ from autonomy.planner.check.check import outdated, violations
 from autonomy.planner.leg.edge import legs_energy, planned_points
 from autonomy.planner.leg.primitive import dive, glide, spiral, swim
 from autonomy.planner.plan import Candidate, Leg, PlanResult, PlanStatus, PrimitiveKind
-from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import TANK, Area
+from tests.autonomy.planner_problem import TOLD
 
-CONFIG = PLANNER_PRESETS["miniglider"]
+CONFIG = TOLD["miniglider"]
 SURFACE = (1.0, 0.7, 0.0)
 BELOW = (1.0, 0.7, 0.4)
 

@@ -14,12 +14,12 @@ from autonomy.planner.leg.primitive import dive, glide, spiral, swim
 from autonomy.planner.leg.waterway import usable_depth_m, waterway_of
 from autonomy.planner.outcome import spending
 from autonomy.planner.plan import PrimitiveKind
-from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Area
+from tests.autonomy.planner_problem import TOLD
 from tests.autonomy.planner_water import BUOY, NET, POOL, pool_config, proposals
 
 POOLED = pool_config()
-LAKE_CONFIG = PLANNER_PRESETS["grace3"]
+LAKE_CONFIG = TOLD["grace3"]
 
 
 def down_and_up(config, x, y, depth):
@@ -229,9 +229,7 @@ def test_no_place_deep_enough_is_said():
 
 
 def test_a_current_too_strong_for_the_way_in_is_said():
-    config = PLANNER_PRESETS["miniglider"].model_copy(
-        update={"current": CurrentConfig(north_m_s=-0.2)}
-    )
+    config = TOLD["miniglider"].model_copy(update={"current": CurrentConfig(north_m_s=-0.2)})
     assert "The current is too strong" in way_in(config, (-0.3, 0.7), TANK).refusal
 
 

@@ -20,10 +20,9 @@ from autonomy.planner.leg.edge import (
 from autonomy.planner.leg.waterway import waterway_of
 from autonomy.planner.limits import legs_max, limits_of, points_max
 from autonomy.planner.plan import PrimitiveKind
-from autonomy.planner.preset import PLANNER_PRESETS
-from tests.autonomy.planner_problem import THESIS_TANK
+from tests.autonomy.planner_problem import THESIS_TANK, TOLD
 
-CONFIGS = {"thesis": THESIS_TANK, **PLANNER_PRESETS}
+CONFIGS = {"thesis": THESIS_TANK, **TOLD}
 
 
 def proposals(config, number, seed=0):

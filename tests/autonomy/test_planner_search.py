@@ -17,18 +17,17 @@ from autonomy.planner.check.check import violations
 from autonomy.planner.leg.waterway import depth_at, waterway_of
 from autonomy.planner.objective import InformationGain, objective
 from autonomy.planner.plan import PlanStatus
-from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.planner.reference import literal
 from autonomy.planner.search import search
 from autonomy.site import LAKE, TANK
-from tests.autonomy.planner_problem import START, THESIS_TANK, belief_over, run, with_search
+from tests.autonomy.planner_problem import START, THESIS_TANK, TOLD, belief_over, run, with_search
 
 QUICK = with_search(THESIS_TANK, iterations_max=30)
 OBJECTIVES = ("information_gain", "ergodic", "weighted")
 WORLDS = {
     "thesis": (THESIS_TANK, TANK),
-    "miniglider": (PLANNER_PRESETS["miniglider"], TANK),
-    "grace3": (PLANNER_PRESETS["grace3"], LAKE),
+    "miniglider": (TOLD["miniglider"], TANK),
+    "grace3": (TOLD["grace3"], LAKE),
 }
 
 

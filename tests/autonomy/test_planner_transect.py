@@ -8,13 +8,12 @@ from autonomy.planner.graph import DEPTH_MAX
 from autonomy.planner.leg.edge import legs_energy
 from autonomy.planner.leg.waterway import waterway_of
 from autonomy.planner.objective import objective
-from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.planner.search import search
 from autonomy.planner.transect import transects
 from autonomy.site import LAKE, Area
-from tests.autonomy.planner_problem import belief_over, run, with_search
+from tests.autonomy.planner_problem import TOLD, belief_over, run, with_search
 
-CONFIG = PLANNER_PRESETS["grace3"]
+CONFIG = TOLD["grace3"]
 JETTY = (120.0, 120.0)
 MOORING = Area(name="mooring", corners_m=((200.0, 200.0), (260.0, 200.0), (230.0, 260.0)))
 

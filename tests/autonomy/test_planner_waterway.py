@@ -18,9 +18,8 @@ from autonomy.planner.leg.waterway import (
 )
 from autonomy.planner.limits import legs_max, limits_of, points_max
 from autonomy.planner.plan import PrimitiveKind
-from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.site import LAKE, TANK, Area, Box, Site
-from tests.autonomy.planner_problem import THESIS_TANK
+from tests.autonomy.planner_problem import THESIS_TANK, TOLD
 from tests.autonomy.planner_water import (
     BUOY,
     POOL,
@@ -193,7 +192,7 @@ def test_margins_shrink_what_may_be_used():
 
 
 def test_most_of_the_lake_can_be_surveyed():
-    config = PLANNER_PRESETS["grace3"]
+    config = TOLD["grace3"]
     depth = waterway_of(config, LAKE).depth
     assert (depth > 0.0).mean() > 0.85
     assert (depth >= 10.0).mean() > 0.6
@@ -211,7 +210,7 @@ def test_a_raster_of_many_keep_outs_is_ready_soon_and_a_long_domain_has_square_c
     )
     domain = Box(x_min_m=-10.0, x_max_m=3000.0, y_min_m=0.0, y_max_m=100.0, depth_max_m=16.0)
     config = PlannerConfig.model_validate(
-        PLANNER_PRESETS["grace3"].model_dump() | {"domain": domain, "keep_outs": areas}
+        TOLD["grace3"].model_dump() | {"domain": domain, "keep_outs": areas}
     )
     waterway = waterway_of(config, None)
     assert waterway.depth.shape[0] == 256

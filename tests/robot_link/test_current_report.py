@@ -52,7 +52,7 @@ def test_counts_arrive_or_stop_at_their_field(dives, refused):
         {"current_std_m_s": -1.0},
         {"current_std_m_s": math.inf},
         {"doubt": 0.5},
-        {"doubt": 1e3},
+        {"doubt": 11.0},
         {"dives": 256},
     ],
 )

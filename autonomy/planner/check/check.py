@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterator
 
+from autonomy.estimation.position import drifted_variance
 from autonomy.planner.check.leg_check import badly_made, disconnected, not_finite
 from autonomy.planner.check.violation import (
     PLACE_TOLERANCE_M,
@@ -148,17 +149,19 @@ def _lost(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
     The planner looks at the uncertainty at its own sampling times; what it grows by within one
     interval is allowed on top, so that no plan of its own is refused.
     """
-    interval = config.primitives.point_interval_s
-    growth = config.position_filter.drift_m_sqrt_s**2 * interval
+    interval, position = config.primitives.point_interval_s, config.position_filter
     allowed = config.max_uncertainty_m
-    limit = math.sqrt(allowed**2 + growth)
     begin = 0
     for number, leg in enumerate(legs):
         if leg.end_ned[2] > PLACE_TOLERANCE_M:
             continue
         points = planned_points(config, legs[begin : number + 1])
         worst = points[points[:, POINT_STD].argmax()]
-        if worst[POINT_STD] > limit:
+        blind_s = float(worst[POINT_TIME])
+        growth = drifted_variance(position, blind_s + interval) - drifted_variance(
+            position, blind_s
+        )
+        if worst[POINT_STD] > math.sqrt(allowed**2 + growth):
             yield Violation(
                 "max_uncertainty_m",
                 f"The position becomes uncertain by {worst[POINT_STD]:.2g} m, "

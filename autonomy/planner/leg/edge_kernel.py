@@ -283,7 +283,7 @@ def _place_dive(limits: Limits, legs: FloatArray, total: float, points: FloatArr
     leg_end = legs[0, DURATION]
     under = 0.0
     drifts = limits.has_current and not knows_place(legs[0])
-    before = 0.0
+    before = blind = 0.0
     for row in range(number):
         time = min((row + 1) * limits.point_interval, total)
         while i < len(legs) - 1 and leg_end < time:
@@ -292,8 +292,10 @@ def _place_dive(limits: Limits, legs: FloatArray, total: float, points: FloatArr
             leg_end += legs[i, DURATION]
         fraction = 1.0 - (leg_end - time) / legs[i, DURATION]
         x, y, z = really_at(limits, legs[i], under, drifts, fraction)
-        a, b, d = _step(limits, a, b, d, time - before, z <= limits.surface_depth)
-        std = math.sqrt(a)
+        has_fix = z <= limits.surface_depth
+        a, b, d = _step(limits, a, b, d, time - before, has_fix)
+        blind = 0.0 if has_fix else blind + time - before
+        std = limits.doubt * math.sqrt(a + (limits.steady_current * blind) ** 2)
         if std > limits.max_uncertainty:
             return 0
         points[row, 0], points[row, 1], points[row, 2], points[row, 3] = time, x, y, z

@@ -65,7 +65,9 @@ def test_a_robot_that_knows_its_place_comes_up_once():
     assert account(changed(motion=day)).surfacings == 1
     beacon = changed(target={"kind": "beacon"}, motion={**day, "depth_m": 0.4})
     assert account(beacon).surfacings == 1
-    still = MINI_PLANNER.position_filter.model_copy(update={"drift_m_sqrt_s": 0.0})
+    still = MINI_PLANNER.position_filter.model_copy(
+        update={"drift_m_sqrt_s": 0.0, "steady_current_m_s": 0.0}
+    )
     planner = MINI_PLANNER.model_copy(update={"position_filter": still})
     assert account(changed(motion={**day, "depth_m": 0.4}), planner).surfacings == 1
 
