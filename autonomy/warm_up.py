@@ -42,7 +42,6 @@ LATER = (
     "autonomy.tracking.filter.cloud_kernel",
     search_step("information_gain"),
     "autonomy.field.learning.likelihood_kernel",
-    "autonomy.current.kernel",
     "autonomy.whatif.kernel",
     "autonomy.identification.kernel",
     search_step("ergodic"),

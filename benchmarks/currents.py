@@ -14,7 +14,6 @@ import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.current.config import CURRENT_PRESETS, CurrentMapConfig
-from autonomy.current.kernel import warm_up
 from autonomy.current.learning import learn
 from autonomy.current.model import CurrentMap, Observation
 from autonomy.current.table import displacement_along, tabulate
@@ -295,7 +294,6 @@ def _flow_error(score: Score, known: CurrentMap, flow: Flow, seen: Observation) 
 
 def measure() -> list[dict[str, object]]:
     """Fly every kind of water; one line for each bar."""
-    warm_up()
     seeds = np.random.SeedSequence()
     print(f"currents: {DRAWS} waters of each kind, seed {seeds.entropy}", flush=True)
     children = iter(seeds.spawn(len(FLOWS) * DRAWS + DRAWS))

@@ -24,7 +24,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inlined_kernel, kernel
 from autonomy.current.config import CurrentMapConfig
 
 (
@@ -45,6 +44,8 @@ from autonomy.current.config import CurrentMapConfig
 """Places of the packed settings; from ``TIDES`` on, a standard deviation and a period, s, each."""
 EARTH_RATE_RAD_S = 7.2921159e-5
 _S_IN_H = 3600.0
+_BLOCK = 40_000
+"""Pairs of points that are worked on at once, so that they stay in the processor's cache."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -98,7 +99,7 @@ def packed(config: CurrentMapConfig, latitude_deg: float = 0.0) -> FloatArray:
 
 
 def flow_covariance(a: FloatArray, b: FloatArray, parameters: FloatArray) -> FloatArray:
-    """Return the covariance of the current between points; the readable form of ``gram``.
+    """Return the covariance of the current between points; the readable form of ``cross_gram``.
 
     Args:
         a: Points, shape ``(n, 4)``: north, east, depth, m, and time, s.
@@ -135,149 +136,102 @@ def flow_covariance(a: FloatArray, b: FloatArray, parameters: FloatArray) -> Flo
     )
 
 
-@inlined_kernel
-def _covariance(
-    x: float, y: float, z: float, t: float, p: FloatArray
-) -> tuple[float, float, float, float]:
-    """Return north-north, east-east, the even and the odd part of north-east at an offset."""
+def _parts(
+    x: FloatArray, y: FloatArray, z: FloatArray, t: FloatArray, p: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray | None, FloatArray | None]:
+    """Return north-north, east-east, the even and the odd part of north-east at offsets.
+
+    What is ``None`` is 0 everywhere; a part of standard deviation 0 is not worked out.
+    """
     r2 = x * x + y * y
-    T = abs(t)
-    scalar = 0.0
+    T = np.abs(t)
+    scalar = np.zeros_like(r2)
+    near = np.exp(r2 * (-0.5 / p[REACH] ** 2))
     if p[BASIN_STD] > 0.0 or p[SHEAR_STD] > 0.0:
-        slow = math.exp(-T / p[BASIN_MEMORY])
-        scalar += p[BASIN_STD] ** 2 * slow
-    else:
-        slow = 0.0
-    near = math.exp(-r2 / (2.0 * p[REACH] ** 2))
-    if p[SHEAR_STD] > 0.0:
-        layer = math.exp(-z * z / (2.0 * p[SHEAR_LENGTH] ** 2))
-        scalar += p[SHEAR_STD] ** 2 * slow * near * layer
-    for k in range(TIDES, len(p), 2):
-        if p[k] > 0.0:
-            scalar += p[k] ** 2 * math.cos(2.0 * math.pi * t / p[k + 1]) * near
-    odd = 0.0
-    if p[CHANGING_STD] > 0.0:
-        changing = p[CHANGING_STD] ** 2 * math.exp(-T / p[CHANGING_MEMORY]) * near
-        if p[TURN_RATE] != 0.0:
-            odd = changing * math.sin(p[TURN_RATE] * t)
-            changing *= math.cos(p[TURN_RATE] * t)
-        scalar += changing
-    north, east, even = scalar, scalar, 0.0
-    if p[EDDY_STD] > 0.0:
-        l2 = p[EDDY_LENGTH] ** 2
-        eddy = p[EDDY_STD] ** 2 * math.exp(-r2 / (2.0 * l2) - T / p[EDDY_MEMORY])
-        if p[INCOMPRESSIBLE] > 0.0:
-            north += eddy * (1.0 - y * y / l2)
-            east += eddy * (1.0 - x * x / l2)
-            even = eddy * x * y / l2
+        slow = np.exp(T * (-1.0 / p[BASIN_MEMORY]))
+        if p[SHEAR_STD] > 0.0:
+            layer = np.exp(z * z * (-0.5 / p[SHEAR_LENGTH] ** 2))
+            layer *= near
+            layer *= p[SHEAR_STD] ** 2
+            layer += p[BASIN_STD] ** 2
+            slow *= layer
         else:
-            north += eddy
-            east += eddy
-    return north, east, even, odd
+            slow *= p[BASIN_STD] ** 2
+        scalar += slow
+    odd: FloatArray | None = None
+    for std, period in p[TIDES:].reshape(-1, 2).tolist():
+        if std > 0.0:
+            scalar += std**2 * np.cos(t * (2.0 * math.pi / period)) * near
+    if p[CHANGING_STD] > 0.0:
+        changing = p[CHANGING_STD] ** 2 * np.exp(T * (-1.0 / p[CHANGING_MEMORY])) * near
+        if p[TURN_RATE] != 0.0:
+            odd = changing * np.sin(p[TURN_RATE] * t)
+            changing *= np.cos(p[TURN_RATE] * t)
+        scalar += changing
+    if p[EDDY_STD] == 0.0:
+        return scalar, scalar, None, odd
+    l2 = float(p[EDDY_LENGTH]) ** 2
+    eddy = p[EDDY_STD] ** 2 * np.exp(r2 * (-0.5 / l2) + T * (-1.0 / p[EDDY_MEMORY]))
+    if p[INCOMPRESSIBLE] == 0.0:
+        scalar += eddy
+        return scalar, scalar, None, odd
+    scalar += eddy
+    eddy *= 1.0 / l2
+    return scalar - eddy * y * y, scalar - eddy * x * x, eddy * x * y, odd
 
 
-@kernel
-def gram(
-    a: FloatArray,
-    a_weights: FloatArray,
-    b: FloatArray,
-    b_weights: FloatArray,
-    parameters: FloatArray,
-    is_same: bool,
-) -> FloatArray:
-    """Return the covariance between functionals (``Functionals``).
+def cross_gram(a: Functionals, b: Functionals, parameters: FloatArray) -> FloatArray:
+    """Return the covariance of functionals with others.
 
     Args:
-        a: Points, shape ``(n, k, 4)``.
-        a_weights: Their weights, shape ``(n, k)``.
-        b: Points, shape ``(m, l, 4)``.
-        b_weights: Their weights, shape ``(m, l)``.
-        parameters: Settings as ``packed`` returns them; a part of standard deviation 0 is left out.
-        is_same: Whether both are the same; then half of the work is saved.
+        a: Functionals.
+        b: Functionals.
+        parameters: Settings as ``packed`` returns them.
 
     Returns:
         Shape ``(2n, 2m)``; rows and columns are north and east of the first, of the second, ...
     """
     n, m = len(a), len(b)
-    found = np.empty((2 * n, 2 * m))
-    for i in range(n):
-        for j in range(i + 1 if is_same else m):
-            north, east, even, odd = 0.0, 0.0, 0.0, 0.0
-            for k in range(a.shape[1]):
-                for q in range(b.shape[1]):
-                    w = a_weights[i, k] * b_weights[j, q]
-                    nn, ee, ne, turned = _covariance(
-                        a[i, k, 0] - b[j, q, 0],
-                        a[i, k, 1] - b[j, q, 1],
-                        a[i, k, 2] - b[j, q, 2],
-                        a[i, k, 3] - b[j, q, 3],
-                        parameters,
-                    )
-                    north += w * nn
-                    east += w * ee
-                    even += w * ne
-                    odd += w * turned
-            if is_same and i == j:
-                odd = 0.0  # but for rounding
-            found[2 * i, 2 * j] = north
-            found[2 * i + 1, 2 * j + 1] = east
-            found[2 * i, 2 * j + 1] = even - odd
-            found[2 * i + 1, 2 * j] = even + odd
-            if is_same and i != j:
-                found[2 * j, 2 * i] = north
-                found[2 * j + 1, 2 * i + 1] = east
-                found[2 * j + 1, 2 * i] = even - odd
-                found[2 * j, 2 * i + 1] = even + odd
-    return found
+    found = np.empty((n, 2, m, 2))
+    columns = b.points.reshape(-1, 4).T  # (4, m q)
+    rows = max(_BLOCK // max(columns.shape[1] * a.points.shape[1], 1), 1)
+    for begin in range(0, n, rows):
+        block = slice(begin, begin + rows)
+        points = a.points[block].reshape(-1, 4).T  # (4, r k)
+        offsets = [
+            one[:, None] - other[None, :] for one, other in zip(points, columns, strict=True)
+        ]
+        north, east, even, odd = _parts(*offsets, parameters)
+
+        def summed(part: FloatArray | None, weights: FloatArray = a.weights[block]) -> FloatArray:
+            """Return the weighted sums over the points of each pair, shape ``(r, m)``."""
+            if part is None:
+                return np.zeros((len(weights), m))
+            by_column = part.reshape(-1, m, b.weights.shape[1])
+            one = np.einsum("amq,mq->am", by_column, b.weights)
+            return np.einsum("rk,rkm->rm", weights, one.reshape(*weights.shape, m))
+
+        both, turned = summed(even), summed(odd)
+        found[block, 0, :, 0] = summed(north)
+        found[block, 1, :, 1] = found[block, 0, :, 0] if east is north else summed(east)
+        found[block, 0, :, 1] = both - turned
+        found[block, 1, :, 0] = both + turned
+    return found.reshape(2 * n, 2 * m)
 
 
 def gram_of(functionals: Functionals, parameters: FloatArray) -> FloatArray:
-    """Return the covariance of functionals with each other, shape ``(2n, 2n)``."""
-    points, weights = functionals.points, functionals.weights
-    return gram(points, weights, points, weights, parameters, True)
-
-
-def cross_gram(a: Functionals, b: Functionals, parameters: FloatArray) -> FloatArray:
-    """Return the covariance of functionals with others, shape ``(2n, 2m)``."""
-    return gram(a.points, a.weights, b.points, b.weights, parameters, False)
+    """Return the covariance of functionals with each other, symmetric, shape ``(2n, 2n)``."""
+    found = cross_gram(functionals, functionals, parameters)
+    return 0.5 * (found + found.T)
 
 
 def prior_blocks(functionals: Functionals, parameters: FloatArray) -> FloatArray:
     """Return the prior covariance of each functional with itself, shape ``(n, 2, 2)``."""
-    return own_covariances(functionals.points, functionals.weights, parameters)
-
-
-@kernel
-def own_covariances(points: FloatArray, weights: FloatArray, parameters: FloatArray) -> FloatArray:
-    """Return the diagonal blocks of ``gram``, shape ``(n, 2, 2)``."""
-    n, m = weights.shape
-    found = np.empty((n, 2, 2))
-    for i in range(n):
-        north, east, both = 0.0, 0.0, 0.0
-        for k in range(m):
-            for q in range(m):
-                nn, ee, ne, _ = _covariance(
-                    points[i, k, 0] - points[i, q, 0],
-                    points[i, k, 1] - points[i, q, 1],
-                    points[i, k, 2] - points[i, q, 2],
-                    points[i, k, 3] - points[i, q, 3],
-                    parameters,
-                )
-                w = weights[i, k] * weights[i, q]
-                north += w * nn
-                east += w * ee
-                both += w * ne
-        found[i, 0, 0] = north
-        found[i, 1, 1] = east
-        found[i, 0, 1] = both
-        found[i, 1, 0] = both
+    points, weights = functionals.points, functionals.weights
+    offsets = np.moveaxis(points[:, :, None, :] - points[:, None, :, :], -1, 0)  # (4, n, k, k)
+    north, east, even, _ = _parts(*offsets, parameters)
+    found = np.zeros((len(points), 2, 2))
+    for row, column, part in ((0, 0, north), (1, 1, east), (0, 1, even), (1, 0, even)):
+        if part is not None:
+            found[:, row, column] = np.einsum("nk,nkq,nq->n", weights, part, weights)
     return found
-
-
-def warm_up() -> None:
-    """Compile what the station calls."""
-    points = np.zeros((1, 2, 4))
-    weights = np.ones((1, 2))
-    parameters = packed(CurrentMapConfig())
-    gram(points, weights, points, weights, parameters, True)
-    own_covariances(points, weights, parameters)

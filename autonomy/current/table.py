@@ -1,4 +1,7 @@
-"""The mean current on a grid of place, depth and time, linear in between, for hot loops."""
+"""The mean current on a grid of place, depth and time, linear in between, for hot loops.
+
+Compiled code has a twin of ``flow_at`` (``autonomy.planner.leg.flow_kernel``).
+"""
 
 import math
 from typing import NamedTuple
@@ -6,7 +9,6 @@ from typing import NamedTuple
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.compiled import inlined_entry
 from autonomy.current.model import CurrentMap
 from autonomy.site import Box
 
@@ -79,7 +81,6 @@ def displacement_along(
     return float(carried[0]), float(carried[1])
 
 
-@inlined_entry
 def flow_at(table: FlowTable, x: float, y: float, z: float, t: float) -> tuple[float, float]:
     """Return the current at a place, depth and time of a table, north and east."""
     values = table.values
@@ -103,7 +104,6 @@ def flow_at(table: FlowTable, x: float, y: float, z: float, t: float) -> tuple[f
     return north, east
 
 
-@inlined_entry
 def _cell(at: float, low: float, per_step: float, count: int) -> tuple[int, float]:
     """Return the cell of a grid that a coordinate lies in, and how far in; kept within the grid."""
     if per_step == 0.0:
