@@ -121,6 +121,8 @@ class OnboardProgram:
             Flight(vehicle, FLIGHT_PROFILES[vehicle.key], site, pilot), energy, PERIOD_S
         )
         self._set_points = pilot.rest()
+        self._sent = self._set_points
+        """Set points as they left, with trim and inside the end stops."""
         self.estimate: Estimate = self._read(0.0)
         self._sample_period_s = 0.0
         self._next_sample_s = 0.0
@@ -221,13 +223,15 @@ class OnboardProgram:
         began_s = self.time_s
         self._steps += 1
         self.estimate = self.executive.tracking.located(self._read(began_s))
+        self.executive.watch_actuators(self._sent, self._readings)
         self._set_points = self.executive.step(
             self.estimate,
             PERIOD_S,
             samples_waiting=radio.unacknowledged_samples > 0,
             is_talking=self.is_talking,
         )
-        self._hardware.actuate(self.executive.trim.command(self._set_points, self._limits))
+        self._sent = self.executive.trim.command(self._set_points, self._limits)
+        self._hardware.actuate(self._sent)
         self._measure(radio)
         self._tell(radio)
 

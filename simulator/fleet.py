@@ -16,6 +16,7 @@ from robot_link.satellite.config import SatelliteConfig
 from robot_link.transport.datagram import Address
 from simulator.acoustic_modem import AcousticConditions
 from simulator.battery import BatteryModel
+from simulator.fault import NO_FAULTS, ActuatorFaults
 from simulator.flow import Flow
 from simulator.sensor import SensorModel
 from simulator.target import LAKE_TARGETS, TANK_TARGETS, AcousticTarget
@@ -53,6 +54,8 @@ class RobotDefinition:
     """Current that stays, which the robot does not know of."""
     flow: Flow | None = None
     """What else moves its water, by place, depth and time; nobody is told of it."""
+    faults: ActuatorFaults = NO_FAULTS
+    """What is wrong with its actuators, which nobody is told."""
     antenna_ne_m: tuple[float, float] = (0.0, 0.0)
     """Where the station's antenna stands."""
     radio_range_m: float = math.inf

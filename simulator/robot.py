@@ -12,6 +12,7 @@ from simulator.aboard import program_of
 from simulator.battery import Battery
 from simulator.conditions import WaterConditions
 from simulator.current import DriftingCurrent
+from simulator.fault import FaultyActuators
 from simulator.fleet import RobotDefinition
 from simulator.plant import Plant
 from simulator.sensor import Sensors
@@ -39,8 +40,9 @@ class SimulatedBody:
         self.sensors = Sensors(definition.sensors, definition.site.variable, sensors)
         """Its instruments, and what their feedback is wrong by."""
         self._set_points = SetPoints(0.0, 0.0)
+        self._actuators = FaultyActuators(definition.faults, PERIOD_S)
         self.plant = Plant(
-            definition.vehicle,
+            definition.faults.true(definition.vehicle),
             (conditions or WaterConditions()).surroundings(definition.site),
             DriftingCurrent(
                 definition.drift_m_sqrt_s,
@@ -92,7 +94,9 @@ class SimulatedBody:
 
     def advance(self, duration_s: float) -> None:
         """Let time pass."""
-        self.battery.use(self.plant.advance(self._set_points, duration_s))
+        plant = self.plant
+        acted_on = self._actuators.reached(self._set_points, plant.state, plant.time_s)
+        self.battery.use(plant.advance(acted_on, duration_s))
 
 
 class SimulatedRobot:

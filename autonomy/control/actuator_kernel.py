@@ -138,7 +138,7 @@ def _sum_up(bank: FloatArray, at: int, least: float) -> None:
     bank[at + DELAY_STD] = DELAY_STEP_S * math.sqrt(max(delay_2 / total - delay * delay, 0.0))
 
 
-@inner_kernel
+@kernel
 def known_rate(bank: FloatArray, at: int, told_share: float) -> float:
     """Return the share of the nominal rate to count on; the told one where nothing refutes it."""
     if bank[at + TOLD_AGAINST] <= REFUTED:
@@ -151,7 +151,7 @@ def known_rate(bank: FloatArray, at: int, told_share: float) -> float:
     return 2.0 ** bank[at + LOG_RATE]
 
 
-@inner_kernel
+@kernel
 def known_delay(bank: FloatArray, at: int, told_s: float) -> float:
     """Return the delay to count on, s; the told one where nothing refutes it."""
     return told_s if bank[at + TOLD_AGAINST] <= REFUTED else bank[at + DELAY_S]
@@ -174,4 +174,7 @@ def look_at(
 
 def warm_up() -> None:
     """Compile every kernel of this module with the argument types of real use."""
-    look_at(np.zeros(BANK_SIZE), 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.1)
+    bank = np.zeros(BANK_SIZE)
+    look_at(bank, 0.0, 0.0, 1.0, 1.0, 1.0, 0.0, 0.1)
+    known_rate(bank, 0, 1.0)
+    known_delay(bank, 0, 0.0)

@@ -6,7 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.control import law, law_number
+from autonomy.control import governor_kernel, law, law_number
 from autonomy.control.config import BacksteppingConfig
 from autonomy.control.trajectory import Reference
 from autonomy.vehicle.config import Vehicle
@@ -31,6 +31,19 @@ class Controller(Protocol):
         """Return the setpoints for an estimate ``(12,)`` of the states, ``dt_s`` after the last."""
         ...
 
+    @property
+    def knows_mass(self) -> bool:
+        """Whether the law makes use of what is known of the sliding mass."""
+        ...
+
+    def hear(self, m0_kg: float, rp1_m: float, delta_rad: float) -> None:
+        """Take where the actuators say that they are, before the next command."""
+        ...
+
+    def know_mass(self, rate_share: float, delay_s: float) -> None:
+        """Count on this share of the sliding mass's nominal rate, and on this delay."""
+        ...
+
     def reset(self) -> None:
         """Forget what was learned of an earlier leg."""
         ...
@@ -48,7 +61,7 @@ class CompiledController:
     def __init__(self, number: int, vehicle: Vehicle, gains: FloatArray) -> None:
         self._law = number
         self._packed = vehicle.packed()
-        self._gains = gains
+        self._gains = gains.copy()
         self._memory = np.zeros(law.MEMORY_SIZE)
 
     def command(self, estimate: FloatArray, reference: Reference, dt_s: float) -> ActuatorCommand:
@@ -58,9 +71,26 @@ class CompiledController:
         )
         return ActuatorCommand(*wanted.tolist())
 
+    @property
+    def knows_mass(self) -> bool:
+        """Whether the law makes use of what is known of the sliding mass."""
+        return self._law == law_number.GOVERNOR
+
+    def hear(self, m0_kg: float, rp1_m: float, delta_rad: float) -> None:
+        """Take where the actuators say that they are, before the next command."""
+        if self.knows_mass:
+            fed = governor_kernel.FED
+            self._memory[fed : fed + 4] = (governor_kernel.KNOWN, m0_kg, rp1_m, delta_rad)
+
+    def know_mass(self, rate_share: float, delay_s: float) -> None:
+        """Count on this share of the sliding mass's nominal rate, and on this delay."""
+        if self.knows_mass:
+            self._gains[governor_kernel.MASS_RATE_SHARE] = rate_share
+            self._gains[governor_kernel.MASS_DELAY] = delay_s
+
     def reset(self) -> None:
-        """Forget the integrals and whatever else was learned."""
-        self._memory[:] = 0.0
+        """Forget the integrals and whatever else was learned; not what is on its way."""
+        self._memory[: governor_kernel.SENT if self.knows_mass else None] = 0.0
 
 
 class BacksteppingController(CompiledController):

@@ -8,12 +8,15 @@ from autonomy.control.controller import Controller
 from autonomy.planner.config import EnergyConfig
 from autonomy.planner.plan import Leg, PrimitiveKind
 from onboard.flight.account import EnergyAccount
+from onboard.flight.actuator_watch import STUCK_S, ActuatorWatch
 from onboard.flight.course import dive_ends, is_surface
-from onboard.flight.hardware import SetPoints
+from onboard.flight.gentle import gait_for
+from onboard.flight.hardware import Readings, SetPoints
 from onboard.flight.leg import begin_leg, first_course
 from onboard.flight.maneuver import (
     Flight,
     Float,
+    Gait,
     LegManeuver,
     Maneuver,
     Rise,
@@ -90,6 +93,8 @@ class Executive:
         self._maneuver: Maneuver = Float(flight, RobotMode.IDLE)
         self._flown: LegManeuver | None = None
         self._hold = False
+        self.actuators = ActuatorWatch(flight.vehicle, period_s)
+        """How the actuators follow their commands."""
         self.tracking = TargetDesk(period_s)
         """What is heard, done and told of a target, where the mission follows one."""
         self._abort_reason = ""
@@ -180,6 +185,8 @@ class Executive:
             samples_waiting: Whether some samples are not yet known to be stored ashore.
             is_talking: Whether a call by satellite is due or under way.
         """
+        self._flight.pilot.begin_step()
+        self._mind_actuators(estimate)
         is_surfaced = self._flight.is_surfaced(estimate)
         self._surfaced_s = self._surfaced_s + dt_s if is_surfaced else 0.0
         if self.plan_state is OnboardPlanState.RUNNING:
@@ -205,6 +212,7 @@ class Executive:
         if self._stage is not Stage.IDLE:
             return CommandOutcome.NOT_NOW
         flaw = plan_flaw(mission, self._flight.site, self._flight.vehicle.limits)
+        flaw = flaw or self._stuck_text()
         if flaw:
             self.plan_state, self.reason = OnboardPlanState.FAILED, flaw
             return CommandOutcome.NOT_NOW
@@ -239,6 +247,48 @@ class Executive:
         kind = CONTROLLERS[onboard.controller_kind]
         pilot.controller = kind.make(self._flight.vehicle, onboard.controller_config())
         self._prices = onboard.energy_config()
+
+    def watch_actuators(self, sent: SetPoints, readings: Readings) -> None:
+        """Take what the actuators were told last, and what the sensors say since; before ``step``.
+
+        Args:
+            sent: Set points as they left, trim and end stops included.
+            readings: Of the sensors as they are.
+        """
+        self.actuators.step(sent, readings, self._flight.pilot.wanted_pitch_rad)
+
+    @property
+    def gait(self) -> Gait:
+        """How gently the legs are flown."""
+        return self._flight.gait
+
+    def _mind_actuators(self, estimate: Estimate) -> None:
+        """Fly as the actuators allow; come up for good where one does not move any more."""
+        watch, flight = self.actuators, self._flight
+        running = self.plan_state is OnboardPlanState.RUNNING
+        if running and self._stage is not Stage.ABORT and (stuck := self._stuck_text()):
+            self._abort(stuck)
+        mass = watch.mass.belief
+        is_swinging = watch.is_swinging
+        if mass.is_off or is_swinging:
+            flight.pilot.know_mass(mass.rate_share, mass.delay_s)
+        else:
+            flight.pilot.forget_mass()
+        gait = gait_for(flight.vehicle, flight.profile, mass, is_swinging=is_swinging)
+        if not gait.is_near(flight.gait):
+            self._flight = replace(flight, gait=gait)
+            if self._stage is Stage.LEG and gait.speed_share < flight.gait.speed_share:
+                flown = begin_leg(self._flight, self._dive(), estimate)
+                self._enter(Stage.LEG, flown)
+                self._flown = flown
+
+    def _stuck_text(self) -> str:
+        """Say which actuator is stuck; "" for none."""
+        stuck = self.actuators.stuck
+        if not stuck:
+            return ""
+        name = stuck[0].value
+        return f"the {name} is stuck: told to move, it stood still for {STUCK_S:.0f} s"
 
     def _keep_limits(self, estimate: Estimate) -> None:
         """Come up where a limit is met: for this dive, or for good."""
@@ -365,7 +415,7 @@ class Executive:
     def _begin_leg(self, estimate: Estimate) -> None:
         legs = self._dive()
         self._account.begin_leg(legs[0])
-        self._flight.pilot.controller.reset()
+        self._flight.pilot.reset()
         flown = begin_leg(self._flight, legs, estimate)
         self._enter(Stage.LEG, flown)
         self._flown = flown

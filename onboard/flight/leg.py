@@ -29,7 +29,8 @@ def begin_leg(flight: Flight, legs: tuple[Leg, ...], estimate: Estimate) -> LegM
     end = anchored_end(legs, *estimate.position_ned[:2])
     if leg.kind is PrimitiveKind.SWIM:
         return Swim(flight, end[:2], estimate, 0.0 if is_surface(end[2]) else end[2])
-    rate_m_s = math.copysign(leg.speed_m_s, end[2] - estimate.depth_m)
+    speed_m_s = flight.gait.speed_share * leg.speed_m_s
+    rate_m_s = math.copysign(speed_m_s, end[2] - estimate.depth_m)
     if leg.kind is PrimitiveKind.DIVE:
         depth = DepthChange(flight, legs, rate_m_s, estimate)
         return DepthLeg(RobotMode.DIVING, depth, FlatDive(flight, depth, end[:2]))

@@ -20,6 +20,24 @@ _SWIM_TIMEOUT_S = 60.0
 
 
 @dataclass(frozen=True, slots=True)
+class Gait:
+    """How gently the legs of a plan are flown, for actuators that follow no faster."""
+
+    speed_share: float = 1.0
+    """Vertical speed of a leg as a share of the planned one."""
+    pitch_rate_rad_s: float = math.inf
+    """How fast the wanted pitch may change; the profile's limit holds as well."""
+    pitch_acceleration_rad_s2: float = math.inf
+    """How fast that speed may change."""
+
+    def is_near(self, other: "Gait") -> bool:
+        """Tell whether a change to another is too small to be made."""
+        return math.isclose(self.speed_share, other.speed_share, rel_tol=0.15) and math.isclose(
+            self.pitch_rate_rad_s, other.pitch_rate_rad_s, rel_tol=0.15
+        )
+
+
+@dataclass(frozen=True, slots=True)
 class Flight:
     """What every maneuver needs: the robot, its manners, where it is, and who moves it."""
 
@@ -27,6 +45,7 @@ class Flight:
     profile: FlightProfile
     site: Site
     pilot: Pilot
+    gait: Gait = Gait()
 
     def is_surfaced(self, estimate: Estimate) -> bool:
         """Tell whether the robot lies at the surface."""

@@ -3,8 +3,13 @@
 import math
 from dataclasses import dataclass
 
+from autonomy.control.catalogue import CONTROLLERS
 from autonomy.control.config import BacksteppingConfig
-from autonomy.control.controller import BacksteppingController, Controller
+from autonomy.control.controller import (
+    BacksteppingController,
+    CompiledController,
+    Controller,
+)
 from autonomy.control.trajectory import Reference
 from autonomy.tracking.control.inner_loop import TailBeat
 from autonomy.vehicle.config import Vehicle
@@ -32,6 +37,8 @@ _GLIDE_AT_RAD = math.radians(8.0)
 _BRAKING_GAIN_S_M = 25.0
 _BRAKING_PITCH_MAX_RAD = math.radians(35.0)
 """Pitch of a flat dive by the horizontal speed that it should not have."""
+_PITCH_RATE_MAX_RAD_S, _PITCH_ACCELERATION_MAX_RAD_S2 = 0.1, 0.05
+"""A wanted pitch that changes faster begins anew; what slews is slower."""
 _AHEAD_M = 0.1
 """Distance of the tracked point ahead of the robot; it only sets the direction to go."""
 
@@ -63,7 +70,46 @@ class Pilot:
         self._period_s = period_s
         self.controller: Controller = BacksteppingController(vehicle, config)
         """The law; may be replaced between two steps."""
+        self._robust: CompiledController | None = None
+        self.wanted_pitch_rad: float | None = None
+        """Pitch that the law holds in this step; None while none does."""
+        self._last_pitch_rad: float | None = None
+        self._last_pitch_rate_rad_s = 0.0
         self._flaps = False
+
+    def know_mass(self, rate_share: float, delay_s: float) -> None:
+        """Fly with a sliding mass that is slower or later than the vehicle's, from now on.
+
+        A law that can count on it is told; another gives way to the robust one until
+        ``forget_mass``.
+
+        Args:
+            rate_share: Its greatest speed as a share of the nominal one.
+            delay_s: Time between a command and the beginning of its answer.
+        """
+        if self.controller.knows_mass:
+            self.controller.know_mass(rate_share, delay_s)
+            return
+        if self._robust is None:
+            kind = CONTROLLERS["controller.governor"]
+            self._robust = CompiledController(
+                kind.law, self._vehicle, kind.packed(kind.preset(self._vehicle.key))
+            )
+        self._robust.know_mass(rate_share, delay_s)
+
+    def forget_mass(self) -> None:
+        """Fly with the law that was chosen: the sliding mass is as the vehicle's model says."""
+        self._robust = None
+
+    def begin_step(self) -> None:
+        """Let a step begin: what the last one held is past."""
+        self._last_pitch_rad, self.wanted_pitch_rad = self.wanted_pitch_rad, None
+
+    def reset(self) -> None:
+        """Forget what the laws learned of an earlier leg."""
+        for law in (self.controller, self._robust):
+            if law is not None:
+                law.reset()
 
     def rest(self) -> SetPoints:
         """Lie at the surface."""
@@ -197,13 +243,27 @@ class Pilot:
         north, east, _ = estimate.position_ned
         speed = forward_speed(estimate)
         ahead = (math.cos(heading), math.sin(heading))
-        command = self.controller.command(
+        law: Controller = self._robust or self.controller
+        pitch_rate = pitch_acceleration = 0.0
+        if law.knows_mass:
+            seen = estimate.readings
+            law.hear(seen.net_buoyancy_kg, seen.mass_position_m, seen.tail_rad)
+            if self._last_pitch_rad is not None:
+                change = (pitch_rad - self._last_pitch_rad) / self._period_s
+                pitch_rate = _clip(change, _PITCH_RATE_MAX_RAD_S)
+                change = (pitch_rate - self._last_pitch_rate_rad_s) / self._period_s
+                pitch_acceleration = _clip(change, _PITCH_ACCELERATION_MAX_RAD_S2)
+        self._last_pitch_rate_rad_s = pitch_rate
+        self.wanted_pitch_rad = pitch_rad
+        command = law.command(
             estimate.state,
             Reference(
                 (north + _AHEAD_M * ahead[0], east + _AHEAD_M * ahead[1], depth.depth_m),
                 pitch_rad,
                 (speed * ahead[0], speed * ahead[1], depth.rate_m_s),
+                pitch_rate,
                 acceleration_ned=(0.0, 0.0, depth.acceleration_m_s2),
+                pitch_acceleration_rad_s2=pitch_acceleration,
             ),
             self._period_s,
         )

@@ -84,7 +84,9 @@ class PitchAim:
         self._depth = depth
         self.net_buoyancy_max_kg = _BUOYANCY_RESERVE * polar.net_buoyancy_max_kg
         """More is of no use to a glide: it only takes longer to pump away again."""
-        self._slew_rad_s = flight.profile.pitch_rate_rad_s
+        self._slew_rad_s = min(flight.profile.pitch_rate_rad_s, flight.gait.pitch_rate_rad_s)
+        self._slew_growth_rad_s2 = flight.gait.pitch_acceleration_rad_s2
+        self._rate_rad_s = 0.0
         self._wanted_rad = self._pitch_rad = estimate.pitch_rad
         self._next_s = 0.0
         p = flight.vehicle.parameters
@@ -101,9 +103,19 @@ class PitchAim:
         if self._next_s <= 0.0:
             self._next_s = _AIM_INTERVAL_S
             self._aim(estimate, left_m)
-        slew = self._slew_rad_s * dt_s
-        self._pitch_rad += min(max(self._wanted_rad - self._pitch_rad, -slew), slew)
+        self._pitch_rad += self._change(dt_s)
         return self._pitch_rad
+
+    def _change(self, dt_s: float) -> float:
+        """Return by how much the pitch to hold moves on towards the wanted one."""
+        left_rad, slew = self._wanted_rad - self._pitch_rad, self._slew_rad_s
+        if math.isinf(self._slew_growth_rad_s2):
+            return min(max(left_rad, -slew * dt_s), slew * dt_s)
+        stopping = math.sqrt(2.0 * self._slew_growth_rad_s2 * abs(left_rad))
+        rate = math.copysign(min(stopping, slew, abs(left_rad) / dt_s), left_rad)
+        most = self._slew_growth_rad_s2 * dt_s
+        self._rate_rad_s += min(max(rate - self._rate_rad_s, -most), most)
+        return self._rate_rad_s * dt_s
 
     def _aim(self, estimate: Estimate, left_m: float) -> None:
         left_s = max(self._depth.time_left_s(estimate), _AIM_INTERVAL_S)
