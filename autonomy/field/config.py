@@ -130,6 +130,15 @@ class FieldConfig(Configuration):
         json_schema_extra={"unit": "m"},
     )
     """Position standard deviations that separate the levels, ascending; one fewer than levels."""
+    steady_current_m_s: float = quantity(
+        0.01, "m/s", title="Unknown steady current", ge=0.0, le=3.0, advanced=True
+    )
+    """Standard deviation per axis of a current of which robots may not be told, before any fix has
+    shown how far it carries them; the model with position-dependent noise counts it where a robot
+    does not, and learns from the jumps at fixes."""
+    adapts: bool = quantity(True, title="Adapt to the survey", advanced=True)
+    """Whether the model with position-dependent noise multiplies signal variance and length scales
+    by what its dives bear out when a map is made anew; the kernel itself stays as it is set."""
     grid: GridShape = quantity(GridShape(), title="Grid")
     """Points at which the map is kept up to date."""
     max_samples: int = quantity(2000, title="Most samples kept", ge=50, le=20_000, advanced=True)

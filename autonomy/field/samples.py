@@ -1,22 +1,22 @@
 """Samples of one field as a model takes them: where, what, how well located, in which dive."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from autonomy.arrays import BoolArray, FloatArray, IntArray
+from autonomy.field.reckoning import Reckoning, reckoned
 
 _TOLERANCE = 1e-9
-_LEAST_STD_M = 1e-12
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FieldSamples:
     """Measurements in order of arrival, ``n`` of them.
 
-    The position errors of one dive are one random walk, which a fix at the surface begins and
-    ends: ``position_error_covariance`` gives their covariance.
+    The position errors of one dive go together, from the fix at the surface that begins it to the
+    one that ends it: ``reckoning.position_error_covariance`` gives their covariance.
     """
 
     points: FloatArray
@@ -32,6 +32,8 @@ class FieldSamples:
     """Number of the dive, the same for samples between the same two fixes, shape ``(n,)``."""
     time_s: FloatArray
     """When each was measured, shape ``(n,)``."""
+    reckoning: Reckoning
+    """What is known of their dives."""
 
     @classmethod
     def of(
@@ -43,6 +45,9 @@ class FieldSamples:
         filtered_std_m: npt.ArrayLike | None = None,
         dive: npt.ArrayLike | None = None,
         time_s: npt.ArrayLike | None = None,
+        believed: npt.ArrayLike | None = None,
+        end_s: npt.ArrayLike | None = None,
+        jump_ne_m: npt.ArrayLike | None = None,
         after: "FieldSamples | None" = None,
     ) -> "FieldSamples":
         """Make samples of arrays, and check them.
@@ -55,34 +60,74 @@ class FieldSamples:
             dive: Number of each sample's dive; without it a new dive begins where the stated
                 standard deviation falls.
             time_s: Times of the samples; 0 without them.
+            believed: Where the robot believed to be, shape ``(n, 3)``, m; ``points`` if nothing was
+                smoothed. How far smoothing moved a dive tells how far the fix at its end jumped.
+            end_s: When that fix came, shape ``(n,)``, not a number where none did; about one
+                sample after the last if not given.
+            jump_ne_m: How far it jumped, shape ``(n, 2)``, where that is known otherwise.
             after: Samples of the same robot that came before, whose last dive may go on.
 
         Raises:
             ValueError: As ``checked`` does.
         """
-        numbers = np.asarray(values, dtype=np.float64)
-        stated = np.asarray(
-            position_std_m if filtered_std_m is None else filtered_std_m, dtype=np.float64
-        )
-        return checked(
+        places, numbers = _array(points), _array(values)
+        smoothed = _array(position_std_m)
+        stated = smoothed if filtered_std_m is None else _array(filtered_std_m)
+        made = checked(
             cls(
-                points=np.asarray(points, dtype=np.float64),
+                points=places,
                 values=numbers,
-                position_std_m=np.asarray(position_std_m, dtype=np.float64),
+                position_std_m=smoothed,
                 filtered_std_m=stated,
                 dive=_dives(stated, after) if dive is None else np.asarray(dive, dtype=np.int64),
-                time_s=np.zeros(numbers.shape)
-                if time_s is None
-                else np.asarray(time_s, dtype=np.float64),
+                time_s=np.zeros(numbers.shape) if time_s is None else _array(time_s),
+                reckoning=Reckoning.unknown(len(numbers) if numbers.ndim else 0),
             )
         )
+        return made.reckoned(
+            believed=places if believed is None else _array(believed),
+            end_s=None if end_s is None else _array(end_s),
+            jump_ne_m=None if jump_ne_m is None else _array(jump_ne_m),
+            after=after,
+        )
+
+    def reckoned(
+        self,
+        *,
+        believed: FloatArray,
+        end_s: FloatArray | None = None,
+        jump_ne_m: FloatArray | None = None,
+        after: "FieldSamples | None" = None,
+    ) -> "FieldSamples":
+        """Return these samples with what they show of their dives; arguments as those of ``of``."""
+        goes_on = np.empty(0, dtype=np.int64)
+        if after is not None and len(after) and len(self):
+            goes_on = np.flatnonzero(after.dive == self.dive[0])
+        before = after[goes_on] if after is not None else self[:0]
+        moved = (self.points - believed)[:, :2]
+        found = reckoned(
+            np.concatenate([before.time_s, self.time_s]),
+            np.concatenate([before.filtered_std_m, self.filtered_std_m]),
+            np.concatenate([before.position_std_m, self.position_std_m]),
+            np.concatenate([before.dive, self.dive]),
+            moved_ne_m=np.concatenate([np.zeros((len(before), 2)), moved]),
+            end_s=end_s,
+            jump_ne_m=jump_ne_m,
+        )
+        return replace(self, reckoning=found[len(before) :])
 
     @classmethod
     def none(cls) -> "FieldSamples":
         """Return no samples."""
         nothing = np.empty(0)
         return cls(
-            np.empty((0, 3)), nothing, nothing, nothing, np.empty(0, dtype=np.int64), nothing
+            np.empty((0, 3)),
+            nothing,
+            nothing,
+            nothing,
+            np.empty(0, dtype=np.int64),
+            nothing,
+            Reckoning.unknown(0),
         )
 
     def __len__(self) -> int:
@@ -98,6 +143,7 @@ class FieldSamples:
             self.filtered_std_m[chosen],
             self.dive[chosen],
             self.time_s[chosen],
+            self.reckoning[chosen],
         )
 
 
@@ -110,6 +156,7 @@ def joined(a: FieldSamples, b: FieldSamples) -> FieldSamples:
         np.concatenate([a.filtered_std_m, b.filtered_std_m]),
         np.concatenate([a.dive, b.dive]),
         np.concatenate([a.time_s, b.time_s]),
+        a.reckoning.followed_by(b.reckoning),
     )
 
 
@@ -148,34 +195,8 @@ def checked(samples: FieldSamples) -> FieldSamples:
     return samples
 
 
-def position_error_covariance(a: FieldSamples, b: FieldSamples) -> FloatArray:
-    r"""Return the covariance of the position errors of samples, on each horizontal axis.
-
-    Between two fixes the error of the filter is a random walk :math:`W` with
-    :math:`Var W_i = f_i^2`, so :math:`Cov(W_i, W_j) = \min(f_i^2, f_j^2)`. A fix at the end of the
-    dive tells the whole walk, which leaves
-    :math:`\min(f_i^2, f_j^2) - \sqrt{(f_i^2 - s_i^2)(f_j^2 - s_j^2)}` with the smoothed standard
-    deviation :math:`s`. This is :math:`s_i s_j \min(c_i, c_j) / \max(c_i, c_j)` with
-    :math:`c = f^2 / s`, which is a covariance also where a robot states what no random walk can.
-    Samples of different dives are independent.
-
-    Args:
-        a: ``n`` samples.
-        b: ``m`` samples.
-
-    Returns:
-        Shape ``(n, m)``, m^2.
-    """
-    clock_a, clock_b = _clock(a), _clock(b)
-    covariance = np.minimum.outer(clock_a, clock_b) / np.maximum.outer(clock_a, clock_b)
-    covariance *= np.multiply.outer(a.position_std_m, b.position_std_m)
-    covariance[np.not_equal.outer(a.dive, b.dive)] = 0.0
-    return covariance
-
-
-def _clock(samples: FieldSamples) -> FloatArray:
-    stated = np.maximum(samples.filtered_std_m, _LEAST_STD_M)
-    return np.square(stated) / np.maximum(samples.position_std_m, _LEAST_STD_M)
+def _array(given: npt.ArrayLike) -> FloatArray:
+    return np.asarray(given, dtype=np.float64)
 
 
 def _dives(stated_std_m: FloatArray, after: FieldSamples | None) -> IntArray:

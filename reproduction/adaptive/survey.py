@@ -50,7 +50,8 @@ class Survey:
             mine = self.samples.dive == number
             better = smooth_dive(dive, points[mine], std_m[mine])
             points[mine], std_m[mine] = better.position_ned, better.position_std_m
-        return replace(self.samples, points=points, position_std_m=std_m)
+        located = replace(self.samples, points=points, position_std_m=std_m)
+        return located.reckoned(believed=self.samples.points)
 
 
 class NoPlanError(Exception):
@@ -85,7 +86,7 @@ def run_survey(
         start = inside(robot.believed_ne_m, planner)
         result = search.plan(
             planner,
-            _belief(field, planner, samples),
+            planning_belief(field, planner, samples),
             start,
             rng=rng,
             budget=planner.round_budget,
@@ -120,7 +121,10 @@ def inside(believed_ne_m: tuple[float, float], planner: PlannerConfig) -> tuple[
     )
 
 
-def _belief(field: FieldConfig, planner: PlannerConfig, samples: FieldSamples) -> FieldBelief:
+def planning_belief(
+    field: FieldConfig, planner: PlannerConfig, samples: FieldSamples
+) -> FieldBelief:
+    """Return what a round is planned with: the map so far, at points that stand for the domain."""
     targets = Grid.over(planner.domain, PLANNING_GRID).points
     mean, variance = condition(field, samples).marginals(targets)
     return FieldBelief(

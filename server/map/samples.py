@@ -42,6 +42,7 @@ def field_samples(columns: SampleColumns) -> FieldSamples:
         filtered_std_m=columns.position_std_m,
         dive=_dives(columns),
         time_s=columns.measured_at_us * 1e-6,
+        believed=columns.position_ned,
     )
 
 

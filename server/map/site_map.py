@@ -27,6 +27,9 @@ from webui.scene.source import MapView, SampleView
 
 log = logging.getLogger(__name__)
 
+_REMEMBERED = 100
+"""Samples at either end of a dive that its later ones are compared with."""
+
 
 class Seen:
     """Sequence numbers of several logs; numbers without a gap from 0 on cost nothing."""
@@ -74,7 +77,7 @@ class SiteMap:
         self._live = LiveMap(config, grid)
         self._seen: dict[str, Seen] = defaultdict(Seen)
         self._last: dict[str, FieldSamples] = {}
-        """Newest sample by robot, whose dive may go on."""
+        """Samples of the newest dive by robot, which may go on."""
         self._refresh(None)
 
     @classmethod
@@ -97,7 +100,7 @@ class SiteMap:
             return site_map
         samples = field_samples(columns)
         for number in np.unique(columns.robot).tolist():
-            site_map._last[robots[number]] = samples[columns.robot == number][-1:]
+            site_map._last[robots[number]] = _last_dive(samples[columns.robot == number])
         site_map._live.replace(samples)
         site_map._note(samples)
         site_map._refresh(moment(int(columns.measured_at_us[-1])))
@@ -143,7 +146,7 @@ class SiteMap:
         if before is None:
             first = first_dive(self.robots.index(robot))
             fresh = dataclasses.replace(fresh, dive=fresh.dive + first)
-        self._last[robot] = fresh[-1:]
+        self._last[robot] = _last_dive(fresh if before is None else joined(before, fresh))
         return fresh
 
     def _note(self, samples: FieldSamples) -> None:
@@ -167,6 +170,12 @@ class SiteMap:
             fidelity=self._live.sample_levels,
             is_smoothed=kept.position_std_m < kept.filtered_std_m,
         )
+
+
+def _last_dive(samples: FieldSamples) -> FieldSamples:
+    """Return what tells of the newest dive: its samples, of very many the first and the last."""
+    mine = np.flatnonzero(samples.dive == samples.dive[-1])
+    return samples[np.unique(np.concatenate([mine[:_REMEMBERED], mine[-_REMEMBERED:]]))]
 
 
 def view_on_grid(

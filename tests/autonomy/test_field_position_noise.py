@@ -15,7 +15,8 @@ from autonomy.field.model.position_noise import (
     slope_correlation,
     slope_given,
 )
-from autonomy.field.samples import FieldSamples, position_error_covariance
+from autonomy.field.reckoning import position_error_covariance
+from autonomy.field.samples import FieldSamples
 
 KERNEL = KernelParameters(
     signal_variance=2.0, length_x_m=1.1, length_y_m=0.8, length_z_m=0.6, noise_variance=0.01

@@ -3,7 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from autonomy.field.samples import FieldSamples, checked, joined, position_error_covariance
+from autonomy.field.reckoning import position_error_covariance
+from autonomy.field.samples import FieldSamples, checked, joined
 
 
 def some_samples(std_m: list[float]) -> FieldSamples:

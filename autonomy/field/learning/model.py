@@ -1,5 +1,6 @@
 """The kernels of a whole field model, learned from all its samples."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -17,6 +18,7 @@ from autonomy.field.level_scale import scale_factors
 from autonomy.field.model.model import ageing_of, centred_values, condition
 from autonomy.field.model.position_noise import PositionNoise
 from autonomy.field.model.recursive import RecursiveGaussianProcess
+from autonomy.field.reckoning import error_scale
 from autonomy.field.samples import FieldSamples, checked
 from autonomy.field.scale import to_model
 from autonomy.field.thinning import space_filling
@@ -26,6 +28,8 @@ MOST_SAMPLES = 1000
 FEWEST_OF_A_LEVEL = 20
 """A level with fewer samples keeps its kernel."""
 _NOISE_ROUNDS = 3
+_CURRENT_SHARES = (0.25, 0.5, 1.0, 2.0, 4.0)
+"""Currents that are weighed where no jump tells, in the present one."""
 _LEAST_GAIN = 1e-3
 """Nats by which learned kernels must be more likely to be taken."""
 _SMALLEST_NOISE = 1e-12
@@ -135,17 +139,42 @@ def _learn_position_noise(work: _Work) -> tuple[FieldConfig, tuple[str, ...]]:
     """Learn with the noise of the present slopes held, then find the slopes anew."""
     config, samples, kernels = work.config, work.samples, ("",)
     starts = starting_kernels(config.single, samples.points, work.values, work.starts, work.rng)
+    current_m_s = _current(work)
     for number in range(_NOISE_ROUNDS):
         work.go_on()
         noise = PositionNoise.of(
             config.single,
             samples,
             centred_values(config, samples),
+            scale=error_scale(samples.reckoning, samples.dive, current_m_s),
             ageing=ageing_of(config, samples, None),
         ).covariance
         config, kernels = _learn_one(work, starts, noise, work.of_part(number, _NOISE_ROUNDS))
         starts = [work.config.single, config.single]
-    return config, kernels
+    if current_m_s == work.config.steady_current_m_s:
+        return config, kernels
+    fact = f"unknown steady current: {100.0 * current_m_s:.2g} cm/s on each axis"
+    return config.model_copy(update={"steady_current_m_s": current_m_s}), (*kernels, fact)
+
+
+def _current(work: _Work) -> float:
+    """Return the steady current that jumps at fixes show, or without jumps the values themselves.
+
+    The present one is the scale of a half Cauchy prior; 0 stays.
+    """
+    config, known = work.config, work.samples.reckoning
+    prior_m_s = config.steady_current_m_s
+    if prior_m_s == 0.0 or not known.since_fix_s.any():
+        return prior_m_s
+    if np.isfinite(known.jump_ne_m).any():
+        return error_scale(known, work.samples.dive, prior_m_s).current_m_s
+
+    def evidence(share: float) -> float:
+        work.go_on()
+        tried = _unadapted(config).model_copy(update={"steady_current_m_s": share * prior_m_s})
+        return -_negative_log(tried, work.samples) - math.log1p(share**2)
+
+    return prior_m_s * max(_CURRENT_SHARES, key=evidence)
 
 
 def _learn_one(
@@ -289,7 +318,12 @@ def _thinned(config: FieldConfig, samples: FieldSamples) -> FieldSamples:
 
 
 def _negative_log(config: FieldConfig, samples: FieldSamples) -> float:
-    return -condition(config, samples).log_marginal_likelihood()
+    return -condition(_unadapted(config), samples).log_marginal_likelihood()
+
+
+def _unadapted(config: FieldConfig) -> FieldConfig:
+    """Return settings whose kernel is the one that is judged."""
+    return config.model_copy(update={"adapts": False})
 
 
 def _judged(

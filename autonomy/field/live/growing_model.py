@@ -15,10 +15,12 @@ from autonomy.field.model.model_prior import AgeingPrior, JointPrior, Places, Pr
 from autonomy.field.model.position_noise import (
     PositionNoise,
     Slope,
+    Told,
     curvature_noise,
     position_noise,
     slope_given,
 )
+from autonomy.field.reckoning import ErrorScale, located_std_m
 from autonomy.field.samples import FieldSamples, joined
 
 
@@ -38,6 +40,11 @@ class GrowingModel(Protocol):
     @property
     def noise_covariance(self) -> FloatArray | None:
         """Noise of the samples, shape ``(n, n)``, where it depends on when they came in."""
+        ...
+
+    @property
+    def kernel(self) -> KernelParameters | None:
+        """The kernel of the one Gaussian process that noise is given for, None for the others."""
         ...
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
@@ -83,6 +90,11 @@ class GrowingField:
         """None: the levels' own noise is all there is."""
         return None
 
+    @property
+    def kernel(self) -> KernelParameters | None:
+        """None: the kernels are as they are set."""
+        return None
+
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
         """Take in samples whose ``values`` are centred and in the model's scale, ``(m,)``."""
         level = fidelity_level(samples.position_std_m, self._thresholds_m) if self._is_joint else 0
@@ -94,16 +106,23 @@ class GrowingPositionNoise:
 
     The noise of a sample follows from the slope that the map has when the sample comes in, and
     stays. What is appended to an empty map, as all the samples of a rebuilt one are, gets the
-    noise that the reference finds by iteration.
+    noise that the reference finds by iteration, and tells the kernel and the scale of the position
+    errors, which stay until the map is rebuilt.
     """
 
     def __init__(self, config: FieldConfig, points: FloatArray) -> None:
         """Begin with the prior at points ``(q, 3)``."""
         self._config = config
+        self._points = points
         self._samples = FieldSamples.none()
-        self._slope = Slope.of_prior(0, config.single)
+        self._begin(Told(config.single, ErrorScale(1.0, config.steady_current_m_s)))
+
+    def _begin(self, told: Told) -> None:
+        """Begin with the prior that the samples have told."""
+        self._told = told
+        self._slope = Slope.of_prior(0, told.kernel)
         self._process, self._map = _process_and_map(
-            SinglePrior(config.single), points, config.memory_s
+            SinglePrior(told.kernel), self._points, self._config.memory_s
         )
 
     @property
@@ -118,15 +137,17 @@ class GrowingPositionNoise:
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:
         """Take in samples whose ``values`` are centred and in the model's scale, ``(m,)``."""
-        kernel, places = self._config.single, Places.of(samples.points, time_s=samples.time_s)
+        places = Places.of(samples.points, time_s=samples.time_s)
         if len(self._samples):
-            slope = slope_given(self._process, places, kernel, self._config.memory_s)
-            noise = _noise(samples, slope, kernel)
+            slope = slope_given(self._process, places, self._told.kernel, self._config.memory_s)
+            noise = _noise(samples, slope, self._told)
         else:
             ageing = ageing_of(self._config, samples, None)
-            found = PositionNoise.of(kernel, samples, values, ageing=ageing)
+            told = Told.by(self._config, samples, values, ageing)
+            self._begin(told)
+            found = PositionNoise.of(told.kernel, samples, values, scale=told.scale, ageing=ageing)
             slope, noise = found.slope, found.covariance
-            noise[np.diag_indices(len(samples))] += noise_variance(kernel)
+            noise[np.diag_indices(len(samples))] += noise_variance(told.kernel)
         self._process.append(places, values, noise, self._noise_with_earlier(samples, slope))
         self._samples = joined(self._samples, samples)
         self._slope = Slope(
@@ -137,7 +158,12 @@ class GrowingPositionNoise:
     @property
     def noise_covariance(self) -> FloatArray | None:
         """Noise of all samples, that of the measurement included, shape ``(n, n)``."""
-        return _noise(self._samples, self._slope, self._config.single)
+        return _noise(self._samples, self._slope, self._told)
+
+    @property
+    def kernel(self) -> KernelParameters:
+        """The kernel that the samples have told."""
+        return self._told.kernel
 
     def _noise_with_earlier(self, samples: FieldSamples, slope: Slope) -> FloatArray:
         """Return the covariance of new noise with earlier noise, which only a dive shares."""
@@ -145,15 +171,20 @@ class GrowingPositionNoise:
         same = np.flatnonzero(np.isin(self._samples.dive, samples.dive))
         if len(same):
             noise[same] = position_noise(
-                self._samples[same], samples, self._slope[same], slope, self._config.single
+                self._samples[same],
+                samples,
+                self._slope[same],
+                slope,
+                self._told.kernel,
+                self._told.scale,
             )
         return noise
 
 
-def _noise(samples: FieldSamples, slope: Slope, kernel: KernelParameters) -> FloatArray:
-    noise = position_noise(samples, samples, slope, slope, kernel)
-    noise[np.diag_indices(len(samples))] += noise_variance(kernel)
-    noise[np.diag_indices(len(samples))] += curvature_noise(samples.position_std_m, kernel)
+def _noise(samples: FieldSamples, slope: Slope, told: Told) -> FloatArray:
+    noise = position_noise(samples, samples, slope, slope, told.kernel, told.scale)
+    bend = curvature_noise(located_std_m(samples, told.scale), told.kernel)
+    noise[np.diag_indices(len(samples))] += noise_variance(told.kernel) + bend
     return noise
 
 
@@ -193,6 +224,11 @@ class GrowingRecursion:
     @property
     def noise_covariance(self) -> FloatArray | None:
         """None: the levels' own noise is all there is."""
+        return None
+
+    @property
+    def kernel(self) -> KernelParameters | None:
+        """None: the kernels are as they are set."""
         return None
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:

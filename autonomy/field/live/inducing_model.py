@@ -10,8 +10,10 @@ from autonomy.field.config import FieldConfig, KernelParameters
 from autonomy.field.fidelity import fidelity_level
 from autonomy.field.live.inducing import InducingPosterior, inducing_places
 from autonomy.field.model.kernel import gradient_covariance, gradient_variance, noise_variance
+from autonomy.field.model.model import ageing_of
 from autonomy.field.model.model_prior import JointPrior, Places, Prior, SinglePrior
-from autonomy.field.model.position_noise import curvature_noise
+from autonomy.field.model.position_noise import Told, curvature_noise
+from autonomy.field.reckoning import ErrorScale, located_std_m
 from autonomy.field.samples import FieldSamples
 
 _BLOCK = 1024
@@ -51,6 +53,11 @@ class InducingGaussianProcess:
         Raises:
             ValueError: If there are no samples, or sums have no factor.
         """
+        self._scale = ErrorScale()
+        if config.model == "position_noise":
+            told = Told.by(config, samples, values, ageing_of(config, samples, None))
+            self._scale = told.scale
+            config = config.model_copy(update={"single": told.kernel})
         self._config = config
         self._levels = config.joint_levels if config.model == "joint" else config.levels
         self._is_single = config.model in {"single", "position_noise"}
@@ -151,9 +158,9 @@ class InducingGaussianProcess:
     def _noise(self, samples: FieldSamples, places: Places, told: InducingPosterior) -> FloatArray:
         if self._config.model != "position_noise":
             return self._prior.noise(places)
-        kernel = self._config.single
-        moved = np.square(samples.position_std_m) * _slope_square(places, kernel, told)
-        return moved + curvature_noise(samples.position_std_m, kernel) + noise_variance(kernel)
+        kernel, std_m = self._config.single, located_std_m(samples, self._scale)
+        moved = np.square(std_m) * _slope_square(places, kernel, told)
+        return moved + curvature_noise(std_m, kernel) + noise_variance(kernel)
 
 
 def _slope_square(places: Places, kernel: KernelParameters, told: InducingPosterior) -> FloatArray:
@@ -197,6 +204,11 @@ class GrowingInducing:
     @property
     def noise_covariance(self) -> FloatArray | None:
         """None: no noise that samples share is kept."""
+        return None
+
+    @property
+    def kernel(self) -> KernelParameters | None:
+        """None: what is shown elsewhere is the sum itself."""
         return None
 
     def append(self, samples: FieldSamples, values: FloatArray) -> None:

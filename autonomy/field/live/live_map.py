@@ -121,7 +121,10 @@ class LiveMap:
         """
         if isinstance(self._model, GrowingInducing):
             return FieldAboutMean(self.config, self._model.field)
-        return condition(self.config, self._samples, noise=self._model.noise_covariance)
+        config, kernel = self.config, self._model.kernel
+        if kernel is not None:
+            config = config.model_copy(update={"single": kernel})
+        return condition(config, self._samples, noise=self._model.noise_covariance)
 
     def predict(self, targets: FloatArray) -> Prediction:
         """Return mean and full covariance of the field at any points, shape ``(q, 3)``, m.

@@ -9,7 +9,7 @@ from autonomy.field.config import FieldConfig
 from autonomy.field.fidelity import fidelity_level
 from autonomy.field.model.gaussian_process import Ageing, GaussianProcess
 from autonomy.field.model.joint import JointGaussianProcess
-from autonomy.field.model.position_noise import PositionNoiseGaussianProcess
+from autonomy.field.model.position_noise import PositionNoiseGaussianProcess, Told
 from autonomy.field.model.recursive import RecursiveGaussianProcess
 from autonomy.field.samples import FieldSamples
 from autonomy.field.scale import to_model
@@ -95,7 +95,10 @@ def condition(
     elif config.model == "position_noise" and noise is not None:
         model = GaussianProcess(config.single, samples.points, values, noise=noise, ageing=ageing)
     elif config.model == "position_noise":
-        model = PositionNoiseGaussianProcess(config.single, samples, values, ageing=ageing)
+        told = Told.by(config, samples, values, ageing)
+        model = PositionNoiseGaussianProcess(
+            told.kernel, samples, values, scale=told.scale, ageing=ageing
+        )
     else:
         is_joint = config.model == "joint"
         model = (JointGaussianProcess if is_joint else RecursiveGaussianProcess)(

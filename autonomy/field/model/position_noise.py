@@ -8,7 +8,7 @@ random walk, hence alike for neighbours, and so are slopes. To the samples' nois
     P_{ij} \, (m_i \cdot m_j + c_i c_j r_{ij}),
 
 where :math:`P_{ij}` is the covariance of the position errors on each axis
-(``samples.position_error_covariance``), :math:`m_i` and :math:`c_i` are mean and standard deviation
+(``reckoning.position_error_covariance``), :math:`m_i` and :math:`c_i` are mean and deviation
 of the slope given the samples, and :math:`r_{ij}` is the prior correlation of slopes. Being an
 entrywise product of covariances it is one itself. The slope is known only after the noise, so both
 are found in turn, from the prior slope on. What the field bends over the error is added as noise of
@@ -20,13 +20,14 @@ Source:
     in the mind, and what they share is not mistaken for agreement.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Protocol, Self
 
 import numpy as np
 
 from autonomy.arrays import BoolArray, FloatArray, IntArray
-from autonomy.field.config import KernelParameters
+from autonomy.field.config import FieldConfig, KernelParameters
+from autonomy.field.model.adaptation import FEWEST_DIVES, MOST_SAMPLES, adapted
 from autonomy.field.model.gaussian_process import Ageing, GaussianProcess
 from autonomy.field.model.kernel import (
     covariance,
@@ -37,7 +38,13 @@ from autonomy.field.model.kernel import (
 )
 from autonomy.field.model.model_prior import Places, fading
 from autonomy.field.model.posterior import PosteriorAtPoints
-from autonomy.field.samples import FieldSamples, position_error_covariance
+from autonomy.field.reckoning import (
+    ErrorScale,
+    error_scale,
+    located_std_m,
+    position_error_covariance,
+)
+from autonomy.field.samples import FieldSamples
 
 ITERATIONS = 3
 """Times that slope and noise follow from each other; more change the scores by under 1 %."""
@@ -130,15 +137,18 @@ class _LocationErrors:
     It is worked out once, and told as often as the slope is found anew.
     """
 
-    def __init__(self, a: FieldSamples, b: FieldSamples, parameters: KernelParameters) -> None:
+    def __init__(
+        self, a: FieldSamples, b: FieldSamples, parameters: KernelParameters, scale: ErrorScale
+    ) -> None:
         """Compare samples.
 
         Args:
             a: ``n`` samples.
             b: ``m`` samples.
             parameters: The kernel.
+            scale: By how much position errors differ from what was stated.
         """
-        self._shared = position_error_covariance(a, b)  # (n, m)
+        self._shared = position_error_covariance(a, b, scale)  # (n, m)
         self._alike = slope_correlation(a.points, b.points, parameters)
         self._alike *= self._shared
 
@@ -161,6 +171,7 @@ def position_noise(
     slope_a: Slope,
     slope_b: Slope,
     parameters: KernelParameters,
+    scale: ErrorScale | None = None,
 ) -> FloatArray:
     """Return the covariance of what position errors add to measurements, shape ``(n, m)``.
 
@@ -170,8 +181,9 @@ def position_noise(
         slope_a: Slope at the samples ``a``.
         slope_b: Slope at the samples ``b``.
         parameters: The kernel.
+        scale: By how much position errors differ from what was stated; not at all if not given.
     """
-    return _LocationErrors(a, b, parameters).noise(slope_a, slope_b)
+    return _LocationErrors(a, b, parameters, scale or ErrorScale()).noise(slope_a, slope_b)
 
 
 def curvature_noise(position_std_m: FloatArray, parameters: KernelParameters) -> FloatArray:
@@ -215,6 +227,7 @@ class PositionNoise:
         samples: FieldSamples,
         values: FloatArray,
         *,
+        scale: ErrorScale | None = None,
         ageing: Ageing | None = None,
         iterations: int = ITERATIONS,
     ) -> Self:
@@ -224,6 +237,7 @@ class PositionNoise:
             parameters: Kernel, and the noise of a measurement at an exactly known place.
             samples: Where and how well located, and in which dive.
             values: Measurements in the model's scale, less the prior mean, shape ``(n,)``.
+            scale: By how much position errors differ from what was stated.
             ageing: Times, if the field changes.
             iterations: Times that the slope is found anew; 0 for the prior slope.
 
@@ -231,8 +245,9 @@ class PositionNoise:
             ValueError: If the kernel is Matern-1/2, whose field has no slope.
         """
         memory_s = 0.0 if ageing is None else ageing.memory_s
-        errors = _LocationErrors(samples, samples, parameters)
-        bend = curvature_noise(samples.position_std_m, parameters)
+        scale = scale or ErrorScale()
+        errors = _LocationErrors(samples, samples, parameters, scale)
+        bend = curvature_noise(located_std_m(samples, scale), parameters)
         slope = Slope.of_prior(len(samples), parameters)
         noise = _on_diagonal(errors.noise(slope, slope), bend)
         for _ in range(iterations):
@@ -251,16 +266,52 @@ class PositionNoiseGaussianProcess(PosteriorAtPoints):
         samples: FieldSamples,
         values: FloatArray,
         *,
+        scale: ErrorScale | None = None,
         ageing: Ageing | None = None,
         iterations: int = ITERATIONS,
     ) -> None:
         """Condition on samples; arguments and errors as those of ``PositionNoise.of``."""
         self.noise = PositionNoise.of(
-            parameters, samples, values, ageing=ageing, iterations=iterations
+            parameters, samples, values, scale=scale, ageing=ageing, iterations=iterations
         )
         """What position errors do to the measurements."""
         process = _process(parameters, samples, values, self.noise.covariance, ageing)
         super().__init__(process.posterior, 0, 0.0 if ageing is None else ageing.now_s)
+
+
+@dataclass(frozen=True, slots=True)
+class Told:
+    """What a survey itself tells of its kernel and of its position errors."""
+
+    kernel: KernelParameters
+    scale: ErrorScale
+
+    @classmethod
+    def by(
+        cls,
+        config: FieldConfig,
+        samples: FieldSamples,
+        values: FloatArray,
+        ageing: Ageing | None = None,
+    ) -> Self:
+        """Learn from the jumps at fixes, and from how well dives predict each other.
+
+        Args:
+            config: Kernel and current as known beforehand, and whether to adapt the kernel.
+            samples: Where and how well located, and in which dive.
+            values: Measurements in the model's scale, less the prior mean, shape ``(n,)``.
+            ageing: Times, if the field changes.
+        """
+        scale = error_scale(samples.reckoning, samples.dive, config.steady_current_m_s)
+        kernel = config.single
+        if not config.adapts or len(np.unique(samples.dive)) < FEWEST_DIVES:
+            return cls(kernel, scale)
+        used = samples[:: -(-len(samples) // MOST_SAMPLES)]
+        seen = values[:: -(-len(samples) // MOST_SAMPLES)]
+        then = None if ageing is None else replace(ageing, time_s=used.time_s)
+        noise = PositionNoise.of(kernel, used, seen, scale=scale, ageing=then).covariance
+        faded = None if then is None else fading(then.time_s, then.time_s, then.memory_s)
+        return cls(adapted(kernel, used.points, seen, used.dive, noise, faded), scale)
 
 
 def _process(
