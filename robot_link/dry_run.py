@@ -36,7 +36,10 @@ class DryRunProblem:
     """How fast the water carries it away unseen, m per sqrt(s), per axis."""
     current_ne_m_s: tuple[float, float] = (0.0, 0.0)
     """Current that stays and that the robot does not know of."""
-    runs: int = 3
+    steady_current_m_s: float = 0.0
+    """Standard deviation per axis of what nobody knows of the current that stays; each flight meets
+    another part of it, and they cancel over all flights."""
+    runs: int = 4
     """How many times it is flown, each in other eddies."""
     seed: int = 0
     keep_outs: tuple[Area, ...] = ()
@@ -91,10 +94,24 @@ class DryRun:
     """Names of the keep-outs that the robot was in, in any run, at whatever depth."""
     track: DryRunTrack
     """First run."""
+    expected: FloatArray | None = None
+    """Expected track, shape ``(n, 5)``: time of the plan s, without what prepares legs at the
+    surface; north, east, down m, the mean of where the flights were at the same share of the same
+    leg; and the position's std that they stated there, m. It has as many rows for each leg, so a
+    leg's last and the next one's first have the same time. ``None`` unless all of at least two
+    flights came to the end: then the plan's own points are what can be expected."""
+    expected_times_s: tuple[tuple[float, float], ...] = ()
+    """When each leg of the expected track begins and ends, s since the start, surfacings
+    included."""
+    spread_m: float | None = None
+    """Horizontal distance of one more flight from the expected track, root mean square, as the
+    scatter of the flights tells it."""
 
     def document(self) -> dict[str, Any]:
         """Return it as a JSON object; the track is rows of time, true north, east, down, std."""
-        values = {key: value for key, value in asdict(self).items() if key != "track"}
+        values = asdict(self)
+        del values["track"]
         track = self.track
         rows = np.column_stack([track.time_s, track.true_ned, track.stated_std_m])
-        return values | {"flown": rows.round(3).tolist()}
+        expected = [] if self.expected is None else self.expected.round(3).tolist()
+        return values | {"flown": rows.round(3).tolist(), "expected": expected}

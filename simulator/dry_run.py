@@ -30,6 +30,10 @@ _CIRCLE_95 = math.sqrt(-2.0 * math.log(0.05))
 _ROW_EVERY = 10
 """Steps of the onboard program between two rows of a track."""
 _ROWS_MAX = 600
+_SHARES = np.linspace(0.0, 1.0, 13)
+"""Shares of a leg at which the expected track has a point."""
+_RUNS_LEAST = 2
+"""A single flight is no mean."""
 _AT_SURFACE_M = 0.01
 """Planned depth of a surfacing, but for rounding."""
 _LOOK_EVERY = 500
@@ -53,7 +57,7 @@ def run(
     """
     flights: list[_Flight] = []
     for number in range(problem.runs):
-        flights.append(_fly(problem, problem.seed + number, is_cancelled))
+        flights.append(_fly(problem, number, is_cancelled))
         report((number + 1) / problem.runs)
     return _compared(problem, flights)
 
@@ -104,7 +108,23 @@ class _Flight:
     """Leg flown last."""
 
 
-def _definition(problem: DryRunProblem) -> RobotDefinition:
+def _current_ne_m_s(problem: DryRunProblem, number: int) -> tuple[float, float]:
+    """Return the current that stays in one of the flights, m/s.
+
+    To what is told comes what nobody knows of it, in each flight another way, evenly all around,
+    so that it cancels in the mean track; a single flight meets none.
+    """
+    north, east = problem.current_ne_m_s
+    if problem.runs == 1:
+        return north, east
+    first = 2.0 * math.pi * np.random.default_rng(problem.seed).random()
+    angle = first + 2.0 * math.pi * number / problem.runs
+    length = math.sqrt(2.0) * problem.steady_current_m_s
+    return north + length * math.cos(angle), east + length * math.sin(angle)
+
+
+def _definition(problem: DryRunProblem, number: int) -> RobotDefinition:
+    """Return the robot of one of the flights in its water; what flows there is settled here."""
     for known in FLEET.values():
         if known.vehicle.key == problem.vehicle.key:
             return replace(
@@ -114,22 +134,22 @@ def _definition(problem: DryRunProblem) -> RobotDefinition:
                 start_ne_m=problem.start_ne_m,
                 heading_rad=problem.heading_rad,
                 drift_m_sqrt_s=problem.drift_m_sqrt_s,
-                current_ne_m_s=problem.current_ne_m_s,
+                current_ne_m_s=_current_ne_m_s(problem, number),
             )
     raise ValueError(f"there is no simulated robot of the vehicle {problem.vehicle.key}")
 
 
-def _robot(problem: DryRunProblem, seed: int) -> SimulatedRobot:
+def _robot(problem: DryRunProblem, number: int) -> SimulatedRobot:
     """Return a robot that floats at the start, with the faults that the trim is for."""
-    robot = SimulatedRobot(_definition(problem), seed, _EPOCH)
+    robot = SimulatedRobot(_definition(problem, number), problem.seed + number, _EPOCH)
     settings = problem.mission.settings
     robot.body.sensors.buoyancy_bias_kg = settings.net_buoyancy_offset_kg
     robot.body.sensors.mass_position_bias_m = settings.mass_position_offset_m
     return robot
 
 
-def _fly(problem: DryRunProblem, seed: int, is_cancelled: Callable[[], bool]) -> _Flight:
-    robot, radio, flight = _robot(problem, seed), _Notebook(), _Flight()
+def _fly(problem: DryRunProblem, number: int, is_cancelled: Callable[[], bool]) -> _Flight:
+    robot, radio, flight = _robot(problem, number), _Notebook(), _Flight()
     program, executive = robot.program, robot.program.executive
     while program.time_s < _SETTLING_S:
         robot.step(radio)
@@ -176,25 +196,75 @@ class _Plan:
         self._points = np.concatenate([begin, problem.planned_points])
         self._ends_s = np.cumsum([leg.duration_s for leg in legs])
         self._durations_s = np.array([leg.duration_s for leg in legs])
+        self.legs = len(legs)
+
+    def time_s(self, leg: IntArray, share: FloatArray) -> FloatArray:
+        """Return the plan's time at shares of legs, shape ``(n,)``."""
+        return self._ends_s[leg] - (1.0 - share) * self._durations_s[leg]
 
     def at(self, leg: IntArray, share: FloatArray) -> FloatArray:
         """Return north, east, down and position std at shares of legs, shape ``(n, 4)``."""
-        time_s = self._ends_s[leg] - (1.0 - share) * self._durations_s[leg]
-        points = self._points
+        time_s, points = self.time_s(leg, share), self._points
         return np.column_stack([np.interp(time_s, points[:, 0], points[:, k]) for k in range(1, 5)])
 
 
-def _track(plan: _Plan, flight: _Flight) -> DryRunTrack:
-    rows = np.array(flight.rows).reshape(-1, 9)
+def _with_expectation(found: DryRun, plan: _Plan, flights: list[_Flight]) -> DryRun:
+    """Add where the flights were in the mean, if enough of them flew the whole plan.
+
+    The scatter is that of one more flight: those that made the mean lie nearer to it.
+    """
+    runs, legs = len(flights), plan.legs
+    if runs < _RUNS_LEAST or not found.completed:
+        return found
+    places = np.array([_by_share(flight, legs) for flight in flights])  # (runs, legs, shares, 5)
+    mean = places.mean(axis=0)  # (legs, shares, 5)
+    passed_s = np.maximum(mean[:, -1, 0] - mean[:, 0, 0], 1.0)  # (legs,)
+    off_m2 = ((places - mean)[..., 1:3] ** 2).sum(axis=-1).mean(axis=(0, 2))  # (legs,)
+    others = (runs + 1) / (runs - 1)
+    spread_m = math.sqrt(others * float(np.average(off_m2, weights=passed_s)))
+    leg = np.repeat(np.arange(legs), len(_SHARES))
+    points = mean.reshape(-1, 5)
+    times_s = tuple((begin, end) for begin, end in mean[:, (0, -1), 0].round(1).tolist())
+    points[:, 0] = plan.time_s(leg, np.tile(_SHARES, legs))
+    return replace(found, expected=points, expected_times_s=times_s, spread_m=spread_m)
+
+
+def _by_share(flight: _Flight, legs: int) -> FloatArray:
+    """Return a flight at shares of its legs, shape ``(legs, shares, 5)``.
+
+    Its columns: time since the start s, true north, east and down m, stated std m. A leg that was
+    over at once, for the robot was where it ends already, is spent where the one before ended.
+    """
+    found = np.empty((legs, len(_SHARES), 5))
+    rows = np.array(flight.rows)
+    leg, share = _shares(rows)
+    columns = rows[:, (0, 2, 3, 4, 8)]
+    for number in range(legs):
+        mine = leg == number
+        if mine.any():
+            for k in range(5):
+                found[number, :, k] = np.interp(_SHARES, share[mine], columns[mine, k])
+        else:
+            found[number] = found[number - 1, -1] if number else columns[0]
+    return found
+
+
+def _shares(rows: FloatArray) -> tuple[IntArray, FloatArray]:
+    """Return the leg of each row of a flight and the share of it that has passed."""
     time_s, leg = rows[:, 0], rows[:, 1].astype(np.int64)
     share = np.empty(len(rows))
     for number in np.unique(leg):
         mine = leg == number
         passed_s = time_s[mine] - time_s[mine][0]
         share[mine] = passed_s / max(float(passed_s[-1]), 1.0)
-    planned = plan.at(leg, share)
+    return leg, share
+
+
+def _track(plan: _Plan, flight: _Flight) -> DryRunTrack:
+    rows = np.array(flight.rows).reshape(-1, 9)
+    planned = plan.at(*_shares(rows))
     return DryRunTrack(
-        time_s=time_s,
+        time_s=rows[:, 0],
         true_ned=rows[:, 2:5],
         believed_ned=rows[:, 5:8],
         stated_std_m=rows[:, 8],
@@ -229,7 +299,7 @@ def _compared(problem: DryRunProblem, flights: list[_Flight]) -> DryRun:
     rms_m = _root_mean_square(error_m)
     worst_m = float(error_m.max()) if flown else 0.0
     within = float(np.mean(error_m <= _CIRCLE_95 * std_m)) if flown else 0.0
-    return DryRun(
+    found = DryRun(
         completed=not reasons,
         message=_sentence(len(flights), reasons, rms_m, worst_m) + _entry_sentences(names, entries),
         rms_error_m=rms_m,
@@ -245,6 +315,7 @@ def _compared(problem: DryRunProblem, flights: list[_Flight]) -> DryRun:
         entered=tuple(name for name in names if any(name in one for one in entries)),
         track=_thinned(tracks[0]),
     )
+    return _with_expectation(found, plan, flights)
 
 
 def _root_mean_square(values: FloatArray) -> float:

@@ -115,6 +115,20 @@ def newest_plan_report(
     )
 
 
+def flown_legs(session: Session, robot: str, sha256: PlanHash) -> list[tuple[datetime, int]]:
+    """Return when a robot said which leg of a plan it flies, the earliest word first."""
+    rows = session.execute(
+        select(PlanReportRow.measured_at, PlanReportRow.leg)
+        .where(
+            PlanReportRow.robot_key == robot_key(session, robot),
+            PlanReportRow.sha256 == sha256,
+            PlanReportRow.state == int(OnboardPlanState.RUNNING),
+        )
+        .order_by(PlanReportRow.measured_at)
+    )
+    return [(moment, leg) for moment, leg in rows]
+
+
 def history(
     session: Session,
     robot: str,

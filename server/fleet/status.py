@@ -50,9 +50,13 @@ class PlanInHand:
     record: PlanRecord
     legs: tuple[Leg, ...]
     points: FloatArray
-    """Promised trajectory, shape ``(n, 5)``: time s, north, east, down m, position std m."""
+    """Trajectory of the legs, shape ``(n, 5)``: time s, north, east, down m, position std m."""
     round_text: str
     """Where its mission stands, such as "round 2 of 4"; "" for a plan of its own."""
+    expected: FloatArray | None = None
+    """Expected track, shape ``(n, 5)`` like ``points``; ``None`` where the legs are the promise."""
+    expected_ends_s: tuple[float, ...] = ()
+    """When each leg is expected to end, s since the start; empty where nobody knows."""
 
     @property
     def plan_id(self) -> str:
@@ -221,9 +225,10 @@ class RobotStatus:
         record = self.plan.record
         if record.kind == FOLLOW_TARGET and record.running_at is not None:
             return record.running_at + timedelta(seconds=record.document["account"]["duration_s"])
-        remaining_s = 0.0
-        for leg in self.plan.legs[leg_now:]:
-            remaining_s += leg.duration_s
+        remaining_s, ends_s = 0.0, self.plan.expected_ends_s
+        for number, leg in enumerate(self.plan.legs[leg_now:], leg_now):
+            begun_s = ends_s[number - 1] if ends_s and number else 0.0
+            remaining_s += ends_s[number] - begun_s if ends_s else leg.duration_s
             if leg.end_ned[2] <= SURFACE_DEPTH_M:
                 return report.measured_at + timedelta(seconds=remaining_s)
         return None

@@ -2,12 +2,16 @@
 
 from datetime import datetime, timedelta
 
+import numpy as np
+
 from autonomy.arrays import FloatArray
 from autonomy.planner.config import PlannerConfig
+from autonomy.planner.leg.edge import POINT_DOWN, POINT_EAST, POINT_NORTH, POINT_TIME
 from autonomy.planner.plan import Leg
 from db.query.plans import PlanRecord
 from robot_link.messages import PlanReport
 from server.plan.document import legs_of, points_of, report_of
+from server.plan.expected import expected_ends_s, expected_of
 
 MARGIN_S = 10.0
 """Wall time that a round ahead may take beyond its search: its dry run, and a map to make."""
@@ -30,8 +34,14 @@ def unflown(plan: PlanRecord, report: PlanReport | None) -> tuple[Leg, ...]:
 
 
 def planned_rest(plan: PlanRecord, report: PlanReport | None) -> FloatArray:
-    """Return the points of a plan that are still to come, shape ``(m, 5)``; all before it began."""
-    points = points_of(plan.document)
+    """Return where a plan will still sample, shape ``(m, 5)``; all of it before it began.
+
+    The robot samples on its expected track, at the plan's times and as surely as that promises.
+    """
+    points, expected = points_of(plan.document), expected_of(plan.document)
+    if expected is not None:
+        for k in (POINT_NORTH, POINT_EAST, POINT_DOWN):
+            points[:, k] = np.interp(points[:, POINT_TIME], expected[:, POINT_TIME], expected[:, k])
     if plan.state != "running":
         return points
     legs = legs_of(plan.document)
@@ -46,13 +56,21 @@ def remaining_s(
 
     It counts the leg it is on from its last word on, so that it is rather too long.
     """
-    legs = unflown(plan, report)
-    dives = sum(leg.start_ned[2] <= 0.0 for leg in legs[1:])
-    planned_s = sum(leg.duration_s for leg in legs) + dives * config.mission.turn_time_s
+    planned_s = _left_s(plan, config, report)
     said = report_of(plan, report)
     since = plan.running_at if said is None else said.measured_at
     passed_s = 0.0 if since is None else max(0.0, (now - since).total_seconds())
     return max(0.0, planned_s - passed_s)
+
+
+def _left_s(plan: PlanRecord, config: PlannerConfig, report: PlanReport | None) -> float:
+    """Return how long a plan takes from the beginning of the leg that its robot is on."""
+    legs, ends_s = unflown(plan, report), expected_ends_s(plan.document)
+    if legs and ends_s:
+        begun = len(ends_s) - len(legs)
+        return ends_s[-1] - (ends_s[begun - 1] if begun else 0.0)
+    dives = sum(leg.start_ned[2] <= 0.0 for leg in legs[1:])
+    return sum(leg.duration_s for leg in legs) + dives * config.mission.turn_time_s
 
 
 def is_due(

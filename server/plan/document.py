@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import TypeAdapter
 
 from autonomy.arrays import FloatArray
+from autonomy.planner.leg.edge import POINT_STD
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint
 from db.query.plans import PlanRecord
 from db.record import same
@@ -17,6 +18,7 @@ from robot_link.mission import Mission, MissionSettings
 from robot_link.onboard_settings import OnboardSettings
 from robot_link.satellite.config import Tariff
 from robot_link.target_settings import TargetSettings
+from server.plan.expected import expected_of
 from server.plan.target_check import TEACHING
 from server.plan.view import (
     AccountView,
@@ -26,6 +28,7 @@ from server.plan.view import (
     LadderView,
     LegView,
     LivePlanView,
+    NearestView,
     ObjectiveView,
     OnboardView,
     PlanSummaryView,
@@ -204,6 +207,7 @@ def plan_view(
         outdated: Why it no longer fits the robot while it waits.
     """
     document = plan.document
+    dry_run = document.get("rehearsal")
     return same(
         PlanView,
         plan,
@@ -223,7 +227,7 @@ def plan_view(
         progress=progress,
         history=[ObjectiveView(**point) for point in document.get("history", ())],
         runners_up=[_runner_up_view(one) for one in document.get("runners_up", ())],
-        rehearsal=_dry_run_view(document),
+        rehearsal=None if dry_run is None else dry_run_view(dry_run),
         exploitation=document.get("exploitation"),
         replaces=document.get("replaces"),
         message=document.get("message", ""),
@@ -231,7 +235,9 @@ def plan_view(
         onboard=onboard_view(plan, report),
         tracking=None if document.get("tracking") is None else dict(plan.config),
         target_path=document.get("target_path", []),
-        warnings=[ViolationView(**one) for one in document.get("warnings", ())],
+        warnings=[
+            ViolationView(**one) for one in (*document.get("warnings", ()), *_broken(document))
+        ],
         teaches=teaches(plan),
         inherited=[InheritedView(**one) for one in document.get("inherited", ())],
     )
@@ -273,13 +279,27 @@ def live_plan_view(
 
 
 def account_of(document: Mapping[str, Any]) -> AccountView | None:
-    """Return what the plan of a document costs, ``None`` before that is known."""
+    """Return what the plan of a document costs, ``None`` before that is known.
+
+    It costs what its dry run expects. What is kept is the planner's own account.
+    """
     account = document.get("account")
     if account is None:
         return None
     others = {name: value for name, value in account.items() if name != "battery"}
     battery = account.get("battery")
-    return AccountView(**others, battery=None if battery is None else BatteryView(**battery))
+    view = AccountView(**others, battery=None if battery is None else BatteryView(**battery))
+    expected = expected_of(document)
+    if expected is None:
+        return view
+    dry_run = document["rehearsal"]
+    return replace(
+        view,
+        duration_s=dry_run["duration_s"],
+        worst_std_m=float(expected[:, POINT_STD].max()),
+        expected_from=dry_run["runs"],
+        planned_duration_s=view.duration_s,
+    )
 
 
 def teaches(plan: PlanRecord) -> bool:
@@ -317,7 +337,8 @@ def onboard_view(plan: PlanRecord, report: PlanReport | None) -> OnboardView | N
     said, last = report_of(plan, report), plan.document.get("onboard")
     has_begun_anew = said is not None and said.state is OnboardPlanState.ON_BOARD
     if said is not None and not (has_begun_anew and plan.running_at is not None):
-        return onboard_by(plan, said)
+        flown_off_m = None if last is None else last.get("off_track_rms_m")
+        return replace(onboard_by(plan, said), off_track_rms_m=flown_off_m)
     return None if last is None else OnboardView(**last)
 
 
@@ -344,9 +365,17 @@ def _runner_up_view(one: Mapping[str, Any]) -> RunnerUpView:
     )
 
 
-def _dry_run_view(document: Mapping[str, Any]) -> DryRunView | None:
-    found = document.get("rehearsal")
-    return None if found is None else DryRunView(**found)
+def dry_run_view(found: Mapping[str, Any]) -> DryRunView:
+    """Return a dry run as its document says it; one of an earlier version expects no track."""
+    fields = dict(found)
+    fields["nearest"] = [NearestView(**one) for one in found.get("nearest", ())]
+    fields["broken"] = [ViolationView(**one) for one in found.get("broken", ())]
+    return DryRunView(**fields)
+
+
+def _broken(document: Mapping[str, Any]) -> list[dict[str, str]]:
+    """Return the limits that the expected track of a plan breaks."""
+    return (document.get("rehearsal") or {}).get("broken") or []
 
 
 def _moment(text: str | None) -> datetime | None:

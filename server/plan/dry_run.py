@@ -19,7 +19,8 @@ from robot_link.mission import Mission, MissionSettings
 from server.base.vehicle_catalogue import nearest_built_in
 from server.base.worker import WORKER_FAILURES, WorkerPool, WorkerSpentError
 from server.fleet.fleet import Fleet
-from server.plan.document import mission_of, points_of
+from server.plan.document import dry_run_view, mission_of, points_of
+from server.plan.expected import judged
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
 from server.plan.view import DryRunView
 
@@ -28,9 +29,9 @@ log = logging.getLogger(__name__)
 LIMIT_S = 90.0
 """Most processor time of a dry run that a plan waits for: usually some seconds. A machine that is
 busy with something else only takes longer over it."""
-RUNS = 3
+RUNS = 4
 """Most flights of one dry run, each in other eddies."""
-FLOWN_S = 1500.0
+FLOWN_S = 2000.0
 """Planned time that all flights of a dry run may have together; a longer plan is flown once.
 A worker flies 300 to 500 s of it in a second."""
 WORKING = DryRunView("working", message="The plan is flown against the robot's dynamics.")
@@ -74,7 +75,11 @@ class DryRuns:
         except WORKER_FAILURES as error:
             log.warning("%s was not rehearsed: %s", plan.id, error)
             return DryRunView("failed", message=f"Not rehearsed: {error}")
-        return DryRunView("done", **found.document())
+        document = found.document()
+        if found.expected is not None:
+            site = self._fleet.status(plan.robot).record.site
+            document |= judged(found.expected, found.duration_s, config, site)
+        return dry_run_view({"state": "done", **document})
 
     async def warm_up(self) -> None:
         """Let a worker load what a dry run needs, by a dive in place.
@@ -112,6 +117,7 @@ class DryRuns:
             heading_rad=0.0 if status.state is None else status.state.heading_rad,
             drift_m_sqrt_s=config.position_filter.drift_m_sqrt_s,
             current_ne_m_s=(config.current.north_m_s, config.current.east_m_s),
+            steady_current_m_s=config.position_filter.steady_current_m_s,
             runs=max(1, min(RUNS, int(FLOWN_S // plan.document["account"]["duration_s"]))),
             seed=config.seed,
             keep_outs=config.keep_outs,

@@ -1,16 +1,21 @@
 """What robots say of the plans on board, as evidence for the station's plans."""
 
-from dataclasses import asdict
+import math
+from bisect import bisect_right
+from dataclasses import asdict, replace
 from datetime import timedelta
 
+from sqlalchemy.orm import Session
+
 from db.query.plans import PlanRecord, plan_by_hash
-from db.query.telemetry import newest_plan_report
+from db.query.telemetry import flown_legs, newest_plan_report, track
 from db.store import Store
-from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanReport
+from robot_link.messages import SURFACED_BY_COMMAND, OnboardPlanState, PlanHash, PlanReport
 from server.base.retry_queue import RetryQueue
 from server.fleet.status import FOLLOW_TARGET
 from server.fleet.words import TEACHING
-from server.plan.document import onboard_by, teaches
+from server.plan.document import legs_of, onboard_by, teaches
+from server.plan.expected import expected_of, is_on_leg, off_track_m
 from server.plan.ledger import PlanLedger
 from server.plan.state import PlanEvidence, leads_on
 from server.plan.view import OnboardView
@@ -23,6 +28,8 @@ _SAID = {
 }
 _ROUNDED = timedelta(seconds=2)
 """What the times of two words of a robot may be off, one of them by satellite."""
+_MOMENTS_MAX = 5000
+"""Of a flight, to be held against its track."""
 _OVERSPENT = 0.05
 """Energy units beyond the account that are worth a word."""
 
@@ -76,6 +83,11 @@ class PlanFollower:
             f"{report.reason or 'no reason given'}",
             PlanEvidence.ROBOT_SURFACED: f"{plan.robot} came up as ordered; that ended {plan.id}.",
         }
+        if said is PlanEvidence.ROBOT_IS_DONE:
+            off_m = await self._store.query(lambda session: flown_off_m(session, plan))
+            onboard = replace(onboard, off_track_rms_m=off_m)
+            if off_m is not None:
+                texts[said] = f"{texts[said][:-1]}, {off_m:.2g} m beside its track in the mean."
         document: dict[str, object] = {"onboard": asdict(onboard)}
         if said in {PlanEvidence.ROBOT_GAVE_UP, PlanEvidence.ROBOT_SURFACED}:
             document["message"] = texts[said]
@@ -115,6 +127,29 @@ class PlanFollower:
 
     async def _end(self, plan: PlanRecord, said: PlanEvidence, text: str, **more: object) -> None:
         await self._ledger.advance(plan.id, said, text, {"message": text, **more})
+
+
+def flown_off_m(session: Session, plan: PlanRecord) -> float | None:
+    """Return how far a robot said to be from the track of a plan that it flew, m.
+
+    It is the root mean square over the moments of its legs, ``None`` where it told of none.
+    """
+    legs = legs_of(plan.document)
+    if plan.running_at is None or plan.sha256 is None or not legs:
+        return None
+    words = flown_legs(session, plan.robot, PlanHash(plan.sha256))
+    expected = expected_of(plan.document)
+    flown = track(session, plan.robot, plan.running_at, max_points=_MOMENTS_MAX)
+    begun_s = [moment.timestamp() for moment, _ in words]
+    squares: list[float] = []
+    for moment, place, mode in zip(
+        flown.measured_at, flown.position_ned.tolist(), flown.mode, strict=True
+    ):
+        word = bisect_right(begun_s, moment.timestamp()) - 1
+        leg = words[word][1] if word >= 0 else len(legs)
+        if leg < len(legs) and is_on_leg(mode, legs[leg]):
+            squares.append(off_track_m(expected, legs, leg, (place[0], place[1])) ** 2)
+    return round(math.sqrt(sum(squares) / len(squares)), 3) if squares else None
 
 
 def _evidence_of(report: PlanReport) -> PlanEvidence | None:

@@ -17,9 +17,17 @@ from server.fleet.status import PlanInHand
 from server.plan.document import legs_of, live_plan_view, plan_view, points_of
 from server.plan.drafting import SENDABLE, ages_at, outdated_by
 from server.plan.dry_run import WORKING
+from server.plan.expected import expected_ends_s, expected_of, is_on_leg, off_track_m
 from server.plan.state import ON_THE_WAY, PlanChanged, PlanEvidence, PlanSeen, apply, begin, note
 from server.plan.survey_round import AHEAD_OF
-from server.plan.view import LivePlanView, PlanView, ProgressView, TransferView, ViolationView
+from server.plan.view import (
+    LivePlanView,
+    OnboardView,
+    PlanView,
+    ProgressView,
+    TransferView,
+    ViolationView,
+)
 
 _REST_S = 1.0
 """Wall time between two looks at whether plans that wait still fit robots that keep reporting."""
@@ -45,6 +53,8 @@ class PlanLedger:
         self._rehearsing: set[str] = set()
         """Drafts that are flown ahead once more; what the last dry run found stands meanwhile."""
         self._said_outdated: dict[str, tuple[ViolationView, ...]] = {}
+        self._said_off_m: dict[str, float] = {}
+        """By robot, how far it was last said to be from the track that it flies."""
         self._looks = Wakeups(foundation.clock, _REST_S)
 
     async def load(self) -> None:
@@ -197,6 +207,7 @@ class PlanLedger:
         status = self._fleet.status(plan.robot)
         progress, outdated = self._progress.get(plan.id), self._outdated(plan)
         view = plan_view(plan, progress, status.plan_report, outdated)
+        view = replace(view, onboard=self._followed(plan, view.onboard))
         if not self._is_rehearsed_again(plan):
             return view
         last = view.rehearsal or WORKING
@@ -208,7 +219,20 @@ class PlanLedger:
         progress, outdated = self._progress.get(plan.id), self._outdated(plan)
         view = live_plan_view(plan, progress, report, outdated)
         stage = "rehearsing" if self._is_rehearsed_again(plan) else view.stage
-        return replace(view, stage=stage, transfer=self._transfers.get(plan.id))
+        onboard = self._followed(plan, view.onboard)
+        return replace(view, stage=stage, onboard=onboard, transfer=self._transfers.get(plan.id))
+
+    def _followed(self, plan: PlanRecord, onboard: OnboardView | None) -> OnboardView | None:
+        """Return what a robot says of a plan, with how far it says to be from the leg it flies."""
+        status = self._fleet.status(plan.robot)
+        state, hand, leg = status.state, status.plan, status.leg_now
+        is_flown = hand is not None and hand.plan_id == plan.id and plan.state == "running"
+        if onboard is None or hand is None or not is_flown or leg is None or state is None:
+            return onboard
+        if leg >= len(hand.legs) or not is_on_leg(state.mode, hand.legs[leg]):
+            return onboard
+        off_m = off_track_m(hand.expected, hand.legs, leg, state.position_ned[:2])
+        return replace(onboard, off_track_m=round(off_m, 2))
 
     def set_progress(self, plan: PlanRecord, progress: ProgressView | None) -> None:
         """Say how far planning is; ``None`` when it has ended."""
@@ -250,13 +274,19 @@ class PlanLedger:
             self._bus.publish(PlanSeen(hand.record))
 
     def robot_changed(self, robot: str) -> None:
-        """Take that a robot may have moved away from where its plan begins."""
+        """Take that a robot may have moved: away from where its plan begins, or along it."""
         hand = self._fleet.status(robot).plan
-        if hand is not None and (hand.state in SENDABLE or robot in self._said_outdated):
+        if hand is None:
+            return
+        is_watched = hand.state in SENDABLE or robot in self._said_outdated
+        if is_watched or hand.state == "running":
             self._looks.wake(robot)
 
     async def watch_drafts(self) -> None:
-        """Tell everyone when a plan that waits no longer fits its robot, until cancelled."""
+        """Tell everyone when a plan that waits no longer fits its robot, and how one is followed.
+
+        It goes on until it is cancelled.
+        """
         while True:
             for robot in await self._looks.next():
                 hand = self._fleet.status(robot).plan
@@ -270,6 +300,12 @@ class PlanLedger:
             self._bus.publish(PlanSeen(plan), PlanOutdated(robot))
         if outdated:
             self._said_outdated[robot] = outdated
+        onboard = self.live_view(plan).onboard
+        off_m = None if onboard is None else onboard.off_track_m
+        if self._said_off_m.pop(robot, None) != off_m:
+            self._bus.publish(PlanSeen(plan))
+        if off_m is not None:
+            self._said_off_m[robot] = off_m
 
     def _outdated(self, plan: PlanRecord) -> tuple[ViolationView, ...]:
         """Return why a plan that waits no longer fits its robot.
@@ -304,6 +340,8 @@ def in_hand(plan: PlanRecord) -> PlanInHand:
         legs=legs_of(plan.document),
         points=points_of(plan.document),
         round_text=_round_text(plan),
+        expected=expected_of(plan.document),
+        expected_ends_s=expected_ends_s(plan.document),
     )
 
 

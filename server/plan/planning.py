@@ -25,7 +25,13 @@ from server.base.retry_queue import until_stored
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
 from server.fleet.status import FOLLOW_TARGET
-from server.plan.document import Draft, draft_document, mission_of, search_document
+from server.plan.document import (
+    Draft,
+    draft_document,
+    dry_run_view,
+    mission_of,
+    search_document,
+)
 from server.plan.drafting import (
     broken_limits,
     broken_off,
@@ -476,7 +482,7 @@ def _standing(plan: PlanRecord, found: DryRunView) -> DryRunView:
     if found.state == "done" or before is None or before["state"] != "done":
         return found
     message = before["message"].partition(_LAST_TRY)[0]
-    return replace(DryRunView(**before), message=f"{message}{_LAST_TRY}{found.message}")
+    return replace(dry_run_view(before), message=f"{message}{_LAST_TRY}{found.message}")
 
 
 def _progress(point: ObjectivePoint, limit_s: float) -> ProgressView:

@@ -58,7 +58,9 @@ class AccountView(View):
 
     energy: float
     duration_s: float
+    """Surfacings included; of the flights of its dry run where a track is expected."""
     worst_std_m: float
+    """Along the expected track, where there is one."""
     bytes: int
     """Size of the mission document."""
     credits: int | None
@@ -74,6 +76,11 @@ class AccountView(View):
     that it is made of; ``null`` where the vehicle is not known."""
     battery: BatteryView | None = None
     """Of a plan that follows a target; ``null`` where the vehicle is not known."""
+    expected_from: int = 0
+    """How many flights of the dry run duration and uncertainty are of; 0 where they are as
+    planned."""
+    planned_duration_s: float | None = None
+    """What the legs take by the planner's account, where a track is expected."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -132,6 +139,18 @@ class RunnerUpView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class NearestView(View):
+    """How near the expected track comes to a keep-out or to the shoreline."""
+
+    name: str
+    distance_m: float
+    """From its outline, horizontally; not above 0 if the track crosses that."""
+    margin_m: float
+    """What was to be kept."""
+    is_shore: bool = False
+
+
+@dataclass(frozen=True, slots=True)
 class DryRunView(View):
     """A plan flown ahead against the robot's full dynamics."""
 
@@ -158,6 +177,19 @@ class DryRunView(View):
     energy: float | None = None
     flown: list[TrajectoryPoint] = field(default_factory=list)
     """Where it was: time s, north, east, down m, the position std that its filter states m."""
+    expected: list[TrajectoryPoint] = field(default_factory=list)
+    """Expected track, the mean of all flights at the same share of the same leg: time of the plan
+    s, north, east, down m, the position std that they state m; as many points for each leg, in
+    their order. Empty unless at least two flights flew the whole plan."""
+    expected_times_s: list[Annotated[list[float], numbers(2)]] = field(default_factory=list)
+    """When each leg is expected to begin and to end, s since the start, surfacings included."""
+    spread_m: float | None = None
+    """Distance of another flight from the expected track, root mean square, by the scatter of
+    those flown."""
+    nearest: list[NearestView] = field(default_factory=list)
+    """How near the expected track comes to keep-outs and shoreline."""
+    broken: list[ViolationView] = field(default_factory=list)
+    """Limits that the expected track breaks; they are among the plan's warnings."""
     message: str = ""
 
 
@@ -181,6 +213,11 @@ class OnboardView(View):
     energy_used: float
     overspent: float = 0.0
     """Energy units that the robot used beyond the plan's account."""
+    off_track_m: float | None = None
+    """How far it says to be from the expected track of the leg that it flies, or from the leg
+    itself where no track is expected; ``null`` between legs."""
+    off_track_rms_m: float | None = None
+    """The same of the whole flight so far, root mean square, once the plan has ended."""
 
 
 @dataclass(frozen=True, slots=True)

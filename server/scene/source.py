@@ -92,10 +92,7 @@ class StationSceneSource:
         if hand is None or not hand.legs:
             return None
         if self._plan is None or self._plan[:2] != (hand, leg_now):
-            view = PlanView(
-                hand.plan_id, hand.state, hand.legs, hand.points, leg_now, _rehearsed(hand)
-            )
-            self._plan = (hand, leg_now, view)
+            self._plan = (hand, leg_now, _plan_view(hand, leg_now))
         return self._plan[2]
 
     def maps(self) -> tuple[str, ...]:
@@ -177,8 +174,22 @@ def _target_path(hand: PlanInHand) -> FloatArray | None:
     return np.column_stack([path[:, 1:], np.full(len(path), _target_depth_m(hand))])
 
 
+def _plan_view(hand: PlanInHand, leg_now: int | None) -> PlanView:
+    """Return a plan with its legs as the scene draws it: by what it promises."""
+    if hand.expected is None:
+        return PlanView(hand.plan_id, hand.state, hand.legs, hand.points, leg_now, _rehearsed(hand))
+    return PlanView(
+        hand.plan_id,
+        hand.state,
+        hand.legs,
+        hand.expected,
+        leg_now,
+        straight_ned=np.array([hand.legs[0].start_ned, *hand.points[:, 1:4].tolist()]),
+    )
+
+
 def _rehearsed(hand: PlanInHand) -> FloatArray | None:
-    """Return where a plan's dry run went, shape ``(n, 3)``, m."""
+    """Return where the first flight of a plan's dry run went, shape ``(n, 3)``, m."""
     dry_run = hand.record.document.get("rehearsal") or {}
     flown = np.array(dry_run.get("flown") or [], dtype=np.float64)
     return flown[:, 1:4] if flown.ndim == 2 else None

@@ -19,7 +19,7 @@ from server.base.retry_queue import until_stored
 from server.command.state import SurfaceOrdered
 from server.fleet.fleet import Fleet
 from server.map.view import ScoresView
-from server.plan.document import onboard_view
+from server.plan.document import account_of, onboard_view
 from server.plan.drafting import outdated_by
 from server.plan.state import PlanChanged
 from server.plan.survey_round import counted, planned_energy, survey_status
@@ -298,7 +298,8 @@ class MissionLedger:
 
     def _budget(self, record: MissionRecord, plans: list[PlanRecord]) -> BudgetView:
         config, spent = record.config, self.spent(record.robot, plans)
-        begun = [plan.document.get("account") or {} for plan in plans if plan.running_at]
+        accounts = [account_of(plan.document) for plan in plans if plan.running_at]
+        begun = [account for account in accounts if account is not None]
         return BudgetView(
             total=config["total_budget"],
             spent=spent,
@@ -306,8 +307,8 @@ class MissionLedger:
             remaining=max(0.0, config["total_budget"] - spent),
             round_time_s=config.get("time_budget_s") or None,
             round_satellite_bytes=config.get("satellite_bytes") or None,
-            planned_s=sum(account.get("duration_s", 0.0) for account in begun),
-            satellite_bytes=sum(account.get("satellite_bytes", 0) for account in begun),
+            planned_s=sum(account.duration_s for account in begun),
+            satellite_bytes=sum(account.satellite_bytes for account in begun),
         )
 
     def _view(self, record: MissionRecord, plans: list[PlanRecord]) -> MissionView:

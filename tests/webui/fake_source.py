@@ -109,6 +109,11 @@ class FakeSource:
         flown = self._plan.points[:, 1:4] + 0.01
         self._plan = replace(self._plan, rehearsed_ned=flown)
 
+    def expect(self) -> None:
+        legs = self._plan.points[:, 1:4]
+        points = self._plan.points + np.array([0.0, 0.05, 0.05, 0.0, 0.0])
+        self._plan = replace(self._plan, points=points, straight_ned=legs)
+
     def set_plan_state(self, state: str) -> None:
         self._plan = replace(self._plan, state=state)
 

@@ -295,6 +295,19 @@ def test_a_rehearsed_track_is_dashed_and_goes_with_its_plan(scene, source):
     assert not scene._plan.rehearsal.has_content
 
 
+def test_legs_are_thin_beside_the_track_that_is_expected_of_them(scene, source):
+    scene.update()
+    assert "plan/straight" not in scene._stage._nodes
+    source.expect()
+    scene.update()
+    assert "plan/straight" in scene._stage._nodes
+    scene._plan.legs.show(visible=False)
+    assert not scene._stage._nodes["plan/straight"].visible
+    source.set_plan_state("done")
+    scene.update()
+    assert "plan/straight" not in scene._stage._nodes
+
+
 def test_keep_outs_stand_from_the_surface_to_the_floor(scene, source):
     source.areas = (Area(name="Ladder", corners_m=((1.0, 0.2), (1.5, 0.2), (1.5, 0.6))),)
     scene.update()

@@ -1,4 +1,4 @@
-"""The plan that concerns the operator: dashed, with its uncertainty and its rehearsal."""
+"""The plan that concerns the operator: dashed, with its uncertainty, its legs, its rehearsal."""
 
 import numpy as np
 import numpy.typing as npt
@@ -19,7 +19,9 @@ _PLAN_PX = 1.5
 _DASHES = 120
 """Dashes of a rehearsed track."""
 _REHEARSED_PX = 1.4
-_LEGS, _REHEARSAL = "plan/legs", "plan/rehearsed"
+_STRAIGHT_PX = 0.7
+"""Legs as the robot gets them, beside the track that is expected of them."""
+_LEGS, _STRAIGHT, _REHEARSAL = "plan/legs", "plan/straight", "plan/rehearsed"
 _PROMISES = frozenset(("draft", "sent", "on_board", "running"))
 """States in which a plan is still to be flown; one that ended promises nothing."""
 
@@ -74,7 +76,7 @@ class PlannedTrajectory:
         self._source = source
         self._stage = stage
         self._shown: PlanView | None = None
-        self.legs = Part(stage, (_LEGS,))
+        self.legs = Part(stage, (_LEGS, _STRAIGHT))
         self.uncertainty = Part(stage, (HOSE, RINGS))
         self.rehearsal = Part(stage, (_REHEARSAL,))
 
@@ -96,10 +98,18 @@ class PlannedTrajectory:
         if len(segments) > 0:
             self._stage.lines(_LEGS, segments, colours, _PLAN_PX)
             self.legs.is_drawn()
+        if plan.straight_ned is not None:
+            self._draw_straight(plan.straight_ned)
         draw_uncertainty(self._stage, plan.points)
         self.uncertainty.is_drawn()
         if plan.rehearsed_ned is not None and len(plan.rehearsed_ned) > 1:
             self._draw_rehearsal(plan.rehearsed_ned)
+
+    def _draw_straight(self, legs_ned: FloatArray) -> None:
+        segments = ned_to_enu(np.stack([legs_ned[:-1], legs_ned[1:]], axis=1))
+        shades = np.broadcast_to(np.array(REHEARSED, dtype=np.uint8), segments.shape)
+        self._stage.lines(_STRAIGHT, segments, shades, _STRAIGHT_PX)
+        self.legs.is_drawn()
 
     def _draw_rehearsal(self, track_ned: FloatArray) -> None:
         length = float(np.linalg.norm(np.diff(track_ned, axis=0), axis=1).sum())

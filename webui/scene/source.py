@@ -61,11 +61,14 @@ class PlanView:
     """As in the REST interface: ``draft``, ``sent``, ``on_board``, ``running``, ``done``."""
     legs: tuple[Leg, ...]
     points: FloatArray
-    """Promised trajectory, shape ``(n, 5)``: time s, north, east, down m, position std m."""
+    """Promised trajectory, shape ``(n, 5)``: time of the plan s, north, east, down m, position std
+    m. The expected track where the plan was flown ahead often enough, else along the legs."""
     leg_now: int | None
     """Index of the leg being flown, where the robot says so."""
     rehearsed_ned: FloatArray | None = None
-    """Where the rehearsal against the full dynamics went, shape ``(n, 3)``, m."""
+    """Where a single rehearsal against the full dynamics went, shape ``(n, 3)``, m."""
+    straight_ned: FloatArray | None = None
+    """The legs that the robot gets, shape ``(n, 3)``, m, where another track is expected."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-import type { Leg, Track } from '../api/types';
+import type { Leg, Plan, Track } from '../api/types';
 
 /** Points along a leg, north and east; a spiral is drawn as the arc that it is. */
 export function legPoints(leg: Leg): [number, number, number][] {
@@ -24,6 +24,26 @@ export function legPoints(leg: Leg): [number, number, number][] {
       d0 + (d1 - d0) * share,
     ];
   });
+}
+
+/** What one leg of a plan becomes when it is flown: north, east and depth of its points. */
+export interface ExpectedWay {
+  kind: Leg['kind'];
+  points: [number, number, number][];
+}
+
+/** The track that a plan’s rehearsals let expect, leg by leg; empty where only its legs are known. */
+export function expectedWays(plan: Pick<Plan, 'legs' | 'rehearsal'> | null): ExpectedWay[] {
+  const rows = plan?.rehearsal?.expected ?? [];
+  const legs = plan?.legs ?? [];
+  const each = rows.length / legs.length;
+  if (rows.length === 0 || !Number.isInteger(each)) return [];
+  return legs.map(({ kind }, i) => ({
+    kind,
+    points: rows
+      .slice(i * each, (i + 1) * each)
+      .map(([, north, east, down]): [number, number, number] => [north, east, down]),
+  }));
 }
 
 /** A stretch of a track that looks alike: of one fidelity, or drifted at the surface. */

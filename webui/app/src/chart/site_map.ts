@@ -2,7 +2,7 @@ import * as L from 'leaflet';
 import type { Area, Box, FlownPoint, Leg, Ned, Site, Track } from '../api/types';
 import { fixed } from '../text/unit';
 import { PRIMITIVES } from '../text/word';
-import { fidelityRuns, legPoints } from './path';
+import { fidelityRuns, legPoints, type ExpectedWay } from './path';
 import { SiteAreas, type AreaHandlers } from './site_areas';
 import { ticks } from './slice';
 
@@ -91,15 +91,24 @@ export class SiteDrawing {
     }
   }
 
-  /** Legs by primitive, dashed and thin: predicted, wherever the plan is; solid is what was flown. */
-  showPlans(plans: readonly (readonly Leg[])[]): void {
+  /**
+   * Plans by primitive, dashed: predicted, wherever the plan is; solid is what was flown.
+   *
+   * Where a track is expected it is drawn so, and the legs are a thin line beside it.
+   */
+  showPlans(plans: readonly (readonly Leg[])[], expected: readonly ExpectedWay[]): void {
     this.#plan.clearLayers();
-    for (const leg of plans.flat()) {
-      const points = legPoints(leg).map(([north, east]): [number, number] => [north, east]);
-      L.polyline(points, {
-        className: `map-leg map-${leg.kind}`,
-      })
-        .bindTooltip(PRIMITIVES[leg.kind].title, { sticky: true })
+    const legs = plans.flat().map((leg) => ({ kind: leg.kind, points: legPoints(leg) }));
+    const flat = ({ points }: ExpectedWay) =>
+      points.map(([north, east]): [number, number] => [north, east]);
+    if (expected.length > 0) {
+      for (const leg of legs) {
+        L.polyline(flat(leg), { className: 'map-straight', interactive: false }).addTo(this.#plan);
+      }
+    }
+    for (const way of expected.length > 0 ? expected : legs) {
+      L.polyline(flat(way), { className: `map-leg map-${way.kind}` })
+        .bindTooltip(PRIMITIVES[way.kind].title, { sticky: true })
         .addTo(this.#plan);
     }
     for (const { start_ned: start } of plans.flatMap(([first]) => first ?? [])) {

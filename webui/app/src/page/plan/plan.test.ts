@@ -1,9 +1,10 @@
 import { describe, expect, test } from 'vitest';
-import type { JsonObject, Rehearsal } from '../../api/types';
+import type { JsonObject, Leg, Rehearsal } from '../../api/types';
+import { expectedWays } from '../../chart/path';
 import { Draft } from '../../form/draft.svelte';
 import { areasOf, currentOf, numberOf } from './config';
 import { KeepOutEditor } from './keep_out_editor.svelte';
-import { fidelityBands, nearestPoint, profileOf } from './profile';
+import { expectedProfile, fidelityBands, nearestPoint, profileOf } from './profile';
 import { knowing, rehearsalSentence, rehearsalWord, straying } from './rehearsal';
 
 describe('the profile of a plan', () => {
@@ -63,7 +64,8 @@ describe('a rehearsal', () => {
   const rehearsal = (change: Partial<Rehearsal>): Rehearsal => ({
     state: 'done', completed: true, rms_error_m: 0.1, worst_error_m: 0.2, surfacing_error_m: 0.1,
     position_error_m: null, predicted_error_m: null, planned_worst_std_m: null, within_share: null,
-    entered: [], runs: null, duration_s: 100, energy: 5, flown: [], message: '', ...change,
+    entered: [], runs: null, duration_s: 100, energy: 5, flown: [], message: '', expected: [],
+    expected_times_s: [], spread_m: null, nearest: [], broken: [], ...change,
   }); // prettier-ignore
 
   test('tells the account and the summary before sending the same', () => {
@@ -95,6 +97,39 @@ describe('a rehearsal', () => {
     expect(far?.isGood).toBe(false);
     expect(far?.advice).toContain('depth change');
     expect(straying(rehearsal({ rms_error_m: null }), domain)).toBeNull();
+  });
+
+  test('is judged by its expected track where it has one', () => {
+    const domain = { x_min_m: 0, x_max_m: 3, y_min_m: 0, y_max_m: 1, depth_max_m: 1 };
+    const near = straying(rehearsal({ rms_error_m: 0.4, spread_m: 0.15 }), domain);
+    expect(near).toMatchObject({ isGood: true, found_m: 0.15 });
+    expect(near?.verdict).toContain('beside its expected track');
+    expect(straying(rehearsal({ spread_m: 0.3 }), domain)?.isGood).toBe(false);
+  });
+
+  test('says when each leg of the expected track begins, the stay at the surface counted', () => {
+    const leg = (from: number, to: number) => ({
+      start_ned: [0, 0, from] as const, end_ned: [0, 0, to] as const, duration_s: 10,
+    }); // prettier-ignore
+    const legs = [leg(0, 1), leg(1, 0), leg(0, 1), leg(1, 0)];
+    const expected = [0, 1, 1, 0, 0, 1, 1, 0].map((depth) => [0, 0, 0, depth, 0.1] as const);
+    const expected_times_s = [[2, 14], [14, 30], [50, 62], [62, 80]] as const; // prettier-ignore
+    const found = expectedProfile(rehearsal({ expected, expected_times_s, duration_s: 85 }), legs);
+    expect(found.points.map(({ t }) => t)).toEqual([2, 14, 14, 30, 50, 62, 62, 80]);
+    expect(found.surfacings).toEqual([30, 80]);
+    expect(found.duration).toBe(85);
+  });
+
+  test('leads along its expected track leg by leg, where it knows one', () => {
+    const legs = (['glide', 'swim'] as const).map((kind) => ({ kind }) as Leg);
+    const expected = [0, 1, 2, 3].map((at) => [at, at, 0, 0, 0.1] as const);
+    const ways = expectedWays({ legs, rehearsal: rehearsal({ expected }) });
+    expect(ways.map(({ kind, points }) => [kind, points.map(([north]) => north)])).toEqual([
+      ['glide', [0, 1]],
+      ['swim', [2, 3]],
+    ]);
+    expect(expectedWays({ legs, rehearsal: rehearsal({}) })).toEqual([]);
+    expect(expectedWays({ legs, rehearsal: null })).toEqual([]);
   });
 
   test('says whether the predicted uncertainty covers it, and what helps', () => {

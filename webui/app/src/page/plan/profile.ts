@@ -1,4 +1,4 @@
-import type { FlownPoint, Leg, PlanPoint } from '../../api/types';
+import type { FlownPoint, Leg, PlanPoint, Rehearsal } from '../../api/types';
 
 /** A moment of a plan, with the pauses at the surface counted in. */
 export interface ProfilePoint {
@@ -44,6 +44,23 @@ export function profileOf(
   return { points: moved, surfacings, duration: Math.max(last + paused, duration_s ?? 0) };
 }
 
+/** The same of an expected track, whose times are those of the rehearsals. */
+export function expectedProfile(
+  { expected, expected_times_s: times, duration_s }: Rehearsal,
+  legs: readonly ProfileLeg[],
+): Profile {
+  const each = expected.length / Math.max(1, times.length);
+  const points = times.flatMap(([begin, end], leg) =>
+    expected.slice(leg * each, (leg + 1) * each).map(([, , , depth, std], i): ProfilePoint => ({
+      t: begin + ((end - begin) * i) / Math.max(1, each - 1),
+      depth,
+      std,
+    })),
+  );
+  const surfacings = times.flatMap(([, end], i) => (comesUp(legs[i]) ? [end] : []));
+  return { points, surfacings, duration: Math.max(points.at(-1)?.t ?? 0, duration_s ?? 0) };
+}
+
 type ProfileLeg = Pick<Leg, 'start_ned' | 'end_ned' | 'duration_s'>;
 
 /** Flight times at which the robot comes up, and before how many legs it has rested by then. */
@@ -53,8 +70,12 @@ function surfaceEnds(legs: readonly ProfileLeg[]): { t: number; rests: number }[
   return legs.flatMap(({ start_ned, end_ned, duration_s }) => {
     t += duration_s;
     if (start_ned[2] <= 0) rests += 1;
-    return end_ned[2] <= 0 && start_ned[2] > 0 ? [{ t, rests }] : [];
+    return comesUp({ start_ned, end_ned }) ? [{ t, rests }] : [];
   });
+}
+
+function comesUp(leg: Pick<Leg, 'start_ned' | 'end_ned'> | undefined): boolean {
+  return leg !== undefined && leg.end_ned[2] <= 0 && leg.start_ned[2] > 0;
 }
 
 /** Flight times at which legs begin at the surface. */

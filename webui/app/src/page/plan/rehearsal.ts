@@ -38,23 +38,29 @@ const STRAY_SHARE = 0.2;
 /** A few flights scatter by this much about a prediction that is right. */
 const SCATTER = 1.25;
 
-/** Whether the robot measures where it was planned to. */
-export function straying({ rms_error_m }: Rehearsal, domain: Box): Finding | null {
-  if (typeof rms_error_m !== 'number') return null;
+/**
+ * Whether the robot measures where the draft says: on its expected track, or where there is none
+ * on its legs.
+ */
+export function straying(rehearsal: Rehearsal, domain: Box): Finding | null {
+  const isExpected = typeof rehearsal.spread_m === 'number';
+  const found_m = isExpected ? rehearsal.spread_m : rehearsal.rms_error_m;
+  if (typeof found_m !== 'number') return null;
+  const track = isExpected ? 'its expected track' : 'the plan';
   const narrow = Math.min(domain.x_max_m - domain.x_min_m, domain.y_max_m - domain.y_min_m);
   const bound_m = STRAY_SHARE * narrow;
-  const isGood = rms_error_m <= bound_m;
+  const isGood = found_m <= bound_m;
   return {
-    question: 'Does it fly the plan?',
-    verdict: `${compact(rms_error_m, 2)} m beside the plan, rms`,
+    question: isExpected ? 'Does it fly as expected?' : 'Does it fly the plan?',
+    verdict: `${compact(found_m, 2)} m beside ${track}, rms`,
     answer: isGood ? 'Yes' : 'Not well',
     isGood,
-    found_m: rms_error_m,
+    found_m,
     bound_m,
     bound: `${compact(bound_m, 2)} m, a fifth of the domain’s narrower side`,
     meaning: isGood
-      ? 'It measures about where it was planned to.'
-      : 'It measures beside where it was planned to: the map stays right, but gains less than predicted.',
+      ? `It measures about where ${isExpected ? 'that leads' : 'it was planned to'}.`
+      : 'It measures elsewhere: the map stays right, but gains less than predicted.',
     advice: isGood
       ? ''
       : 'Raise the smallest depth change, so that glides settle; shorten the longest swim; or plan fewer primitives per edge, so that it surfaces sooner.',
