@@ -6,7 +6,10 @@ settings hold a standard deviation of the current, never the current.
 """
 
 import math
+import secrets
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +32,7 @@ from benchmarks.estimation_trial.trial_flight import (
     dives,
     fly_trial,
 )
-from simulator.fleet import RobotDefinition
+from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
 
 FASTEST_M_S = {"tank": 0.03, "lake": 0.20}
 """Currents are drawn evenly up to here, in any direction."""
@@ -160,3 +163,157 @@ def judged(flight: Flight, belief: ModelFilter) -> Judged:
     return Judged(
         np.array(squared), np.array(error), np.array(fixes), belief.doubt, belief.refused[0]
     )
+
+
+def drawn_flights(
+    robot: RobotDefinition,
+    seed: int,
+    count: int,
+    flown: Callable[[RobotDefinition, np.random.Generator], Judged],
+) -> list[Judged]:
+    """Draw flights and judge the filter on each."""
+    return [flown(robot, np.random.default_rng([seed, robot.system_id, i])) for i in range(count)]
+
+
+def in_steady_current(robot: RobotDefinition, rng: np.random.Generator) -> Judged:
+    """Judge a flight in a current that lasts."""
+    return judged(hidden_flight(robot, rng, drawn_current(robot, rng)), default_filter(robot))
+
+
+def at_two_cm_s(robot: RobotDefinition, rng: np.random.Generator) -> Judged:
+    """Judge a flight at 2 cm/s in any direction."""
+    to = rng.uniform(-math.pi, math.pi)
+    flight = hidden_flight(robot, rng, 0.02 * np.array([math.cos(to), math.sin(to)]))
+    return judged(flight, default_filter(robot))
+
+
+def with_prior(
+    prior_m_s: float,
+) -> Callable[[RobotDefinition, np.random.Generator], Judged]:
+    """Return what judges a flight in a lasting current with another belief in its strength."""
+
+    def flown(robot: RobotDefinition, rng: np.random.Generator) -> Judged:
+        estimator = estimator_preset(robot.vehicle.key, robot.site.kind)
+        told = estimator.model_copy(update={"steady_current_m_s": prior_m_s})
+        flight = hidden_flight(robot, rng, drawn_current(robot, rng))
+        return judged(flight, default_filter(robot, told))
+
+    return flown
+
+
+def with_bad_fixes(robot: RobotDefinition, rng: np.random.Generator) -> Judged:
+    """Judge a flight of which one fix in twenty, alone, is 200 m off."""
+    flight = hidden_flight(robot, rng, drawn_current(robot, rng))
+    rows = np.flatnonzero(flight.has_fix)
+    bad = rows[rng.random(len(rows)) < 0.05]
+    to = rng.uniform(-math.pi, math.pi, len(bad))
+    flight.fix_ne[bad] += FAR_M * np.column_stack([np.cos(to), np.sin(to)])
+    return judged(flight, default_filter(robot))
+
+
+def with_turned_compass(robot: RobotDefinition, rng: np.random.Generator) -> Judged:
+    """Judge a flight with a compass that is 20 deg off to either side."""
+    compass_rad = math.radians(20.0) * rng.choice([-1.0, 1.0])
+    flight = hidden_flight(robot, rng, drawn_current(robot, rng), compass_rad)
+    return judged(flight, default_filter(robot))
+
+
+def in_a_tide(period_s: float) -> Callable[[RobotDefinition, np.random.Generator], Judged]:
+    """Return what judges a flight in a current that runs to and fro with this period."""
+
+    def flown(robot: RobotDefinition, rng: np.random.Generator) -> Judged:
+        strength, phase = drawn_current(robot, rng), rng.uniform(-math.pi, math.pi)
+        times = PERIOD_S * np.arange(round(DIVES * DIVE_S[robot.site.kind] / PERIOD_S))
+        swing = np.cos(2.0 * math.pi * times / period_s + phase)
+        return judged(hidden_flight(robot, rng, swing[:, None] * strength), default_filter(robot))
+
+    return flown
+
+
+def interval(values: Iterable[float]) -> tuple[float, float]:
+    """Return a mean over flights and half of its 95 % interval."""
+    array = np.array(list(values))
+    return float(array.mean()), 1.96 * float(array.std(ddof=1)) / math.sqrt(len(array))
+
+
+NEES_BAR = (1.5, 2.7)
+HELD_BAR = (0.90, 0.99)
+EARLY_BAR = 0.80
+ERROR_BAR_M = 0.35
+FLIGHTS = 24
+CASES: dict[str, Callable[[RobotDefinition, np.random.Generator], Judged]] = {
+    "a current prior of 0": with_prior(0.0),
+    "a current prior of 2 m/s": with_prior(2.0),
+    "one fix in 20 off by 200 m": with_bad_fixes,
+    "a compass 20 deg off": with_turned_compass,
+    "a tide of 12.4 h": in_a_tide(44712.0),
+    "a tide of 40 min": in_a_tide(2400.0),
+}
+"""Bad input, by what it is."""
+
+
+def measure(flights: int = FLIGHTS, seed: int | None = None) -> list[dict[str, Any]]:
+    """Judge the default filter of both robots on flights drawn now."""
+    drawn = secrets.randbits(32) if seed is None else seed
+    rows: list[dict[str, Any]] = []
+    for robot in (MINI_1, GRACE_1):
+        water = robot.site.kind
+        flown = drawn_flights(robot, drawn, flights, in_steady_current)
+        where = f"{water}, steady to {100 * FASTEST_M_S[water]:g} cm/s untold, seed {drawn}"
+        nees, nees_half = interval(one.nees(one.late) for one in flown)
+        held, held_half = interval(one.held(one.late) for one in flown)
+        early, early_half = interval(one.held(~one.late) for one in flown)
+        rows += [
+            row(f"Default filter, {where}: NEES +- {nees_half:.2f}", nees, "",
+                f"{NEES_BAR[0]} to {NEES_BAR[1]}",
+                within(nees, nees_half, *NEES_BAR)),
+            row(f"Default filter, {where}: 95 % circle holds +- {100 * held_half:.1f}",
+                100.0 * held, "%", "90 to 99", within(held, held_half, *HELD_BAR)),
+            row(f"Default filter, {where}: before the third fix +- {100 * early_half:.1f}",
+                100.0 * early, "%", 100.0 * EARLY_BAR, early + early_half >= EARLY_BAR),
+        ]  # fmt: skip
+        for name, case in CASES.items():
+            rows += bad_rows(f"{water}, {name}", drawn_flights(robot, drawn, flights // 3, case))
+    errors = [
+        float(np.mean(one.error_m[one.late] ** 2))
+        for one in drawn_flights(MINI_1, drawn, flights, at_two_cm_s)
+    ]
+    error_m = math.sqrt(float(np.mean(errors)))
+    rows.append(row("Default filter, tank at 2 cm/s untold: position under water", error_m, "m RMS",
+                    ERROR_BAR_M, error_m <= ERROR_BAR_M))  # fmt: skip
+    return rows
+
+
+def bad_rows(where: str, flown: list[Judged]) -> list[dict[str, Any]]:
+    """Say how the filter fared with bad input."""
+    held, half = interval(one.held(one.late) for one in flown)
+    nees, _ = interval(one.nees(one.late) for one in flown)
+    doubt = float(np.mean([one.doubt for one in flown]))
+    refused = sum(one.refused for one in flown)
+    name = f"Default filter, {where}: 95 % circle holds +- {100 * half:.1f}"
+    return [
+        row(f"{name}; NEES {nees:.2f}, doubt {doubt:.2f}, {refused} fixes refused",
+            100.0 * held, "%")
+    ]  # fmt: skip
+
+
+def within(mean: float, half: float, low: float, high: float) -> bool:
+    """Tell whether a mean's 95 % interval reaches into a bar."""
+    return mean + half >= low and mean - half <= high
+
+
+def row(
+    name: str,
+    value: float,
+    unit: str,
+    bar: float | str | None = None,
+    met: bool | None = None,
+) -> dict[str, Any]:
+    return {
+        "area": "estimation", "name": name, "value": value, "unit": unit, "bar": bar, "met": met
+    }  # fmt: skip
+
+
+if __name__ == "__main__":
+    for line in measure():
+        print(line)

@@ -1,23 +1,27 @@
 r"""Tracks of finished dives, smoothed backwards from the fix that ended them.
 
-Under water nothing observes the horizontal position: its error is a random walk whose variance
-the robot's filter states. A fix tells where the walk had gone in the end, and so, in proportion,
-where it was before. This is the Rauch-Tung-Striebel smoother of a random walk. Its gains
-:math:`G_k = P_k / P_{k+1}` multiply to :math:`P_i / P_T` between point i and the end T of the dive,
-so that
+Under water nothing observes the horizontal position: its error is a random walk, and the way that a
+steady current has made of which the robot knew only the standard deviation b. At a time t and a
+later one t' after the dive began, the errors have the covariance
 
 .. math::
-    \hat x_i = x_i + \frac{P_i}{P_T} (\hat x_T - x_T), \qquad
-    \hat P_i = P_i + \Big(\frac{P_i}{P_T}\Big)^2 (\hat P_T - P_T).
+    P(t, t') = W(t) + b^2 t t', \qquad W(t) = P(t) - b^2 t^2,
 
-A steady current that the robot does not know is removed whole: its drift grows as P does.
+where P(t) is the variance that the robot's filter states and W the walk's part of it. A fix of
+variance R at the end T of the dive tells where both had gone by then, and so where they were:
+
+.. math::
+    \hat x(t) = x(t) + \frac{P(t, T)}{P(T) + R} (x_{fix} - x(T)), \qquad
+    \hat P(t) = P(t) - \frac{P(t, T)^2}{P(T) + R}.
+
+Without a current this is the Rauch-Tung-Striebel smoother of a random walk.
 
 Source:
     Rauch, Tung and Striebel 1965; the thesis names smoothing as future work (section 5.6).
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -47,24 +51,49 @@ class Dive:
     """Where the robot believed to be at the time of the fix, before it."""
     reckoned_std_m: float
     """What its filter had said of that."""
+    believed_ne_m_s: tuple[float, float] = (0.0, 0.0)
+    """The current with which it reckoned."""
+    believed_std_m_s: float = 0.0
+    """How well it knew that, standard deviation per axis."""
 
     @property
-    def drift_ne_m(self) -> tuple[float, float]:
-        """How far the robot had been carried from where it believed to be, north and east."""
+    def duration_s(self) -> float:
+        """Time from its beginning to the fix."""
+        return self.fix_time_s - self.start_s
+
+    @property
+    def jump_ne_m(self) -> tuple[float, float]:
+        """How far from where it believed to be the robot was, north and east."""
         (north, east), (at_north, at_east) = self.fix_ne_m, self.reckoned_ne_m
         return north - at_north, east - at_east
 
     @property
+    def drift_ne_m(self) -> tuple[float, float]:
+        """How far the water had carried the robot, the current that it allowed for counted."""
+        (north, east), (by_north, by_east) = self.jump_ne_m, self.believed_ne_m_s
+        return north + by_north * self.duration_s, east + by_east * self.duration_s
+
+    @property
+    def carried_std_m(self) -> float:
+        """Part of the stated standard deviation that not knowing the current made."""
+        under_s = self.end_s - self.start_s  # what the filter said is of its last known point
+        return min(self.believed_std_m_s * under_s, 0.999 * self.reckoned_std_m)
+
+    @property
+    def walk_std_m(self) -> float:
+        """The rest of it: what no current explains."""
+        return math.sqrt(self.reckoned_std_m**2 - self.carried_std_m**2)
+
+    @property
     def current_ne_m_s(self) -> tuple[float, float]:
         """Depth-averaged current that would explain the drift, north and east."""
-        duration_s = self.fix_time_s - self.start_s
         north, east = self.drift_ne_m
-        return north / duration_s, east / duration_s
+        return north / self.duration_s, east / self.duration_s
 
     @property
     def surprise(self) -> float:
-        """Squared drift over its expected variance; about 1 where the filter is honest."""
-        north, east = self.drift_ne_m
+        """Squared jump over its expected variance; about 1 where the filter is honest."""
+        north, east = self.jump_ne_m
         return 0.5 * (north**2 + east**2) / (self.reckoned_std_m**2 + self.fix_std_m**2)
 
 
@@ -80,7 +109,10 @@ class Smoothed:
 
 
 def finished_dives(
-    time_s: FloatArray, position_ned: FloatArray, position_std_m: FloatArray
+    time_s: FloatArray,
+    position_ned: FloatArray,
+    position_std_m: FloatArray,
+    beliefs: FloatArray | None = None,
 ) -> tuple[Dive, ...]:
     """Find the dives of a track that a fix has ended.
 
@@ -88,6 +120,8 @@ def finished_dives(
         time_s: Ascending times of the track's points, shape ``(n,)``, s.
         position_ned: Where the robot believed to be, shape ``(n, 3)``, m.
         position_std_m: What it said of that, shape ``(n,)``, m. A fix is seen by its fall.
+        beliefs: What it said of the current: time s, north, east and standard deviation m/s, in
+            order of time, shape ``(m, 4)``; None of a robot that reckons with none.
 
     Returns:
         Dives in order of time; those too short or with an unseen end are left out.
@@ -99,28 +133,41 @@ def finished_dives(
         gap_s = float(time_s[fix] - time_s[fix - 1])
         if fix - first < _FEWEST_POINTS or gap_s > _LONGEST_GAP_S:
             continue
-        found.append(_dive(time_s, position_ned, position_std_m, first, fix))
+        dive = _dive(time_s, position_ned, position_std_m, first, fix)
+        found.append(dive if beliefs is None else _believing(dive, beliefs))
     return tuple(found)
 
 
-def smooth_dive(dive: Dive, position_ned: FloatArray, position_std_m: FloatArray) -> Smoothed:
+def smooth_dive(
+    dive: Dive, time_s: FloatArray, position_ned: FloatArray, position_std_m: FloatArray
+) -> Smoothed:
     """Move points of a dive by what its fix tells of them.
 
     Args:
         dive: The dive that they belong to.
+        time_s: When that was, shape ``(n,)``, s.
         position_ned: Where the robot believed to be, shape ``(n, 3)``, m; the points of the track
             or any other moments of the dive, such as those of its samples.
         position_std_m: What its filter said of that then, shape ``(n,)``, m.
     """
-    walked = dive.reckoned_std_m**2
-    fixed = dive.fix_std_m**2
-    end_variance = walked * fixed / (walked + fixed)
-    share = np.minimum(position_std_m**2 / walked, 1.0)  # (n,)
-    update = walked / (walked + fixed) * np.array(dive.drift_ne_m)
+    at_end = dive.reckoned_std_m**2 + dive.fix_std_m**2
+    elapsed = np.clip((time_s - dive.start_s) / (dive.end_s - dive.start_s), 0.0, 1.0)  # (n,)
+    carried = dive.carried_std_m**2
+    walked = np.clip(position_std_m**2 - carried * elapsed**2, 0.0, dive.walk_std_m**2)
+    shared = walked + carried * elapsed  # (n,) covariance with the error at the end
     moved = position_ned.copy()
-    moved[:, :2] += share[:, None] * update
-    variance = position_std_m**2 + share**2 * (end_variance - walked)
-    return Smoothed(moved, np.sqrt(np.maximum(variance, 0.0)))
+    moved[:, :2] += (shared / at_end)[:, None] * np.array(dive.jump_ne_m)
+    variance = walked + carried * elapsed**2 - shared**2 / at_end
+    return Smoothed(moved, np.minimum(np.sqrt(np.maximum(variance, 0.0)), position_std_m))
+
+
+def _believing(dive: Dive, beliefs: FloatArray) -> Dive:
+    """Return a dive with what the robot had said last of the current when it ended."""
+    known = int(np.searchsorted(beliefs[:, 0], dive.end_s, side="right"))
+    if known == 0:
+        return dive
+    _, north, east, std = beliefs[known - 1].tolist()
+    return replace(dive, believed_ne_m_s=(north, east), believed_std_m_s=std)
 
 
 def _start_of(position_std_m: FloatArray, last: int) -> int:

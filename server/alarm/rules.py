@@ -12,6 +12,7 @@ from robot_link.clock import Clock
 from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState
 from server.base.alarm_board import AlarmBoard
 from server.base.wakeups import Wakeups
+from server.fleet.current_words import doubt_text
 from server.fleet.fleet import Fleet
 from server.fleet.status import RobotStatus
 from server.fleet.target_words import search_text
@@ -203,6 +204,14 @@ def _is_early(watch: Watch, begin: datetime) -> bool:
     return not watch.is_past(begin + _LOST * max(1.0, watch.speed))
 
 
+def _doubt(status: RobotStatus, watch: Watch) -> Verdict | None:
+    """Judge how far a robot's own fixes believe its positions."""
+    del watch
+    report = status.current_report
+    text = "" if report is None else doubt_text(report)
+    return Verdict("watch", f"{status.record.id}: {text}") if text else None
+
+
 RULES: tuple[Rule, ...] = (
     Rule("battery", _battery),
     Rule("silence", _silence),
@@ -215,6 +224,7 @@ RULES: tuple[Rule, ...] = (
     Rule("surface order", _surface),
     Rule("clock", _clock),
     Rule("plan ended early", _ended_early),
+    Rule("doubt", _doubt),
     Rule("target", _target, _target_over),
 )
 """Every cause of alarm about a robot."""

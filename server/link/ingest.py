@@ -193,8 +193,12 @@ class Ingest:
             self._refuse(report.robot, "current", fault)
             return
         self._told_faults.discard((report.robot, "current"))
+        before = self._fleet.status(report.robot).current_report
         self._append(report)
         self._fleet.take_current(report)
+        if before is not None and report.fixes_refused > before.fixes_refused:
+            text = f"{report.robot} did not believe a fix: it lay farther off than can be."
+            self._say(report.robot, "fix.refused", text)
 
     def _take_sample(self, sample: Sample) -> None:
         sample = self._clock_of(sample.robot).dated(sample)
@@ -233,18 +237,20 @@ class Ingest:
         if (robot, what) in self._told_faults:
             return
         self._told_faults.add((robot, what))
-        task = asyncio.create_task(self._note(robot, what, fault), name=f"note {what} of {robot}")
+        text = f"{robot} sent {fault}; the {what} is in the journal but is not used."
+        self._say(robot, f"{what}.refused", text)
+
+    def _say(self, robot: RobotId, kind: str, text: str) -> None:
+        """Write a sentence into the event log soon."""
+        task = asyncio.create_task(self._note(robot, kind, text), name=f"note {kind} of {robot}")
         self._notes.add(task)
         task.add_done_callback(self._notes.discard)
 
-    async def _note(self, robot: RobotId, what: str, fault: str) -> None:
+    async def _note(self, robot: RobotId, kind: str, text: str) -> None:
         at = self._clock.now()
-        text = f"{robot} sent {fault}; the {what} is in the journal but is not used."
         try:
             await self._store.write(
-                lambda session: add_event(
-                    session, at, f"{what}.refused", text, level="watch", robot=robot
-                )
+                lambda session: add_event(session, at, kind, text, level="watch", robot=robot)
             )
         except StoreError:
             log.warning("%s", text)

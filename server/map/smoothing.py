@@ -15,8 +15,10 @@ import numpy as np
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import FloatArray, spaced
+from autonomy.estimation.fix_watch import FixWatch
 from autonomy.estimation.smoother import Dive, finished_dives, smooth_dive
 from db.column import moment
+from db.query.current_reports import current_reports
 from db.query.events import add_event
 from db.query.smoothing import (
     SmoothedPlace,
@@ -28,7 +30,8 @@ from db.query.smoothing import (
 )
 from db.store import Store
 from robot_link.clock import Clock
-from robot_link.messages import Sample
+from robot_link.messages import CurrentReport, Sample
+from server.fleet.current_words import DOUBT_TOLD
 
 ROWS_PER_LOOK = 20_000
 """Most reports and samples of one look; a longer track is looked at piece by piece."""
@@ -48,10 +51,12 @@ class SmoothedDive:
     def text(self, robot: str) -> str:
         """Return a sentence for the event log."""
         north_m, east_m = self.dive.drift_ne_m
+        off_m = float(np.hypot(*self.dive.jump_ne_m))
         ended = datetime.fromtimestamp(self.dive.fix_time_s, UTC)
         return (
             f"The fix of {ended:%H:%M:%SZ} moved {self.samples} samples of {robot}'s dive by up to "
-            f"{self.moved_m:.2f} m; it had drifted {np.hypot(north_m, east_m):.2f} m."
+            f"{self.moved_m:.2f} m; the water had carried it {np.hypot(north_m, east_m):.2f} m, "
+            f"{off_m:.2f} m of it unforeseen."
         )
 
     def document(self) -> dict[str, object]:
@@ -62,6 +67,9 @@ class SmoothedDive:
             "samples": self.samples,
             "moved_m": self.moved_m,
             "drift_ne_m": list(self.dive.drift_ne_m),
+            "believed_ne_m_s": list(self.dive.believed_ne_m_s),
+            "believed_std_m_s": self.dive.believed_std_m_s,
+            "walk_std_m": self.dive.walk_std_m,
             "current_ne_m_s": list(self.dive.current_ne_m_s),
             "surprise": self.dive.surprise,
         }
@@ -84,6 +92,10 @@ class Smoothing:
         """Newest fix that a robot reported, which the database may not have yet."""
         self._seen: dict[str, datetime] = {}
         """Newest fix that the database had at the last look, by robot."""
+        self._watches: defaultdict[str, FixWatch] = defaultdict(FixWatch)
+        """How far the dives of each robot ended from where it believed to be."""
+        self._doubted: set[str] = set()
+        """Robots whose dives go farther than they state, which was told."""
         self._looking = asyncio.Lock()
 
     def feed(self, samples: Sequence[Sample]) -> None:
@@ -158,16 +170,14 @@ class Smoothing:
     ) -> tuple[int, int | None]:
         """Look at one piece; return how many samples moved, and where a further piece begins."""
 
-        def read(session: Session) -> TrackColumns:
-            start = newest_fix(session, robot, before=begin)
-            return track_columns(session, robot, start, fix, ROWS_PER_LOOK)
-
         def work(session: Session) -> tuple[list[SmoothedPlace], list[SmoothedDive], int | None]:
-            track = read(session)
+            start = newest_fix(session, robot, before=begin)
+            track = track_columns(session, robot, start, fix, ROWS_PER_LOOK)
+            beliefs = believed_currents(current_reports(session, robot, start, fix))
             is_whole = len(track) < ROWS_PER_LOOK
             if not is_whole:
                 track = _up_to_last_fix(track)
-            places, dives = smoothed_places(track)
+            places, dives = smoothed_places(track, beliefs)
             return places, dives, None if is_whole else int(track.measured_at_us[-1]) + 1
 
         places, dives, more = await self._store.query(work)
@@ -175,12 +185,15 @@ class Smoothing:
         # Samples that come late by satellite move a dive again; that is no news.
         announced = self._announced[robot]
         untold = [one for one in dives if one.dive.fix_time_s not in announced]
+        doubts = [self._judged(robot, one.dive) for one in untold]
 
         def keep(session: Session) -> None:
             keep_smoothed(session, robot, places)
             for one in untold:
                 text = one.text(robot)
                 add_event(session, at, "dive.smoothed", text, robot=robot, data=one.document())
+            for text in filter(None, doubts):
+                add_event(session, at, "dive.doubted", text, level="watch", robot=robot)
 
         await self._store.write(keep)
         announced.update(one.dive.fix_time_s for one in untold)
@@ -189,27 +202,59 @@ class Smoothing:
             self._restore(robot, fix)
         return sum(one.samples for one in dives), more
 
+    def _judged(self, robot: str, dive: Dive) -> str:
+        """Hold a dive against what the robot had stated; say so once when its dives go too far."""
+        watch = self._watches[robot]
+        known = dive.walk_std_m**2 + dive.fix_std_m**2
+        watch.take(2.0 * dive.surprise, known / (known + dive.carried_std_m**2))
+        was_told = robot in self._doubted
+        if watch.doubt < DOUBT_TOLD:
+            self._doubted.discard(robot)
+            return ""
+        self._doubted.add(robot)
+        if was_told:
+            return ""
+        return (
+            f"The last {watch.dives} dives of {robot} ended {watch.doubt:.1f} times farther from "
+            "where it believed to be than it had stated."
+        )
+
     def _restore(self, robot: str, first: datetime) -> None:
         """Note that samples from a moment on are to be looked at."""
         self._pending[robot] = min(self._pending.get(robot, first), first)
 
 
-def smoothed_places(track: TrackColumns) -> tuple[list[SmoothedPlace], list[SmoothedDive]]:
+def believed_currents(reports: Sequence[CurrentReport]) -> FloatArray:
+    """Return what a robot believed of the current as ``finished_dives`` takes it."""
+    rows = [
+        (one.measured_at.timestamp(), *one.current_ne_m_s, one.current_std_m_s) for one in reports
+    ]
+    return np.array(rows, dtype=np.float64).reshape(-1, 4)
+
+
+def smoothed_places(
+    track: TrackColumns, beliefs: FloatArray
+) -> tuple[list[SmoothedPlace], list[SmoothedDive]]:
     """Return where every sample of a track was taken, and what was done to which dive.
 
     Args:
         track: What a robot said of its position, up to a fix.
+        beliefs: What it said of the current, see ``finished_dives``.
     """
     time_s = track.measured_at_us.astype(np.float64) * 1e-6
     position_ned, std_m = track.position_ned.copy(), track.position_std_m.copy()
     line = spaced(time_s, CLOSEST_S)
-    dives = finished_dives(time_s[line], track.position_ned[line], track.position_std_m[line])
+    dives = finished_dives(
+        time_s[line], track.position_ned[line], track.position_std_m[line], beliefs
+    )
     told: list[SmoothedDive] = []
     for dive in dives:
         mine = track.is_sample & (time_s >= dive.start_s) & (time_s < dive.fix_time_s)
         if not mine.any():
             continue
-        moved = smooth_dive(dive, track.position_ned[mine], track.position_std_m[mine])
+        moved = smooth_dive(
+            dive, time_s[mine], track.position_ned[mine], track.position_std_m[mine]
+        )
         position_ned[mine] = moved.position_ned
         std_m[mine] = np.minimum(moved.position_std_m, track.position_std_m[mine])
         way_m = np.linalg.norm(moved.position_ned - track.position_ned[mine], axis=1)

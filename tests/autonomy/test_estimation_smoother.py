@@ -38,7 +38,7 @@ def test_a_dive_without_a_fix_is_not_finished():
 def test_the_closed_form_is_the_backward_recursion():
     time, _, belief, std = dive_of(np.random.default_rng(1))
     (dive,) = finished_dives(time, belief, std)
-    smoothed = smooth_dive(dive, belief[:-1], std[:-1])
+    smoothed = smooth_dive(dive, time[:-1], belief[:-1], std[:-1])
 
     variance = std[:-1] ** 2
     gain = variance[-1] / (variance[-1] + dive.fix_std_m**2)
@@ -58,7 +58,7 @@ def test_smoothing_brings_the_track_nearer_to_the_truth_and_is_honest_about_it()
     for seed in range(200):
         time, truth, belief, std = dive_of(np.random.default_rng(seed))
         (dive,) = finished_dives(time, belief, std)
-        smoothed = smooth_dive(dive, belief[:-1], std[:-1])
+        smoothed = smooth_dive(dive, time[:-1], belief[:-1], std[:-1])
         off = smoothed.position_ned[:, :2] - truth[:-1, :2]
         before.append(np.mean((belief[:-1, :2] - truth[:-1, :2]) ** 2))
         after.append(np.mean(off**2))
@@ -71,7 +71,7 @@ def test_a_steady_current_is_removed_and_told():
     current = (0.01, -0.005)
     time, truth, belief, std = dive_of(np.random.default_rng(3), current=current)
     (dive,) = finished_dives(time, belief, std)
-    smoothed = smooth_dive(dive, belief[:-1], std[:-1])
+    smoothed = smooth_dive(dive, time[:-1], belief[:-1], std[:-1])
     worst_before = np.abs(belief[:-1, :2] - truth[:-1, :2]).max()
     worst_after = np.abs(smoothed.position_ned[:, :2] - truth[:-1, :2]).max()
     assert worst_before > 0.5
@@ -83,7 +83,7 @@ def test_a_steady_current_is_removed_and_told():
 def test_depth_is_measured_and_stays_and_no_point_grows_less_certain():
     time, _, belief, std = dive_of(np.random.default_rng(4))
     (dive,) = finished_dives(time, belief, std)
-    smoothed = smooth_dive(dive, belief[:-1], std[:-1])
+    smoothed = smooth_dive(dive, time[:-1], belief[:-1], std[:-1])
     np.testing.assert_array_equal(smoothed.position_ned[:, 2], belief[:-1, 2])
     assert (smoothed.position_std_m <= std[:-1]).all()
 
@@ -102,3 +102,27 @@ def test_rest_at_the_surface_and_a_coarse_wire_do_not_shift_the_start():
     std = np.concatenate([np.full(waiting, std[0]), std]).round(2)
     (dive,) = finished_dives(time, belief, std)
     assert 0.0 <= dive.start_s <= 4.0
+
+
+def test_a_dive_in_an_unknown_current_is_smoothed_as_honestly_as_it_says():
+    b, known = 0.01, (0.004, -0.003)
+    honest, ends, before = [], [], []
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        unknown = b * rng.standard_normal(2)
+        time, truth, belief, std = dive_of(rng, seconds=120.0, current=tuple(unknown))
+        std[:-1] = np.sqrt(std[:-1] ** 2 + (b * time[:-1]) ** 2)
+        beliefs = np.array([[-5.0, 9.0, 9.0, 9.0], [-1.0, *known, b], [125.0, 9.0, 9.0, 9.0]])
+        (dive,) = finished_dives(time, belief, std, beliefs)
+        smoothed = smooth_dive(dive, time[:-1], belief[:-1], std[:-1])
+        off = smoothed.position_ned[:, :2] - truth[:-1, :2]
+        before.append(np.mean((belief[:-1, :2] - truth[:-1, :2]) ** 2))
+        ends.append(np.mean(off**2))
+        honest.append(np.mean(off[2:] ** 2 / smoothed.position_std_m[2:, None] ** 2))
+    assert np.mean(ends) < 0.1 * np.mean(before)
+    assert 0.8 < np.mean(honest) < 1.25
+    assert dive.believed_ne_m_s == known
+    drift = np.array(dive.drift_ne_m) - dive.jump_ne_m
+    np.testing.assert_allclose(drift, 120.0 * np.array(known))
+    assert dive.carried_std_m == pytest.approx(b * 118.0)
+    assert dive.walk_std_m == pytest.approx(DIFFUSION * np.sqrt(118.0), rel=0.15)

@@ -7,6 +7,7 @@ from autonomy.site import TANK
 from db.query.robots import RobotRecord
 from robot_link.messages import (
     SURFACED_BY_COMMAND,
+    CurrentReport,
     LinkReport,
     LinkState,
     OnboardPlanState,
@@ -219,3 +220,14 @@ def test_what_an_alarm_says_does_not_age(status, monkeypatch):
     assert "at 2026-11-20 16:00Z and" in verdicts(status)["overdue"].text
     status.links = link(LinkState.STALE, age_s=86_400)
     assert "last heard at 2026-11-20 12:00Z." in verdicts(status)["silence"].text
+
+
+def test_robot_whose_fixes_surprise_it_is_doubted_aloud(status):
+    calm = CurrentReport(MINI, NOW, NOW, (0.01, 0.0), 0.002, 1.1, 6, 0)
+    status.current_report = calm
+    assert verdicts(status) == {}
+    status.current_report = replace(calm, doubt=1.8)
+    assert verdicts(status)["doubt"].level == "watch"
+    assert verdicts(status)["doubt"].text == (
+        "mini-1: The water moves more than was believed; positions are doubted 1.8 times more."
+    )

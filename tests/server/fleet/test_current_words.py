@@ -1,0 +1,29 @@
+"""What the station says of the current that a robot believes."""
+
+from dataclasses import replace
+from datetime import UTC, datetime
+
+from robot_link.messages import CurrentReport, RobotId
+from server.fleet.current_words import current_text
+
+NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
+REPORT = CurrentReport(RobotId("mini-1"), NOW, NOW, (0.0, 0.021), 0.004, 1.0, 3, 0)
+
+
+def test_a_current_is_told_with_its_direction_and_its_doubt():
+    assert current_text(REPORT) == "2.1 cm/s to 90 deg, give or take 0.4."
+
+
+def test_a_current_within_its_own_doubt_is_none_that_could_be_told():
+    unknown = replace(REPORT, current_ne_m_s=(0.001, 0.0))
+    assert current_text(unknown) == "None that it could tell; give or take 0.4 cm/s."
+
+
+def test_doubt_and_refused_fixes_are_said():
+    assert current_text(replace(REPORT, doubt=1.82, fixes_refused=2)).endswith(
+        " The water moves more than was believed; positions are doubted 1.8 times more."
+        " 2 fixes lay too far off and were not believed."
+    )
+    assert current_text(replace(REPORT, fixes_refused=1)).endswith(
+        "1 fix lay too far off and was not believed."
+    )
