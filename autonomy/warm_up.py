@@ -40,6 +40,7 @@ LATER = (
     "autonomy.tracking.filter.filter_kernel",
     "autonomy.tracking.filter.hypothesis_kernel",
     "autonomy.tracking.filter.cloud_kernel",
+    "autonomy.tracking.filter.joint_kernel",
     search_step("information_gain"),
     "autonomy.field.learning.likelihood_kernel",
     "autonomy.whatif.kernel",

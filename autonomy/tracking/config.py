@@ -79,7 +79,7 @@ class RangingConfig(Configuration):
 class FilterConfig(Configuration):
     """The estimator of the target (specification: EKF of 4 states, target velocity, bank)."""
 
-    hypotheses: Literal["one", "two", "cloud"] = quantity("two", title="Hypotheses")
+    hypotheses: Literal["one", "two", "cloud"] = quantity("cloud", title="Hypotheses")
     """``two`` also follows the mirrored estimate, which ranges alone cannot tell from the true
     one until the robot turns, and looks in every direction when ranges contradict the estimate;
     ``cloud`` does that too, and holds the estimate against thousands of places where the target

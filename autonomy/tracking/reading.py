@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from enum import IntEnum
 
 from autonomy.tracking.phase import TargetPhase
 
@@ -9,6 +10,14 @@ Pair = tuple[float, float]
 
 LARGEST_M = 1e5
 """A distance or coordinate beyond this is a fault and no measurement."""
+
+
+class SpeedClass(IntEnum):
+    """How a target seems to swim; the number is the wire's."""
+
+    RESTING = 0
+    SLOW = 1
+    FAST = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,3 +107,9 @@ class TrackerStep:
     """Why it ended; empty in every other phase."""
     note: str
     """What is wrong while it is coasting or lost; empty while it tracks."""
+    is_too_fast: bool = False
+    """Whether the target seems too fast to follow: it has been faster than the robot may be."""
+    speed_class: SpeedClass | None = None
+    """How the target seems to swim; None where that is not estimated, or no range was heard."""
+    delay_s: float | None = None
+    """By how much ranges seem older than they are told; None as above."""

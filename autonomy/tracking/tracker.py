@@ -20,7 +20,7 @@ from autonomy.tracking.filter import hypothesis_kernel as hk
 from autonomy.tracking.filter.arbiter import Arbiter
 from autonomy.tracking.filter.bank import Bank, BankInput
 from autonomy.tracking.filter.filter_kernel import full_covariance
-from autonomy.tracking.filter.hypothesis import Hypothesis
+from autonomy.tracking.filter.joint import Belief
 from autonomy.tracking.filter.late_range import Timeline
 from autonomy.tracking.filter.track_watch import Evidence, TrackWatch
 from autonomy.tracking.phase import TargetPhase
@@ -35,6 +35,7 @@ from autonomy.tracking.reading import (
     TrackerStart,
     TrackerStep,
 )
+from autonomy.tracking.weave import Weave
 
 __all__ = [
     "RangeHeard",
@@ -48,6 +49,9 @@ __all__ = [
 LARGEST_SPEED_M_S = 50.0
 LARGEST_HEADING_RAD = 1e6
 LONGEST_STEP_S = 60.0
+SLOW_RATIO, LEAST_LEVEL = 0.1, 0.1
+"""A target below this share of the robot's cap does not move the barrier's level; the least share
+of the level that is kept."""
 CLOUD_SEED = 4
 """The cloud's random numbers are the same in every mission: the same ranges give the same track."""
 
@@ -60,6 +64,16 @@ class _Control:
     barrier: float
     inverse_condition: float
     is_feasible: bool
+
+
+@dataclass(frozen=True, slots=True)
+class _Followed:
+    z: tuple[float, float, float, float]
+    """Relative position (robot minus target) north and east, m, heading, rad, and speed, m/s."""
+    velocity_ne_m_s: Pair
+    """Of the target."""
+    belief: Belief | None
+    """Of the joint filter, where that is followed."""
 
 
 class Tracker:
@@ -100,8 +114,10 @@ class Tracker:
         )
         self._timeline = Timeline(bank)
         is_judged = config.filter.hypotheses == "cloud" and not config.barrier.is_teaching
+        is_judged = is_judged and config.filter.target_velocity == "estimated"
         chance = np.random.default_rng(CLOUD_SEED)
-        self._arbiter = Arbiter(config, own, chance) if is_judged else None
+        self._arbiter = Arbiter(config, start, chance) if is_judged else None
+        self._weave = Weave(config)
         self._watch = TrackWatch(config)
         self._search = SearchCircle(config)
         self._predictive = self._new_predictive()
@@ -142,7 +158,7 @@ class Tracker:
         self._rejected += self._timeline.step(given, ranges)
         self._move(reading.own_ne_m, before)
         if self._arbiter is not None:
-            self._arbiter.step(self._now_s, self._own_ne_m, ranges, self._timeline)
+            self._arbiter.step(self._now_s, self._own_ne_m, given, ranges, self._timeline)
         self._judge(dt_s, is_own_measured, reading.is_quiet)
         control = self._control(dt_s, known)
         self._command = control.command
@@ -219,7 +235,13 @@ class Tracker:
         )
 
     def _judge(self, dt_s: float, is_own_measured: bool, is_quiet: bool) -> None:
-        bank, was = self._timeline.bank, self._watch.phase
+        hearing, was = self._timeline.bank.hearing, self._watch.phase
+        silence_s, streak = hearing.silence_s, hearing.streak
+        is_searching = hearing.is_searching
+        if self._arbiter is not None:
+            heard = self._arbiter.heard
+            silence_s, streak = min(silence_s, heard.silence_s), max(streak, heard.streak)
+            is_searching = is_searching if self._arbiter.follows_bank else heard.is_searching
         self._watch.step(
             dt_s,
             Evidence(
@@ -227,9 +249,9 @@ class Tracker:
                 is_own_measured=is_own_measured,
                 is_quiet=is_quiet,
                 newest_range=self._newest,
-                silence_s=bank.hearing.silence_s,
-                streak=bank.hearing.streak,
-                is_searching=bank.hearing.is_searching,
+                silence_s=silence_s,
+                streak=streak,
+                is_searching=is_searching,
             ),
         )
         if self._watch.phase is TargetPhase.LOST and was is not TargetPhase.LOST:
@@ -241,27 +263,73 @@ class Tracker:
         return PredictiveController(self._config) if is_predictive else None
 
     def _control(self, dt_s: float, known: Pair | None) -> _Control:
-        """Return the command for the hypothesis that is followed."""
-        h, phase = self._timeline.bank.best.h, self._watch.phase
-        x_r, y_r, psi, v = (float(value) for value in h[:4])
-        vt_n, vt_e = known or self._timeline.bank.best.velocity_ne_m_s
+        """Return the command for the estimate that is followed."""
+        followed, phase = self._followed(known), self._watch.phase
+        x_r, y_r, psi, v = followed.z
+        vt_n, vt_e = followed.velocity_ne_m_s
         u1, u2, n1, n2, determinant, barrier, status = control_kernel.control_step(
-            x_r, y_r, psi, v, vt_n, vt_e, 0.0, 0.0, self._p
+            x_r, y_r, psi, v, vt_n, vt_e, 0.0, 0.0, self._levelled((vt_n, vt_e))
         )
         command = (u1, u2)
         if phase in {TargetPhase.WAITING, TargetPhase.ENDED}:
             command = (0.0, 0.0)
-        elif phase is TargetPhase.LOST and not self._config.barrier.is_teaching:
+        elif self._searches(phase):
             command = self._search.command(v, dt_s)
         elif self._predictive is not None:
-            P = full_covariance(h[hk.COVARIANCE : hk.VELOCITY])
-            command = self._predictive.command(h[:4].copy(), (vt_n, vt_e), P)
+            P = self._covariance(followed.belief)
+            command = self._predictive.command(np.array(followed.z), (vt_n, vt_e), P)
+        elif followed.belief is not None:
+            turn_rate = self._weave.turn_rate(self._now_s, followed.belief, self._own_ne_m, psi)
+            command = (u1 if turn_rate is None else turn_rate, u2)
         if not (math.isfinite(command[0]) and math.isfinite(command[1])):
             command = (0.0, 0.0)
         condition = control_kernel.inverse_condition(x_r, y_r, psi, v, vt_n, vt_e)
         is_feasible = status < control_kernel.INFEASIBLE
         nominal = self._within((n1, n2))
         return _Control(command, nominal, determinant, barrier, condition, is_feasible)
+
+    def _followed(self, known: Pair | None) -> _Followed:
+        """Return the bank's best hypothesis, or what the joint filter believes instead."""
+        best, arbiter = self._timeline.bank.best, self._arbiter
+        if arbiter is None or arbiter.follows_bank:
+            x_r, y_r, psi, v = (float(value) for value in best.h[:4])
+            return _Followed((x_r, y_r, psi, v), known or best.velocity_ne_m_s, None)
+        belief = arbiter.belief
+        psi, v = (float(value) for value in arbiter.own)
+        x_r = self._own_ne_m[0] - belief.place_ne_m[0]
+        y_r = self._own_ne_m[1] - belief.place_ne_m[1]
+        return _Followed((x_r, y_r, psi, v), belief.velocity_ne_m_s, belief)
+
+    def _covariance(self, belief: Belief | None) -> FloatArray:
+        """Return the covariance of what is followed, shape ``(4, 4)``."""
+        P = full_covariance(self._timeline.bank.best.h[hk.COVARIANCE : hk.VELOCITY])
+        if belief is not None:
+            nn, ne, ee = belief.covariance_m2
+            P[:2, :2] = [[nn, ne], [ne, ee]]
+            P[:2, 2:] = P[2:, :2] = 0.0
+        return P
+
+    def _levelled(self, target_velocity_ne_m_s: Pair) -> FloatArray:
+        """Return the controller's settings with the barrier's level for a target of this speed.
+
+        Of the robot's speed only what the target leaves can be spent on going round it: the
+        determinant that can be kept falls by that share.
+        """
+        if self._arbiter is None:
+            return self._p
+        ratio = math.hypot(*target_velocity_ne_m_s) / self._config.motion.speed_max_m_s
+        share = min(max((1.0 - ratio) / (1.0 - SLOW_RATIO), LEAST_LEVEL), 1.0)
+        self._p[control_kernel.EPSILON] = share * share * self._config.barrier.epsilon
+        return self._p
+
+    def _searches(self, phase: TargetPhase) -> bool:
+        """Tell whether the robot circles, as nothing better is known."""
+        if phase is not TargetPhase.LOST or self._config.barrier.is_teaching:
+            return False
+        arbiter = self._arbiter
+        is_weaving = arbiter is not None and not arbiter.follows_bank
+        is_silent = self._timeline.bank.hearing.silence_s > self._config.ranging.coast_after_s
+        return not is_weaving or is_silent
 
     def _within(self, command: Pair) -> Pair:
         motion = self._config.motion
@@ -272,11 +340,12 @@ class Tracker:
     def _answer(self, control: _Control, known: Pair | None) -> TrackerStep:
         bank = self._timeline.bank
         age = self._now_s - self._newest[0] if self._newest else 0.0
+        belief = self._arbiter.belief if self._arbiter is not None and self._newest else None
         return TrackerStep(
             phase=self._watch.phase,
             command=control.command,
             nominal=control.nominal,
-            hypotheses=self._hypotheses(bank.hypotheses, known) if self._newest else (),
+            hypotheses=self._hypotheses(known) if self._newest else (),
             determinant_m2_s=control.determinant_m2_s,
             barrier=control.barrier,
             inverse_condition=control.inverse_condition,
@@ -287,12 +356,18 @@ class Tracker:
             range_age_s=max(age, 0.0),
             reason=self._watch.reason,
             note=self._watch.note,
+            is_too_fast=belief is not None and belief.is_too_fast,
+            speed_class=None if belief is None else belief.speed_class,
+            delay_s=None if belief is None else belief.delay_s,
         )
 
-    def _hypotheses(
-        self, bank: list[Hypothesis], known: Pair | None
-    ) -> tuple[TargetHypothesis, ...]:
+    def _hypotheses(self, known: Pair | None) -> tuple[TargetHypothesis, ...]:
         """Return the hypothesis that is followed and the likeliest other one."""
+        if self._arbiter is not None and not self._arbiter.follows_bank:
+            belief = self._arbiter.belief
+            place, velocity = belief.place_ne_m, belief.velocity_ne_m_s
+            return (TargetHypothesis(place, velocity, belief.covariance_m2, 1.0),)
+        bank = self._timeline.bank.hypotheses
         others = sorted(bank[1:], key=lambda one: -one.weight)[:1]
         chosen = [bank[0], *others]
         total = sum(one.weight for one in chosen)

@@ -202,8 +202,8 @@ def test_a_known_velocity_is_used_and_told():
     assert water.tracker.step(reading, 0.0).hypotheses[0].velocity_ne_m_s == (0.02, -0.01)
 
 
-def test_a_late_range_gives_exactly_the_answer_that_it_gives_in_order():
-    config = settings()
+def test_a_late_range_gives_a_bank_exactly_the_answer_that_it_gives_in_order():
+    config = settings(filter=FilterConfig(hypotheses="two"))
     in_order, late = (Tracker(config, TrackerStart((-3.0, 1.0), 0.5, 0.2)) for _ in range(2))
     rng = np.random.default_rng(8)
     pending = []

@@ -1,15 +1,10 @@
-"""Cloud of places where a target may be: judges the filter bank, and finds a robot by its beacon.
+"""Cloud of places where a target may be: finds a robot by its beacon.
 
-A hypothesis of the bank bends itself to whatever ranges come: misplaced by tens of metres, it still
-explains them by a false velocity of the target. The cloud forgets no place that all ranges since
-the beginning allow, so it knows when an estimate is one that they do not. It is coarse where the
-bank is fine, and says nothing while it is of two minds.
-
-It works in the site frame with the robot's own position, which fixes hold where there are any.
+The cloud forgets no place that all ranges since the beginning allow. It works in the site frame
+with the robot's own position, which fixes hold where there are any.
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 
@@ -28,26 +23,11 @@ WALK_M_SQRT_S = 0.02
 OUTLIER_STDS = 4.0
 """A range contradicts no place by more standard deviations than this, so that one that is wrong
 empties none."""
-NEAR_STDS = 4.0
-"""What lies within so many standard deviations of a range is one place."""
-BEARINGS = 24
 DOUBT_SHARE = 0.1
 """Share of the newest range in the mean log likelihood of all of them."""
 DOUBT = -3.5
 """Mean log likelihood below which the ranges contradict the whole cloud; ``OUTLIER_STDS`` allows
 -8."""
-
-
-@dataclass(frozen=True, slots=True)
-class LikelyPlace:
-    """Where a cloud is densest."""
-
-    place_ne_m: tuple[float, float]
-    velocity_ne_m_s: tuple[float, float]
-    covariance_m2: tuple[float, float, float]
-    """Of the place: north-north, north-east, east-east; positive definite."""
-    share: float
-    """Probability that the target is near it; 0 where the densest direction has no one place."""
 
 
 class TargetCloud:
@@ -69,7 +49,6 @@ class TargetCloud:
     ) -> None:
         self._speed_std_m_s = config.filter.target_speed_std_m_s
         self._std_m = math.sqrt(PERSISTENCE * config.ranging.variance_m2)
-        self._near_m = NEAR_STDS * math.sqrt(config.ranging.variance_m2)
         self._generator = generator
         std_m = config.target.guess_std_m if guess_std_m is None else guess_std_m
         guess = std_m * generator.standard_normal((PARTICLES, 2))
@@ -118,41 +97,6 @@ class TargetCloud:
         off = self._particles - mean
         return mean, off.T @ (self._weights[:, None] * off)
 
-    def share_near(self, place_ne_m: tuple[float, float]) -> float:
-        """Return the probability that the target is near a place."""
-        return float(self._weights[self._is_near(np.array(place_ne_m))].sum())
-
-    def likeliest(self, own_ne_m: tuple[float, float]) -> LikelyPlace:
-        """Return where the cloud is densest, as seen from where the robot is."""
-        places, weights = self._particles[:, :2], self._weights
-        off = places - own_ne_m
-        turns = np.arctan2(off[:, 1], off[:, 0]) / (2.0 * math.pi)
-        sector = np.floor(turns * BEARINGS).astype(np.int64) % BEARINGS
-        shares = np.bincount(sector, weights, BEARINGS)
-        smooth = shares + np.roll(shares, 1) + np.roll(shares, -1)
-        is_in = np.isin((sector - int(smooth.argmax())) % BEARINGS, (0, 1, BEARINGS - 1))
-        is_one_place = True
-        for _ in range(5):
-            inside = weights[is_in] / weights[is_in].sum()
-            nearer = self._is_near(inside @ places[is_in])
-            # the middle of a wide arc may lie where no particle is
-            is_one_place = bool(weights[nearer].sum() > 0.0)
-            if not is_one_place:
-                break
-            is_in = nearer
-        total = float(weights[is_in].sum())
-        inside = weights[is_in] / total
-        mean = inside @ self._particles[is_in]
-        strays = places[is_in] - mean[:2]
-        # two particles or one would leave it singular; each stands for what it strays in a second
-        covariance = strays.T @ (inside[:, None] * strays) + WALK_M_SQRT_S**2 * np.eye(2)
-        return LikelyPlace(
-            (float(mean[0]), float(mean[1])),
-            (float(mean[2]), float(mean[3])),
-            (float(covariance[0, 0]), float(covariance[0, 1]), float(covariance[1, 1])),
-            total if is_one_place else 0.0,
-        )
-
     def _drift(self, dt_s: float) -> None:
         kept = math.exp(-dt_s / STEADY_S)
         fresh_m_s = self._speed_std_m_s * math.sqrt(1.0 - kept * kept)
@@ -165,10 +109,6 @@ class TargetCloud:
         cloud_kernel.resample_into(self._spare, self._particles, self._weights, offset)
         self._particles, self._spare = self._spare, self._particles
         self._weights[:] = 1.0 / PARTICLES
-
-    def _is_near(self, place_ne_m: FloatArray) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
-        off = self._particles[:, :2] - place_ne_m
-        return np.hypot(off[:, 0], off[:, 1]) < self._near_m
 
     def _begin_anew(self, own_ne_m: tuple[float, float], range_m: float) -> None:
         """Believe the range, and no bearing."""

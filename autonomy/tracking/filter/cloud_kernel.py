@@ -81,8 +81,8 @@ def resample_into(
     """Choose as many particles of equal weight, by systematic resampling.
 
     Args:
-        chosen: Is filled with them, shape ``(n, 4)``.
-        particles: Shape ``(n, 4)``.
+        chosen: Is filled with them, shape ``(n, k)``.
+        particles: Shape ``(n, k)``.
         weights: Shape ``(n,)``; they add up to 1.
         offset: Uniform in 0..1.
     """
@@ -92,7 +92,7 @@ def resample_into(
         while reached < (i + offset) / count and j < count - 1:
             j += 1
             reached += weights[j]
-        for k in range(4):
+        for k in range(particles.shape[1]):
             chosen[i, k] = particles[j, k]
 
 
