@@ -190,4 +190,7 @@ def _target_row(report: TargetReport) -> dict[str, Any]:
         "is_quiet": report.is_quiet,
         "true_north_m": true_north_m,
         "true_east_m": true_east_m,
+        "is_too_fast": report.is_too_fast,
+        "speed_class": None if report.speed_class is None else int(report.speed_class),
+        "delay_s": report.delay_s,
     }

@@ -2,7 +2,7 @@
 
 from datetime import datetime
 
-from sqlalchemy import JSON, ForeignKey
+from sqlalchemy import JSON, ForeignKey, false
 from sqlalchemy.orm import Mapped, mapped_column
 
 from db.tables import CLUSTERED, Base
@@ -39,3 +39,7 @@ class TargetReportRow(Base):
     is_quiet: Mapped[bool]
     true_north_m: Mapped[float | None]
     true_east_m: Mapped[float | None]
+    is_too_fast: Mapped[bool] = mapped_column(default=False, server_default=false())
+    speed_class: Mapped[int | None]
+    """Number of the class; none where the robot did not estimate it."""
+    delay_s: Mapped[float | None]

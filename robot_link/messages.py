@@ -10,7 +10,7 @@ from datetime import datetime
 from enum import IntEnum, StrEnum
 from typing import Annotated, NewType
 
-from autonomy.tracking.phase import TargetPhase
+from autonomy.tracking.phase import SpeedClass, TargetPhase
 from robot_link.channel import Catalogue, Channel, Gauge, Octets, Possible, Recorded, Wire
 
 RobotId = NewType("RobotId", str)
@@ -356,6 +356,12 @@ class TargetReport:
     """Whether the robot was told not to ping."""
     true_ne_m: tuple[float, float] | None
     """Where a virtual target is, which its robot computes; None for a real one."""
+    is_too_fast: bool = False
+    """Whether the target seems too fast to follow."""
+    speed_class: SpeedClass | None = None
+    """How the target seems to swim; None where the robot does not estimate it."""
+    delay_s: float | None = None
+    """By how much ranges seem older than they are told, s; None as above."""
 
 
 @dataclass(frozen=True, slots=True)

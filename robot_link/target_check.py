@@ -45,6 +45,8 @@ def target_fault(report: TargetReport) -> str:
         return f"a range of {report.range_m:.3g} m"
     if report.range_m is not None and report.range_age_s < 0.0:
         return f"a range that is {report.range_age_s:.3g} s old"
+    if report.delay_s is not None and report.delay_s < 0.0:
+        return f"ranges that are {report.delay_s:.3g} s late"
     if not 0 <= report.ranges_rejected <= report.ranges_heard:
         return "more ranges that were not believed than were heard"
     if not -_ROUNDING <= report.inverse_condition <= 1.0 + _ROUNDING:
@@ -72,6 +74,7 @@ def _numbers(report: TargetReport) -> tuple[float, ...]:
         *report.nominal,
         *report.command,
         *(report.true_ne_m or ()),
+        *(() if report.delay_s is None else (report.delay_s,)),
     )
     estimates = (
         number

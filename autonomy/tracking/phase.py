@@ -1,4 +1,4 @@
-"""What a tracker says of its hold on the target; the number is the wire's."""
+"""What a tracker says of its hold on the target, in numbers that are the wire's too."""
 
 from enum import IntEnum
 
@@ -16,3 +16,11 @@ class TargetPhase(IntEnum):
     """Ranges failed for too long, or contradict the estimate: the robot circles to find it."""
     ENDED = 4
     """The mission is over; the reason is in the plan's report."""
+
+
+class SpeedClass(IntEnum):
+    """How a target seems to swim; the number is the wire's."""
+
+    RESTING = 0
+    SLOW = 1
+    FAST = 2

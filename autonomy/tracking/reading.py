@@ -2,22 +2,13 @@
 
 import math
 from dataclasses import dataclass
-from enum import IntEnum
 
-from autonomy.tracking.phase import TargetPhase
+from autonomy.tracking.phase import SpeedClass, TargetPhase
 
 Pair = tuple[float, float]
 
 LARGEST_M = 1e5
 """A distance or coordinate beyond this is a fault and no measurement."""
-
-
-class SpeedClass(IntEnum):
-    """How a target seems to swim; the number is the wire's."""
-
-    RESTING = 0
-    SLOW = 1
-    FAST = 2
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ from datetime import datetime
 from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
-from autonomy.tracking.phase import TargetPhase
+from autonomy.tracking.phase import SpeedClass, TargetPhase
 from db.query.robots import robot_key
 from db.query.target_span import EVERYTHING, TargetSpan
 from db.record import same
@@ -145,6 +145,7 @@ def _report(row: TargetReportRow, robot: str) -> TargetReport:
         nominal=(row.nominal_turn_rate_rad_s, row.nominal_acceleration_m_s2),
         command=(row.turn_rate_rad_s, row.acceleration_m_s2),
         true_ne_m=true_ne_m,
+        speed_class=None if row.speed_class is None else SpeedClass(row.speed_class),
     )
 
 

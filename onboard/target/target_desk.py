@@ -190,6 +190,9 @@ class TargetDesk:
             is_feasible=step.is_feasible,
             is_quiet=self.is_quiet,
             true_ne_m=hearing.true_ne_m,
+            is_too_fast=step.is_too_fast,
+            speed_class=step.speed_class,
+            delay_s=step.delay_s,
         )
 
 

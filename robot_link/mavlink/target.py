@@ -3,6 +3,7 @@
 import struct
 from datetime import datetime
 
+from autonomy.tracking.phase import SpeedClass
 from robot_link.mavlink.telemetry import check_finite, microseconds, moment
 from robot_link.mavlink.wire import grace
 from robot_link.messages import RobotId, TargetEstimate, TargetReport
@@ -17,7 +18,8 @@ _BARRIER_ON = grace.GRACE_TRACK_FLAGS_BARRIER_ON
 _FEASIBLE = grace.GRACE_TRACK_FLAGS_FEASIBLE
 _QUIET = grace.GRACE_TRACK_FLAGS_QUIET
 _HAS_TRUTH = grace.GRACE_TRACK_FLAGS_HAS_TRUTH
-_FLAGS = _HAS_RANGE | _BARRIER_ON | _FEASIBLE | _QUIET | _HAS_TRUTH
+_TOO_FAST = grace.GRACE_TRACK_FLAGS_TOO_FAST
+_FLAGS = _HAS_RANGE | _BARRIER_ON | _FEASIBLE | _QUIET | _HAS_TRUTH | _TOO_FAST
 
 
 def target_message(report: TargetReport) -> grace.MAVLink_grace_track_message:
@@ -53,6 +55,8 @@ def target_message(report: TargetReport) -> grace.MAVLink_grace_track_message:
         phase=int(report.phase),
         hypotheses=len(known),
         flags=_flags(report),
+        delay=report.delay_s or 0.0,
+        speed_class=0 if report.speed_class is None else report.speed_class + 1,
     )
 
 
@@ -91,6 +95,9 @@ def target_report(
             is_feasible=bool(flags & _FEASIBLE),
             is_quiet=bool(flags & _QUIET),
             true_ne_m=(message.true_x, message.true_y) if flags & _HAS_TRUTH else None,
+            is_too_fast=bool(flags & _TOO_FAST),
+            speed_class=_speed_class(message.speed_class),
+            delay_s=message.delay if message.speed_class else None,
         )
     )
 
@@ -118,6 +125,12 @@ def _hypothesis(message: grace.MAVLink_grace_track_message, index: int) -> Targe
     )
 
 
+def _speed_class(number: int) -> SpeedClass | None:
+    if number > len(SpeedClass):
+        raise ValueError(f"speed class {number} of a target is unknown")
+    return SpeedClass(number - 1) if number else None
+
+
 def _flags(report: TargetReport) -> int:
     return (
         _HAS_RANGE * (report.range_m is not None)
@@ -125,4 +138,5 @@ def _flags(report: TargetReport) -> int:
         | _FEASIBLE * report.is_feasible
         | _QUIET * report.is_quiet
         | _HAS_TRUTH * (report.true_ne_m is not None)
+        | _TOO_FAST * report.is_too_fast
     )

@@ -1,15 +1,16 @@
-"""What a robot knows of its target, in 27 to 84 bytes; it goes with a state, whose time it has.
+"""What a robot knows of its target, in 27 to 86 bytes; it goes with a state, whose time it has.
 
 Big endian: u8 phase; u8 flags: bit 0 estimate, 1 range, 2 truth, 3 barrier on, 4 feasible, 5 quiet,
-6 a second estimate; u8 inverse condition, 1/255; float24 (``octets.float24``) determinant, barrier,
-turn rate and acceleration of the pursuit law, turn rate and acceleration of the command; u24 ranges
-heard, u24 not believed. Then what the flags say::
+6 a second estimate, 7 motion; u8 inverse condition, 1/255; float24 (``octets.float24``)
+determinant, barrier, turn rate and acceleration of the pursuit law, turn rate and acceleration of
+the command; u24 ranges heard, u24 not believed. Then what the flags say::
 
     estimate  i32 north, i32 east, mm; i16 velocity north, i16 east, mm/s; float24 variance north,
               covariance, variance east; u8 probability, 1/255
     second    the same of the less likely hypothesis; only with an estimate
     range     u24 mm; u16 age, 0.1 s
     truth     i32 north, i32 east, mm
+    motion    u8: bits 0 and 1 speed class, 2 too fast; u8 delay of ranges, 1/50 s
 
 The second hypothesis takes 22 bytes, and travels only where a record has room for it. What exceeds
 its field is shown as the field's end.
@@ -18,6 +19,7 @@ its field is shown as the field's end.
 import struct
 from collections.abc import Sequence
 
+from autonomy.tracking.phase import SpeedClass
 from robot_link.messages import StateReport, TargetEstimate, TargetReport
 from robot_link.satellite.frame import WireError
 from robot_link.satellite.octets import OctetReader, float24, signed, unsigned
@@ -26,8 +28,11 @@ from robot_link.target_check import MOST_HYPOTHESES, checked_target, target_phas
 _HEAD = struct.Struct(">BBB")
 _PLACE = struct.Struct(">ii")
 _VELOCITY = struct.Struct(">hh")
-_ESTIMATE, _RANGE, _TRUTH, _BARRIER, _FEASIBLE, _QUIET, _SECOND = (1 << bit for bit in range(7))
-_FLAGS_MAX = 127
+_ESTIMATE, _RANGE, _TRUTH, _BARRIER, _FEASIBLE, _QUIET, _SECOND, _MOTION = (
+    1 << bit for bit in range(8)
+)
+_CLASS_BITS, _TOO_FAST = 3, 4
+_DELAY_SCALE = 50.0
 _SHARE = 255
 _COUNT_BYTES = 3
 _RANGE_BYTES = 3
@@ -60,6 +65,7 @@ def _packed(report: TargetReport, hypotheses: Sequence[TargetEstimate]) -> bytes
         | _BARRIER * report.is_barrier_on
         | _FEASIBLE * report.is_feasible
         | _QUIET * report.is_quiet
+        | _MOTION * (report.speed_class is not None)
     )
     octets = _HEAD.pack(report.phase, flags, unsigned(report.inverse_condition * _SHARE, 1))
     floats = (report.determinant_m2_s, report.barrier, *report.nominal, *report.command)
@@ -72,6 +78,9 @@ def _packed(report: TargetReport, hypotheses: Sequence[TargetEstimate]) -> bytes
         octets += unsigned(report.range_age_s * 10.0, _AGE_BYTES).to_bytes(_AGE_BYTES, "big")
     if report.true_ne_m is not None:
         octets += _packed_place(report.true_ne_m)
+    if report.speed_class is not None:
+        motion = report.speed_class | _TOO_FAST * report.is_too_fast
+        octets += bytes([motion, unsigned((report.delay_s or 0.0) * _DELAY_SCALE, 1)])
     return octets
 
 
@@ -86,8 +95,6 @@ def unpacked_target(reader: OctetReader, state: StateReport) -> TargetReport:
         WireError: If it is none.
     """
     phase, flags, condition = _HEAD.unpack(reader.take(_HEAD.size))
-    if flags > _FLAGS_MAX:
-        raise WireError(f"flags {flags:#x} of a track are unknown")
     numbers = [reader.float24() for _ in range(6)]
     heard, rejected = (int.from_bytes(reader.take(_COUNT_BYTES), "big") for _ in range(2))
     if flags & _SECOND and not flags & _ESTIMATE:
@@ -95,6 +102,9 @@ def unpacked_target(reader: OctetReader, state: StateReport) -> TargetReport:
     hypotheses = tuple(_estimate(reader) for flag in (_ESTIMATE, _SECOND) if flags & flag)
     range_m, age_s = _range(reader) if flags & _RANGE else (None, 0.0)
     true_ne_m = _place(reader) if flags & _TRUTH else None
+    motion, late = reader.take(2) if flags & _MOTION else (0, 0)
+    if motion > (_CLASS_BITS | _TOO_FAST):
+        raise WireError(f"motion {motion:#x} of a track is unknown")
     try:
         return checked_target(
             TargetReport(
@@ -117,6 +127,9 @@ def unpacked_target(reader: OctetReader, state: StateReport) -> TargetReport:
                 is_feasible=bool(flags & _FEASIBLE),
                 is_quiet=bool(flags & _QUIET),
                 true_ne_m=true_ne_m,
+                is_too_fast=bool(motion & _TOO_FAST),
+                speed_class=SpeedClass(motion & _CLASS_BITS) if flags & _MOTION else None,
+                delay_s=late / _DELAY_SCALE if flags & _MOTION else None,
             )
         )
     except ValueError as error:

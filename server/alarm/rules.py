@@ -189,6 +189,17 @@ def _target(status: RobotStatus, watch: Watch) -> Verdict | None:
     return Verdict("warning", f"{status.record.id} lost its target; {why}.")
 
 
+def _target_speed(status: RobotStatus, watch: Watch) -> Verdict | None:
+    """Judge whether a target that is followed can be."""
+    del watch
+    track, plan = status.target_report, status.plan_report
+    if track is None or not track.is_too_fast or status.flies_no_target:
+        return None
+    if plan is not None and plan.state is not OnboardPlanState.RUNNING:
+        return None
+    return Verdict("warning", f"{status.record.id} follows a target that is too fast for it.")
+
+
 def _target_over(status: RobotStatus) -> str:
     """Say how the loss of a target ended."""
     track, plan = status.target_report, status.plan_report
@@ -226,6 +237,7 @@ RULES: tuple[Rule, ...] = (
     Rule("plan ended early", _ended_early),
     Rule("doubt", _doubt),
     Rule("target", _target, _target_over),
+    Rule("target_speed", _target_speed),
 )
 """Every cause of alarm about a robot."""
 

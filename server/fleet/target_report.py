@@ -20,6 +20,7 @@ def target_view(report: TargetReport, reason: str = "") -> TargetReportView:
             )
             for one in report.hypotheses
         ],
+        speed_class=None if report.speed_class is None else report.speed_class.name.lower(),
         error_m=error_m(report),
         reason=reason,
         text=target_text(report, reason),

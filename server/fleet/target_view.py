@@ -59,6 +59,13 @@ class TargetReportView(View):
     """Whether the robot was told not to ping."""
     true_ne_m: tuple[float, float] | None
     """Where a virtual target was; ``null`` for a real one."""
+    is_too_fast: bool
+    """Whether the target seems too fast to follow: it will be lost."""
+    speed_class: Annotated[str | None, one_of("resting", "slow", "fast")]
+    """How the target seems to swim: ``resting``, ``slow`` or ``fast``; ``null`` where that is not
+    estimated."""
+    delay_s: float | None
+    """By how much ranges seem older than they are told; ``null`` as above."""
     error_m: float | None
     """Distance of the likeliest hypothesis from the truth; ``null`` where that is not known."""
     reason: str

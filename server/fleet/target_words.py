@@ -11,17 +11,24 @@ _SMALL = 0.005
 """A mirrored estimate less probable than this is not worth a word."""
 _LONG_M, _LONG_S = 10.0, 10.0
 """Beyond these a sentence needs no decimals."""
+_LATE_S = 0.5
+"""A delay of ranges shorter than this is not worth a word."""
+TOO_FAST = "The target seems too fast to follow and will be lost."
 _QUIET = "it was told not to ping"
 
 
 def target_text(report: TargetReport, reason: str = "") -> str:
-    """Say in one sentence, or two in the teaching mode, what a report on a target means.
+    """Say in one sentence what a report on a target means; in others what must be known beside.
 
     Args:
         report: What the robot says.
         reason: Why the mission ended, "" while it goes on or where nobody knows.
     """
     text = _phase_text(report, reason)
+    if report.is_too_fast and report.phase is not TargetPhase.ENDED:
+        text = f"{text} {TOO_FAST}"
+    if (report.delay_s or 0.0) >= _LATE_S and report.phase is TargetPhase.TRACKING:
+        text = f"{text} Its ranges seem {report.delay_s:.1f} s older than they are told."
     if report.is_barrier_on or report.phase is TargetPhase.ENDED:
         return text
     return f"{text} {_TEACHING}"

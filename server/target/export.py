@@ -23,6 +23,7 @@ COLUMNS = (
     "determinant_m2_s", "barrier", "inverse_condition",
     "nominal_turn_rate_rad_s", "nominal_acceleration_m_s2", "turn_rate_rad_s", "acceleration_m_s2",
     "is_barrier_on", "is_feasible", "is_quiet", "true_north_m", "true_east_m",
+    "is_too_fast", "speed_class", "delay_s",
     "reason",
 )  # fmt: skip
 """Columns of the file; what is not known is left empty."""
@@ -77,6 +78,9 @@ def _row(report: TargetReport, reason: str) -> str:
         *map(repr, (*report.nominal, *report.command)),
         *(str(int(flag)) for flag in (report.is_barrier_on, report.is_feasible, report.is_quiet)),
         *(("", "") if report.true_ne_m is None else map(repr, report.true_ne_m)),
+        str(int(report.is_too_fast)),
+        "" if report.speed_class is None else report.speed_class.name.lower(),
+        "" if report.delay_s is None else repr(report.delay_s),
         _text(reason),
     ]
     return ",".join(cells) + "\n"

@@ -12,7 +12,8 @@ from autonomy.tracking.filter.bank import Bank, BankInput
 from autonomy.tracking.filter.filter_kernel import full_covariance
 from autonomy.tracking.filter.joint import JointFilter
 from autonomy.tracking.filter.late_range import Timeline
-from autonomy.tracking.reading import RangeHeard, SpeedClass, TrackerReading, TrackerStart
+from autonomy.tracking.phase import SpeedClass
+from autonomy.tracking.reading import RangeHeard, TrackerReading, TrackerStart
 from autonomy.tracking.reference import joint as readable
 from autonomy.tracking.tracker import Tracker
 from tests.autonomy.lake_target import (

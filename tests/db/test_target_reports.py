@@ -13,7 +13,7 @@ from alembic.script import ScriptDirectory
 from sqlalchemy import inspect
 from sqlalchemy.orm import Session
 
-from autonomy.tracking.phase import TargetPhase
+from autonomy.tracking.phase import SpeedClass, TargetPhase
 from db.engine import write_engine
 from db.ingest import append_telemetry
 from db.migrate import configuration, migrate, schema_version
@@ -46,10 +46,11 @@ def test_a_report_comes_back_as_it_was(store):
     bare = replace(
         target_report(2, TargetPhase.WAITING), hypotheses=(), range_m=None, true_ne_m=None
     )
-    kept(store, first, bare)
+    fish = target_report(3, is_too_fast=True, speed_class=SpeedClass.RESTING, delay_s=1.25)
+    kept(store, first, bare, fish)
     with store.read() as session:
-        assert target_reports(session, "mini-1") == [first, bare]
-        assert newest_target_report(session, "mini-1") == bare
+        assert target_reports(session, "mini-1") == [first, bare, fish]
+        assert newest_target_report(session, "mini-1") == fish
 
 
 def test_a_report_that_comes_twice_is_one_row(store):

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from autonomy.tracking.phase import TargetPhase
+from autonomy.tracking.phase import SpeedClass, TargetPhase
 from robot_link.clock import SystemClock
 from robot_link.mavlink.codec import ROBOT_COMPONENT, Codec
 from robot_link.mavlink.decode import decoded
@@ -45,6 +45,7 @@ from tests.robot_link.target_case import NOW, track, tracking_mission
 ROBOT = Codec(SystemId(1), ROBOT_COMPONENT)
 ANSWERED = timedelta(hours=1)
 VIRTUAL = track(true_ne_m=(1.5, 0.75), is_quiet=True, is_feasible=True)
+SWIMS = track(is_too_fast=True, speed_class=SpeedClass.FAST, delay_s=1.5)
 WAITING = track(phase=TargetPhase.WAITING, hypotheses=(), range_m=None, range_age_s=0.0)
 
 
@@ -57,7 +58,7 @@ def over_the_air(report: TargetReport) -> TargetReport:
 # ---- by radio ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("report", [track(), VIRTUAL, WAITING, track(hypotheses=())])
+@pytest.mark.parametrize("report", [track(), VIRTUAL, WAITING, SWIMS, track(hypotheses=())])
 def test_report_arrives_as_it_was(report):
     assert over_the_air(report) == report
 
@@ -93,7 +94,10 @@ def test_bytes_of_a_report_stay_what_they_are():
         "0c000000"
         "010203"  # heard, rejected; phase, hypotheses, flags
     )
-    assert len(payload) + 12 == TARGET_FRAME_BYTES == 147
+    assert len(payload) + 12 == TARGET_FRAME_BYTES - 5 == 147
+    swims = target_message(SWIMS).pack(grace.MAVLink(None))[10:-2]
+    assert swims[:135].hex() == payload.hex()[:-2] + "23"
+    assert swims[135:].hex() == "0000c03f03"  # behind what older robots say: delay, speed class
 
 
 def test_age_of_no_range_does_not_travel():
@@ -132,7 +136,8 @@ def test_third_hypothesis_stays_on_board():
         ("ranges_rejected", 70_001, "not believed"),
         ("phase", 5, "phase 5"),
         ("hypotheses", 3, "hypotheses or flags"),
-        ("flags", 32, "hypotheses or flags"),
+        ("flags", 64, "hypotheses or flags"),
+        ("speed_class", 4, "speed class"),
         ("time_utc_us", 2**64 - 1, "time is impossible"),
     ],
 )
@@ -249,7 +254,7 @@ STATE = satellite_case.state()
 PLAN = ShortPlanReport("0123456789abcdef", OnboardPlanState.RUNNING, 0, 0, 1.0)
 
 
-@pytest.mark.parametrize("report", [track(), VIRTUAL, WAITING])
+@pytest.mark.parametrize("report", [track(), VIRTUAL, WAITING, SWIMS])
 def test_record_tells_every_estimate_and_the_rest_of_the_report(report):
     found = told(MobileOriginatedContent(7, STATE, PLAN, target=report)).target
     assert found is not None
@@ -262,7 +267,8 @@ def test_record_tells_every_estimate_and_the_rest_of_the_report(report):
         assert got.weight == pytest.approx(said.weight, abs=0.5 / 255)
     same = ("phase", "range_m", "ranges_heard", "ranges_rejected", "nominal", "command", "barrier")
     flags = ("is_barrier_on", "is_feasible", "is_quiet", "true_ne_m", "determinant_m2_s")
-    for name in (*same, *flags):
+    swims = ("is_too_fast", "speed_class", "delay_s")
+    for name in (*same, *flags, *swims):
         assert getattr(found, name) == getattr(report, name), name
     assert found.range_age_s == pytest.approx(report.range_age_s, abs=0.05)
     assert found.inverse_condition == pytest.approx(report.inverse_condition, abs=0.5 / 255)
@@ -311,7 +317,8 @@ GOOD = bytes([0, 0, 0]) + bytes(18) + bytes(6)
         (GOOD, False, "without a state"),
         (GOOD[:-1], True, "ends too early"),
         (bytes([5]) + GOOD[1:], True, "phase 5"),
-        (bytes([0, 128]) + GOOD[2:], True, "flags 0x80"),
+        (bytes([0, 128]) + GOOD[2:] + b"\x08\x00", True, "motion 0x8"),
+        (bytes([0, 128]) + GOOD[2:] + b"\x03\x00", True, "3 is not a valid SpeedClass"),
         (bytes([0, 64]) + GOOD[2:], True, "a second estimate and no first"),
         (GOOD[:3] + b"\x7f\x80\x00" + GOOD[6:], True, "a value is impossible"),
         (GOOD[:-1] + b"\x01", True, "not believed"),

@@ -20,7 +20,8 @@ from autonomy.tracking.config import TrackingConfig
 from autonomy.tracking.filter import joint_kernel as k
 from autonomy.tracking.filter.cloud_kernel import resample_into
 from autonomy.tracking.filter.late_range import LONGEST_AGE_S
-from autonomy.tracking.reading import Pair, RangeHeard, SpeedClass
+from autonomy.tracking.phase import SpeedClass
+from autonomy.tracking.reading import Pair, RangeHeard
 
 PARTICLES = 3000
 BATCH_S = 0.5

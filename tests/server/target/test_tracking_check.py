@@ -221,6 +221,19 @@ def test_a_lost_target_is_an_alarm_as_long_as_the_mission_lasts():
     assert alarm(status) is None
 
 
+def test_a_target_that_is_too_fast_is_an_alarm_before_it_is_lost():
+    (rule,) = (rule for rule in RULES if rule.cause == "target_speed")
+    status, watch = status_in(TANK), Watch(NOW, NOW, 1.0)
+    status.target_report = target_report(0)
+    assert rule.judge(status, watch) is None
+    status.target_report = target_report(0, is_too_fast=True)
+    assert rule.judge(status, watch).text == "mini-1 follows a target that is too fast for it."
+    status.plan_report = PlanReport(
+        MINI, "a" * 64, OnboardPlanState.FAILED, 0, 0, 1.0, "lost", NOW, NOW
+    )
+    assert rule.judge(status, watch) is None
+
+
 def test_the_alarm_of_a_lost_target_says_how_that_ended():
     (rule,) = (rule for rule in RULES if rule.cause == "target")
     status = status_in(TANK)
@@ -302,6 +315,16 @@ ROUND = TargetEstimate((1.4, 0.8), (0.0, 0.0), (0.01, 0.0, 0.01), 1.0)
             "mini-1 lost its target, for it was told not to ping; it circles to find it.",
         ),
         ({"phase": TargetPhase.ENDED}, "mini-1 follows its target no longer."),
+        (
+            {"hypotheses": (ROUND,), "is_too_fast": True},
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m. The target seems too "
+            "fast to follow and will be lost.",
+        ),
+        (
+            {"hypotheses": (ROUND,), "delay_s": 1.94},
+            "mini-1 follows its target, 0.50 m away, known within 0.24 m. Its ranges seem 1.9 s "
+            "older than they are told.",
+        ),
         (
             {"hypotheses": (ROUND,), "is_barrier_on": False},
             "mini-1 follows its target, 0.50 m away, known within 0.24 m. Nothing keeps the target "

@@ -87,6 +87,7 @@ async def test_export_has_a_column_for_every_number_and_says_that_it_is_simulate
     assert (first["phase"], first["is_barrier_on"]) == ("tracking", "1")
     assert second["range_m"] == second["range_age_s"] == ""
     assert second["target1_north_m"] == second["true_north_m"] == ""
+    assert (first["is_too_fast"], first["speed_class"], first["delay_s"]) == ("0", "", "")
     assert len(first) == len(second) == len(lines[2].split(","))
 
 
