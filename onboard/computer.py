@@ -191,6 +191,8 @@ class Computer:
             self.link.report_target(target)
         if (current := self.program.due_current_report()) is not None:
             self.link.report_current(current)
+        if (actuators := self.program.due_actuator_report()) is not None:
+            self.link.report_actuators(actuators)
 
 
 def _talk_settings(config: SatelliteConfig) -> TalkSettings:

@@ -1,5 +1,6 @@
 """The onboard program: ten times a second from readings to set points, never seeing the truth."""
 
+import math
 from collections.abc import Callable
 from dataclasses import fields
 from datetime import datetime, timedelta
@@ -12,6 +13,7 @@ from autonomy.site import Site
 from autonomy.tracking.config import RangingConfig
 from autonomy.vehicle.battery import RESERVE
 from autonomy.vehicle.config import Vehicle
+from onboard.flight.actuator_watch import Actuator, ActuatorBelief
 from onboard.flight.executive import Executive
 from onboard.flight.hardware import Hardware, Readings
 from onboard.flight.maneuver import Flight
@@ -20,6 +22,8 @@ from onboard.flight.pilot import Pilot
 from onboard.link.robot_link import CommandOutcome
 from onboard.profile import FLIGHT_PROFILES
 from robot_link.messages import (
+    ActuatorFollowing,
+    ActuatorReport,
     CommandKind,
     CurrentReport,
     OnboardPlanState,
@@ -43,6 +47,21 @@ PERIOD_S = 0.1
 """Time between two steps of the program."""
 _CURRENT_EVERY_S = 10.0
 """How often the robot says what it believes of the current; at once when a dive begins or ends."""
+
+
+_ACTUATORS_EVERY_S = 10.0
+"""How often the robot says how its actuators follow; at once when that changes how it flies."""
+ActuatorNews = tuple[bool, bool, tuple[Actuator, ...]]
+
+
+def _following(belief: ActuatorBelief) -> ActuatorFollowing:
+    return ActuatorFollowing(
+        belief.rate_share,
+        belief.rate_std_octaves,
+        belief.delay_s,
+        belief.delay_std_s,
+        belief.age_s if math.isfinite(belief.age_s) else None,
+    )
 
 
 class Radio(Protocol):
@@ -130,6 +149,8 @@ class OnboardProgram:
         self._told_plan: tuple[OnboardPlanState, int] | None = None
         self._told_current: tuple[RobotMode, int] | None = None
         self._next_current_s = 0.0
+        self._told_actuators: ActuatorNews | None = None
+        self._next_actuators_s = 0.0
         self.is_talking = False
         """Whether a call by satellite is due or under way, for which the robot stays up."""
 
@@ -217,6 +238,31 @@ class OnboardProgram:
         self._told_current = told
         self._next_current_s = self.time_s + _CURRENT_EVERY_S
         return self.current_report()
+
+    def actuator_report(self) -> ActuatorReport:
+        """Return how the actuators follow; ``received_at`` is the receiver's to fill."""
+        watch, gait = self.executive.actuators, self.executive.gait
+        return ActuatorReport(
+            robot=self._robot,
+            measured_at=self.now,
+            received_at=self.now,
+            mass=_following(watch.mass.belief),
+            pump=_following(watch.pump.belief),
+            speed_share=gait.speed_share,
+            is_mass_off=watch.mass.belief.is_off,
+            is_swinging=watch.is_swinging,
+            stuck=tuple(actuator.value for actuator in watch.stuck),
+        )
+
+    def due_actuator_report(self) -> ActuatorReport | None:
+        """Return how the actuators follow, None where nothing new is to be said of it yet."""
+        watch = self.executive.actuators
+        told = (watch.mass.belief.is_off, watch.is_swinging, watch.stuck)
+        if told == self._told_actuators and self.time_s < self._next_actuators_s:
+            return None
+        self._told_actuators = told
+        self._next_actuators_s = self.time_s + _ACTUATORS_EVERY_S
+        return self.actuator_report()
 
     def step(self, radio: Radio) -> None:
         """Read, estimate, decide, act, measure and tell; call it every ``PERIOD_S``."""

@@ -388,6 +388,42 @@ class CurrentReport:
 
 
 @dataclass(frozen=True, slots=True)
+class ActuatorFollowing:
+    """How an actuator follows its commands, as the robot learned it."""
+
+    rate_share: float
+    """Greatest speed as a share of the nominal one; 1 while nothing refutes it."""
+    rate_std_octaves: float
+    """Standard deviation of its logarithm to base 2."""
+    delay_s: float
+    """Time between a command and the beginning of the answer; 0 while nothing refutes it."""
+    delay_std_s: float
+    learned_age_s: float | None
+    """How long before the report a command last said something of it; None for never."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorReport:
+    """How a robot's actuators follow their commands, and what it makes of that."""
+
+    robot: RobotId
+    measured_at: datetime
+    received_at: datetime
+    mass: ActuatorFollowing
+    """The sliding mass."""
+    pump: ActuatorFollowing
+    """The buoyancy pump."""
+    speed_share: float
+    """Vertical speed of legs as a share of the planned one."""
+    is_mass_off: bool
+    """Whether the sliding mass is so slow or late that the robot flies differently."""
+    is_swinging: bool
+    """Whether pitch and sliding mass chased each other of late."""
+    stuck: tuple[str, ...]
+    """Actuators that do not move though they were told to: sliding mass, pump, tail."""
+
+
+@dataclass(frozen=True, slots=True)
 class CommandReport:
     """A level of one command, proved at ``at`` by ``carrier``."""
 
@@ -480,6 +516,7 @@ LinkEvent = (
     | PlanReport
     | TargetReport
     | CurrentReport
+    | ActuatorReport
     | CommandReport
     | UploadReport
     | LinkReport

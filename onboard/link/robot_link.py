@@ -16,7 +16,7 @@ from onboard.link.service_desk import ServiceDesk
 from onboard.link.waypoint_mission import WaypointRules
 from robot_link.clock import Clock, monotonic_s, set_or_after
 from robot_link.delivery import deliver
-from robot_link.mavlink import current, target, telemetry
+from robot_link.mavlink import actuator, current, target, telemetry
 from robot_link.mavlink.codec import ROBOT_COMPONENT, STATION_SYSTEM, Codec, WireMessage
 from robot_link.mavlink.command import (
     ReceivedCommand,
@@ -26,6 +26,7 @@ from robot_link.mavlink.command import (
 from robot_link.mavlink.signing import Signing, Verdict
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
+    ActuatorReport,
     CommandKind,
     CurrentReport,
     LogId,
@@ -126,6 +127,7 @@ class RobotLink:
         self._states = self._newest_sender(telemetry.STATE_FRAME_BYTES)
         self._targets = self._newest_sender(target.TARGET_FRAME_BYTES)
         self._currents = self._newest_sender(current.CURRENT_FRAME_BYTES)
+        self._actuators = self._newest_sender(actuator.ACTUATOR_FRAME_BYTES)
         self._plan = PlanDesk(
             plans, program, clock, self._timing, lambda message: self._answer(None, message)
         )
@@ -198,6 +200,7 @@ class RobotLink:
                 ("states", self._states.run()),
                 ("targets", self._targets.run()),
                 ("currents", self._currents.run()),
+                ("actuators", self._actuators.run()),
                 ("plan reports", self._report_plan()),
                 ("samples", self._samples.run()),
                 ("replies", self._reply()),
@@ -231,6 +234,11 @@ class RobotLink:
         """
         if target.can_travel(report):
             self._targets.put(partial(target.target_message, report))
+
+    def report_actuators(self, report: ActuatorReport) -> None:
+        """Send how the actuators follow once, as ``report_target`` sends a target."""
+        if not actuator.actuator_fault(report):
+            self._actuators.put(partial(actuator.actuator_message, report))
 
     def report_current(self, report: CurrentReport) -> None:
         """Send what is believed of the current once, as ``report_target`` sends a target."""

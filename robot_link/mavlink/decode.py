@@ -3,10 +3,11 @@
 from collections.abc import Iterable
 from datetime import datetime
 
-from robot_link.mavlink import current, target, telemetry
+from robot_link.mavlink import actuator, current, target, telemetry
 from robot_link.mavlink.codec import WireMessage
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
+    ActuatorReport,
     CurrentReport,
     PlanReport,
     RobotId,
@@ -16,7 +17,16 @@ from robot_link.messages import (
     TargetReport,
 )
 
-Value = RobotMode | StateReport | Sample | PlanReport | TargetReport | CurrentReport | None
+Value = (
+    RobotMode
+    | StateReport
+    | Sample
+    | PlanReport
+    | TargetReport
+    | CurrentReport
+    | ActuatorReport
+    | None
+)
 """What one message means; None for what the station does not keep."""
 
 
@@ -46,6 +56,8 @@ def decoded(message: WireMessage, robot: RobotId, received_at: datetime) -> Valu
             return target.target_report(message, robot, received_at)
         case grace.MAVLink_grace_current_message():
             return current.current_report(message, robot, received_at)
+        case grace.MAVLink_grace_actuators_message():
+            return actuator.actuator_report(message, robot, received_at)
         case _:
             return None
 

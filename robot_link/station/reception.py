@@ -9,6 +9,7 @@ from robot_link.mavlink.codec import Codec, WireMessage
 from robot_link.mavlink.decode import Value, decoded, robot_time
 from robot_link.mavlink.wire import grace
 from robot_link.messages import (
+    ActuatorReport,
     CurrentReport,
     LinkEvent,
     OnboardPlanState,
@@ -132,7 +133,7 @@ class Reception:
                     self._samples_owed.set()
             case PlanReport():
                 self._take_plan_report(sender, value)
-            case TargetReport() | CurrentReport():
+            case TargetReport() | CurrentReport() | ActuatorReport():
                 self._on_event(value)
             case None:
                 pass

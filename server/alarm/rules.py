@@ -12,6 +12,7 @@ from robot_link.clock import Clock
 from robot_link.messages import SURFACED_BY_COMMAND, LinkState, OnboardPlanState
 from server.base.alarm_board import AlarmBoard
 from server.base.wakeups import Wakeups
+from server.fleet.actuator_words import slowed_text, trouble_text
 from server.fleet.current_words import doubt_text
 from server.fleet.fleet import Fleet
 from server.fleet.status import RobotStatus
@@ -210,6 +211,20 @@ def _target_over(status: RobotStatus) -> str:
     return f"{status.record.id} lost its target; {how}."
 
 
+def _actuators(status: RobotStatus, watch: Watch) -> Verdict | None:
+    """Judge actuators that are stuck, or make the robot swing, and a mass that slows its dives."""
+    del watch
+    report = status.actuator_report
+    if report is None:
+        return None
+    robot = status.record.id
+    if trouble := trouble_text(report):
+        return Verdict("warning", f"{robot}: {trouble}")
+    if report.is_mass_off and (slowed := slowed_text(report)):
+        return Verdict("watch", f"{robot}: its sliding mass is slow or late. {slowed}")
+    return None
+
+
 def _is_early(watch: Watch, begin: datetime) -> bool:
     """Tell whether something that began then may still come right by itself."""
     return not watch.is_past(begin + _LOST * max(1.0, watch.speed))
@@ -238,6 +253,7 @@ RULES: tuple[Rule, ...] = (
     Rule("doubt", _doubt),
     Rule("target", _target, _target_over),
     Rule("target_speed", _target_speed),
+    Rule("actuators", _actuators),
 )
 """Every cause of alarm about a robot."""
 

@@ -8,9 +8,19 @@ from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from typing import Final, TypeVar
 
-from robot_link.messages import CurrentReport, PlanReport, Sample, StateReport, TargetReport
+from robot_link.messages import (
+    ActuatorReport,
+    CurrentReport,
+    PlanReport,
+    Sample,
+    StateReport,
+    TargetReport,
+)
 
-Told = TypeVar("Told", bound=StateReport | Sample | PlanReport | TargetReport | CurrentReport)
+Told = TypeVar(
+    "Told",
+    bound=StateReport | Sample | PlanReport | TargetReport | CurrentReport | ActuatorReport,
+)
 
 AHEAD_MAX: Final = timedelta(seconds=60)
 """Nothing is told before it happens: a clock that is farther ahead is wrong."""

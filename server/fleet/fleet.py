@@ -10,6 +10,7 @@ from db.query.robots import RobotRecord
 from db.query.telemetry import TrackPoint
 from robot_link.clock import Clock
 from robot_link.messages import (
+    ActuatorReport,
     CurrentReport,
     LinkReport,
     LinkState,
@@ -191,6 +192,14 @@ class Fleet:
         newest = status.target_report
         if newest is None or report.measured_at >= newest.measured_at:
             status.target_report = report
+            self.touch(report.robot)
+
+    def take_actuators(self, report: ActuatorReport) -> None:
+        """Take a report on the actuators; one that is older than the newest changes nothing."""
+        status = self._statuses[report.robot]
+        newest = status.actuator_report
+        if newest is None or report.measured_at >= newest.measured_at:
+            status.actuator_report = report
             self.touch(report.robot)
 
     def take_current(self, report: CurrentReport) -> None:

@@ -11,6 +11,7 @@ from autonomy.site import Site
 from autonomy.tracking.phase import TargetPhase
 from db.record import same
 from robot_link.messages import STATE, LinkState
+from server.fleet.actuator_words import actuators_view
 from server.fleet.current_words import current_view
 from server.fleet.fleet import Fleet
 from server.fleet.link_panel import link_views
@@ -19,6 +20,7 @@ from server.fleet.target_end import reason_by
 from server.fleet.target_report import target_view
 from server.fleet.target_view import TargetReportView
 from server.fleet.view import (
+    ActuatorsView,
     ChannelView,
     ContactView,
     CurrentView,
@@ -85,6 +87,7 @@ class FleetViews:
             links=link_views(status),
             clock_fault=None if status.clock_fault is None else status.clock_fault.text,
             current=self._current(status),
+            actuators=self._actuators(status),
             tracking=self._tracking(status),
         )
 
@@ -223,6 +226,13 @@ class FleetViews:
         if report is None:
             return None
         return target_view(report, reason_by(report, status.plan_report))
+
+    def _actuators(self, status: RobotStatus) -> ActuatorsView | None:
+        report = status.actuator_report
+        if report is None:
+            return None
+        vehicle = self._vehicles.find(status.record.model)
+        return actuators_view(report, vehicle, self._fleet.age_s(report.measured_at))
 
     def _current(self, status: RobotStatus) -> CurrentView | None:
         report = status.current_report

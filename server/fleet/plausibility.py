@@ -9,7 +9,15 @@ from datetime import UTC, datetime
 
 from autonomy.site import Site
 from robot_link.current_check import current_fault
-from robot_link.messages import STATE, CurrentReport, Sample, StateReport, TargetReport
+from robot_link.mavlink.actuator import actuator_fault
+from robot_link.messages import (
+    STATE,
+    ActuatorReport,
+    CurrentReport,
+    Sample,
+    StateReport,
+    TargetReport,
+)
 from robot_link.target_check import target_fault
 from server.fleet.clock_fault import AHEAD_MAX
 
@@ -57,6 +65,11 @@ def fault_of_target(report: TargetReport, site: Site, now: datetime, speed: floa
 def fault_of_current(report: CurrentReport, now: datetime, speed: float) -> str | None:
     """Return why a report on the current cannot be true, or ``None``."""
     return current_fault(report) or _fault_of_time(report.measured_at, now, speed)
+
+
+def fault_of_actuators(report: ActuatorReport, now: datetime, speed: float) -> str | None:
+    """Return why a report on actuators cannot be true, or ``None``."""
+    return actuator_fault(report) or _fault_of_time(report.measured_at, now, speed)
 
 
 def _fault_of_time(measured_at: datetime, now: datetime, speed: float) -> str | None:

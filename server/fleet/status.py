@@ -9,6 +9,7 @@ from autonomy.planner.plan import Leg
 from db.query.plans import PlanRecord
 from db.query.robots import RobotRecord
 from robot_link.messages import (
+    ActuatorReport,
     CurrentReport,
     LinkReport,
     LinkState,
@@ -109,6 +110,8 @@ class RobotStatus:
     """Newest report on its target; ``None`` once it flies a plan that follows none."""
     current_report: CurrentReport | None = None
     """Newest word on what it believes of the current; ``None`` of one that never told."""
+    actuator_report: ActuatorReport | None = None
+    """Newest word on how its actuators follow, since the station started."""
     links: dict[str, LinkReport] = field(default_factory=dict)
     """Newest report of each link, by its URI, or by its carrier where the report names no URI."""
     satellite: SatelliteStatus | None = None

@@ -94,6 +94,39 @@ class CurrentView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class ActuatorFollowingView(View):
+    """How an actuator follows its commands, as the robot learned it from the feedback."""
+
+    rate_share: float
+    """Greatest speed as a share of the nominal one; 1 while nothing refutes it."""
+    delay_s: float
+    """Time between a command and the beginning of the answer; 0 while nothing refutes it."""
+    learned_age_s: float | None
+    """How long ago a command last said something of it; ``null`` for never."""
+
+
+@dataclass(frozen=True, slots=True)
+class ActuatorsView(View):
+    """How the robot's actuators follow their commands, and what the robot makes of that."""
+
+    mass: ActuatorFollowingView
+    pump: ActuatorFollowingView
+    speed_share: float
+    """Vertical speed of its legs as a share of the planned one."""
+    is_mass_off: bool
+    """Whether the sliding mass is so slow or late that the robot flies differently."""
+    is_swinging: bool
+    """Whether pitch and sliding mass chased each other of late; it flies its gentlest gait then."""
+    stuck: list[str]
+    """Actuators that stood still though they were told to move."""
+    text: str
+    """All of that in words."""
+    measured_at: datetime
+    received_at: datetime
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True)
 class OnboardPlanView(View):
     """The plan that the robot says it holds."""
 
@@ -126,6 +159,8 @@ class StateView(View):
     """What is wrong with the robot's clock; its values are then in the order of their arrival."""
     current: CurrentView | None
     """What the robot believes of the current; ``null`` of one that never told."""
+    actuators: ActuatorsView | None
+    """How its actuators follow; ``null`` of one that has not told since the station started."""
     tracking: TargetReportView | None
     """Newest report on the target that the robot follows, or followed last; ``null`` for one that
     flies something else."""

@@ -16,6 +16,7 @@ from db.query.events import add_event
 from db.store import Store
 from robot_link.clock import Clock
 from robot_link.messages import (
+    ActuatorReport,
     CommandReport,
     CurrentReport,
     LinkEvent,
@@ -32,6 +33,7 @@ from server.base.event_bus import EventBus
 from server.fleet.clock_fault import AHEAD_MAX, ClockJudge
 from server.fleet.fleet import Fleet
 from server.fleet.plausibility import (
+    fault_of_actuators,
     fault_of_current,
     fault_of_sample,
     fault_of_state,
@@ -96,6 +98,8 @@ class Ingest:
                 self._take_target(event)
             case CurrentReport():
                 self._take_current(event)
+            case ActuatorReport():
+                self._take_actuators(event)
             case UploadReport():
                 self._bus.publish(UploadReported(event))
             case CommandReport():
@@ -185,6 +189,16 @@ class Ingest:
         self._append(report)
         self._fleet.take_target(report)
         self._bus.publish(TargetReported(report))
+
+    def _take_actuators(self, report: ActuatorReport) -> None:
+        """Take how the actuators follow; it is told again soon, so only the newest is kept."""
+        report = self._clock_of(report.robot).dated(report)
+        fault = fault_of_actuators(report, self._clock.now(), self._clock.speed)
+        if fault is not None:
+            self._refuse(report.robot, "actuators", fault)
+            return
+        self._told_faults.discard((report.robot, "actuators"))
+        self._fleet.take_actuators(report)
 
     def _take_current(self, report: CurrentReport) -> None:
         report = self._clock_of(report.robot).dated(report)

@@ -19,6 +19,7 @@ from server.alarm.rules import RULES, Watch
 from server.fleet.clock_fault import ClockFault
 from server.fleet.status import RobotStatus, SatelliteStatus
 from server.fleet.trail import POINTS_MAX, Track
+from tests.robot_link.test_actuator_report import REPORT
 from tests.server.fake_link import state_report
 
 NOW = datetime(2026, 11, 21, 12, 0, tzinfo=UTC)
@@ -81,6 +82,21 @@ def test_overdue_robot_alarms_by_how_late_it_is(status, monkeypatch, late_min, l
     status.links = link(LinkState.SUBMERGED)
     found = verdicts(status).get("overdue")
     assert (found.level if found else None) == level
+
+
+def test_actuators_alarm_by_what_they_do_to_the_flight(status):
+    nominal = replace(REPORT, is_mass_off=False, speed_share=1.0)
+    status.actuator_report = nominal
+    assert verdicts(status) == {}
+    status.actuator_report = REPORT
+    found = verdicts(status)["actuators"]
+    assert found.level == "watch"
+    assert "its sliding mass is slow or late. Dives are flown at 50%" in found.text
+    status.actuator_report = replace(nominal, is_swinging=True)
+    found = verdicts(status)["actuators"]
+    assert (found.level, "gentlest gait" in found.text) == ("warning", True)
+    status.actuator_report = replace(nominal, stuck=("sliding mass",))
+    assert "The sliding mass is stuck" in verdicts(status)["actuators"].text
 
 
 def test_plan_that_ended_early_alarms_with_its_reason(status):
