@@ -67,10 +67,8 @@ class FieldBelief:
         a small e this is :math:`e^2` times the prior variance of the horizontal gradient, as in
         ``autonomy.field.model.position_noise``.
 
-        Samples of one dive share the error of their positions, and the map counts that; here each
-        counts as if its error were its own, because a search that judges edges one by one cannot
-        know what else a dive will hold. So the gain of a long dive far from a fix is overstated
-        (docs/decisions/0013-planner-objective.md).
+        This is what each counts by itself; what samples of one dive share of it is told by
+        ``position_error``.
 
         Args:
             position_std_m: Standard deviation of each horizontal position, shape ``(n,)``, m.
@@ -93,6 +91,11 @@ class FieldBelief:
         ahead = np.zeros(planned) if self.planned_std is None else self.planned_std
         points = np.concatenate([self.sample_points, self.planned_points])
         return points, noise.of(self, np.concatenate([past, ahead]))
+
+    def at(self, points: FloatArray) -> "FieldBelief":
+        """Return the belief with other test points, of which mean and deviation are not known."""
+        unknown = np.full(len(points), np.nan)
+        return replace(self, test_points=points, mean=unknown, std=unknown)
 
     def within(self, mask: BoolArray) -> "FieldBelief":
         """Return the belief about some of the test points only, such as those in the water.
@@ -147,6 +150,9 @@ class SampleNoise(NamedTuple):
     """Boundaries of the levels in position std, ascending, ``(M,)``, m."""
     level_noise: FloatArray
     """Noise variance of each level, best level first, ``(M + 1,)``."""
+    steady_current: float
+    """Standard deviation per axis of the current that is not known, m/s: along a dive it makes the
+    errors of positions more alike than a walk does."""
 
     def of(self, belief: FieldBelief, position_std_m: FloatArray) -> FloatArray:
         """Return the noise variance of samples, shape ``(n,)``."""
@@ -168,6 +174,7 @@ def sample_noise(config: PlannerConfig, belief: FieldBelief) -> SampleNoise:
         is_continuous=config.fidelity_counts and belief.counts == "noise",
         threshold=threshold,
         level_noise=belief.noise_variance + belief.displacement_noise(begins),
+        steady_current=config.position_filter.steady_current_m_s,
     )
 
 

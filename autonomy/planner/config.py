@@ -168,13 +168,13 @@ class SearchConfig(Configuration):
     memory_mb: int = quantity(300, "MB", title="Memory", ge=32, le=4000, advanced=True)
     """Most memory that the tables of the search may grow to; the search ends when they are full."""
     points_per_edge_max: int = quantity(
-        16, title="Points per trajectory piece", ge=2, le=64, advanced=True
+        12, title="Points per trajectory piece", ge=2, le=64, advanced=True
     )
     """Runs of successive planned samples between two surfacings are averaged until no more than
-    this many remain, while trajectories are compared; offered ones are scored with all of them."""
+    this many remain, while trajectories are compared; offered ones are judged with all of them."""
     past_samples_max: int = quantity(256, title="Past samples", ge=1, advanced=True)
     """Runs of successive past samples are averaged until no more than this many remain, while
-    trajectories are compared; offered ones are scored with up to 1,500."""
+    trajectories are compared; offered ones are judged with up to 600."""
     runners_up: int = quantity(3, title="Alternatives", ge=0, le=10, advanced=True)
     """Distinct trajectories shown beside the best one."""
 

@@ -26,8 +26,21 @@ from autonomy.site import Site
 
 Int32Array = npt.NDArray[np.int32]
 
-NODES, EDGES, PATHS, STAGED, PROPOSALS, BEFORE, CANDIDATES, RESERVOIR_FULL, TABLES_FULL = range(9)
-"""Places in ``Graph.tally``; ``BEFORE`` is the number of proposals for the first gap."""
+(
+    NODES,
+    EDGES,
+    PATHS,
+    STAGED,
+    PROPOSALS,
+    BEFORE,
+    CANDIDATES,
+    RESERVOIR_FULL,
+    TABLES_FULL,
+    GROUP_BEGIN,
+    GROUP_END,
+) = range(11)
+"""Places in ``Graph.tally``; ``BEFORE`` is the number of proposals for the first gap. The elite
+trajectories of the start that is searched from are those from ``GROUP_BEGIN`` to ``GROUP_END``."""
 ELITE, FIRST_A, TAKEN_A, FIRST_B, TAKEN_B = range(5)
 """Places in ``Graph.gap``."""
 DEPTH_MAX = 48
@@ -115,13 +128,18 @@ def graph_of(
     edges: int,
     paths: int,
     site: Site | None = None,
+    *,
+    starts: int = 1,
 ) -> Graph:
     """Lay out the arrays of a search that holds so many edges and paths, with its first node.
+
+    It has elite trajectories for so many starts, beginning with those of the first.
 
     The arrays are large but untouched: the system gives memory to the part in use only.
     """
     search = config.search
-    elites = max(_ELITES_MIN, search.runners_up + 1)
+    group = max(_ELITES_MIN, search.runners_up + 1)
+    elites = starts * group
     staged = max(STAGED_MIN, (search.near_max + 1) * search.edges_per_call)
     all_edges = edges + (elites + 1) * DEPTH_MAX + staged
     slots = max(1, -(-search.paths_per_node // BINS)) * BINS
@@ -142,7 +160,7 @@ def graph_of(
         surfacing_bytes=float(config.mission.surfacing_bytes),
         least_share=np.array([least.energy, least.duration_s, least.satellite_bytes]) * per_unit,
         least_spent=search.min_budget_fraction,
-        tally=np.zeros(9, dtype=np.int64),
+        tally=np.zeros(11, dtype=np.int64),
         node_xy=np.empty((_NODES_MAX, 2)),
         node_is_open=np.empty(_NODES_MAX, dtype=np.bool_),
         slot=np.empty((_NODES_MAX, slots), dtype=np.int32),
@@ -168,13 +186,18 @@ def graph_of(
         gap=np.zeros(5, dtype=np.int64),
         total=np.zeros(SHARES),
     )
-    _plant(graph, start_xy[0], start_xy[1])
+    graph.tally[GROUP_END] = group
+    plant(graph, start_xy[0], start_xy[1])
     return graph
 
 
 @kernel
-def _plant(graph: Graph, x: float, y: float) -> None:
-    """Put the first node and the empty path, number 0, which reaches it."""
+def plant(graph: Graph, x: float, y: float) -> None:
+    """Begin anew with the first node and the empty path, number 0, which reaches it.
+
+    The elite trajectories stay.
+    """
+    graph.tally[NODES] = graph.tally[EDGES] = graph.tally[TABLES_FULL] = 0
     open_node(graph, x, y)
     graph.path_parent[0] = -1
     graph.path_edge[0] = -1

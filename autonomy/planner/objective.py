@@ -1,15 +1,17 @@
 """What a trajectory is worth: information gain and the ergodic measure, as the text has them."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve, solve_triangular
+from scipy.linalg import block_diag, cho_factor, cho_solve, solve_triangular
 from scipy.special import rel_entr
 
 from autonomy.arrays import FloatArray
 from autonomy.field.model.kernel import covariance
 from autonomy.planner.belief import FieldBelief, SampleNoise, averaged_samples, sample_noise
 from autonomy.planner.config import ErgodicConfig, PlannerConfig
+from autonomy.planner.position_error import planned_noise
+from autonomy.planner.resolution import FinePart
 
 Objective = Callable[[FloatArray], float]
 """Takes the planned points of a trajectory, shape ``(m, 5)``; more is better."""
@@ -67,14 +69,14 @@ class InformationGain:
         self._belief = belief
         self._noise = noise
         self._past, self._past_noise = belief.known_samples(noise)
-        self._prior = self._log_determinant(self._past, self._past_noise)
+        self._prior = self._log_determinant(self._past, np.diag(self._past_noise))
 
     def __call__(self, points: FloatArray) -> float:
         """Return the gain of planned points ``(m, 5)``."""
-        noise = self._noise.of(self._belief, points[:, 4])
+        noise = planned_noise(self._belief, self._noise, points)
         posterior = self._log_determinant(
             np.concatenate([self._past, points[:, 1:4]]),
-            np.concatenate([self._past_noise, noise]),
+            block_diag(np.diag(self._past_noise), noise),
         )
         return 0.5 * (self._prior - posterior)
 
@@ -84,27 +86,60 @@ class InformationGain:
         posterior[np.diag_indices_from(posterior)] += jitter(belief)
         if len(samples):
             cross = covariance(samples, belief.test_points, kernel)  # (n, q)
-            gram = covariance(samples, samples, kernel) + np.diag(noise)  # (n, n)
+            gram = covariance(samples, samples, kernel) + noise  # (n, n)
             posterior -= cross.T @ cho_solve(cho_factor(gram, lower=True), cross)
         return float(np.linalg.slogdet(posterior).logabsdet)
 
 
-def known_covariance(belief: FieldBelief, samples: FloatArray, noise: FloatArray) -> FloatArray:
-    """Return the covariance of samples with noise, then of test points.
+def samples_covariance(belief: FieldBelief, samples: FloatArray, noise: FloatArray) -> FloatArray:
+    """Return the covariance of samples with noise.
 
     Args:
-        belief: Kernel and test points.
-        samples: Past samples, shape ``(n, 3)``.
+        belief: The kernel.
+        samples: Where, shape ``(n, 3)``.
         noise: Noise variance of each, shape ``(n,)``.
 
     Returns:
-        Shape ``(n + q, n + q)``.
+        Shape ``(n, n)``.
     """
-    known = np.concatenate([samples, belief.test_points])  # (n + q, 3)
-    gram = covariance(known, known, belief.kernel())
-    added = np.full(len(belief.test_points), jitter(belief))
-    gram[np.diag_indices_from(gram)] += np.concatenate([noise, added])
+    gram = covariance(samples, samples, belief.kernel())
+    gram[np.diag_indices_from(gram)] += noise
     return gram
+
+
+class FieldInformation:
+    r"""What a search maximizes, which knows no test points: the reference of its compiled form.
+
+    :math:`\frac12 [\log\det(C_{pp|D} + N) - \log\det(N + R)]`, where p are the planned points with
+    noise N, D the past samples, and R is the covariance of what of the field lies between test
+    points (``resolution.FinePart``), between points of one edge. It is about the information gain
+    at any test points that are spread evenly.
+    """
+
+    def __init__(self, belief: FieldBelief, noise: SampleNoise, fine: FinePart) -> None:
+        """Condition on the past samples."""
+        self._belief = belief
+        self._noise = noise
+        self._fine = fine
+        self._past, past_noise = belief.known_samples(noise)
+        self._factor = np.linalg.cholesky(samples_covariance(belief, self._past, past_noise))
+
+    def __call__(self, edges: Sequence[FloatArray]) -> float:
+        """Return the information of the planned points ``(m, 5)`` of each edge."""
+        belief, kernel = self._belief, self._belief.kernel()
+        planned = np.concatenate(edges)[:, 1:4]
+        noise = [planned_noise(belief, self._noise, points) for points in edges]
+        given = covariance(planned, planned, kernel) + block_diag(*noise)  # (m, m)
+        if len(self._past):
+            cross = covariance(self._past, planned, kernel)
+            white = solve_triangular(self._factor, cross, lower=True)  # (n, m)
+            given -= white.T @ white
+        alone = 0.0
+        for points, own in zip(edges, noise, strict=True):
+            near = points[:, 1:4] * self._fine.nearness
+            fine = covariance(near, near, kernel) * (self._fine.variance / belief.signal_variance)
+            alone += float(np.linalg.slogdet(own + fine).logabsdet)
+        return 0.5 * (float(np.linalg.slogdet(given).logabsdet) - alone)
 
 
 class MutualInformation:
@@ -132,7 +167,9 @@ class MutualInformation:
         samples, past_noise = averaged_samples(*belief.known_samples(noise), past_samples_max)
         self._past = len(samples)
         self._known = np.concatenate([samples, belief.test_points])  # (n + q, 3)
-        self._factor = np.linalg.cholesky(known_covariance(belief, samples, past_noise))
+        added = np.full(len(belief.test_points), jitter(belief))
+        known = samples_covariance(belief, self._known, np.concatenate([past_noise, added]))
+        self._factor = np.linalg.cholesky(known)
 
     def __call__(self, points: FloatArray) -> float:
         """Return the gain of planned points ``(m, 5)``."""
@@ -142,7 +179,7 @@ class MutualInformation:
             self._factor, covariance(self._known, planned, kernel), lower=True
         )  # (n + q, m)
         prior = covariance(planned, planned, kernel)
-        prior += np.diag(self._noise.of(belief, points[:, 4]))
+        prior += planned_noise(belief, self._noise, points)
         past, test = white[: self._past], white[self._past :]
         given_past = prior - past.T @ past  # (m, m)
         given_both = given_past - test.T @ test  # (m, m)

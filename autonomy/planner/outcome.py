@@ -101,7 +101,12 @@ class Progress:
         self.history.append(ObjectivePoint(self.elapsed_s(), objective, self.candidates))
 
 
-def as_candidate(config: PlannerConfig, edges: Sequence[Edge], objective: float) -> Candidate:
+def as_candidate(
+    config: PlannerConfig,
+    edges: Sequence[Edge],
+    objective: float,
+    searched: float | None = None,
+) -> Candidate:
     """Join edges into one trajectory; the times of its points leave out the surfacings."""
     points: list[np.ndarray] = []
     start_s = 0.0
@@ -119,6 +124,7 @@ def as_candidate(config: PlannerConfig, edges: Sequence[Edge], objective: float)
         energy=sum(edge.energy for edge in edges),
         duration_s=legs_duration_s(config, legs),
         worst_std_m=float(joined[:, POINT_STD].max()),
+        searched=searched,
     )
 
 
@@ -280,9 +286,8 @@ def offered(
         reservoir_full: Whether some surfacing had more paths than it keeps.
     """
     best = trajectories[0]
-    progress.history.append(
-        ObjectivePoint(progress.elapsed_s(), best.objective, progress.candidates)
-    )
+    last = best.objective if best.searched is None else max(best.searched, progress.best)
+    progress.history.append(ObjectivePoint(progress.elapsed_s(), last, progress.candidates))
     result = PlanResult(
         status=PlanStatus.CANCELLED if progress.cancelled else PlanStatus.FOUND,
         message="",

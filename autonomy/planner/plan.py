@@ -64,9 +64,12 @@ class Candidate:
     points: FloatArray
     """Shape ``(n, 5)``: time from the start s, north m, east m, down m, position std m."""
     objective: float
+    """What it is worth; information gain is that at points which the search did not know."""
     energy: float
     duration_s: float
     worst_std_m: float
+    searched: float | None = None
+    """What the search itself took it to be worth; None where no search did."""
 
 
 @dataclass(frozen=True, slots=True)

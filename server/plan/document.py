@@ -41,6 +41,8 @@ from server.satellite.cost import mission_credits
 
 OBJECTIVE_UNITS = {"information_gain": "nat"}
 """Of the objectives that have a unit."""
+SEARCHED_OBJECTIVE = "searched_objective"
+"""What the search itself took a trajectory to be worth; documents of earlier versions lack it."""
 _DECIMALS = 4
 _LEGS = TypeAdapter(tuple[Leg, ...])
 
@@ -116,6 +118,7 @@ def search_document(
     """Return the part of a plan's document that a search fills."""
     return {
         "objective": None if best is None else best.objective,
+        SEARCHED_OBJECTIVE: None if best is None else best.searched,
         "objective_unit": OBJECTIVE_UNITS.get(objective, ""),
         "runners_up": [_candidate_document(one) for one in runners_up],
         "history": [asdict(point) for point in history],
@@ -126,6 +129,7 @@ def search_document(
 def _candidate_document(one: Candidate) -> dict[str, Any]:
     return {
         "objective": one.objective,
+        SEARCHED_OBJECTIVE: one.searched,
         "energy": one.energy,
         "duration_s": one.duration_s,
         "worst_std_m": one.worst_std_m,
@@ -144,6 +148,7 @@ def candidates_of(document: Mapping[str, Any]) -> tuple[Candidate, ...]:
             energy=one["energy"],
             duration_s=one["duration_s"],
             worst_std_m=one["worst_std_m"],
+            searched=one.get(SEARCHED_OBJECTIVE),
         )
         for one in document.get("runners_up", ())
     )
@@ -159,6 +164,7 @@ def candidate_of_draft(document: Mapping[str, Any]) -> Candidate:
         energy=account["energy"],
         duration_s=account["duration_s"],
         worst_std_m=account["worst_std_m"],
+        searched=document.get(SEARCHED_OBJECTIVE),
     )
 
 
@@ -240,6 +246,7 @@ def plan_view(
         ],
         teaches=teaches(plan),
         inherited=[InheritedView(**one) for one in document.get("inherited", ())],
+        searched_objective=document.get(SEARCHED_OBJECTIVE),
     )
 
 
@@ -362,6 +369,7 @@ def _runner_up_view(one: Mapping[str, Any]) -> RunnerUpView:
         worst_std_m=one["worst_std_m"],
         legs=[_leg_view(leg) for leg in legs_of(one)],
         points=one.get("points", []),
+        searched_objective=one.get(SEARCHED_OBJECTIVE),
     )
 
 

@@ -136,6 +136,8 @@ class RunnerUpView(View):
     """Empty in plans of an earlier version."""
     points: list[TrajectoryPoint]
     """As those of the plan."""
+    searched_objective: float | None = None
+    """As in the plan itself."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,6 +249,8 @@ class PlanView(View):
     """Promised trajectory: time s, north, east, down m, position standard deviation m."""
     account: AccountView | None
     objective: float | None
+    """What it is worth; information is counted at points that the search did not know, where
+    ``searched_objective`` is given."""
     objective_unit: str
     violations: list[ViolationView]
     outdated: list[ViolationView]
@@ -284,6 +288,9 @@ class PlanView(View):
     inherited: list[InheritedView] = field(default_factory=list)
     """Settings of a plan of kind ``track_target`` that were kept from plans before and differ from
     the preset; plan with ``"base": "preset"`` to be rid of them."""
+    searched_objective: float | None = None
+    """What the search itself took it to be worth, by which it was found and its history counts;
+    ``null`` in plans of an earlier version, and where information is not counted."""
 
 
 @dataclass(frozen=True, slots=True)

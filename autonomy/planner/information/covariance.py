@@ -8,7 +8,8 @@ import numpy.typing as npt
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import inner_kernel
-from autonomy.planner.belief import FieldBelief, SampleNoise
+from autonomy.planner.belief import FieldBelief
+from autonomy.planner.position_error import difference_step_m
 
 _FAR = 50.0
 """Beyond this scaled distance a covariance counts as that at this distance, which is nothing."""
@@ -23,6 +24,9 @@ class Covariance(NamedTuple):
     is_squared: bool
     displaced: float
     """Scaled distance of a position that is off by 1 m along north and along east."""
+    step_north: float
+    """Scaled displacement to the north by which differences of the field are compared."""
+    step_east: float
 
 
 _SHAPES = {
@@ -37,8 +41,18 @@ _SHAPES = {
 def covariance_of(belief: FieldBelief) -> Covariance:
     """Return the kernel of a belief as compiled code takes it."""
     _, linear, quadratic, is_squared = _SHAPES[belief.shape]
-    displaced = float(np.hypot(*scale_of(belief)[:2]))
-    return Covariance(belief.signal_variance, linear, quadratic, is_squared, displaced)
+    scale = scale_of(belief)
+    displaced = float(np.hypot(*scale[:2]))
+    step_north, step_east = difference_step_m(belief) * scale[:2]
+    return Covariance(
+        belief.signal_variance,
+        linear,
+        quadratic,
+        is_squared,
+        displaced,
+        float(step_north),
+        float(step_east),
+    )
 
 
 def scale_of(belief: FieldBelief) -> FloatArray:
@@ -107,13 +121,34 @@ def fill_block(
 
 
 @inner_kernel
-def noise_of(covariance: Covariance, noise: SampleNoise, position_std: float) -> float:
-    """Return the noise variance that a sample counts with (``SampleNoise.of``)."""
-    if not noise.is_continuous:
-        return noise.level_noise[np.searchsorted(noise.threshold, position_std)]
-    t = covariance.displaced * position_std
-    if covariance.is_squared:
-        t *= t
+def correlation(covariance: Covariance, square: float) -> float:
+    """Return the field's correlation at the square of a scaled distance."""
+    t = square if covariance.is_squared else math.sqrt(square)
     polynomial = 1.0 + t * (covariance.linear + t * covariance.quadratic)
-    difference = covariance.signal_variance * (1.0 - polynomial * math.exp(-t))
-    return noise.level_noise[0] + 2.0 * difference
+    return polynomial * math.exp(-t)
+
+
+@inner_kernel
+def displacement_noise(covariance: Covariance, position_std: float) -> float:
+    """Return what a position error adds to a sample (``FieldBelief.displacement_noise``)."""
+    away = covariance.displaced * position_std
+    return 2.0 * covariance.signal_variance * (1.0 - correlation(covariance, away * away))
+
+
+@inner_kernel
+def difference_correlation(covariance: Covariance, dx: float, dy: float, dz: float) -> float:
+    """Return how alike the field differs across equal displacements at two scaled places.
+
+    This is ``position_error.difference_correlation``.
+    """
+    north, east = covariance.step_north, covariance.step_east
+    here = correlation(covariance, dx * dx + dy * dy + dz * dz)
+    along = 4.0 * here
+    off = dy * dy + dz * dz
+    along -= correlation(covariance, (dx + north) ** 2 + off)
+    along -= correlation(covariance, (dx - north) ** 2 + off)
+    off = dx * dx + dz * dz
+    along -= correlation(covariance, (dy + east) ** 2 + off)
+    along -= correlation(covariance, (dy - east) ** 2 + off)
+    whole = 2.0 - correlation(covariance, north * north) - correlation(covariance, east * east)
+    return 0.5 * along / whole

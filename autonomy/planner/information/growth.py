@@ -1,9 +1,9 @@
 """Information gain of paths that a staged edge extends, compiled.
 
-The gain of a path is ``1/2 [logdet(C_pp|D + N) - logdet(C_pp|D,f* + N)]`` (see
-``autonomy.planner.objective.MutualInformation``). Every edge keeps its whitened columns
-``L^-1 k(known, points)``; every path keeps the rows that its last edge adds to the two Cholesky
-factors, so one more edge costs one block row.
+The gain of a path is ``1/2 [logdet(C_pp|D + N) - logdet(N + R)]`` (see
+``autonomy.planner.objective.FieldInformation``). Every edge keeps its whitened columns
+``L^-1 k(past, points)``; every path keeps the rows that its last edge adds to the Cholesky factor,
+so one more edge costs one block row.
 """
 
 import numpy as np
@@ -48,20 +48,16 @@ def gain_after(graph: Graph, info: Information, depth: int, edge: int) -> float:
     staged = edge - first_staged(graph)
     k = info.stack.begin[staged + 1] - info.stack.begin[staged]
     points = chains.chain[depth, 2]
-    gain = 0.0
-    for given in range(2):
-        solved = chains.work[given][: points * k].reshape(points, k)
-        for i in range(depth):
-            _solve_block(info, i, staged, given, solved)
-        factor = chains.factor[given]
-        factor[:k, :k] = info.stack.own[staged, given, :k, :k]
-        if points > 0:
-            explained = chains.work[2][: k * k].reshape(k, k)
-            np.dot(solved.T, solved, explained)
-            factor[:k, :k] -= explained
-        half = half_log_determinant(factor, k)
-        gain += half if given == 0 else -half
-    return gain
+    solved = chains.work[0][: points * k].reshape(points, k)
+    for i in range(depth):
+        _solve_block(info, i, staged, solved)
+    factor = chains.factor
+    factor[:k, :k] = info.stack.own[staged, :k, :k]
+    if points > 0:
+        explained = chains.work[1][: k * k].reshape(k, k)
+        np.dot(solved.T, solved, explained)
+        factor[:k, :k] -= explained
+    return float(half_log_determinant(factor, k) - info.stack.half_noise[staged])
 
 
 @inner_kernel
@@ -69,7 +65,7 @@ def has_room(graph: Graph, info: Information, depth: int, edge: int) -> bool:
     """Tell whether the extended path can be kept."""
     staged = edge - first_staged(graph)
     k = info.stack.begin[staged + 1] - info.stack.begin[staged]
-    needed = 2 * k * (info.chains.chain[depth, 2] + k)
+    needed = k * (info.chains.chain[depth, 2] + k)
     room = len(info.chains.rows) - info.tally[USED]
     return needed <= room and depth + 1 < DEPTH_MAX and graph.tally[PATHS] < len(graph.path_worth)
 
@@ -85,18 +81,16 @@ def keep_rows(
     chains.row_at[path] = info.tally[USED]
     k, points = info.samples[kept], chains.chain[depth, 2]
     at = info.tally[USED]
-    for given in range(2):
-        off = chains.rows[at : at + k * points].reshape(k, points)
-        off[:, :] = chains.work[given][: points * k].reshape(points, k).T
-        at += k * points
-        upper = chains.rows[at : at + k * k].reshape(k, k)
-        upper[:, :] = chains.factor[given, :k, :k]
-        at += k * k
-    info.tally[USED] = at
+    off = chains.rows[at : at + k * points].reshape(k, points)
+    off[:, :] = chains.work[0][: points * k].reshape(points, k).T
+    at += k * points
+    upper = chains.rows[at : at + k * k].reshape(k, k)
+    upper[:, :] = chains.factor[:k, :k]
+    info.tally[USED] = at + k * k
 
 
 @inner_kernel
-def _solve_block(info: Information, i: int, staged: int, given: int, solved: Float32Array) -> None:
+def _solve_block(info: Information, i: int, staged: int, solved: Float32Array) -> None:
     """Solve ``upper^T x = cross - off solved`` for the rows of one earlier edge."""
     chains = info.chains
     other, at, start = chains.chain[i]
@@ -104,11 +98,10 @@ def _solve_block(info: Information, i: int, staged: int, given: int, solved: Flo
     if chains.cross_stamp[other] != info.tally[STAMP]:
         _cross(info, other, staged)
     block = solved[start : start + count]
-    block[:, :] = chains.cross[chains.cross_slot[other], given][: count * k].reshape(count, k)
-    at += given * count * (start + count)
+    block[:, :] = chains.cross[chains.cross_slot[other]][: count * k].reshape(count, k)
     if start > 0:
         off = chains.rows[at : at + count * start].reshape(count, start)
-        product = chains.work[2][: count * k].reshape(count, k)
+        product = chains.work[1][: count * k].reshape(count, k)
         np.dot(off, solved[:start], product)
         block -= product
     at += count * start
@@ -136,12 +129,9 @@ def _cross(info: Information, other: int, staged: int) -> None:
     chains.cross_stamp[other] = info.tally[STAMP]
     begin, end = stack.begin[staged], stack.begin[staged + 1]
     count, k = info.samples[other], end - begin
-    given_past = chains.cross[slot, 0][: count * k].reshape(count, k)
-    given_both = chains.cross[slot, 1][: count * k].reshape(count, k)
-    product = chains.work[3][: count * k].reshape(count, k)
-    fill_block(info.covariance, info.place[other], 0, stack.place, begin, info.distance, given_past)
-    if info.white_past.shape[2] > 0:
-        np.dot(info.white_past[other][:count], stack.past[begin:end].T, product)
-        given_past -= product
-    np.dot(info.white_test[other][:count], stack.test[begin:end].T, product)
-    given_both[:, :] = given_past - product
+    cross = chains.cross[slot][: count * k].reshape(count, k)
+    fill_block(info.covariance, info.place[other], 0, stack.place, begin, info.distance, cross)
+    if info.white.shape[2] > 0:
+        product = chains.work[2][: count * k].reshape(count, k)
+        np.dot(info.white[other][:count], stack.white[begin:end].T, product)
+        cross -= product

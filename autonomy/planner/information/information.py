@@ -1,7 +1,10 @@
-"""Arrays of the information-gain objective, beside those of the graph.
+r"""Arrays of the information-gain objective, beside those of the graph.
 
-Where an array has two parts, part 0 is given the past samples D, part 1 given D and the field f*
-at the test points. Points are scaled so that the covariance depends on their distance alone.
+A search maximizes :math:`\frac12 [\log\det(C_{pp|D} + N) - \log\det(N + R)]` for planned points p
+with noise N and past samples D (``objective.FieldInformation``); R is what of the field lies
+between test points (``resolution.FinePart``). There are none that a search could learn, and as N
+and R are counted edge by edge, their determinant is a sum over edges. Points are scaled so that the
+covariance depends on their distance alone.
 """
 
 from typing import NamedTuple
@@ -15,7 +18,8 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.graph import DEPTH_MAX, Graph, Int32Array
 from autonomy.planner.information.cholesky import inverse_factor
 from autonomy.planner.information.covariance import Covariance, covariance_of, scale_of
-from autonomy.planner.objective import known_covariance
+from autonomy.planner.objective import samples_covariance
+from autonomy.planner.resolution import FinePart
 from autonomy.planner.search.staging import GAP_MAX
 
 Float32Array = npt.NDArray[np.float32]
@@ -24,29 +28,36 @@ USED, STAMP, CROSSES, REST = range(4)
 BAND = 64
 """Rows of the inverse factor that are multiplied at once."""
 _CROSSES_MAX = 512
-_OWN_PIECES = 2
+_GAPS = 2
+_REPLACED = _GAPS * GAP_MAX
+"""Most edges that proposals may replace at once."""
 
 
 class Stack(NamedTuple):
     """Points of all staged edges in a row, then those of the edges that they may replace."""
 
     begin: IntArray
-    """First row of each staged edge, and one behind the last, ``(staged + 1,)``."""
+    """First row of each edge, and one behind the last, ``(staged + replaced + 1,)``."""
     place: FloatArray
     """Scaled points, ``(3, rows)``."""
     noise: FloatArray
+    """Covariance of the noise of each edge's points, ``(staged + replaced, k, k)``."""
+    half_noise: FloatArray
+    """Half the logarithm of the determinant of that and of the fine part's covariance, ``(staged +
+    replaced,)``."""
     columns: FloatArray
-    """Room for covariances of the known points with those of the stack, ``(n + q) rows``."""
-    white: FloatArray
+    """Room for covariances of the past samples with the points of the stack, ``n rows``."""
+    whitened: FloatArray
     """Room for the same, whitened."""
-    past: Float32Array
-    """Whitened columns, past samples, ``(rows, n)``."""
-    test: Float32Array
-    """Whitened columns, test points, ``(rows, q)``."""
+    white: Float32Array
+    """Whitened columns, ``(rows, n)``."""
     own: FloatArray
-    """Covariance with noise among the points of each staged edge, ``(staged, 2, k, k)``."""
+    """Covariance with noise among the points of each staged edge, ``(staged, k, k)``."""
     gain: FloatArray
     """Gain of each staged edge alone, ``(staged,)``."""
+    run: FloatArray
+    """Room for the averaged points of one edge: time since the dive began, number of the dive,
+    position variance, and what the position's error adds, ``(k, 4)``."""
 
 
 class Chains(NamedTuple):
@@ -55,7 +66,7 @@ class Chains(NamedTuple):
     row_at: IntArray
     """Where the factor rows of each path begin in ``rows``."""
     rows: Float32Array
-    """Rows that each path's last edge adds to the two Cholesky factors."""
+    """Rows that each path's last edge adds to the Cholesky factor."""
     gain: FloatArray
     """Gain of each path."""
     cross_stamp: IntArray
@@ -63,11 +74,11 @@ class Chains(NamedTuple):
     cross_slot: Int32Array
     """Where that covariance is in ``cross``."""
     cross: Float32Array
-    """Covariances of earlier edges with the current one, ``(slots, 2, k k)``."""
+    """Covariances of earlier edges with the current one, ``(slots, k k)``."""
     work: Float32Array
-    """Room for solved covariances of a chain's points with the current edge, and a product."""
+    """Room for solved covariances of a chain's points with the current edge, and two products."""
     factor: FloatArray
-    """Last diagonal block of both Cholesky factors, ``(2, k, k)``."""
+    """Last diagonal block of the Cholesky factor, ``(k, k)``."""
     chain: IntArray
     """Edge, place in ``rows``, and points before it, of each edge of a chain."""
 
@@ -76,9 +87,7 @@ class Rest(NamedTuple):
     """What proposals for the gaps of a trajectory are judged with; r is the rest's points."""
 
     place: FloatArray
-    noise: FloatArray
-    past: Float32Array
-    test: Float32Array
+    white: Float32Array
     factor: FloatArray
     """Room for a factor of the rest's covariance and its inverse, ``(2, r r)``."""
     inverse: Float32Array
@@ -86,15 +95,13 @@ class Rest(NamedTuple):
     """Covariances of the stack's points with the rest, ``(rows r)``."""
     explained: Float32Array
     solved: Float32Array
-    """The same, solved with either factor, ``(2, rows r)``."""
-    piece_row: IntArray
-    """First row in the stack of each proposal, then of what it may replace, and one behind the
+    """The same, solved with the factor, ``rows r``."""
+    piece_edge: IntArray
+    """First edge in the stack of each proposal, then of what it may replace, and one behind the
     last, ``(proposals + 2, 2)``."""
     pair_place: FloatArray
     """The points of one or two pieces together, and their columns."""
-    pair_noise: FloatArray
-    pair_past: Float32Array
-    pair_test: Float32Array
+    pair_white: Float32Array
     pair_solved: Float32Array
     pair_product: Float32Array
     pair_covariance: FloatArray
@@ -105,15 +112,16 @@ class Information(NamedTuple):
 
     covariance: Covariance
     sample_noise: SampleNoise
+    fine: FinePart
     scale: FloatArray
     """What the coordinates are multiplied with, ``(3,)``."""
     origin: FloatArray
     """What is subtracted from them before, ``(3,)``."""
-    known: FloatArray
-    """Past samples, then test points, scaled, ``(3, n + q)``."""
+    past: FloatArray
+    """Past samples, scaled, ``(3, n)``."""
     inverse: FloatArray
-    """Inverse of the lower factor of the known points' covariance: for every ``BAND`` rows of it
-    the part up to the diagonal, one behind another."""
+    """Inverse of the lower factor of their covariance: for every ``BAND`` rows of it the part up
+    to the diagonal, one behind another."""
     tally: IntArray
     """Numbers of ``Chains.rows`` in use, stamp of the current edge, cross covariances in use,
     points of the rest."""
@@ -122,11 +130,11 @@ class Information(NamedTuple):
     place: FloatArray
     """Scaled points of each edge, ``(edges, 3, k)``."""
     noise: FloatArray
-    """Noise variance of each point of an edge, ``(edges, k)``."""
-    white_past: Float32Array
-    """Whitened columns of each edge, past samples, ``(edges, k, n)``."""
-    white_test: Float32Array
-    """Whitened columns of each edge, test points, ``(edges, k, q)``."""
+    """Covariance of the noise of each edge's points, ``(edges, k, k)``."""
+    half_noise: FloatArray
+    """Half the logarithm of the determinant of that and of the fine part's, ``(edges,)``."""
+    white: Float32Array
+    """Whitened columns of each edge, ``(edges, k, n)``."""
     distance: FloatArray
     """Room for a row of distances."""
     stack: Stack
@@ -135,7 +143,7 @@ class Information(NamedTuple):
 
 
 def information_of(
-    config: PlannerConfig, belief: FieldBelief, graph: Graph, rows: int
+    config: PlannerConfig, belief: FieldBelief, fine: FinePart, graph: Graph, rows: int
 ) -> Information:
     """Lay out the arrays for a graph, with room for ``rows`` numbers of Cholesky factors.
 
@@ -145,44 +153,53 @@ def information_of(
     points, past_noise = averaged_samples(
         *belief.known_samples(noise), config.search.past_samples_max
     )
-    inverse = inverse_factor(known_covariance(belief, points, past_noise))
-    size, past = len(inverse), len(points)
-    scale, origin = scale_of(belief), belief.test_points.mean(axis=0)
-    known = (np.concatenate([points, belief.test_points]) - origin) * scale
+    inverse = inverse_factor(samples_covariance(belief, points, past_noise))
+    past, scale = len(points), scale_of(belief)
+    domain = config.domain
+    origin = 0.5 * np.array(
+        [
+            domain.x_min_m + domain.x_max_m,
+            domain.y_min_m + domain.y_max_m,
+            domain.depth_max_m,
+        ]
+    )
     edges, k = len(graph.edge_leg_count), config.search.points_per_edge_max
     staged = len(graph.staged_point_count)
-    stacked = (staged + _OWN_PIECES * GAP_MAX) * k
+    rows_max = (staged + _REPLACED) * k
     return Information(
         covariance=covariance_of(belief),
         sample_noise=noise,
+        fine=fine,
         scale=scale,
         origin=origin,
-        known=np.ascontiguousarray(known.T),
+        past=np.ascontiguousarray(((points - origin) * scale).T),
         inverse=_bands(inverse),
         tally=np.zeros(4, dtype=np.int64),
         samples=np.empty(edges, dtype=np.int32),
         place=np.empty((edges, 3, k)),
-        noise=np.empty((edges, k)),
-        white_past=_room(edges, k, past),
-        white_test=_room(edges, k, size - past),
-        distance=np.empty(max(size, stacked, DEPTH_MAX * k)),
-        stack=_stack(staged, stacked, k, past, size),
+        noise=np.empty((edges, k, k)),
+        half_noise=np.empty(edges),
+        white=_room(edges, k, past),
+        distance=np.empty(max(past, rows_max, DEPTH_MAX * k)),
+        stack=_stack(staged, k, past),
         chains=_chains(graph, k, rows),
-        rest=_rest(staged, stacked, k, past, size),
+        rest=_rest(staged, rows_max, k, past),
     )
 
 
-def _stack(staged: int, rows: int, k: int, past: int, size: int) -> Stack:
+def _stack(staged: int, k: int, past: int) -> Stack:
+    stacked = staged + _REPLACED
     return Stack(
-        begin=np.zeros(staged + 1, dtype=np.int64),
-        place=np.empty((3, rows)),
-        noise=np.empty(rows),
-        columns=np.empty(size * rows),
-        white=np.empty(size * rows),
-        past=_room(rows, past),
-        test=_room(rows, size - past),
-        own=np.empty((staged, 2, k, k)),
+        begin=np.zeros(stacked + 1, dtype=np.int64),
+        place=np.empty((3, stacked * k)),
+        noise=np.empty((stacked, k, k)),
+        half_noise=np.empty(stacked),
+        columns=np.empty(past * stacked * k),
+        whitened=np.empty(past * stacked * k),
+        white=_room(stacked * k, past),
+        own=np.empty((staged, k, k)),
         gain=np.empty(staged),
+        run=np.empty((k, 4)),
     )
 
 
@@ -196,33 +213,29 @@ def _chains(graph: Graph, k: int, rows: int) -> Chains:
         gain=gain,
         cross_stamp=np.full(edges, -1, dtype=np.int64),
         cross_slot=np.empty(edges, dtype=np.int32),
-        cross=_room(_CROSSES_MAX, 2, k * k),
-        work=_room(4, DEPTH_MAX * k * k),
-        factor=np.empty((2, k, k)),
+        cross=_room(_CROSSES_MAX, k * k),
+        work=_room(3, DEPTH_MAX * k * k),
+        factor=np.empty((k, k)),
         chain=np.empty((DEPTH_MAX + 1, 3), dtype=np.int64),
     )
 
 
-def _rest(staged: int, rows: int, k: int, past: int, size: int) -> Rest:
-    r, pair = DEPTH_MAX * k, _OWN_PIECES * GAP_MAX * k
+def _rest(staged: int, rows: int, k: int, past: int) -> Rest:
+    r, pair = DEPTH_MAX * k, _REPLACED * k
     return Rest(
         place=np.empty((3, r)),
-        noise=np.empty(r),
-        past=_room(r, past),
-        test=_room(r, size - past),
+        white=_room(r, past),
         factor=np.empty((2, r * r)),
         inverse=_room(r * r),
         cross=_room(rows * r),
         explained=_room(max(rows, r) * r),
-        solved=_room(2, rows * r),
-        piece_row=np.zeros((staged + _OWN_PIECES, 2), dtype=np.int64),
+        solved=_room(rows * r),
+        piece_edge=np.zeros((staged + _GAPS, 2), dtype=np.int64),
         pair_place=np.empty((3, pair)),
-        pair_noise=np.empty(pair),
-        pair_past=_room(pair, past),
-        pair_test=_room(pair, size - past),
-        pair_solved=_room(2, pair * r),
+        pair_white=_room(pair, past),
+        pair_solved=_room(pair * r),
         pair_product=_room(pair * pair),
-        pair_covariance=np.empty((2, pair * pair)),
+        pair_covariance=np.empty(pair * pair),
     )
 
 
@@ -233,9 +246,10 @@ def _room(*shape: int) -> Float32Array:
 def _bands(inverse: FloatArray) -> FloatArray:
     """Return the lower triangle in bands of rows, each without what lies behind its diagonal."""
     starts = range(0, len(inverse), BAND)
-    return np.concatenate([inverse[i : i + BAND, : i + BAND].ravel() for i in starts])
+    bands = [inverse[i : i + BAND, : i + BAND].ravel() for i in starts]
+    return np.concatenate([np.empty(0), *bands])
 
 
-def bytes_per_edge(known: int, k: int) -> int:
-    """Return about how many bytes an edge of k points takes here, beside so many known points."""
-    return k * (4 * known + 32) + 16
+def bytes_per_edge(past: int, k: int) -> int:
+    """Return about how many bytes an edge of k points takes here, beside so many past samples."""
+    return k * (4 * past + 8 * k + 24) + 24

@@ -36,9 +36,7 @@ def condition_on_rest(graph: Graph, info: Information) -> float:
             edge = elite_edge(graph, elite, i)
             k = info.samples[edge]
             rest.place[:, count : count + k] = info.place[edge, :, :k]
-            rest.noise[count : count + k] = info.noise[edge, :k]
-            rest.past[count : count + k] = info.white_past[edge, :k]
-            rest.test[count : count + k] = info.white_test[edge, :k]
+            rest.white[count : count + k] = info.white[edge, :k]
             count += k
     info.tally[REST] = count
     rows = _stack_own(graph, info)
@@ -50,54 +48,61 @@ def condition_on_rest(graph: Graph, info: Information) -> float:
     among = rest.explained[: count * count].reshape(count, count)
     cross = rest.cross[: rows * count].reshape(rows, count)
     fill_block(info.covariance, stack.place, 0, rest.place, 0, info.distance, cross)
-    gain = 0.0
-    for part in range(2):
-        fill_block(info.covariance, rest.place, 0, rest.place, 0, info.distance, given)
-        for i in range(count):
-            given[i, i] += rest.noise[i]
-        if rest.past.shape[1] > 0:
-            np.dot(rest.past[:count], rest.past[:count].T, among)
-            given -= among
-        if part == 1:
-            np.dot(rest.test[:count], rest.test[:count].T, among)
-            given -= among
-        half = half_log_determinant(given, count)
-        gain += half if part == 0 else -half
-        invert_upper(given, inverse)
-        single[:, :] = inverse
+    fill_block(info.covariance, rest.place, 0, rest.place, 0, info.distance, given)
+    half_noise = _add_rest_noise(graph, info, given)
+    if rest.white.shape[1] > 0:
+        np.dot(rest.white[:count], rest.white[:count].T, among)
+        given -= among
+    gain = half_log_determinant(given, count) - half_noise
+    invert_upper(given, inverse)
+    single[:, :] = inverse
+    if rows > 0 and rest.white.shape[1] > 0:
         explained = rest.explained[: rows * count].reshape(rows, count)
-        if part == 1:
-            np.dot(stack.test[:rows], rest.test[:count].T, explained)
-            cross -= explained
-        elif rest.past.shape[1] > 0:
-            np.dot(stack.past[:rows], rest.past[:count].T, explained)
-            cross -= explained
-        np.dot(cross, single, rest.solved[part][: rows * count].reshape(rows, count))
-    return gain
+        np.dot(stack.white[:rows], rest.white[:count].T, explained)
+        cross -= explained
+    if rows > 0:
+        np.dot(cross, single, rest.solved[: rows * count].reshape(rows, count))
+    return float(gain)
+
+
+@inner_kernel
+def _add_rest_noise(graph: Graph, info: Information, given: FloatArray) -> float:
+    """Add the noise of the rest's edges to their covariance; return what it counts by itself."""
+    elite, at, half_noise = graph.gap[ELITE], 0, 0.0
+    for i in range(graph.elite_length[elite]):
+        if not in_gap(graph, i):
+            edge = elite_edge(graph, elite, i)
+            k = info.samples[edge]
+            given[at : at + k, at : at + k] += info.noise[edge, :k, :k]
+            half_noise += info.half_noise[edge]
+            at += k
+    return half_noise
 
 
 @inner_kernel
 def _stack_own(graph: Graph, info: Information) -> int:
     """Put what the gaps held on the stack too, and note where pieces are; return the rows."""
     stack, rest = info.stack, info.rest
-    pieces = graph.tally[PROPOSALS]
+    pieces, number = graph.tally[PROPOSALS], graph.tally[STAGED]
     for piece in range(pieces):
-        rest.piece_row[piece, 0] = stack.begin[graph.proposal[piece]]
-        rest.piece_row[piece, 1] = stack.begin[graph.proposal[piece + 1]]
-    row = int(stack.begin[graph.tally[STAGED]])
+        rest.piece_edge[piece, 0] = graph.proposal[piece]
+        rest.piece_edge[piece, 1] = graph.proposal[piece + 1]
+    row = int(stack.begin[number])
     for gap in range(2):
         first = graph.gap[FIRST_A] if gap == 0 else graph.gap[FIRST_B]
         taken = graph.gap[TAKEN_A] if gap == 0 else graph.gap[TAKEN_B]
-        rest.piece_row[pieces + gap, 0] = row
+        rest.piece_edge[pieces + gap, 0] = number
         for i in range(first, first + taken):
             edge = elite_edge(graph, graph.gap[ELITE], i)
             k = int(info.samples[edge])
             stack.place[:, row : row + k] = info.place[edge, :, :k]
-            stack.noise[row : row + k] = info.noise[edge, :k]
-            stack.past[row : row + k] = info.white_past[edge, :k]
-            stack.test[row : row + k] = info.white_test[edge, :k]
+            stack.noise[number, :k, :k] = info.noise[edge, :k, :k]
+            stack.half_noise[number] = info.half_noise[edge]
+            stack.white[row : row + k] = info.white[edge, :k]
             row += k
-        rest.piece_row[pieces + gap, 1] = row
+            number += 1
+            stack.begin[number] = row
+        rest.piece_edge[pieces + gap, 1] = number
     return row
 
 
@@ -109,38 +114,44 @@ def gain_given_rest(info: Information, one: int, other: int) -> float:
         k = _gather(info, other, k)
     if k == 0:
         return 0.0
-    rest = info.rest
-    given_past = rest.pair_covariance[0][: k * k].reshape(k, k)
-    given_both = rest.pair_covariance[1][: k * k].reshape(k, k)
-    fill_block(info.covariance, rest.pair_place, 0, rest.pair_place, 0, info.distance, given_past)
-    for i in range(k):
-        given_past[i, i] += rest.pair_noise[i]
-    if rest.past.shape[1] > 0:
-        _subtract(info, rest.pair_past[:k], given_past)
-    given_both[:, :] = given_past
-    _subtract(info, rest.pair_test[:k], given_both)
-    count = info.tally[REST]
+    rest, count = info.rest, info.tally[REST]
+    given = rest.pair_covariance[: k * k].reshape(k, k)
+    fill_block(info.covariance, rest.pair_place, 0, rest.pair_place, 0, info.distance, given)
+    half_noise, at = _add_noise(info, one, 0, given)
+    if other >= 0:
+        half_other, _ = _add_noise(info, other, at, given)
+        half_noise += half_other
+    if rest.white.shape[1] > 0:
+        _subtract(info, rest.pair_white[:k], given)
     if count > 0:
-        _subtract(info, rest.pair_solved[0][: k * count].reshape(k, count), given_past)
-        _subtract(info, rest.pair_solved[1][: k * count].reshape(k, count), given_both)
-    return half_log_determinant(given_past, k) - half_log_determinant(given_both, k)
+        _subtract(info, rest.pair_solved[: k * count].reshape(k, count), given)
+    return float(half_log_determinant(given, k) - half_noise)
+
+
+@inner_kernel
+def _add_noise(info: Information, piece: int, at: int, given: FloatArray) -> tuple[float, int]:
+    """Add the noise of a piece's edges; return what it counts by itself, and the next row."""
+    stack, half_noise = info.stack, 0.0
+    first, last = info.rest.piece_edge[piece]
+    for edge in range(first, last):
+        k = stack.begin[edge + 1] - stack.begin[edge]
+        given[at : at + k, at : at + k] += stack.noise[edge, :k, :k]
+        half_noise += stack.half_noise[edge]
+        at += k
+    return half_noise, at
 
 
 @inner_kernel
 def _gather(info: Information, piece: int, at: int) -> int:
     """Copy a piece's points and columns behind ``at`` others; return how many there are now."""
     rest, stack, count = info.rest, info.stack, info.tally[REST]
-    begin, end = rest.piece_row[piece]
+    first, last = rest.piece_edge[piece]
+    begin, end = stack.begin[first], stack.begin[last]
     until = at + end - begin
     rest.pair_place[:, at:until] = stack.place[:, begin:end]
-    rest.pair_noise[at:until] = stack.noise[begin:end]
-    rest.pair_past[at:until] = stack.past[begin:end]
-    rest.pair_test[at:until] = stack.test[begin:end]
-    for part in range(2):
-        rest.pair_solved[part, at * count : until * count] = rest.solved[
-            part, begin * count : end * count
-        ]
-    return until
+    rest.pair_white[at:until] = stack.white[begin:end]
+    rest.pair_solved[at * count : until * count] = rest.solved[begin * count : end * count]
+    return int(until)
 
 
 @inner_kernel

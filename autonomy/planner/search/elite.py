@@ -2,12 +2,15 @@
 
 import math
 
+from autonomy.arrays import FloatArray
 from autonomy.compiled import inner_kernel, kernel
 from autonomy.planner.graph import (
     DEPTH_MAX,
     ELITE,
     FIRST_A,
     FIRST_B,
+    GROUP_BEGIN,
+    GROUP_END,
     SHORT,
     TAKEN_A,
     TAKEN_B,
@@ -16,6 +19,12 @@ from autonomy.planner.graph import (
     copy_edge,
     first_staged,
 )
+
+
+@inner_kernel
+def group_worth(graph: Graph) -> FloatArray:
+    """Return the worth of each elite trajectory of the start that is searched from."""
+    return graph.elite_worth[graph.tally[GROUP_BEGIN] : graph.tally[GROUP_END]]
 
 
 @inner_kernel
@@ -45,14 +54,15 @@ def elite_place(graph: Graph, edges: Int32Array, length: int, ranked: float, own
         ranked: Its rank.
         own: Elite trajectory that it was made from by refinement, -1 for none.
     """
-    worst = own if own >= 0 else 0
-    for elite in range(len(graph.elite_worth)):
+    group = range(graph.tally[GROUP_BEGIN], graph.tally[GROUP_END])
+    worst = own if own >= 0 else group.start
+    for elite in group:
         if own < 0 and graph.elite_worth[elite] < graph.elite_worth[worst]:
             worst = elite
     if ranked <= graph.elite_worth[worst]:
         return -1
     place = worst
-    for elite in range(len(graph.elite_worth)):
+    for elite in group:
         if elite != own and _are_alike(graph, edges, length, elite):
             if ranked <= graph.elite_worth[elite]:
                 if own >= 0:

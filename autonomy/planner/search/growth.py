@@ -36,7 +36,7 @@ from autonomy.planner.information.growth import (
     load_chain,
 )
 from autonomy.planner.information.information import Information
-from autonomy.planner.search.elite import elite_place, rank, write_elite
+from autonomy.planner.search.elite import elite_place, group_worth, rank, write_elite
 from autonomy.planner.search.ergodic_kernel import Ergodic, spread, visit_after
 from autonomy.planner.search.weighted import Worth
 
@@ -122,7 +122,7 @@ def _extend(
             gain = float(info.chains.gain[path]) + gain_after(graph, info, depth, edge)
             value += worth.gain_weight * gain
         ranked = rank(graph, spent, value)
-        if ranked > graph.elite_worth.min():
+        if ranked > group_worth(graph).min():
             edges[depth] = edge
             _offer(graph, info, ergodic, edges, depth + 1, ranked)
         if place >= 0 and value > slot_worth(graph, node, place):
@@ -146,7 +146,8 @@ def _bar(graph: Graph, is_bound: bool) -> float:
     Where its rank is known already that is the worst elite trajectory; a mere bound must pass the
     best one.
     """
-    return float(graph.elite_worth.max() if is_bound else graph.elite_worth.min())
+    worth = group_worth(graph)
+    return float(worth.max() if is_bound else worth.min())
 
 
 @inner_kernel

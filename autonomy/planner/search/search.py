@@ -4,8 +4,13 @@ Four things are different from ``autonomy.planner.reference.literal``. The objec
 follows from that of the trajectory that it extends, and a bound rules out most before that. Every
 surfacing keeps a limited number of paths, the best of each slice of the budget. The graph's best
 distinct trajectories are refined in turn: edges are taken out of one at two places, and random
-ones that fit the budgets tried in their place, in every combination. And a search may begin with
-transects, and with trajectories of earlier plans.
+ones that fit the budgets tried in their place, in every combination. A search may begin with
+transects, and with trajectories of earlier plans. And it starts several times: the better half of
+the starts goes on twice as long, until one is left.
+
+What it maximizes has no test points that it could learn (``information.information``). The best of
+what every start found are compared on points that no part of the search knew, and offered with
+their worth there.
 """
 
 import math
@@ -21,6 +26,8 @@ from autonomy.planner.config import PlannerConfig
 from autonomy.planner.graph import (
     CANDIDATES,
     DEPTH_MAX,
+    GROUP_BEGIN,
+    GROUP_END,
     PROPOSALS,
     RESERVOIR_FULL,
     SHORT,
@@ -28,8 +35,14 @@ from autonomy.planner.graph import (
     Graph,
     first_staged,
     graph_of,
+    plant,
 )
-from autonomy.planner.information.information import Information, bytes_per_edge, information_of
+from autonomy.planner.information.information import (
+    USED,
+    Information,
+    bytes_per_edge,
+    information_of,
+)
 from autonomy.planner.leg.edge import Edge, legs_energy, planned_points
 from autonomy.planner.leg.leg_kernel import (
     DURATION,
@@ -49,7 +62,6 @@ from autonomy.planner.leg.leg_kernel import (
 )
 from autonomy.planner.limits import legs_max
 from autonomy.planner.objective import (
-    PAST_SAMPLES_MAX,
     ErgodicMeasure,
     MutualInformation,
     Objective,
@@ -57,6 +69,7 @@ from autonomy.planner.objective import (
 )
 from autonomy.planner.outcome import spending
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult
+from autonomy.planner.resolution import fine_part, spread_points
 from autonomy.planner.search import warm as warm_start
 from autonomy.planner.search.elite import elite_edge
 from autonomy.planner.search.ergodic_kernel import Ergodic, ergodic_of
@@ -64,7 +77,7 @@ from autonomy.planner.search.growth import adopt, grow
 from autonomy.planner.search.refinement import refine, revalue
 from autonomy.planner.search.staging import GAP_MAX, note_shares, stage_growth, stage_refinement
 from autonomy.planner.search.warm import shape_of
-from autonomy.planner.search.weighted import Worth, worth_of
+from autonomy.planner.search.weighted import worth_of
 from autonomy.planner.transect import transects
 from autonomy.site import Site
 
@@ -108,6 +121,14 @@ _GROWTH_SHARE = {"information_gain": 0.1, "ergodic": 0.25, "weighted": 0.1}
 refine; over eight seeds of the benchmark problem this is best after one second."""
 _MEGABYTE = 2**20
 _PATH_BYTES = 64
+_STARTS_MAX = 4
+_START_S = 0.5
+_START_ITERATIONS = 60
+"""Planning time and iterations that are spent for each start on average, or there are fewer."""
+_FINALISTS = 6
+"""Trajectories that are compared on points that the search did not know."""
+_FINAL_SAMPLES_MAX = 600
+"""Past samples that they are compared with; beyond, runs are averaged."""
 
 
 def plan(
@@ -145,8 +166,8 @@ def plan(
             flown is dropped. The result is never worse than the best of them that fits.
 
     Returns:
-        The best trajectory and a few distinct others with their objectives in double precision,
-        or the reason why there is none.
+        The best trajectory and a few distinct others with what they are worth, information gain
+        on points that the search did not know; or the reason why there is none.
     """
     blocked = outcome.obstacle(config, start_xy, budget, site)
     if blocked is not None:
@@ -156,26 +177,54 @@ def plan(
     if not len(belief.test_points):
         return outcome.nothing_feasible("No trajectory: no point of the domain is in the water.")
     progress = outcome.Progress(elapsed_s, is_cancelled, on_progress, config.planning_time_s)
+    unknown = independent_points(config, site, rng)
     search = _Search(config, belief, start_xy, rng, budget, site)
     search.begin_with(warm)
     iterations = config.search.iterations_max
     done = 0
     while not (progress.must_end() or search.is_exhausted or (iterations and done == iterations)):
+        part = done / iterations if iterations else elapsed_s() / config.planning_time_s
+        search.go_to(part)
         search.iterate()
         progress.candidates = search.candidates
         if search.best > progress.best:
             progress.improve(search.best)
         done += 1
-    trajectories = search.trajectories(in_haste=progress.cancelled)
+    trajectories = search.trajectories(unknown, in_haste=progress.cancelled)
     if not trajectories:
         return outcome.dead_end(config, start_xy, progress)
     return outcome.offered(config, budget, trajectories, progress, search.reservoir_full)
+
+
+def independent_points(
+    config: PlannerConfig, site: Site | None, rng: np.random.Generator
+) -> FloatArray:
+    """Return the points that a search with this source of chance is judged on, ``(n, 3)``.
+
+    They are the first that is drawn from it, and drawn from another one.
+    """
+    own = np.random.default_rng(rng.integers(2**63, size=2))
+    return spread_points(config.domain, site, own)
+
+
+def starts_of(config: PlannerConfig) -> int:
+    """Return how often a search starts: a power of two, less for a short one."""
+    iterations = config.search.iterations_max
+    part = config.planning_time_s / _START_S
+    if iterations:
+        part = min(part, iterations / _START_ITERATIONS)
+    starts = _STARTS_MAX
+    while starts > max(part, 1.0):
+        starts //= 2
+    return starts
 
 
 class _Search:
     """One search: its graph, its objective's arrays, and the turns of growth and refinement.
 
     Both stage random edges, which cost about the same to judge; growth gets a fixed share of them.
+    Every start has elite trajectories of its own. Rounds of equal length halve the number of the
+    starts that are searched from.
     """
 
     def __init__(
@@ -198,18 +247,21 @@ class _Search:
         self._grown = 0
         self._refined = 0
         self._warm: list[tuple[Leg, ...]] = []
+        self._starts = starts_of(config)
+        self._left = list(range(self._starts))
+        self._round = 0
+        self._start = 0
         edges, paths, rows = _room(config, belief)
-        self._graph = graph_of(config, start_xy, budget, edges, paths, site)
+        self._graph = graph_of(config, start_xy, budget, edges, paths, site, starts=self._starts)
         self._edges = np.empty(DEPTH_MAX + 2 * GAP_MAX, dtype=np.int32)
         self._info: Information | None = None
         self._ergodic: Ergodic | None = None
         if config.objective != "ergodic":
-            self._info = information_of(config, belief, self._graph, rows)
+            fine = fine_part(belief, config.domain, site, rng)
+            self._info = information_of(config, belief, fine, self._graph, rows)
         if config.objective != "information_gain":
             self._ergodic = ergodic_of(config, belief, self._graph)
-        self._worth = Worth(1.0, 0.0, 0.0)
-        if config.objective != "information_gain":
-            self._worth = worth_of(config, self._exact_objective(config.search.past_samples_max))
+        self._worth = worth_of(config, belief, start_xy)
 
     @property
     def best(self) -> float:
@@ -235,10 +287,7 @@ class _Search:
     def begin_with(self, trajectories: Sequence[Sequence[Leg]]) -> None:
         """Take transects and what can be flown of earlier trajectories for the first elite."""
         graph = self._graph
-        for line in transects(
-            self._config, self._start_xy, self._budget, graph.waterway, DEPTH_MAX
-        ):
-            self._take(line)
+        self._lay_transects()
         for legs in trajectories:
             edges = warm_start.rebased(
                 self._config,
@@ -254,10 +303,45 @@ class _Search:
             self._warm.append(tuple(leg for edge in edges for leg in edge.legs))
             self._take(edges)
 
+    def go_to(self, part: float) -> None:
+        """Search from the start whose turn it is once this part (0..1) of the search is over."""
+        rounds = self._starts.bit_length()
+        now = min(int(part * rounds), rounds - 1)
+        while self._round < now:
+            self._round += 1
+            best = [(-self._group(start).max(), start) for start in self._left]
+            self._left = [start for _, start in sorted(best)[: (len(best) + 1) // 2]]
+        within = min(max(part * rounds - now, 0.0), 1.0 - 1e-9)
+        start = self._left[int(within * len(self._left))]
+        if start != self._start:
+            self._search_from(start)
+
+    def _search_from(self, start: int) -> None:
+        """Go on with the elite trajectories of a start; in the first round it is a new one."""
+        graph, size = self._graph, len(self._graph.elite_worth) // self._starts
+        self._start = start
+        graph.tally[GROUP_BEGIN], graph.tally[GROUP_END] = start * size, (start + 1) * size
+        if self._round == 0:
+            plant(graph, *self._start_xy)
+            if self._info is not None:
+                self._info.tally[USED] = 0
+            self._grows, self._grown, self._refined = True, 0, 0
+            self._lay_transects()
+
+    def _group(self, start: int) -> FloatArray:
+        size = len(self._graph.elite_worth) // self._starts
+        return self._graph.elite_worth[start * size : (start + 1) * size]
+
+    def _lay_transects(self) -> None:
+        for line in transects(
+            self._config, self._start_xy, self._budget, self._graph.waterway, DEPTH_MAX
+        ):
+            self._take(line)
+
     def _take(self, edges: Sequence[Edge]) -> None:
         """Make a trajectory an elite one in place of the worst of them, whatever its own worth."""
         graph = self._graph
-        elite = int(graph.elite_worth.argmin())
+        elite = int(graph.tally[GROUP_BEGIN] + self._group(self._start).argmin())
         if stage_trajectory(graph, self._config, edges):
             adopt(graph, self._info, self._ergodic, elite, self._edges)
             revalue(graph, self._info, self._ergodic, self._worth, elite)
@@ -277,19 +361,19 @@ class _Search:
                 refine(graph, self._info, self._ergodic, self._worth, self._edges)
             self._refined += max(int(tally[STAGED]), 1)
 
-    def trajectories(self, *, in_haste: bool = False) -> list[Candidate]:
-        """Return the best distinct trajectories, best first, with their exact objectives.
+    def trajectories(self, points: FloatArray, *, in_haste: bool = False) -> list[Candidate]:
+        """Return the best distinct trajectories, best first, with what they are worth.
 
         Args:
+            points: Test points that no part of the search knew, for the information gain.
             in_haste: Average past samples as the search does, which is faster.
         """
-        limit = self._config.search.past_samples_max if in_haste else PAST_SAMPLES_MAX
-        worth = self._exact_objective(limit)
+        limit = self._config.search.past_samples_max if in_haste else _FINAL_SAMPLES_MAX
+        worth = self._final_objective(points, limit)
         found: list[tuple[bool, Candidate]] = []
-        for legs in dict.fromkeys([*self._elite_legs(), *self._warm]):
-            points = planned_points(self._config, legs)
-            edge = Edge(legs, points, legs_energy(self._config, legs))
-            candidate = outcome.as_candidate(self._config, [edge], worth(points))
+        for legs, searched in self._finalists().items():
+            edge = Edge(legs, planned_points(self._config, legs), legs_energy(self._config, legs))
+            candidate = outcome.as_candidate(self._config, [edge], worth(edge.points), searched)
             spent = spending(self._config, legs).greatest_share(self._config, self._budget)
             found.append((spent > self._graph.least_spent, candidate))
         spends_enough = any(enough for enough, _ in found)
@@ -297,17 +381,24 @@ class _Search:
         offers.sort(key=lambda candidate: -candidate.objective)
         return self._distinct(offers)[: self._config.search.runners_up + 1]
 
-    def _elite_legs(self) -> list[tuple[Leg, ...]]:
+    def _finalists(self) -> dict[tuple[Leg, ...], float | None]:
+        """Return the best trajectories and those to begin with, and what the search found in them.
+
+        Of each start only what is not alike is here, of all together more than are offered.
+        """
         graph = self._graph
-        trajectories: list[tuple[Leg, ...]] = []
-        for elite in range(len(graph.elite_worth)):
+        count = max(_FINALISTS, self._config.search.runners_up + 1)
+        found: dict[tuple[Leg, ...], float | None] = {}
+        for elite in np.argsort(-graph.elite_worth)[:count]:
             legs: list[Leg] = []
             for i in range(graph.elite_length[elite]):
                 edge = elite_edge(graph, elite, i)
                 legs += map(leg_of, graph.edge_legs[edge, : graph.edge_leg_count[edge]])
             if legs:
-                trajectories.append(tuple(legs))
-        return trajectories
+                worth = float(graph.elite_worth[elite])
+                short = worth <= -SHORT / 2
+                found[tuple(legs)] = None if self._info is None or short else worth
+        return dict.fromkeys(self._warm) | found
 
     def _distinct(self, offers: list[Candidate]) -> list[Candidate]:
         """Leave out what is much like a better one (``elite.elite_place``)."""
@@ -317,11 +408,12 @@ class _Search:
                 kept.append(offer)
         return kept
 
-    def _exact_objective(self, past_samples_max: int) -> Objective:
+    def _final_objective(self, points: FloatArray, past_samples_max: int) -> Objective:
         config, belief = self._config, self._belief
         if config.objective == "ergodic":
             return ErgodicMeasure(belief, config.ergodic)
-        gain = MutualInformation(belief, sample_noise(config, belief), past_samples_max)
+        noise = sample_noise(config, belief)
+        gain = MutualInformation(belief.at(points), noise, past_samples_max)
         if config.objective == "information_gain":
             return gain
         return weighted_sum(config, belief, self._start_xy, gain)
@@ -339,7 +431,7 @@ def _room(config: PlannerConfig, belief: FieldBelief) -> tuple[int, int, int]:
     edge_bytes = legs_max(config) * LEG_COLUMNS * 8 + 64
     path_bytes, rows = _PATH_BYTES, 0
     if config.objective != "ergodic":
-        edge_bytes += bytes_per_edge(past + tests, k)
+        edge_bytes += bytes_per_edge(past, k)
         rows = memory // 2 // 4
     if config.objective != "information_gain":
         edge_bytes += 4 * tests

@@ -12,6 +12,7 @@ from autonomy.planner.graph import (
     FIRST_A,
     FIRST_B,
     FULL_SHARE,
+    GROUP_BEGIN,
     NODES,
     PROPOSALS,
     SHARES,
@@ -26,7 +27,7 @@ from autonomy.planner.graph import (
 from autonomy.planner.leg.edge import SHAPE_BEARING, SHAPE_COLUMNS, SHAPE_KIND, SHAPE_SIDE
 from autonomy.planner.leg.edge_kernel import energy_of, place_points, propose
 from autonomy.planner.leg.leg_kernel import DURATION, Z0, Z1
-from autonomy.planner.search.elite import elite_edge, end_of, in_gap, start_of
+from autonomy.planner.search.elite import elite_edge, end_of, group_worth, in_gap, start_of
 
 _ATTEMPTS_SHARE = 0.25
 """Attempts at filling one gap, as a share of the edges that can be staged."""
@@ -187,8 +188,9 @@ def stage_refinement(graph: Graph, rng: np.random.Generator) -> None:
     """
     tally = graph.tally
     tally[STAGED], tally[PROPOSALS], tally[BEFORE] = 0, 0, 0
-    elite = int(np.argmax(graph.elite_worth))
-    other = int(rng.random() * len(graph.elite_worth))
+    begin, worth = tally[GROUP_BEGIN], group_worth(graph)
+    elite = begin + int(np.argmax(worth))
+    other = begin + int(rng.random() * len(worth))
     if rng.random() < _OTHER_ELITE and graph.elite_length[other] > 0:
         elite = other
     _choose_gaps(graph, elite, rng)

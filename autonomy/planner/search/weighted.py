@@ -2,8 +2,9 @@
 
 from typing import NamedTuple
 
+from autonomy.planner.belief import FieldBelief
 from autonomy.planner.config import PlannerConfig
-from autonomy.planner.objective import Objective, WeightedSum
+from autonomy.planner.objective import weighted_sum
 
 
 class Worth(NamedTuple):
@@ -14,10 +15,11 @@ class Worth(NamedTuple):
     constant: float
 
 
-def worth_of(config: PlannerConfig, objective: Objective) -> Worth:
-    """Return the weights of the chosen objective."""
-    if isinstance(objective, WeightedSum):
-        return Worth(objective.gain_weight, objective.measure_weight, objective.constant)
+def worth_of(config: PlannerConfig, belief: FieldBelief, start_xy: tuple[float, float]) -> Worth:
+    """Return the weights of the chosen objective, for plans that begin at a place."""
+    if config.objective == "weighted":
+        both = weighted_sum(config, belief, start_xy)
+        return Worth(both.gain_weight, both.measure_weight, both.constant)
     if config.objective == "ergodic":
         return Worth(0.0, 1.0, 0.0)
     return Worth(1.0, 0.0, 0.0)
