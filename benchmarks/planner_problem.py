@@ -3,7 +3,8 @@
 A third each: the thesis's robot in the tank, a Miniglider in the tank, GRACE 3 in the lake. Drawn
 are the field's kernel (variance, lengths and noise lognormal about those learned from tank and
 lake; Matern-3/2 three times in four, else Matern-5/2), up to 120 samples along random dives, the
-place of the start, and for the thesis's robot whether fidelity counts.
+place of the start, how much fixes have told of the current, and for the thesis's robot whether
+fidelity counts.
 """
 
 import math
@@ -34,13 +35,15 @@ KINDS = ("thesis", "miniglider", "grace3")
 FRESH_POINTS = 1000
 _DENSE_POINTS = 1500
 _SAMPLES_MAX = 120
+_UNKNOWN = (0.2, 0.6)
+"""Of the current that nobody knows at first, what fixes have left of it."""
 _TANK_FIELD = (5.27, (2.41, 2.46, 2.40), 0.0025)
 _LAKE_FIELD = (6.04, (202.0, 293.0, 6.3), 0.07)
 THESIS = PlannerConfig(
     max_uncertainty_m=0.5,
     fidelity_counts=False,
     primitives=PrimitiveConfig(swim_length_max_m=1.4),
-    position_filter=EstimatorConfig(drift_m_sqrt_s=0.02),
+    position_filter=EstimatorConfig(drift_m_sqrt_s=0.02, steady_current_m_s=0.0),
 )
 """The thesis's robot, whose samples count alike wherever they are taken."""
 
@@ -120,7 +123,7 @@ def draw(rng: np.random.Generator) -> Problem:
     if kind == "thesis":
         config = THESIS.model_copy(update={"fidelity_counts": bool(rng.random() < 0.5)})
     else:
-        config = PLANNER_PRESETS[kind]
+        config = _told(PLANNER_PRESETS[kind], float(rng.uniform(*_UNKNOWN)))
     variance, lengths, noise = field
     water = waterway_of(config, site)
     samples, std = _past_samples(config, water, rng)
@@ -140,6 +143,13 @@ def draw(rng: np.random.Generator) -> Problem:
         shape="matern32" if rng.random() < 0.75 else "matern52",
     )
     return Problem(kind, config, site, belief, _place(config, water, rng))
+
+
+def _told(config: PlannerConfig, share: float) -> PlannerConfig:
+    """Return settings of a robot to which fixes have left this share of the unknown current."""
+    position = config.position_filter
+    left = position.model_copy(update={"steady_current_m_s": share * position.steady_current_m_s})
+    return config.model_copy(update={"position_filter": left})
 
 
 def _past_samples(

@@ -174,7 +174,7 @@ def sample_noise(config: PlannerConfig, belief: FieldBelief) -> SampleNoise:
         is_continuous=config.fidelity_counts and belief.counts == "noise",
         threshold=threshold,
         level_noise=belief.noise_variance + belief.displacement_noise(begins),
-        steady_current=config.position_filter.steady_current_m_s,
+        steady_current=config.position_filter.doubt * config.position_filter.steady_current_m_s,
     )
 
 

@@ -168,7 +168,7 @@ class SearchConfig(Configuration):
     memory_mb: int = quantity(300, "MB", title="Memory", ge=32, le=4000, advanced=True)
     """Most memory that the tables of the search may grow to; the search ends when they are full."""
     points_per_edge_max: int = quantity(
-        12, title="Points per trajectory piece", ge=2, le=64, advanced=True
+        16, title="Points per trajectory piece", ge=2, le=64, advanced=True
     )
     """Runs of successive planned samples between two surfacings are averaged until no more than
     this many remain, while trajectories are compared; offered ones are judged with all of them."""

@@ -286,7 +286,7 @@ def offered(
         reservoir_full: Whether some surfacing had more paths than it keeps.
     """
     best = trajectories[0]
-    last = best.objective if best.searched is None else max(best.searched, progress.best)
+    last = progress.best if math.isfinite(progress.best) else best.objective
     progress.history.append(ObjectivePoint(progress.elapsed_s(), last, progress.candidates))
     result = PlanResult(
         status=PlanStatus.CANCELLED if progress.cancelled else PlanStatus.FOUND,

@@ -76,6 +76,8 @@ def fine_part(
     """
     points = spread_points(domain, site, rng)
     probes = spread_points(domain, site, rng, _PROBES)
+    if not len(probes):
+        return FinePart(0.0, 1.0)
     kernel, whole = belief.kernel(), belief.signal_variance
     gram = covariance(points, points, kernel)
     gram[np.diag_indices_from(gram)] += _RELATIVE_JITTER * whole

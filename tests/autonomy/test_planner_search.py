@@ -146,7 +146,7 @@ def test_every_kernel_and_way_of_counting_is_searched_as_the_reference_says(shap
 
 @pytest.mark.parametrize("counts", [False, True])
 def test_averaged_points_compare_almost_like_all_of_them(counts):
-    config = with_search(QUICK, points_per_edge_max=6, past_samples_max=10)
+    config = with_search(QUICK, points_per_edge_max=12, past_samples_max=20)
     config = config.model_copy(update={"fidelity_counts": counts})
     searched, plain = searched_and_plain(config, belief_over(config.domain, past=40), 30)
     assert searched == pytest.approx(plain, rel=0.1)

@@ -178,6 +178,8 @@ def plan(
         return outcome.nothing_feasible("No trajectory: no point of the domain is in the water.")
     progress = outcome.Progress(elapsed_s, is_cancelled, on_progress, config.planning_time_s)
     unknown = independent_points(config, site, rng)
+    if not len(unknown):
+        unknown = belief.test_points
     search = _Search(config, belief, start_xy, rng, budget, site)
     search.begin_with(warm)
     iterations = config.search.iterations_max
@@ -201,7 +203,7 @@ def independent_points(
 ) -> FloatArray:
     """Return the points that a search with this source of chance is judged on, ``(n, 3)``.
 
-    They are the first that is drawn from it, and drawn from another one.
+    All that it draws from that source is the seed of another, from which they are drawn.
     """
     own = np.random.default_rng(rng.integers(2**63, size=2))
     return spread_points(config.domain, site, own)
@@ -282,7 +284,7 @@ class _Search:
     @property
     def is_exhausted(self) -> bool:
         """Whether the graph cannot grow and there is nothing to refine."""
-        return not self._grows and not self._has_elite
+        return not self._grows and not self._graph.elite_length.any()
 
     def begin_with(self, trajectories: Sequence[Sequence[Leg]]) -> None:
         """Take transects and what can be flown of earlier trajectories for the first elite."""
@@ -420,7 +422,8 @@ class _Search:
 
     @property
     def _has_elite(self) -> bool:
-        return bool(self._graph.elite_length.any())
+        begin, end = self._graph.tally[GROUP_BEGIN], self._graph.tally[GROUP_END]
+        return bool(self._graph.elite_length[begin:end].any())
 
 
 def _room(config: PlannerConfig, belief: FieldBelief) -> tuple[int, int, int]:
