@@ -6,10 +6,15 @@ from collections.abc import Callable
 import numpy as np
 
 from autonomy.estimation.config import EstimatorConfig
-from autonomy.planner.belief import FieldBelief
+from autonomy.planner.belief import FieldBelief, sample_noise
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig, SearchConfig
+from autonomy.planner.leg.edge import planned_points
+from autonomy.planner.leg.leg_kernel import leg_of
+from autonomy.planner.objective import ErgodicMeasure, FieldInformation
 from autonomy.planner.plan import ObjectivePoint, PlanResult
 from autonomy.planner.preset import PLANNER_PRESETS
+from autonomy.planner.search.elite import elite_edge
+from autonomy.planner.search.search import _Search
 from autonomy.site import Box
 
 THESIS_TANK = PlannerConfig(
@@ -87,6 +92,25 @@ def run(
         elapsed_s=elapsed_s,
         **more,
     )
+
+
+def plain_worth_of_best(one: _Search, config: PlannerConfig, belief: FieldBelief) -> float:
+    """What the plain formulas say of the best trajectory of a search."""
+    kept = one._graph
+    elite = int(kept.elite_worth.argmax())
+    edges = []
+    for i in range(kept.elite_length[elite]):
+        number = elite_edge(kept, elite, i)
+        legs = map(leg_of, kept.edge_legs[number, : kept.edge_leg_count[number]])
+        edges.append(planned_points(config, tuple(legs)))
+    worth, value = one._worth, one._worth.constant
+    if one._info is not None:
+        gain = FieldInformation(belief, sample_noise(config, belief), one._info.fine)
+        value += worth.gain_weight * gain(edges)
+    if one._ergodic is not None:
+        measure = ErgodicMeasure(belief, config.ergodic)(np.concatenate(edges))
+        value += worth.measure_weight * measure
+    return value
 
 
 def told(config: PlannerConfig) -> PlannerConfig:

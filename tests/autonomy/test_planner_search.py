@@ -15,12 +15,8 @@ from autonomy.field.mask import water_mask
 from autonomy.planner import graph
 from autonomy.planner.belief import sample_noise
 from autonomy.planner.check.check import violations
-from autonomy.planner.leg.edge import planned_points
-from autonomy.planner.leg.leg_kernel import leg_of
 from autonomy.planner.leg.waterway import depth_at, waterway_of
 from autonomy.planner.objective import (
-    ErgodicMeasure,
-    FieldInformation,
     MutualInformation,
     objective,
     weighted_sum,
@@ -28,9 +24,16 @@ from autonomy.planner.objective import (
 from autonomy.planner.plan import PlanStatus
 from autonomy.planner.reference import literal
 from autonomy.planner.search import search
-from autonomy.planner.search.elite import elite_edge
 from autonomy.site import LAKE, TANK
-from tests.autonomy.planner_problem import START, THESIS_TANK, TOLD, belief_over, run, with_search
+from tests.autonomy.planner_problem import (
+    START,
+    THESIS_TANK,
+    TOLD,
+    belief_over,
+    plain_worth_of_best,
+    run,
+    with_search,
+)
 
 QUICK = with_search(THESIS_TANK, iterations_max=30)
 OBJECTIVES = ("information_gain", "ergodic", "weighted")
@@ -100,21 +103,7 @@ def searched_and_plain(config, belief, iterations):
     one = search._Search(config, belief, START, np.random.default_rng(0), 20.0)
     for _ in range(iterations):
         one.iterate()
-    kept = one._graph
-    elite = int(kept.elite_worth.argmax())
-    edges = []
-    for i in range(kept.elite_length[elite]):
-        number = elite_edge(kept, elite, i)
-        legs = map(leg_of, kept.edge_legs[number, : kept.edge_leg_count[number]])
-        edges.append(planned_points(config, tuple(legs)))
-    worth, value = one._worth, one._worth.constant
-    if one._info is not None:
-        gain = FieldInformation(belief, sample_noise(config, belief), one._info.fine)
-        value += worth.gain_weight * gain(edges)
-    if one._ergodic is not None:
-        measure = ErgodicMeasure(belief, config.ergodic)(np.concatenate(edges))
-        value += worth.measure_weight * measure
-    return one.best, value
+    return one.best, plain_worth_of_best(one, config, belief)
 
 
 @pytest.mark.parametrize("name", OBJECTIVES)

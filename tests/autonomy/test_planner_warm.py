@@ -4,14 +4,20 @@ import numpy as np
 import pytest
 
 from autonomy.planner.check.check import violations
-from autonomy.planner.leg.edge import legs_energy, planned_points, propose_edge, random_shape
+from autonomy.planner.leg.edge import legs_energy, propose_edge, random_shape
 from autonomy.planner.leg.waterway import waterway_of
-from autonomy.planner.objective import objective
 from autonomy.planner.plan import PlanStatus
 from autonomy.planner.search import search
 from autonomy.planner.search.warm import rebased, shape_of
 from autonomy.site import TANK
-from tests.autonomy.planner_problem import START, THESIS_TANK, belief_over, run, with_search
+from tests.autonomy.planner_problem import (
+    START,
+    THESIS_TANK,
+    belief_over,
+    plain_worth_of_best,
+    run,
+    with_search,
+)
 
 QUICK = with_search(THESIS_TANK, iterations_max=25)
 OBJECTIVES = ("information_gain", "ergodic", "weighted")
@@ -67,7 +73,7 @@ def test_the_search_values_a_known_trajectory_as_the_reference_does(found):
         config = with_search(QUICK.model_copy(update={"objective": name}), points_per_edge_max=64)
         one = search._Search(config, belief, START, np.random.default_rng(0), 20.0)
         one.begin_with([found.best.legs])
-        expected = objective(config, belief, START)(planned_points(config, found.best.legs))
+        expected = plain_worth_of_best(one, config, belief)
         assert one.best == pytest.approx(expected, rel=1e-4)
 
 
