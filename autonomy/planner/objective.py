@@ -76,7 +76,7 @@ class InformationGain:
         noise = planned_noise(self._belief, self._noise, points)
         posterior = self._log_determinant(
             np.concatenate([self._past, points[:, 1:4]]),
-            block_diag(np.diag(self._past_noise), noise),
+            _blocks(np.diag(self._past_noise), noise),
         )
         return 0.5 * (self._prior - posterior)
 
@@ -89,6 +89,11 @@ class InformationGain:
             gram = covariance(samples, samples, kernel) + noise  # (n, n)
             posterior -= cross.T @ cho_solve(cho_factor(gram, lower=True), cross)
         return float(np.linalg.slogdet(posterior).logabsdet)
+
+
+def _blocks(*blocks: FloatArray) -> FloatArray:
+    """Return the block diagonal matrix of some."""
+    return np.asarray(block_diag(*blocks), dtype=np.float64)
 
 
 def samples_covariance(belief: FieldBelief, samples: FloatArray, noise: FloatArray) -> FloatArray:
@@ -129,7 +134,7 @@ class FieldInformation:
         belief, kernel = self._belief, self._belief.kernel()
         planned = np.concatenate(edges)[:, 1:4]
         noise = [planned_noise(belief, self._noise, points) for points in edges]
-        given = covariance(planned, planned, kernel) + block_diag(*noise)  # (m, m)
+        given = covariance(planned, planned, kernel) + _blocks(*noise)  # (m, m)
         if len(self._past):
             cross = covariance(self._past, planned, kernel)
             white = solve_triangular(self._factor, cross, lower=True)  # (n, m)
