@@ -137,7 +137,10 @@ class OnboardProgram:
         self._navigator = Navigator(estimator, vehicle, site, self._readings, PERIOD_S)
         pilot = Pilot(vehicle, controller, PERIOD_S)
         self.executive = Executive(
-            Flight(vehicle, FLIGHT_PROFILES[vehicle.key], site, pilot), energy, PERIOD_S
+            Flight(vehicle, FLIGHT_PROFILES[vehicle.key], site, pilot),
+            energy,
+            PERIOD_S,
+            reckons_current=estimator.method == "model",
         )
         self._set_points = pilot.rest()
         self._sent = self._set_points
@@ -305,6 +308,7 @@ class OnboardProgram:
         """Read the sensors and return what the step that began then leads to."""
         self._readings = self._hardware.read()
         readings = self.executive.trim.in_model_terms(self._readings)
+        self._navigator.expect_current(self.executive.planned_current_ne_m_s)
         return self._navigator.step(readings, self._set_points, began_s)
 
     def _measure(self, radio: Radio) -> None:

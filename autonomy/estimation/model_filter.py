@@ -215,6 +215,20 @@ class ModelFilter:
         if depth_m <= self._estimator.surface_depth_m:
             self._take_fix(fix_ne)
 
+    def hear_current(self, current_ne_m_s: tuple[float, float], std_m_s: float) -> None:
+        """Take somebody's word of the steady current, north and east, for what it is worth."""
+        for axis, told in enumerate(current_ne_m_s):
+            state = kernel.STEADY_NORTH + axis
+            kernel.measure(self._x, self._S, state, told - self._x[state], std_m_s**2)
+
+    def shift_current(self, change_ne_m_s: tuple[float, float]) -> None:
+        """Let the steady current be another by a change, half of which is doubted."""
+        steady = slice(kernel.STEADY_NORTH, kernel.EDDY_NORTH)
+        self._x[steady] += change_ne_m_s
+        std = np.zeros(kernel.STATES)
+        std[steady] = 0.5 * np.abs(change_ne_m_s)
+        kernel.widen(self._S, std)
+
     def _predict(
         self, dt_s: float, command: FloatArray, time_s: float, actuators: FloatArray
     ) -> None:

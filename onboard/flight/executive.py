@@ -25,6 +25,7 @@ from onboard.flight.maneuver import (
     distance,
 )
 from onboard.flight.navigation import Estimate
+from onboard.flight.over_ground import GroundCourse, over_ground
 from onboard.flight.safety import danger, mission_over, plan_flaw
 from onboard.flight.trim import Trim
 from onboard.link.robot_link import CommandOutcome
@@ -79,15 +80,25 @@ class Executive:
         flight: The robot.
         energy: Prices of its primitives.
         period_s: Time between two steps.
+        reckons_current: Whether the robot's position counts the current that it believes.
     """
 
-    def __init__(self, flight: Flight, energy: EnergyConfig, period_s: float = 0.1) -> None:
+    def __init__(
+        self,
+        flight: Flight,
+        energy: EnergyConfig,
+        period_s: float = 0.1,
+        *,
+        reckons_current: bool = False,
+    ) -> None:
         self._flight = flight
         self._own_controller = flight.pilot.controller
         self._energy = energy
         self._prices = energy
         self._account = EnergyAccount(energy)
+        self._reckons_current = reckons_current
         self._mission: Mission | None = None
+        self._course = GroundCourse((), ())
         self._ends: tuple[int, ...] = ()
         self._stage = Stage.IDLE
         self._maneuver: Maneuver = Float(flight, RobotMode.IDLE)
@@ -131,6 +142,13 @@ class Executive:
         return None if onboard is None else onboard.digest_settings()
 
     @property
+    def planned_current_ne_m_s(self) -> tuple[float, float] | None:
+        """Current that the dive flown or next counts on; None where no plan tells of one."""
+        currents = self._course.currents_ne_m_s
+        running = self.plan_state is OnboardPlanState.RUNNING
+        return currents[self.leg] if running and self.leg < len(currents) else None
+
+    @property
     def is_sampling(self) -> bool:
         """Whether the field is worth measuring: a leg is being flown, or a target followed."""
         return self._stage in {Stage.LEG, Stage.PURSUIT}
@@ -144,6 +162,9 @@ class Executive:
     def take_plan(self, mission: Mission) -> None:
         """Replace the plan on board; it waits for START."""
         self._mission = mission
+        self._course = (
+            over_ground(mission.legs) if self._reckons_current else GroundCourse(mission.legs, ())
+        )
         self._ends = dive_ends(mission.legs)
         self.plan_state = OnboardPlanState.ON_BOARD
         self.reason = ""
@@ -445,7 +466,7 @@ class Executive:
 
     @property
     def _legs(self) -> tuple[Leg, ...]:
-        return self._mission.legs if self._mission else ()
+        return self._course.legs
 
     def _dive(self) -> tuple[Leg, ...]:
         """Return the next leg and those after it until the next surfacing."""

@@ -20,6 +20,8 @@ from autonomy.vehicle.config import Vehicle
 from onboard.flight.hardware import Readings, SetPoints
 
 _FIX_HOLDS_S = 2.0
+_TOLD_SHARE, _TOLD_LEAST_M_S = 0.5, 0.001
+"""Standard deviation of a plan's word of the current, as a share of the prior's."""
 _SENSED = tuple(field.name for field in fields(Readings) if field.name != "fix_ne_m")
 _sensed: Callable[[Readings], tuple[Any, ...]] = attrgetter(*_SENSED)
 
@@ -103,6 +105,10 @@ class WaterTrack(Protocol):
         """Let ``dt_s`` pass under set points, then take in the readings at its end."""
         ...
 
+    def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
+        """Take what the plan counts on for this dive; None where it tells nothing."""
+        ...
+
 
 class ObserverTrack:
     """Velocity observer and position filter, which learn no current.
@@ -167,6 +173,9 @@ class ObserverTrack:
             ),
         )
 
+    def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
+        """Leave it: this robot reckons with no current."""
+
 
 class ModelTrack:
     """The filter on the vehicle's model, which learns current and ballast error.
@@ -204,6 +213,23 @@ class ModelTrack:
             angular_velocity_rad_s=readings.gyro_rad_s,
             actuators=_actuators(readings),
         )
+        self._told_std_m_s = max(_TOLD_SHARE * config.steady_current_m_s, _TOLD_LEAST_M_S)
+        self._expected: tuple[float, float] | None = None
+
+    def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
+        """Take what the plan counts on for this dive; None where it tells nothing.
+
+        At the plan's beginning its word counts beside what the robot has learned itself; from dive
+        to dive the robot's belief changes as the plan does.
+        """
+        before, self._expected = self._expected, current_ne_m_s
+        if current_ne_m_s is None or current_ne_m_s == before:
+            return
+        if before is None:
+            self._filter.hear_current(current_ne_m_s, self._told_std_m_s)
+        else:
+            north, east = current_ne_m_s
+            self._filter.shift_current((north - before[0], east - before[1]))
 
     def step(
         self,
@@ -315,6 +341,10 @@ class Navigator:
             has_fix=self._since_fix_s < _FIX_HOLDS_S,
             current=now.current,
         )
+
+    def expect_current(self, current_ne_m_s: tuple[float, float] | None) -> None:
+        """Take the current, north and east, that the plan counts on; None without one."""
+        self._track.expect_current(current_ne_m_s)
 
     def _usable(self, readings: Readings) -> Readings:
         """Return the readings without repeated fixes and without numbers that are none."""
