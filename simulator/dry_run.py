@@ -62,6 +62,16 @@ def run(
     return _compared(problem, flights)
 
 
+def fly_once(problem: DryRunProblem) -> tuple[FloatArray, IntArray, FloatArray]:
+    """Fly a mission once, and return where that led.
+
+    Returns:
+        True north and east, shape ``(n, 2)``, m; the leg; and the share of it that has passed.
+    """
+    rows = np.array(_fly(problem, 0, lambda: False).rows)
+    return rows[:, 2:4], *_shares(rows)
+
+
 @dataclass
 class _Notebook:
     """A radio beside the robot: everything it says is heard at once."""

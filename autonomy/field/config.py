@@ -154,6 +154,9 @@ class FieldConfig(Configuration):
     """Points at which a map with more samples than it can hold sums them up."""
     learning: LearningConfig = quantity(LearningConfig(), title="Learning")
     """How kernels are learned from the samples."""
+    threshold: float | None = quantity(None, title="Threshold", ge=-1e6, le=1e6)
+    """The page Map shows where the variable is above this, in its own unit, and how much of the
+    water that is; without a value it asks for one. The map itself is the same."""
 
     @model_validator(mode="before")
     @classmethod

@@ -16,6 +16,8 @@ from datetime import timedelta
 
 from sqlalchemy.orm import Session
 
+from autonomy.arrays import FloatArray
+from autonomy.field.live.live_map import Prediction
 from db.fault import StoreError, StoreUnavailableError
 from db.query.maps import add_map, newest_maps
 from db.query.robots import RobotRecord
@@ -59,6 +61,7 @@ class FieldMaps:
         self._of: dict[str, MapGroup] = {}
         self._versions: dict[str, str] = {}
         """Version of the field's settings of the map that a robot shows."""
+        self._thresholds: dict[str, float | None] = {}
         self._recorded: dict[str, tuple[dict[MapKey, MapView], dict[MapKey, ScoresView]]] = {}
         self._fed_s: dict[str, float] = {}
         self._fixed: dict[str, float] = {}
@@ -85,6 +88,7 @@ class FieldMaps:
         if group.comparison is None:
             await self._load_comparison(group)
         self._join(robot, group, settings.version)
+        self._thresholds[robot] = settings.threshold
         # Dives may have ended that nobody looked at before the station stopped.
         self._look_at_dives(robot)
         self._tell(group)
@@ -163,6 +167,21 @@ class FieldMaps:
     def version(self, robot: str) -> str | None:
         """Return the version of the field's settings that the map of a robot is made with."""
         return self._versions.get(robot)
+
+    def threshold(self, robot: str) -> float | None:
+        """Return what the map of a robot is held against, in the unit of its variable."""
+        return self._thresholds.get(robot)
+
+    async def predict(self, group: MapGroup, points: FloatArray) -> Prediction:
+        """Return the live map of a group at any points, shape ``(q, 3)``, with its covariance.
+
+        Raises:
+            ValueError: If there is no map, or it states none.
+        """
+        async with self._algebra:
+            if group.live is None:
+                raise ValueError("the map is being made")
+            return await asyncio.to_thread(group.live.predict, points)
 
     def views(self, robot: str) -> Mapping[MapKey, MapView]:
         """Return every map of a robot, the live one first; empty while it is being made."""

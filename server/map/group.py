@@ -31,6 +31,8 @@ class MapSettings:
     domain: Box
     version: str
     """Public id of the version of the field's settings, ``preset`` for the preset."""
+    threshold: float | None = None
+    """What the map is held against, in the unit of its variable; it does not change the map."""
 
 
 @dataclass(slots=True, eq=False)

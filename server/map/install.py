@@ -10,6 +10,7 @@ from server.map.event import MapChanged
 from server.map.field_maps import FieldMaps
 from server.map.learning import MapLearning
 from server.map.opening import MapOpening
+from server.map.threshold import ThresholdShares
 
 ROUTERS = (route.router,)
 
@@ -19,6 +20,7 @@ def install(foundation: Foundation) -> None:
     bus, services, workers = foundation.bus, foundation.services, foundation.study_workers
     fleet = services.get(Fleet)
     maps = services.add(FieldMaps(foundation.store, foundation.clock, bus))
+    services.add(ThresholdShares(maps))
     opening = services.add(MapOpening(foundation, maps))
     services.add(MapComparisons(foundation, fleet, maps, workers))
     services.add(MapLearning(foundation, fleet, maps, workers))

@@ -35,10 +35,12 @@ class MapOpening:
             book = self._foundation.configurations
             planner = (await book.current("planner", robot.id)).value_as(PlannerConfig)
             found = await book.current("field", robot.id)
+            config = field_config_of(found, planner)
             settings = MapSettings(
-                config=field_config_of(found, planner),
+                config=config.model_copy(update={"threshold": None}),
                 domain=planner.domain,
                 version=found.id or "preset",
+                threshold=config.threshold,
             )
             await self._maps.open(robot, settings)
 

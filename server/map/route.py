@@ -17,6 +17,7 @@ from server.map.comparison import MapComparisons
 from server.map.export import ORDER, MapExport, archive, table
 from server.map.field_maps import FieldMaps
 from server.map.learning import MapLearning
+from server.map.threshold import ThresholdShares
 from server.map.view import (
     AxesView,
     FieldMapView,
@@ -24,6 +25,7 @@ from server.map.view import (
     MapEntryView,
     MapJobView,
     SampleCountView,
+    ShareAboveView,
 )
 from webui.scene.source import MapView
 
@@ -31,6 +33,7 @@ router = APIRouter(prefix="/api/robots/{robot}/maps", tags=["maps"], route_class
 
 MapComparisonsDep = Annotated[MapComparisons, Depends(service(MapComparisons))]
 MapLearningDep = Annotated[MapLearning, Depends(service(MapLearning))]
+ThresholdSharesDep = Annotated[ThresholdShares, Depends(service(ThresholdShares))]
 FieldMapsDep = Annotated[FieldMaps, Depends(service(FieldMaps))]
 
 
@@ -110,6 +113,29 @@ async def get_map(
     return answer
 
 
+@router.get("/{variable}/share")
+async def get_share_above(
+    caller: Viewer,
+    robot: str,
+    variable: str,
+    shares: ThresholdSharesDep,
+    above: Annotated[
+        float | None,
+        Query(
+            allow_inf_nan=False,
+            description="In the variable's unit; by default the threshold of the field's settings.",
+        ),
+    ] = None,
+) -> ShareAboveView:
+    """Return between which shares of the water the live map is above a value.
+
+    Fields that agree with the map are drawn on a coarse grid; a map that grows fast is drawn from
+    now and then only.
+    """
+    del caller
+    return await shares.share(robot, variable, above)
+
+
 @router.get("/{variable}/comparison")
 async def get_comparison(
     caller: Viewer, robot: str, variable: str, comparisons: MapComparisonsDep
@@ -187,6 +213,7 @@ def _map_view(maps: FieldMaps, export: MapExport) -> FieldMapView:
         simulation=export.is_simulation,
         updated_at=view.updated_at,
         scores=maps.scores(robot).get((variable.key, view.model)),
+        threshold=maps.threshold(robot),
     )
 
 

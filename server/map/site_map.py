@@ -14,7 +14,7 @@ import numpy as np
 from autonomy.arrays import FloatArray
 from autonomy.field.config import FieldConfig
 from autonomy.field.grid import Grid
-from autonomy.field.live.live_map import LiveMap
+from autonomy.field.live.live_map import LiveMap, Prediction
 from autonomy.field.samples import FieldSamples, joined
 from autonomy.field.variable import VARIABLES
 from autonomy.site import Box
@@ -133,6 +133,10 @@ class SiteMap:
         self._live.append(fresh)
         self._note(fresh)
         self._refresh(max(sample.measured_at for new in by_robot.values() for sample in new))
+
+    def predict(self, points: FloatArray) -> Prediction:
+        """Return the map at any points, shape ``(q, 3)``, in ``O(n^3)``."""
+        return self._live.predict(points)
 
     def _of_robot(self, robot: str, samples: Sequence[Sample]) -> FieldSamples:
         before = self._last.get(robot)

@@ -83,6 +83,29 @@ class FieldMapView(View):
     updated_at: datetime | None
     """Of the newest sample behind the map."""
     scores: ScoresView | None
+    threshold: float | None = None
+    """What the robot's settings hold the map against, in ``unit``."""
+
+
+@dataclass(frozen=True, slots=True)
+class ShareAboveView(View):
+    """How much of the water a field is above a value in."""
+
+    robot: str
+    variable: str
+    unit: str
+    above: float
+    """The value, in ``unit``."""
+    low: float
+    """In 5 % of the fields that agree with the map no larger share of the water is above it."""
+    high: float
+    """The same of 95 %."""
+    draws: int
+    """How many such fields were drawn."""
+    points: int
+    """At how many points of the water, evenly spread over the domain."""
+    updated_at: datetime | None
+    """Of the newest sample behind the map that they were drawn from."""
 
 
 @dataclass(frozen=True, slots=True)

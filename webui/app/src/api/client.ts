@@ -201,6 +201,14 @@ export class Api {
       ),
     );
 
+  shareAbove = (robot: string, variable: string, above: number) =>
+    told(
+      this.#http.GET(
+        '/api/robots/{robot}/maps/{variable}/share',
+        of({ robot, variable }, { above }),
+      ),
+    );
+
   comparison = (robot: string, variable: string) =>
     told(this.#http.GET('/api/robots/{robot}/maps/{variable}/comparison', of({ robot, variable })));
 

@@ -82,6 +82,7 @@ export type {
   SatelliteView as SatelliteLog,
   SceneStateView as SceneView,
   SessionView as Session,
+  ShareAboveView as ShareAbove,
   SiteOutput as Site,
   StateView as RobotState,
   SteadyView as SteadyMotion,

@@ -83,7 +83,7 @@ describe('a plan on its way by satellite', () => {
   });
 
   test('that ran out of time is not confirmed, whatever was proved', () => {
-    const ended = { state: 'expired', level: 'radio', ended_at: '2026-11-25T04:00:00Z' };
+    const ended = { state: 'failed', level: 'radio', ended_at: '2026-11-25T04:00:00Z' };
     const steps = transferSteps(transfer([part(0, 'radio'), part(1, 'radio')], ended));
     expect(steps.map(({ title }) => title)).toEqual(['Queued', 'Radio', 'Not confirmed']);
     expect(steps.at(-1)?.isFault).toBe(true);

@@ -26,14 +26,9 @@ const ENDS: Record<string, { title: string; help: string; isFault: boolean }> = 
     help: 'The robot, or the gateway, said that it does not take the plan.',
     isFault: true,
   },
-  expired: {
-    title: 'Not confirmed',
-    help: 'The time ran out before the robot confirmed the plan. It keeps what it had.',
-    isFault: true,
-  },
   failed: {
     title: 'Not confirmed',
-    help: 'It was given up before the robot confirmed the plan. It keeps what it had.',
+    help: 'It was given up, or its time ran out, before the robot confirmed the plan. It keeps what it had.',
     isFault: true,
   },
   withdrawn: {
@@ -53,8 +48,7 @@ export function hasReached(part: Pick<TransferPart, 'level'>, level: PartLevel):
 /** How a transfer ended: `applied`, one of the ends, or `null` while it is under way. */
 export function transferEnd(transfer: Transfer): string | null {
   const said = [transfer.state, transfer.level].map((word) => word.toLowerCase());
-  // A time-out overrules every other word; only the robot's own answer comes before it.
-  const ends = ['applied', 'refused', 'expired', 'withdrawn', 'superseded', 'failed'];
+  const ends = ['applied', 'refused', 'withdrawn', 'superseded', 'failed'];
   const found = ends.find((end) => said.includes(end));
   if (found !== undefined) return found;
   if (said.includes('on_board') || said.includes('running')) return 'applied';

@@ -21,7 +21,7 @@ export const SIGNING_WORDS: Record<Signing['state'], { text: string; tone: Tone;
   unreadable: {
     text: 'The key cannot be read',
     tone: 'alarm',
-    help: 'Nothing of this robot is believed by radio until it has a new key.',
+    help: 'Nothing of this robot is believed by radio until the station can read its key, or it has a new one.',
   },
 };
 
