@@ -21,6 +21,7 @@ from benchmarks.calibration import NotMeasuredError
 AREAS = (
     "vehicle",
     "control",
+    "actuator_flight",
     "claims",
     "estimation",
     "identification",

@@ -22,14 +22,14 @@ def life_with(faults: ActuatorFaults, definition=MINI_1) -> Life:
 
 def flown_pitch_error(life: Life, legs) -> np.ndarray:
     """Fly legs; return pitch error against what the robot holds, with the number of the leg."""
-    pilot = life.executive._flight.pilot
     life.start(mission(*legs))
     rows = []
     while life.executive.plan_state is OnboardPlanState.RUNNING and len(rows) < 20_000:
         life.robot.step(life.notebook)
-        if pilot.wanted_pitch_rad is not None:
+        held = life.executive.pitch_held_rad
+        if held is not None:
             pitch = float(life.robot.body.plant.state[4])
-            rows.append((pitch - pilot.wanted_pitch_rad, life.executive.leg))
+            rows.append((pitch - held, life.executive.leg))
     return np.array(rows)
 
 
