@@ -51,6 +51,7 @@ _CURRENT_EVERY_S = 10.0
 
 _ACTUATORS_EVERY_S = 10.0
 """How often the robot says how its actuators follow; at once when that changes how it flies."""
+_ACTUATORS_LOOK_S = 1.0
 ActuatorNews = tuple[bool, bool, tuple[Actuator, ...]]
 
 
@@ -153,7 +154,7 @@ class OnboardProgram:
         self._told_current: tuple[RobotMode, int] | None = None
         self._next_current_s = 0.0
         self._told_actuators: ActuatorNews | None = None
-        self._next_actuators_s = 0.0
+        self._next_actuators_s = self._next_actuators_look_s = 0.0
         self.is_talking = False
         """Whether a call by satellite is due or under way, for which the robot stays up."""
 
@@ -259,6 +260,9 @@ class OnboardProgram:
 
     def due_actuator_report(self) -> ActuatorReport | None:
         """Return how the actuators follow, None where nothing new is to be said of it yet."""
+        if self.time_s < self._next_actuators_look_s:
+            return None
+        self._next_actuators_look_s = self.time_s + _ACTUATORS_LOOK_S
         watch = self.executive.actuators
         told = (watch.mass.belief.is_off, watch.is_swinging, watch.stuck)
         if told == self._told_actuators and self.time_s < self._next_actuators_s:

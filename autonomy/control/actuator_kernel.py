@@ -123,6 +123,8 @@ def _sum_up(bank: FloatArray, at: int, least: float) -> None:
         for r in range(RATES):
             i = at + AGAINST + d * RATES + r
             bank[i] = min(bank[i] - least, _MOST_AGAINST)
+            if bank[i] == _MOST_AGAINST:
+                continue
             w = math.exp(-bank[i])
             total += w
             rate += w * r

@@ -44,6 +44,10 @@ class Controller(Protocol):
         """Count on this share of the sliding mass's nominal rate, and on this delay."""
         ...
 
+    def forget_mass(self) -> None:
+        """Count on what the gains say of the sliding mass."""
+        ...
+
     def reset(self) -> None:
         """Forget what was learned of an earlier leg."""
         ...
@@ -61,7 +65,7 @@ class CompiledController:
     def __init__(self, number: int, vehicle: Vehicle, gains: FloatArray) -> None:
         self._law = number
         self._packed = vehicle.packed()
-        self._gains = gains.copy()
+        self._told, self._gains = gains, gains.copy()
         self._memory = np.zeros(law.MEMORY_SIZE)
 
     def command(self, estimate: FloatArray, reference: Reference, dt_s: float) -> ActuatorCommand:
@@ -87,6 +91,10 @@ class CompiledController:
         if self.knows_mass:
             self._gains[governor_kernel.MASS_RATE_SHARE] = rate_share
             self._gains[governor_kernel.MASS_DELAY] = delay_s
+
+    def forget_mass(self) -> None:
+        """Count on what the gains say of the sliding mass."""
+        self._gains[:] = self._told
 
     def reset(self) -> None:
         """Forget the integrals and whatever else was learned; not what is on its way."""

@@ -42,6 +42,8 @@ from robot_link.onboard_settings import DigestSettings
 
 DIGITS = 12
 """Digits of a plan's hash that START names."""
+_MIND_EVERY_S = 1.0
+"""Time between two looks at how the actuators follow."""
 _TALK_MAX_S = 400.0
 """Longest stay at the surface for a call by satellite that does not end."""
 
@@ -104,6 +106,7 @@ class Executive:
         self._maneuver: Maneuver = Float(flight, RobotMode.IDLE)
         self._flown: LegManeuver | None = None
         self._hold = False
+        self._period_s, self._minded_s = period_s, 0.0
         self.actuators = ActuatorWatch(flight.vehicle, period_s)
         """How the actuators follow their commands."""
         self.tracking = TargetDesk(period_s)
@@ -294,8 +297,11 @@ class Executive:
         running = self.plan_state is OnboardPlanState.RUNNING
         if running and self._stage is not Stage.ABORT and (stuck := self._stuck_text()):
             self._abort(stuck)
-        mass = watch.mass.belief
-        is_swinging = watch.is_swinging
+        self._minded_s += self._period_s
+        if self._minded_s < _MIND_EVERY_S:
+            return
+        self._minded_s = 0.0
+        mass, is_swinging = watch.mass.belief, watch.is_swinging
         if mass.is_off or is_swinging:
             flight.pilot.know_mass(mass.rate_share, mass.delay_s)
         else:

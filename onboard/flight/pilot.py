@@ -100,6 +100,7 @@ class Pilot:
     def forget_mass(self) -> None:
         """Fly with the law that was chosen: the sliding mass is as the vehicle's model says."""
         self._robust = None
+        self.controller.forget_mass()
 
     def begin_step(self) -> None:
         """Let a step begin: what the last one held is past."""

@@ -17,6 +17,7 @@ from autonomy.whatif.config import (
     ControllerChoice,
 )
 from autonomy.whatif.run import run_trial
+from tests.autonomy.test_control import random_reference, random_state
 
 LIMITS = MINIGLIDER.limits
 TRAVEL_M = LIMITS.rp1_max_m - LIMITS.rp1_min_m
@@ -134,3 +135,19 @@ def test_reference_that_the_told_mass_cannot_follow_is_refused():
     check_scenario(MINIGLIDER, TABLE_3_3_DIAGONAL, [choice(mass_rate_share=0.25)])
     with pytest.raises(InfeasibleReferenceError, match=r"moves the sliding mass at .* reaches 0.9"):
         check_scenario(MINIGLIDER, TABLE_3_3_DIAGONAL, [choice(mass_rate_share=0.075)])
+
+
+def test_controller_counts_on_what_is_known_of_the_mass_until_that_is_forgotten():
+    rng = np.random.default_rng(3)
+    told, known, never = (KIND.make(MINIGLIDER, choice().config) for _ in range(3))
+    slow = KIND.make(MINIGLIDER, choice(mass_rate_share=0.25, mass_delay_s=0.5).config)
+    state, reference = random_state(rng), random_reference(rng)
+    for law in (known, slow, told, never):
+        law.hear(0.002, 0.01, 0.0)
+    known.know_mass(0.25, 0.5)
+    told.know_mass(0.25, 0.5)
+    told.forget_mass()
+    assert known.command(state, reference, 0.1) == slow.command(state, reference, 0.1)
+    plain = never.command(state, reference, 0.1)
+    assert told.command(state, reference, 0.1) == plain
+    assert known.command(state, reference, 0.1) != plain

@@ -131,7 +131,7 @@ def test_limit_cycle_ends_in_the_gentlest_gait():
     for k in range(300):
         executive.actuators.step(*swinging_readings(life.estimate.readings, k), 0.0)
     assert executive.actuators.is_swinging
-    life.live(1.0)
+    life.live(2.5)
     assert executive.gait.speed_share == pytest.approx(0.4)
     assert life.executive._flight.pilot._robust is not None
 
