@@ -1,7 +1,12 @@
-"""Range-only tracking: thesis Table 4.1 on unseen seeds, the product's default, and its bank."""
+"""Range-only tracking: thesis Table 4.1 on unseen seeds, the product's default, its bank, and fish.
 
+``python -m benchmarks.tracking [draws]`` measures the fish alone, with so many draws a row.
+"""
+
+import math
 import multiprocessing
 import os
+import sys
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
@@ -10,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from autonomy.tracking.config import BarrierConfig, TrackingConfig
+from benchmarks.tracking_draw import LAKE, OPEN_WATER, Fish, Pursuit, followed
 from reproduction.tracking import run_kernel
 from reproduction.tracking.metrics import Score
 from reproduction.tracking.run import Case, run
@@ -26,6 +32,15 @@ LOST_BAR, FREE_LOST_BAR, ETV_LOST_BAR, RANDOM_LOST_BAR = 0.5, 90.0, 1.0, 1.0
 ESTIMATION_BAR_M, TRACKING_BAR_M = 0.10, 0.62
 MIRRORED_BAR = 0.25
 
+DRAWS = 40
+"""Fish for each row; with twice as many an interval is 0.7 times as wide."""
+FISH_BARS = {0.25: 2.0, 0.5: 10.0, 0.8: 30.0}
+"""Most that may be lost of targets at this share of the robot's cap, %."""
+LATE_RATIO, LATE_BAR, HELD_BAR, CALLED_BAR = 0.2, 5.0, 85.0, 90.0
+TOO_FAST_RATIOS = (1.2, 2.0)
+OTHER_SHARE = 0.25
+FIRST_APPROACH_M = 10.0
+
 Job = tuple[Scenario, Case, int]
 
 
@@ -34,7 +49,66 @@ def measure() -> list[dict[str, Any]]:
     run_kernel.warm_up()
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(os.cpu_count(), mp_context=context) as processes:
-        return [*_fit(), *_default(processes), *_random(processes)]
+        return [*_fit(), *_default(processes), *_random(processes), *fish_rows(processes, DRAWS)]
+
+
+def fish_rows(processes: ProcessPoolExecutor, draws: int) -> list[dict[str, Any]]:
+    """Follow fish that nobody has drawn before; the seed is in the first row's unit."""
+    seed = int(np.random.SeedSequence().generate_state(1)[0])
+    rows = [_row("Fish drawn by seed", seed, "")]
+
+    def drawn(group: int, ratios: tuple[float, float], **others: Any) -> list[Pursuit]:
+        chosen = np.random.default_rng((seed, group)).uniform(*ratios, draws)
+        water = others.pop("water", OPEN_WATER)
+        some = [
+            Fish(water, (seed, group, n), float(ratio), **others) for n, ratio in enumerate(chosen)
+        ]
+        return list(processes.map(followed, some))
+
+    for group, (ratio, bar) in enumerate(FISH_BARS.items()):
+        rows += _pursued(f"Fish at {ratio:g} of the cap", drawn(group, (ratio, ratio)), bar)
+    late = drawn(3, (LATE_RATIO, LATE_RATIO), delay="untold")
+    rows += _pursued(f"Fish at {LATE_RATIO:g} of the cap, ranges 0-3 s late untold", late, LATE_BAR)
+    fast = drawn(4, TOO_FAST_RATIOS)
+    name = "Fish at {:g} to {:g} of the cap".format(*TOO_FAST_RATIOS)
+    called = [math.isfinite(one.called_s) for one in fast]
+    rows.append(_share(f"{name}: called too fast", called, CALLED_BAR, at_least=True))
+    other = drawn(5, (0.25, 0.25), other_share=OTHER_SHARE)
+    name = f"Fish at 0.25 of the cap, {OTHER_SHARE:.0%} of the ranges another animal's"
+    rows += _pursued(name, other, None)
+    lake = drawn(6, (0.0, 0.2), water=LAKE)
+    rows += _pursued("Fish at 0 to 0.2 of the cap in the lake", lake, None)
+    astray = [one.worst_m > FIRST_APPROACH_M for one in lake]
+    name = f"... off by {FIRST_APPROACH_M:g} m for 10 s, outside of the ellipse"
+    rows.append(_share(name, astray, None))
+    return rows
+
+
+def _pursued(name: str, some: list[Pursuit], bar: float | None) -> list[dict[str, Any]]:
+    held = [one.held / one.shown for one in some if one.shown]
+    whole = 100.0 * sum(one.held for one in some) / max(sum(one.shown for one in some), 1)
+    spread = 196.0 * float(np.std(held)) / math.sqrt(max(len(held), 1))
+    said = f"{name}: ellipse holds where it is said to be held (+-{spread:.0f})"
+    called = [math.isfinite(one.called_s) for one in some]
+    return [
+        _share(f"{name}: lost", [one.is_lost for one in some], bar),
+        _row(said, whole, "%", HELD_BAR, at_least=True),
+        _share(f"{name}: called too fast", called, None),
+    ]
+
+
+def _share(
+    name: str, some: list[bool], bar: float | None, *, at_least: bool = False
+) -> dict[str, Any]:
+    """Return a row of a share with its Wilson interval, which must not exclude the bar."""
+    n, share, z = len(some), _mean(some), 1.96
+    middle = (share + z * z / (2 * n)) / (1 + z * z / n)
+    half = z / (1 + z * z / n) * math.sqrt(share * (1 - share) / n + z * z / (4 * n * n))
+    low, high = 100.0 * max(middle - half, 0.0), 100.0 * min(middle + half, 1.0)
+    row = _row(f"{name}, {n} draws ({low:.0f}-{high:.0f})", 100.0 * share, "%", bar)
+    if bar is not None:
+        row["met"] = bool(high >= bar if at_least else low <= bar)
+    return row
 
 
 def _fit() -> list[dict[str, Any]]:
@@ -160,5 +234,7 @@ def _row(
 
 
 if __name__ == "__main__":
-    for row in measure():
-        print(row)
+    spawn = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(os.cpu_count(), mp_context=spawn) as pool:
+        for row in fish_rows(pool, int(sys.argv[1]) if len(sys.argv) > 1 else DRAWS):
+            print(f"{row['name']}: {row['value']:.4g} {row['unit']} (bar {row['bar']})", flush=True)

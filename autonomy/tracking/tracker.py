@@ -129,6 +129,8 @@ class Tracker:
         self._turn_rate_rad_s = 0.0
         self._heard = 0
         self._rejected = 0
+        self._refused = 0
+        """Of the ranges that were taken in, those that were not believed; never fewer."""
         self._newest: tuple[float, float] | None = None
 
     def step(self, reading: TrackerReading, dt_s: float) -> TrackerStep:
@@ -340,6 +342,11 @@ class Tracker:
     def _answer(self, control: _Control, known: Pair | None) -> TrackerStep:
         bank = self._timeline.bank
         age = self._now_s - self._newest[0] if self._newest else 0.0
+        rejected = bank.hearing.rejected
+        if self._arbiter is not None and not self._arbiter.follows_bank:
+            # what a misplaced bank refuses may have been believed
+            rejected = min(rejected, self._arbiter.heard.rejected)
+        self._refused = max(self._refused, rejected)
         belief = self._arbiter.belief if self._arbiter is not None and self._newest else None
         return TrackerStep(
             phase=self._watch.phase,
@@ -351,7 +358,7 @@ class Tracker:
             inverse_condition=control.inverse_condition,
             is_feasible=control.is_feasible,
             ranges_heard=self._heard,
-            ranges_rejected=self._rejected + bank.hearing.rejected,
+            ranges_rejected=self._rejected + self._refused,
             range_m=self._newest[1] if self._newest else None,
             range_age_s=max(age, 0.0),
             reason=self._watch.reason,

@@ -39,6 +39,8 @@ class Heard:
     silence_s: float
     streak: int
     is_searching: bool
+    rejected: int
+    """Ranges that were not believed."""
 
 
 class Arbiter:
@@ -84,7 +86,9 @@ class Arbiter:
     @property
     def heard(self) -> Heard:
         """What became of the ranges."""
-        return Heard(self._now_s - self._heard_s, self._streak, self._is_searching)
+        return Heard(
+            self._now_s - self._heard_s, self._streak, self._is_searching, self._joint.rejected
+        )
 
     def step(
         self,

@@ -142,6 +142,8 @@ class JointFilter:
         self.has_heard = self._is_too_fast = False
         self.restarts_at_s = -math.inf
         """When ranges contradicted everything for the last time."""
+        self.rejected = 0
+        """Ranges that hardly any particle expected."""
         self._range_m = 0.0
         self._fast_share = 0.0
         self._summarize()
@@ -263,9 +265,19 @@ class JointFilter:
             self._summarize()
             return
         self._summarize()
+        self._count_rejected(held[:, 1], ages, way)
         self._judge_speed(self._step_s)
         if float(self._weights @ self._weights) > 2.0 / PARTICLES:
             self._resample(float(held[-1, 1]), own_rate_ne_m_s)
+
+    def _count_rejected(self, ranges_m: FloatArray, ages_s: FloatArray, way: FloatArray) -> None:
+        """Count ranges that are far from what the mean expects and from what its spread allows."""
+        back_s = ages_s + self._mean[k.DELAY]
+        row = np.maximum(len(way) - 1 - np.rint(back_s / GRID_S).astype(np.int64), 0)
+        then = self._mean[:2] - back_s[:, None] * self._mean[2:4] - way[row]
+        worst_m = math.sqrt(float(np.linalg.eigvalsh(self._covariance[:2, :2])[1]))
+        most_m = OUTLIER_STDS * math.hypot(self._std_m, worst_m)
+        self.rejected += int((np.abs(ranges_m - np.hypot(*then.T)) > most_m).sum())
 
     def _gridded(self, oldest_s: float) -> FloatArray:
         """Return where the robot was, every ``GRID_S`` back to any time that is asked for."""

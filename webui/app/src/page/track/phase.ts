@@ -41,8 +41,15 @@ const ASTRAY: PhaseWord = {
   help: 'Ranges agree with the estimate, but the truth, which is known, lies outside its ellipse.',
 };
 
+const TOO_FAST: PhaseWord = {
+  text: 'Target too fast to follow',
+  tone: 'watch',
+  help: 'The target swims faster than the robot may. It is still held, and will be lost.',
+};
+
 /** What a phase is called; `astray` where the estimate is known to be wrong. */
-export function phaseWord(phase: TargetPhase, astray = false): PhaseWord {
+export function phaseWord(phase: TargetPhase, astray = false, tooFast = false): PhaseWord {
+  if (tooFast && phase === 'tracking') return TOO_FAST;
   return astray && phase === 'tracking' ? ASTRAY : PHASES[phase];
 }
 

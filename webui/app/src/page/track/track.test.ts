@@ -124,6 +124,8 @@ describe('the hold on a target', () => {
     expect(isAstray(report(0, { error_m: 0.2 }))).toBe(false);
     expect(isAstray(report(0, { error_m: null }))).toBe(false);
     expect(phaseWord('lost', true).text).toBe('Lost its target');
+    expect(phaseWord('tracking', false, true).text).toBe('Target too fast to follow');
+    expect(phaseWord('lost', false, true).text).toBe('Lost its target');
   });
 
   test('is nothing to tell of once it has ended', () => {
