@@ -10,11 +10,18 @@ from autonomy.planner.belief import FieldBelief, sample_noise
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig, SearchConfig
 from autonomy.planner.leg.edge import planned_points
 from autonomy.planner.leg.leg_kernel import leg_of
-from autonomy.planner.objective import ErgodicMeasure, FieldInformation
+from autonomy.planner.objective import (
+    ErgodicMeasure,
+    FieldInformation,
+    MutualInformation,
+    Objective,
+    objective,
+    weighted_sum,
+)
 from autonomy.planner.plan import ObjectivePoint, PlanResult
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.planner.search.elite import elite_edge
-from autonomy.planner.search.search import _Search
+from autonomy.planner.search.search import _Search, independent_points
 from autonomy.site import Box
 
 THESIS_TANK = PlannerConfig(
@@ -92,6 +99,15 @@ def run(
         elapsed_s=elapsed_s,
         **more,
     )
+
+
+def independent_worth(config: PlannerConfig, belief: FieldBelief, seed: int = 0) -> Objective:
+    """What a trajectory is worth on points that the search of this seed is judged on."""
+    points = independent_points(config, None, np.random.default_rng(seed))
+    gain = MutualInformation(belief.at(points), sample_noise(config, belief))
+    if config.objective == "weighted":
+        return weighted_sum(config, belief, START, gain)
+    return objective(config, belief, START) if config.objective == "ergodic" else gain
 
 
 def plain_worth_of_best(one: _Search, config: PlannerConfig, belief: FieldBelief) -> float:

@@ -19,7 +19,6 @@ from autonomy.planner.leg.waterway import depth_at, waterway_of
 from autonomy.planner.objective import (
     MutualInformation,
     objective,
-    weighted_sum,
 )
 from autonomy.planner.plan import PlanStatus
 from autonomy.planner.reference import literal
@@ -30,6 +29,7 @@ from tests.autonomy.planner_problem import (
     THESIS_TANK,
     TOLD,
     belief_over,
+    independent_worth,
     plain_worth_of_best,
     run,
     with_search,
@@ -51,15 +51,6 @@ def for_objective(config, name):
 def lengths_of(config):
     """Length scales in proportion to the domain."""
     return (2.41, 2.46, 2.40) if config.domain.depth_max_m < 1.0 else (202.0, 293.0, 6.3)
-
-
-def independent_worth(config, belief, seed=0):
-    """What a trajectory is worth on points that the search of this seed is judged on."""
-    points = search.independent_points(config, None, np.random.default_rng(seed))
-    gain = MutualInformation(belief.at(points), sample_noise(config, belief))
-    if config.objective == "weighted":
-        return weighted_sum(config, belief, START, gain)
-    return objective(config, belief, START) if config.objective == "ergodic" else gain
 
 
 @pytest.mark.parametrize("name", OBJECTIVES)

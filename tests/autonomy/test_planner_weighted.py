@@ -10,7 +10,14 @@ from autonomy.planner.objective import (
     weighted_sum,
 )
 from autonomy.planner.search import search
-from tests.autonomy.planner_problem import START, THESIS_TANK, belief_over, run, with_search
+from tests.autonomy.planner_problem import (
+    START,
+    THESIS_TANK,
+    belief_over,
+    independent_worth,
+    run,
+    with_search,
+)
 
 CONFIG = with_search(THESIS_TANK, iterations_max=25).model_copy(update={"objective": "weighted"})
 STAY = np.array([[0.0, *START, 0.0, 0.0]])
@@ -61,6 +68,9 @@ def test_a_weight_at_its_end_orders_trajectories_like_one_objective(weight, name
 
 def test_more_weight_on_information_brings_more_of_it():
     belief = belief_over(CONFIG.domain)
-    gain = InformationGain(belief, sample_noise(CONFIG, belief))
-    little, much = (run(search.plan, with_weight(w), belief).best.points for w in (0.0, 1.0))
+    gain = independent_worth(CONFIG.model_copy(update={"objective": "information_gain"}), belief)
+    little, much = (
+        run(search.plan, with_search(with_weight(w), iterations_max=100), belief).best.points
+        for w in (0.0, 1.0)
+    )
     assert gain(little) < gain(much)
