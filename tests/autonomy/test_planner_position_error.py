@@ -12,7 +12,7 @@ from autonomy.planner.position_error import (
     error_correlation,
     planned_noise,
 )
-from autonomy.planner.resolution import FinePart, fine_part, spread_points
+from autonomy.planner.resolution import FinePart, drawn_points, fine_part
 from autonomy.site import LAKE
 from tests.autonomy.planner_problem import THESIS_TANK, belief_over
 from tests.autonomy.test_planner_objective import some_points
@@ -87,21 +87,13 @@ def test_steady_current_takes_from_what_a_dive_tells():
 
 def test_points_to_judge_on_are_in_the_water_and_new_for_every_source_of_chance():
     one, again, other = (
-        spread_points(LAKE.domain, LAKE, np.random.default_rng(seed)) for seed in (0, 0, 1)
+        drawn_points(LAKE.domain, LAKE, np.random.default_rng(seed)) for seed in (0, 0, 1)
     )
     assert len(one) == 1000
     assert water_mask(LAKE, one).all()
     np.testing.assert_array_equal(one, again)
     apart = np.linalg.norm((one[:, None] - other[None]) / (500.0, 500.0, 20.0), axis=2)
     assert apart.min(axis=1).mean() > 0.02
-
-
-def test_points_to_judge_on_fill_the_domain_more_evenly_than_chance():
-    points = spread_points(THESIS_TANK.domain, None, np.random.default_rng(0), 512)
-    size = np.array([THESIS_TANK.domain.x_max_m, THESIS_TANK.domain.y_max_m, 0.65])
-    cell = (points / size * 4).astype(int)
-    counts = np.bincount(cell @ [16, 4, 1], minlength=64)
-    assert np.abs(counts - 8).max() <= 4
 
 
 def test_rough_fields_hide_more_between_points():

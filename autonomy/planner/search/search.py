@@ -69,7 +69,7 @@ from autonomy.planner.objective import (
 )
 from autonomy.planner.outcome import spending
 from autonomy.planner.plan import Candidate, Leg, ObjectivePoint, PlanResult
-from autonomy.planner.resolution import fine_part, spread_points
+from autonomy.planner.resolution import drawn_points, fine_part
 from autonomy.planner.search import warm as warm_start
 from autonomy.planner.search.elite import elite_edge
 from autonomy.planner.search.ergodic_kernel import Ergodic, ergodic_of
@@ -206,7 +206,7 @@ def independent_points(
     All that it draws from that source is the seed of another, from which they are drawn.
     """
     own = np.random.default_rng(rng.integers(2**63, size=2))
-    return spread_points(config.domain, site, own)
+    return drawn_points(config.domain, site, own)
 
 
 def starts_of(config: PlannerConfig) -> int:
