@@ -37,7 +37,7 @@ from simulator.fleet import GRACE_1, MINI_1, RobotDefinition
 FASTEST_M_S = {"tank": 0.03, "lake": 0.20}
 """Currents are drawn evenly up to here, in any direction."""
 DIVE_S = {"tank": 100.0, "lake": 400.0}
-DIVES = 8
+DIVES = 6
 EVERY = 10
 """Rows between two judged moments: once a second."""
 THIRD_FIX = 3
@@ -310,7 +310,8 @@ def row(
     met: bool | None = None,
 ) -> dict[str, Any]:
     return {
-        "area": "estimation", "name": name, "value": value, "unit": unit, "bar": bar, "met": met
+        "area": "estimation_hidden", "name": name, "value": value, "unit": unit, "bar": bar,
+        "met": met,
     }  # fmt: skip
 
 

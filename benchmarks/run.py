@@ -24,6 +24,7 @@ AREAS = (
     "actuator_flight",
     "claims",
     "estimation",
+    "estimation_hidden",
     "identification",
     "identification_coverage",
     "field",
