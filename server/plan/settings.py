@@ -15,6 +15,9 @@ from server.fleet.fleet import Fleet
 from server.fleet.recorded import refuse_recording
 from server.fleet.status import RobotStatus
 
+_DECIMALS = 4
+"""Of what a robot said of the current: it is not known better, and two plans of a moment agree."""
+
 
 class PlanSettings:
     """Settings that plans are made with, and what can be refused before anything is searched."""
@@ -55,8 +58,8 @@ class PlanSettings:
         age_s = max(0.0, self._fleet.age_s(report.measured_at))
         std_m_s = report.current_std_m_s / max(report.doubt, 1.0)
         change = {
-            "steady_current_m_s": position.current_std_after(std_m_s, age_s),
-            "doubt": min(max(position.doubt, report.doubt), MOST_DOUBT),
+            "steady_current_m_s": round(position.current_std_after(std_m_s, age_s), _DECIMALS),
+            "doubt": round(min(max(position.doubt, report.doubt), MOST_DOUBT), _DECIMALS),
         }
         return config.model_copy(update={"position_filter": position.model_copy(update=change)})
 

@@ -29,7 +29,7 @@ from server.base.worker import WorkerPool
 from server.plan import install as plan
 from server.plan.dry_run import DryRuns
 from server.station import Station, run_station
-from tests.server.fake_link import World, state_report
+from tests.server.fake_link import World, current_report, state_report
 from tests.server.fake_worker import FakeWorkers
 from tests.server.in_thread import run_in_thread
 from tests.server.station_parts import OpenStation
@@ -186,6 +186,7 @@ async def station(tmp_path: Path, world: World) -> AsyncIterator[OpenStation]:
     async with open_station(tmp_path, world) as station:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         yield station
 
 

@@ -18,6 +18,7 @@ from robot_link.messages import (
     CommandLevel,
     CommandNumber,
     CommandReport,
+    CurrentReport,
     LinkEvent,
     LinkReport,
     LinkState,
@@ -69,6 +70,12 @@ def state_report(
         energy_used=0.0,
     )
     return replace(report, **changes)
+
+
+def current_report(robot: RobotId, at: datetime | None = None) -> CurrentReport:
+    """Return the word of a robot that has lain in still water for a while."""
+    at = at or datetime.now(UTC)
+    return CurrentReport(robot, at, at, (0.0, 0.0), 0.001, 1.0, 0, 0)
 
 
 class FakeRobot:

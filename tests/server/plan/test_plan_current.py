@@ -1,0 +1,32 @@
+"""A plan reckons with the current as well as the robot says that it knows it."""
+
+from dataclasses import replace
+from datetime import timedelta
+
+import pytest
+
+from autonomy.planner.preset import planner_preset
+from tests.server.conftest import MINI
+from tests.server.fake_link import current_report
+
+PRESET = planner_preset("miniglider", "tank")
+
+
+def planned(station, report):
+    station.fleet.take_current(report)
+    return station.planning.settings.known_current(MINI, PRESET).position_filter
+
+
+def test_what_the_robot_knows_of_the_current_and_doubts_counts(station):
+    now = station.foundation.clock.now() + timedelta(seconds=1)
+    told = replace(current_report(MINI, now), current_std_m_s=0.006, doubt=1.5)
+    position = planned(station, told)
+    assert position.steady_current_m_s == pytest.approx(0.004, abs=1e-4)
+    assert position.doubt == 1.5
+
+
+def test_what_it_knew_grows_old_towards_what_the_water_may_be(station, monkeypatch):
+    now = station.foundation.clock.now() + timedelta(seconds=1)
+    told = current_report(MINI, now)
+    monkeypatch.setattr(station.fleet, "age_s", lambda _: 1e9)
+    assert planned(station, told).steady_current_m_s == pytest.approx(0.01)
