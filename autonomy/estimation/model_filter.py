@@ -234,6 +234,9 @@ class ModelFilter:
     ) -> None:
         during = self._actuators.copy()
         during[0] = 0.5 * (self._actuators[0] + actuators[0])
+        if self._x[kernel.DEPTH] < self._estimator.surface_depth_m:
+            # the air carries no robot: what would lift it out of the water does not accelerate it
+            during[0] = max(during[0], 0.0)
         kernel.predict(
             self._x,
             self._S,
