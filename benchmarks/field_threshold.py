@@ -21,9 +21,9 @@ from autonomy.field.config import FieldConfig, KernelParameters
 from autonomy.field.learning.level import learn
 from autonomy.field.model.model import condition
 from autonomy.field.threshold import drawn_fields, probability_above, share_above
-from autonomy.planner.search import kernel
-from benchmarks.field_world import NOISE, WATERS, Family, Water, World, drawn_world, flown_by_plan
-from reproduction.adaptive.scenario import SCENARIOS, THRESHOLDS_M, VARIABLE, planner_config
+from autonomy.planner.preset import MINIGLIDER
+from benchmarks.field_world import NOISE, WATERS, Family, Water, World, drawn_world, flown_by_hand
+from reproduction.adaptive.scenario import THRESHOLDS_M, VARIABLE
 from server.map.task_model import SCORING, domain_points
 from server.map.threshold import DRAWS
 
@@ -50,9 +50,8 @@ class Judged:
 
 
 def measure() -> list[dict[str, Any]]:
-    """Fly and judge eight surveys; takes about two minutes of a core."""
+    """Fly and judge eight surveys; takes about a minute of a core."""
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    kernel.warm_up()
     seeds = np.random.SeedSequence()
     print(f"field_threshold: seed {seeds.entropy}", flush=True)
     kinds = [(water, family) for water in WATERS for family in _FAMILIES]
@@ -73,15 +72,14 @@ def judge(job: tuple[Water, Family, np.random.SeedSequence]) -> Judged:
 
     config = config_of(world(), rng)
     flown = world()
-    scenario = SCENARIOS[int(rng.integers(len(SCENARIOS)))]
-    survey = flown_by_plan(flown, config, scenario, rng)
+    survey = flown_by_hand(flown, rng)
     model = condition(config, survey.smoothed())
     places = rng.uniform([0.0, 0.0, 0.0], [2.75, 1.37, 0.65], (PLACES, 3))
     truth = flown.field(places)
     values = np.quantile(truth, 1.0 - np.array(EXCEEDED))
     mean, variance = model.marginals(places)
     std = np.sqrt(np.maximum(variance, 1e-12))
-    coarse = domain_points(planner_config(scenario, 0.02).domain, SCORING)
+    coarse = domain_points(MINIGLIDER.domain, SCORING)
     fields = drawn_fields(model.mean(coarse), model.covariance(coarse), DRAWS, rng)
     exact = flown.field(coarse)
     told = [share_above(value, fields) for value in values.tolist()]

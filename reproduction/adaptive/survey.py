@@ -48,7 +48,7 @@ class Survey:
         points, std_m = self.samples.points.copy(), self.samples.position_std_m.copy()
         for number, dive in enumerate(self.finished):
             mine = self.samples.dive == number
-            better = smooth_dive(dive, points[mine], std_m[mine])
+            better = smooth_dive(dive, self.samples.time_s[mine], points[mine], std_m[mine])
             points[mine], std_m[mine] = better.position_ned, better.position_std_m
         located = replace(self.samples, points=points, position_std_m=std_m)
         return located.reckoned(believed=self.samples.points)
