@@ -9,18 +9,20 @@ import os
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import TypeVar
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
 from autonomy.current.config import CURRENT_PRESETS, CurrentMapConfig
 from autonomy.current.learning import learn
-from autonomy.current.model import CurrentMap, Observation
-from autonomy.current.table import displacement_along, tabulate
+from autonomy.current.model import CurrentMap, Observation, tabulate
+from autonomy.current.table import displacement_along, table_of
 from autonomy.site import Box
 from benchmarks.field import at_most, row
 from simulator.flow import Flow, Gyre, Shear, Sum, Tide, Uniform
 
+T = TypeVar("T")
 AREA = "currents"
 DRAWS = int(os.environ.get("CURRENT_DRAWS", "3"))
 """Waters drawn of each kind; a bench takes few, a judgement of a bar takes many."""
@@ -418,7 +420,8 @@ def speed() -> list[dict[str, object]]:
         known.append(robot.dive(known)[0])
     from_s = robot.time_s
     until_s = from_s + 1.5 * ROUND * 3500.0
-    took, table = _timed(lambda: tabulate(known, COAST.box, from_s, until_s))
+    took, record = _timed(lambda: tabulate(known, COAST.box, from_s, until_s))
+    table = table_of(record)
     exact, rough = [], []
     for _ in range(ROUND):
         seen, _ = robot.dive(known)
@@ -439,7 +442,7 @@ def speed() -> list[dict[str, object]]:
     ]
 
 
-def _timed(action: Callable[[], object]) -> tuple[float, object]:
+def _timed(action: Callable[[], T]) -> tuple[float, T]:
     began = time.process_time()
     found = action()
     return time.process_time() - began, found

@@ -9,6 +9,7 @@ from typing import Any, Final
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.current.table import FlowRecord
 from autonomy.site import Area, Site
 from autonomy.vehicle.config import Vehicle
 from robot_link.mission import Mission
@@ -36,6 +37,8 @@ class DryRunProblem:
     """How fast the water carries it away unseen, m per sqrt(s), per axis."""
     current_ne_m_s: tuple[float, float] = (0.0, 0.0)
     """Current that stays and that the robot does not know of."""
+    flow: FlowRecord | None = None
+    """Current by place, depth and time since the start, on top."""
     steady_current_m_s: float = 0.0
     """Standard deviation per axis of what nobody knows of the current that stays; each flight meets
     another part of it, and they cancel over all flights."""

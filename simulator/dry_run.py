@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 import numpy as np
 
 from autonomy.arrays import FloatArray, IntArray
+from autonomy.current.table import table_of
 from autonomy.planner.plan import PositionNed
 from autonomy.site import Area
 from onboard.link.robot_link import CommandOutcome
@@ -20,6 +21,7 @@ from onboard.profile import FLIGHT_PROFILES
 from robot_link.dry_run import DryRun, DryRunProblem, DryRunTrack
 from robot_link.messages import CommandKind, OnboardPlanState, RobotMode, StateReport
 from simulator.fleet import FLEET, RobotDefinition
+from simulator.flow import Tabled
 from simulator.robot import SimulatedRobot
 
 _EPOCH = datetime(2000, 1, 1, tzinfo=UTC)
@@ -145,13 +147,15 @@ def _definition(problem: DryRunProblem, number: int) -> RobotDefinition:
                 heading_rad=problem.heading_rad,
                 drift_m_sqrt_s=problem.drift_m_sqrt_s,
                 current_ne_m_s=_current_ne_m_s(problem, number),
+                flow=None if problem.flow is None else Tabled(table_of(problem.flow)),
             )
     raise ValueError(f"there is no simulated robot of the vehicle {problem.vehicle.key}")
 
 
 def _robot(problem: DryRunProblem, number: int) -> SimulatedRobot:
     """Return a robot that floats at the start, with the faults that the trim is for."""
-    robot = SimulatedRobot(_definition(problem, number), problem.seed + number, _EPOCH)
+    definition, seed = _definition(problem, number), problem.seed + number
+    robot = SimulatedRobot(definition, seed, _EPOCH, water_s=-_SETTLING_S)
     settings = problem.mission.settings
     robot.body.sensors.buoyancy_bias_kg = settings.net_buoyancy_offset_kg
     robot.body.sensors.mass_position_bias_m = settings.mass_position_offset_m

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from autonomy.arrays import FloatArray
+from autonomy.current.table import FlowTable, flow_at
 from autonomy.site import Box, Site
 
 _SPEED_M_S = {"tank": 0.02}
@@ -153,6 +154,26 @@ class Sum:
         for part in self.parts:
             found = found + part.velocity_ne_m_s(north_m, east_m, depth_m, time_s)
         return found
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Tabled:
+    """What a table says, such as that of a current's map."""
+
+    table: FlowTable
+
+    def velocity_ne_m_s(
+        self,
+        north_m: npt.ArrayLike,
+        east_m: npt.ArrayLike,
+        depth_m: npt.ArrayLike,
+        time_s: npt.ArrayLike,
+    ) -> FloatArray:
+        """Return north and east velocity."""
+        places = np.broadcast_arrays(north_m, east_m, depth_m, time_s)
+        rows = zip(*(np.ravel(one).tolist() for one in places), strict=True)
+        found = [flow_at(self.table, *row) for row in rows]
+        return np.array(found).reshape(*places[0].shape, 2)
 
 
 def read_flow(text: str, site: Site) -> Flow:

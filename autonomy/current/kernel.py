@@ -198,10 +198,8 @@ def cross_gram(a: Functionals, b: Functionals, parameters: FloatArray) -> FloatA
     for begin in range(0, n, rows):
         block = slice(begin, begin + rows)
         points = a.points[block].reshape(-1, 4).T  # (4, r k)
-        offsets = [
-            one[:, None] - other[None, :] for one, other in zip(points, columns, strict=True)
-        ]
-        north, east, even, odd = _parts(*offsets, parameters)
+        x, y, z, t = (points[i][:, None] - columns[i][None, :] for i in range(4))
+        north, east, even, odd = _parts(x, y, z, t, parameters)
 
         def summed(part: FloatArray | None, weights: FloatArray = a.weights[block]) -> FloatArray:
             """Return the weighted sums over the points of each pair, shape ``(r, m)``."""
@@ -228,8 +226,9 @@ def gram_of(functionals: Functionals, parameters: FloatArray) -> FloatArray:
 def prior_blocks(functionals: Functionals, parameters: FloatArray) -> FloatArray:
     """Return the prior covariance of each functional with itself, shape ``(n, 2, 2)``."""
     points, weights = functionals.points, functionals.weights
-    offsets = np.moveaxis(points[:, :, None, :] - points[:, None, :, :], -1, 0)  # (4, n, k, k)
-    north, east, even, _ = _parts(*offsets, parameters)
+    between = points[:, :, None, :] - points[:, None, :, :]  # (n, k, k, 4)
+    x, y, z, t = (between[..., i] for i in range(4))
+    north, east, even, _ = _parts(x, y, z, t, parameters)
     found = np.zeros((len(points), 2, 2))
     for row, column, part in ((0, 0, north), (1, 1, east), (0, 1, even), (1, 0, even)):
         if part is not None:

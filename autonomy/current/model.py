@@ -11,10 +11,12 @@ Source:
     Lee, Zhang and others 2019; Russo and others 2022 (occupation kernels) have this map's mean.
 """
 
+import base64
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from enum import Enum
+from typing import Any
 
 import numpy as np
 from scipy.linalg import cho_solve, solve_triangular
@@ -34,6 +36,8 @@ from autonomy.current.kernel import (
     packed,
     prior_blocks,
 )
+from autonomy.current.table import TABLE_SHAPE, FlowRecord
+from autonomy.site import Box
 
 MIDPOINTS = 6
 """Points of the sum that stands for the integral along a dive."""
@@ -425,3 +429,40 @@ def factor_of(covariance: FloatArray) -> FloatArray | None:
         except np.linalg.LinAlgError:
             continue
     return None
+
+
+def tabulate(
+    known: CurrentMap,
+    domain: Box,
+    from_s: float,
+    until_s: float,
+    shape: tuple[int, int, int, int] = TABLE_SHAPE,
+    believed_ne_m_s: tuple[float, float] = (0.0, 0.0),
+) -> FlowRecord:
+    """Return the mean current of a map over a domain and a time.
+
+    Args:
+        known: The map.
+        domain: Where.
+        from_s: From when, s; the table's own time 0.
+        until_s: Until when, s.
+        shape: Points north, east, down and in time, at least two each.
+        believed_ne_m_s: Current with which the robot itself reckons, taken off.
+    """
+    low = (domain.x_min_m, domain.y_min_m, 0.0)
+    high = (domain.x_max_m, domain.y_max_m, domain.depth_max_m)
+    until_s = max(until_s, from_s + 1.0)
+    ends = zip((*low, from_s), (*high, until_s), shape, strict=True)
+    axes = [np.linspace(a, b, count) for a, b, count in ends]
+    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
+    values: Any = (known.mean_flow(grid) - np.array(believed_ne_m_s)).astype("<f4")
+    return FlowRecord(
+        shape=shape,
+        low=low,
+        high=high,
+        from_s=from_s,
+        duration_s=until_s - from_s,
+        dives=sum(not one.is_surface for one in known.observations),
+        believed_ne_m_s=believed_ne_m_s,
+        values=base64.b64encode(values.tobytes()).decode(),
+    )

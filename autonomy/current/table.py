@@ -3,14 +3,16 @@
 Compiled code has a twin of ``flow_at`` (``autonomy.planner.leg.flow_kernel``).
 """
 
+import base64
 import math
-from typing import NamedTuple
+from functools import lru_cache
+from typing import NamedTuple, Self
 
 import numpy as np
+from pydantic import Field, model_validator
 
 from autonomy.arrays import FloatArray
-from autonomy.current.model import CurrentMap
-from autonomy.site import Box
+from autonomy.configuration import Configuration
 
 TABLE_SHAPE = (8, 8, 4, 12)
 """Points north, east, down and in time."""
@@ -20,46 +22,69 @@ class FlowTable(NamedTuple):
     """A current by place, depth and time; beyond its ends it is what it is at them."""
 
     values: FloatArray
-    """North and east, m/s, shape ``(nx, ny, nz, nt, 2)``."""
+    """North and east, m/s, shape ``(nx, ny, nz, nt, 2)``; nobody changes it."""
     low: tuple[float, float, float, float]
     """Least north, east, depth, m, and time, s."""
     per_step: tuple[float, float, float, float]
     """Steps of the grid per m and s; 0 along an axis of one point."""
 
 
+@lru_cache(maxsize=32)
 def uniform_table(north_m_s: float, east_m_s: float) -> FlowTable:
     """Return the table of a current that is the same everywhere and always."""
     values = np.array([north_m_s, east_m_s]).reshape(1, 1, 1, 1, 2)
     return FlowTable(values, (0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0))
 
 
-def tabulate(
-    known: CurrentMap,
-    domain: Box,
-    from_s: float,
-    until_s: float,
-    shape: tuple[int, int, int, int] = TABLE_SHAPE,
-) -> FlowTable:
-    """Return the mean current of a map over a domain and a time.
+class FlowRecord(Configuration):
+    """A table as a plan keeps it: what it was planned in."""
 
-    Args:
-        known: The map.
-        domain: Where.
-        from_s: From when, s; the table's own time 0.
-        until_s: Until when, s.
-        shape: Points north, east, down and in time, at least two each.
-    """
-    low = (domain.x_min_m, domain.y_min_m, 0.0, from_s)
-    high = (domain.x_max_m, domain.y_max_m, domain.depth_max_m, max(until_s, from_s + 1.0))
-    axes = [np.linspace(a, b, n) for a, b, n in zip(low, high, shape, strict=True)]
-    grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
-    values = known.mean_flow(grid).reshape(*shape, 2)
-    per_step = [(n - 1) / (b - a) for a, b, n in zip(low, high, shape, strict=True)]
+    shape: tuple[int, int, int, int]
+    """Points north, east, down and in time."""
+    low: tuple[float, float, float]
+    """Least north, east and depth, m."""
+    high: tuple[float, float, float]
+    """Greatest north, east and depth, m."""
+    from_s: float
+    """Moment of the table's own time 0, s from the epoch."""
+    duration_s: float = Field(gt=0.0)
+    dives: int = Field(ge=0)
+    """How many dives the map was made of."""
+    believed_ne_m_s: tuple[float, float] = (0.0, 0.0)
+    """Current with which the robot itself reckoned; the table is what it did not know of."""
+    values: str = Field(max_length=4_000_000, repr=False)
+    """Base64 of 32-bit numbers, the least first: north and east, m/s, by north, east, depth and
+    time, the last fastest."""
+
+    @model_validator(mode="after")
+    def _has_all_numbers(self) -> Self:
+        if min(self.shape) < 1 or len(base64.b64decode(self.values)) != 8 * math.prod(self.shape):
+            raise ValueError("values are not those of the shape")
+        return self
+
+
+def table_of(record: FlowRecord) -> FlowTable:
+    """Return the table of a record."""
+    spans = [b - a for a, b in zip(record.low, record.high, strict=True)]
+    steps = [
+        (count - 1) / span
+        for count, span in zip(record.shape, (*spans, record.duration_s), strict=True)
+    ]
+    low = (*record.low, 0.0)
     return FlowTable(
-        values,
-        (low[0], low[1], 0.0, 0.0),
-        (per_step[0], per_step[1], per_step[2], per_step[3]),
+        _unpacked(record.values, record.shape), low, (steps[0], steps[1], steps[2], steps[3])
     )
+
+
+@lru_cache(maxsize=32)
+def _unpacked(values: str, shape: tuple[int, ...]) -> FloatArray:
+    raw = np.frombuffer(base64.b64decode(values), dtype="<f4")
+    return raw.reshape(*shape, 2).astype(np.float64)
+
+
+def is_uniform(table: FlowTable) -> bool:
+    """Tell whether a table has one current only."""
+    return table.values.size == 2
 
 
 def largest_speed_m_s(table: FlowTable) -> float:

@@ -5,8 +5,10 @@ import math
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, model_validator
+from pydantic.json_schema import SkipJsonSchema
 
 from autonomy.configuration import Configuration, quantity
+from autonomy.current.table import FlowRecord, FlowTable, table_of, uniform_table
 from autonomy.estimation.config import EstimatorConfig
 from autonomy.site import Area, Box
 
@@ -213,13 +215,30 @@ class MissionConfig(Configuration):
 
 
 class CurrentConfig(Configuration):
-    """A steady horizontal current that the planner allows for."""
+    """The horizontal current that the planner allows for."""
 
+    source: Literal["typed", "map"] = quantity("typed", title="Current from")
+    """``typed``: a steady current, the same everywhere. ``map``: what finished dives told of it, at
+    each dive's own place, depth and time; with too few or too old dives the typed one is used."""
     north_m_s: float = quantity(0.0, "m/s", title="Current to the north", ge=-3.0, le=3.0)
     """Speed at which the water moves north. The robot does not feel it under water: a plan aims
     off by it, so that the robot surfaces where it was meant to."""
     east_m_s: float = quantity(0.0, "m/s", title="Current to the east", ge=-3.0, le=3.0)
     """Speed at which the water moves east."""
+    flow: SkipJsonSchema[FlowRecord | None] = None
+    """What a plan of the map was made in; the station writes it."""
+
+    @property
+    def table(self) -> FlowTable:
+        """The current by place, depth and time, as the robot does not know it."""
+        if self.flow is not None:
+            return table_of(self.flow)
+        return uniform_table(self.north_m_s, self.east_m_s)
+
+    @property
+    def believed_ne_m_s(self) -> tuple[float, float]:
+        """Current with which the robot itself reckons; on top of the table it is the water's."""
+        return (0.0, 0.0) if self.flow is None else self.flow.believed_ne_m_s
 
 
 class AdaptiveConfig(Configuration):

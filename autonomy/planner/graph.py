@@ -83,6 +83,8 @@ class Graph(NamedTuple):
     """Only trajectories that spend more than this part of some budget are compared."""
     tally: IntArray
     node_xy: FloatArray
+    node_time: FloatArray
+    """About when a trajectory comes to each node, s since the plan began."""
     node_is_open: BoolArray
     slot: Int32Array
     """Path in each slot of each node, -1 where empty, ``(nodes, BINS * paths per bin)``."""
@@ -162,6 +164,7 @@ def graph_of(
         least_spent=search.min_budget_fraction,
         tally=np.zeros(11, dtype=np.int64),
         node_xy=np.empty((_NODES_MAX, 2)),
+        node_time=np.empty(_NODES_MAX),
         node_is_open=np.empty(_NODES_MAX, dtype=np.bool_),
         slot=np.empty((_NODES_MAX, slots), dtype=np.int32),
         edge_legs=np.empty((all_edges, legs_max(config), LEG_COLUMNS)),
@@ -214,6 +217,7 @@ def open_node(graph: Graph, x: float, y: float) -> None:
     node = graph.tally[NODES]
     graph.node_xy[node, 0] = x
     graph.node_xy[node, 1] = y
+    graph.node_time[node] = 0.0
     graph.node_is_open[node] = True
     graph.slot[node, :] = -1
 

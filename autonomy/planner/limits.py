@@ -3,6 +3,7 @@
 import math
 from typing import NamedTuple
 
+from autonomy.current.table import FlowTable
 from autonomy.estimation.position import surface_covariance
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg.drift import has_current
@@ -66,8 +67,11 @@ class Limits(NamedTuple):
     surfacing_bytes: int
     satellite_bytes: int
     """Most bytes of a round; 0 for no limit."""
-    current_north: float
-    current_east: float
+    flow: FlowTable
+    """Current that the robot does not know of, by place, depth and time since the plan began."""
+    believed_north: float
+    """Current with which the robot reckons, m/s; on top of the flow it is the water's."""
+    believed_east: float
     has_current: bool
 
 
@@ -122,8 +126,9 @@ def limits_of(config: PlannerConfig, budget: float) -> Limits:
         time_budget=config.time_budget_s,
         surfacing_bytes=config.mission.surfacing_bytes,
         satellite_bytes=config.satellite_bytes,
-        current_north=config.current.north_m_s,
-        current_east=config.current.east_m_s,
+        flow=config.current.table,
+        believed_north=config.current.believed_ne_m_s[0],
+        believed_east=config.current.believed_ne_m_s[1],
         has_current=has_current(config),
     )
 

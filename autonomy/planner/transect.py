@@ -74,7 +74,8 @@ def _line(
     line: list[Edge] = []
     here, spent = start_xy, spending(config, ())
     while len(line) < edges_max:
-        found = _next_dive(config, here, budget - spent.energy, waterway, heading_rad)
+        left, begin_s = budget - spent.energy, spent.duration_s
+        found = _next_dive(config, here, left, waterway, heading_rad, begin_s)
         if found is None:
             break
         edge, heading_rad = found
@@ -92,6 +93,7 @@ def _next_dive(
     budget: float,
     waterway: Waterway,
     heading_rad: float,
+    begin_s: float,
 ) -> tuple[Edge, float] | None:
     """Return the deepest dive with the least change of course, and its heading."""
     motion = config.primitives
@@ -109,7 +111,8 @@ def _next_dive(
             )
             if not config.domain.contains(*goal_xy, 0.0):
                 continue
-            edge = propose_edge(config, here_xy, goal_xy, budget, _shape(config, part), waterway)
+            shape = _shape(config, part)
+            edge = propose_edge(config, here_xy, goal_xy, budget, shape, waterway, begin_s)
             if edge is not None and all(leg.kind is PrimitiveKind.GLIDE for leg in edge.legs):
                 return edge, heading
     return None

@@ -23,6 +23,7 @@ from server.plan.target_check import TEACHING
 from server.plan.view import (
     AccountView,
     BatteryView,
+    ComesUpView,
     DryRunView,
     InheritedView,
     LadderView,
@@ -219,7 +220,7 @@ def plan_view(
         plan,
         mission_id=plan.mission,
         config_id=document.get("config_id"),
-        config=dict(plan.config),
+        config=_told(plan.config),
         trim_id=document.get("trim_id"),
         trim_at=_moment(document.get("trim_at")),
         legs=[_leg_view(leg) for leg in legs_of(document)],
@@ -237,6 +238,8 @@ def plan_view(
         exploitation=document.get("exploitation"),
         replaces=document.get("replaces"),
         message=document.get("message", ""),
+        current_text=document.get("current_text", ""),
+        comes_up=[ComesUpView(**one) for one in document.get("comes_up", ())],
         ladder=ladder_view(plan),
         onboard=onboard_view(plan, report),
         tracking=None if document.get("tracking") is None else dict(plan.config),
@@ -248,6 +251,15 @@ def plan_view(
         inherited=[InheritedView(**one) for one in document.get("inherited", ())],
         searched_objective=document.get(SEARCHED_OBJECTIVE),
     )
+
+
+def _told(config: Mapping[str, Any]) -> dict[str, Any]:
+    """Return settings without the table of a current, which nobody reads."""
+    current = config.get("current")
+    if not isinstance(current, Mapping) or "flow" not in current:
+        return dict(config)
+    others = {key: value for key, value in current.items() if key != "flow"}
+    return {**config, "current": others}
 
 
 def plan_summary(plan: PlanRecord) -> PlanSummaryView:

@@ -25,6 +25,7 @@ from server.base.retry_queue import until_stored
 from server.base.worker import WORKER_FAILURES, WorkerPool
 from server.fleet.fleet import Fleet
 from server.fleet.status import FOLLOW_TARGET
+from server.plan.ahead import remaining_s
 from server.plan.document import (
     Draft,
     draft_document,
@@ -39,6 +40,7 @@ from server.plan.drafting import (
     outdated_by,
 )
 from server.plan.dry_run import DryRuns
+from server.plan.flow import PlanFlows
 from server.plan.ledger import PlanLedger
 from server.plan.machine_code import MachineCode
 from server.plan.primitive_legs import LegRequest, candidate_of, legs_from
@@ -71,6 +73,7 @@ class Planning:
     ) -> None:
         self.settings = PlanSettings(foundation, fleet)
         self.problems = RoundProblems(foundation, fleet)
+        self._flows = PlanFlows(foundation, fleet)
         self._foundation = foundation
         self._fleet = fleet
         self._ledger = ledger
@@ -123,9 +126,11 @@ class Planning:
         """
         self.settings.refuse_while_storage_fails()
         config = self.settings.known_current(request.robot, request.config)
-        request = replace(request, config=config)
+        ahead_s = config.planning_time_s + await self._rest_s(request, config)
+        current = await self._flows.planned(request.robot, config, ahead_s)
+        request = replace(request, config=current.config)
         start_xy = request.start_xy or self.settings.check_start(request.robot, request.config)
-        plan = await self._add(request)
+        plan = await self._add(request, current.text)
         self._begin(plan.id, self._search(plan, request, start_xy))
         return plan
 
@@ -148,6 +153,8 @@ class Planning:
         self.settings.refuse_while_storage_fails()
         start = self.settings.position(robot)
         config = self.settings.known_current(robot, config)
+        current = await self._flows.planned(robot, config, 0.0)
+        config = current.config
         flown = candidate_of(config, legs_from(config, (start[0], start[1]), legs))
         try:
             draft = await self._draft(robot, config, flown)
@@ -155,7 +162,12 @@ class Planning:
             wrong = [FieldError(loc=["legs"], msg=str(error))]
             raise unprocessable("The plan cannot travel to the robot.", wrong) from error
         plan = await self._ledger.add(
-            robot, "primitives", config=config.model_dump(mode="json"), config_id=config_id, by=by
+            robot,
+            "primitives",
+            config=config.model_dump(mode="json"),
+            config_id=config_id,
+            by=by,
+            document={"current_text": current.text},
         )
         text = f"{plan.id} for {robot} is a draft."
         try:
@@ -290,7 +302,15 @@ class Planning:
         outdated = outdated_by(status, record, self._foundation.clock.now())
         return [*limits, *broken_off(record), *outdated]
 
-    async def _add(self, request: SearchRequest) -> PlanRecord:
+    async def _rest_s(self, request: SearchRequest, config: PlannerConfig) -> float:
+        """Return how long the robot still flies what it flies before a round, s of its clock."""
+        if request.ahead_of is None:
+            return 0.0
+        plan = await self._ledger.get(request.ahead_of)
+        report = self._fleet.status(request.robot).plan_report
+        return remaining_s(plan, config, report, self._foundation.clock.now())
+
+    async def _add(self, request: SearchRequest, current_text: str = "") -> PlanRecord:
         return await self._ledger.add(
             request.robot,
             "adaptive_survey",
@@ -299,7 +319,7 @@ class Planning:
             by=request.by,
             mission=request.mission,
             round_number=request.round_number,
-            document=request.document(),
+            document={**request.document(), "current_text": current_text},
         )
 
     def _begin(self, plan: str, work: Coroutine[Any, Any, object]) -> asyncio.Task[None]:
@@ -389,7 +409,9 @@ class Planning:
         found: Mapping[str, Any] | None = None,
     ) -> PlanRecord:
         """Keep a trajectory: as a draft, or, before its dry run, in planning."""
-        document = {**(found or {}), "draft_text": text}
+        now, legs = self._foundation.clock.now(), draft.mission.legs
+        comes_up = await self._flows.surfacings(plan.robot, config, legs, now)
+        document = {**(found or {}), "draft_text": text, "comes_up": comes_up}
         dry_run = self._dry_runs.before(plan.robot, config)
         if dry_run is not None:
             document["rehearsal"] = asdict(dry_run)

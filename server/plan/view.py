@@ -196,6 +196,23 @@ class DryRunView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class ComesUpView(View):
+    """Where a dive of a plan will come up, by the map of the current."""
+
+    leg: int
+    """Leg that ends the dive, counted from 0."""
+    north_m: float
+    east_m: float
+    drift_ne_m: Annotated[tuple[float, float], numbers(2)]
+    """How far the dive is carried by a current that the robot does not know, north and east."""
+    ellipse_m: Annotated[tuple[float, float], numbers(2)]
+    """Half axes of the ellipse about the place that holds it in 90 of 100 cases, the longer one
+    first."""
+    ellipse_rad: float
+    """Direction of the longer axis, from north towards east."""
+
+
+@dataclass(frozen=True, slots=True)
 class LadderView(View):
     """When each state was proved."""
 
@@ -291,6 +308,10 @@ class PlanView(View):
     searched_objective: float | None = None
     """What the search itself took it to be worth, by which it was found and its history counts;
     ``null`` in plans of an earlier version, and where information is not counted."""
+    current_text: str = ""
+    """Where the current comes from that it was planned in; empty for a typed one."""
+    comes_up: list[ComesUpView] = field(default_factory=list)
+    """Where each dive will come up, as far as the map of the current tells."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -75,11 +75,10 @@ def _point(place: FloatArray) -> Point:
 
 def true_track(config: PlannerConfig, legs: tuple[Leg, ...], per_leg: int = 60) -> np.ndarray:
     """Where a robot really is that flies legs, shape (m, 3)."""
-    under = drift.blind_s(legs)
     return np.array(
         [
-            drift.position_at(config, leg, under_s, part)
-            for leg, under_s in zip(legs, under, strict=True)
+            drift.position_at(leg, course, part)
+            for leg, course in zip(legs, drift.courses(config, legs), strict=True)
             for part in np.linspace(0.0, 1.0, per_leg)
         ]
     )

@@ -13,8 +13,20 @@ from autonomy.current.kernel import (
     packed,
 )
 from autonomy.current.learning import learn
-from autonomy.current.model import CurrentMap, Observation, Taking, integral_along
-from autonomy.current.table import displacement_along, flow_at, tabulate, uniform_table
+from autonomy.current.model import (
+    CurrentMap,
+    Observation,
+    Taking,
+    integral_along,
+    tabulate,
+)
+from autonomy.current.table import (
+    FlowRecord,
+    displacement_along,
+    flow_at,
+    table_of,
+    uniform_table,
+)
 from autonomy.site import Box
 
 TIDAL = CURRENT_PRESETS["coast"].model_copy(update={"inertial": True})
@@ -254,17 +266,20 @@ def test_table_is_the_map_at_its_points_and_keeps_to_its_ends() -> None:
     for i in range(8):
         known.append(observation(500.0 * i, (12.0 + i, -5.0), (30.0 * i, 200.0)))
     domain = Box(x_min_m=0.0, x_max_m=420.0, y_min_m=0.0, y_max_m=400.0, depth_max_m=16.0)
-    table = tabulate(known, domain, 4000.0, 9000.0, (5, 4, 3, 6))
+    record = tabulate(known, domain, 4000.0, 9000.0, (5, 4, 3, 6))
+    table = table_of(FlowRecord.model_validate_json(record.model_dump_json()))
     at = np.array([[105.0, 400.0, 8.0, 5000.0]])
     expected = known.mean_flow(at)[0]
-    np.testing.assert_allclose(flow_at(table, 105.0, 400.0, 8.0, 1000.0), expected, atol=1e-12)
+    np.testing.assert_allclose(flow_at(table, 105.0, 400.0, 8.0, 1000.0), expected, atol=1e-8)
     beyond = flow_at(table, 105.0, 1e5, 8.0, 1000.0)
-    np.testing.assert_allclose(beyond, expected, atol=1e-12)
+    np.testing.assert_allclose(beyond, expected, atol=1e-8)
     dive = observation(0.0, place=(100.0, 200.0))
-    fine = tabulate(known, domain, 4000.0, 9000.0)
+    fine = table_of(tabulate(known, domain, 4000.0, 9000.0))
     along = displacement_along(fine, dive.time_s, dive.position_ned)
     exact = known.displacement(dive.time_s + 4000.0, dive.position_ned).mean_ne_m
     np.testing.assert_allclose(along, exact, atol=1.0)
+    with pytest.raises(ValueError, match="not those of the shape"):
+        FlowRecord.model_validate(record.model_dump() | {"shape": (5, 4, 3, 7)})
     steady = uniform_table(0.03, -0.02)
     assert flow_at(steady, 5.0, 6.0, 7.0, 8.0) == (0.03, -0.02)
 

@@ -98,8 +98,10 @@ def test_compiled_and_readable_edges_are_the_same(name):
     feasible = 0
     for start, goal, shape in proposals(config, 300):
         edge = propose_edge(config, start, goal, 20.0, shape)
-        count = edge_kernel.propose(limits, waterway_of(config, None), start, goal, shape, legs)
-        placed = edge_kernel.place_points(limits, legs, count, points) if count else 0
+        count = edge_kernel.propose(
+            limits, waterway_of(config, None), start, goal, shape, legs, 0.0
+        )
+        placed = edge_kernel.place_points(limits, legs, count, points, 0.0) if count else 0
         assert (edge is None) == (placed == 0)
         if edge is not None:
             feasible += 1

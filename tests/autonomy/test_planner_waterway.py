@@ -112,8 +112,8 @@ def test_compiled_and_readable_edges_among_keep_outs_are_the_same(name):
     feasible = 0
     for start, goal, shape in proposals(config, 250):
         edge = propose_edge(config, start, goal, 20.0, shape, waterway)
-        count = edge_kernel.propose(limits, waterway, start, goal, shape, legs)
-        placed = edge_kernel.place_points(limits, legs, count, points) if count else 0
+        count = edge_kernel.propose(limits, waterway, start, goal, shape, legs, 0.0)
+        placed = edge_kernel.place_points(limits, legs, count, points, 0.0) if count else 0
         assert (edge is None) == (placed == 0)
         if edge is not None:
             feasible += 1
@@ -140,7 +140,7 @@ def test_no_accepted_edge_leaves_the_water(seed, current, margin):
     waterway = waterway_of(config, POOL)
     legs = np.empty((legs_max(config), leg_kernel.LEG_COLUMNS))
     for start, goal, shape in proposals(config, 150, seed):
-        count = edge_kernel.propose(limits, waterway, start, goal, shape, legs)
+        count = edge_kernel.propose(limits, waterway, start, goal, shape, legs, 0.0)
         if count:
             flown = tuple(leg_kernel.leg_of(row) for row in legs[:count])
             track = true_track(config, flown)
@@ -158,7 +158,7 @@ def test_spirals_are_judged_all_along_their_bend():
     legs = np.empty((legs_max(config), leg_kernel.LEG_COLUMNS))
     spirals = 0
     for start, goal, shape in proposals(config, 1500, seed=5):
-        count = edge_kernel.propose(limits, waterway, start, goal, shape, legs)
+        count = edge_kernel.propose(limits, waterway, start, goal, shape, legs, 0.0)
         for leg in (leg_kernel.leg_of(row) for row in legs[:count]):
             if leg.kind is PrimitiveKind.SPIRAL:
                 spirals += 1
@@ -177,7 +177,7 @@ def test_nothing_surfaces_on_land_or_in_a_keep_out():
     legs = np.empty((legs_max(config), leg_kernel.LEG_COLUMNS))
     for goal in ((1.45, 0.65), (2.74, 0.1)):
         for _, _, shape in proposals(config, 200):
-            assert edge_kernel.propose(limits, waterway, (1.0, 0.5), goal, shape, legs) == 0
+            assert edge_kernel.propose(limits, waterway, (1.0, 0.5), goal, shape, legs, 0.0) == 0
 
 
 def test_margins_shrink_what_may_be_used():

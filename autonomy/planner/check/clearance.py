@@ -5,7 +5,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import drift
 from autonomy.planner.plan import Leg, PrimitiveKind
 from autonomy.site import Area, Site
@@ -28,19 +27,13 @@ class FloorContact:
     east_m: float
 
 
-def true_way(config: PlannerConfig, leg: Leg, under_s: float) -> FloatArray:
-    """Return corners of the way that a robot really takes on a leg, shape ``(m, 3)``, m.
-
-    Args:
-        config: The current.
-        leg: What the robot believes to fly.
-        under_s: For how long it has not seen its position when the leg begins.
-    """
+def true_way(leg: Leg, course: drift.Course) -> FloatArray:
+    """Return corners of the way that a robot really takes on a leg, shape ``(m, 3)``, m."""
     chords = 1
     if leg.kind is PrimitiveKind.SPIRAL:
         chords = max(int(np.ceil(abs(leg.turn_rad) / _CHORD_RAD)), 1)
     parts = np.linspace(0.0, 1.0, chords + 1)
-    return np.array([drift.position_at(config, leg, under_s, float(part)) for part in parts])
+    return np.array([drift.position_at(leg, course, float(part)) for part in parts])
 
 
 def clearance_m(area: Area, way: FloatArray) -> float:

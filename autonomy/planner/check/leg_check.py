@@ -14,6 +14,7 @@ from autonomy.planner.leg import drift, primitive
 from autonomy.planner.plan import Leg, PrimitiveKind
 
 _DURATION_STEP_S = 0.1
+_AIM_SHARE = 0.02
 _ANGLE_TOLERANCE_RAD = math.radians(0.5)
 
 
@@ -48,16 +49,17 @@ def disconnected(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Viola
             "legs.0.start_ned",
             f"The plan begins {legs[0].start_ned[2]:.2f} m under water, not at the surface.",
         )
-    under_s = drift.blind_s(legs)
+    courses = drift.courses(config, legs)
     # durations travel in tenths of a second
     slack_m = PLACE_TOLERANCE_M + _DURATION_STEP_S * drift.speed_m_s(config) * len(legs)
     for number in range(1, len(legs)):
         before, leg = legs[number - 1], legs[number]
         end = before.end_ned
         if end[2] <= 0.0:
-            end = drift.position_at(config, before, under_s[number - 1], 1.0)
+            end = drift.position_at(before, courses[number - 1], 1.0)
         gap = math.dist(end, leg.start_ned)
-        if gap > slack_m:
+        # where the current changes from place to place, a leg is aimed off by it to a small part
+        if gap > slack_m + _AIM_SHARE * math.dist(end, before.end_ned):
             where = "ends" if end == before.end_ned else "leads in the current"
             yield Violation(
                 f"legs.{number}.start_ned",
@@ -80,7 +82,8 @@ def disconnected(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Viola
 
 def badly_made(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violation]:
     """Check each leg against what its kind of primitive is."""
-    for number, leg in enumerate(legs):
+    courses = drift.courses(config, legs)
+    for number, (leg, course) in enumerate(zip(legs, courses, strict=True)):
         if leg.speed_m_s <= 0.0 or leg.duration_s <= 0.0:
             yield Violation(
                 f"legs.{number}.speed_m_s",
@@ -95,7 +98,7 @@ def badly_made(legs: tuple[Leg, ...], config: PlannerConfig) -> Iterator[Violati
                 f"{way / leg.speed_m_s:.1f} s at {leg.speed_m_s:.3g} m/s, not "
                 f"{leg.duration_s:.1f} s.",
             )
-        reason = _misshapen(leg, config)
+        reason = _misshapen(leg, config, course.begin.time_s)
         if reason:
             yield Violation(f"legs.{number}.end_ned", f"{leg_title(number, leg)} {reason}.")
 
@@ -106,7 +109,7 @@ def _way(leg: Leg) -> float:
     return math.hypot(x1 - x0, y1 - y0) if leg.kind is PrimitiveKind.SWIM else abs(z1 - z0)
 
 
-def _misshapen(leg: Leg, config: PlannerConfig) -> str:
+def _misshapen(leg: Leg, config: PlannerConfig, begin_s: float) -> str:
     """Return what is wrong with a leg's geometry, "" if nothing."""
     limits = config.primitives
     (x0, y0, z0), (x1, y1, z1) = leg.start_ned, leg.end_ned
@@ -114,7 +117,7 @@ def _misshapen(leg: Leg, config: PlannerConfig) -> str:
     if leg.kind is PrimitiveKind.SWIM:
         if change > PLACE_TOLERANCE_M:
             return f"changes depth by {change:.2f} m"
-        return _too_slow(leg, config)
+        return _too_slow(leg, config, begin_s)
     if leg.kind is PrimitiveKind.DIVE:
         return f"moves {horizontal:.2f} m sideways" if horizontal > PLACE_TOLERANCE_M else ""
     if leg.kind is PrimitiveKind.SPIRAL:
@@ -135,13 +138,14 @@ def _misshapen(leg: Leg, config: PlannerConfig) -> str:
     )
 
 
-def _too_slow(leg: Leg, config: PlannerConfig) -> str:
+def _too_slow(leg: Leg, config: PlannerConfig, begin_s: float) -> str:
     """Return that a swim along the surface cannot get on so fast in the current, "" if it can."""
     if not (drift.knows_place(leg) and drift.has_current(config)):
         return ""
     swims = config.primitives.swim_speed_m_s
-    north = leg.speed_m_s * math.cos(leg.heading_rad) - config.current.north_m_s
-    east = leg.speed_m_s * math.sin(leg.heading_rad) - config.current.east_m_s
+    current = primitive.surface_current(config, leg.start_ned, begin_s)
+    north = leg.speed_m_s * math.cos(leg.heading_rad) - current[0]
+    east = leg.speed_m_s * math.sin(leg.heading_rad) - current[1]
     through = math.hypot(north, east)
     if through <= swims * (1.0 + SHARE_TOLERANCE):
         return ""

@@ -24,8 +24,8 @@ def out_of_bounds(legs: tuple[Leg, ...], config: PlannerConfig, site: Site) -> I
         site: The water with its floor and shoreline.
     """
     arrival = _arrival(legs, config)
-    for number, (leg, under_s) in enumerate(zip(legs, drift.blind_s(legs), strict=True)):
-        way = true_way(config, leg, under_s)
+    for number, (leg, course) in enumerate(zip(legs, drift.courses(config, legs), strict=True)):
+        way = true_way(leg, course)
         comes_in = number < arrival
         yield from _outside(number, leg, way, config.domain, site, comes_in=comes_in)
         yield from _aground(number, leg, way, config, site, comes_in=comes_in)

@@ -1,16 +1,42 @@
-"""Where a robot really is that flies its legs in a steady current.
+"""Where a robot really is that flies its legs in a current.
 
 A robot under water does not feel the current: its legs say where it believes to be. At the surface
 it knows its position, so its belief jumps to the truth there, and a swim along the surface is
-steered over ground.
+steered over ground. Of a current that a robot reckons with, only what it does not know counts.
 """
 
-import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 
+from autonomy.current.table import FlowTable, flow_at, is_uniform, largest_speed_m_s
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.leg import primitive
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
+
+ROUNDS = 2
+"""How often the way along which a leg is carried is worked out from how far it is carried."""
+MIDPOINTS = (0.25, 0.75)
+"""Shares of a leg at which the current is looked up; their mean is that of the leg."""
+
+
+@dataclass(frozen=True, slots=True)
+class Carried:
+    """How far the water has carried a robot from where it believes to be, and when that is."""
+
+    north_m: float
+    east_m: float
+    time_s: float
+    """Since the plan began."""
+
+
+@dataclass(frozen=True, slots=True)
+class Course:
+    """A leg in a current."""
+
+    begin: Carried
+    """When the leg begins."""
+    current_ne_m_s: tuple[float, float]
+    """Mean current along it."""
 
 
 def knows_place(leg: Leg) -> bool:
@@ -18,51 +44,90 @@ def knows_place(leg: Leg) -> bool:
     return leg.kind is PrimitiveKind.SWIM and leg.start_ned[2] <= 0.0
 
 
-def blind_s(legs: Iterable[Leg]) -> tuple[float, ...]:
-    """Return for how long the robot has not seen its position when each leg begins, s."""
-    times: list[float] = []
-    under_s = 0.0
-    for leg in legs:
-        times.append(under_s)
-        under_s = later(leg, under_s)
-    return tuple(times)
+def fresh(config: PlannerConfig, begin_s: float) -> Carried:
+    """Return that a robot knows its place, when it leaves the surface after a surfacing."""
+    return Carried(0.0, 0.0, begin_s + config.mission.turn_time_s)
 
 
-def later(leg: Leg, under_s: float) -> float:
-    """Return for how long the robot has not seen its position when a leg has ended, s."""
-    return 0.0 if leg.end_ned[2] <= 0.0 else under_s + leg.duration_s
-
-
-def position_at(config: PlannerConfig, leg: Leg, under_s: float, fraction: float) -> PositionNed:
-    """Return where the robot really is after this part (0..1) of a leg's duration.
+def courses(config: PlannerConfig, legs: Iterable[Leg], begin_s: float = 0.0) -> tuple[Course, ...]:
+    """Return the courses of legs one after the other.
 
     Args:
-        config: The current.
-        leg: What the robot believes to fly.
-        under_s: For how long it has not seen its position when the leg begins.
-        fraction: Part of the leg.
+        config: The current, and how long a surfacing takes.
+        legs: What the robot believes to fly.
+        begin_s: When the first surfacing begins, s since the plan began.
     """
+    found: list[Course] = []
+    here = fresh(config, begin_s)
+    for leg in legs:
+        course = course_of(config, leg, here)
+        found.append(course)
+        here = later(config, leg, course)
+    return tuple(found)
+
+
+def course_of(config: PlannerConfig, leg: Leg, begin: Carried) -> Course:
+    """Return the course of a leg that begins so."""
+    table = config.current.table
+    if is_uniform(table):
+        return Course(begin, flow_at(table, 0.0, 0.0, 0.0, 0.0))
+    x, y, z = leg.start_ned
+    current = flow_at(table, x + begin.north_m, y + begin.east_m, z, begin.time_s)
+    for _ in range(ROUNDS):
+        current = _along(table, leg, begin, current)
+    return Course(begin, current)
+
+
+def _along(
+    table: FlowTable, leg: Leg, begin: Carried, current: tuple[float, float]
+) -> tuple[float, float]:
+    """Return the mean current along the way on which a current carries a leg."""
+    north = east = 0.0
+    for share in MIDPOINTS:
+        x, y, z = primitive.position_at(leg, share)
+        passed_s = share * leg.duration_s
+        u, v = flow_at(
+            table,
+            x + begin.north_m + passed_s * current[0],
+            y + begin.east_m + passed_s * current[1],
+            z,
+            begin.time_s + passed_s,
+        )
+        north += u / len(MIDPOINTS)
+        east += v / len(MIDPOINTS)
+    return north, east
+
+
+def later(config: PlannerConfig, leg: Leg, course: Course) -> Carried:
+    """Return how far the robot was carried when a leg has ended."""
+    begin, (north, east) = course.begin, course.current_ne_m_s
+    end_s = begin.time_s + leg.duration_s
+    if leg.end_ned[2] <= 0.0:
+        return fresh(config, end_s)
+    return Carried(
+        begin.north_m + north * leg.duration_s, begin.east_m + east * leg.duration_s, end_s
+    )
+
+
+def position_at(leg: Leg, course: Course, fraction: float) -> PositionNed:
+    """Return where the robot really is after this part (0..1) of a leg's duration."""
     place = primitive.position_at(leg, fraction)
     if knows_place(leg):
         return place
-    return carried(config, place, under_s + fraction * leg.duration_s)
-
-
-def carried(config: PlannerConfig, place: PositionNed, under_s: float) -> PositionNed:
-    """Return where a robot is that believes to be at a place and has not seen for some time."""
-    current = config.current
+    begin, (north, east) = course.begin, course.current_ne_m_s
+    passed_s = fraction * leg.duration_s
     return (
-        place[0] + current.north_m_s * under_s,
-        place[1] + current.east_m_s * under_s,
+        place[0] + begin.north_m + north * passed_s,
+        place[1] + begin.east_m + east * passed_s,
         place[2],
     )
 
 
 def speed_m_s(config: PlannerConfig) -> float:
-    """Return the speed of the current."""
-    return math.hypot(config.current.north_m_s, config.current.east_m_s)
+    """Return the greatest speed of the current."""
+    return largest_speed_m_s(config.current.table)
 
 
 def has_current(config: PlannerConfig) -> bool:
     """Tell whether plans allow for a current."""
-    return config.current.north_m_s != 0.0 or config.current.east_m_s != 0.0
+    return speed_m_s(config) != 0.0

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.current.table import flow_at, is_uniform
 from autonomy.estimation.position import expected_position_std
 from autonomy.planner.config import PlannerConfig, PrimitiveConfig
 from autonomy.planner.leg import drift, primitive
@@ -21,6 +22,8 @@ SHAPE_COLUMNS = 6
 """Numbers of each primitive in a shape."""
 _KINDS = (PrimitiveKind.GLIDE, PrimitiveKind.SPIRAL, PrimitiveKind.DIVE, PrimitiveKind.SWIM)
 SAME_PLACE_M = 1e-6
+AIMS = 3
+"""How often a glide is aimed anew where the current is not the same everywhere."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,6 +58,7 @@ def propose_edge(
     budget: float,
     shape: FloatArray,
     waterway: Waterway | None = None,
+    begin_s: float = 0.0,
 ) -> Edge | None:
     """Build the trajectory of a shape between two points of the surface.
 
@@ -69,21 +73,23 @@ def propose_edge(
         budget: Most energy units.
         shape: What the primitives are made from (``random_shape``).
         waterway: Shore, floor and keep-outs; None for the settings' keep-outs alone.
+        begin_s: When it begins, s since its plan.
 
     Returns:
         The trajectory, or None if it breaks the budget or the limit on the position's uncertainty,
         or does not reach the goal.
     """
     water = waterway_of(config, None) if waterway is None else waterway
-    legs, here, under_s = _shaped_legs(config, water, start_xy, goal_xy, shape)
-    closing = _closing_legs(config, water, here, under_s, goal_xy)
+    begin = drift.fresh(config, begin_s)
+    legs, here, begin = _shaped_legs(config, water, start_xy, goal_xy, shape, begin)
+    closing = _closing_legs(config, water, here, begin, goal_xy)
     if closing is None:
         return None
     legs += closing
     energy = legs_energy(config, legs)
     if not legs or energy > budget:
         return None
-    points = planned_points(config, tuple(legs))
+    points = planned_points(config, tuple(legs), begin_s)
     if points[:, POINT_STD].max() > config.max_uncertainty_m:
         return None
     return Edge(tuple(legs), points, energy)
@@ -116,30 +122,37 @@ def legs_duration_s(config: PlannerConfig, legs: Sequence[Leg]) -> float:
     return sum(leg.duration_s for leg in legs) + at_surface_s
 
 
-def planned_points(config: PlannerConfig, legs: tuple[Leg, ...]) -> FloatArray:
+def planned_points(
+    config: PlannerConfig, legs: tuple[Leg, ...], begin_s: float = 0.0
+) -> FloatArray:
     """Return the points of legs, one each ``point_interval_s`` after a surfacing, and its end.
 
     They are where the robot really is, which in a current is not where it believes to be. Each
     dive, which ends with the next surfacing, counts its intervals anew and begins with a position
-    that is as certain as it becomes at the surface.
+    that is as certain as it becomes at the surface. The first surfacing begins ``begin_s`` after
+    the plan, by which the current is looked up.
 
     Returns:
         Shape ``(m, 5)``: time, north, east, down, position std; the first is one interval after
         the start, the last is the end. Times leave out the surfacings between dives.
     """
     points: list[FloatArray] = []
-    begin, begin_s = 0, 0.0
+    courses = drift.courses(config, legs, begin_s)
+    begin, passed_s = 0, 0.0
     for number, leg in enumerate(legs):
         if leg.end_ned[2] <= 0.0 or number == len(legs) - 1:
-            dive = _dive_points(config, legs[begin : number + 1])
-            begin, end_s = number + 1, begin_s + dive[-1, POINT_TIME]
-            dive[:, POINT_TIME] += begin_s
-            begin_s = end_s
+            mine = slice(begin, number + 1)
+            dive = _dive_points(config, legs[mine], courses[mine])
+            begin, end_s = number + 1, passed_s + dive[-1, POINT_TIME]
+            dive[:, POINT_TIME] += passed_s
+            passed_s = end_s
             points.append(dive)
     return np.concatenate(points)
 
 
-def _dive_points(config: PlannerConfig, legs: tuple[Leg, ...]) -> FloatArray:
+def _dive_points(
+    config: PlannerConfig, legs: tuple[Leg, ...], courses: tuple[drift.Course, ...]
+) -> FloatArray:
     """Return the points of the legs from one surfacing to the next, shape ``(m, 5)``."""
     ends = np.cumsum([leg.duration_s for leg in legs])
     interval = config.primitives.point_interval_s
@@ -147,11 +160,10 @@ def _dive_points(config: PlannerConfig, legs: tuple[Leg, ...]) -> FloatArray:
     times = np.minimum(np.arange(1, count + 1) * interval, ends[-1])  # (m,)
     points = np.empty((count, 5))
     points[:, POINT_TIME] = times
-    under_s = drift.blind_s(legs)
     for row, time in zip(points, times, strict=True):
         i = min(int(np.searchsorted(ends, time)), len(legs) - 1)
         left = (ends[i] - time) / legs[i].duration_s
-        row[POINT_NORTH:POINT_STD] = drift.position_at(config, legs[i], under_s[i], 1.0 - left)
+        row[POINT_NORTH:POINT_STD] = drift.position_at(legs[i], courses[i], 1.0 - left)
     points[:, POINT_STD] = expected_position_std(
         config.position_filter, times, points[:, POINT_DOWN], interval
     )
@@ -164,49 +176,57 @@ def _shaped_legs(
     start_xy: tuple[float, float],
     goal_xy: tuple[float, float],
     shape: FloatArray,
-) -> tuple[list[Leg], PositionNed, float]:
+    begin: drift.Carried,
+) -> tuple[list[Leg], PositionNed, drift.Carried]:
     """Chain the primitives of a shape towards the goal.
 
     Returns:
-        Them, where the robot believes to be then, and for how long it has not seen its position.
+        Them, where the robot believes to be then, and how far it was carried from there.
     """
     legs: list[Leg] = []
     here: PositionNed = (*start_xy, 0.0)
-    under_s = 0.0
     rows = shape[1:].reshape(-1, SHAPE_COLUMNS)
     for row in rows[: 1 + int(shape[0] * len(rows))]:
         kind = _KINDS[int(row[SHAPE_KIND] * len(_KINDS))]
-        heading = _heading_to(config, drift.carried(config, here, under_s), goal_xy)
+        heading = _heading_to(config, here, begin, goal_xy)
         heading += config.primitives.bearing_noise_rad * row[SHAPE_BEARING]
         leg = (
-            _shaped_swim(config, here, heading, row)
+            _shaped_swim(config, here, heading, row, begin.time_s)
             if kind is PrimitiveKind.SWIM
             else _shaped_descent(config, kind, here, heading, row)
         )
-        if leg is not None and _stays(config, water, leg, under_s):
+        if leg is None:
+            continue
+        course = drift.course_of(config, leg, begin)
+        if _stays(config, water, leg, course):
             legs.append(leg)
-            here, under_s = _after(config, leg, under_s)
-    return legs, here, under_s
+            here, begin = _after(config, leg, course)
+    return legs, here, begin
 
 
-def _heading_to(config: PlannerConfig, there: PositionNed, goal_xy: tuple[float, float]) -> float:
-    """Return the heading of a glide that leads from a place to the goal, over ground."""
-    motion, current = config.primitives, config.current
+def _heading_to(
+    config: PlannerConfig, here: PositionNed, begin: drift.Carried, goal_xy: tuple[float, float]
+) -> float:
+    """Return the heading of a glide that leads to the goal, over ground."""
+    motion = config.primitives
+    there = (here[0] + begin.north_m, here[1] + begin.east_m, here[2])
+    north, east = flow_at(config.current.table, *there, begin.time_s)
     middle = 0.5 * (motion.glide_angle_min_rad + motion.glide_angle_max_rad)
     way_s = math.dist(there[:2], goal_xy) * math.tan(middle) / motion.glide_speed_m_s
-    aim = (goal_xy[0] - current.north_m_s * way_s, goal_xy[1] - current.east_m_s * way_s, 0.0)
-    return primitive.bearing(there, aim)
+    return primitive.bearing(there, (goal_xy[0] - north * way_s, goal_xy[1] - east * way_s, 0.0))
 
 
-def _after(config: PlannerConfig, leg: Leg, under_s: float) -> tuple[PositionNed, float]:
-    """Return where the robot believes to be after a leg, and for how long it has not seen."""
-    under_s_then = drift.later(leg, under_s)
+def _after(
+    config: PlannerConfig, leg: Leg, course: drift.Course
+) -> tuple[PositionNed, drift.Carried]:
+    """Return where the robot believes to be after a leg, and how far it was carried from there."""
+    then = drift.later(config, leg, course)
     if leg.end_ned[2] <= 0.0:
-        return drift.position_at(config, leg, under_s, 1.0), under_s_then
-    return leg.end_ned, under_s_then
+        return drift.position_at(leg, course, 1.0), then
+    return leg.end_ned, then
 
 
-def _stays(config: PlannerConfig, water: Waterway, leg: Leg, under_s: float) -> bool:
+def _stays(config: PlannerConfig, water: Waterway, leg: Leg, course: drift.Course) -> bool:
     """Tell whether a leg really stays in the domain and the water, and in belief near them."""
     knows = drift.knows_place(leg)
     if not knows and drift.has_current(config):
@@ -214,7 +234,7 @@ def _stays(config: PlannerConfig, water: Waterway, leg: Leg, under_s: float) -> 
         begins_bent = leg.kind is PrimitiveKind.SPIRAL and leg.start_ned[2] <= 0.0
         if begins_bent or not _is_near(water, leg):
             return False
-    return _is_really_inside(config, leg, under_s) and _is_in_water(config, water, leg, under_s)
+    return _is_really_inside(config, leg, course) and _is_in_water(water, leg, course)
 
 
 def _is_near(water: Waterway, leg: Leg) -> bool:
@@ -226,44 +246,44 @@ def _is_near(water: Waterway, leg: Leg) -> bool:
     )
 
 
-def _is_really_inside(config: PlannerConfig, leg: Leg, under_s: float) -> bool:
+def _is_really_inside(config: PlannerConfig, leg: Leg, course: drift.Course) -> bool:
     """Tell whether no point of the true way leaves the domain; of a spiral, of what holds it."""
     if drift.knows_place(leg):
         return primitive.is_inside(leg, config.domain)
-    low, high = primitive.bounds(leg)
-    ways = [drift.carried(config, (0.0, 0.0, 0.0), under_s + t) for t in (0.0, leg.duration_s)]
     if leg.kind is not PrimitiveKind.SPIRAL:
-        ends = (drift.position_at(config, leg, under_s, part) for part in (0.0, 1.0))
+        ends = (drift.position_at(leg, course, part) for part in (0.0, 1.0))
         return all(config.domain.contains(*end, margin_m=1e-9) for end in ends)
+    begin, (north, east) = course.begin, course.current_ne_m_s
+    ways = [(begin.north_m + north * t, begin.east_m + east * t) for t in (0.0, leg.duration_s)]
     return all(
         config.domain.contains(bound[0] + way[0], bound[1] + way[1], bound[2], margin_m=1e-9)
-        for bound in (low, high)
+        for bound in primitive.bounds(leg)
         for way in ways
     )
 
 
-def _is_in_water(config: PlannerConfig, water: Waterway, leg: Leg, under_s: float) -> bool:
+def _is_in_water(water: Waterway, leg: Leg, course: drift.Course) -> bool:
     """Tell whether the true way is above the floor and off shores and keep-outs."""
     if water.is_everywhere:
         return True
     count = 1
     if leg.kind is PrimitiveKind.SPIRAL:
         count = chords(water, leg.radius_m, leg.turn_rad)
-    ends = [drift.position_at(config, leg, under_s, i / count) for i in range(count + 1)]
+    ends = [drift.position_at(leg, course, i / count) for i in range(count + 1)]
     return all(holds_line(water, a, b) for a, b in itertools.pairwise(ends))
 
 
 def _shaped_swim(
-    config: PlannerConfig, here: PositionNed, heading: float, row: FloatArray
+    config: PlannerConfig, here: PositionNed, heading: float, row: FloatArray, begin_s: float
 ) -> Leg | None:
     limits = config.primitives
     if here[2] > 0.0 and not limits.swims_under_water:
         return None
     length = _between(limits.swim_length_min_m, limits.swim_length_max_m, row[SHAPE_FIRST])
     end = _ahead(here, heading, length, here[2])
-    if primitive.headway_m_s(config, here, end) == 0.0:
+    if primitive.headway_m_s(config, here, end, begin_s) == 0.0:
         return None
-    return primitive.swim(config, here, end)
+    return primitive.swim(config, here, end, begin_s)
 
 
 def _shaped_descent(
@@ -292,7 +312,7 @@ def _closing_legs(
     config: PlannerConfig,
     water: Waterway,
     here: PositionNed,
-    under_s: float,
+    begin: drift.Carried,
     goal_xy: tuple[float, float],
 ) -> list[Leg] | None:
     """Return what brings the robot up and to the goal, or None where nothing does.
@@ -303,30 +323,70 @@ def _closing_legs(
     limits: PrimitiveConfig = config.primitives
     legs: list[Leg] = []
     if here[2] > 0.0:
-        drifted_s = under_s + here[2] / limits.glide_speed_m_s
-        aim = (
-            goal_xy[0] - config.current.north_m_s * drifted_s,
-            goal_xy[1] - config.current.east_m_s * drifted_s,
-            0.0,
-        )
-        angle = math.atan2(here[2], math.dist(here[:2], aim[:2]))
+        glide, course = _closing_glide(config, here, begin, goal_xy)
+        angle = math.atan2(here[2], math.dist(here[:2], glide.end_ned[:2]))
         if limits.glide_angle_min_rad <= angle <= limits.glide_angle_max_rad:
-            glide = primitive.glide(config, here, aim)
-            return [glide] if _stays(config, water, glide, under_s) else None
+            return [glide] if _stays(config, water, glide, course) else None
         legs.append(primitive.dive(config, here, 0.0))
-        if not _stays(config, water, legs[0], under_s):
+        course = drift.course_of(config, legs[0], begin)
+        if not _stays(config, water, legs[0], course):
             return None
-        here, _ = _after(config, legs[0], under_s)
+        here, begin = _after(config, legs[0], course)
     goal: PositionNed = (*goal_xy, 0.0)
     distance = math.dist(here, goal)
     if distance < SAME_PLACE_M:
         return legs
     if not limits.swim_length_min_m <= distance <= limits.swim_length_max_m:
         return None
-    if primitive.headway_m_s(config, here, goal) == 0.0:
+    if primitive.headway_m_s(config, here, goal, begin.time_s) == 0.0:
         return None
-    legs.append(primitive.swim(config, here, goal))
-    return legs if _stays(config, water, legs[-1], 0.0) else None
+    legs.append(primitive.swim(config, here, goal, begin.time_s))
+    return legs if _stays(config, water, legs[-1], drift.Course(begin, (0.0, 0.0))) else None
+
+
+def _closing_glide(
+    config: PlannerConfig, here: PositionNed, begin: drift.Carried, goal_xy: tuple[float, float]
+) -> tuple[Leg, drift.Course]:
+    """Return the glide that really leads up to the goal, and its course."""
+    table, duration_s = config.current.table, here[2] / config.primitives.glide_speed_m_s
+    there = (here[0] + begin.north_m, here[1] + begin.east_m, here[2])
+
+    def aimed(current: tuple[float, float]) -> tuple[Leg, drift.Course]:
+        aim = (
+            goal_xy[0] - begin.north_m - current[0] * duration_s,
+            goal_xy[1] - begin.east_m - current[1] * duration_s,
+            0.0,
+        )
+        glide = primitive.glide(config, here, aim)
+        return glide, drift.course_of(config, glide, begin)
+
+    glide, course = aimed(flow_at(table, *there, begin.time_s))
+    for _ in range(0 if is_uniform(table) else AIMS - 1):
+        glide, course = aimed(course.current_ne_m_s)
+    return glide, course
+
+
+def refitted(config: PlannerConfig, legs: Sequence[Leg]) -> tuple[Leg, ...]:
+    """Return legs that lead in their plan's own time to where each dive is to come up.
+
+    A search makes each dive for about the time at which it will begin. Where the current changes
+    with time, the last glide of a dive is aimed anew once that is known.
+    """
+    if is_uniform(config.current.table):
+        return tuple(legs)
+    found: list[Leg] = []
+    begin, came_up = drift.fresh(config, 0.0), legs[0].start_ned
+    for leg, following in itertools.zip_longest(legs, legs[1:]):
+        flown = leg
+        if leg.kind is PrimitiveKind.GLIDE and leg.end_ned[2] <= 0.0 and following is not None:
+            flown, _ = _closing_glide(config, leg.start_ned, begin, following.start_ned[:2])
+        elif drift.knows_place(leg) and math.dist(came_up, leg.end_ned) > SAME_PLACE_M:
+            flown = primitive.swim(config, came_up, leg.end_ned, begin.time_s)
+        course = drift.course_of(config, flown, begin)
+        came_up = drift.position_at(flown, course, 1.0)
+        found.append(flown)
+        begin = drift.later(config, flown, course)
+    return tuple(found)
 
 
 def _ahead(here: PositionNed, heading: float, length: float, depth: float) -> PositionNed:

@@ -5,6 +5,7 @@ import math
 from autonomy.arrays import FloatArray
 from autonomy.compiled import inlined_kernel, inner_kernel, kernel
 from autonomy.planner.leg.edge import (
+    AIMS,
     SAME_PLACE_M,
     SHAPE_BEARING,
     SHAPE_COLUMNS,
@@ -14,6 +15,7 @@ from autonomy.planner.leg.edge import (
     SHAPE_SECOND,
     SHAPE_SIDE,
 )
+from autonomy.planner.leg.flow_kernel import flow_at, is_uniform
 from autonomy.planner.leg.leg_kernel import (
     DIVE,
     DURATION,
@@ -32,9 +34,11 @@ from autonomy.planner.leg.leg_kernel import (
     Y1,
     Z0,
     Z1,
+    Carried,
     after,
-    carried,
+    fresh,
     knows_place,
+    leg_current,
     on_circle,
     really_at,
     stays,
@@ -52,6 +56,7 @@ def propose(
     goal: tuple[float, float],
     shape: FloatArray,
     legs: FloatArray,
+    begin_s: float,
 ) -> int:
     """Build the legs of a shape between two surface points (``edge.propose_edge``).
 
@@ -62,22 +67,25 @@ def propose(
         goal: North and east of the surfacing that it must reach.
         shape: What the primitives are made from (``edge.random_shape``).
         legs: Receives the legs, shape ``(legs_max, LEG_COLUMNS)``.
+        begin_s: When it begins, s since the plan began.
 
     Returns:
         Number of legs; 0 if the edge does not reach the goal or breaks the budget.
     """
-    x, y, z = start[0], start[1], 0.0
-    under = 0.0
+    here = (start[0], start[1], 0.0)
+    begin = fresh(limits, begin_s)
     count = 0
     for i in range(1 + int(shape[0] * limits.primitives_max)):
         row = shape[1 + i * SHAPE_COLUMNS : 1 + (i + 1) * SHAPE_COLUMNS]
-        heading = _heading_to(limits, *carried(limits, x, y, under), goal)
+        heading = _heading_to(limits, here, begin, goal)
         heading += limits.bearing_noise * row[SHAPE_BEARING]
         leg = legs[count]
-        if _shape_leg(limits, (x, y, z), heading, row, leg) and stays(limits, water, leg, under):
-            x, y, z, under = after(limits, leg, under)
-            count += 1
-    count = _close(limits, water, (x, y, z), under, goal, legs, count)
+        if _shape_leg(limits, here, heading, row, leg, begin[2]):
+            current = leg_current(limits, leg, begin)
+            if stays(limits, water, leg, begin, current):
+                here, begin = after(limits, leg, begin, current)
+                count += 1
+    count = _close(limits, water, here, begin, goal, legs, count)
     return count if energy_of(limits, legs, count) <= limits.budget else 0
 
 
@@ -99,6 +107,7 @@ def _shape_leg(
     heading: float,
     row: FloatArray,
     leg: FloatArray,
+    begin_s: float,
 ) -> bool:
     """Write the primitive of one row of a shape; tell whether it can be flown."""
     x, y, z = here
@@ -108,7 +117,7 @@ def _shape_leg(
             return False
         length = _between(limits.swim_length_min, limits.swim_length_max, row[SHAPE_FIRST])
         end = (x + length * math.cos(heading), y + length * math.sin(heading), z)
-        speed = _headway(limits, here, end)
+        speed = _headway(limits, here, end, begin_s)
         if speed == 0.0:
             return False
         _write(limits, leg, SWIM, here, end, speed, length)
@@ -146,7 +155,7 @@ def _close(
     limits: Limits,
     water: Waterway,
     here: tuple[float, float, float],
-    under: float,
+    begin: Carried,
     goal: tuple[float, float],
     legs: FloatArray,
     count: int,
@@ -154,20 +163,15 @@ def _close(
     """Append what brings the robot up and to the goal; return the number of legs, 0 if nothing."""
     x, y, z = here
     if z > 0.0:
-        drifted = under + z / limits.glide_speed
-        up = (
-            goal[0] - limits.current_north * drifted,
-            goal[1] - limits.current_east * drifted,
-            0.0,
-        )
-        angle = math.atan2(z, math.hypot(up[0] - x, up[1] - y))
+        u, v = _aim(limits, here, begin, goal, legs[count])
+        angle = math.atan2(z, math.hypot(legs[count, X1] - x, legs[count, Y1] - y))
         if limits.glide_angle_min <= angle <= limits.glide_angle_max:
-            _write(limits, legs[count], GLIDE, here, up, limits.glide_speed, z)
-            return count + 1 if stays(limits, water, legs[count], under) else 0
+            return count + 1 if stays(limits, water, legs[count], begin, (u, v)) else 0
         _write(limits, legs[count], DIVE, here, (x, y, 0.0), limits.dive_speed, z)
-        if not stays(limits, water, legs[count], under):
+        current = leg_current(limits, legs[count], begin)
+        if not stays(limits, water, legs[count], begin, current):
             return 0
-        x, y, _, _ = after(limits, legs[count], under)
+        (x, y, _), begin = after(limits, legs[count], begin, current)
         count += 1
     distance = math.hypot(goal[0] - x, goal[1] - y)
     if distance < SAME_PLACE_M:
@@ -175,35 +179,69 @@ def _close(
     if not limits.swim_length_min <= distance <= limits.swim_length_max:
         return 0
     end = (goal[0], goal[1], 0.0)
-    speed = _headway(limits, (x, y, 0.0), end)
+    speed = _headway(limits, (x, y, 0.0), end, begin[2])
     if speed == 0.0:
         return 0
     _write(limits, legs[count], SWIM, (x, y, 0.0), end, speed, distance)
-    return count + 1 if stays(limits, water, legs[count], 0.0) else 0
+    return count + 1 if stays(limits, water, legs[count], begin, (0.0, 0.0)) else 0
+
+
+@inner_kernel
+def _aim(
+    limits: Limits,
+    here: tuple[float, float, float],
+    begin: Carried,
+    goal: tuple[float, float],
+    leg: FloatArray,
+) -> tuple[float, float]:
+    """Write the glide that really leads up to the goal; return the current along it.
+
+    ``edge._closing_glide`` is the readable form.
+    """
+    duration = here[2] / limits.glide_speed
+    u, v = flow_at(limits.flow, here[0] + begin[0], here[1] + begin[1], here[2], begin[2])
+    for number in range(AIMS):
+        up = (goal[0] - begin[0] - u * duration, goal[1] - begin[1] - v * duration, 0.0)
+        _write(limits, leg, GLIDE, here, up, limits.glide_speed, here[2])
+        u, v = leg_current(limits, leg, begin)
+        if is_uniform(limits.flow) or number == AIMS - 1:
+            break
+    return u, v
 
 
 @inlined_kernel
-def _heading_to(limits: Limits, x: float, y: float, goal: tuple[float, float]) -> float:
+def _heading_to(
+    limits: Limits,
+    here: tuple[float, float, float],
+    begin: Carried,
+    goal: tuple[float, float],
+) -> float:
     """Return the heading of a glide that leads to the goal over ground (``edge._heading_to``)."""
+    x, y = here[0] + begin[0], here[1] + begin[1]
     if not limits.has_current:
         return math.atan2(goal[1] - y, goal[0] - x)
+    u, v = flow_at(limits.flow, x, y, here[2], begin[2])
     middle = 0.5 * (limits.glide_angle_min + limits.glide_angle_max)
     way = math.hypot(goal[0] - x, goal[1] - y) * math.tan(middle) / limits.glide_speed
-    return math.atan2(
-        goal[1] - limits.current_east * way - y, goal[0] - limits.current_north * way - x
-    )
+    return math.atan2(goal[1] - v * way - y, goal[0] - u * way - x)
 
 
 @inlined_kernel
 def _headway(
-    limits: Limits, start: tuple[float, float, float], end: tuple[float, float, float]
+    limits: Limits,
+    start: tuple[float, float, float],
+    end: tuple[float, float, float],
+    begin_s: float,
 ) -> float:
     """Return how fast a swim gets on, 0 if hardly at all (``primitive.headway_m_s``)."""
     speed = limits.swim_speed
-    if start[2] > 0.0 or not limits.has_current:
+    if start[2] > 0.0:
+        return speed
+    north, east = flow_at(limits.flow, start[0], start[1], 0.0, begin_s)
+    north, east = north + limits.believed_north, east + limits.believed_east
+    if north == 0.0 and east == 0.0:
         return speed
     course = math.atan2(end[1] - start[1], end[0] - start[0])
-    north, east = limits.current_north, limits.current_east
     along = north * math.cos(course) + east * math.sin(course)
     across = east * math.cos(course) - north * math.sin(course)
     if abs(across) >= speed:
@@ -246,7 +284,9 @@ def _write(
 
 
 @kernel
-def place_points(limits: Limits, legs: FloatArray, count: int, points: FloatArray) -> int:
+def place_points(
+    limits: Limits, legs: FloatArray, count: int, points: FloatArray, begin_s: float
+) -> int:
     """Place the planned points of an edge (``edge.planned_points``).
 
     Args:
@@ -254,44 +294,51 @@ def place_points(limits: Limits, legs: FloatArray, count: int, points: FloatArra
         legs: Legs of the edge, shape ``(legs_max, LEG_COLUMNS)``.
         count: Number of legs.
         points: Receives time, north, east, down, position std, shape ``(points_max, 5)``.
+        begin_s: When the edge begins, s since the plan began.
 
     Returns:
         Number of points; 0 if the position becomes less certain than allowed on the way.
     """
-    first, placed = 0, 0
+    first, placed, departures = 0, 0, 0
     begin = 0.0
     total = 0.0
     for i in range(count):
         total += legs[i, DURATION]
         if legs[i, Z1] <= 0.0 or i == count - 1:
-            number = _place_dive(limits, legs[first : i + 1], total, points[placed:])
+            from_s = begin_s + begin + departures * limits.turn_time
+            number = _place_dive(limits, legs[first : i + 1], total, points[placed:], from_s)
             if number == 0:
                 return 0
             points[placed : placed + number, 0] += begin
             placed += number
             begin += total
+            departures += 1
             first, total = i + 1, 0.0
     return placed
 
 
 @inner_kernel
-def _place_dive(limits: Limits, legs: FloatArray, total: float, points: FloatArray) -> int:
+def _place_dive(
+    limits: Limits, legs: FloatArray, total: float, points: FloatArray, begin_s: float
+) -> int:
     """Place the points of legs that take ``total`` from one surfacing to the next; 0 if lost."""
     number = max(math.ceil(total / limits.point_interval - 1e-9), 1)
     a, b, d = limits.surface_position, limits.surface_cross, limits.surface_velocity
     i = 0
     leg_end = legs[0, DURATION]
-    under = 0.0
+    carried = fresh(limits, begin_s)
+    current = leg_current(limits, legs[0], carried)
     drifts = limits.has_current and not knows_place(legs[0])
     before = blind = 0.0
     for row in range(number):
         time = min((row + 1) * limits.point_interval, total)
         while i < len(legs) - 1 and leg_end < time:
-            under += legs[i, DURATION]
+            _, carried = after(limits, legs[i], carried, current)
             i += 1
             leg_end += legs[i, DURATION]
+            current = leg_current(limits, legs[i], carried)
         fraction = 1.0 - (leg_end - time) / legs[i, DURATION]
-        x, y, z = really_at(limits, legs[i], under, drifts, fraction)
+        x, y, z = really_at(legs[i], carried, current, drifts, fraction)
         has_fix = z <= limits.surface_depth
         a, b, d = _step(limits, a, b, d, time - before, has_fix)
         blind = 0.0 if has_fix else blind + time - before

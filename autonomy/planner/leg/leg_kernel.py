@@ -4,6 +4,8 @@ import math
 
 from autonomy.arrays import FloatArray
 from autonomy.compiled import inlined_kernel, inner_kernel
+from autonomy.planner.leg.drift import MIDPOINTS, ROUNDS
+from autonomy.planner.leg.flow_kernel import flow_at, is_uniform
 from autonomy.planner.leg.waterway import Waterway
 from autonomy.planner.leg.waterway_kernel import chords, holds_line
 from autonomy.planner.limits import Limits
@@ -16,6 +18,10 @@ KIND, X0, Y0, Z0, X1, Y1, Z1, SPEED, DURATION, ENERGY, HEADING, RADIUS, TURN = r
 LEG_COLUMNS = 13
 """Columns of a leg in an array of legs."""
 _EDGE_MARGIN_M = 1e-9
+
+Carried = tuple[float, float, float]
+"""How far north and east the water has carried a robot from where it believes to be, and when that
+is, s since the plan began (``drift.Carried``)."""
 
 
 def leg_of(row: FloatArray) -> Leg:
@@ -33,8 +39,33 @@ def leg_of(row: FloatArray) -> Leg:
     )
 
 
+@inner_kernel
+def leg_current(limits: Limits, leg: FloatArray, begin: Carried) -> tuple[float, float]:
+    """Return the mean current along a leg that begins so (``drift.course_of``)."""
+    x, y, t = begin
+    u, v = flow_at(limits.flow, leg[X0] + x, leg[Y0] + y, leg[Z0], t)
+    if is_uniform(limits.flow):
+        return u, v
+    for _ in range(ROUNDS):
+        north, east = 0.0, 0.0
+        for share in MIDPOINTS:
+            px, py, pz = _at(leg, share)
+            passed = share * leg[DURATION]
+            un, ue = flow_at(limits.flow, px + x + passed * u, py + y + passed * v, pz, t + passed)
+            north += un / len(MIDPOINTS)
+            east += ue / len(MIDPOINTS)
+        u, v = north, east
+    return u, v
+
+
 @inlined_kernel
-def stays(limits: Limits, water: Waterway, leg: FloatArray, under: float) -> bool:
+def stays(
+    limits: Limits,
+    water: Waterway,
+    leg: FloatArray,
+    begin: Carried,
+    current: tuple[float, float],
+) -> bool:
     """Tell whether a leg really stays in the domain and the water (``edge.stays``)."""
     x_low, x_high, y_low, y_high = _bounds(leg)
     drifts = limits.has_current and not knows_place(leg)
@@ -44,8 +75,8 @@ def stays(limits: Limits, water: Waterway, leg: FloatArray, under: float) -> boo
             return False
         if x_low < x_room[0] or x_high > x_room[1] or y_low < y_room[0] or y_high > y_room[1]:
             return False
-        x0, y0 = carried(limits, 0.0, 0.0, under)
-        x1, y1 = carried(limits, 0.0, 0.0, under + leg[DURATION])
+        x0, y0 = begin[0], begin[1]
+        x1, y1 = x0 + current[0] * leg[DURATION], y0 + current[1] * leg[DURATION]
         if leg[KIND] == SPIRAL:
             x_low, x_high = x_low + min(x0, x1), x_high + max(x0, x1)
             y_low, y_high = y_low + min(y0, y1), y_high + max(y0, y1)
@@ -54,7 +85,7 @@ def stays(limits: Limits, water: Waterway, leg: FloatArray, under: float) -> boo
             x_low, x_high, y_low, y_high = min(x0, x1), max(x0, x1), min(y0, y1), max(y0, y1)
     if not _holds(limits, x_low, y_low) or not _holds(limits, x_high, y_high):
         return False
-    return water.is_everywhere or _is_in_water(limits, water, leg, under, drifts)
+    return water.is_everywhere or _is_in_water(limits, water, leg, begin, current, drifts)
 
 
 @inlined_kernel
@@ -64,31 +95,36 @@ def knows_place(leg: FloatArray) -> bool:
 
 
 @inlined_kernel
-def carried(limits: Limits, x: float, y: float, under: float) -> tuple[float, float]:
-    """Return where a robot is that believes to be at a place (``drift.carried``)."""
-    return x + limits.current_north * under, y + limits.current_east * under
+def fresh(limits: Limits, begin: float) -> Carried:
+    """Return that a robot knows its place, when it leaves the surface (``drift.fresh``)."""
+    return 0.0, 0.0, begin + limits.turn_time
 
 
 @inlined_kernel
-def after(limits: Limits, leg: FloatArray, under: float) -> tuple[float, float, float, float]:
-    """Return where the robot believes to be after a leg, and for how long it has not seen."""
+def after(
+    limits: Limits, leg: FloatArray, begin: Carried, current: tuple[float, float]
+) -> tuple[tuple[float, float, float], Carried]:
+    """Return where the robot believes to be after a leg, and how far it was carried from there."""
     x, y, z = leg[X1], leg[Y1], leg[Z1]
-    then = under + leg[DURATION]
+    way_x = begin[0] + current[0] * leg[DURATION]
+    way_y = begin[1] + current[1] * leg[DURATION]
+    then = begin[2] + leg[DURATION]
     if z > 0.0:
-        return x, y, z, then
-    if limits.has_current and not knows_place(leg):
-        x, y = carried(limits, x, y, then)
-    return x, y, z, 0.0
+        return (x, y, z), (way_x, way_y, then)
+    if not knows_place(leg):
+        x, y = x + way_x, y + way_y
+    return (x, y, z), fresh(limits, then)
 
 
 @inlined_kernel
 def really_at(
-    limits: Limits, leg: FloatArray, under: float, drifts: bool, fraction: float
+    leg: FloatArray, begin: Carried, current: tuple[float, float], drifts: bool, fraction: float
 ) -> tuple[float, float, float]:
     """Return where the robot really is on a leg (``drift.position_at``)."""
     x, y, z = _at(leg, fraction)
     if drifts:
-        x, y = carried(limits, x, y, under + fraction * leg[DURATION])
+        passed = fraction * leg[DURATION]
+        x, y = x + begin[0] + current[0] * passed, y + begin[1] + current[1] * passed
     return x, y, z
 
 
@@ -145,13 +181,18 @@ def _holds(limits: Limits, x: float, y: float) -> bool:
 
 @inner_kernel
 def _is_in_water(
-    limits: Limits, water: Waterway, leg: FloatArray, under: float, drifts: bool
+    limits: Limits,
+    water: Waterway,
+    leg: FloatArray,
+    begin: Carried,
+    current: tuple[float, float],
+    drifts: bool,
 ) -> bool:
     """Tell whether the true way is above the floor and off shores and keep-outs."""
     count = chords(water, leg[RADIUS], leg[TURN]) if leg[KIND] == SPIRAL else 1
-    here = really_at(limits, leg, under, drifts, 0.0)
+    here = really_at(leg, begin, current, drifts, 0.0)
     for i in range(1, count + 1):
-        there = really_at(limits, leg, under, drifts, i / count)
+        there = really_at(leg, begin, current, drifts, i / count)
         if not holds_line(water, here, there):
             return False
         here = there

@@ -2,6 +2,7 @@
 
 import math
 
+from autonomy.current.table import flow_at
 from autonomy.planner.config import EnergyConfig, PlannerConfig
 from autonomy.planner.plan import Leg, PositionNed, PrimitiveKind
 from autonomy.site import Box
@@ -95,13 +96,15 @@ def dive(config: PlannerConfig, start: PositionNed, depth_m: float) -> Leg:
     )
 
 
-def swim(config: PlannerConfig, start: PositionNed, end: PositionNed) -> Leg:
+def swim(config: PlannerConfig, start: PositionNed, end: PositionNed, begin_s: float = 0.0) -> Leg:
     """Return the straight swim from ``start`` to ``end``, which has the same depth.
+
+    It begins so long after its plan.
 
     Raises:
         ValueError: If the current at the surface is too strong (``headway_m_s``).
     """
-    speed = headway_m_s(config, start, end)
+    speed = headway_m_s(config, start, end, begin_s)
     if speed == 0.0:
         raise ValueError("current is too strong to swim against it")
     duration = math.hypot(end[0] - start[0], end[1] - start[1]) / speed
@@ -116,14 +119,16 @@ def swim(config: PlannerConfig, start: PositionNed, end: PositionNed) -> Leg:
     )
 
 
-def headway_m_s(config: PlannerConfig, start: PositionNed, end: PositionNed) -> float:
+def headway_m_s(
+    config: PlannerConfig, start: PositionNed, end: PositionNed, begin_s: float = 0.0
+) -> float:
     """Return how fast a swim gets on, 0 where the current leaves too little of its speed.
 
     At the surface the robot sees its position and steers over ground: it heads into the current
     so far that it keeps the line. Under water its speed is that through the water.
     """
     speed = config.primitives.swim_speed_m_s
-    north, east = config.current.north_m_s, config.current.east_m_s
+    north, east = surface_current(config, start, begin_s)
     if start[2] > 0.0 or (north == 0.0 and east == 0.0):
         return speed
     course = bearing(start, end)
@@ -133,6 +138,15 @@ def headway_m_s(config: PlannerConfig, start: PositionNed, end: PositionNed) -> 
         return 0.0
     headway = along + math.sqrt(speed**2 - across**2)
     return headway if headway >= HEADWAY_MIN * speed else 0.0
+
+
+def surface_current(
+    config: PlannerConfig, place: PositionNed, time_s: float
+) -> tuple[float, float]:
+    """Return how fast the water really moves at the surface of a place, so long after a plan."""
+    known = config.current.believed_ne_m_s
+    north, east = flow_at(config.current.table, place[0], place[1], 0.0, time_s)
+    return north + known[0], east + known[1]
 
 
 def bearing(start: PositionNed, end: PositionNed) -> float:

@@ -43,7 +43,7 @@ from autonomy.planner.information.information import (
     bytes_per_edge,
     information_of,
 )
-from autonomy.planner.leg.edge import Edge, legs_energy, planned_points
+from autonomy.planner.leg.edge import Edge, legs_energy, planned_points, refitted
 from autonomy.planner.leg.leg_kernel import (
     DURATION,
     ENERGY,
@@ -373,7 +373,8 @@ class _Search:
         limit = self._config.search.past_samples_max if in_haste else _FINAL_SAMPLES_MAX
         worth = self._final_objective(points, limit)
         found: list[tuple[bool, Candidate]] = []
-        for legs, searched in self._finalists().items():
+        for found_legs, searched in self._finalists().items():
+            legs = refitted(self._config, found_legs)
             edge = Edge(legs, planned_points(self._config, legs), legs_energy(self._config, legs))
             candidate = outcome.as_candidate(self._config, [edge], worth(edge.points), searched)
             spent = spending(self._config, legs).greatest_share(self._config, self._budget)

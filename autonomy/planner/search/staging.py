@@ -67,6 +67,9 @@ def stage_growth(graph: Graph, rng: np.random.Generator) -> bool:
     for _ in range(_FIRST_CALLS if graph.tally[NODES] == 1 else 1):
         if graph.tally[STAGED] == 0:
             _stage_between(graph, nearest, goal, rng)
+    if graph.tally[STAGED] > 0:
+        took = duration_of(graph, first_staged(graph) + graph.tally[STAGED] - 1)
+        graph.node_time[graph.tally[NODES]] = graph.node_time[nearest] + took
     found = 0
     chosen = np.empty(graph.near_max, dtype=np.int32)
     for node in range(graph.tally[NODES]):
@@ -103,7 +106,7 @@ def _stage_between(
     start = (graph.node_xy[source, 0], graph.node_xy[source, 1])
     for _ in range(graph.edges_per_call):
         draw_shape(graph, rng)
-        if stage_edge(graph, start, goal):
+        if stage_edge(graph, start, goal, graph.node_time[source]):
             graph.staged_source[graph.tally[STAGED] - 1] = source
 
 
@@ -138,17 +141,23 @@ def next_shape(graph: Graph) -> FloatArray:
 
 
 @inner_kernel
-def stage_edge(graph: Graph, start: tuple[float, float], goal: tuple[float, float]) -> bool:
-    """Stage the edge of the shape just drawn if it is feasible and there is room."""
+def stage_edge(
+    graph: Graph, start: tuple[float, float], goal: tuple[float, float], begin_s: float
+) -> bool:
+    """Stage the edge of the shape just drawn if it is feasible and there is room.
+
+    It begins so long after the plan.
+    """
     staged = graph.tally[STAGED]
     if staged == len(graph.staged_point_count):
         return False
     edge = first_staged(graph) + staged
     legs = graph.edge_legs[edge]
-    count = propose(graph.limits, graph.waterway, start, goal, graph.edge_shape[edge], legs)
+    shape = graph.edge_shape[edge]
+    count = propose(graph.limits, graph.waterway, start, goal, shape, legs, begin_s)
     if count == 0:
         return False
-    points = place_points(graph.limits, legs, count, graph.staged_points[staged])
+    points = place_points(graph.limits, legs, count, graph.staged_points[staged], begin_s)
     if points == 0:
         return False
     graph.edge_leg_count[edge] = count
@@ -165,18 +174,26 @@ def note_shares(graph: Graph, edge: int) -> None:
     """Set what an edge spends of each budget."""
     count = graph.edge_leg_count[edge]
     legs = graph.edge_legs[edge]
-    duration, departures, surfacings = 0.0, 0, 0
+    surfacings = 0
     for i in range(count):
-        duration += legs[i, DURATION]
-        if legs[i, Z0] <= 0.0:
-            departures += 1
-        elif legs[i, Z1] <= 0.0:
+        if legs[i, Z1] <= 0.0 < legs[i, Z0]:
             surfacings += 1
-    duration += departures * graph.surfacing_time
+    duration = duration_of(graph, edge)
     per_unit, share = graph.share_per_unit, graph.edge_share[edge]
     share[0] = energy_of(graph.limits, legs, count) * per_unit[0]
     share[1] = duration * per_unit[1]
     share[2] = surfacings * graph.surfacing_bytes * per_unit[2]
+
+
+@inner_kernel
+def duration_of(graph: Graph, edge: int) -> float:
+    """Return how long an edge takes, with the surfacings before its dives, s."""
+    duration = 0.0
+    for i in range(graph.edge_leg_count[edge]):
+        duration += graph.edge_legs[edge, i, DURATION]
+        if graph.edge_legs[edge, i, Z0] <= 0.0:
+            duration += graph.surfacing_time
+    return duration
 
 
 @kernel
@@ -228,14 +245,17 @@ def _fill_gap(graph: Graph, first: int, taken: int, rng: np.random.Generator) ->
     elite = graph.gap[ELITE]
     begin = start_of(graph, elite_edge(graph, elite, first))
     end = end_of(graph, elite_edge(graph, elite, first + taken - 1))
+    begin_s = 0.0
+    for i in range(first):
+        begin_s += duration_of(graph, elite_edge(graph, elite, i))
     for _ in range(int(_ATTEMPTS_SHARE * len(graph.staged_point_count))):
         goal = end
         if first + taken == graph.elite_length[elite] and rng.random() < 0.5:
             goal = _around(graph, end, _FAR_NUDGE * graph.step, rng)
         if rng.random() < 0.5:
-            stands = _stage_alike(graph, first, taken, begin, goal, rng)
+            stands = _stage_alike(graph, first, taken, begin, goal, begin_s, rng)
         else:
-            stands = _stage_any(graph, begin, goal, rng)
+            stands = _stage_any(graph, begin, goal, begin_s, rng)
         _seal_proposal(graph, stands)
 
 
@@ -246,6 +266,7 @@ def _stage_alike(
     taken: int,
     begin: tuple[float, float],
     goal: tuple[float, float],
+    begin_s: float,
     rng: np.random.Generator,
 ) -> bool:
     """Stage edges like those of the gap, with surfacings near theirs; tell whether all stand."""
@@ -255,15 +276,20 @@ def _stage_alike(
         edge = elite_edge(graph, graph.gap[ELITE], first + i)
         there = goal if i == taken - 1 else _around(graph, end_of(graph, edge), spread, rng)
         nudge_shape(graph, edge, rng)
-        if not _is_near(graph, here, there) or not stage_edge(graph, here, there):
+        if not _is_near(graph, here, there) or not stage_edge(graph, here, there, begin_s):
             return False
         here = there
+        begin_s += duration_of(graph, first_staged(graph) + graph.tally[STAGED] - 1)
     return True
 
 
 @inner_kernel
 def _stage_any(
-    graph: Graph, begin: tuple[float, float], goal: tuple[float, float], rng: np.random.Generator
+    graph: Graph,
+    begin: tuple[float, float],
+    goal: tuple[float, float],
+    begin_s: float,
+    rng: np.random.Generator,
 ) -> bool:
     """Stage one or two edges of any shape from begin to goal; tell whether all stand."""
     here = begin
@@ -271,10 +297,11 @@ def _stage_any(
         middle = (0.5 * (begin[0] + goal[0]), 0.5 * (begin[1] + goal[1]))
         here = _around(graph, middle, _FAR_NUDGE * graph.step, rng)
         draw_shape(graph, rng)
-        if not _is_near(graph, begin, here) or not stage_edge(graph, begin, here):
+        if not _is_near(graph, begin, here) or not stage_edge(graph, begin, here, begin_s):
             return False
+        begin_s += duration_of(graph, first_staged(graph) + graph.tally[STAGED] - 1)
     draw_shape(graph, rng)
-    return _is_near(graph, here, goal) and stage_edge(graph, here, goal)
+    return _is_near(graph, here, goal) and stage_edge(graph, here, goal, begin_s)
 
 
 @inner_kernel

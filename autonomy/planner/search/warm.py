@@ -22,10 +22,12 @@ from autonomy.planner.leg.edge import (
     SHAPE_SECOND,
     SHAPE_SIDE,
     Edge,
+    legs_duration_s,
     legs_energy,
     planned_points,
     propose_edge,
     random_shape,
+    refitted,
 )
 from autonomy.planner.leg.primitive import bearing
 from autonomy.planner.leg.waterway import Waterway
@@ -116,12 +118,13 @@ def _part(value: float, low: float, high: float) -> float:
 def _edges_of(config: PlannerConfig, legs: Sequence[Leg]) -> list[Edge]:
     """Cut legs at every surfacing, as far as they are whole numbers and connected."""
     edges: list[Edge] = []
-    begin = 0
+    begin, begin_s = 0, 0.0
     for number, leg in enumerate(legs):
         if not _is_sound(leg):
             break
         if leg.end_ned[2] <= 0.0:
-            edges.append(_edge(config, tuple(legs[begin : number + 1])))
+            edges.append(_edge(config, tuple(legs[begin : number + 1]), begin_s))
+            begin_s += legs_duration_s(config, edges[-1].legs)
             begin = number + 1
     return edges
 
@@ -131,8 +134,8 @@ def _is_sound(leg: Leg) -> bool:
     return all(math.isfinite(number) for number in numbers) and 0.0 < leg.duration_s < math.inf
 
 
-def _edge(config: PlannerConfig, legs: tuple[Leg, ...]) -> Edge:
-    return Edge(legs, planned_points(config, legs), legs_energy(config, legs))
+def _edge(config: PlannerConfig, legs: tuple[Leg, ...], begin_s: float) -> Edge:
+    return Edge(legs, planned_points(config, legs, begin_s), legs_energy(config, legs))
 
 
 def _joined(
@@ -164,7 +167,7 @@ def _joined(
 def _can_be_flown(
     config: PlannerConfig, budget: float, edges: list[Edge], site: Site | None
 ) -> bool:
-    legs = tuple(leg for edge in edges for leg in edge.legs)
+    legs = refitted(config, [leg for edge in edges for leg in edge.legs])
     if spending(config, legs).greatest_share(config, budget) > 1.0:
         return False
     allowed = config.model_copy(update={"round_budget": budget})

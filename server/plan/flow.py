@@ -1,0 +1,148 @@
+"""What plans know of the current: a table of the map to plan in, and what it says of surfacings."""
+
+import asyncio
+import math
+from dataclasses import dataclass
+from datetime import datetime
+from typing import Any
+
+import numpy as np
+
+from autonomy.current.model import CurrentMap, tabulate
+from autonomy.planner.config import PlannerConfig
+from autonomy.planner.leg import drift, primitive
+from autonomy.planner.plan import Leg, PrimitiveKind
+from server.base.foundation import Foundation
+from server.current.currents import Currents
+from server.fleet.fleet import Fleet
+
+_LONGER = 1.5
+"""A table goes on for so many times the expected duration of its round."""
+_ELLIPSE_90 = math.sqrt(-2.0 * math.log(0.1))
+_TRACK_POINTS = 7
+"""Points of a leg by which its integral of the current is taken."""
+
+
+@dataclass(frozen=True, slots=True)
+class PlannedCurrent:
+    """The current that a plan is made in, and what to tell of it."""
+
+    config: PlannerConfig
+    text: str
+    """Where it comes from; "" for a current that somebody typed."""
+
+
+class PlanFlows:
+    """Gives plans what the map of a current knows. Belongs to one event loop."""
+
+    def __init__(self, foundation: Foundation, fleet: Fleet) -> None:
+        self._clock = foundation.clock
+        self._fleet = fleet
+        self._currents = foundation.services.get(Currents)
+
+    async def planned(self, robot: str, config: PlannerConfig, ahead_s: float) -> PlannedCurrent:
+        """Return settings with the current that holds for a plan which begins in so long a time."""
+        current = config.current
+        if current.source == "typed":
+            return PlannedCurrent(_with_flow(config, None), "")
+        known = self._currents.usable(robot)
+        if known is None:
+            found = self._currents.of(robot)
+            dives = 0 if found is None else len(found.dives)
+            text = (
+                f"The map of the current tells too little for a plan ({dives} dives, or too long "
+                "ago): the typed current was used."
+            )
+            return PlannedCurrent(_with_flow(config, None), text)
+        from_s = self._clock.now().timestamp() + ahead_s
+        until_s = from_s + _LONGER * round_duration_s(config)
+        believed = self._believed(robot)
+        flow = await asyncio.to_thread(
+            tabulate, known, config.domain, from_s, until_s, believed_ne_m_s=believed
+        )
+        text = f"Planned in the current that {flow.dives} dives tell of."
+        return PlannedCurrent(_with_flow(config, flow.model_dump()), text)
+
+    async def surfacings(
+        self, robot: str, config: PlannerConfig, legs: tuple[Leg, ...], at: datetime
+    ) -> list[dict[str, Any]]:
+        """Return where each dive of a plan that begins at a moment will come up, and how surely.
+
+        Nothing where the map of the current tells too little.
+        """
+        known = self._currents.usable(robot)
+        if known is None:
+            return []
+        from_s = at.timestamp()
+        if config.current.flow is not None:
+            from_s = config.current.flow.from_s
+        return await asyncio.to_thread(
+            surfacings_of, known, config, legs, from_s, self._believed(robot)
+        )
+
+    def _believed(self, robot: str) -> tuple[float, float]:
+        """Return the current with which a robot itself reckons."""
+        report = self._fleet.status(robot).current_report
+        return (0.0, 0.0) if report is None else report.current_ne_m_s
+
+
+def round_duration_s(config: PlannerConfig) -> float:
+    """Return about how long a round takes that spends its budget on dives to the floor."""
+    motion = config.primitives
+    glide_s = config.domain.depth_max_m / motion.glide_speed_m_s
+    dive_s = 2.0 * glide_s + config.mission.turn_time_s
+    glide = primitive.energy(PrimitiveKind.GLIDE, glide_s, config.energy)
+    dives = max(config.round_budget / (2.0 * glide + config.surfacing_energy), 1.0)
+    duration_s = dives * dive_s
+    return min(duration_s, config.time_budget_s) if config.time_budget_s > 0.0 else duration_s
+
+
+def surfacings_of(
+    known: CurrentMap,
+    config: PlannerConfig,
+    legs: tuple[Leg, ...],
+    from_s: float,
+    believed_ne_m_s: tuple[float, float],
+) -> list[dict[str, Any]]:
+    """Return, for each dive of a plan, its drift and the ellipse that holds its surfacing."""
+    courses = drift.courses(config, legs)
+    position = config.position_filter
+    found: list[dict[str, Any]] = []
+    times: list[float] = []
+    track: list[tuple[float, float, float]] = []
+    for number, (leg, course) in enumerate(zip(legs, courses, strict=True)):
+        if drift.knows_place(leg):
+            times, track = [], []
+            continue
+        for share in np.linspace(0.0, 1.0, _TRACK_POINTS)[1 if track else 0 :].tolist():
+            times.append(from_s + course.begin.time_s + share * leg.duration_s)
+            track.append(primitive.position_at(leg, share))
+        if leg.end_ned[2] > 0.0:
+            continue
+        duration_s = times[-1] - times[0]
+        walk = known.walk_variance_m2(position.drift_m_sqrt_s, duration_s) + position.fix_std_m**2
+        said = known.displacement(np.array(times), np.array(track), walk)
+        unknown = said.mean_ne_m - duration_s * np.array(believed_ne_m_s)
+        end = drift.position_at(leg, course, 1.0)
+        values, vectors = np.linalg.eigh(said.cov_m2)
+        minor, major = (_ELLIPSE_90 * np.sqrt(np.maximum(values, 0.0))).tolist()
+        north, east = unknown.tolist()
+        found.append(
+            {
+                "leg": number,
+                "north_m": end[0],
+                "east_m": end[1],
+                "drift_ne_m": [north, east],
+                "ellipse_m": [major, minor],
+                "ellipse_rad": math.atan2(float(vectors[1, 1]), float(vectors[0, 1])),
+            }
+        )
+        times, track = [], []
+    return found
+
+
+def _with_flow(config: PlannerConfig, flow: dict[str, Any] | None) -> PlannerConfig:
+    if flow is None and config.current.flow is None:
+        return config
+    current = type(config.current).model_validate(config.current.model_dump() | {"flow": flow})
+    return config.model_copy(update={"current": current})
