@@ -203,9 +203,9 @@ class ComesUpView(View):
     """Leg that ends the dive, counted from 0."""
     north_m: float
     east_m: float
-    drift_ne_m: Annotated[tuple[float, float], numbers(2)]
+    drift_ne_m: Annotated[list[float], numbers(2)]
     """How far the dive is carried by a current that the robot does not know, north and east."""
-    ellipse_m: Annotated[tuple[float, float], numbers(2)]
+    ellipse_m: Annotated[list[float], numbers(2)]
     """Half axes of the ellipse about the place that holds it in 90 of 100 cases, the longer one
     first."""
     ellipse_rad: float

@@ -96,7 +96,7 @@ async def test_laid_out_plan_says_where_its_dives_come_up(client, station, world
     }
     made = await client.post("/api/robots/grace-1/plans", json=asked)
     assert made.status_code < 300, made.text
-    plan = (await client.get(f"/api/plans/{made.json()['plan_id']}")).json()
+    plan = (await client.get(f"/api/plans/{made.json()['id']}")).json()
     assert plan["current_text"] == "Planned in the current that 8 dives tell of."
     assert "flow" not in plan["config"]["current"]
     (one,) = plan["comes_up"]

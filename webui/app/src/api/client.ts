@@ -209,6 +209,11 @@ export class Api {
       ),
     );
 
+  current = (robot: string) => told(this.#http.GET('/api/robots/{robot}/current', of({ robot })));
+
+  flow = (robot: string, query: Query<'/api/robots/{robot}/current/flow'>) =>
+    told(this.#http.GET('/api/robots/{robot}/current/flow', of({ robot }, query)));
+
   comparison = (robot: string, variable: string) =>
     told(this.#http.GET('/api/robots/{robot}/maps/{variable}/comparison', of({ robot, variable })));
 

@@ -1,7 +1,8 @@
 import * as L from 'leaflet';
-import type { Area, Box, FlownPoint, Leg, Ned, Site, Track } from '../api/types';
+import type { Area, Box, ComesUp, Flow, FlownPoint, Leg, Ned, Site, Track } from '../api/types';
 import { fixed } from '../text/unit';
 import { PRIMITIVES } from '../text/word';
+import { arrowLines, ellipseLine, scaleOf, speedOf, told, type Line } from './flow_arrow';
 import { fidelityRuns, legPoints, type ExpectedWay } from './path';
 import { SiteAreas, type AreaHandlers } from './site_areas';
 import { ticks } from './slice';
@@ -35,6 +36,8 @@ export class SiteDrawing {
   readonly #plan = L.layerGroup();
   readonly #ghost = L.layerGroup();
   readonly #rehearsed = L.layerGroup();
+  readonly #flow = L.layerGroup();
+  readonly #comesUp = L.layerGroup();
   readonly #robots = L.layerGroup();
   readonly #areas: SiteAreas;
   readonly #marks = new Map<string, { marker: L.Marker; arrow: SVGElement; circle: L.Circle }>();
@@ -57,7 +60,9 @@ export class SiteDrawing {
     this.#bounds = boundsOf(site.water);
     drawFrame(map, site);
     this.#areas = new SiteAreas(map);
+    this.#flow.addTo(map);
     this.#track.addTo(map);
+    this.#comesUp.addTo(map);
     this.#rehearsed.addTo(map);
     this.#plan.addTo(map);
     this.#ghost.addTo(map);
@@ -135,6 +140,37 @@ export class SiteDrawing {
       flown.map(([, north, east]): [number, number] => [north, east]),
       { className: 'map-rehearsed', interactive: false },
     ).addTo(this.#rehearsed);
+  }
+
+  /** Arrows of the current: paler where they are not sure, dashed where they are predicted. */
+  showFlow(flow: Flow | null): void {
+    this.#flow.clearLayers();
+    if (!flow) return;
+    const scale = scaleOf(flow.arrows, flow.spacing_m);
+    for (const arrow of told(flow.arrows)) {
+      const manner = `${arrow.is_sure ? '' : ' map-unsure'}${flow.is_predicted ? ' map-predicted' : ''}`;
+      const text = `${fixed(100 * speedOf(arrow), 1)} cm/s`;
+      for (const line of arrowLines(arrow, scale)) {
+        L.polyline(plain(line), { className: `map-flow${manner}` })
+          .bindTooltip(text, { sticky: true })
+          .addTo(this.#flow);
+      }
+    }
+  }
+
+  /** Where dives will come up: the ellipse that holds each in 9 of 10 cases. */
+  showComesUp(places: readonly ComesUp[]): void {
+    this.#comesUp.clearLayers();
+    for (const one of places) {
+      const [north, east] = one.drift_ne_m;
+      const outline = ellipseLine(one.north_m, one.east_m, one.ellipse_m, one.ellipse_rad);
+      L.polygon(plain(outline), { className: 'map-comes-up' })
+        .bindTooltip(
+          `Comes up here in 9 of 10 cases; drift of the dive ${fixed(Math.hypot(north, east), 1)} m`,
+          { sticky: true },
+        )
+        .addTo(this.#comesUp);
+    }
   }
 
   showAreas(
@@ -253,6 +289,10 @@ function drawFrame(map: L.Map, site: Site): void {
     ).addTo(map);
   }
   L.rectangle(boundsOf(site.domain), { ...still, className: 'map-domain' }).addTo(map);
+}
+
+function plain(line: Line): [number, number][] {
+  return line.map(([north, east]): [number, number] => [north, east]);
 }
 
 function robotFigure(): { figure: SVGElement; arrow: SVGElement } {
