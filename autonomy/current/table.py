@@ -12,7 +12,7 @@ import numpy as np
 from pydantic import Field, model_validator
 
 from autonomy.arrays import FloatArray
-from autonomy.configuration import Configuration
+from autonomy.configuration import Configuration, quantity
 
 TABLE_SHAPE = (8, 8, 4, 12)
 """Points north, east, down and in time."""
@@ -39,20 +39,21 @@ def uniform_table(north_m_s: float, east_m_s: float) -> FlowTable:
 class FlowRecord(Configuration):
     """A table as a plan keeps it: what it was planned in."""
 
-    shape: tuple[int, int, int, int]
+    shape: tuple[int, int, int, int] = quantity(..., title="Points")
     """Points north, east, down and in time."""
-    low: tuple[float, float, float]
+    low: tuple[float, float, float] = quantity(..., "m", title="From")
     """Least north, east and depth, m."""
-    high: tuple[float, float, float]
+    high: tuple[float, float, float] = quantity(..., "m", title="To")
     """Greatest north, east and depth, m."""
-    from_s: float
+    from_s: float = quantity(..., "s", title="Begin")
     """Moment of the table's own time 0, s from the epoch."""
-    duration_s: float = Field(gt=0.0)
-    dives: int = Field(ge=0)
+    duration_s: float = quantity(..., "s", title="Duration", gt=0.0)
+    """For how long it tells."""
+    dives: int = quantity(..., title="Dives", ge=0)
     """How many dives the map was made of."""
-    believed_ne_m_s: tuple[float, float] = (0.0, 0.0)
+    believed_ne_m_s: tuple[float, float] = quantity((0.0, 0.0), "m/s", title="Known on board")
     """Current with which the robot itself reckoned; the table is what it did not know of."""
-    values: str = Field(max_length=4_000_000, repr=False)
+    values: str = Field(title="Values", max_length=4_000_000, repr=False)
     """Base64 of 32-bit numbers, the least first: north and east, m/s, by north, east, depth and
     time, the last fastest."""
 

@@ -225,7 +225,7 @@ class CurrentConfig(Configuration):
     off by it, so that the robot surfaces where it was meant to."""
     east_m_s: float = quantity(0.0, "m/s", title="Current to the east", ge=-3.0, le=3.0)
     """Speed at which the water moves east."""
-    flow: SkipJsonSchema[FlowRecord | None] = None
+    flow: SkipJsonSchema[FlowRecord | None] = quantity(None, title="Table", advanced=True)
     """What a plan of the map was made in; the station writes it."""
 
     @property
