@@ -437,7 +437,6 @@ def tabulate(
     from_s: float,
     until_s: float,
     shape: tuple[int, int, int, int] = TABLE_SHAPE,
-    believed_ne_m_s: tuple[float, float] = (0.0, 0.0),
 ) -> FlowRecord:
     """Return the mean current of a map over a domain and a time.
 
@@ -447,7 +446,6 @@ def tabulate(
         from_s: From when, s; the table's own time 0.
         until_s: Until when, s.
         shape: Points north, east, down and in time, at least two each.
-        believed_ne_m_s: Current with which the robot itself reckons, taken off.
     """
     low = (domain.x_min_m, domain.y_min_m, 0.0)
     high = (domain.x_max_m, domain.y_max_m, domain.depth_max_m)
@@ -455,7 +453,7 @@ def tabulate(
     ends = zip((*low, from_s), (*high, until_s), shape, strict=True)
     axes = [np.linspace(a, b, count) for a, b, count in ends]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 4)
-    values: Any = (known.mean_flow(grid) - np.array(believed_ne_m_s)).astype("<f4")
+    values: Any = known.mean_flow(grid).astype("<f4")
     return FlowRecord(
         shape=shape,
         low=low,
@@ -463,6 +461,5 @@ def tabulate(
         from_s=from_s,
         duration_s=until_s - from_s,
         dives=sum(not one.is_surface for one in known.observations),
-        believed_ne_m_s=believed_ne_m_s,
         values=base64.b64encode(values.tobytes()).decode(),
     )

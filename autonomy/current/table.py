@@ -51,8 +51,6 @@ class FlowRecord(Configuration):
     """For how long it tells."""
     dives: int = quantity(..., title="Dives", ge=0)
     """How many dives the map was made of."""
-    believed_ne_m_s: tuple[float, float] = quantity((0.0, 0.0), "m/s", title="Known on board")
-    """Current with which the robot itself reckoned; the table is what it did not know of."""
     values: str = Field(title="Values", max_length=4_000_000, repr=False)
     """Base64 of 32-bit numbers, the least first: north and east, m/s, by north, east, depth and
     time, the last fastest."""

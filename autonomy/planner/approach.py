@@ -10,7 +10,7 @@ import numpy as np
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.detour import shortest_way
 from autonomy.planner.leg import primitive
-from autonomy.planner.leg.edge import legs_duration_s, legs_energy, planned_points
+from autonomy.planner.leg.edge import legs_duration_s, legs_energy, planned_points, refitted
 from autonomy.planner.leg.waterway import Waterway, depth_at, waterway_of
 from autonomy.planner.outcome import least_spending, sentence, spending
 from autonomy.planner.plan import Candidate, Leg, PlanResult
@@ -152,7 +152,7 @@ def preceded(
 
 
 def _preceded(candidate: Candidate, first: tuple[Leg, ...], config: PlannerConfig) -> Candidate:
-    legs = (*first, *candidate.legs)
+    legs = refitted(config, (*first, *candidate.legs))
     points = planned_points(config, legs)
     return replace(
         candidate,

@@ -230,15 +230,10 @@ class CurrentConfig(Configuration):
 
     @property
     def table(self) -> FlowTable:
-        """The current by place, depth and time, as the robot does not know it."""
+        """The current by place, depth and time."""
         if self.flow is not None:
             return table_of(self.flow)
         return uniform_table(self.north_m_s, self.east_m_s)
-
-    @property
-    def believed_ne_m_s(self) -> tuple[float, float]:
-        """Current with which the robot itself reckons; on top of the table it is the water's."""
-        return (0.0, 0.0) if self.flow is None else self.flow.believed_ne_m_s
 
 
 class AdaptiveConfig(Configuration):

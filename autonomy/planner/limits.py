@@ -68,10 +68,7 @@ class Limits(NamedTuple):
     satellite_bytes: int
     """Most bytes of a round; 0 for no limit."""
     flow: FlowTable
-    """Current that the robot does not know of, by place, depth and time since the plan began."""
-    believed_north: float
-    """Current with which the robot reckons, m/s; on top of the flow it is the water's."""
-    believed_east: float
+    """Current by place, depth and time since the plan began."""
     has_current: bool
 
 
@@ -127,8 +124,6 @@ def limits_of(config: PlannerConfig, budget: float) -> Limits:
         surfacing_bytes=config.mission.surfacing_bytes,
         satellite_bytes=config.satellite_bytes,
         flow=config.current.table,
-        believed_north=config.current.believed_ne_m_s[0],
-        believed_east=config.current.believed_ne_m_s[1],
         has_current=has_current(config),
     )
 

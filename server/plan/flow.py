@@ -14,7 +14,6 @@ from autonomy.planner.leg import drift, primitive
 from autonomy.planner.plan import Leg, PrimitiveKind
 from server.base.foundation import Foundation
 from server.current.currents import Currents
-from server.fleet.fleet import Fleet
 
 _LONGER = 1.5
 """A table goes on for so many times the expected duration of its round."""
@@ -35,9 +34,8 @@ class PlannedCurrent:
 class PlanFlows:
     """Gives plans what the map of a current knows. Belongs to one event loop."""
 
-    def __init__(self, foundation: Foundation, fleet: Fleet) -> None:
+    def __init__(self, foundation: Foundation) -> None:
         self._clock = foundation.clock
-        self._fleet = fleet
         self._currents = foundation.services.get(Currents)
 
     async def planned(self, robot: str, config: PlannerConfig, ahead_s: float) -> PlannedCurrent:
@@ -56,10 +54,7 @@ class PlanFlows:
             return PlannedCurrent(_with_flow(config, None), text)
         from_s = self._clock.now().timestamp() + ahead_s
         until_s = from_s + _LONGER * round_duration_s(config)
-        believed = self._believed(robot)
-        flow = await asyncio.to_thread(
-            tabulate, known, config.domain, from_s, until_s, believed_ne_m_s=believed
-        )
+        flow = await asyncio.to_thread(tabulate, known, config.domain, from_s, until_s)
         text = f"Planned in the current that {flow.dives} dives tell of."
         return PlannedCurrent(_with_flow(config, flow.model_dump()), text)
 
@@ -76,14 +71,7 @@ class PlanFlows:
         from_s = at.timestamp()
         if config.current.flow is not None:
             from_s = config.current.flow.from_s
-        return await asyncio.to_thread(
-            surfacings_of, known, config, legs, from_s, self._believed(robot)
-        )
-
-    def _believed(self, robot: str) -> tuple[float, float]:
-        """Return the current with which a robot itself reckons."""
-        report = self._fleet.status(robot).current_report
-        return (0.0, 0.0) if report is None else report.current_ne_m_s
+        return await asyncio.to_thread(surfacings_of, known, config, legs, from_s)
 
 
 def round_duration_s(config: PlannerConfig) -> float:
@@ -98,11 +86,7 @@ def round_duration_s(config: PlannerConfig) -> float:
 
 
 def surfacings_of(
-    known: CurrentMap,
-    config: PlannerConfig,
-    legs: tuple[Leg, ...],
-    from_s: float,
-    believed_ne_m_s: tuple[float, float],
+    known: CurrentMap, config: PlannerConfig, legs: tuple[Leg, ...], from_s: float
 ) -> list[dict[str, Any]]:
     """Return, for each dive of a plan, its drift and the ellipse that holds its surfacing."""
     courses = drift.courses(config, legs)
@@ -122,11 +106,10 @@ def surfacings_of(
         duration_s = times[-1] - times[0]
         walk = known.walk_variance_m2(position.drift_m_sqrt_s, duration_s) + position.fix_std_m**2
         said = known.displacement(np.array(times), np.array(track), walk)
-        unknown = said.mean_ne_m - duration_s * np.array(believed_ne_m_s)
         end = drift.position_at(leg, course, 1.0)
         values, vectors = np.linalg.eigh(said.cov_m2)
         minor, major = (_ELLIPSE_90 * np.sqrt(np.maximum(values, 0.0))).tolist()
-        north, east = unknown.tolist()
+        north, east = said.mean_ne_m.tolist()
         found.append(
             {
                 "leg": number,

@@ -73,7 +73,7 @@ class Planning:
     ) -> None:
         self.settings = PlanSettings(foundation, fleet)
         self.problems = RoundProblems(foundation, fleet)
-        self._flows = PlanFlows(foundation, fleet)
+        self._flows = PlanFlows(foundation)
         self._foundation = foundation
         self._fleet = fleet
         self._ledger = ledger

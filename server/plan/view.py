@@ -204,7 +204,7 @@ class ComesUpView(View):
     north_m: float
     east_m: float
     drift_ne_m: Annotated[list[float], numbers(2)]
-    """How far the dive is carried by a current that the robot does not know, north and east."""
+    """How far the current carries the dive, north and east."""
     ellipse_m: Annotated[list[float], numbers(2)]
     """Half axes of the ellipse about the place that holds it in 90 of 100 cases, the longer one
     first."""

@@ -2,7 +2,8 @@
 
 A robot under water does not feel the current: its legs say where it believes to be. At the surface
 it knows its position, so its belief jumps to the truth there, and a swim along the surface is
-steered over ground. Of a current that a robot reckons with, only what it does not know counts.
+steered over ground. A robot that reckons with a current itself finds from the jumps of its plan
+which one each dive counts on.
 """
 
 from collections.abc import Iterable

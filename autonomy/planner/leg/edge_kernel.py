@@ -238,7 +238,6 @@ def _headway(
     if start[2] > 0.0:
         return speed
     north, east = flow_at(limits.flow, start[0], start[1], 0.0, begin_s)
-    north, east = north + limits.believed_north, east + limits.believed_east
     if north == 0.0 and east == 0.0:
         return speed
     course = math.atan2(end[1] - start[1], end[0] - start[0])

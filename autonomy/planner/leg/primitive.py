@@ -143,10 +143,8 @@ def headway_m_s(
 def surface_current(
     config: PlannerConfig, place: PositionNed, time_s: float
 ) -> tuple[float, float]:
-    """Return how fast the water really moves at the surface of a place, so long after a plan."""
-    known = config.current.believed_ne_m_s
-    north, east = flow_at(config.current.table, place[0], place[1], 0.0, time_s)
-    return north + known[0], east + known[1]
+    """Return how fast the water moves at the surface of a place, so long after a plan."""
+    return flow_at(config.current.table, place[0], place[1], 0.0, time_s)
 
 
 def bearing(start: PositionNed, end: PositionNed) -> float:
