@@ -34,6 +34,8 @@ _LONGEST_GAP_S = 120.0
 """A dive whose end was not seen within this time of the fix is left as it is."""
 _UNSEEN_TURN = 0.5
 """Part of the last speed by which the robot may have changed its velocity unseen."""
+_SHORTEST_S = 1e-3
+"""A dive of one moment has no time to drift in."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -151,7 +153,8 @@ def smooth_dive(
         position_std_m: What its filter said of that then, shape ``(n,)``, m.
     """
     at_end = dive.reckoned_std_m**2 + dive.fix_std_m**2
-    elapsed = np.clip((time_s - dive.start_s) / (dive.end_s - dive.start_s), 0.0, 1.0)  # (n,)
+    lasted_s = max(dive.end_s - dive.start_s, _SHORTEST_S)
+    elapsed = np.clip((time_s - dive.start_s) / lasted_s, 0.0, 1.0)  # (n,)
     carried = dive.carried_std_m**2
     walked = np.clip(position_std_m**2 - carried * elapsed**2, 0.0, dive.walk_std_m**2)
     shared = walked + carried * elapsed  # (n,) covariance with the error at the end
