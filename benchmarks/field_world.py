@@ -125,37 +125,44 @@ def _patches(rng: np.random.Generator) -> Callable[[FloatArray], FloatArray]:
 
 
 class _Filter:
-    """Error and stated covariance of a robot's position, the same on each horizontal axis."""
+    """Error and stated covariance of a robot's position, the same on each horizontal axis.
+
+    Either filter allows for a current of the tank's prior; by ``model`` fixes tell it.
+    """
 
     def __init__(self, told: EstimatorConfig, reckoning: Reckoning) -> None:
         self._told = told
         self._knows_current = reckoning == "model"
         self._axis = surface_covariance(told, _FIX_PERIOD_S)
-        prior = PRIOR_CURRENT_M_S**2 if self._knows_current else 0.0
-        self._P = np.array([[self._axis.position, 0.0], [0.0, prior]])
+        self._blind_s = 0.0
+        self._spread = np.array([[self._axis.position, 0.0], [0.0, PRIOR_CURRENT_M_S**2]])
         self.current_ne = np.zeros(2)
 
     @property
     def std_m(self) -> float:
-        return math.sqrt(self._P[0, 0] if self._knows_current else self._axis.position)
+        if self._knows_current:
+            return math.sqrt(self._spread[0, 0])
+        return math.hypot(math.sqrt(self._axis.position), PRIOR_CURRENT_M_S * self._blind_s)
 
     def predict(self, dt_s: float) -> None:
         if not self._knows_current:
             self._axis = self._axis.step(self._told, dt_s, has_fix=False)
+            self._blind_s += dt_s
             return
         step = np.array([[1.0, dt_s], [0.0, 1.0]])
-        self._P = step @ self._P @ step.T
-        self._P[0, 0] += self._told.drift_m_sqrt_s**2 * dt_s
+        self._spread = step @ self._spread @ step.T
+        self._spread[0, 0] += self._told.drift_m_sqrt_s**2 * dt_s
 
     def fix(self, innovation: FloatArray) -> FloatArray:
         """Take a fix that lies so far from where the robot believed to be; return the change."""
         noise = self._told.fix_std_m**2
         if not self._knows_current:
-            gain = self._axis.position / (self._axis.position + noise)
-            self._axis = self._axis.measure_position(noise)
-            return gain * innovation
-        gains = self._P[:, 0] / (self._P[0, 0] + noise)
-        self._P -= np.outer(gains, self._P[0])
+            variance = self.std_m**2
+            self._axis = replace(self._axis, position=variance).measure_position(noise)
+            self._blind_s = 0.0
+            return variance / (variance + noise) * innovation
+        gains = self._spread[:, 0] / (self._spread[0, 0] + noise)
+        self._spread -= np.outer(gains, self._spread[0])
         self.current_ne = self.current_ne + gains[1] * innovation
         return gains[0] * innovation
 
@@ -302,6 +309,11 @@ def _planned(
     return result.best.points
 
 
-def without_errors(samples: FieldSamples) -> FieldSamples:
-    """Return samples as if their places were known exactly."""
-    return replace(samples, position_std_m=np.zeros(len(samples)))
+def with_fixes(survey: Survey) -> FieldSamples:
+    """Return the samples as the robot located them, with what the fixes said of each dive."""
+    samples = survey.samples
+    end_s, jump_ne_m = np.full(len(samples), np.nan), np.full((len(samples), 2), np.nan)
+    for number, dive in enumerate(survey.finished):
+        mine = samples.dive == number
+        end_s[mine], jump_ne_m[mine] = dive.fix_time_s, dive.drift_ne_m
+    return samples.reckoned(believed=samples.points, end_s=end_s, jump_ne_m=jump_ne_m)

@@ -32,6 +32,7 @@ AREAS = (
     "field_learning",
     "field_real",
     "field_quality",
+    "field_current",
     "field_threshold",
     "currents",
     "planner",
