@@ -144,6 +144,10 @@ class _Filter:
             return math.sqrt(self._spread[0, 0])
         return math.hypot(math.sqrt(self._axis.position), PRIOR_CURRENT_M_S * self._blind_s)
 
+    @property
+    def current_std_m_s(self) -> float:
+        return math.sqrt(self._spread[1, 1])
+
     def predict(self, dt_s: float) -> None:
         if not self._knows_current:
             self._axis = self._axis.step(self._told, dt_s, has_fix=False)
@@ -222,7 +226,8 @@ class Robot:
         return Flight(began_s + points[:, POINT_TIME], believed, true, std, dive, tuple(finished))
 
     def _fix(self, true_ne: FloatArray, reckoned_ne: FloatArray, before_s: float) -> Dive:
-        std_m = self._filter.std_m
+        std_m, current_std_m_s = self._filter.std_m, self._filter.current_std_m_s
+        north_m_s, east_m_s = self._filter.current_ne.tolist()
         fixed = true_ne + self._told.fix_std_m * self._rng.standard_normal(2)
         moved = self._filter.fix(fixed - reckoned_ne)
         self._error = self._error + moved
@@ -234,6 +239,8 @@ class Robot:
             fix_std_m=self._told.fix_std_m,
             reckoned_ne_m=(float(reckoned_ne[0]), float(reckoned_ne[1])),
             reckoned_std_m=std_m,
+            believed_ne_m_s=(north_m_s, east_m_s),
+            believed_std_m_s=current_std_m_s,
         )
         self._dive += 1
         self._began_s = self._time_s
@@ -315,5 +322,5 @@ def with_fixes(survey: Survey) -> FieldSamples:
     end_s, jump_ne_m = np.full(len(samples), np.nan), np.full((len(samples), 2), np.nan)
     for number, dive in enumerate(survey.finished):
         mine = samples.dive == number
-        end_s[mine], jump_ne_m[mine] = dive.fix_time_s, dive.drift_ne_m
+        end_s[mine], jump_ne_m[mine] = dive.fix_time_s, dive.jump_ne_m
     return samples.reckoned(believed=samples.points, end_s=end_s, jump_ne_m=jump_ne_m)

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from autonomy.estimation.smoother import finished_dives, smooth_dive
+from autonomy.estimation.smoother import Dive, finished_dives, smooth_dive
 
 DIFFUSION = 0.02
 FIX_STD_M = 0.01
@@ -126,3 +126,19 @@ def test_a_dive_in_an_unknown_current_is_smoothed_as_honestly_as_it_says():
     np.testing.assert_allclose(drift, 120.0 * np.array(known))
     assert dive.carried_std_m == pytest.approx(b * 118.0)
     assert dive.walk_std_m == pytest.approx(DIFFUSION * np.sqrt(118.0), rel=0.15)
+
+
+def test_a_dive_of_a_single_point_is_smoothed_too() -> None:
+    dive = Dive(
+        start_s=5.0,
+        end_s=5.0,
+        fix_time_s=7.0,
+        fix_ne_m=(0.1, 0.0),
+        fix_std_m=0.01,
+        reckoned_ne_m=(0.0, 0.0),
+        reckoned_std_m=0.03,
+        believed_std_m_s=0.01,
+    )
+    smoothed = smooth_dive(dive, np.array([5.0]), np.zeros((1, 3)), np.array([0.02]))
+    assert 0.0 < smoothed.position_ned[0, 0] < 0.1
+    assert 0.0 < smoothed.position_std_m[0] < 0.02
