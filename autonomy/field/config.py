@@ -130,6 +130,10 @@ class FieldConfig(Configuration):
         json_schema_extra={"unit": "m"},
     )
     """Position standard deviations that separate the levels, ascending; one fewer than levels."""
+    carriage: Literal["still", "water"] = quantity("still", title="The field moves with the water")
+    """``water``: samples are carried along by the current map to where their water is now, and the
+    doubt of that counts; only the model with position-dependent noise can. It helps where the water
+    moves by a good part of a length scale during a survey, and harms in still water."""
     steady_current_m_s: float = quantity(
         0.01, "m/s", title="Unknown steady current", ge=0.0, le=3.0, advanced=True
     )
@@ -178,6 +182,10 @@ class FieldConfig(Configuration):
             raise ValueError("rho needs one factor fewer than levels, or none")
         if self.model == "position_noise" and self.single.shape == "matern12":
             raise ValueError("single.shape must be smoother than matern12 for position_noise")
+        if self.carriage == "water" and self.model != "position_noise":
+            raise ValueError(
+                "carriage needs the model position_noise: no other counts how unsure it is"
+            )
         if any(threshold <= 0 for threshold in thresholds):
             raise ValueError("fidelity_thresholds_m must be positive")
         if any(b <= a for a, b in pairwise(thresholds)):

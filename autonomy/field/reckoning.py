@@ -75,6 +75,9 @@ class Reckoning:
     jump_ne_m: FloatArray
     """How far that fix lay from where the robot believed to be; not a number where not known,
     shape ``(n, 2)``."""
+    carriage_std_m: FloatArray
+    """Doubt of how far the water of the sample was carried since, which all samples share, for it
+    is the doubt of one current; 0 where it was not carried, shape ``(n,)``."""
 
     def __getitem__(self, chosen: slice | IntArray | BoolArray) -> "Reckoning":
         """Return that of some of the samples, by slice, indices or mask."""
@@ -99,6 +102,7 @@ class Reckoning:
             end_variance_m2=np.full(count, np.inf),
             fix_variance_m2=np.zeros(count),
             jump_ne_m=np.full((count, 2), np.nan),
+            carriage_std_m=np.zeros(count),
         )
 
 
@@ -281,6 +285,8 @@ class _Errors:
     """What is believed in the end, m."""
     group: IntArray
     """Errors of different groups have nothing in common."""
+    shared: FloatArray
+    """Error besides that all samples have in common, deviation in m."""
 
 
 def located_std_m(samples: "FieldSamples", scale: ErrorScale) -> FloatArray:
@@ -288,7 +294,8 @@ def located_std_m(samples: "FieldSamples", scale: ErrorScale) -> FloatArray:
 
     With the scale 1 and no current it is the one stated, after smoothing the smoothed one.
     """
-    return _errors(samples, scale).std
+    errors = _errors(samples, scale)
+    return np.hypot(errors.std, errors.shared) if errors.shared.any() else errors.std
 
 
 def position_error_covariance(
@@ -297,7 +304,7 @@ def position_error_covariance(
     """Return the covariance of the position errors of samples, on each horizontal axis.
 
     Samples of different dives are independent, and so are those of one dive of which only one was
-    smoothed.
+    smoothed; but what is doubted of a carriage is one current's, and all samples share it.
 
     Args:
         a: ``n`` samples.
@@ -319,6 +326,8 @@ def position_error_covariance(
     result[np.not_equal.outer(first.group, second.group)] = 0.0
     if b is a:
         result[np.diag_indices(len(result))] = np.square(first.std)
+    if first.shared.any() or second.shared.any():
+        result += np.multiply.outer(first.shared, second.shared)
     return result
 
 
@@ -340,7 +349,9 @@ def _errors(samples: "FieldSamples", scale: ErrorScale) -> _Errors:
     std = np.where(is_smoothed, np.sqrt(smoothed * ratio), np.sqrt(total))
     if scale == ErrorScale():
         std = np.where(is_smoothed, samples.position_std_m, samples.filtered_std_m)
-    return _Errors(walk, carried, told, variance, std, 2 * samples.dive + is_smoothed)
+    return _Errors(
+        walk, carried, told, variance, std, 2 * samples.dive + is_smoothed, known.carriage_std_m
+    )
 
 
 def _parts(

@@ -11,12 +11,13 @@ imported and are only shown.
 import asyncio
 import logging
 import time
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import timedelta
 
 from sqlalchemy.orm import Session
 
 from autonomy.arrays import FloatArray
+from autonomy.field.carriage import Carrier
 from autonomy.field.live.live_map import Prediction
 from db.fault import StoreError, StoreUnavailableError
 from db.query.maps import add_map, newest_maps
@@ -53,8 +54,16 @@ SNAPSHOT_PERIOD = timedelta(minutes=10)
 class FieldMaps:
     """Owns all maps. Belongs to one event loop; the algebra runs in one thread at a time."""
 
-    def __init__(self, store: Store, clock: Clock, bus: EventBus) -> None:
+    def __init__(
+        self,
+        store: Store,
+        clock: Clock,
+        bus: EventBus,
+        carrier_of: Callable[[str], Carrier | None] = lambda _: None,
+    ) -> None:
         self._store = store
+        self._carrier_of = carrier_of
+        """Map of the current of a robot's water, where one may be relied upon."""
         self._bus = bus
         self._clock = clock
         self._groups: list[MapGroup] = []
@@ -194,6 +203,16 @@ class FieldMaps:
         group = self._of.get(robot)
         return None if group is None or group.live is None else group.live.samples
 
+    def carriage(self, robot: str) -> str:
+        """Return whether the samples of a robot's live map are carried along with the water."""
+        group = self._of.get(robot)
+        return "still" if group is None else group.config.carriage
+
+    def water_moved(self, robot: str) -> str:
+        """Return a sentence on how far the water moved during the live map of a robot, or ""."""
+        group = self._of.get(robot)
+        return "" if group is None or group.live is None else group.live.water_moved
+
     def scores(self, robot: str) -> Mapping[MapKey, ScoresView]:
         """Return the scores that are known of the maps of a robot."""
         if robot in self._of:
@@ -262,8 +281,9 @@ class FieldMaps:
         columns = await self._store.query(
             lambda session: sample_columns(session, robots, config.variable)
         )
+        carrier = next(filter(None, map(self._carrier_of, sorted(group.members))), None)
         group.live = await asyncio.to_thread(
-            SiteMap.from_columns, config, grid, robots, columns, version
+            SiteMap.from_columns, config, grid, robots, columns, version, carrier, group.domain
         )
 
     async def _feed(self, group: MapGroup) -> None:

@@ -1,6 +1,7 @@
 """Puts the capability together."""
 
 from server.base.foundation import Foundation
+from server.current.currents import Currents
 from server.fleet.event import FixTaken, RobotChanged
 from server.fleet.fleet import Fleet
 from server.link.event import SamplesStored
@@ -19,7 +20,8 @@ def install(foundation: Foundation) -> None:
     """Make the field maps of every robot, and let samples and fixes into them."""
     bus, services, workers = foundation.bus, foundation.services, foundation.study_workers
     fleet = services.get(Fleet)
-    maps = services.add(FieldMaps(foundation.store, foundation.clock, bus))
+    currents = services.get(Currents)
+    maps = services.add(FieldMaps(foundation.store, foundation.clock, bus, currents.usable))
     services.add(ThresholdShares(maps))
     opening = services.add(MapOpening(foundation, maps))
     services.add(MapComparisons(foundation, fleet, maps, workers))

@@ -210,6 +210,8 @@ def _map_view(maps: FieldMaps, export: MapExport) -> FieldMapView:
         smoothed_samples=export.smoothed,
         models=[model for key, model in maps.views(robot) if key == variable.key],
         config_version=export.config_version,
+        carriage=maps.carriage(robot),
+        water_moved=maps.water_moved(robot),
         simulation=export.is_simulation,
         updated_at=view.updated_at,
         scores=maps.scores(robot).get((variable.key, view.model)),

@@ -12,6 +12,7 @@ from functools import reduce
 import numpy as np
 
 from autonomy.arrays import FloatArray
+from autonomy.field.carriage import WARNED_SHARE, Carrier, Drifted, carried, drifted
 from autonomy.field.config import FieldConfig
 from autonomy.field.grid import Grid
 from autonomy.field.live.live_map import LiveMap, Prediction
@@ -76,6 +77,8 @@ class SiteMap:
         """How many of them smoothing located better."""
         self._live = LiveMap(config, grid)
         self._seen: dict[str, Seen] = defaultdict(Seen)
+        self.drifted: Drifted | None = None
+        """How far the water of the oldest samples had moved when the map was made, if known."""
         self._last: dict[str, FieldSamples] = {}
         """Samples of the newest dive by robot, which may go on."""
         self._refresh(None)
@@ -88,8 +91,21 @@ class SiteMap:
         robots: tuple[str, ...],
         columns: SampleColumns,
         version: int = 0,
+        carrier: Carrier | None = None,
+        domain: Box | None = None,
     ) -> "SiteMap":
-        """Condition a map on stored samples of its robots."""
+        """Condition a map on stored samples of its robots.
+
+        Args:
+            config: As for a map without samples.
+            grid: As for a map without samples.
+            robots: As for a map without samples.
+            columns: The samples.
+            version: Count of the changes of the map that it takes the place of.
+            carrier: Map of the current, where there is one; with ``config.carriage`` the samples
+                are carried by it.
+            domain: What is mapped; needed with a carrier.
+        """
         site_map = cls(config, grid, robots, version)
         for robot, log, sequence in zip(
             columns.robot.tolist(), columns.log.tolist(), columns.sequence.tolist(), strict=True
@@ -101,6 +117,11 @@ class SiteMap:
         samples = field_samples(columns)
         for number in np.unique(columns.robot).tolist():
             site_map._last[robots[number]] = _last_dive(samples[columns.robot == number])
+        now_s = float(np.max(samples.time_s))
+        if carrier is not None and domain is not None:
+            site_map.drifted = drifted(samples, carrier, now_s)
+            if config.carriage == "water":
+                samples = carried(samples, carrier, now_s, domain)
         site_map._live.replace(samples)
         site_map._note(samples)
         site_map._refresh(moment(int(columns.measured_at_us[-1])))
@@ -113,6 +134,21 @@ class SiteMap:
             and self.robots == robots
             and np.array_equal(self.grid.points, grid.points)
             and np.array_equal(self.grid.mask, grid.mask)
+        )
+
+    @property
+    def water_moved(self) -> str:
+        """A sentence on how far the water moved while the map was made; empty if not far."""
+        moved, kernel = self.drifted, self.config.single
+        if moved is None:
+            return ""
+        told = f"the water moved about {moved.way_m:.2g} m (give or take {moved.std_m:.2g})"
+        if self.config.carriage == "water":
+            return f"While this map was made {told}; its samples were carried along."
+        if moved.way_m <= WARNED_SHARE * min(kernel.length_x_m, kernel.length_y_m):
+            return ""
+        return (
+            f"While this map was made {told}; features that drift with it are misplaced by as much."
         )
 
     def append(self, samples: Sequence[Sample]) -> None:

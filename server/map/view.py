@@ -78,6 +78,11 @@ class FieldMapView(View):
     """Models that can be asked for: the live one, then those of the newest comparison."""
     config_version: str | None
     """Version of the field's settings that the live map is made with; ``null`` of a recording."""
+    carriage: Annotated[str, one_of("still", "water")]
+    """``water``: samples were carried along to where their water is now."""
+    water_moved: str
+    """How far the water moved while the map was made, a sentence; empty where that is not known, or
+    too little to misplace anything."""
     simulation: bool
     """Whether the station runs a simulation."""
     updated_at: datetime | None
