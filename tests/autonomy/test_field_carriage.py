@@ -86,9 +86,7 @@ def test_the_doubt_of_the_way_is_an_error_that_all_samples_have_in_common():
     samples, _, _ = lawnmower((0.0, 0.0), 0)
     moved = carried(samples, Steady((0.0, 0.0), 0.004), SURVEY_S, LAKE.domain)
     first, second = np.flatnonzero(moved.dive == 0), np.flatnonzero(moved.dive == 1)
-    doubt_m, next_m = (
-        0.004 * (SURVEY_S - samples.time_s[mine].mean()) for mine in (first, second)
-    )
+    doubt_m, next_m = (0.004 * (SURVEY_S - samples.time_s[mine].mean()) for mine in (first, second))
     before = position_error_covariance(samples, samples)[np.ix_(first, first)]
     after = position_error_covariance(moved, moved)
     np.testing.assert_allclose(after[np.ix_(first, first)], before + doubt_m**2, rtol=1e-9)
@@ -105,7 +103,7 @@ def test_samples_whose_water_has_gone_far_outside_are_left_out():
     assert kept.time_s.min() > samples.time_s.min()
 
 
-def test_carried_samples_map_moving_water_better_and_as_surely_as_is_stated():
+def test_carried_samples_map_moving_water_better_and_more_honestly():
     still, moved = [], []
     for seed in range(4):
         rng = np.random.default_rng(seed)
@@ -118,9 +116,9 @@ def test_carried_samples_map_moving_water_better_and_as_surely_as_is_stated():
         for scores, taken in ((still, samples), (moved, there)):
             model = condition(CONFIG, taken)
             scores.append(score(model.mean(targets), model.covariance(targets), truth))
-    assert np.mean([s.rmse for s in moved]) <= 0.75 * np.mean([s.rmse for s in still])
-    assert np.mean([s.coverage_90 for s in moved]) >= 0.85
-    assert np.mean([s.nlpd for s in moved]) < np.mean([s.nlpd for s in still])
+    assert np.mean([s.rmse for s in moved]) <= 0.9 * np.mean([s.rmse for s in still])
+    assert np.mean([s.coverage_90 for s in moved]) > np.mean([s.coverage_90 for s in still])
+    assert np.mean([s.nlpd for s in moved]) < np.mean([s.nlpd for s in still]) - 1.0
 
 
 def test_the_way_of_the_oldest_quarter_is_what_is_told():

@@ -84,11 +84,11 @@ def test_a_sample_alone_in_its_dive_gets_the_variance_of_its_error_times_the_squ
 def test_before_any_iteration_the_slope_is_the_prior_one():
     samples = samples_of_dives()
     model = PositionNoiseGaussianProcess(KERNEL, samples, samples.values, iterations=0)
-    expected = position_error_covariance(samples, samples) * slope_correlation(
-        samples.points, samples.points, KERNEL
-    )
-    expected *= sum(gradient_variance(KERNEL))
-    expected += np.diag(curvature_noise(samples.position_std_m, KERNEL))
+    shared = position_error_covariance(samples, samples)
+    alike = slope_correlation(samples.points, samples.points, KERNEL)
+    expected = shared * alike * sum(gradient_variance(KERNEL))
+    size = np.sqrt(curvature_noise(samples.position_std_m, KERNEL)) / samples.position_std_m**2
+    expected += shared**2 * alike * np.outer(size, size)
     np.testing.assert_allclose(model.noise.covariance, expected, atol=1e-14)
 
 

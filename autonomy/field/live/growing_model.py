@@ -16,11 +16,10 @@ from autonomy.field.model.position_noise import (
     PositionNoise,
     Slope,
     Told,
-    curvature_noise,
     position_noise,
     slope_given,
 )
-from autonomy.field.reckoning import ErrorScale, located_std_m
+from autonomy.field.reckoning import ErrorScale
 from autonomy.field.samples import FieldSamples, joined
 
 
@@ -183,8 +182,7 @@ class GrowingPositionNoise:
 
 def _noise(samples: FieldSamples, slope: Slope, told: Told) -> FloatArray:
     noise = position_noise(samples, samples, slope, slope, told.kernel, told.scale)
-    bend = curvature_noise(located_std_m(samples, told.scale), told.kernel)
-    noise[np.diag_indices(len(samples))] += noise_variance(told.kernel) + bend
+    noise[np.diag_indices(len(samples))] += noise_variance(told.kernel)
     return noise
 
 

@@ -11,8 +11,8 @@ where :math:`P_{ij}` is the covariance of the position errors on each axis
 (``reckoning.position_error_covariance``), :math:`m_i` and :math:`c_i` are mean and deviation
 of the slope given the samples, and :math:`r_{ij}` is the prior correlation of slopes. Being an
 entrywise product of covariances it is one itself. The slope is known only after the noise, so both
-are found in turn, from the prior slope on. What the field bends over the error is added as noise of
-each sample by itself.
+are found in turn, from the prior slope on. What the field bends over the error is added with the
+correlation :math:`r_{ij}` times the squared one of the errors.
 
 Source:
     McHutchon and Rasmussen, Gaussian process training with input noise, 2011, for errors that are
@@ -52,6 +52,12 @@ _NODES, _CHANCES = np.polynomial.hermite_e.hermegauss(5)
 """Gauss-Hermite quadrature on each axis of an error in units of its standard deviation."""
 _UNIT_ERRORS = np.stack(np.meshgrid(_NODES, _NODES, [0.0], indexing="ij"), axis=-1).reshape(-1, 3)
 _CHANCE = np.multiply.outer(_CHANCES, _CHANCES).reshape(-1) / _CHANCES.sum() ** 2
+
+
+_LEAST_M2 = 1e-24
+_MOST_SHARE = 2.0
+"""However far a sample lies off, field here and field there differ by no more than two independent
+fields: this times the signal variance."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -149,8 +155,13 @@ class _LocationErrors:
             scale: By how much position errors differ from what was stated.
         """
         self._shared = position_error_covariance(a, b, scale)  # (n, m)
-        self._alike = slope_correlation(a.points, b.points, parameters)
-        self._alike *= self._shared
+        alike = slope_correlation(a.points, b.points, parameters)
+        self._alike = alike * self._shared
+        self._most = _MOST_SHARE * parameters.signal_variance
+        self._a = _Erring.of(a, parameters, scale)
+        self._b = self._a if b is a else _Erring.of(b, parameters, scale)
+        self._bend = alike * np.square(self._shared)
+        self._bend *= np.multiply.outer(self._a.bend_size, self._b.bend_size)
 
     def noise(self, slope_a: Slope, slope_b: Slope) -> FloatArray:
         """Return the covariance of what the errors add to measurements, shape ``(n, m)``.
@@ -162,7 +173,35 @@ class _LocationErrors:
         noise = slope_a.mean @ slope_b.mean.T
         noise *= self._shared
         noise += self._alike * np.multiply.outer(slope_a.std, slope_b.std)
+        noise += self._bend
+        noise *= np.multiply.outer(
+            self._a.bounded(slope_a, self._most), self._b.bounded(slope_b, self._most)
+        )
         return noise
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Erring:
+    """How far samples may lie off, and what the field bends over that."""
+
+    std_m: FloatArray
+    bend: FloatArray
+    """Variance of what a straight slope leaves out, shape ``(n,)``."""
+    bend_size: FloatArray
+    """Its root by the square of the error: bends go with that square, whose correlation is the
+    square of that of the errors."""
+
+    @classmethod
+    def of(cls, samples: FieldSamples, parameters: KernelParameters, scale: ErrorScale) -> Self:
+        std_m = located_std_m(samples, scale)
+        bend = curvature_noise(std_m, parameters)
+        return cls(std_m, bend, np.sqrt(bend) / np.maximum(np.square(std_m), _LEAST_M2))
+
+    def bounded(self, slope: Slope, most: float) -> FloatArray:
+        """Return by what to multiply what errors add, so that its variance is no more than that."""
+        steepness = np.square(slope.mean).sum(axis=1) + np.square(slope.std)
+        total = np.square(self.std_m) * steepness + self.bend
+        return np.sqrt(most / np.maximum(total, most))
 
 
 def position_noise(
@@ -247,13 +286,12 @@ class PositionNoise:
         memory_s = 0.0 if ageing is None else ageing.memory_s
         scale = scale or ErrorScale()
         errors = _LocationErrors(samples, samples, parameters, scale)
-        bend = curvature_noise(located_std_m(samples, scale), parameters)
         slope = Slope.of_prior(len(samples), parameters)
-        noise = _on_diagonal(errors.noise(slope, slope), bend)
+        noise = errors.noise(slope, slope)
         for _ in range(iterations):
             posterior = _process(parameters, samples, values, noise, ageing).posterior
             slope = slope_given(posterior, posterior.places, parameters, memory_s)
-            noise = _on_diagonal(errors.noise(slope, slope), bend)
+            noise = errors.noise(slope, slope)
         return cls(slope, noise)
 
 

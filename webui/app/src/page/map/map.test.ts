@@ -11,6 +11,7 @@ const MAP: FieldMap = {
   samples: { total: 0, per_fidelity: [] }, updated_at: null, scores: null,
   value_unit: '', site: '', origin_latitude_deg: 0, origin_longitude_deg: 0, shape: [], order: '',
   mask: null, smoothed_samples: 0, models: [], config_version: null, simulation: true, threshold: null,
+  carriage: 'still', water_moved: '',
 }; // prettier-ignore
 
 test('a slice has no number where there is no water', () => {
