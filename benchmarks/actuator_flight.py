@@ -30,7 +30,7 @@ _LEG_AHEAD = 3.5
 
 def measure() -> list[dict[str, Any]]:
     """Fly robots with drawn actuators, and robots whose actuators stick."""
-    seed = int(np.random.SeedSequence().entropy) % 2**32
+    seed = int(np.random.default_rng().integers(2**32))
     return [*slow_actuators(seed), *stuck_actuators(seed)]
 
 

@@ -63,7 +63,7 @@ SMALL = IdentificationConfig(
 
 
 def measure() -> list[dict[str, Any]]:
-    return [*_coverage(), *far_truths(int(np.random.SeedSequence().entropy) % 2**32), *_flights()]
+    return [*_coverage(), *far_truths(int(np.random.default_rng().integers(2**32))), *_flights()]
 
 
 def far_truths(seed: int, recordings: int = FAR_RECORDINGS) -> Iterator[dict[str, Any]]:

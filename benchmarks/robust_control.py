@@ -39,7 +39,7 @@ SLOW = DisturbanceConfig(
 
 def measure() -> list[dict[str, Any]]:
     """Measure offsets, swinging, both at once, wrong knowledge, and the price of it all."""
-    drawn = untold_actuators(int(np.random.SeedSequence().entropy) % 2**32)
+    drawn = untold_actuators(int(np.random.default_rng().integers(2**32)))
     return [*_offsets(), *_slow_actuator(), *drawn]
 
 
