@@ -10,7 +10,7 @@ import { cutPositions, cutSlice, finiteRange, logMarks, scaleMarks, ticks } from
 const REST = {
   value_unit: '', site: '', origin_latitude_deg: 0, origin_longitude_deg: 0, shape: [], order: '',
   mask: null, smoothed_samples: 0, models: [], config_version: null, threshold: null, simulation: true,
-  carriage: 'still', water_moved: '',
+  carriage: 'still' as const, water_moved: '',
   updated_at: null, scores: null,
 }; // prettier-ignore
 
