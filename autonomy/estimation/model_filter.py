@@ -29,6 +29,10 @@ _UNTOLD = 1.5
 much more. A Student's t of four degrees of freedom has its 95 % circle there."""
 _FASTEST_CURRENT_STDS = 4.0
 """The robot may move over ground by its own speed and a current of so many standard deviations."""
+_TELLING_SHARE = 0.5
+"""A stay at the surface tells of the steady current once it could tell it to this share of what was
+believed of it at first: in a shorter one fixes and eddies would be taken for the current."""
+_FIXES_EVERY_S = 1.0
 _HORIZONTAL = [kernel.NORTH, kernel.EAST]
 
 
@@ -94,6 +98,9 @@ class ModelFilter:
         )
         self._believed_fix: tuple[float, float] | None = None
         self._since_fix_s = 0.0
+        self._stay_s = 0.0
+        """How long fixes have come one after the other."""
+        self._telling_stay_s = telling_stay_s(estimator, config.current.steady_std_m_s)
         self._doubt = self._watch.doubt
 
     @property
@@ -206,6 +213,7 @@ class ModelFilter:
         else:
             self._predict(dt_s, command, time_s, inside)
         self._since_fix_s += dt_s
+        self._stay_s += dt_s
         self._notice_trim(dt_s, inside)
         self._attitude, self._rates, self._actuators = attitude, rates, inside
         self._take_depth(depth_m)
@@ -234,9 +242,6 @@ class ModelFilter:
     ) -> None:
         during = self._actuators.copy()
         during[0] = 0.5 * (self._actuators[0] + actuators[0])
-        if self._x[kernel.DEPTH] < self._estimator.surface_depth_m:
-            # the air carries no robot: what would lift it out of the water does not accelerate it
-            during[0] = max(during[0], 0.0)
         kernel.predict(
             self._x,
             self._S,
@@ -280,14 +285,11 @@ class ModelFilter:
             self._doubt = self._watch.doubt
         if verdict is Verdict.REOPENED:
             self._doubt_itself(float(np.hypot(*innovation)), since_s)
-        kernel.measure_fix(
-            self._x,
-            self._S,
-            np.array(fix_ne, dtype=np.float64),
-            variance,
-            math.inf,
-            1,
-            np.zeros(2),
+        if since_s >= SHORTEST_DIVE_S:
+            self._stay_s = 0.0
+        tells_current = since_s >= SHORTEST_DIVE_S or self._stay_s >= self._telling_stay_s
+        kernel.take_fix(
+            self._x, self._S, np.array(fix_ne, dtype=np.float64), variance, tells_current
         )
         self._believed_fix, self._since_fix_s = fix_ne, 0.0
 
@@ -340,6 +342,24 @@ class ModelFilter:
         self._x[:] = first
         self._S[:] = kernel.triangular(known)
         kernel.widen(self._S, std)
+
+
+def telling_stay_s(estimator: EstimatorConfig, steady_std_m_s: float) -> float:
+    """Return how long a robot floats until its drift tells the steady current; inf for none, s.
+
+    Eddies displace it by ``drift sqrt(T)`` in a time T, and the speed of a line through fixes has
+    the standard deviation ``fix sqrt(12 period / T^3)``.
+
+    Args:
+        estimator: Drift and noise of fixes.
+        steady_std_m_s: What is believed of the current at first, standard deviation per axis.
+    """
+    wanted = _TELLING_SHARE * steady_std_m_s
+    if wanted == 0.0:
+        return math.inf
+    by_eddies_s = (estimator.drift_m_sqrt_s / wanted) ** 2
+    by_fixes_s = (12.0 * _FIXES_EVERY_S * (estimator.fix_std_m / wanted) ** 2) ** (1.0 / 3.0)
+    return max(by_eddies_s, by_fixes_s)
 
 
 def first_belief(

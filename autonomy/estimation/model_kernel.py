@@ -323,31 +323,27 @@ def measure_depth(
 
 
 @kernel
-def measure_fix(
-    x: FloatArray,
-    S: FloatArray,
-    fix_ne: FloatArray,
-    variance: float,
-    limit: float,
-    patience: int,
-    refused: FloatArray,
-) -> bool:
-    """Take in a horizontal fix unless it is an outlier; tell whether it was believed."""
-    dn, de = fix_ne[0] - x[NORTH], fix_ne[1] - x[EAST]
-    a = covariance_of(S, NORTH, NORTH) + variance
-    b = covariance_of(S, NORTH, EAST)
-    d = covariance_of(S, EAST, EAST) + variance
-    distance = (d * dn * dn - 2.0 * b * dn * de + a * de * de) / (a * d - b * b)
-    verdict = judge(distance, limit, patience, refused)
-    if verdict == REFUSED:
-        return False
-    if verdict == LOST:
-        std = np.zeros(STATES)
-        std[NORTH] = std[EAST] = math.hypot(dn, de)
-        widen(S, std)
-    measure(x, S, NORTH, dn, variance)
-    measure(x, S, EAST, fix_ne[1] - x[EAST], variance)
-    return True
+def take_fix(
+    x: FloatArray, S: FloatArray, fix_ne: FloatArray, variance: float, tells_current: bool
+) -> None:
+    """Take in a horizontal fix.
+
+    One that does not tell the steady current corrects all else, and leaves that as doubted as it is
+    (Schmidt 1966, the consider filter).
+    """
+    for i in range(2):
+        index = NORTH + i
+        innovation = fix_ne[i] - x[index]
+        if tells_current:
+            measure(x, S, index, innovation, variance)
+            continue
+        gain = np.empty(STATES)
+        for j in range(STATES):
+            gain[j] = covariance_of(S, j, index)
+        gain /= gain[index] + variance
+        gain[STEADY_NORTH] = gain[STEADY_EAST] = 0.0
+        x += gain * innovation
+        correct(S, index, gain, variance)
 
 
 def warm_up() -> None:
@@ -359,4 +355,4 @@ def warm_up() -> None:
     widen(S, np.zeros(STATES))
     correct(S, DEPTH, np.zeros(STATES), 1.0)
     measure_depth(x, S, 0.0, 1.0, 9.0, 1, np.zeros(2))
-    measure_fix(x, S, np.zeros(2), 1.0, 9.0, 1, np.zeros(2))
+    take_fix(x, S, np.zeros(2), 1.0, tells_current=True)

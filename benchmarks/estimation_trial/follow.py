@@ -11,9 +11,10 @@ from autonomy.estimation.config import (
     EstimatorConfig,
     ModelFilterConfig,
 )
+from autonomy.estimation.fix_watch import SHORTEST_DIVE_S
 from autonomy.estimation.kernel import turn
 from autonomy.estimation.model_filter import LONGEST_STEP_S as MODEL_STEP_S
-from autonomy.estimation.model_filter import first_belief, process_noise
+from autonomy.estimation.model_filter import first_belief, process_noise, telling_stay_s
 from autonomy.estimation.position_filter import position_noise
 from autonomy.estimation.velocity_observer import LONGEST_STEP_S, observer_gains
 from autonomy.frames import wrap_angle
@@ -173,6 +174,8 @@ def by_model_filter(
         process_noise(estimator, config),
         PERIOD_S,
         math.ceil(PERIOD_S / MODEL_STEP_S),
+        SHORTEST_DIVE_S,
+        telling_stay_s(estimator, config.current.steady_std_m_s),
     )
     place = slice(model_kernel.NORTH, model_kernel.EAST + 1)
     motion = slice(model_kernel.FORWARD, model_kernel.BIAS)

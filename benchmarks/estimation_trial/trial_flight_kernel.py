@@ -20,8 +20,8 @@ from autonomy.estimation.model_kernel import (
     STATES,
     correct,
     measure_depth,
-    measure_fix,
     predict,
+    take_fix,
 )
 from autonomy.vehicle.extended_kernel import advance
 from benchmarks.estimation_trial.dead_reckoning import fix_reckoning, reckon
@@ -238,25 +238,34 @@ def follow_model(
     noise: FloatArray,
     dt_s: float,
     steps: int,
+    dive_s: float,
+    telling_stay_s: float,
 ) -> tuple[FloatArray, FloatArray]:
     """Estimates ``(n, 14)`` and their covariances ``(n, 14, 14)`` of the model filter.
 
-    ``variance`` is of a depth and of a fix; the rest is as in ``model_kernel``.
+    ``variance`` is of a depth and of a fix, ``dive_s`` the shortest dive; the rest is as in
+    ``model_kernel`` and ``model_filter``.
     """
     n = command.shape[0]
     states, covariances = np.empty((n, STATES)), np.empty((n, STATES, STATES))
-    depths, fixes = np.zeros(2), np.zeros(2)
+    depths = np.zeros(2)
+    since_s = stay_s = 0.0
     for k in range(n):
         before = max(k - 1, 0)
         during = actuators[before].copy()
         during[0] = 0.5 * (actuators[before, 0] + actuators[k, 0])
+        since_s, stay_s = since_s + dt_s, stay_s + dt_s
         predict(
             x, S, dt_s, command[k], k * dt_s, attitude[before], gyro[before], during,
             packed, water, noise, steps,
         )  # fmt: skip
         measure_depth(x, S, depth_m[k], variance[0], limit, patience, depths)
         if has_fix[k]:
-            measure_fix(x, S, fix_ne[k], variance[1], limit, patience, fixes)
+            if since_s >= dive_s:
+                stay_s = 0.0
+            tells = since_s >= dive_s or stay_s >= telling_stay_s
+            take_fix(x, S, fix_ne[k], variance[1], tells)
+            since_s = 0.0
         states[k] = x
         covariances[k] = S @ S.T
     return states, covariances

@@ -10,11 +10,13 @@ from hypothesis import strategies as st
 from autonomy.estimation import model_kernel as kernel
 from autonomy.estimation.attitude import AttitudeFilter
 from autonomy.estimation.config import (
+    MODEL_FILTER_PRESETS,
     CurrentConfig,
     EstimatorConfig,
     ModelFilterConfig,
+    estimator_preset,
 )
-from autonomy.estimation.model_filter import ModelFilter
+from autonomy.estimation.model_filter import ModelFilter, telling_stay_s
 from autonomy.vehicle.config import VEHICLES
 
 ESTIMATOR = EstimatorConfig()
@@ -224,3 +226,43 @@ def test_no_filter_begins_where_nobody_knows() -> None:
             attitude_rad=LEVEL,
             actuators=LEVEL,
         )
+
+
+def floating(estimator: EstimatorConfig, seconds: int) -> ModelFilter:
+    """A lake robot at rest in water that flows north at 5 cm/s, with a fix every second."""
+    model = MODEL_FILTER_PRESETS["grace3"]
+    current = model.current.model_copy(update={"steady_std_m_s": estimator.steady_current_m_s})
+    belief = ModelFilter(
+        estimator,
+        model.model_copy(update={"current": current}),
+        VEHICLES["grace3"],
+        (0.0, 0.0, 0.0),
+        estimator.fix_std_m,
+        attitude_rad=(0.0, 0.0, 0.0),
+        actuators=(-0.02, 0.0, 0.0),
+    )
+    rng = np.random.default_rng(3)
+    for second in range(1, seconds + 1):
+        noise_ne = estimator.fix_std_m * rng.standard_normal(2)
+        belief.step(
+            1.0,
+            np.zeros(5),
+            float(second),
+            attitude_rad=(0.0, 0.0, 0.0),
+            angular_velocity_rad_s=(0.0, 0.0, 0.0),
+            actuators=(-0.02, 0.0, 0.0),
+            depth_m=0.0,
+            fix_ne=(0.05 * second + noise_ne[0], noise_ne[1]),
+        )
+    return belief
+
+
+def test_a_short_stay_at_the_surface_tells_nothing_of_the_current_and_a_long_one_does() -> None:
+    estimator = estimator_preset("grace3", "lake")
+    assert 60.0 < telling_stay_s(estimator, estimator.steady_current_m_s) < 300.0
+    short, long = floating(estimator, 20), floating(estimator, 900)
+    assert math.hypot(*short.steady_current_ne_m_s) < 0.005
+    assert short.steady_current_std_m_s > 0.9 * estimator.steady_current_m_s
+    assert math.dist(long.steady_current_ne_m_s, (0.05, 0.0)) < 0.025
+    assert long.steady_current_std_m_s < 0.6 * estimator.steady_current_m_s
+    assert math.isinf(telling_stay_s(estimator, 0.0))
