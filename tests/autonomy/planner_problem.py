@@ -21,7 +21,7 @@ from autonomy.planner.objective import (
 from autonomy.planner.plan import ObjectivePoint, PlanResult
 from autonomy.planner.preset import PLANNER_PRESETS
 from autonomy.planner.search.elite import elite_edge
-from autonomy.planner.search.search import _Search, independent_points
+from autonomy.planner.search.search import Search, independent_points
 from autonomy.site import Box
 
 THESIS_TANK = PlannerConfig(
@@ -110,20 +110,20 @@ def independent_worth(config: PlannerConfig, belief: FieldBelief, seed: int = 0)
     return objective(config, belief, START) if config.objective == "ergodic" else gain
 
 
-def plain_worth_of_best(one: _Search, config: PlannerConfig, belief: FieldBelief) -> float:
+def plain_worth_of_best(one: Search, config: PlannerConfig, belief: FieldBelief) -> float:
     """What the plain formulas say of the best trajectory of a search."""
-    kept = one._graph
+    kept = one.graph
     elite = int(kept.elite_worth.argmax())
     edges = []
     for i in range(kept.elite_length[elite]):
         number = elite_edge(kept, elite, i)
         legs = map(leg_of, kept.edge_legs[number, : kept.edge_leg_count[number]])
         edges.append(planned_points(config, tuple(legs)))
-    worth, value = one._worth, one._worth.constant
-    if one._info is not None:
-        gain = FieldInformation(belief, sample_noise(config, belief), one._info.fine)
+    worth, value = one.worth, one.worth.constant
+    if one.info is not None:
+        gain = FieldInformation(belief, sample_noise(config, belief), one.info.fine)
         value += worth.gain_weight * gain(edges)
-    if one._ergodic is not None:
+    if one.ergodic is not None:
         measure = ErgodicMeasure(belief, config.ergodic)(np.concatenate(edges))
         value += worth.measure_weight * measure
     return value

@@ -91,7 +91,7 @@ def test_what_is_offered_is_worth_as_much_on_fresh_random_points(seed):
 
 def searched_and_plain(config, belief, iterations):
     """What a search takes its best trajectory to be worth, and what the plain formulas say."""
-    one = search._Search(config, belief, START, np.random.default_rng(0), 20.0)
+    one = search.Search(config, belief, START, np.random.default_rng(0), 20.0)
     for _ in range(iterations):
         one.iterate()
     return one.best, plain_worth_of_best(one, config, belief)
@@ -135,7 +135,7 @@ def test_averaged_points_compare_almost_like_all_of_them(counts):
 def test_better_half_of_the_starts_goes_on():
     config = with_search(QUICK, iterations_max=240)
     belief = belief_over(config.domain)
-    one = search._Search(config, belief, START, np.random.default_rng(0), 20.0)
+    one = search.Search(config, belief, START, np.random.default_rng(0), 20.0)
     seen = []
     for done in range(240):
         one.go_to(done / 240)
@@ -334,7 +334,7 @@ def test_the_result_says_when_paths_were_left_out():
 def test_full_tables_end_growth_but_not_the_search():
     config = with_search(THESIS_TANK, iterations_max=600, memory_mb=32)
     belief = belief_over(config.domain)
-    one = search._Search(config, belief, START, np.random.default_rng(0), 20.0)
+    one = search.Search(config, belief, START, np.random.default_rng(0), 20.0)
     while one._grows:
         one.iterate()
     at_end_of_growth = one.best

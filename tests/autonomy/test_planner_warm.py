@@ -73,7 +73,7 @@ def test_the_search_values_a_known_trajectory_as_the_reference_does(found):
     belief = belief_over(QUICK.domain)
     for name in OBJECTIVES:
         config = with_search(QUICK.model_copy(update={"objective": name}), points_per_edge_max=64)
-        one = search._Search(config, belief, START, np.random.default_rng(0), 20.0)
+        one = search.Search(config, belief, START, np.random.default_rng(0), 20.0)
         one.begin_with([found.best.legs])
         expected = plain_worth_of_best(one, config, belief)
         assert one.best == pytest.approx(expected, rel=1e-4)

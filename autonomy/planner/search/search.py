@@ -180,7 +180,7 @@ def plan(
     unknown = independent_points(config, site, rng)
     if not len(unknown):
         unknown = belief.test_points
-    search = _Search(config, belief, start_xy, rng, budget, site)
+    search = Search(config, belief, start_xy, rng, budget, site)
     search.begin_with(warm)
     iterations = config.search.iterations_max
     done = 0
@@ -221,7 +221,7 @@ def starts_of(config: PlannerConfig) -> int:
     return starts
 
 
-class _Search:
+class Search:
     """One search: its graph, its objective's arrays, and the turns of growth and refinement.
 
     Both stage random edges, which cost about the same to judge; growth gets a fixed share of them.
@@ -254,41 +254,41 @@ class _Search:
         self._round = 0
         self._start = 0
         edges, paths, rows = _room(config, belief)
-        self._graph = graph_of(config, start_xy, budget, edges, paths, site, starts=self._starts)
+        self.graph = graph_of(config, start_xy, budget, edges, paths, site, starts=self._starts)
         self._edges = np.empty(DEPTH_MAX + 2 * GAP_MAX, dtype=np.int32)
-        self._info: Information | None = None
-        self._ergodic: Ergodic | None = None
+        self.info: Information | None = None
+        self.ergodic: Ergodic | None = None
         if config.objective != "ergodic":
             fine = fine_part(belief, config.domain, site, rng)
-            self._info = information_of(config, belief, fine, self._graph, rows)
+            self.info = information_of(config, belief, fine, self.graph, rows)
         if config.objective != "information_gain":
-            self._ergodic = ergodic_of(config, belief, self._graph)
-        self._worth = worth_of(config, belief, start_xy)
+            self.ergodic = ergodic_of(config, belief, self.graph)
+        self.worth = worth_of(config, belief, start_xy)
 
     @property
     def best(self) -> float:
         """Best objective of a trajectory that spends enough, in single precision."""
-        best = float(self._graph.elite_worth.max())
+        best = float(self.graph.elite_worth.max())
         return best if best > -SHORT / 2 else -math.inf
 
     @property
     def candidates(self) -> int:
         """Trajectories that spend enough of a budget and were compared or ruled out."""
-        return int(self._graph.tally[CANDIDATES])
+        return int(self.graph.tally[CANDIDATES])
 
     @property
     def reservoir_full(self) -> bool:
         """Whether some surfacing had more paths than it keeps."""
-        return bool(self._graph.tally[RESERVOIR_FULL])
+        return bool(self.graph.tally[RESERVOIR_FULL])
 
     @property
     def is_exhausted(self) -> bool:
         """Whether the graph cannot grow and there is nothing to refine."""
-        return not self._grows and not self._graph.elite_length.any()
+        return not self._grows and not self.graph.elite_length.any()
 
     def begin_with(self, trajectories: Sequence[Sequence[Leg]]) -> None:
         """Take transects and what can be flown of earlier trajectories for the first elite."""
-        graph = self._graph
+        graph = self.graph
         self._lay_transects()
         for legs in trajectories:
             edges = warm_start.rebased(
@@ -320,47 +320,47 @@ class _Search:
 
     def _search_from(self, start: int) -> None:
         """Go on with the elite trajectories of a start; in the first round it is a new one."""
-        graph, size = self._graph, len(self._graph.elite_worth) // self._starts
+        graph, size = self.graph, len(self.graph.elite_worth) // self._starts
         self._start = start
         graph.tally[GROUP_BEGIN], graph.tally[GROUP_END] = start * size, (start + 1) * size
         if self._round == 0:
             plant(graph, *self._start_xy)
-            if self._info is not None:
-                self._info.tally[USED] = 0
+            if self.info is not None:
+                self.info.tally[USED] = 0
             self._grows, self._grown, self._refined = True, 0, 0
             self._lay_transects()
 
     def _group(self, start: int) -> FloatArray:
-        size = len(self._graph.elite_worth) // self._starts
-        return self._graph.elite_worth[start * size : (start + 1) * size]
+        size = len(self.graph.elite_worth) // self._starts
+        return self.graph.elite_worth[start * size : (start + 1) * size]
 
     def _lay_transects(self) -> None:
         for line in transects(
-            self._config, self._start_xy, self._budget, self._graph.waterway, DEPTH_MAX
+            self._config, self._start_xy, self._budget, self.graph.waterway, DEPTH_MAX
         ):
             self._take(line)
 
     def _take(self, edges: Sequence[Edge]) -> None:
         """Make a trajectory an elite one in place of the worst of them, whatever its own worth."""
-        graph = self._graph
+        graph = self.graph
         elite = int(graph.tally[GROUP_BEGIN] + self._group(self._start).argmin())
         if stage_trajectory(graph, self._config, edges):
-            adopt(graph, self._info, self._ergodic, elite, self._edges)
-            revalue(graph, self._info, self._ergodic, self._worth, elite)
+            adopt(graph, self.info, self.ergodic, elite, self._edges)
+            revalue(graph, self.info, self.ergodic, self.worth, elite)
 
     def iterate(self) -> None:
         """Grow by one surfacing, or try one refinement."""
-        graph, tally = self._graph, self._graph.tally
+        graph, tally = self.graph, self.graph.tally
         its_turn = self._grown <= self._growth_share * (self._grown + self._refined)
         if self._grows and (its_turn or not self._has_elite):
             self._grows = stage_growth(graph, self._rng)
             if self._grows:
-                grow(graph, self._info, self._ergodic, self._worth, self._edges)
+                grow(graph, self.info, self.ergodic, self.worth, self._edges)
                 self._grown += max(int(tally[STAGED]), 1)
         elif self._has_elite:
             stage_refinement(graph, self._rng)
             if tally[PROPOSALS]:
-                refine(graph, self._info, self._ergodic, self._worth, self._edges)
+                refine(graph, self.info, self.ergodic, self.worth, self._edges)
             self._refined += max(int(tally[STAGED]), 1)
 
     def trajectories(self, points: FloatArray, *, in_haste: bool = False) -> list[Candidate]:
@@ -378,7 +378,7 @@ class _Search:
             edge = Edge(legs, planned_points(self._config, legs), legs_energy(self._config, legs))
             candidate = outcome.as_candidate(self._config, [edge], worth(edge.points), searched)
             spent = spending(self._config, legs).greatest_share(self._config, self._budget)
-            found.append((spent > self._graph.least_spent, candidate))
+            found.append((spent > self.graph.least_spent, candidate))
         spends_enough = any(enough for enough, _ in found)
         offers = [candidate for enough, candidate in found if enough or not spends_enough]
         offers.sort(key=lambda candidate: -candidate.objective)
@@ -389,7 +389,7 @@ class _Search:
 
         Of each start only what is not alike is here, of all together more than are offered.
         """
-        graph = self._graph
+        graph = self.graph
         count = max(_FINALISTS, self._config.search.runners_up + 1)
         found: dict[tuple[Leg, ...], float | None] = {}
         for elite in np.argsort(-graph.elite_worth)[:count]:
@@ -400,14 +400,14 @@ class _Search:
             if legs:
                 worth = float(graph.elite_worth[elite])
                 short = worth <= -SHORT / 2
-                found[tuple(legs)] = None if self._info is None or short else worth
+                found[tuple(legs)] = None if self.info is None or short else worth
         return dict.fromkeys(self._warm) | found
 
     def _distinct(self, offers: list[Candidate]) -> list[Candidate]:
         """Leave out what is much like a better one (``elite.elite_place``)."""
         kept: list[Candidate] = []
         for offer in offers:
-            if not any(outcome.are_alike(offer, other, self._graph.close) for other in kept):
+            if not any(outcome.are_alike(offer, other, self.graph.close) for other in kept):
                 kept.append(offer)
         return kept
 
@@ -423,8 +423,8 @@ class _Search:
 
     @property
     def _has_elite(self) -> bool:
-        begin, end = self._graph.tally[GROUP_BEGIN], self._graph.tally[GROUP_END]
-        return bool(self._graph.elite_length[begin:end].any())
+        begin, end = self.graph.tally[GROUP_BEGIN], self.graph.tally[GROUP_END]
+        return bool(self.graph.elite_length[begin:end].any())
 
 
 def _room(config: PlannerConfig, belief: FieldBelief) -> tuple[int, int, int]:
