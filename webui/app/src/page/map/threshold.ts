@@ -1,5 +1,5 @@
 import type { FieldMap, ShareAbove } from '../../api/types';
-import { compact, screenUnit } from '../../text/unit';
+import { screenUnit } from '../../text/unit';
 
 /** Between these probabilities the map does not know on which side of the threshold a place is. */
 export const PROBABILITY_STEPS = [0.05, 0.5, 0.95] as const;
@@ -43,7 +43,7 @@ export function stepOf(probability: number): number {
 /** How much of the water is above the value, in one sentence. */
 export function shareSentence({ low, high, above, unit }: ShareAbove): string {
   const [least, most] = [Math.round(100 * low), Math.round(100 * high)];
-  const value = `${compact(above)} ${screenUnit(unit).label}`;
+  const value = `${Number(above.toPrecision(4))} ${screenUnit(unit).label}`;
   if (least === most) return `About ${least} % of the water is above ${value}.`;
   return `Between ${least} and ${most} % of the water is above ${value}.`;
 }
