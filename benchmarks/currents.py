@@ -63,7 +63,7 @@ LAKE = Water(
 )
 COAST = Water(
     Box(x_min_m=0.0, x_max_m=20_000.0, y_min_m=0.0, y_max_m=20_000.0, depth_max_m=200.0),
-    CURRENT_PRESETS["coast"],
+    CURRENT_PRESETS["sea"],
     speed_m_s=0.35,
     dive_s=(2160.0, 3600.0),
     drift_m_sqrt_s=1.0,

@@ -6,12 +6,8 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from autonomy.configuration import Configuration, quantity
-from autonomy.site import Box
+from autonomy.site import Site
 
-_SMALL_WATER_M = 20.0
-"""A domain narrower than this is a tank."""
-_LARGE_WATER_M = 5000.0
-"""A domain wider than this is a coast."""
 _REACH_WIDTHS = 5.0
 _PERIOD_DIFFERENCE = 0.01
 _M2_H = 12.4206
@@ -98,7 +94,7 @@ class CurrentMapConfig(Configuration):
 
 CURRENT_PRESETS: dict[str, CurrentMapConfig] = {
     "lake": CurrentMapConfig(),
-    "coast": CurrentMapConfig(
+    "sea": CurrentMapConfig(
         basin_std_m_s=0.10,
         eddy_std_m_s=0.10,
         eddy_length_m=6000.0,
@@ -119,16 +115,12 @@ CURRENT_PRESETS: dict[str, CurrentMapConfig] = {
         reach_m=14.0,
     ),
 }
-"""Settings as delivered, by kind of water."""
+"""Settings as delivered, by the kind of site."""
 
 
-def current_preset(domain: Box) -> CurrentMapConfig:
-    """Return the settings as delivered for a water, by the size of its domain."""
+def current_preset(site: Site) -> CurrentMapConfig:
+    """Return the settings as delivered for a site, with a reach that goes with its domain."""
+    domain = site.domain
     width_m = max(domain.x_max_m - domain.x_min_m, domain.y_max_m - domain.y_min_m)
-    kind = "lake"
-    if width_m < _SMALL_WATER_M:
-        kind = "tank"
-    elif width_m > _LARGE_WATER_M:
-        kind = "coast"
     reach_m = max(_REACH_WIDTHS * width_m, 10.0)
-    return CURRENT_PRESETS[kind].model_copy(update={"reach_m": reach_m})
+    return CURRENT_PRESETS[site.kind].model_copy(update={"reach_m": reach_m})

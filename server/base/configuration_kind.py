@@ -103,7 +103,7 @@ def _estimator_by_water(robot: RobotRecord, vehicle: str) -> EstimatorConfig:
 
 def _current_by_water(robot: RobotRecord, vehicle: str) -> CurrentMapConfig:
     del vehicle
-    return current_preset(robot.site.domain)
+    return current_preset(robot.site)
 
 
 def _trial_by_water(robot: RobotRecord, vehicle: str) -> TrialConfig:

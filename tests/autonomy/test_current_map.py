@@ -27,9 +27,9 @@ from autonomy.current.table import (
     table_of,
     uniform_table,
 )
-from autonomy.site import Box
+from autonomy.site import LAKE, TANK, Box
 
-TIDAL = CURRENT_PRESETS["coast"].model_copy(update={"inertial": True})
+TIDAL = CURRENT_PRESETS["sea"].model_copy(update={"inertial": True})
 
 
 def observation(
@@ -285,12 +285,11 @@ def test_table_is_the_map_at_its_points_and_keeps_to_its_ends() -> None:
 
 
 def test_settings_are_those_of_the_water_and_refuse_like_periods() -> None:
-    tank = Box()
-    assert not current_preset(tank).enabled
-    lake = Box(x_max_m=420.0, y_max_m=400.0, depth_max_m=16.0)
-    assert current_preset(lake) == CurrentMapConfig()
+    assert not current_preset(TANK).enabled
+    assert current_preset(LAKE) == CurrentMapConfig()
     coast = Box(x_max_m=20_000.0, y_max_m=20_000.0, depth_max_m=200.0)
-    assert current_preset(coast) == CURRENT_PRESETS["coast"]
+    sea = LAKE.model_copy(update={"kind": "sea", "domain": coast})
+    assert current_preset(sea) == CURRENT_PRESETS["sea"]
     with pytest.raises(ValueError, match="differ by too little"):
         CurrentMapConfig(tide_std_m_s=(0.1, 0.1), tide_periods_h=(12.42, 12.43))
     with pytest.raises(ValueError, match="as many entries"):
