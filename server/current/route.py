@@ -117,7 +117,7 @@ async def get_flow_at(
     flow = await asyncio.to_thread(known.flow, point)
     north, east = flow.mean_ne_m_s[0].tolist()
     std = np.sqrt(np.maximum(np.diag(flow.cov_m2_s2[0]), 0.0)).tolist()
-    return FlowAtView((north, east), (std[0], std[1]), when)
+    return FlowAtView([north, east], [std[0], std[1]], when)
 
 
 def _found(currents: Currents, robot: str) -> WaterCurrent:

@@ -83,6 +83,8 @@ class FlowView(View):
 class FlowAtView(View):
     """The current at one place, depth and time."""
 
-    velocity_ne_m_s: Annotated[tuple[float, float], numbers(2)]
-    std_ne_m_s: Annotated[tuple[float, float], numbers(2)]
+    velocity_ne_m_s: list[float]
+    """North and east."""
+    std_ne_m_s: list[float]
+    """Of each."""
     at: datetime

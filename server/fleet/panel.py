@@ -16,9 +16,8 @@ from server.fleet.current_words import current_view
 from server.fleet.fleet import Fleet
 from server.fleet.link_panel import link_views
 from server.fleet.status import RobotStatus
-from server.fleet.target_end import reason_by
-from server.fleet.target_report import target_view
-from server.fleet.target_view import TargetReportView
+from server.fleet.target_view import TargetReportView, target_view
+from server.fleet.target_words import reason_by
 from server.fleet.view import (
     ActuatorsView,
     ChannelView,

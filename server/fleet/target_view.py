@@ -1,10 +1,14 @@
 """What a robot that follows a target says of its hold on it."""
 
+import math
 from dataclasses import dataclass
 from datetime import datetime
 from typing import Annotated
 
+from db.record import same
+from robot_link.messages import TargetReport
 from server.base.view import View, one_of
+from server.fleet.target_words import target_text
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,3 +89,29 @@ class TargetReportsView(View):
     ``track_target`` that the robot began, and earlier reports may be those of earlier plans;
     ``null`` where there is none."""
     reports: list[TargetReportView]
+
+
+def target_view(report: TargetReport, reason: str = "") -> TargetReportView:
+    """Return a report as REST says it, with why the mission ended if it has."""
+    return same(
+        TargetReportView,
+        report,
+        phase=report.phase.name.lower(),
+        hypotheses=[
+            TargetHypothesisView(
+                one.position_ne_m, one.velocity_ne_m_s, one.covariance_m2, one.weight
+            )
+            for one in report.hypotheses
+        ],
+        speed_class=None if report.speed_class is None else report.speed_class.name.lower(),
+        error_m=error_m(report),
+        reason=reason,
+        text=target_text(report, reason),
+    )
+
+
+def error_m(report: TargetReport) -> float | None:
+    """Return how far the likeliest hypothesis is from the truth, where that is known."""
+    if report.true_ne_m is None or not report.hypotheses:
+        return None
+    return math.dist(report.hypotheses[0].position_ne_m, report.true_ne_m)

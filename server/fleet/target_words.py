@@ -1,10 +1,14 @@
 """What the station says of a robot that follows a target, in words."""
 
 import math
+from collections.abc import Generator, Iterable
+
+from sqlalchemy.orm import Session
 
 from autonomy.estimation.position import STD_95
 from autonomy.tracking.phase import TargetPhase
-from robot_link.messages import TargetEstimate, TargetReport
+from db.query.target_end import mission_end
+from robot_link.messages import OnboardPlanState, PlanReport, TargetEstimate, TargetReport
 
 _TEACHING = "Nothing keeps the target observable: the mission is for teaching."
 _SMALL = 0.005
@@ -14,6 +18,7 @@ _LONG_M, _LONG_S = 10.0, 10.0
 _LATE_S = 0.5
 """A delay of ranges shorter than this is not worth a word."""
 TOO_FAST = "The target seems too fast to follow and will be lost."
+_TIME_IS_OVER = "its time is over"
 _QUIET = "it was told not to ping"
 
 
@@ -100,3 +105,33 @@ def within_95_m(estimate: TargetEstimate) -> float:
     nn, ne, ee = estimate.covariance_m2
     largest = 0.5 * (nn + ee) + math.hypot(0.5 * (nn - ee), ne)
     return STD_95 * math.sqrt(max(largest, 0.0))
+
+
+def with_reasons(
+    session: Session, reports: Iterable[TargetReport]
+) -> Generator[tuple[TargetReport, str]]:
+    """Yield reports of one robot, in order of time, each with why the mission ended.
+
+    That is "" as long as the mission has not ended, or nobody knows why. Reports in a row that say
+    that it is over are of one mission, so the first tells for all.
+    """
+    reason: str | None = None
+    for report in reports:
+        if report.phase is not TargetPhase.ENDED:
+            reason = None
+        elif reason is None:
+            reason = _end_text(*mission_end(session, report.robot, report.measured_at))
+        yield report, reason or ""
+
+
+def reason_by(report: TargetReport, plan: PlanReport | None) -> str:
+    """Return why the mission of a robot's newest report ended, by what it says of its plan."""
+    if plan is None or report.phase is not TargetPhase.ENDED:
+        return ""
+    return _end_text(plan.state, plan.reason)
+
+
+def _end_text(state: OnboardPlanState, reason: str) -> str:
+    if state is OnboardPlanState.DONE:
+        return _TIME_IS_OVER
+    return reason if state is OnboardPlanState.FAILED else ""

@@ -16,7 +16,7 @@ from server.base.worker import WORKER_FAILURES, WorkerPool
 log = logging.getLogger(__name__)
 
 JOB_KIND = "kernels"
-COMPILE = "server.plan.machine_code_task:run"
+COMPILE = "server.plan.machine_code:compile_all"
 _LOWEST_PRIORITY = 19
 
 
@@ -71,3 +71,19 @@ class MachineCode:
         async with self._changed:
             self._done = self._done.union(steps)
             self._changed.notify_all()
+
+
+def compile_all(
+    payload: None, report: Callable[[str], None], is_cancelled: Callable[[], bool]
+) -> None:
+    """Compile every step in a working process, report each that is done, note when all are."""
+    del payload
+    digest = warm_up.source_digest()
+    done = warm_up.FLIGHT if warm_up.is_complete(flight_only=True) else ()
+    for step in warm_up.STEPS:
+        if is_cancelled():
+            return
+        if step not in done:
+            warm_up.compile_step(step)
+        report(step)
+    warm_up.note_complete(digest)

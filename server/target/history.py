@@ -10,9 +10,8 @@ from db.query.target_span import EVERYTHING, TargetSpan, range_of_plan
 from db.store import Store
 from server.base.problem import not_found
 from server.fleet.status import FOLLOW_TARGET
-from server.fleet.target_end import with_reasons
-from server.fleet.target_report import target_view
-from server.fleet.target_view import TargetReportsView, TargetReportView
+from server.fleet.target_view import TargetReportsView, TargetReportView, target_view
+from server.fleet.target_words import with_reasons
 
 
 class TargetHistory:

@@ -8,7 +8,7 @@ from db.query.target_end import mission_end
 from db.query.target_reports import iterate_target_reports
 from db.query.target_span import EVERYTHING
 from robot_link.messages import OnboardPlanState
-from server.fleet.target_end import with_reasons
+from server.fleet.target_words import with_reasons
 from tests.db.test_target_span import (
     DONE,
     ENDED,

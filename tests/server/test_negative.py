@@ -34,7 +34,7 @@ from server.base.worker import WorkerPool
 from server.cli.http_server import HttpServer
 from server.station import Station, run_station
 from tests.server.conftest import DATABASE, MINI, until
-from tests.server.fake_link import World, state_report
+from tests.server.fake_link import World, current_report, state_report
 
 KNOWN = {
     "robot": "mini-1", "plan": "plan-1", "mission": "mission-1", "job": "job-1",
@@ -118,6 +118,7 @@ async def _serving(folder: Path) -> AsyncGenerator[Served]:
 
         secret = await running.foundation.store.write(prepare)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         config = uvicorn.Config(app, port=0, lifespan="off", log_level="error")
         server = HttpServer(config)
         serving = asyncio.create_task(server.serve())

@@ -11,8 +11,8 @@ from pathlib import Path
 
 SERVER = Path(__file__).parents[2] / "server"
 ORDER = (
-    "base", "access", "system", "vehicle", "fleet", "link", "satellite", "command", "map", "plan",
-    "transfer", "target", "survey", "study", "alarm", "scene", "recording", "cli",
+    "base", "access", "system", "vehicle", "fleet", "link", "satellite", "command", "current",
+    "map", "plan", "transfer", "target", "survey", "study", "alarm", "scene", "recording", "cli",
 )  # fmt: skip
 """Rooms from the lowest up: each stands on those before it alone."""
 ARROWS_MAX = 130

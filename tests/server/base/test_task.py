@@ -63,7 +63,7 @@ def test_another_round_searches_with_other_random_numbers():
 
 def test_search_begins_with_the_trajectories_of_an_earlier_one():
     earlier = plan_survey.run(
-        SurveyProblem(QUICK, FIELD, samples(10), (1.2, 0.6), 12.0, 1, TANK), print, never
+        SurveyProblem(QUICK, FIELD, samples(10), (1.2, 0.6), 12.0, 1, TANK, attempt=1), print, never
     )
     short = QUICK.search.model_copy(update={"iterations_max": 1})
     config = QUICK.model_copy(update={"search": short})

@@ -14,7 +14,7 @@ from server.fleet.water import site_robots
 from server.link.event import SamplesStored
 from server.map.samples import field_samples, site_samples
 from tests.server.conftest import MINI, open_station, robot_record, until
-from tests.server.fake_link import state_report
+from tests.server.fake_link import current_report, state_report
 
 OTHER = RobotId("mini-2")
 REAL = RobotId("mini-3")
@@ -171,6 +171,7 @@ async def test_map_of_one_sample_works(client, pair, world, model):
     await client.patch("/api/config/field?robot=mini-1", json={"model": model})
     await until(lambda: ("blue_light", model) in pair.maps.views(MINI))
     world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+    world.tell(current_report(MINI))
     world.tell(sample(MINI, 0, 0.4, 0.02))
 
     def there():

@@ -15,7 +15,7 @@ from server.plan.ahead import planned_rest
 from server.plan.dry_run import DryRuns
 from server.plan.expected import expected_of, is_on_leg, judged, off_track_m
 from tests.server.conftest import MINI, api_client, open_station, until
-from tests.server.fake_link import state_report
+from tests.server.fake_link import current_report, state_report
 from tests.server.plan.test_plan_dry_run import laid_out
 from tests.server.survey.test_plan_choice import plan_in
 
@@ -93,6 +93,7 @@ async def test_expected_track_goes_with_its_plan_over_a_restart(tmp_path, world,
     async with open_station(tmp_path, world) as station, api_client(station, Role.ADMIN) as client:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         draft = await drafted(client)
     async with open_station(tmp_path, world) as station, api_client(station, Role.ADMIN) as client:
         again = (await client.get(f"/api/plans/{draft['id']}")).json()

@@ -15,7 +15,7 @@ from server.plan.search_request import SearchRequest
 from server.plan.state import PlanEvidence
 from server.survey import step as survey_step
 from tests.server.conftest import FAST, MINI, api_client, open_station, until
-from tests.server.fake_link import state_report
+from tests.server.fake_link import current_report, state_report
 from tests.server.survey.test_plan_choice import drafted, mission_in, plan_in
 
 LEGS = [{"kind": "dive", "end_ned": [0, 0, depth_m]} for depth_m in (0.3, 0.0)]
@@ -188,6 +188,7 @@ async def test_station_that_stops_during_another_rehearsal_keeps_the_last(tmp_pa
     async with open_station(tmp_path, world) as station, api_client(station, Role.ADMIN) as client:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         plan = (await plan_in(client, await laid_out(client), "draft"))["id"]
         before = (await client.get(f"/api/plans/{plan}")).json()["rehearsal"]
         await rehearsed_again(client, workers, plan)
@@ -268,6 +269,7 @@ async def test_station_that_stops_during_a_rehearsal_keeps_the_plan(tmp_path, wo
     workers.may_fly.clear()
     async with open_station(tmp_path, world) as station:
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         config_id, config = await station.planning.configure(MINI, FAST, by="test")
         plan = await station.planning.plan_survey(SearchRequest(MINI, config, config_id, "test"))
         await until(lambda: workers.dry_runs)

@@ -11,7 +11,7 @@ from server.plan.task import MAP_STD
 from server.survey import step as survey_step
 from server.survey.map_quality import SurveyMaps
 from tests.server.conftest import FAST, MINI, open_station, until
-from tests.server.fake_link import state_report
+from tests.server.fake_link import current_report, state_report
 
 
 @pytest.fixture(autouse=True)
@@ -107,6 +107,7 @@ async def test_station_that_was_away_goes_on_with_the_plan_made_ahead(tmp_path, 
     async with open_station(tmp_path, world) as station:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         world.robots[MINI].may_end.clear()
         mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
 
@@ -137,6 +138,7 @@ async def test_search_ahead_that_the_station_broke_off_is_begun_again(tmp_path, 
     async with open_station(tmp_path, world) as station:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         world.robots[MINI].may_end.clear()
         mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
         await until(lambda: world.robots[MINI].state is OnboardPlanState.RUNNING)

@@ -17,7 +17,7 @@ from db.query.samples import sample_columns
 from robot_link.messages import OnboardPlanState
 from server.survey import step as survey_step
 from tests.server.conftest import FAST, GRACE, MINI, open_station, until
-from tests.server.fake_link import state_report
+from tests.server.fake_link import current_report, state_report
 
 pytestmark = pytest.mark.timeout(300)
 PLANNING_S = 240.0
@@ -98,6 +98,7 @@ async def test_survey_continues_after_the_station_was_away(tmp_path, world):
     async with open_station(tmp_path, world) as station:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         world.robots[MINI].may_fly.clear()
         mission = await station.surveys.create(MINI, FAST, automation=True, by="test")
         await until(lambda: world.robots[MINI].state is OnboardPlanState.RUNNING, PLANNING_S)
@@ -129,6 +130,7 @@ async def test_round_that_was_being_planned_when_the_station_died_is_planned_aga
     async with open_station(tmp_path, world) as station:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         mission = await station.surveys.create(MINI, slow, automation=False, by="test")
         await until(station.workers.process_ids)
     async with open_station(tmp_path, world) as station:
@@ -257,6 +259,7 @@ async def test_draft_that_its_robot_drifted_away_from_is_not_shown_as_ready(
     stale = (await client.get(f"/api/missions/{mission}")).json()
     assert stale["message"].startswith(f"{ready['plan_id']} no longer fits: {away}")
     world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+    world.tell(current_report(MINI))
 
     async def fits():
         return (await client.get(path)).json()["outdated"] == []

@@ -8,7 +8,7 @@ from db.query.robots import add_robot
 from robot_link.messages import RobotId
 from server.survey import step as survey_step
 from tests.server.conftest import FAST, GRACE, MINI, open_station, robot_record, until
-from tests.server.fake_link import state_report
+from tests.server.fake_link import current_report, state_report
 from tests.server.survey.test_plan_choice import mission_in
 
 SECOND = RobotId("mini-2")
@@ -99,6 +99,7 @@ async def test_survey_of_two_goes_on_after_the_station_stopped(tmp_path, world, 
     workers.may_plan.clear()
     async with open_station(tmp_path, world) as station:
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         await station.foundation.store.write(
             lambda session: add_robot(session, robot_record(SECOND, 7, "miniglider", TANK))
         )

@@ -13,7 +13,7 @@ from robot_link.target_settings import TargetSettings
 from server.plan.document import mission_of
 from server.plan.target_check import outdated_target
 from tests.server.conftest import GRACE, MINI, open_station, until
-from tests.server.fake_link import state_report
+from tests.server.fake_link import current_report, state_report
 from tests.server.transfer.test_upload import plan_in, transfer_in, upload
 
 PRESET = TRACKING_PRESETS["miniglider"]
@@ -354,10 +354,12 @@ async def test_a_draft_survives_a_restart_and_is_flown_then(tmp_path, world):
     async with open_station(tmp_path, world) as station:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         plan = await station.tracks.plan(MINI, {}, by="test")
     async with open_station(tmp_path, world) as station:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         assert (await station.plans.get(plan.id)).state == "draft"
         await station.transfers.send(plan.id, start=True)
 

@@ -9,7 +9,7 @@ from server.plan.document import mission_of
 from server.plan.ledger import PlanLedger
 from server.plan.primitive_legs import LegRequest
 from tests.server.conftest import MINI, open_station, until
-from tests.server.fake_link import state_report
+from tests.server.fake_link import current_report, state_report
 
 DIVE = {"kind": "primitives", "legs": [{"kind": "dive", "end_ned": [0, 0, d]} for d in (0.5, 0.0)]}
 DEEP = {"kind": "primitives", "legs": [{"kind": "dive", "end_ned": [0, 0, 1.1]}]}
@@ -75,7 +75,8 @@ async def test_started_plan_runs_and_is_done_when_the_robot_says_so(client, worl
     plan = await draft(client)
     await upload(client, plan, start=True)
     running = await plan_in(client, plan, "running")
-    assert running["onboard"] == {"leg": 0, "legs": 2, "energy_used": 0.0, "overspent": 0.0}
+    flown = {"leg": 0, "legs": 2, "energy_used": 0.0, "overspent": 0.0}
+    assert running["onboard"] == {**flown, "off_track_m": None, "off_track_rms_m": None}
     world.robots[MINI].may_fly.set()
     done = await plan_in(client, plan, "done")
     assert done["onboard"]["energy_used"] == pytest.approx(done["account"]["energy"], abs=0.01)
@@ -191,6 +192,7 @@ async def test_transfer_goes_on_after_a_restart_of_the_station(tmp_path, world):
     async with open_station(tmp_path, world) as station:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         plan = await _draft(station)
         await station.transfers.send(plan, start=True)
         await until(lambda: world.uploads)
@@ -210,6 +212,7 @@ async def test_plan_that_was_flown_while_the_station_was_off_is_picked_up(tmp_pa
     async with open_station(tmp_path, world) as station:
         world.hear(MINI)
         world.tell(state_report(MINI, (1.2, 0.6, 0.0)))
+        world.tell(current_report(MINI))
         world.robots[MINI].may_fly.clear()
         plan = await _draft(station)
         await station.transfers.send(plan, start=True)
