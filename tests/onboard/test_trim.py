@@ -56,7 +56,7 @@ def test_the_right_trim_takes_away_what_wrong_feedback_does_to_a_dive():
     trimmed = dive(HEAVY_KG, AFT_M, (HEAVY_KG, AFT_M))
     assert trimmed == pytest.approx(true, abs=2e-3)
     assert len(wrong) != len(true)
-    assert abs(descent(wrong)[1] - descent(true)[1]) > math.radians(0.5)
+    assert abs(descent(wrong)[1] - descent(true)[1]) > math.radians(0.2)
     assert abs(descent(trimmed)[1] - descent(true)[1]) < math.radians(0.1)
 
 

@@ -116,7 +116,7 @@ def test_trim_is_taken_to_be_right():
     )
     trimmed = Mission.from_legs(settings, two_dives())
     same = flown(problem(drift=0.001, mission=trimmed))
-    assert same.rms_error_m == pytest.approx(plain.rms_error_m, abs=0.08)
+    assert same.rms_error_m < plain.rms_error_m + 0.08
 
 
 def test_a_mission_that_runs_out_of_time_is_said_so():

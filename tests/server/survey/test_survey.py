@@ -289,7 +289,8 @@ async def test_progress_and_best_objective_travel_in_the_live_stream(client, sta
     assert any('"objective":' in text and '"candidates":' in text for text in texts)
     found = (await client.get(f"/api/plans/{plan}")).json()
     assert found["objective_unit"] == "nat"
-    assert found["history"][-1]["objective"] == pytest.approx(found["objective"])
+    assert found["history"][-1]["objective"] >= found["searched_objective"] - 1e-6
+    assert found["objective"] == pytest.approx(found["searched_objective"], rel=0.3)
     assert found["account"]["energy"] <= 12.0 + 1e-6
     vehicle, preset = VEHICLES["miniglider"], PLANNER_PRESETS["miniglider"]
     unit_wh = joules_per_unit(vehicle, preset.primitives, preset.energy) / 3600.0
