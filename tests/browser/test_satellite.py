@@ -51,7 +51,11 @@ def draft(far, screen):
     north_m, east_m, _ = far.get(state)["position"]["ned_m"]
     down = {"kind": "dive", "end_ned": [north_m, east_m, 3.0]}
     up = {"kind": "dive", "end_ned": [north_m, east_m, 0.0]}
-    wish = {"kind": "primitives", "legs": [down, up] * 3, "config": LASTING}
+    wish = {
+        "kind": "primitives",
+        "legs": [down, up] * 3,
+        "config": LASTING | {"max_uncertainty_m": 60.0},
+    }
     plan = far.post(f"/api/robots/{ROBOT}/plans", wish)["id"]
     far.wait("draft", lambda: far.get(f"/api/plans/{plan}")["state"] == "draft", 90.0)
     return plan
