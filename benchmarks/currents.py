@@ -17,7 +17,8 @@ from autonomy.arrays import FloatArray
 from autonomy.current.config import CURRENT_PRESETS, CurrentMapConfig
 from autonomy.current.learning import learn
 from autonomy.current.model import CurrentMap, Observation, tabulate
-from autonomy.current.table import displacement_along, table_of
+from autonomy.current.reference.flow import displacement_along
+from autonomy.current.table import table_of
 from autonomy.site import Box
 from benchmarks.field import at_most, row
 from simulator.flow import Flow, Gyre, Shear, Sum, Tide, Uniform

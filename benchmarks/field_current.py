@@ -1,6 +1,6 @@
 """Is the default map honest, and the best, in water that moves as nobody was told?
 
-Fields, currents, eddies and seeds are drawn when this runs (``benchmarks.field_world`` has the
+Fields, currents, eddies and seeds are drawn when this runs (``benchmarks.drawn.field`` has the
 distributions). Kernels come from a campaign in another field of the same family and in the same
 water: single and default model get the kernel of that field, recursive and joint model learn from
 its samples. Every model then sees the same samples of the new survey: finished dives smoothed, as
@@ -26,7 +26,7 @@ from autonomy.field.model.model import condition
 from autonomy.field.samples import FieldSamples
 from autonomy.field.score import Scores, score
 from autonomy.planner.search import kernel
-from benchmarks.field_world import (
+from benchmarks.drawn.field import (
     NOISE,
     WATERS,
     Family,

@@ -1,6 +1,6 @@
 """Is the chance of being above a value the share of places that are?
 
-Fields, water, kernels and surveys are drawn when this runs (``benchmarks.field_world`` has the
+Fields, water, kernels and surveys are drawn when this runs (``benchmarks.drawn.field`` has the
 distributions): both families of fields in each of the four waters, the kernel of another field of
 the same family. Places are drawn too, and held against values that the true field exceeds in 10 to
 50 % of the water. The sentence of the Map page is judged beside it: how often the true share of the
@@ -15,14 +15,15 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from scipy.special import ndtr
 
 from autonomy.arrays import FloatArray
 from autonomy.field.config import FieldConfig, KernelParameters
 from autonomy.field.learning.level import learn
 from autonomy.field.model.model import condition
-from autonomy.field.threshold import drawn_fields, probability_above, share_above
+from autonomy.field.threshold import drawn_fields, share_above
 from autonomy.planner.preset import MINIGLIDER
-from benchmarks.field_world import NOISE, WATERS, Family, Water, World, drawn_world, flown_by_hand
+from benchmarks.drawn.field import NOISE, WATERS, Family, Water, World, drawn_world, flown_by_hand
 from reproduction.adaptive.scenario import THRESHOLDS_M, VARIABLE
 from server.map.task_model import SCORING, domain_points
 from server.map.threshold import DRAWS
@@ -47,6 +48,17 @@ class Judged:
     is_above: FloatArray
     holds: list[bool]
     """Whether the true share lies between those that are told."""
+
+
+def probability_above(level: float, mean: FloatArray, std: FloatArray) -> FloatArray:
+    """Return the probability that a field is above a level, of the shape of ``mean``.
+
+    Args:
+        level: In the scale of the model.
+        mean: Of the field there.
+        std: Above zero.
+    """
+    return ndtr((mean - level) / std)
 
 
 def measure() -> list[dict[str, Any]]:

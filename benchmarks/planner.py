@@ -34,8 +34,8 @@ from autonomy.planner.plan import PlanResult
 from autonomy.planner.reference import literal
 from autonomy.planner.search import kernel, search
 from benchmarks.calibration import COMPILED, calibrated, scaled_row
+from benchmarks.drawn.problem import FRESH_POINTS, THESIS, Judge, draw
 from benchmarks.memory import peak_mb
-from benchmarks.planner_problem import FRESH_POINTS, THESIS, Judge, draw
 
 SEEDS = (0, 1, 2)
 START = (0.3, 0.3)

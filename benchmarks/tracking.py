@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 
 from autonomy.tracking.config import BarrierConfig, TrackingConfig
-from benchmarks.tracking_draw import LAKE, OPEN_WATER, Fish, Pursuit, followed
+from benchmarks.drawn.target import LAKE, OPEN_WATER, Fish, Pursuit, followed
 from reproduction.tracking import run_kernel
 from reproduction.tracking.metrics import Score
 from reproduction.tracking.run import Case, run

@@ -91,20 +91,6 @@ def largest_speed_m_s(table: FlowTable) -> float:
     return float(np.hypot(table.values[..., 0], table.values[..., 1]).max())
 
 
-def displacement_along(
-    table: FlowTable, time_s: FloatArray, position_ned: FloatArray
-) -> tuple[float, float]:
-    """Return how far a table's current carries a robot along a believed track; readable form."""
-    carried = np.zeros(2)
-    for i in range(len(time_s) - 1):
-        middle = 0.5 * (position_ned[i] + position_ned[i + 1])
-        at_s = 0.5 * (time_s[i] + time_s[i + 1])
-        place = (middle[0] + carried[0], middle[1] + carried[1], middle[2])
-        u = np.array(flow_at(table, place[0], place[1], place[2], at_s))
-        carried += u * (time_s[i + 1] - time_s[i])
-    return float(carried[0]), float(carried[1])
-
-
 def flow_at(table: FlowTable, x: float, y: float, z: float, t: float) -> tuple[float, float]:
     """Return the current at a place, depth and time of a table, north and east."""
     values = table.values

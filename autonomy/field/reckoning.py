@@ -37,6 +37,8 @@ _FEWEST_TO_SPLIT = 4
 _SEEN = 0.5
 """Share of a dive that its samples must span to tell what was stated at its end."""
 _TINY_M2 = 1e-24
+_SHORTEST_S = 1e-3
+"""Samples within this time after the fix are at the fix."""
 _LEAST_SHARE = 1e-9
 _WALK_SPREAD = 0.5
 """Standard deviation of the logarithm of the walk's scale before any jump is known."""
@@ -169,7 +171,7 @@ class _OneDive:
         least = float(np.min(stated))
         rests = np.flatnonzero(np.logical_and.accumulate(stated <= _AT_REST**2 * least + _TINY_M2))
         left_s = float(time_s[rests[-1]]) if len(rests) else float(time_s[0])
-        since = np.maximum(time_s - left_s, 0.0)
+        since = np.where(time_s - left_s > _SHORTEST_S, time_s - left_s, 0.0)
         rate, current = _growth(since, stated - least)
         current = min(current, _largest_current(since, stated))
         told = stated - np.square(std_m)

@@ -3,7 +3,6 @@
 import math
 
 import numpy as np
-from scipy.special import ndtr
 
 from autonomy.arrays import FloatArray
 from autonomy.field.variable import Scale
@@ -17,17 +16,6 @@ def level_of(scale: Scale, value: float) -> float:
     if scale == "log":
         return math.log(value) if value > 0.0 else -math.inf
     return value
-
-
-def probability_above(level: float, mean: FloatArray, std: FloatArray) -> FloatArray:
-    """Return the probability that a field is above a level, of the shape of ``mean``.
-
-    Args:
-        level: In the scale of the model.
-        mean: Of the field there.
-        std: Above zero.
-    """
-    return ndtr((mean - level) / std)
 
 
 def drawn_fields(

@@ -188,26 +188,24 @@ class Fleet:
 
     def take_target(self, report: TargetReport) -> None:
         """Take a report on a target; one that is older than the newest changes nothing."""
-        status = self._statuses[report.robot]
-        newest = status.target_report
-        if newest is None or report.measured_at >= newest.measured_at:
-            status.target_report = report
-            self.touch(report.robot)
+        self._take_newest("target_report", report)
 
     def take_actuators(self, report: ActuatorReport) -> None:
         """Take a report on the actuators; one that is older than the newest changes nothing."""
-        status = self._statuses[report.robot]
-        newest = status.actuator_report
-        if newest is None or report.measured_at >= newest.measured_at:
-            status.actuator_report = report
-            self.touch(report.robot)
+        self._take_newest("actuator_report", report)
 
     def take_current(self, report: CurrentReport) -> None:
         """Take a report on the current; one that is older than the newest changes nothing."""
+        self._take_newest("current_report", report)
+
+    def _take_newest(
+        self, name: str, report: TargetReport | ActuatorReport | CurrentReport
+    ) -> None:
+        """Keep a report in the robot's status unless that has a newer one of the kind."""
         status = self._statuses[report.robot]
-        newest = status.current_report
+        newest = getattr(status, name)
         if newest is None or report.measured_at >= newest.measured_at:
-            status.current_report = report
+            setattr(status, name, report)
             self.touch(report.robot)
 
     def take_link(self, report: LinkReport) -> None:

@@ -8,7 +8,6 @@ from autonomy.current.kernel import (
     Functionals,
     at_points,
     cross_gram,
-    flow_covariance,
     gram_of,
     packed,
 )
@@ -20,9 +19,9 @@ from autonomy.current.model import (
     integral_along,
     tabulate,
 )
+from autonomy.current.reference.flow import displacement_along, flow_covariance
 from autonomy.current.table import (
     FlowRecord,
-    displacement_along,
     flow_at,
     table_of,
     uniform_table,

@@ -153,6 +153,18 @@ def test_a_fix_that_no_water_explains_tells_nothing():
     )
 
 
+def test_samples_just_after_the_fix_are_at_the_fix():
+    samples = FieldSamples.of(
+        np.zeros((5, 3)),
+        np.zeros(5),
+        np.full(5, 0.1),
+        filtered_std_m=np.array([0.1, 0.2, 0.3, 0.4, 0.5]),
+        time_s=np.array([0.0, 5e-324, 1e-160, 1e-9, 1e-4]),
+    )
+    np.testing.assert_array_equal(samples.reckoning.since_fix_s, 0.0)
+    np.testing.assert_array_equal(samples.reckoning.current_std_m_s, 0.0)
+
+
 @settings(max_examples=60, deadline=None)
 @given(data=st.data())
 def test_whatever_robots_state_and_water_does_it_is_a_covariance(data):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from autonomy.identification.box import at_border, widened
-from autonomy.identification.config import FreeParameters, IdentificationConfig, NoiseLevels
+from autonomy.identification.config import IdentificationConfig, NoiseLevels
 from autonomy.identification.identifiability import judge
 from autonomy.identification.normal_equations import Information
 from autonomy.identification.problem import problem_from
@@ -16,23 +16,15 @@ from autonomy.identification.result import IdentificationResult
 from autonomy.identification.run import identify
 from autonomy.identification.unknown import Unknown
 from autonomy.vehicle.config import MINIGLIDER, Vehicle
+from benchmarks.identification_coverage import FREE
 from tests.autonomy.identification_flight import open_loop_recording
 
-FEW = FreeParameters(
-    masses=False,
-    inertias=False,
-    sliding_mass=False,
-    offset_mass=False,
-    side_force=False,
-    roll_moment=False,
-    yaw_moment=False,
-)
 CONFIG = IdentificationConfig(
     method="least_squares",
     model="thesis",
     fits_offsets=False,
     step_s=0.5,
-    free=FEW,
+    free=FREE,
     noise=NoiseLevels(fix_hold_s=0.0),
 )
 NARROW = CONFIG.model_copy(update={"widest_share": 0.5})

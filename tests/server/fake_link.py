@@ -36,6 +36,7 @@ from robot_link.messages import (
 from robot_link.mission import Mission
 from robot_link.service.file_store import FileEntry
 from robot_link.service.parameter_table import ParameterValue
+from robot_link.station.error import ServiceRefusedError
 from robot_link.station.link import RobotEndpoint
 from robot_link.transport.datagram import DatagramTransport
 from server.link.signing import RobotSigning
@@ -208,18 +209,18 @@ class FakeLink:
         await asyncio.Event().wait()
 
     async def read_parameters(self, robot: RobotId) -> Sequence[ParameterValue]:
-        raise NotImplementedError
+        return ()
 
     async def write_parameter(self, robot: RobotId, name: str, value: float) -> ParameterValue:
-        raise NotImplementedError
+        raise ServiceRefusedError(f"{robot} has no parameter {name}")
 
     async def list_files(self, robot: RobotId, path: str = "/") -> Sequence[FileEntry]:
-        raise NotImplementedError
+        return ()
 
     async def download_file(
         self, robot: RobotId, path: str, *, content: bytearray, report: Callable[[int, int], None]
     ) -> bytes:
-        raise NotImplementedError
+        raise ServiceRefusedError(f"{robot} has no file {path}")
 
     async def upload(self, robot: RobotId, mission: Mission) -> UploadReport:
         self.world.uploads.append((robot, mission.sha256()))

@@ -1,0 +1,1 @@
+"""Readable forms that the quick ones are held against."""

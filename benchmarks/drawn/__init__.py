@@ -1,0 +1,1 @@
+"""Cases of the benches, drawn at run time from stated distributions."""
