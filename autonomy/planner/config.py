@@ -217,9 +217,10 @@ class MissionConfig(Configuration):
 class CurrentConfig(Configuration):
     """The horizontal current that the planner allows for."""
 
-    source: Literal["typed", "map"] = quantity("typed", title="Current from")
-    """``typed``: a steady current, the same everywhere. ``map``: what finished dives told of it, at
-    each dive's own place, depth and time; with too few or too old dives the typed one is used."""
+    source: Literal["none", "typed", "map"] = quantity("typed", title="Current from")
+    """``none``: plans take the water for still. ``typed``: a steady current, the same everywhere.
+    ``map``: what finished dives told of it, at each dive's own place, depth and time; with too few
+    or too old dives the typed one is used."""
     north_m_s: float = quantity(0.0, "m/s", title="Current to the north", ge=-3.0, le=3.0)
     """Speed at which the water moves north. The robot does not feel it under water: a plan aims
     off by it, so that the robot surfaces where it was meant to."""
@@ -229,11 +230,18 @@ class CurrentConfig(Configuration):
     """What a plan of the map was made in; the station writes it."""
 
     @property
+    def steady_ne_m_s(self) -> tuple[float, float]:
+        """What is the same everywhere and always; nothing where a table holds, or none does."""
+        if self.source == "none" or self.flow is not None:
+            return 0.0, 0.0
+        return self.north_m_s, self.east_m_s
+
+    @property
     def table(self) -> FlowTable:
         """The current by place, depth and time."""
-        if self.flow is not None:
+        if self.source != "none" and self.flow is not None:
             return table_of(self.flow)
-        return uniform_table(self.north_m_s, self.east_m_s)
+        return uniform_table(*self.steady_ne_m_s)
 
 
 class AdaptiveConfig(Configuration):

@@ -17,7 +17,7 @@ from server.base.view import encoded
 from server.current import words
 from server.current.currents import Currents
 from server.current.flow import arrows, flow_grid, is_tabulated, table
-from server.current.view import CurrentStatusView, FlowAtView, FlowView
+from server.current.view import CurrentStatusView, CurrentWorthView, FlowAtView, FlowView
 from server.current.water_current import WaterCurrent
 from server.fleet.dependency import FleetDep
 
@@ -53,6 +53,24 @@ async def get_current(
     return _view(
         found, robot, " ".join(filter(None, texts)), now_s, _is_simulation(foundation, found)
     )
+
+
+@router.get("/worth")
+async def get_current_worth(
+    caller: Viewer,
+    robot: str,
+    fleet: FleetDep,
+    currents: CurrentsDep,
+    foundation: FoundationDep,
+    north_m_s: Annotated[float, Query(ge=-3.0, le=3.0)] = 0.0,
+    east_m_s: Annotated[float, Query(ge=-3.0, le=3.0)] = 0.0,
+) -> CurrentWorthView:
+    """Return what no current, a typed one and that of the dives are worth to a plan, in words."""
+    del caller
+    fleet.status(robot)
+    found, now_s = _found(currents, robot), foundation.clock.now().timestamp()
+    said = await asyncio.to_thread(words.worth_of, found, (north_m_s, east_m_s), now_s)
+    return CurrentWorthView(robot, said.none, said.typed, said.map, found.is_usable(now_s))
 
 
 @router.get("/flow", response_model=FlowView, responses={200: {"content": {"text/csv": {}}}})
@@ -117,7 +135,7 @@ async def get_flow_at(
     flow = await asyncio.to_thread(known.flow, point)
     north, east = flow.mean_ne_m_s[0].tolist()
     std = np.sqrt(np.maximum(np.diag(flow.cov_m2_s2[0]), 0.0)).tolist()
-    return FlowAtView([north, east], [std[0], std[1]], when)
+    return FlowAtView((north, east), (std[0], std[1]), when)
 
 
 def _found(currents: Currents, robot: str) -> WaterCurrent:

@@ -44,6 +44,18 @@ class CurrentStatusView(View):
 
 
 @dataclass(frozen=True, slots=True)
+class CurrentWorthView(View):
+    """What each choice of a current to plan in is worth, by the last dives; sentences."""
+
+    robot: str
+    none: str
+    typed: str
+    map: str
+    is_map_usable: bool
+    """Whether a plan may rely on the map now; the typed current holds until then."""
+
+
+@dataclass(frozen=True, slots=True)
 class FlowArrowView(View):
     """The depth-averaged current at one place."""
 
@@ -83,8 +95,8 @@ class FlowView(View):
 class FlowAtView(View):
     """The current at one place, depth and time."""
 
-    velocity_ne_m_s: list[float]
+    velocity_ne_m_s: Annotated[tuple[float, float], numbers(2)]
     """North and east."""
-    std_ne_m_s: list[float]
+    std_ne_m_s: Annotated[tuple[float, float], numbers(2)]
     """Of each."""
     at: datetime

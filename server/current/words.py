@@ -2,19 +2,21 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 
 import numpy as np
 
 from autonomy.arrays import FloatArray
-from autonomy.current.model import FEWEST, CurrentMap
+from autonomy.current.model import FEWEST, CurrentMap, Observation
 from server.current.record import Verdict
-from server.current.water_current import WaterCurrent
+from server.current.water_current import JUDGED, WaterCurrent
 
 _WEAK_TIDE_M_S = 0.005
 _STEPS = 96
 """Moments of a tide's period that are looked at."""
 _LEAST_VERDICTS = 3
+_CIRCLE_90 = math.sqrt(-2.0 * math.log(0.1))
 _COUNTS = ("no", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten")
 
 
@@ -78,6 +80,77 @@ def worth_text(verdicts: Sequence[Verdict]) -> str:
     )
 
 
+@dataclass(frozen=True, slots=True)
+class Worth:
+    """What each choice of a current to plan in is worth, a sentence or two each."""
+
+    none: str
+    typed: str
+    map: str
+
+
+def worth_of(found: WaterCurrent, typed_ne_m_s: tuple[float, float], now_s: float) -> Worth:
+    """Say how far the last dives ended from where each choice would have had them end."""
+    last = found.dives[-JUDGED:]
+    none, typed = _misses(last, (0.0, 0.0)), _misses(last, typed_ne_m_s)
+    if none is None or typed is None:
+        unknown = "No dive has told yet how the water moves."
+        return Worth(unknown, unknown, _map_worth(found, now_s))
+    many = "the last dive" if len(last) == 1 else f"the last {_COUNTS[len(last)]} dives"
+    rms_word = "" if len(last) == 1 else " (rms)"
+    by_none = f"It carried {many} {_m(none)}{rms_word} off."
+    by_typed = f"By it {many} would have come up {_m(typed)}{rms_word} off."
+    return Worth(by_none, by_typed, _map_worth(found, now_s))
+
+
+def _misses(dives: Sequence[Observation], current_ne_m_s: tuple[float, float]) -> float | None:
+    """Return how far dives ended from where a steady current would have carried them, rms."""
+    north_m_s, east_m_s = current_ne_m_s
+    return rms(
+        [
+            math.hypot(
+                one.displacement_ne_m[0] - one.duration_s * north_m_s,
+                one.displacement_ne_m[1] - one.duration_s * east_m_s,
+            )
+            for one in dives
+        ]
+    )
+
+
+def _map_worth(found: WaterCurrent, now_s: float) -> str:
+    """Say what the map is made of, how old that is, and how far its predictions were off."""
+    if not found.config.enabled or not found.dives:
+        return f"{dives_text(found)} Until then the typed current holds."
+    age_s = max(0.0, now_s - found.known.newest_s)
+    many = f"{len(found.dives)} dive{'s' if len(found.dives) > 1 else ''}"
+    text = f"{many}, the newest {_age(age_s)} ago."
+    if not found.is_usable(now_s):
+        few = len(found.known.observations) < FEWEST
+        why = f"it takes {FEWEST}" if few else "that is too long ago"
+        return f"{text} For a plan {why}: until then the typed current holds."
+    text += f" One like the newest would come up within {_m(_reach_m(found, now_s))} (9 of 10)"
+    error_m = rms([one.error_m for one in found.verdicts])
+    if error_m is None or len(found.verdicts) < _LEAST_VERDICTS:
+        return f"{text}; too few were predicted to judge that."
+    return f"{text}; the last {_COUNTS[len(found.verdicts)]} were {_m(error_m)} (rms) off."
+
+
+def _reach_m(found: WaterCurrent, now_s: float) -> float:
+    """Return how far from its prediction the newest dive would end now in 9 of 10 cases."""
+    dive = found.dives[-1]
+    noise_m2 = dive.walk_std_m**2 + dive.fix_std_m**2
+    times_s = dive.time_s - dive.time_s[0] + now_s
+    cov_m2 = found.known.displacement(times_s, dive.position_ned, noise_m2).cov_m2
+    return _CIRCLE_90 * math.sqrt(max(float(np.trace(cov_m2)) / 2.0, 0.0))
+
+
+def _age(age_s: float) -> str:
+    for unit_s, unit in ((86_400.0, "days"), (3600.0, "h"), (60.0, "min")):
+        if age_s >= 2.0 * unit_s:
+            return f"{age_s / unit_s:.0f} {unit}"
+    return f"{age_s:.0f} s"
+
+
 def left_out_text(left_out: dict[str, str]) -> str:
     """Say whose dives are not counted; "" where all are."""
     return " ".join(
@@ -91,7 +164,9 @@ def rms(values: Sequence[float]) -> float | None:
 
 
 def _m(distance_m: float) -> str:
-    return f"{distance_m:.0f} m" if distance_m >= 10.0 else f"{distance_m:.2g} m"
+    if distance_m >= 10.0:
+        return f"{distance_m:.0f} m"
+    return f"{distance_m:.2g} m" if distance_m >= 0.005 else "0 m"
 
 
 def _cm_s(speed_m_s: float) -> str:

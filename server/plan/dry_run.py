@@ -116,11 +116,7 @@ class DryRuns:
             start_ne_m=(mission.settings.start_x_m, mission.settings.start_y_m),
             heading_rad=0.0 if status.state is None else status.state.heading_rad,
             drift_m_sqrt_s=config.position_filter.drift_m_sqrt_s,
-            current_ne_m_s=(
-                (0.0, 0.0)
-                if config.current.flow is not None
-                else (config.current.north_m_s, config.current.east_m_s)
-            ),
+            current_ne_m_s=config.current.steady_ne_m_s,
             flow=config.current.flow,
             steady_current_m_s=config.position_filter.steady_current_m_s,
             runs=max(1, min(RUNS, int(FLOWN_S // plan.document["account"]["duration_s"]))),

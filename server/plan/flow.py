@@ -28,7 +28,7 @@ class PlannedCurrent:
 
     config: PlannerConfig
     text: str
-    """Where it comes from; "" for a current that somebody typed."""
+    """Where it comes from; "" where no map was asked for."""
 
 
 class PlanFlows:
@@ -41,7 +41,7 @@ class PlanFlows:
     async def planned(self, robot: str, config: PlannerConfig, ahead_s: float) -> PlannedCurrent:
         """Return settings with the current that holds for a plan which begins in so long a time."""
         current = config.current
-        if current.source == "typed":
+        if current.source != "map":
             return PlannedCurrent(_with_flow(config, None), "")
         known = self._currents.usable(robot)
         if known is None:

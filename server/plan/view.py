@@ -309,7 +309,7 @@ class PlanView(View):
     """What the search itself took it to be worth, by which it was found and its history counts;
     ``null`` in plans of an earlier version, and where information is not counted."""
     current_text: str = ""
-    """Where the current comes from that it was planned in; empty for a typed one."""
+    """Where the current comes from that it was planned in; empty where no map was asked for."""
     comes_up: list[ComesUpView] = field(default_factory=list)
     """Where each dive will come up, as far as the map of the current tells."""
 

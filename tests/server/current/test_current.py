@@ -19,7 +19,7 @@ from server.current.currents import Currents
 from server.current.observing import Stay, dives_seen
 from server.current.record import Forecast, verdict_on
 from server.current.water_current import WaterCurrent
-from server.current.words import left_out_text, tide_text, worth_text
+from server.current.words import left_out_text, tide_text, worth_of, worth_text
 from server.fleet.water import Water
 from tests.autonomy.test_current_map import TIDAL, observation
 from tests.server.conftest import GRACE, MINI, open_station, until
@@ -160,6 +160,12 @@ async def test_status_flow_and_files_say_what_the_dives_told(client, station, wo
     here = (await client.get("/api/robots/grace-1/current/at", params=where)).json()
     assert here["velocity_ne_m_s"] == pytest.approx(CURRENT, abs=0.015)
     assert 0.0 < here["std_ne_m_s"][0] < 0.03
+    typed = {"north_m_s": CURRENT[0], "east_m_s": CURRENT[1]}
+    worth = (await client.get("/api/robots/grace-1/current/worth", params=typed)).json()
+    assert worth["is_map_usable"]
+    assert re.match(r"It carried the last five dives 20 m \(rms\) off\.", worth["none"])
+    assert re.match(r"By it the last five dives would have come up [0-2]", worth["typed"])
+    assert worth["map"].startswith("5 dives, the newest ")
     file = await client.get("/api/robots/grace-1/current/flow?format=csv")
     assert file.text.startswith("# SIMULATION")
     assert "eastward_sea_water_velocity [m/s]" in file.text
@@ -310,6 +316,31 @@ def test_prediction_counts_only_if_it_was_made_before_the_dive():
         "The last ten surfacings were 4 m from the prediction; by the last current they would "
         "have been 8 m."
     )
+
+
+def test_each_choice_of_a_current_says_what_it_is_worth():
+    water = Water("Practice lake", 42.76, -84.38, "simulated")
+    empty = WaterCurrent(water, (GRACE,), CurrentMapConfig(), CurrentMap(CurrentMapConfig()))
+    nothing = worth_of(empty, (0.02, 0.0), 0.0)
+    assert nothing.none == nothing.typed == "No dive has told yet how the water moves."
+    assert nothing.map == "No dive has told of the current yet. Until then the typed current holds."
+    dives = [observation(900.0 * i, (30.0, -40.0), robot=GRACE) for i in range(5)]
+    few, _ = empty.with_observations(dives[:2])
+    said = worth_of(few, (0.1, 0.0), 3000.0)
+    assert said.map == (
+        "2 dives, the newest 28 min ago. For a plan it takes 3: until then the typed current holds."
+    )
+    grown, _ = empty.with_observations(dives)
+    said = worth_of(grown, (0.075, -0.1), 3600.0 * 4)
+    assert said.none == "It carried the last five dives 50 m (rms) off."
+    assert said.typed == "By it the last five dives would have come up 0 m (rms) off."
+    assert re.fullmatch(
+        r"5 dives, the newest 3 h ago\. One like the newest would come up within \d+ m "
+        r"\(9 of 10\); the last four were [\d.]+ m \(rms\) off\.",
+        said.map,
+    )
+    old = worth_of(grown, (0.0, 0.0), 86_400.0 * 30)
+    assert "the newest 30 days ago. For a plan that is too long ago" in old.map
 
 
 def test_tide_is_told_with_its_next_slack():

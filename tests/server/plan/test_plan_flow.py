@@ -7,6 +7,7 @@ import pytest
 
 from autonomy.current.config import CurrentMapConfig
 from autonomy.current.model import CurrentMap
+from autonomy.current.table import flow_at
 from autonomy.planner.config import PlannerConfig
 from autonomy.planner.preset import planner_preset
 from autonomy.site import LAKE
@@ -64,6 +65,13 @@ async def test_plan_takes_the_map_once_it_tells_enough(station, world) -> None:
     early = await flows.planned(GRACE, config, 0.0)
     assert early.config.current.flow is None
     assert early.text.startswith("The map of the current tells too little for a plan (0 dives")
+    still = config.model_copy(
+        update={"current": config.current.model_copy(update={"source": "none"})}
+    )
+    calm = await flows.planned(GRACE, still, 0.0)
+    assert calm.text == ""
+    assert flow_at(calm.config.current.table, 0.0, 0.0, 0.0, 0.0) == (0.0, 0.0)
+    assert flow_at(config.current.table, 0.0, 0.0, 0.0, 0.0) == (0.02, 0.0)
     now_s = station.foundation.clock.now().timestamp()
     found = station.foundation.services.get(Currents).of(GRACE)
     found.known = told(8, now_s)

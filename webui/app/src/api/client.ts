@@ -211,6 +211,9 @@ export class Api {
 
   current = (robot: string) => told(this.#http.GET('/api/robots/{robot}/current', of({ robot })));
 
+  currentWorth = (robot: string, typed: Query<'/api/robots/{robot}/current/worth'>) =>
+    told(this.#http.GET('/api/robots/{robot}/current/worth', of({ robot }, typed)));
+
   flow = (robot: string, query: Query<'/api/robots/{robot}/current/flow'>) =>
     told(this.#http.GET('/api/robots/{robot}/current/flow', of({ robot }, query)));
 

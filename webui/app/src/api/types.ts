@@ -47,6 +47,7 @@ export type {
   ControllerBody as ControllerWish,
   DeploymentView as Deployment,
   CurrentStatusView as CurrentStatus,
+  CurrentWorthView as CurrentWorth,
   EventView as StationEvent,
   FieldMapView as FieldMap,
   FlowArrowView as FlowArrow,

@@ -23,7 +23,9 @@ export function thresholdsOf(config: JsonObject | undefined): number[] {
   return Array.isArray(found) ? found.map(Number) : [];
 }
 
+/** The steady current that plans are made in. */
 export function currentOf(config: JsonObject | undefined): { north: number; east: number } {
+  if (textOf(config, 'current', 'source') === 'none') return { north: 0, east: 0 };
   return {
     north: numberOf(config, 'current', 'north_m_s'),
     east: numberOf(config, 'current', 'east_m_s'),

@@ -146,6 +146,8 @@ describe('a rehearsal', () => {
 test('settings are read where they are there and are nothing where they are not', () => {
   const config: JsonObject = { current: { north_m_s: 0.1, east_m_s: -0.2 }, time_budget_s: 60 };
   expect(currentOf(config)).toEqual({ north: 0.1, east: -0.2 });
+  const still: JsonObject = { current: { source: 'none', north_m_s: 0.1, east_m_s: -0.2 } };
+  expect(currentOf(still)).toEqual({ north: 0, east: 0 });
   expect(numberOf(config, 'time_budget_s')).toBe(60);
   expect(numberOf(config, 'time_budget_s', 'deeper')).toBe(0);
   expect(numberOf(undefined, 'target_std')).toBe(0);
